@@ -1,0 +1,39 @@
+//! Non-smooth contact dynamics of railway ballast, as a stepping component.
+//!
+//! Rigid convex polyhedra, Signorini-Coulomb contact, Moreau-Jean time stepping, solved by
+//! non-linear Gauss-Seidel with a primal domain decomposition on shared memory.
+//! The modules are listed in the order in which data flows through one step; a module uses only
+//! modules above it. Equations `(T-n)` are those of `docs/theory.md`.
+//!
+//! The crate is pure: no files, no clock, no environment, no async, no logging.
+
+pub mod error;
+pub mod math;
+
+pub mod geometry;
+
+pub mod drive;
+pub mod model;
+pub mod state;
+
+pub mod motion;
+
+pub mod detection;
+
+pub mod contact_graph;
+pub mod partition;
+
+pub mod local_problem;
+pub mod nlgs;
+
+pub mod ddm;
+
+pub mod integrate;
+
+pub mod step;
+pub mod workspace;
+
+pub mod observe;
+pub mod track;
+
+pub use error::{Error, Result};

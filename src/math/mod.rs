@@ -1,0 +1,55 @@
+//! Vectors, rotations, frames and cones. SI units, right-handed, z up.
+
+pub mod cone;
+pub mod frame;
+pub mod rotation;
+
+/// 3-vector, f64.
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// 3 x 3 matrix, f64.
+pub type Mat3 = nalgebra::Matrix3<f64>;
+/// Rotation body to world (Hamilton).
+pub type Quat = nalgebra::UnitQuaternion<f64>;
+
+/// Position (m) of a body's origin and its rotation, body to world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    pub position: Vec3,
+    pub orientation: Quat,
+}
+
+impl Pose {
+    /// The frame of the world.
+    pub fn identity() -> Self {
+        Self { position: Vec3::zeros(), orientation: Quat::identity() }
+    }
+
+    /// A translation without rotation, m.
+    pub fn at(position: Vec3) -> Self {
+        Self { position, orientation: Quat::identity() }
+    }
+
+    /// World coordinates of a point given in body coordinates, m.
+    pub fn point(&self, local: &Vec3) -> Vec3 {
+        self.position + self.orientation * local
+    }
+
+    /// Body coordinates of a point given in world coordinates, m.
+    pub fn inverse_point(&self, world: &Vec3) -> Vec3 {
+        self.orientation.inverse() * (world - self.position)
+    }
+
+    /// The pose of a frame that is given in this body's coordinates.
+    pub fn then(&self, local: &Pose) -> Pose {
+        Pose {
+            position: self.point(&local.position),
+            orientation: self.orientation * local.orientation,
+        }
+    }
+
+    /// Whether every component is finite.
+    pub fn is_finite(&self) -> bool {
+        self.position.iter().all(|x| x.is_finite())
+            && self.orientation.coords.iter().all(|x| x.is_finite())
+    }
+}

@@ -1,0 +1,188 @@
+//! Everything constant during a run.
+//!
+//! Bodies are numbered grains first, `0..grains.len()`, then driven bodies. A grain is one convex
+//! polyhedron; a driven body (tine, sleeper, wall) is composed of convex parts and half-spaces and
+//! its motion is imposed.
+
+use crate::geometry::Polyhedron;
+use crate::math::{Pose, Vec3};
+
+/// What stays the same from step to step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Shapes that grains and parts refer to `[ns]`.
+    pub shapes: Vec<Polyhedron>,
+    pub grains: Grains,
+    /// Bodies of imposed motion `[nd]`, numbered after the grains.
+    pub driven: Vec<DrivenBody>,
+    /// Acceleration of gravity, m/s².
+    pub gravity: Vec3,
+    /// Coulomb friction between grains.
+    pub grain_friction: f64,
+    /// Newton restitution of every contact, 0 to 1.
+    pub restitution: f64,
+    pub stepping: Stepping,
+    pub solver: Solver,
+}
+
+/// The grains, structure of arrays.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Grains {
+    /// Index into [`Model::shapes`] `[ng]`.
+    pub shape: Vec<u32>,
+    /// kg `[ng]`.
+    pub mass: Vec<f64>,
+    /// Principal moments of inertia in the shape's frame, kg m² `[ng]`.
+    pub inertia: Vec<Vec3>,
+}
+
+impl Grains {
+    /// Number of grains.
+    pub fn len(&self) -> usize {
+        self.shape.len()
+    }
+
+    /// Whether there is no grain.
+    pub fn is_empty(&self) -> bool {
+        self.shape.is_empty()
+    }
+
+    /// Appends a grain of the given shape and density (kg/m³).
+    pub fn push(&mut self, shape: u32, polyhedron: &Polyhedron, density: f64) {
+        self.shape.push(shape);
+        self.mass.push(density * polyhedron.volume);
+        self.inertia.push(polyhedron.unit_inertia * density);
+    }
+}
+
+/// What a driven body is in the track; observables and reports are grouped by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Role {
+    /// Floor, wall, box of a sample.
+    Boundary,
+    Sleeper,
+    Tine,
+}
+
+/// A rigid body whose motion is imposed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrivenBody {
+    /// Unique name, for people and messages.
+    pub name: String,
+    pub role: Role,
+    /// Friction between this body and grains.
+    pub friction: f64,
+    /// The body frame's origin is the reference point of its impulses and wrenches.
+    pub parts: Vec<Part>,
+}
+
+/// A convex part of a driven body, in the body's frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Part {
+    /// A shape of [`Model::shapes`] placed by `pose`.
+    Convex { shape: u32, pose: Pose },
+    /// Everything with `normal · x < offset` is solid; `normal` is a unit vector, `offset` in m.
+    HalfSpace { normal: Vec3, offset: f64 },
+}
+
+/// Time stepping (T-1 to T-4) and detection.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stepping {
+    /// Time step, ns. An integer, so that times are exact sums.
+    pub step_ns: u64,
+    /// Parameter of the θ-scheme, 1/2 to 1.
+    pub theta: f64,
+    /// Contacts with a gap up to this distance are kept, m.
+    pub alert: f64,
+}
+
+impl Stepping {
+    /// Time step `h`, s.
+    pub fn h(&self) -> f64 {
+        self.step_ns as f64 * 1e-9
+    }
+}
+
+/// In which order subdomains and interface are swept (T-12).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Schedule {
+    /// One set of contacts, no decomposition.
+    Sequential,
+    /// Subdomains in parallel, then the interface: the same bytes for any number of threads.
+    Synchronous,
+    /// The interface is one more subdomain of the parallel loop; newest values, no barrier.
+    Asynchronous,
+}
+
+/// How grains are distributed to subdomains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PartitionRule {
+    /// Equal boxes that span the grains: `[1, 1, n]` are layers, `[n, 1, 1]` slabs along x.
+    Boxes([u32; 3]),
+    /// This many compact subdomains with equal numbers of contacts.
+    Balanced(u32),
+    /// Compact subdomains of about this many contacts each.
+    ContactsPer(u32),
+}
+
+/// When a step counts as solved, and how it is iterated (T-10 to T-12).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solver {
+    pub schedule: Schedule,
+    pub partition: PartitionRule,
+    /// Largest number of DDM iterations per step, `n_DDM`.
+    pub iterations: u32,
+    /// Sweeps over a subdomain per DDM iteration, `n`.
+    pub subdomain_sweeps: u32,
+    /// Sweeps over the interface per DDM iteration, `m`.
+    pub interface_sweeps: u32,
+    /// Stop when `norm` is below this; `None` runs all iterations.
+    pub tolerance: Option<f64>,
+    pub norm: Norm,
+    /// DDM iterations between two convergence tests.
+    pub check_every: u32,
+    /// Relaxation of each visit, 0 to 1 exclusive of 0: `r += relaxation (r⁺ - r)`.
+    pub relaxation: f64,
+    /// Start from the impulses of the previous step.
+    pub warm_start: bool,
+}
+
+/// Which residual [`Solver::tolerance`] bounds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Norm {
+    /// All of LMGC90's quadratic, maximum/16 and impulse-weighted norms (T-11); tolerance 1.666e-4 by habit.
+    Qm16,
+    /// Its quadratic norm alone; misses newly created contacts.
+    Quad,
+    /// The natural map, scaled (T-10).
+    NaturalMap,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            schedule: Schedule::Synchronous,
+            partition: PartitionRule::ContactsPer(4000),
+            iterations: 1000,
+            subdomain_sweeps: 1,
+            interface_sweeps: 1,
+            tolerance: Some(1.666e-4),
+            norm: Norm::Qm16,
+            check_every: 10,
+            relaxation: 1.0,
+            warm_start: true,
+        }
+    }
+}
+
+impl Model {
+    /// Number of bodies, grains and driven.
+    pub fn body_count(&self) -> usize {
+        self.grains.len() + self.driven.len()
+    }
+
+    /// Index of the driven body called `name`, among the driven bodies.
+    pub fn driven_index(&self, name: &str) -> Option<usize> {
+        self.driven.iter().position(|d| d.name == name)
+    }
+}

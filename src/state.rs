@@ -1,0 +1,87 @@
+//! Everything needed to resume a run bit for bit, and nothing else.
+//!
+//! Checkpoints, snapshots and `redo` are all this one thing.
+
+use crate::math::{Pose, Quat, Vec3};
+
+/// The state at the end of a step. Body arrays are numbered as in [`crate::model`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct State {
+    /// Completed steps since the start of the run.
+    pub step: u64,
+    /// Simulated time since the start of the run, ns.
+    pub time_ns: u64,
+    /// Position of the body frames' origins `[nb]`, m.
+    pub position: Vec<Vec3>,
+    /// Orientation, body to world `[nb]`.
+    pub orientation: Vec<Quat>,
+    /// Velocity of the body frames' origins `[nb]`, m/s.
+    pub velocity: Vec<Vec3>,
+    /// Angular velocity, world axes `[nb]`, rad/s.
+    pub spin: Vec<Vec3>,
+    /// Contacts of the last step with their impulses: where the next solve starts from.
+    pub contacts: ContactMemory,
+    /// Memory of the drive (for example how far each tine pair has closed) `[drive's own]`.
+    pub drive: Vec<f64>,
+    pub energy: EnergyLedger,
+}
+
+/// What the next step's warm start needs from this step's contacts, sorted by bodies.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ContactMemory {
+    /// Candidate and antagonist `[nc]`.
+    pub bodies: Vec<[u32; 2]>,
+    /// Identity of the point inside its pair `[nc]`.
+    pub feature: Vec<u64>,
+    /// The point in the candidate's body frame `[nc]`, m.
+    pub local_point: Vec<Vec3>,
+    /// Impulse on the candidate, world axes `[nc]`, N s.
+    pub impulse: Vec<Vec3>,
+}
+
+/// Energies since the start of the run, J (T-14).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct EnergyLedger {
+    /// Kinetic energy of the grains at the start of the run.
+    pub initial_kinetic: f64,
+    /// Potential energy of the grains at the start of the run.
+    pub initial_potential: f64,
+    /// Kinetic energy of the grains now.
+    pub kinetic: f64,
+    /// Potential energy of the grains in gravity now, zero at the world's origin.
+    pub potential: f64,
+    /// Work done on the grains by driven bodies.
+    pub work_in: f64,
+    /// Energy lost in contacts.
+    pub dissipated: f64,
+}
+
+impl EnergyLedger {
+    /// What the ledger cannot account for, J: zero for an exact integrator.
+    pub fn balance_error(&self) -> f64 {
+        (self.kinetic + self.potential)
+            - (self.initial_kinetic + self.initial_potential)
+            - self.work_in
+            + self.dissipated
+    }
+}
+
+impl State {
+    /// Pose of body `b`.
+    pub fn pose(&self, b: usize) -> Pose {
+        Pose { position: self.position[b], orientation: self.orientation[b] }
+    }
+
+    /// Appends a body at rest.
+    pub fn push(&mut self, pose: Pose) {
+        self.position.push(pose.position);
+        self.orientation.push(pose.orientation);
+        self.velocity.push(Vec3::zeros());
+        self.spin.push(Vec3::zeros());
+    }
+
+    /// Simulated time, s.
+    pub fn time(&self) -> f64 {
+        self.time_ns as f64 * 1e-9
+    }
+}

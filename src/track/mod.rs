@@ -1,0 +1,3 @@
+//! The track: sleepers, tines, the tamping cycle, and the bed they work in.
+
+pub mod plan;

@@ -1,0 +1,185 @@
+//! What a scenario asks for, as plain numbers. Files are read into this by `interfaces/scenario`.
+//!
+//! SI units throughout. x runs along the track, y across it, z up; the box of the bed spans
+//! `[0, box[0]] × [0, box[1]]`, its floor is z = 0.
+
+use crate::math::Vec3;
+use crate::model::{Solver, Stepping};
+
+/// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    pub name: String,
+    pub bed: BedPlan,
+    pub sleepers: Vec<SleeperPlan>,
+    pub tines: Vec<TinePlan>,
+    /// `None`: no tamping, the bed just rests.
+    pub tamping: Option<TampingPlan>,
+    pub run: RunPlan,
+}
+
+/// The bed and how it is prepared (`deposit`).
+#[derive(Debug, Clone, PartialEq)]
+pub struct BedPlan {
+    /// Inner size of the box, m.
+    pub size: Vec3,
+    pub seed: u64,
+    /// kg/m³.
+    pub density: f64,
+    pub grains: GrainPlan,
+    pub friction: FrictionPlan,
+    /// m/s², downwards.
+    pub gravity: f64,
+    pub preparation: PreparationPlan,
+}
+
+/// Random ballast grains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GrainPlan {
+    /// Size classes: sieve size (m) and share by number; shares sum to 1.
+    pub classes: Vec<SizeClass>,
+    /// Middle over longest, and shortest over middle axis: mean and half-width.
+    pub elongation: [f64; 2],
+    pub flatness: [f64; 2],
+    /// Range of the number of points whose hull a grain is.
+    pub vertices: [u32; 2],
+    /// 0: points spread evenly on the ellipsoid (rounded); 1: fully random (sharp).
+    pub angularity: f64,
+    /// Number of different shapes, shared over the classes.
+    pub templates: u32,
+}
+
+/// One size class.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SizeClass {
+    /// Intermediate (sieve) size, m.
+    pub size: f64,
+    /// Share by number.
+    pub share: f64,
+}
+
+/// Coulomb friction of grains with each kind of partner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrictionPlan {
+    pub grain: f64,
+    pub sleeper: f64,
+    pub tine: f64,
+    pub boundary: f64,
+}
+
+/// How the bed is poured and settled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PreparationPlan {
+    /// Level of the sleepers' underside after preparation, m.
+    pub ballast_depth: f64,
+    /// Level up to which cribs are filled, m.
+    pub fill_level: f64,
+    /// Grain friction while pouring and settling.
+    pub friction: f64,
+    /// Time step (ns) and DDM iterations while pouring.
+    pub step_ns: u64,
+    pub iterations: u32,
+    /// Rest is reached below this mean grain speed, m/s.
+    pub rest_speed: f64,
+    /// Longest settling of each stage, s of simulated time.
+    pub max_settling: f64,
+}
+
+/// A sleeper of one or two blocks (twin-block).
+#[derive(Debug, Clone, PartialEq)]
+pub struct SleeperPlan {
+    pub name: String,
+    /// Centre of the sleeper's underside in x and y, m.
+    pub centre: [f64; 2],
+    /// Blocks: offset of the block's centre in y and size (x, y, z), m.
+    pub blocks: Vec<BlockPlan>,
+    /// Whether the tamping cycle lifts it.
+    pub tamped: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlockPlan {
+    pub offset_y: f64,
+    pub size: Vec3,
+}
+
+/// One tine: a blade below a shaft. Its reference point is the middle of the blade's upper edge.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TinePlan {
+    pub name: String,
+    /// Start position of the reference point in x and y, m.
+    pub position: [f64; 2],
+    /// +1: squeezes towards +x, -1: towards -x.
+    pub direction: f64,
+    /// Tines with the same number close together and share one force limit.
+    pub pair: u32,
+    /// Blade and shaft: sizes in x (thickness), y (width), z (height), m.
+    pub blade: Vec3,
+    pub shaft: Vec3,
+}
+
+/// The motion of the machine: lift, insertion, squeeze, hold, withdrawal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TampingPlan {
+    /// Start of the cycle, s.
+    pub start: f64,
+    pub lift: LiftPlan,
+    pub insertion: InsertionPlan,
+    pub squeeze: SqueezePlan,
+    /// s.
+    pub hold: f64,
+    /// Time of the withdrawal, s.
+    pub withdrawal: f64,
+    pub vibration: VibrationPlan,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LiftPlan {
+    /// m.
+    pub height: f64,
+    /// s.
+    pub duration: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InsertionPlan {
+    /// s.
+    pub duration: f64,
+    /// Depth of the blade's upper edge below the underside of the lifted sleeper, m.
+    pub depth: f64,
+    /// Clearance of the blade's lower edge above the fill level at the start, m.
+    pub clearance: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SqueezePlan {
+    /// s.
+    pub duration: f64,
+    /// Largest closing per side, m.
+    pub stroke: f64,
+    /// Closing of a pair stops while its mean force over a vibration period exceeds this, N; infinite: never.
+    pub force_limit: f64,
+}
+
+/// Sinusoidal, along x, facing rows in opposition.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VibrationPlan {
+    /// Hz.
+    pub frequency: f64,
+    /// m, at the tip.
+    pub amplitude: f64,
+}
+
+/// How the scenario is run and what is written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunPlan {
+    pub stepping: Stepping,
+    pub solver: Solver,
+    pub restitution: f64,
+    /// Simulated time, ns: a whole number of time steps.
+    pub duration_ns: u64,
+    /// Simulated time between two frames of the results, ns; 0: none.
+    pub output_ns: u64,
+    /// Simulated time between two checkpoints, ns; 0: only the last.
+    pub checkpoint_ns: u64,
+}
