@@ -1,1 +1,91 @@
-//! (to come)
+//! This step's prediction: the configuration in which contacts are found, and the velocities that
+//! bodies would have without contacts (T-1 to T-4).
+//!
+//! Reads: model, state, inputs. Writes: [`Motion`]. Cost: O(bodies).
+
+use crate::drive::Inputs;
+use crate::error::{Error, Result};
+use crate::math::{Quat, Vec3, rotation};
+use crate::model::Model;
+use crate::state::State;
+use rayon::prelude::*;
+
+/// Prediction of a step; arrays over all bodies, grains first `[nb]`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Motion {
+    /// Positions at configuration m, m.
+    pub position: Vec<Vec3>,
+    /// Orientations at configuration m, body to world.
+    pub orientation: Vec<Quat>,
+    /// Free velocity of grains, imposed velocity of driven bodies, m/s.
+    pub velocity: Vec<Vec3>,
+    /// Free and imposed angular velocity, world axes, rad/s.
+    pub spin: Vec<Vec3>,
+}
+
+impl Motion {
+    /// Predicts the step that starts at `state`.
+    ///
+    /// Refuses inputs of the wrong number and values that are not finite.
+    pub fn predict(&mut self, model: &Model, state: &State, inputs: &Inputs) -> Result<()> {
+        let (ng, nd) = (model.grains.len(), model.driven.len());
+        if inputs.targets.len() != nd {
+            return Err(Error::Input {
+                place: "targets".into(),
+                expected: format!("{nd} poses, one per driven body"),
+                found: inputs.targets.len().to_string(),
+            });
+        }
+        self.position.resize(ng + nd, Vec3::zeros());
+        self.orientation.resize(ng + nd, Quat::identity());
+        self.velocity.resize(ng + nd, Vec3::zeros());
+        self.spin.resize(ng + nd, Vec3::zeros());
+        self.predict_grains(model, state);
+        self.predict_driven(model, state, inputs)
+    }
+
+    fn predict_grains(&mut self, model: &Model, state: &State) {
+        let ng = model.grains.len();
+        let h = model.stepping.h();
+        let before = h * (1.0 - model.stepping.theta);
+        (&mut self.position[..ng], &mut self.orientation[..ng])
+            .into_par_iter()
+            .zip((&mut self.velocity[..ng], &mut self.spin[..ng]))
+            .enumerate()
+            .with_min_len(1024)
+            .for_each(|(i, ((x, q), (v, w)))| {
+                let spin = state.spin[i];
+                *x = state.position[i] + state.velocity[i] * before;
+                *q = rotation::advance(&state.orientation[i], &(spin * before));
+                *v = state.velocity[i] + model.gravity * h;
+                // J_m⁻¹ h (−w × J_m w), in the principal frame where J is diagonal.
+                let inertia = model.grains.inertia[i];
+                let body_spin = q.inverse() * spin;
+                let torque = -body_spin.cross(&body_spin.component_mul(&inertia));
+                *w = spin + *q * (torque.component_div(&inertia) * h);
+            });
+    }
+
+    fn predict_driven(&mut self, model: &Model, state: &State, inputs: &Inputs) -> Result<()> {
+        let ng = model.grains.len();
+        let h = model.stepping.h();
+        let before = h * (1.0 - model.stepping.theta);
+        for (d, target) in inputs.targets.iter().enumerate() {
+            let b = ng + d;
+            if !target.is_finite() {
+                return Err(Error::Input {
+                    place: format!("target of {:?}", model.driven[d].name),
+                    expected: "finite position and orientation".into(),
+                    found: format!("{target:?}"),
+                });
+            }
+            let turn = target.orientation * state.orientation[b].inverse();
+            self.velocity[b] = (target.position - state.position[b]) / h;
+            self.spin[b] = rotation::log(&turn) / h;
+            self.position[b] = state.position[b] + self.velocity[b] * before;
+            self.orientation[b] =
+                rotation::advance(&state.orientation[b], &(self.spin[b] * before));
+        }
+        Ok(())
+    }
+}
