@@ -1,6 +1,7 @@
 //! One time step, from state to state.
 
 use crate::math::Vec3;
+pub use crate::nlgs::Residuals;
 
 /// The phases of a step, in order; the words of profiles, recordings and docs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -57,27 +58,6 @@ pub trait Stopwatch {
 
 impl Stopwatch for () {
     fn lap(&mut self, _phase: Phase) {}
-}
-
-/// How well a step is solved; what [`crate::model::Solver::tolerance`] is compared with.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Residuals {
-    /// LMGC90's norms, not divided by a tolerance: rms of the visits' velocity change over rms of
-    /// W r on active contacts (T-11).
-    pub quad: f64,
-    /// The same with the largest change, over 16.666.
-    pub max16: f64,
-    /// Impulse-weighted means of the change (T-11): the larger of the two.
-    pub weighted: f64,
-    /// Natural map, unit-free (T-10).
-    pub natural_map: f64,
-}
-
-impl Residuals {
-    /// The largest of LMGC90's norms.
-    pub fn qm16(&self) -> f64 {
-        self.quad.max(self.max16).max(self.weighted)
-    }
 }
 
 /// What a step did. Not converging is told here, not as an error.
