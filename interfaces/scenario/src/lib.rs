@@ -2,6 +2,7 @@
 
 mod case_file;
 mod check;
+mod content_key;
 mod diagnostic;
 mod document;
 mod layout;
@@ -12,6 +13,7 @@ mod resolve;
 mod schema;
 mod structure;
 
+pub use content_key::content_key;
 pub use diagnostic::{CaseErrors, Diagnostic};
 pub use read::{Case, read_case};
 pub use schema::schema;

@@ -4,7 +4,7 @@
 
 use crate::diagnostic::quoted;
 use crate::document::find;
-use crate::nearest::did_you_mean;
+use crate::nearest::{did_you_mean, nearest};
 use crate::report::{Finding, MOST, Report};
 use serde_json::{Map, Value};
 use std::ops::Range;
@@ -26,15 +26,19 @@ struct Walker<'r, 'a, 't, 's> {
 impl<'s> Walker<'_, '_, '_, 's> {
     fn table(&mut self, schema: &'s Value, table: &DeTable, place: Range<usize>, path: &str) {
         let Some(properties) = schema["properties"].as_object() else { return };
+        let mut misspelt = Vec::new();
         for (name, value) in table {
             let key = name.get_ref().as_ref();
             match properties.get(key) {
                 Some(inner) => self.value(inner, value, name.span(), &join(path, key)),
-                None => self.unknown(key, name.span(), properties, path),
+                None => {
+                    misspelt.extend(nearest(key, properties.keys().map(String::as_str)));
+                    self.unknown(key, name.span(), properties, path);
+                }
             }
         }
         for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-            if find(table, key).is_none() {
+            if find(table, key).is_none() && !misspelt.contains(&key) {
                 let inner = &properties[key];
                 let finding = Finding {
                     problem: format!("missing key `{key}`"),
@@ -236,7 +240,9 @@ impl<'s> Walker<'_, '_, '_, 's> {
 
 fn limits(schema: &Value) -> String {
     let bound = |key: &str| schema.get(key).filter(|v| v.is_number()).map(Value::to_string);
-    match (bound("exclusiveMinimum"), bound("minimum"), bound("maximum")) {
+    // A limit that only keeps a number storable says nothing to people.
+    let most = bound("maximum").filter(|_| schema["maximum"].as_f64() < Some(4e9));
+    match (bound("exclusiveMinimum"), bound("minimum"), most) {
         (Some(a), _, Some(b)) => format!(" above {a} and up to {b}"),
         (Some(a), _, None) => format!(" above {a}"),
         (None, Some(a), Some(b)) => format!(" from {a} to {b}"),
