@@ -137,7 +137,8 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
         let finding = Finding {
             problem: "rows of tines need a tamped sleeper".into(),
             found: "no sleeper is tamped".into(),
-            expected: "`tamped = [1]` in `[sleepers]`, or `tamped = true` in a `[[sleeper]]`".into(),
+            expected: "`tamped = [1]` in `[sleepers]`, or `tamped = true` in a `[[sleeper]]`"
+                .into(),
             hint: None,
         };
         report.error(key, finding);
@@ -183,7 +184,9 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
     let ranges: Vec<String> = sleeper
         .blocks
         .iter()
-        .map(|b| format!("{:.3} to {:.3}", b.offset_y - 0.5 * b.size.y, b.offset_y + 0.5 * b.size.y))
+        .map(|b| {
+            format!("{:.3} to {:.3}", b.offset_y - 0.5 * b.size.y, b.offset_y + 0.5 * b.size.y)
+        })
         .collect();
     let finding = Finding {
         problem: format!("a tine beside `{}` faces none of its blocks", sleeper.name),

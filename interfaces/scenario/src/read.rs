@@ -43,7 +43,8 @@ pub fn read_case(text: &str, name: &str) -> Result<Case, CaseErrors> {
 /// The deserialiser's own complaint, for what the schema cannot tell.
 fn unreadable(report: &mut Report, error: &toml::de::Error) {
     if report.errors.is_empty() {
-        let mut diagnostic = report.document.diagnostic(error.span().unwrap_or(0..0), String::new());
+        let mut diagnostic =
+            report.document.diagnostic(error.span().unwrap_or(0..0), String::new());
         diagnostic.problem = error.message().trim().to_string();
         report.errors.push(diagnostic);
     }

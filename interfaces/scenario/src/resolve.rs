@@ -64,11 +64,7 @@ fn grains(grains: &case_file::Grains) -> GrainPlan {
     }
 }
 
-fn preparation(
-    bed: &case_file::Bed,
-    layout: &Layout,
-    report: &mut Report,
-) -> PreparationPlan {
+fn preparation(bed: &case_file::Bed, layout: &Layout, report: &mut Report) -> PreparationPlan {
     let preparation = &bed.preparation;
     let blocks = layout.sleepers.iter().flat_map(|s| &s.plan.blocks);
     let tallest = blocks.map(|b| b.size.z).fold(0.0, f64::max);

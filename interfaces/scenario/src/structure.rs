@@ -144,7 +144,9 @@ impl<'s> Walker<'_, '_, '_, 's> {
     fn number(&mut self, schema: &'s Value, value: &Spanned<DeValue>, path: &str) {
         let resolved = self.resolve(schema);
         let number = match value.get_ref() {
-            DeValue::Integer(i) => i64::from_str_radix(i.as_str(), i.radix()).map(|i| i as f64).ok(),
+            DeValue::Integer(i) => {
+                i64::from_str_radix(i.as_str(), i.radix()).map(|i| i as f64).ok()
+            }
             DeValue::Float(f) => f.as_str().parse::<f64>().ok(),
             _ => None,
         };

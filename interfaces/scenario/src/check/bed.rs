@@ -15,6 +15,7 @@ pub fn bed(case: &CaseFile, fill_level: f64, report: &mut Report) {
     counts(&case.bed, report);
     levels(case, fill_level, report);
     grain_number(&case.bed, fill_level, report);
+    pouring_step(&case.bed, report);
 }
 
 fn shares(bed: &Bed, report: &mut Report) {
@@ -135,5 +136,20 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
             hint: Some("all sizes are in metres".into()),
         };
         report.error("bed.size_m", finding);
+    }
+}
+
+/// Pouring damps falls to 1 m/s; one step must not gain more.
+fn pouring_step(bed: &Bed, report: &mut Report) {
+    let key = "bed.preparation.step_s";
+    let step = bed.preparation.step_s;
+    if report.clean(&[key, "bed.gravity_m_per_s2"]) && step * bed.gravity_m_per_s2 >= 1.0 {
+        let finding = Finding {
+            problem: "the time step is too large for pouring".into(),
+            found: format!("{step} s"),
+            expected: "a step in which free fall gains less than 1 m/s".into(),
+            hint: Some("1e-3 s is usual".into()),
+        };
+        report.error(key, finding);
     }
 }

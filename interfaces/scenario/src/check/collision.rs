@@ -24,8 +24,9 @@ impl Area {
         }
     }
 
-    fn overlaps(&self, other: &Area) -> bool {
-        (0..2).all(|i| self.low[i] + SLACK < other.high[i] && other.low[i] + SLACK < self.high[i])
+    /// Whether the areas overlap, or come closer than `margin`.
+    fn overlaps(&self, other: &Area, margin: f64) -> bool {
+        (0..2).all(|i| self.low[i] < other.high[i] + margin && other.low[i] < self.high[i] + margin)
     }
 
     /// The axis, 0 or 1, along which this area leaves the box.
@@ -39,19 +40,20 @@ fn blocks(sleeper: &SleeperPlan) -> impl Iterator<Item = Area> {
     sleeper.blocks.iter().map(move |b| Area::around([x, y + b.offset_y], b.size.x, b.size.y))
 }
 
-/// Blade and shaft with their vibration, closed by `closing` metres.
-fn tine_areas(tine: &TinePlan, closing: f64, amplitude: f64) -> [Area; 2] {
+/// Blade and shaft together with their vibration, closed by `closing` metres.
+fn tine_area(tine: &TinePlan, closing: f64, amplitude: f64) -> Area {
     let centre = [tine.position[0] + tine.direction * closing, tine.position[1]];
-    [tine.blade, tine.shaft].map(|s| Area::around(centre, s.x + 2.0 * amplitude, s.y))
+    let size = tine.blade.sup(&tine.shaft);
+    Area::around(centre, size.x + 2.0 * amplitude, size.y)
 }
 
-/// What blade and shaft sweep from open to closed.
-fn swept(tine: &TinePlan, stroke: f64, amplitude: f64) -> [Area; 2] {
-    let (open, closed) = (tine_areas(tine, 0.0, amplitude), tine_areas(tine, stroke, amplitude));
-    [0, 1].map(|i| Area {
-        low: [open[i].low[0].min(closed[i].low[0]), open[i].low[1]],
-        high: [open[i].high[0].max(closed[i].high[0]), open[i].high[1]],
-    })
+/// What a tine sweeps from open to closed.
+fn swept(tine: &TinePlan, stroke: f64, amplitude: f64) -> Area {
+    let (open, closed) = (tine_area(tine, 0.0, amplitude), tine_area(tine, stroke, amplitude));
+    Area {
+        low: [open.low[0].min(closed.low[0]), open.low[1]],
+        high: [open.high[0].max(closed.high[0]), open.high[1]],
+    }
 }
 
 /// Checks all pairs of sleepers and tines, and each of them with the box of size `size`.
@@ -92,7 +94,8 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
                 hint: None,
             });
         }
-        let inside = (1..areas.len()).any(|j| areas[..j].iter().any(|a| a.overlaps(&areas[j])));
+        let inside =
+            (1..areas.len()).any(|j| areas[..j].iter().any(|a| a.overlaps(&areas[j], -SLACK)));
         if inside {
             tell(report, told, &format!("{}.blocks", sleeper.key), || Finding {
                 problem: format!("blocks of `{name}` overlap"),
@@ -102,7 +105,7 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
             });
         }
         for other in &layout.sleepers[..i] {
-            if blocks(&other.plan).any(|a| areas.iter().any(|b| a.overlaps(b))) {
+            if blocks(&other.plan).any(|a| areas.iter().any(|b| a.overlaps(b, -SLACK))) {
                 let both = sleeper.key == "sleepers" && other.key == "sleepers";
                 let key = if both { "sleepers.pitch_m" } else { &sleeper.key_x };
                 let distance = (sleeper.plan.centre[0] - other.plan.centre[0]).abs();
@@ -125,7 +128,7 @@ fn in_box(
     report: &mut Report,
     told: &mut BTreeSet<String>,
 ) -> bool {
-    let leaves = swept(&tine.plan, stroke, amplitude).iter().find_map(|a| a.leaves(size));
+    let leaves = swept(&tine.plan, stroke, amplitude).leaves(size);
     let Some(axis) = leaves else { return true };
     let (name, at) = (&tine.plan.name, tine.plan.position[axis]);
     tell(report, told, [&tine.key_x, &tine.key_y][axis], || Finding {
@@ -145,11 +148,10 @@ fn tine_and_sleeper(
     report: &mut Report,
     told: &mut BTreeSet<String>,
 ) {
-    let hits = |areas: [Area; 2]| {
-        blocks(&sleeper.plan).any(|block| areas.iter().any(|a| a.overlaps(&block)))
-    };
+    // Tools need more than no room: touching counts.
+    let hits = |area: Area| blocks(&sleeper.plan).any(|block| area.overlaps(&block, SLACK));
     let (name, other) = (&tine.plan.name, &sleeper.plan.name);
-    if hits(tine_areas(&tine.plan, 0.0, amplitude)) {
+    if hits(tine_area(&tine.plan, 0.0, amplitude)) {
         tell(report, told, &tine.key_x, || Finding {
             problem: format!("`{name}` goes down into `{other}`"),
             found: format!("its middle at x = {:.4} m", tine.plan.position[0]),
@@ -163,7 +165,7 @@ fn tine_and_sleeper(
         tell(report, told, "tamping.squeeze.stroke_m", || Finding {
             problem: format!("the squeeze drives `{name}` into `{other}`"),
             found: format!("a stroke of {stroke} m"),
-            expected: format!("at most {:.4} m", clearance(&tine.plan, &sleeper.plan, amplitude)),
+            expected: format!("less than {:.4} m", clearance(&tine.plan, &sleeper.plan, amplitude)),
             hint: None,
         });
     }
@@ -171,16 +173,15 @@ fn tine_and_sleeper(
 
 /// How far the tine can close before it touches the sleeper, m.
 fn clearance(tine: &TinePlan, sleeper: &SleeperPlan, amplitude: f64) -> f64 {
+    let area = tine_area(tine, 0.0, amplitude);
     let mut clear = f64::INFINITY;
-    for area in tine_areas(tine, 0.0, amplitude) {
-        for block in blocks(sleeper) {
-            if area.low[1] + SLACK < block.high[1] && block.low[1] + SLACK < area.high[1] {
-                let gap = match tine.direction > 0.0 {
-                    true => block.low[0] - area.high[0],
-                    false => area.low[0] - block.high[0],
-                };
-                clear = if gap >= 0.0 { clear.min(gap) } else { clear };
-            }
+    for block in blocks(sleeper) {
+        if area.low[1] < block.high[1] + SLACK && block.low[1] < area.high[1] + SLACK {
+            let gap = match tine.direction > 0.0 {
+                true => block.low[0] - area.high[0],
+                false => area.low[0] - block.high[0],
+            };
+            clear = if gap >= 0.0 { clear.min(gap) } else { clear };
         }
     }
     clear
@@ -195,11 +196,8 @@ fn tine_and_tine(
     told: &mut BTreeSet<String>,
 ) {
     let meet = |closing: f64| {
-        let (a, b) = (
-            tine_areas(&tine.plan, closing, amplitude),
-            tine_areas(&other.plan, closing, amplitude),
-        );
-        a.iter().any(|a| b.iter().any(|b| a.overlaps(b)))
+        let area = tine_area(&tine.plan, closing, amplitude);
+        area.overlaps(&tine_area(&other.plan, closing, amplitude), -SLACK)
     };
     // Facing tines close at the same pace, so they meet at the end or not at all.
     let (key, when) = match (meet(0.0), meet(stroke)) {

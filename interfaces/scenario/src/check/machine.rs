@@ -6,6 +6,9 @@ use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
 
 /// Fastest insertion that machines reach, m/s.
 const FAST_INSERTION: f64 = 1.0;
+/// Peak over mean speed of the smooth motions: tines cruise between ramps, a lift does not.
+const TINE_PEAK: f64 = 1.25;
+const LIFT_PEAK: f64 = 1.875;
 /// Fewest steps that show a sine.
 const STEPS_PER_PERIOD: f64 = 10.0;
 
@@ -84,7 +87,10 @@ fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &m
             let finding = Finding {
                 problem: format!("`{}` reaches the floor", tine.plan.name),
                 found: format!("its lower edge at z = {lowest:.4} m"),
-                expected: format!("an insertion depth below {:.4} m", tamping.insertion.depth + lowest),
+                expected: format!(
+                    "an insertion depth below {:.4} m",
+                    tamping.insertion.depth + lowest
+                ),
                 hint: None,
             };
             report.error("tamping.insertion.depth_m", finding);
@@ -104,12 +110,13 @@ fn step_resolves(
     let Some(blade) = layout.tines.iter().map(|t| t.plan.blade.z).reduce(f64::max) else { return };
     let h = run.stepping.h();
     let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
-    let vibration = std::f64::consts::TAU * tamping.vibration.frequency * tamping.vibration.amplitude;
+    let vibration =
+        std::f64::consts::TAU * tamping.vibration.frequency * tamping.vibration.amplitude;
     let travel = bed.preparation.fill_level + tamping.insertion.clearance + blade
         - (bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth);
-    let insertion = travel / tamping.insertion.duration;
-    let squeeze = tamping.squeeze.stroke / tamping.squeeze.duration;
-    let lift = tamping.lift.height / tamping.lift.duration;
+    let insertion = TINE_PEAK * travel / tamping.insertion.duration;
+    let squeeze = TINE_PEAK * tamping.squeeze.stroke / tamping.squeeze.duration;
+    let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
     for (key, speed) in [
         ("tamping.vibration", vibration),
         ("tamping.insertion.duration_s", insertion),
@@ -142,7 +149,7 @@ fn step_resolves(
     if insertion > FAST_INSERTION {
         let finding = Finding {
             problem: "the insertion is faster than machines are".into(),
-            found: format!("{insertion:.2} m/s on average"),
+            found: format!("{insertion:.2} m/s at its peak"),
             expected: format!("about {FAST_INSERTION} m/s at most"),
             hint: None,
         };

@@ -10,8 +10,8 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
     usable("name", &case.name, report);
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
     let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
-    // Names the track gives to the box itself.
-    let mut taken = BTreeSet::from(["box", "floor", "walls"]);
+    // The names of the box's floor, ends and sides.
+    let mut taken = BTreeSet::from(["floor", "end_start", "end_far", "side_right", "side_left"]);
     for (key, name) in sleepers.chain(tines) {
         let key = format!("{key}.name");
         usable(&key, name, report);

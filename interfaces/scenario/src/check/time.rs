@@ -46,7 +46,10 @@ fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
         false => format!("{} s", time(1.0)),
     };
     let finding = Finding {
-        problem: format!("`{}` is not a whole number of time steps", key.trim_start_matches("run.")),
+        problem: format!(
+            "`{}` is not a whole number of time steps",
+            key.trim_start_matches("run.")
+        ),
         found: format!("{seconds} s, {:.3} steps of {} s", seconds * 1e9 / step as f64, time(1.0)),
         expected: choices,
         hint: None,
@@ -70,12 +73,7 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
         restitution: run.restitution,
         duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
         output_ns,
-        checkpoint_ns: whole_steps(
-            run.checkpoint_every_s,
-            step,
-            "run.checkpoint_every_s",
-            report,
-        ),
+        checkpoint_ns: whole_steps(run.checkpoint_every_s, step, "run.checkpoint_every_s", report),
     }
 }
 
