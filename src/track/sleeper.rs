@@ -47,10 +47,7 @@ mod tests {
         let plan = SleeperPlan {
             name: "sleeper".into(),
             centre: [0.3, 1.0],
-            blocks: vec![
-                BlockPlan { offset_y: -0.6, size },
-                BlockPlan { offset_y: 0.6, size },
-            ],
+            blocks: vec![BlockPlan { offset_y: -0.6, size }, BlockPlan { offset_y: 0.6, size }],
             tamped: true,
         };
         let mut shapes = Vec::new();

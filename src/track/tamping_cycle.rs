@@ -207,8 +207,8 @@ impl Machine {
 
     fn tine_position(&self, tine: &Driven, t: f64, squeezed: f64) -> Vec3 {
         let [lifted, inserted, _, held, _] = self.ends;
-        let down = travel((t - lifted) / (inserted - lifted))
-            - travel((t - held) / self.plan.withdrawal);
+        let down =
+            travel((t - lifted) / (inserted - lifted)) - travel((t - held) / self.plan.withdrawal);
         let x = tine.start.x + tine.direction * (self.closing(squeezed) + self.vibration(t));
         let z = tine.start.z + (tine.deep - tine.start.z) * down;
         Vec3::new(x, tine.start.y, z)
@@ -235,7 +235,11 @@ impl Machine {
 
 /// [`smooth_step`] from `start` on, `duration` long; at once where the duration is 0.
 fn ramp(t: f64, start: f64, duration: f64) -> f64 {
-    if duration > 0.0 { smooth_step((t - start) / duration) } else { f64::from(u8::from(t >= start)) }
+    if duration > 0.0 {
+        smooth_step((t - start) / duration)
+    } else {
+        f64::from(u8::from(t >= start))
+    }
 }
 
 fn driven_tines(
@@ -244,8 +248,7 @@ fn driven_tines(
     model: &Model,
     control: &SqueezeControl,
 ) -> Result<Vec<Driven>> {
-    let deep =
-        plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
     let tine = |tine: &crate::track::plan::TinePlan| {
         let pair = control.pairs.iter().position(|p| p.number == tine.pair);
         Ok(Driven {
@@ -320,3 +323,7 @@ fn check_numbers(plan: &TampingPlan, model: &Model) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "tamping_cycle_tests.rs"]
+mod tests;
