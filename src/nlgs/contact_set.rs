@@ -105,6 +105,11 @@ impl ContactSet {
         }
     }
 
+    /// Chooses the instructions; results do not depend on them.
+    pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) {
+        self.arithmetic = arithmetic;
+    }
+
     /// Number of contacts; a sweep visits each once.
     pub fn contact_count(&self) -> usize {
         self.contact_count

@@ -1,8 +1,8 @@
 //! The kernel against the plain method, and properties of a sweep.
 
-use super::ContactSet;
 use super::reference::{Assembled, MatrixFree};
 use super::scenes::Scene;
+use super::{Arithmetic, ContactSet};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 
@@ -113,4 +113,53 @@ fn contacts_between_grains_keep_momentum() {
     assert!((after.0 - before.0).norm() < 1e-14 * scale, "{:?}", after.0 - before.0);
     // Arms are rounded to f32.
     assert!((after.1 - before.1).norm() < 1e-7 * scale * 0.1, "{:?}", after.1 - before.1);
+}
+
+#[test]
+fn every_arithmetic_gives_the_same_bits() {
+    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let run = |arithmetic| {
+        let mut set = whole(&scene.problem);
+        set.set_arithmetic(arithmetic);
+        for _ in 0..10 {
+            set.sweep(0.9);
+        }
+        let norms = set.measured_sweep(1.0);
+        let bits = |x: &f64| x.to_bits();
+        let lines: Vec<u64> = set.lines.iter().flat_map(|l| l.0.iter().map(bits)).collect();
+        let impulses: Vec<u64> =
+            set.impulses().flat_map(|(_, r)| r.iter().map(bits).collect::<Vec<_>>()).collect();
+        (lines, impulses, norms, set.natural_map())
+    };
+    let portable = run(Arithmetic::PORTABLE);
+    for arithmetic in Arithmetic::available() {
+        assert!(run(arithmetic) == portable, "{arithmetic:?}");
+    }
+}
+
+/// Prints visits per second; run with `--ignored --nocapture`.
+#[test]
+#[ignore = "measures speed"]
+fn speed_of_a_sweep() {
+    for (size, points) in [([12, 12, 8], 1), ([20, 20, 10], 1), ([40, 40, 40], 1)] {
+        let scene = Scene::grid(size, points, 0.0, 13);
+        for arithmetic in Arithmetic::available() {
+            let mut set = whole(&scene.problem);
+            set.set_arithmetic(arithmetic);
+            let sweeps = 6_000_000 / set.contact_count();
+            for part in ["first", "later"] {
+                let start = std::time::Instant::now();
+                for _ in 0..sweeps {
+                    set.sweep(1.0);
+                }
+                let time = start.elapsed().as_secs_f64();
+                println!(
+                    "{arithmetic:?} {} contacts, fill {:.4}, {part} {sweeps} sweeps: {:.1} M/s",
+                    set.contact_count(),
+                    set.fill(),
+                    1e-6 * (sweeps * set.contact_count()) as f64 / time
+                );
+            }
+        }
+    }
 }
