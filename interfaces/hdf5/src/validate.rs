@@ -4,8 +4,9 @@
 //! out of range, a division by zero or a number that is not finite.
 
 use crate::error::Fault;
+use ballast::Error as CoreError;
 use ballast::geometry::Polyhedron;
-use ballast::math::{Quat, Vec3};
+use ballast::math::Vec3;
 use ballast::model::{Model, Part, PartitionRule};
 use ballast::state::State;
 
@@ -15,21 +16,26 @@ type Check = Result<(), Fault>;
 const UNIT: f64 = 1e-9;
 
 pub(crate) fn check(model: &Model, state: &State) -> Check {
+    model.check().map_err(fault)?;
+    state.check(model).map_err(fault)?;
     for (s, shape) in model.shapes.iter().enumerate() {
         polyhedron(shape)
             .map_err(|f| Fault { place: format!("shapes/{} of shape {s}", f.place), ..f })?;
     }
-    grains(model)?;
-    driven(model)?;
-    constants(model)?;
-    lengths(model, state)?;
-    motion(state)?;
-    contacts(model, state)?;
-    all("state/drive", &state.drive, "finite", |v| v.is_finite())?;
-    let e = &state.energy;
-    let energy =
-        [e.initial_kinetic, e.initial_potential, e.kinetic, e.potential, e.work_in, e.dissipated];
-    all("state/energy", &energy, "finite", |v| v.is_finite())
+    rest(model, state)
+}
+
+/// The core's errors name their place in the model or the state.
+fn fault(error: CoreError) -> Fault {
+    match error {
+        CoreError::Model { place, expected, found } => {
+            Fault { place: format!("model: {place}"), expected, found }
+        }
+        CoreError::State { place, expected, found } => {
+            Fault { place: format!("state: {place}"), expected, found }
+        }
+        other => Fault::new("content", "a model and a state that can be stepped", other),
+    }
 }
 
 fn all<T: std::fmt::Debug>(
@@ -56,16 +62,34 @@ fn unit(v: &Vec3) -> bool {
     (v.norm_squared() - 1.0).abs() < UNIT
 }
 
-fn rotation(q: &Quat) -> bool {
-    (q.coords.norm_squared() - 1.0).abs() < UNIT
-}
-
 fn positive(x: &f64) -> bool {
     x.is_finite() && *x > 0.0
 }
 
-fn not_negative(x: &f64) -> bool {
-    x.is_finite() && *x >= 0.0
+/// What the core does not ask of models that its own constructors made.
+fn rest(model: &Model, state: &State) -> Check {
+    for body in &model.driven {
+        all(&format!("driven body {:?}", body.name), &body.parts, "unit quaternions", |part| {
+            match part {
+                Part::Convex { pose, .. } => {
+                    (pose.orientation.coords.norm_squared() - 1.0).abs() < UNIT
+                }
+                Part::HalfSpace { .. } => true,
+            }
+        })?;
+    }
+    let solver = &model.solver;
+    require(solver.check_every > 0, "solver/check_every", "above zero", solver.check_every)?;
+    let numbers = match solver.partition {
+        PartitionRule::Boxes(n) => n,
+        PartitionRule::Balanced(n) | PartitionRule::ContactsPer(n) => [n; 3],
+    };
+    all("solver/partition_numbers", &numbers, "above zero", |n| *n > 0)?;
+    all("state/drive", &state.drive, "finite", |v| v.is_finite())?;
+    let e = &state.energy;
+    let energy =
+        [e.initial_kinetic, e.initial_potential, e.kinetic, e.potential, e.work_in, e.dissipated];
+    all("state/energy", &energy, "finite", |v| v.is_finite())
 }
 
 fn polyhedron(shape: &Polyhedron) -> Check {
@@ -114,95 +138,4 @@ fn polyhedron(shape: &Polyhedron) -> Check {
     all("radius", &[shape.radius], &format!("{farthest}, where the farthest vertex is"), |r| {
         (r - farthest).abs() <= 1e-9 * farthest
     })
-}
-
-fn grains(model: &Model) -> Check {
-    let (ns, ng) = (model.shapes.len(), model.grains.len());
-    all("grains/shape", &model.grains.shape, &format!("below {ns}"), |s| (*s as usize) < ns)?;
-    let (masses, inertias) = (model.grains.mass.len(), model.grains.inertia.len());
-    require(masses == ng, "grains/mass", format!("{ng} rows"), masses)?;
-    require(inertias == ng, "grains/inertia", format!("{ng} rows"), inertias)?;
-    all("grains/mass", &model.grains.mass, "above zero", positive)?;
-    all("grains/inertia", &model.grains.inertia, "above zero", |i| i.iter().all(positive))
-}
-
-fn driven(model: &Model) -> Check {
-    let ns = model.shapes.len();
-    for (d, body) in model.driven.iter().enumerate() {
-        let place = format!("driven body {d} ({:?})", body.name);
-        let twin = model.driven[..d].iter().any(|other| other.name == body.name);
-        require(!twin, &place, "a name of its own", "a second one")?;
-        all(&place, &[body.friction], "friction, 0 or above", not_negative)?;
-        all(&place, &body.parts, "parts of known shape and finite, unit placement", |part| {
-            match part {
-                Part::Convex { shape, pose } => {
-                    (*shape as usize) < ns && pose.is_finite() && rotation(&pose.orientation)
-                }
-                Part::HalfSpace { normal, offset } => unit(normal) && offset.is_finite(),
-            }
-        })?;
-    }
-    Ok(())
-}
-
-fn constants(model: &Model) -> Check {
-    let (stepping, solver) = (&model.stepping, &model.solver);
-    let within = |from: f64, to: f64| move |x: &f64| (from..=to).contains(x);
-    all("model/gravity", &[model.gravity], "finite", finite)?;
-    all("model/grain_friction", &[model.grain_friction], "0 or above", not_negative)?;
-    all("model/restitution", &[model.restitution], "0 to 1", within(0.0, 1.0))?;
-    require(stepping.step_ns > 0, "stepping/step_ns", "above zero", stepping.step_ns)?;
-    all("stepping/theta", &[stepping.theta], "1/2 to 1", within(0.5, 1.0))?;
-    all("stepping/alert", &[stepping.alert], "0 or above", not_negative)?;
-    all("solver/relaxation", &[solver.relaxation], "above 0, up to 1", |r| {
-        positive(r) && *r <= 1.0
-    })?;
-    all("solver/tolerance", solver.tolerance.as_slice(), "0 or above", not_negative)?;
-    require(solver.check_every > 0, "solver/check_every", "above zero", solver.check_every)?;
-    let numbers = match solver.partition {
-        PartitionRule::Boxes(n) => n,
-        PartitionRule::Balanced(n) | PartitionRule::ContactsPer(n) => [n; 3],
-    };
-    all("solver/partition_numbers", &numbers, "above zero", |n| *n > 0)
-}
-
-fn lengths(model: &Model, state: &State) -> Check {
-    let nb = model.body_count();
-    for (place, found) in [
-        ("state/position", state.position.len()),
-        ("state/orientation", state.orientation.len()),
-        ("state/velocity", state.velocity.len()),
-        ("state/spin", state.spin.len()),
-    ] {
-        require(found == nb, place, format!("{nb} rows, one per body"), found)?;
-    }
-    let memory = &state.contacts;
-    let nc = memory.bodies.len();
-    for (place, found) in [
-        ("contacts/feature", memory.feature.len()),
-        ("contacts/local_point", memory.local_point.len()),
-        ("contacts/impulse", memory.impulse.len()),
-    ] {
-        require(found == nc, place, format!("{nc} rows, one per contact"), found)?;
-    }
-    Ok(())
-}
-
-fn motion(state: &State) -> Check {
-    all("state/position", &state.position, "finite", finite)?;
-    all("state/orientation", &state.orientation, "unit quaternions", rotation)?;
-    all("state/velocity", &state.velocity, "finite", finite)?;
-    all("state/spin", &state.spin, "finite", finite)
-}
-
-fn contacts(model: &Model, state: &State) -> Check {
-    let (ng, nb) = (model.grains.len(), model.body_count());
-    let memory = &state.contacts;
-    let expected = format!("a grain below {ng}, then a higher body below {nb}");
-    all("contacts/bodies", &memory.bodies, &expected, |[c, a]| {
-        (*c as usize) < ng && c < a && (*a as usize) < nb
-    })?;
-    require(memory.bodies.is_sorted(), "contacts/bodies", "sorted pairs", "another order")?;
-    all("contacts/local_point", &memory.local_point, "finite", finite)?;
-    all("contacts/impulse", &memory.impulse, "finite", finite)
 }

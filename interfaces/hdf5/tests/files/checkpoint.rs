@@ -24,7 +24,7 @@ fn everything_comes_back_bit_for_bit() {
     for (schedule, partition, tolerance, kind) in [
         (Schedule::Sequential, PartitionRule::Boxes([1, 2, 3]), Some(1e-4), Kind::Bed),
         (Schedule::Synchronous, PartitionRule::Balanced(7), None, Kind::Run),
-        (Schedule::Asynchronous, PartitionRule::ContactsPer(9), Some(0.0), Kind::Run),
+        (Schedule::Asynchronous, PartitionRule::ContactsPer(9), Some(1e-300), Kind::Run),
     ] {
         let solver = &mut written.model.solver;
         (solver.schedule, solver.partition, solver.tolerance) = (schedule, partition, tolerance);
@@ -107,7 +107,7 @@ fn what_could_not_be_stepped_is_not_written() {
     bad.state.velocity[3].x = f64::NAN;
     let error = write(&path, &bad).unwrap_err();
     assert!(matches!(error, Error::Refused { .. }), "{error}");
-    assert!(error.to_string().contains("state/velocity"), "{error}");
+    assert!(error.to_string().contains("velocity of body 3"), "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), before);
 }
 

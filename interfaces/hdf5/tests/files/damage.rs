@@ -90,14 +90,14 @@ fn senseless_values_are_refused_with_their_place() {
     let edits: &[(&str, Edit)] = &[
         ("state/position: expected finite", |f| set(f, "state/position", 4, f64::NAN)),
         ("state/spin: expected finite", |f| set(f, "state/spin", 0, f64::INFINITY)),
-        ("grains/mass: expected above zero", |f| set(f, "grains/mass", 2, -1.0)),
-        ("grains/mass: expected above zero", |f| set(f, "grains/mass", 2, 0.0)),
-        ("grains/inertia: expected above zero", |f| set(f, "grains/inertia", 5, -1e-9)),
-        ("grains/shape: expected below 4", |f| set(f, "grains/shape", 0, 4_u32)),
-        ("state/orientation: expected unit", |f| set(f, "state/orientation", 0, 2.0)),
-        ("contacts/bodies: expected a grain", |f| set(f, "contacts/bodies", 1, 31_u32)),
-        ("contacts/bodies: expected a grain", |f| set(f, "contacts/bodies", 0, u32::MAX)),
-        ("contacts/bodies: expected sorted", |f| {
+        ("expected a finite mass above 0", |f| set(f, "grains/mass", 2, -1.0)),
+        ("expected a finite mass above 0", |f| set(f, "grains/mass", 2, 0.0)),
+        ("expected finite moments of inertia above 0", |f| set(f, "grains/inertia", 5, -1e-9)),
+        ("grain 0: expected a shape of the model, found 4", |f| set(f, "grains/shape", 0, 4_u32)),
+        ("orientation of body 0", |f| set(f, "state/orientation", 0, 2.0)),
+        ("found the pair", |f| set(f, "contacts/bodies", 1, 31_u32)),
+        ("found the pair", |f| set(f, "contacts/bodies", 0, u32::MAX)),
+        ("found pairs out of order", |f| {
             set(f, "contacts/bodies", 0, 2_u32);
             set(f, "contacts/bodies", 1, 5_u32)
         }),
@@ -115,13 +115,15 @@ fn senseless_values_are_refused_with_their_place() {
         ("shapes/edges of shape 0", |f| set(f, "shapes/edges", 2, 6_u16)),
         ("shapes/radius of shape 0", |f| set(f, "shapes/radius", 0, 1.0)),
         ("shapes/volume of shape 0", |f| set(f, "shapes/volume", 0, -1.0)),
-        ("stepping/step_ns: expected above zero", |f| set(f, "stepping/step_ns", 0, 0_u64)),
-        ("stepping/theta: expected 1/2 to 1", |f| set(f, "stepping/theta", 0, 0.0)),
-        ("solver/relaxation", |f| set(f, "solver/relaxation", 0, 0.0)),
+        ("model: stepping.step_ns: expected above 0, found 0", |f| {
+            set(f, "stepping/step_ns", 0, 0_u64)
+        }),
+        ("model: stepping.theta", |f| set(f, "stepping/theta", 0, 0.0)),
+        ("model: solver.relaxation", |f| set(f, "solver/relaxation", 0, 0.0)),
         ("solver/check_every", |f| set(f, "solver/check_every", 0, 0_u32)),
         ("solver/warm_start: expected 0 or 1, found 2", |f| set(f, "solver/warm_start", 0, 2_u8)),
         ("parts/kind: expected 0", |f| set(f, "parts/kind", 0, 7_u8)),
-        ("parts of known shape", |f| set(f, "parts/shape", 2, 99_u32)),
+        ("expected a known shape", |f| set(f, "parts/shape", 2, 99_u32)),
         ("driven/role: expected", |f| set(f, "driven/role", 0, text("king"))),
         ("a name of its own", |f| set(f, "driven/name", 1, text("floor"))),
         ("solver/schedule: expected", |f| set(f, "solver/schedule", 0, text("fast"))),

@@ -1,58 +1,10 @@
 //! A small scene that uses every field of model and state.
 
-use ballast::geometry::{Edge, Polyhedron};
+use ballast::geometry::hull::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::*;
 use ballast::state::*;
 use ballast_hdf5::checkpoint::{Checkpoint, Kind};
-
-/// A box with these half sizes, m.
-pub fn cuboid(half: Vec3) -> Polyhedron {
-    let corner = |i: usize| {
-        let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
-        Vec3::new(sign(0) * half.x, sign(1) * half.y, sign(2) * half.z)
-    };
-    // Faces -x +x -y +y -z +z, counter-clockwise from outside; corner bits are x, y, z.
-    let faces: [[u16; 4]; 6] =
-        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let mut face_normals = vec![];
-    for axis in 0..3 {
-        for sign in [-1.0, 1.0] {
-            let mut normal = Vec3::zeros();
-            normal[axis] = sign;
-            face_normals.push(normal);
-        }
-    }
-    let s = half.component_mul(&half) * (4.0 / 3.0);
-    let volume = 8.0 * half.x * half.y * half.z;
-    Polyhedron {
-        vertices: (0..8).map(corner).collect(),
-        face_normals,
-        face_offsets: vec![half.x, half.x, half.y, half.y, half.z, half.z],
-        face_starts: (0..=6).map(|f| 4 * f).collect(),
-        face_vertices: faces.as_flattened().to_vec(),
-        edges: edges(&faces),
-        volume,
-        unit_inertia: Vec3::new(s.y + s.z, s.x + s.z, s.x + s.y) * (volume / 4.0),
-        radius: half.norm(),
-    }
-}
-
-fn edges(faces: &[[u16; 4]]) -> Vec<Edge> {
-    let runs =
-        |f: usize, a: u16, b: u16| (0..4).any(|k| faces[f][k] == a && faces[f][(k + 1) % 4] == b);
-    let face = |a, b| (0..faces.len()).find(|&f| runs(f, a, b)).unwrap() as u16;
-    let mut edges = vec![];
-    for a in 0..8_u16 {
-        for b in [a ^ 1, a ^ 2, a ^ 4] {
-            if a < b {
-                edges.push(Edge { vertices: [a, b], faces: [face(a, b), face(b, a)] });
-            }
-        }
-    }
-    edges.sort_by_key(|e| e.vertices);
-    edges
-}
 
 fn turn(x: f64, y: f64, z: f64) -> Quat {
     Quat::from_scaled_axis(Vec3::new(x, y, z))
