@@ -21,7 +21,7 @@
 //! a solution of the contact law, and which one is found depends on the warm start alone.
 
 use super::block::LawRows;
-use super::kernel::Lanes;
+use super::kernel::{Lanes, each};
 
 /// Newton steps that are relatively smaller than this leave an error below rounding: convergence is
 /// quadratic.
@@ -73,7 +73,8 @@ pub fn solve<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3], slip: &mut [f32; 8]
         tangential = solve_slip(law, beta, [z1, z2], slips, slip);
     }
     let normal = normal_impulse(law, beta, tangential[0], tangential[1]);
-    [normal, tangential[0], tangential[1]].map(|x| L::select(closed, x, zero))
+    let solved = [normal, tangential[0], tangential[1]];
+    each!(K in 3 => L::select(closed, solved[K], zero))
 }
 
 /// `r_n` that makes `u_n` zero.
@@ -142,12 +143,12 @@ pub fn delassus_times<L: Lanes>(law: &Law<L>, x: &[L; 3], mask: L::Mask) -> [L; 
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let [k1, k2] = law.coupling;
     // Padding has no masses to divide by.
-    let inverse = |mass: L| one.div(L::select(mask, mass, one));
-    let normal = inverse(law.normal_mass).mul(k2.mul_add(x[2], k1.mul_add(x[1], x[0])));
-    let s2 = inverse(law.tangent_mass);
+    let w_nn = one.div(L::select(mask, law.normal_mass, one));
+    let s2 = one.div(L::select(mask, law.tangent_mass, one));
+    let normal = w_nn.mul(k2.mul_add(x[2], k1.mul_add(x[1], x[0])));
     let s1 = s2.div(law.tangent_ratio);
     let w = [normal, k1.mul_add(normal, s1.mul(x[1])), k2.mul_add(normal, s2.mul(x[2]))];
-    w.map(|w| L::select(mask, w, zero))
+    each!(K in 3 => L::select(mask, w[K], zero))
 }
 
 /// `r - P_K(r - ρ (u + μ ‖u_T‖ n))` with `ρ = 3 / tr W_αα` (T-10); zero for padding.
@@ -156,8 +157,8 @@ pub fn natural_map<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let [k1, k2] = law.coupling;
     let contact = zero.lt(law.normal_mass);
-    let inverse = |mass: L| one.div(L::select(contact, mass, one));
-    let (w_nn, s2) = (inverse(law.normal_mass), inverse(law.tangent_mass));
+    let w_nn = one.div(L::select(contact, law.normal_mass, one));
+    let s2 = one.div(L::select(contact, law.tangent_mass, one));
     let coupled = k2.mul_add(k2, k1.mul_add(k1, one));
     let trace = coupled.mul_add(w_nn, s2.add(s2.div(law.tangent_ratio)));
     let rho = L::splat(3.0).div(trace);
@@ -168,7 +169,7 @@ pub fn natural_map<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
         rho.neg_mul_add(u[2], r[2]),
     ];
     let projected = project(law.friction, &x);
-    [0, 1, 2].map(|k| L::select(contact, r[k].sub(projected[k]), zero))
+    each!(K in 3 => L::select(contact, r[K].sub(projected[K]), zero))
 }
 
 /// Projection on Coulomb's cone: [`crate::math::cone::project`] on eight lanes.
@@ -182,5 +183,5 @@ fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
     let divisor = L::select(zero.lt(tangential), tangential, one);
     let scale = mu.mul(normal).div(divisor);
     let on_cone = [normal, scale.mul(x[1]), scale.mul(x[2])];
-    [0, 1, 2].map(|k| L::select(inside, x[k], L::select(polar, zero, on_cone[k])))
+    each!(K in 3 => L::select(inside, x[K], L::select(polar, zero, on_cone[K])))
 }
