@@ -11,6 +11,9 @@ use crate::local_problem::Line;
 /// A closure (as `array::map` wants) is a function of its own, which has not the instructions of the
 /// function around it: kernels must not depend on the optimiser to merge the two.
 macro_rules! each {
+    ($j:ident in 2 => $value:expr) => {
+        each!($j in [0, 1] => $value)
+    };
     ($j:ident in 3 => $value:expr) => {
         each!($j in [0, 1, 2] => $value)
     };
