@@ -51,13 +51,13 @@ fn both_ways(a: &Body, b: &Body, n: &Vec3) -> (f64, Vec3) {
 /// Largest separation over all face normals and all products of edges, and its direction, A to B.
 pub fn separation(a: &Body, b: &Body) -> (f64, Vec3) {
     let mut best = (f64::NEG_INFINITY, Vec3::zeros());
-    let mut try_axis = |n: &Vec3| {
+    let better = |n: &Vec3, best: (f64, Vec3)| {
         let found = both_ways(a, b, n);
-        if found.0 > best.0 {
-            best = found;
-        }
+        if found.0 > best.0 { found } else { best }
     };
-    a.normals.iter().chain(&b.normals).for_each(&mut try_axis);
+    for n in a.normals.iter().chain(&b.normals) {
+        best = better(n, best);
+    }
     for [p0, p1] in &a.edges {
         let e = p1 - p0;
         for [q0, q1] in &b.edges {
@@ -67,7 +67,10 @@ pub fn separation(a: &Body, b: &Body) -> (f64, Vec3) {
                 // Twice, for nearly parallel edges.
                 let c = c.normalize();
                 let n = (c - e * (c.dot(&e) / e.norm_squared())).normalize();
-                try_axis(&n);
+                // Neither n nor -n can separate by more than these two points show.
+                if n.dot(&(q0 - p0)).abs() > best.0 {
+                    best = better(&n, best);
+                }
             }
         }
     }

@@ -24,7 +24,7 @@ mod placing;
 mod reduce;
 
 use crate::geometry::Polyhedron;
-use crate::math::{Mat3, Pose, Vec3};
+use crate::math::{Mat3, Pose, Quat, Vec3};
 use clip::ClipVertex;
 use cloud::Cloud;
 use edges::{ClosestPoints, EdgeAxis, NearEdge};
@@ -92,7 +92,7 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
     }
     let turn = a.pose.orientation.inverse() * b.pose.orientation;
     let rotation = turn.to_rotation_matrix().into_inner();
-    let pair = Pair { a, b, rotation, offset, size, alert };
+    let pair = Pair { a, b, turn, rotation, offset, size, alert };
     if pair.still_apart(&memory.axis) {
         return;
     }
@@ -109,7 +109,8 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
 struct Pair<'a> {
     a: Solid<'a>,
     b: Solid<'a>,
-    /// From the frame of B to that of A.
+    /// From the frame of B to that of A; the same as a matrix.
+    turn: Quat,
     rotation: Mat3,
     /// Origin of B.
     offset: Vec3,
@@ -420,10 +421,17 @@ impl Pair<'_> {
         let mut spans = spans.iter();
         candidates.retain_mut(|c| {
             let Some(span) = spans.next() else { return false };
-            if c.gap < 0.0 {
-                c.point += normal * span.middle();
+            if c.gap >= 0.0 {
+                return true;
             }
-            !span.is_empty() || c.gap >= 0.0 || c.gap == deepest
+            if !span.is_empty() {
+                c.point += normal * span.middle();
+            } else if c.gap == deepest {
+                let in_a = Pose { position: self.offset, orientation: self.turn };
+                let solids = [(self.a.shape, &Pose::identity()), (self.b.shape, &in_a)];
+                c.point = placing::pull_in(solids, &c.point, INSIDE * self.size);
+            }
+            !span.is_empty() || c.gap == deepest
         });
     }
 }

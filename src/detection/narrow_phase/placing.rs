@@ -4,9 +4,10 @@
 //! deep, as near a sharp edge. Then the point moves along the normal to the middle of what the
 //! bodies share of its line.
 
+use super::faces;
 use super::reduce::Candidate;
 use crate::geometry::Polyhedron;
-use crate::math::Vec3;
+use crate::math::{Pose, Vec3};
 
 /// Which part of each point's line, as distances from the point, is in the bodies asked so far.
 #[derive(Debug, Clone, Copy)]
@@ -57,3 +58,27 @@ pub fn cut(shape: &Polyhedron, points: &[Vec3], n: &Vec3, spans: &mut [Span]) {
         }
     }
 }
+
+/// A point near `x` that is in both bodies up to `tolerance`, if they overlap.
+///
+/// Projects on the plane that is violated most, a little too far, so that the end is reached in few
+/// steps: for sharp edges, whose normal line passes beside the overlap.
+pub fn pull_in(solids: [(&Polyhedron, &Pose); 2], x: &Vec3, tolerance: f64) -> Vec3 {
+    let mut x = *x;
+    for _ in 0..PULLS {
+        let worst = |(shape, pose): (&Polyhedron, &Pose)| {
+            let local = pose.inverse_point(&x);
+            let (out, f) = faces::furthest_out(shape, &local);
+            (out, pose.orientation * shape.face_normals[f])
+        };
+        let (a, b) = (worst(solids[0]), worst(solids[1]));
+        let (out, n) = if a.0 >= b.0 { a } else { b };
+        if out <= tolerance {
+            break;
+        }
+        x -= n * (1.3 * out);
+    }
+    x
+}
+
+const PULLS: usize = 100;
