@@ -49,8 +49,13 @@ impl Block {
             for name in ["NumberOfCells", "NumberOfConnectivityIds"] {
                 create_table::<i64>(&cells, name, &[])?;
             }
-            create_table::<i64>(&cells, "Offsets", &[])?;
-            create_table::<i64>(&cells, "Connectivity", &[])?;
+            for name in ["Offsets", "Connectivity"] {
+                // Polygons are written once, and are many.
+                match kind {
+                    "Polygons" => create::<i64>(&cells, name, &[], 4 * points_per_step)?,
+                    _ => create_table::<i64>(&cells, name, &[])?,
+                }
+            }
             append(&cells, "Offsets", &[0_i64])?;
         }
         let steps = group.create_group("Steps")?;
@@ -241,7 +246,8 @@ pub(crate) fn create_root(file: &hdf5::File) -> Result<Group> {
     };
     let root = ordered("VTKHDF", file)?;
     root.new_attr::<i64>().shape(2).create("Version")?.write_raw(&[2_i64, 3])?;
-    ascii(&root, "Type", b"PartitionedDataSetCollection")?;
+    // Not PartitionedDataSetCollection: pyvista does not take it.
+    ascii(&root, "Type", b"MultiBlockDataSet")?;
     ordered("Assembly", &root)?;
     Ok(root)
 }

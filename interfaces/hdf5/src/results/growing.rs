@@ -8,7 +8,7 @@ use ndarray::{ArrayView, IxDyn, SliceInfo, SliceInfoElem};
 const CHUNK_ROWS: usize = 1 << 16;
 
 /// Rows of an uncompressed chunk, by bytes of a row.
-const TABLE_BYTES: usize = 1 << 13;
+const TABLE_BYTES: usize = 1 << 11;
 
 /// An empty dataset of rows `[tail..]` for [`append_portion`]s of about `portion` rows; compressed.
 pub(crate) fn create<T: H5Type>(

@@ -36,9 +36,9 @@ def collection(path):
         reader.Update()
         print(f"{frame} time {reader.GetTimeValue()!r}")
         blocks = reader.GetOutputDataObject(0)
-        for k in range(blocks.GetNumberOfPartitionedDataSets()):
+        for k in range(blocks.GetNumberOfBlocks()):
             name = blocks.GetMetaData(k).Get(vtk.vtkCompositeDataSet.NAME())
-            tell(frame, name, blocks.GetPartitionedDataSet(k).GetPartition(0))
+            tell(frame, name, blocks.GetBlock(k))
 
 
 def polydata(path):
