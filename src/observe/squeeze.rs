@@ -163,11 +163,8 @@ mod tests {
 
     /// Both tines of a facing pair are resisted by `force` and do `work` each.
     fn report(force: f64, work: f64) -> StepReport {
-        let reaction = |x: f64| Reaction {
-            impulse: Vec3::new(x * H, 5.0, 7.0),
-            work,
-            ..Reaction::default()
-        };
+        let reaction =
+            |x: f64| Reaction { impulse: Vec3::new(x * H, 5.0, 7.0), work, ..Reaction::default() };
         let reactions = vec![Reaction::default(), reaction(-force), reaction(force)];
         StepReport { reactions, ..StepReport::default() }
     }

@@ -23,4 +23,4 @@ pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use squeeze_control::TinePair;
 pub use tamping_cycle::{TampingCycle, TampingPhase};
-pub use zones::{Zone, zones};
+pub use zones::zones;

@@ -14,14 +14,8 @@
 
 use crate::geometry::clip::AxisBox;
 use crate::math::Vec3;
+use crate::observe::Zone;
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan, TinePlan};
-
-/// A named box, m.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Zone {
-    pub name: String,
-    pub region: AxisBox,
-}
 
 /// The zones of a plan: under all blocks of tamped sleepers, their cribs, the tines' insertion
 /// zones, in this order.
