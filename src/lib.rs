@@ -30,8 +30,9 @@ pub mod ddm;
 
 pub mod integrate;
 
-pub mod step;
 pub mod workspace;
+
+pub mod step;
 
 pub mod observe;
 pub mod track;
