@@ -2,4 +2,9 @@
 
 pub mod polyhedron;
 
+mod faces;
+pub mod hull;
+pub mod mass_properties;
+
+pub use hull::{convex_hull, cuboid};
 pub use polyhedron::{Edge, Polyhedron};
