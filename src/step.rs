@@ -12,6 +12,7 @@ use crate::integrate;
 use crate::math::Vec3;
 use crate::model::{Model, Schedule};
 use crate::state::State;
+pub use crate::nlgs::Residuals;
 use crate::workspace::Workspace;
 
 /// Advances `state` by one time step.
@@ -41,16 +42,16 @@ pub fn step(
     divide(model, ws);
     watch.lap(Phase::Partition);
 
-    ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
-    ws.problem.free_lines(model, &ws.motion, &mut ws.lines);
+    let start = if model.solver.warm_start { ws.impulse.as_slice() } else { &[] };
+    ws.problem.build(model, state, &ws.motion, &ws.contacts, start);
     watch.lap(Phase::LocalProblem);
 
-    ws.decomposition.pack(&ws.problem, &ws.lines);
+    ws.decomposition.pack(&ws.problem);
     watch.lap(Phase::ContactGraph);
 
     ws.decomposition.apply_impulses();
     let outcome = ddm::solve(&mut ws.decomposition, &model.solver);
-    collect(model, state, ws)?;
+    collect(state, ws)?;
     watch.lap(Phase::Solve);
 
     let report = integrate_and_report(model, state, ws, &outcome);
@@ -76,11 +77,10 @@ fn divide(model: &Model, ws: &mut Workspace) {
 }
 
 /// Takes impulses and velocities out of the sets of contacts, and refuses what is not finite.
-fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
-    let Workspace { decomposition, impulse, lines, velocity, spin, .. } = ws;
-    decomposition.impulses(|contact, value| impulse[contact as usize] = value);
-    decomposition.lines(lines);
-    crate::local_problem::velocities(model, &ws.motion, lines, velocity, spin);
+fn collect(state: &State, ws: &mut Workspace) -> Result<()> {
+    let Workspace { decomposition, problem, impulse, velocity, spin, .. } = ws;
+    impulse.resize(problem.contacts.len(), Vec3::zeros());
+    decomposition.unpack(problem, impulse, velocity, spin);
     let bad = (0..velocity.len())
         .find(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
     match bad {
@@ -193,27 +193,6 @@ pub trait Stopwatch {
 
 impl Stopwatch for () {
     fn lap(&mut self, _phase: Phase) {}
-}
-
-/// How well a step is solved; what [`crate::model::Solver::tolerance`] is compared with.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Residuals {
-    /// LMGC90's norms, not divided by a tolerance: rms of the visits' velocity change over rms of
-    /// W r on active contacts (T-11).
-    pub quad: f64,
-    /// The same with the largest change, over 16.666.
-    pub max16: f64,
-    /// Impulse-weighted means of the change (T-11): the larger of the two.
-    pub weighted: f64,
-    /// Natural map, unit-free (T-10).
-    pub natural_map: f64,
-}
-
-impl Residuals {
-    /// The largest of LMGC90's norms.
-    pub fn qm16(&self) -> f64 {
-        self.quad.max(self.max16).max(self.weighted)
-    }
 }
 
 /// What a step did. Not converging is told here, not as an error.

@@ -7,7 +7,6 @@ use crate::detection::{Contacts, Detector};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::motion::Motion;
-use crate::nlgs::Line;
 
 /// Buffers of a step. After a step they hold what observables read.
 #[derive(Debug, Default)]
@@ -22,8 +21,6 @@ pub struct Workspace {
     pub(crate) detector: Detector,
     pub(crate) decomposition: Decomposition,
     pub(crate) problem: LocalProblem,
-    /// Velocity lines of the grains, free, then solved `[ng]`.
-    pub(crate) lines: Vec<Line>,
     /// Velocities of the grains at the end of the step `[ng]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
     pub(crate) spin: Vec<Vec3>,

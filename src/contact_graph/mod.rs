@@ -1,1 +1,7 @@
-//! (to come)
+//! Which contacts may be solved at once: two contacts are neighbours when they share a grain.
+//!
+//! Driven bodies do not couple contacts: their motion is imposed, whatever pushes on them.
+
+pub mod packing;
+
+pub use packing::{LANES, PADDING, Packing};

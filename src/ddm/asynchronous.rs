@@ -12,8 +12,7 @@
 use super::decomposition::{Set, enter, open};
 use super::{Decomposition, Outcome, is_solved, is_test};
 use crate::model::{Norm, Solver};
-use crate::nlgs::residual::{self, VisitNorms};
-use crate::step::Residuals;
+use crate::nlgs::{Residuals, VisitNorms};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -179,9 +178,9 @@ impl Course<'_> {
         }
         tests.ended = 0;
         let mut sum = VisitNorms::default();
-        tests.norms.iter().for_each(|part| sum.add(part));
+        tests.norms.iter().for_each(|part| sum += *part);
         tests.iterations = done;
-        tests.residuals = residual::of_visits(&sum);
+        tests.residuals = sum.residuals();
         let value = tests.residuals.qm16();
         let least = tests.least.map_or(value, |least| least.min(value));
         tests.least = Some(least);

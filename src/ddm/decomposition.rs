@@ -7,8 +7,7 @@
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::model::Solver;
-use crate::nlgs::residual::{self, NaturalMapSums, VisitNorms};
-use crate::nlgs::{ContactSet, Line};
+use crate::nlgs::{ContactSet, NaturalMapSums, VisitNorms};
 use crate::partition::Partition;
 use rayon::prelude::*;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -77,8 +76,8 @@ impl Decomposition {
         &self.partition
     }
 
-    /// Lays out the contacts of `problem` in sets, velocities at their free values `free` `[ng]`.
-    pub fn pack(&mut self, problem: &LocalProblem, free: &[Line]) {
+    /// Lays out the contacts of `problem` in sets, velocities at their free values.
+    pub fn pack(&mut self, problem: &LocalProblem) {
         let partition = &self.partition;
         self.line_of.resize(partition.owner.len(), 0);
         for s in 0..partition.grains.len() {
@@ -92,12 +91,11 @@ impl Decomposition {
             let set = &mut open(set).contacts;
             let grains = partition.grains.list(s);
             set.pack(problem, partition.contacts.list(s), grains.len(), |g| line_of[g as usize]);
-            set.lines.clear();
-            set.lines.extend(grains.iter().map(|&g| free[g as usize]));
+            fill(set, grains, problem);
         });
         self.groups.resize_with(partition.interface.pairs.len(), Mutex::default);
         self.groups.par_iter_mut().enumerate().for_each(|(g, group)| {
-            open(group).pack(problem, partition, line_of, g, free);
+            open(group).pack(problem, partition, line_of, g);
         });
     }
 
@@ -140,10 +138,10 @@ impl Decomposition {
     pub(super) fn visit_norms(&mut self) -> VisitNorms {
         let mut sum = VisitNorms::default();
         for set in &mut self.subdomains {
-            sum.add(&open(set).norms);
+            sum += open(set).norms;
         }
         for group in &mut self.groups {
-            sum.add(&open(group).set.norms);
+            sum += open(group).set.norms;
         }
         sum
     }
@@ -160,8 +158,8 @@ impl Decomposition {
             group.set.contacts.natural_map()
         });
         let mut sum = NaturalMapSums::default();
-        inside.into_iter().chain(between).for_each(|part| sum.add(&part));
-        residual::natural_map(&sum)
+        inside.into_iter().chain(between).for_each(|part| sum += part);
+        sum.residual()
     }
 
     /// The two subdomains between which group `g` lies, locked in ascending order.
@@ -169,25 +167,29 @@ impl Decomposition {
         self.partition.interface.pairs[g].map(|s| enter(&self.subdomains[s as usize]))
     }
 
-    /// Calls `take` with each contact's number and the impulse on its candidate, world axes, N s.
-    pub fn impulses(&mut self, mut take: impl FnMut(u32, Vec3)) {
-        for set in &mut self.subdomains {
-            open(set).contacts.impulses(&mut take);
+    /// Writes out the solution: impulses on the candidates, world axes, N s `[nc]`, and the grains'
+    /// velocities, m/s and rad/s `[ng]`.
+    pub fn unpack(
+        &mut self,
+        problem: &LocalProblem,
+        impulse: &mut [Vec3],
+        velocity: &mut Vec<Vec3>,
+        spin: &mut Vec<Vec3>,
+    ) {
+        let Self { subdomains, groups, partition, line_of } = self;
+        for group in groups {
+            open(group).set.contacts.unpack(problem, impulse);
         }
-        for group in &mut self.groups {
-            open(group).set.contacts.impulses(&mut take);
+        for set in &mut *subdomains {
+            open(set).contacts.unpack(problem, impulse);
         }
-    }
-
-    /// Velocity line of each grain, in the order of the grains `[ng]`.
-    pub fn lines(&mut self, out: &mut Vec<Line>) {
-        let sets: Vec<&[Line]> =
-            self.subdomains.iter_mut().map(|set| open(set).contacts.lines.as_slice()).collect();
-        let (owner, line_of) = (&self.partition.owner, &self.line_of);
-        out.clear();
-        out.par_extend(
-            owner.par_iter().zip(line_of).map(|(&s, &line)| sets[s as usize][line as usize]),
-        );
+        let sets: Vec<&ContactSet> = subdomains.iter_mut().map(|set| &open(set).contacts).collect();
+        (&partition.owner, &*line_of)
+            .into_par_iter()
+            .enumerate()
+            .with_min_len(1024)
+            .map(|(g, (&s, &line))| problem.velocity(g, &sets[s as usize].lines[line as usize]))
+            .unzip_into_vecs(velocity, spin);
     }
 
     pub(super) fn save(&mut self) -> Saved {
@@ -207,6 +209,13 @@ impl Decomposition {
     }
 }
 
+/// Sets the lines of `set` to the free velocities of `grains`.
+fn fill(set: &mut ContactSet, grains: &[u32], problem: &LocalProblem) {
+    for (line, &grain) in set.lines.iter_mut().zip(grains) {
+        *line = problem.lines[grain as usize];
+    }
+}
+
 impl Group {
     /// Copies its grains' newest velocities into its own lines.
     fn gather(&mut self, homes: &[MutexGuard<'_, Set>; 2]) {
@@ -221,11 +230,10 @@ impl Group {
         partition: &Partition,
         line_of: &[u32],
         g: usize,
-        free: &[Line],
     ) {
         let contacts = partition.interface.contacts.list(g);
         self.grains.clear();
-        self.grains.extend(contacts.iter().flat_map(|&c| problem.bodies[c as usize]));
+        self.grains.extend(contacts.iter().flat_map(|&c| problem.contacts[c as usize].bodies));
         self.grains.sort_unstable();
         self.grains.dedup();
         let first = partition.interface.pairs[g][0];
@@ -237,7 +245,6 @@ impl Group {
         set.contacts.pack(problem, contacts, grains.len(), |grain| {
             grains.partition_point(|&other| other < grain) as u32
         });
-        set.contacts.lines.clear();
-        set.contacts.lines.extend(grains.iter().map(|&grain| free[grain as usize]));
+        fill(&mut set.contacts, grains, problem);
     }
 }

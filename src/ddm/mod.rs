@@ -9,7 +9,7 @@ mod decomposition;
 mod synchronous;
 
 use crate::model::{Norm, Schedule, Solver};
-use crate::step::Residuals;
+use crate::nlgs::Residuals;
 
 pub use decomposition::Decomposition;
 
@@ -66,5 +66,3 @@ fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
     solver.tolerance.is_some_and(|tolerance| value < tolerance)
 }
 
-#[cfg(test)]
-mod tests;

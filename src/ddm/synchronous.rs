@@ -4,7 +4,6 @@
 
 use super::{Decomposition, Outcome, is_solved, is_test};
 use crate::model::{Norm, Solver};
-use crate::nlgs::residual;
 
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
@@ -18,7 +17,7 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
         outcome.iterations = done;
         outcome.visits += visits_per_iteration;
         if measured {
-            outcome.residuals = residual::of_visits(&decomposition.visit_norms());
+            outcome.residuals = decomposition.visit_norms().residuals();
             if solver.norm == Norm::NaturalMap {
                 outcome.residuals.natural_map = decomposition.natural_map();
             }

@@ -1,1 +1,128 @@
-//! (to come)
+//! The frictional problem of a step, contact by contact, ready to be packed and swept.
+//!
+//! Reads: model, state (restitution needs the velocities at the start of the step), motion,
+//! contacts, warm-start impulses. Writes: [`LocalProblem`]. Theory: (T-5) to (T-9). Cost: O(contacts
+//! + grains), parallel. Contract: the result does not depend on the number of threads.
+//!
+//! Geometry is rounded to f32 once, here, and everything else (the third axis, the Delassus blocks)
+//! is derived from the rounded values: `H` and its transpose are the same numbers, so linear
+//! momentum is exact to rounding of f64. Rounding of the levers changes angular momentum by 1e-7 of
+//! an impulse times its lever.
+
+pub mod contact;
+pub mod line;
+
+pub use contact::LocalContact;
+pub use line::Line;
+
+use crate::detection::Contacts;
+use crate::math::{Mat3, Vec3};
+use crate::model::Model;
+use crate::motion::Motion;
+use crate::state::State;
+use contact::Side;
+use rayon::prelude::*;
+
+/// Contacts in canonical order, and what turns lines into velocities.
+#[derive(Debug, Default)]
+pub struct LocalProblem {
+    /// `[nc]`, in the order of [`Contacts`].
+    pub contacts: Vec<LocalContact>,
+    /// Free velocities of the grains `[ng]`.
+    pub lines: Vec<Line>,
+    /// `B = R D^(-1/2)` per grain `[ng]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
+    pub whitening: Vec<Mat3>,
+}
+
+impl LocalProblem {
+    /// Fills the problem of a step; `warm` are initial impulses on the candidates, world axes,
+    /// N s `[nc]`, or empty for none.
+    pub fn build(
+        &mut self,
+        model: &Model,
+        state: &State,
+        motion: &Motion,
+        contacts: &Contacts,
+        warm: &[Vec3],
+    ) {
+        self.build_grains(model, motion);
+        let ng = model.grains.len();
+        let h = model.stepping.h();
+        let whitening = &self.whitening;
+        (0..contacts.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let [c, a] = contacts.bodies[i];
+                let (c, a) = (c as usize, a as usize);
+                let point = contacts.point[i];
+                let grain = |b: usize| Side {
+                    lever: point - motion.position[b],
+                    inverse_mass: 1.0 / model.grains.mass[b],
+                    whitening: whitening[b],
+                };
+                let mut contact = if a < ng {
+                    LocalContact::pair(&contacts.normal[i], &grain(c), &grain(a))
+                } else {
+                    LocalContact::single(&contacts.normal[i], &grain(c))
+                };
+                contact.bodies = contacts.bodies[i];
+                let gap = contacts.gap[i];
+                if gap > 0.0 {
+                    contact.offset.x = gap / h;
+                } else if model.restitution > 0.0 {
+                    let start = |b: usize| {
+                        state.velocity[b] + state.spin[b].cross(&(point - motion.position[b]))
+                    };
+                    let approach = contact.axes()[0].dot(&(start(c) - start(a)));
+                    contact.offset.x = model.restitution * approach.min(0.0);
+                }
+                contact.friction = if a < ng {
+                    model.grain_friction as f32
+                } else {
+                    let lever = point - motion.position[a];
+                    let surface = motion.velocity[a] + motion.spin[a].cross(&lever);
+                    contact.offset -= contact.components(&surface);
+                    model.driven[a - ng].friction as f32
+                };
+                if let Some(world) = warm.get(i) {
+                    contact.impulse = contact.components(world);
+                }
+                contact
+            })
+            .collect_into_vec(&mut self.contacts);
+    }
+
+    fn build_grains(&mut self, model: &Model, motion: &Motion) {
+        let ng = model.grains.len();
+        (0..ng)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|b| {
+                let inertia = &model.grains.inertia[b];
+                let rotation = motion.orientation[b].to_rotation_matrix();
+                let root = inertia.map(f64::sqrt);
+                let inverse_root = root.map(|x| 1.0 / x);
+                let whitened =
+                    rotation.matrix().tr_mul(&motion.spin[b]).component_mul(&root);
+                let line = Line::new(&motion.velocity[b], &whitened, 1.0 / model.grains.mass[b]);
+                (line, rotation.matrix() * Mat3::from_diagonal(&inverse_root))
+            })
+            .unzip_into_vecs(&mut self.lines, &mut self.whitening);
+    }
+
+    /// Velocity (m/s) and angular velocity (world axes, rad/s) of a grain whose line is `line`.
+    pub fn velocity(&self, grain: usize, line: &Line) -> (Vec3, Vec3) {
+        (line.velocity(), self.whitening[grain] * line.whitened_spin())
+    }
+
+    /// Number of grains.
+    pub fn grain_count(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Whether contact `i` is with a driven body.
+    pub fn is_single(&self, i: usize) -> bool {
+        self.contacts[i].bodies[1] as usize >= self.lines.len()
+    }
+}

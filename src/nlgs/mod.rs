@@ -1,1 +1,17 @@
-//! (to come)
+//! Non-linear Gauss-Seidel: sweeps of contact visits over a set of contacts.
+//!
+//! [`ContactSet`] is what runs: blocks of eight independent contacts, body velocities as the running
+//! state, one arithmetic for every processor. [`reference`] is what it is checked with: the same
+//! method written plainly and with the assembled Delassus operator.
+
+pub mod block;
+pub mod contact_law;
+pub mod contact_set;
+mod kernel;
+pub mod reference;
+pub mod residual;
+mod visit;
+
+pub use contact_set::ContactSet;
+pub use kernel::Arithmetic;
+pub use residual::{NaturalMapSums, Residuals, VisitNorms};

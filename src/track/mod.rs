@@ -1,3 +1,14 @@
 //! The track: sleepers, tines, the tamping cycle, and the bed they work in.
 
+pub mod boundary;
+mod clearance;
+pub mod motion_law;
 pub mod plan;
+mod shape;
+pub mod sleeper;
+mod squeeze_control;
+pub mod tamping_cycle;
+pub mod tine;
+
+pub use squeeze_control::TinePair;
+pub use tamping_cycle::{TampingCycle, TampingPhase};

@@ -1,0 +1,5 @@
+//! Files of Ballast: what is written is read, what is damaged is refused.
+
+mod checkpoint;
+mod damage;
+mod scene;

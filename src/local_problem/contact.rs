@@ -1,0 +1,183 @@
+//! One contact: rounded frame, arms and Delassus block.
+
+use crate::math::{Mat3, Vec3, frame};
+
+/// What a contact needs of one of its grains.
+pub struct Side {
+    /// Contact point minus centre of mass, m.
+    pub lever: Vec3,
+    /// 1/kg.
+    pub inverse_mass: f64,
+    /// `B = R D^(-1/2)`.
+    pub whitening: Mat3,
+}
+
+/// A contact of the local problem (T-5 to T-9). Components are (n, t, s).
+///
+/// The tangents are turned so that the tangential Schur complement of the Delassus block,
+/// `S = W_TT - W_Tn W_nT / W_nn`, is diagonal with its larger entry first: given that the contact
+/// does not open, `u_T = S r_T + const`, component by component.
+///
+/// The Delassus block only steers a visit, a solved contact stays solved with any block: rounding
+/// it to f32 does not move the solution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LocalContact {
+    /// Candidate and antagonist, numbered as in the model.
+    pub bodies: [u32; 2],
+    /// Normal, from antagonist to candidate.
+    pub normal: [f32; 3],
+    /// First tangent; the second is `normal × tangent` in f64.
+    pub tangent: [f32; 3],
+    /// Rows `(B_cᵀ (ℓ_c × axis))` for the axes n, t, s, kg^(-1/2).
+    pub candidate_arms: [[f32; 3]; 3],
+    /// The same for the antagonist; zero for a driven body.
+    pub antagonist_arms: [[f32; 3]; 3],
+    /// `1/W_nn`, kg.
+    pub normal_mass: f32,
+    /// `k = W_Tn / W_nn`.
+    pub coupling: [f32; 2],
+    /// `1/S_ss`, kg: the larger of the two tangential masses.
+    pub tangent_mass: f32,
+    /// `S_ss / S_tt`, in (0, 1].
+    pub tangent_ratio: f32,
+    /// Coulomb's coefficient μ.
+    pub friction: f32,
+    /// What is added to `Hᵀ V` of the grains: gap or restitution, minus the driven body's velocity, m/s.
+    pub offset: Vec3,
+    /// Impulse on the candidate, N s.
+    pub impulse: Vec3,
+}
+
+impl LocalContact {
+    /// Contact between two grains.
+    pub fn pair(normal: &Vec3, candidate: &Side, antagonist: &Side) -> Self {
+        Self::build(normal, candidate, Some(antagonist))
+    }
+
+    /// Contact between a grain and a driven body.
+    pub fn single(normal: &Vec3, grain: &Side) -> Self {
+        Self::build(normal, grain, None)
+    }
+
+    fn build(normal: &Vec3, candidate: &Side, antagonist: Option<&Side>) -> Self {
+        let normal = round(normal);
+        let (t, s) = frame::tangents(&widen(&normal));
+        // First with unrounded tangents, to find the turn; then with the turned, rounded ones.
+        let w = delassus(&[widen(&normal), t, s], candidate, antagonist);
+        let (cos, sin) = principal_turn(&tangential_schur(&w));
+        let tangent = round(&(t * cos + s * sin));
+        let axes = axes(&normal, &tangent);
+        let candidate_arms = axes.map(|axis| round(&arm(candidate, &axis)));
+        let antagonist_arms =
+            antagonist.map_or([[0.0; 3]; 3], |side| axes.map(|axis| round(&arm(side, &axis))));
+        let mut contact = Self {
+            bodies: [0, u32::MAX],
+            normal,
+            tangent,
+            candidate_arms,
+            antagonist_arms,
+            normal_mass: 0.0,
+            coupling: [0.0; 2],
+            tangent_mass: 0.0,
+            tangent_ratio: 1.0,
+            friction: 0.0,
+            offset: Vec3::zeros(),
+            impulse: Vec3::zeros(),
+        };
+        let inverse_mass = candidate.inverse_mass + antagonist.map_or(0.0, |a| a.inverse_mass);
+        let w = contact.delassus(inverse_mass);
+        let schur = tangential_schur(&w);
+        contact.normal_mass = (1.0 / w.m11) as f32;
+        contact.coupling = [(w.m21 / w.m11) as f32, (w.m31 / w.m11) as f32];
+        contact.tangent_mass = (1.0 / schur[2]) as f32;
+        // Equal up to rounding when S is isotropic: keep the ratio in its interval.
+        contact.tangent_ratio = (schur[2] / schur[0]).min(1.0) as f32;
+        contact
+    }
+
+    /// Axes n, t, s as the kernels use them.
+    pub fn axes(&self) -> [Vec3; 3] {
+        axes(&self.normal, &self.tangent)
+    }
+
+    /// Components (n, t, s) of a world vector.
+    pub fn components(&self, world: &Vec3) -> Vec3 {
+        let [n, t, s] = self.axes();
+        Vec3::new(n.dot(world), t.dot(world), s.dot(world))
+    }
+
+    /// World vector of the components (n, t, s).
+    pub fn world(&self, components: &Vec3) -> Vec3 {
+        let [n, t, s] = self.axes();
+        n * components.x + t * components.y + s * components.z
+    }
+
+    /// Delassus block `W_αα` of the rounded geometry, 1/kg; `inverse_mass` is the grains' sum.
+    pub fn delassus(&self, inverse_mass: f64) -> Mat3 {
+        let axes = self.axes();
+        Mat3::from_fn(|i, j| {
+            inverse_mass * axes[i].dot(&axes[j])
+                + widen(&self.candidate_arms[i]).dot(&widen(&self.candidate_arms[j]))
+                + widen(&self.antagonist_arms[i]).dot(&widen(&self.antagonist_arms[j]))
+        })
+    }
+}
+
+/// To f64.
+pub fn widen(x: &[f32; 3]) -> Vec3 {
+    Vec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+fn round(x: &Vec3) -> [f32; 3] {
+    [x.x as f32, x.y as f32, x.z as f32]
+}
+
+/// Products of two f32 are exact in f64, so each component is rounded once: the kernels' fused
+/// operations give the same bits.
+fn axes(normal: &[f32; 3], tangent: &[f32; 3]) -> [Vec3; 3] {
+    let (n, t) = (widen(normal), widen(tangent));
+    [n, t, n.cross(&t)]
+}
+
+fn arm(side: &Side, axis: &Vec3) -> Vec3 {
+    side.whitening.tr_mul(&side.lever.cross(axis))
+}
+
+fn delassus(axes: &[Vec3; 3], candidate: &Side, antagonist: Option<&Side>) -> Mat3 {
+    let mut w = Mat3::zeros();
+    for side in [Some(candidate), antagonist].into_iter().flatten() {
+        let arms = axes.map(|axis| arm(side, &axis));
+        w += Mat3::from_fn(|i, j| {
+            side.inverse_mass * axes[i].dot(&axes[j]) + arms[i].dot(&arms[j])
+        });
+    }
+    w
+}
+
+/// `S = W_TT - W_Tn W_nT / W_nn` as (tt, ts, ss).
+fn tangential_schur(w: &Mat3) -> [f64; 3] {
+    [
+        w.m22 - w.m21 * w.m21 / w.m11,
+        w.m23 - w.m21 * w.m31 / w.m11,
+        w.m33 - w.m31 * w.m31 / w.m11,
+    ]
+}
+
+/// Cosine and sine of the turn that makes `[tt, ts, ss]` diagonal, larger entry first.
+///
+/// By half-angle formulas: square roots and divisions give the same bits on every machine, library
+/// trigonometry does not.
+fn principal_turn(&[tt, ts, ss]: &[f64; 3]) -> (f64, f64) {
+    let (x, y) = (0.5 * (tt - ss), ts);
+    let length = (x * x + y * y).sqrt();
+    if length == 0.0 {
+        return (1.0, 0.0);
+    }
+    if x >= 0.0 {
+        let cos = (0.5 * (1.0 + x / length)).sqrt();
+        (cos, 0.5 * y / (length * cos))
+    } else {
+        let sin = (0.5 * (1.0 - x / length)).sqrt();
+        (0.5 * y / (length * sin), sin)
+    }
+}

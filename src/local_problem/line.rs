@@ -1,0 +1,34 @@
+//! The velocity of a grain as one cache line.
+
+use crate::math::Vec3;
+
+/// Velocity of a grain: `v` (world, m/s), `ŵ = D^(1/2) Rᵀ w` (m kg^(1/2)/s), inverse mass (1/kg), spare.
+///
+/// The angular velocity is whitened in the principal frame (D principal inertia, R orientation at
+/// configuration m): the inverse inertia becomes the identity and needs no memory traffic.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[repr(C, align(64))]
+pub struct Line(pub [f64; 8]);
+
+impl Line {
+    /// Line of a grain.
+    pub fn new(velocity: &Vec3, whitened_spin: &Vec3, inverse_mass: f64) -> Self {
+        let (v, w) = (velocity, whitened_spin);
+        Self([v.x, v.y, v.z, w.x, w.y, w.z, inverse_mass, 0.0])
+    }
+
+    /// Velocity of the centre of mass, m/s.
+    pub fn velocity(&self) -> Vec3 {
+        Vec3::new(self.0[0], self.0[1], self.0[2])
+    }
+
+    /// `ŵ`, m kg^(1/2)/s.
+    pub fn whitened_spin(&self) -> Vec3 {
+        Vec3::new(self.0[3], self.0[4], self.0[5])
+    }
+
+    /// 1/kg.
+    pub fn inverse_mass(&self) -> f64 {
+        self.0[6]
+    }
+}

@@ -1,0 +1,1 @@
+//! (plain law: to come)

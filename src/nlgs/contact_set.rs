@@ -1,0 +1,155 @@
+//! A set of contacts swept as one: a subdomain, or a group of the interface.
+//!
+//! Reads: a [`LocalProblem`]. Writes: its own lines and impulses. Cost: see [`super::kernel`].
+//! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
+//! shares nothing with other sets, so sets may be swept in parallel.
+
+use super::kernel::{Arithmetic, Blocks};
+use super::residual::{NaturalMapSums, VisitNorms};
+use crate::contact_graph::{LANES, PADDING, Packing};
+use crate::local_problem::{Line, LocalProblem};
+use crate::math::Vec3;
+
+/// Contacts and the lines of their grains.
+#[derive(Debug, Clone)]
+pub struct ContactSet {
+    /// Velocities of the grains, then a spare line that padding refers to. The caller fills all but
+    /// the spare one after [`ContactSet::pack`].
+    pub lines: Vec<Line>,
+    blocks: Blocks,
+    /// Contacts of the problem lane by lane, in the order of the sweep; padding between.
+    order: Vec<u32>,
+    contact_count: usize,
+    singles: Packing,
+    pairs: Packing,
+    /// The caller's contacts split in two kinds.
+    single_contacts: Vec<u32>,
+    pair_contacts: Vec<u32>,
+    arithmetic: Arithmetic,
+}
+
+impl Default for ContactSet {
+    fn default() -> Self {
+        Self {
+            lines: Vec::new(),
+            blocks: Blocks::default(),
+            order: Vec::new(),
+            contact_count: 0,
+            singles: Packing::default(),
+            pairs: Packing::default(),
+            single_contacts: Vec::new(),
+            pair_contacts: Vec::new(),
+            arithmetic: Arithmetic::detect(),
+        }
+    }
+}
+
+impl ContactSet {
+    /// Packs `contacts` of the problem with their initial impulses; `line(g)` is the line of grain g,
+    /// below `line_count`. Resizes `lines`, which the caller fills then.
+    pub fn pack(
+        &mut self,
+        problem: &LocalProblem,
+        contacts: &[u32],
+        line_count: usize,
+        line: impl Fn(u32) -> u32,
+    ) {
+        self.contact_count = contacts.len();
+        self.lines.clear();
+        self.lines.resize(line_count + 1, Line::default());
+        self.blocks.reset(line_count);
+        self.single_contacts.clear();
+        self.pair_contacts.clear();
+        for &i in contacts {
+            let kind = if problem.is_single(i as usize) {
+                &mut self.single_contacts
+            } else {
+                &mut self.pair_contacts
+            };
+            kind.push(i);
+        }
+        let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
+        let list = &self.single_contacts;
+        self.singles.build(list.len(), line_count, |i| {
+            [line(contact(list, i as u32).bodies[0]); 2]
+        });
+        for block in &self.singles.blocks {
+            self.blocks.push_single(|lane| {
+                (block[lane] != PADDING).then(|| {
+                    let contact = contact(list, block[lane]);
+                    (contact, line(contact.bodies[0]))
+                })
+            });
+        }
+        let list = &self.pair_contacts;
+        self.pairs.build(list.len(), line_count, |i| contact(list, i as u32).bodies.map(&line));
+        for block in &self.pairs.blocks {
+            self.blocks.push_pair(|lane| {
+                (block[lane] != PADDING).then(|| {
+                    let contact = contact(list, block[lane]);
+                    (contact, contact.bodies.map(&line))
+                })
+            });
+        }
+        self.order.clear();
+        for (packing, list) in
+            [(&self.singles, &self.single_contacts), (&self.pairs, &self.pair_contacts)]
+        {
+            self.order.extend(packing.blocks.iter().flatten().map(|&i| {
+                if i == PADDING { PADDING } else { list[i as usize] }
+            }));
+        }
+    }
+
+    /// Number of contacts; a sweep visits each once.
+    pub fn contact_count(&self) -> usize {
+        self.contact_count
+    }
+
+    /// The contacts in the order in which a sweep visits them.
+    pub fn order(&self) -> impl Iterator<Item = u32> + '_ {
+        self.order.iter().copied().filter(|&i| i != PADDING)
+    }
+
+    /// Share of the blocks' lanes that hold a contact.
+    pub fn fill(&self) -> f64 {
+        self.contact_count as f64 / self.order.len().max(1) as f64
+    }
+
+    /// Adds to the lines what the present impulses cause, `V += M⁻¹ H r`: once, after lines were
+    /// filled with free velocities.
+    pub fn apply_impulses(&mut self) {
+        self.blocks.apply_impulses(self.arithmetic, &mut self.lines);
+    }
+
+    /// Visits every contact once; `r += relaxation (r⁺ - r)`.
+    pub fn sweep(&mut self, relaxation: f64) {
+        self.blocks.sweep(self.arithmetic, &mut self.lines, relaxation);
+    }
+
+    /// [`ContactSet::sweep`] with the same bits, and the norms of its visits.
+    pub fn measured_sweep(&mut self, relaxation: f64) -> VisitNorms {
+        self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation)
+    }
+
+    /// Sums of the natural map at the present impulses and velocities.
+    pub fn natural_map(&self) -> NaturalMapSums {
+        self.blocks.natural_map(self.arithmetic, &self.lines)
+    }
+
+    /// Contacts and their impulses (n, t, s), N s, in the order of the sweep.
+    pub fn impulses(&self) -> impl Iterator<Item = (u32, Vec3)> + '_ {
+        let lanes = (self.blocks.singles().iter().map(|b| &b.impulse))
+            .chain(self.blocks.pairs().iter().map(|b| &b.impulse))
+            .flat_map(|r| (0..LANES).map(|i| Vec3::new(r[0][i], r[1][i], r[2][i])));
+        self.order.iter().copied().zip(lanes).filter(|&(i, _)| i != PADDING)
+    }
+
+    /// Writes the impulses on the candidates, world axes, N s, to the places of this set's contacts
+    /// in `impulse` `[nc]`.
+    pub fn unpack(&self, problem: &LocalProblem, impulse: &mut [Vec3]) {
+        for (i, local) in self.impulses() {
+            impulse[i as usize] = problem.contacts[i as usize].world(&local);
+        }
+    }
+}

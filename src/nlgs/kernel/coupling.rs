@@ -1,0 +1,148 @@
+//! How a block of contacts sees and moves its grains: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
+
+use super::lanes::Lanes;
+use crate::local_problem::Line;
+use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
+
+/// Eight contacts of one kind, and how they see and move their grains.
+pub trait Block {
+    /// The grains' lines and what was computed on reading them.
+    type Held<L: Lanes>;
+
+    fn law(&self) -> &LawRows;
+    fn impulse(&self) -> &[Row64; 3];
+    fn outcome(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]);
+    /// Reads the lines; second, the relative velocities `u`.
+    ///
+    /// # Safety
+    /// The indices in the block are below the number of lines.
+    unsafe fn read<L: Lanes>(&self, lines: &[Line]) -> (Self::Held<L>, [L; 3]);
+    /// Adds the velocities that the impulses `delta` cause, and writes the lines.
+    ///
+    /// # Safety
+    /// The indices in the block are below the number of lines.
+    unsafe fn push<L: Lanes>(&self, held: Self::Held<L>, delta: &[L; 3], lines: &mut [Line]);
+}
+
+pub type Axes<L> = [[L; 3]; 3];
+
+#[inline(always)]
+fn load_axes<L: Lanes>(normal: &[[f32; 8]; 3], tangent: &[[f32; 8]; 3]) -> Axes<L> {
+    let n = [0, 1, 2].map(|j| L::load32(&normal[j]));
+    let t = [0, 1, 2].map(|j| L::load32(&tangent[j]));
+    // Products of two f32 are exact: rounded once, like the plain cross product.
+    let cross = |i: usize, j: usize| n[i].mul_sub(t[j], n[j].mul(t[i]));
+    [n, t, [cross(1, 2), cross(2, 0), cross(0, 1)]]
+}
+
+#[inline(always)]
+pub fn dot<L: Lanes>(a: &[L; 3], b: [L; 3], plus: L) -> L {
+    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0].mul_add(b[0], plus)))
+}
+
+#[inline(always)]
+fn arm_dot<L: Lanes>(arms: &[[f32; 8]; 9], axis: usize, line: &[L; 8], plus: L) -> L {
+    let arm = [0, 1, 2].map(|j| L::load32(&arms[3 * axis + j]));
+    dot(&arm, [line[3], line[4], line[5]], plus)
+}
+
+/// Component `j` of the whitened spin that the impulses `delta` cause.
+#[inline(always)]
+fn arm_turn<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3]) -> L {
+    let axis = |k: usize| L::load32(&arms[3 * k + j]);
+    axis(2).mul_add(delta[2], axis(1).mul_add(delta[1], axis(0).mul(delta[0])))
+}
+
+/// Component `j` of the world impulse.
+#[inline(always)]
+fn force<L: Lanes>(axes: &Axes<L>, j: usize, delta: &[L; 3]) -> L {
+    axes[2][j].mul_add(delta[2], axes[1][j].mul_add(delta[1], axes[0][j].mul(delta[0])))
+}
+
+impl Block for PairBlock {
+    type Held<L: Lanes> = (Axes<L>, [L; 8], [L; 8]);
+
+    #[inline(always)]
+    fn law(&self) -> &LawRows {
+        &self.law
+    }
+    #[inline(always)]
+    fn impulse(&self) -> &[Row64; 3] {
+        &self.impulse
+    }
+    #[inline(always)]
+    fn outcome(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]) {
+        (&mut self.impulse, &mut self.law.slip)
+    }
+    #[inline(always)]
+    unsafe fn read<L: Lanes>(&self, lines: &[Line]) -> (Self::Held<L>, [L; 3]) {
+        // SAFETY: the caller's.
+        let (c, a): ([L; 8], [L; 8]) =
+            unsafe { (L::gather(lines, &self.candidate), L::gather(lines, &self.antagonist)) };
+        let axes = load_axes(&self.normal, &self.tangent);
+        let relative = [0, 1, 2].map(|j| c[j].sub(a[j]));
+        let plus = [L::load32(&self.offset), L::splat(0.0), L::splat(0.0)];
+        let u = [0, 1, 2].map(|k| {
+            let of_centres = dot(&axes[k], relative, plus[k]);
+            let of_candidate = arm_dot(&self.candidate_arms, k, &c, of_centres);
+            of_candidate.sub(arm_dot(&self.antagonist_arms, k, &a, L::splat(0.0)))
+        });
+        ((axes, c, a), u)
+    }
+    #[inline(always)]
+    unsafe fn push<L: Lanes>(&self, held: Self::Held<L>, delta: &[L; 3], lines: &mut [Line]) {
+        let (axes, mut c, mut a) = held;
+        for j in 0..3 {
+            let f = force(&axes, j, delta);
+            c[j] = f.mul_add(c[6], c[j]);
+            a[j] = f.neg_mul_add(a[6], a[j]);
+            c[3 + j] = c[3 + j].add(arm_turn(&self.candidate_arms, j, delta));
+            a[3 + j] = a[3 + j].sub(arm_turn(&self.antagonist_arms, j, delta));
+        }
+        // SAFETY: the caller's.
+        unsafe {
+            L::scatter(c, lines, &self.candidate);
+            L::scatter(a, lines, &self.antagonist);
+        }
+    }
+}
+
+impl Block for SingleBlock {
+    type Held<L: Lanes> = (Axes<L>, [L; 8]);
+
+    #[inline(always)]
+    fn law(&self) -> &LawRows {
+        &self.law
+    }
+    #[inline(always)]
+    fn impulse(&self) -> &[Row64; 3] {
+        &self.impulse
+    }
+    #[inline(always)]
+    fn outcome(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]) {
+        (&mut self.impulse, &mut self.law.slip)
+    }
+    #[inline(always)]
+    unsafe fn read<L: Lanes>(&self, lines: &[Line]) -> (Self::Held<L>, [L; 3]) {
+        // SAFETY: the caller's.
+        let line: [L; 8] = unsafe { L::gather(lines, &self.grain) };
+        let axes = load_axes(&self.normal, &self.tangent);
+        let u = [0, 1, 2].map(|k| {
+            let of_centre =
+                dot(&axes[k], [line[0], line[1], line[2]], L::load(&self.offset[k]));
+            arm_dot(&self.arms, k, &line, of_centre)
+        });
+        ((axes, line), u)
+    }
+    #[inline(always)]
+    unsafe fn push<L: Lanes>(&self, held: Self::Held<L>, delta: &[L; 3], lines: &mut [Line]) {
+        let (axes, mut line) = held;
+        for j in 0..3 {
+            line[j] = force(&axes, j, delta).mul_add(line[6], line[j]);
+            line[3 + j] = line[3 + j].add(arm_turn(&self.arms, j, delta));
+        }
+        // SAFETY: the caller's.
+        unsafe { L::scatter(line, lines, &self.grain) };
+    }
+}
+

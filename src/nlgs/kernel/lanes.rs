@@ -1,0 +1,56 @@
+//! Eight f64 at a time, one arithmetic on every processor.
+//!
+//! Every operation is an IEEE operation rounded once (fused where it says fused), so all
+//! implementations give the same bits.
+
+use crate::contact_graph::LANES;
+use crate::local_problem::Line;
+
+/// Eight f64 and the operations of the kernels on them.
+pub trait Lanes: Copy {
+    /// One truth value per lane.
+    type Mask: Copy;
+
+    fn splat(x: f64) -> Self;
+    fn load(row: &[f64; LANES]) -> Self;
+    fn load32(row: &[f32; LANES]) -> Self;
+    fn store(self, row: &mut [f64; LANES]);
+    /// Rounds to f32.
+    fn store32(self, row: &mut [f32; LANES]);
+
+    fn add(self, other: Self) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
+    fn sqrt(self) -> Self;
+    fn abs(self) -> Self;
+    /// `self * b + c`, rounded once.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// `self * b - c`, rounded once.
+    fn mul_sub(self, b: Self, c: Self) -> Self;
+    /// `c - self * b`, rounded once.
+    fn neg_mul_add(self, b: Self, c: Self) -> Self;
+
+    /// `self < other`; false where either is not a number.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `self <= other`; false where either is not a number.
+    fn le(self, other: Self) -> Self::Mask;
+    fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn or(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// `a` and not `b`.
+    fn and_not(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    fn any(mask: Self::Mask) -> bool;
+    /// `yes` where the mask is set, else `no`.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+
+    /// Component `j` of the lines `indices`, for every `j`.
+    ///
+    /// # Safety
+    /// Every index is below `lines.len()`.
+    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8];
+    /// Writes what [`Lanes::gather`] read, in the order of the lanes.
+    ///
+    /// # Safety
+    /// Every index is below `lines.len()`.
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]);
+}

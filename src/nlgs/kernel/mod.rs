@@ -1,0 +1,151 @@
+//! The passes over the blocks of a set: sweep, measured sweep, application of impulses, natural map.
+//!
+//! Reads: blocks. Writes: lines and impulses. Cost: about 160 bytes of memory traffic per visit.
+//! Contract: the same bits from every [`Arithmetic`].
+//!
+//! This module and its children are the only ones of the crate with `unsafe`. It is sound because
+//! (1) a set is packed with indices checked against its number of lines, and passes check that number
+//! again, so [`Lanes::gather`] and [`Lanes::scatter`] stay inside; (2) types that use instructions
+//! beyond the base ones are private and used only inside [`run`], after the processor was asked.
+
+mod coupling;
+mod lanes;
+mod passes;
+mod portable;
+
+pub use lanes::Lanes;
+
+use super::block::{PairBlock, SingleBlock};
+use super::residual::{NaturalMapSums, VisitNorms};
+use crate::local_problem::{Line, LocalContact};
+use passes::{Apply, MeasuredSweep, NaturalMap, Pass, PlainSweep, Sweep};
+use portable::Portable;
+
+/// Which instructions compute; the bits are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arithmetic {
+    /// Any processor.
+    Portable,
+}
+
+impl Arithmetic {
+    /// The fastest one that this processor has.
+    pub fn detect() -> Self {
+        Self::Portable
+    }
+}
+
+/// # Safety
+/// As for [`Pass::run`].
+unsafe fn run<P: Pass>(arithmetic: Arithmetic, pass: P) -> P::Output {
+    match arithmetic {
+        Arithmetic::Portable => unsafe { pass.run::<Portable>() },
+    }
+}
+
+/// Packed contacts whose indices are checked on entry.
+#[derive(Debug, Clone, Default)]
+pub struct Blocks {
+    singles: Vec<SingleBlock>,
+    pairs: Vec<PairBlock>,
+    /// Lines of grains; the spare line of padding comes after them.
+    line_count: u32,
+}
+
+impl Blocks {
+    /// Empties the blocks; from now on they refer to `line_count` lines and a spare one.
+    pub fn reset(&mut self, line_count: usize) {
+        assert!(line_count < u32::MAX as usize, "more lines than indices");
+        self.singles.clear();
+        self.pairs.clear();
+        self.line_count = line_count as u32;
+    }
+
+    /// Appends a block of contacts with driven bodies: contact and line per lane, or nothing.
+    pub fn push_single<'c>(&mut self, lane: impl Fn(usize) -> Option<(&'c LocalContact, u32)>) {
+        let mut block = SingleBlock::empty(self.line_count);
+        for i in 0..8 {
+            if let Some((contact, grain)) = lane(i) {
+                self.check(grain);
+                block.set(i, contact, grain);
+            }
+        }
+        self.singles.push(block);
+    }
+
+    /// Appends a block of contacts between grains: contact and lines per lane, or nothing.
+    pub fn push_pair<'c>(&mut self, lane: impl Fn(usize) -> Option<(&'c LocalContact, [u32; 2])>) {
+        let mut block = PairBlock::empty(self.line_count);
+        for i in 0..8 {
+            if let Some((contact, grains)) = lane(i) {
+                grains.iter().for_each(|&g| self.check(g));
+                block.set(i, contact, grains);
+            }
+        }
+        self.pairs.push(block);
+    }
+
+    fn check(&self, line: u32) {
+        assert!(line < self.line_count, "line {line} of {}", self.line_count);
+    }
+
+    /// Blocks of contacts with driven bodies; swept first.
+    pub fn singles(&self) -> &[SingleBlock] {
+        &self.singles
+    }
+
+    /// Blocks of contacts between grains.
+    pub fn pairs(&self) -> &[PairBlock] {
+        &self.pairs
+    }
+
+    /// Lines that a pass needs, the spare one included.
+    pub fn lines_needed(&self) -> usize {
+        self.line_count as usize + 1
+    }
+
+    fn check_lines(&self, lines: &[Line]) {
+        let (found, needed) = (lines.len(), self.lines_needed());
+        assert!(found >= needed, "{found} lines, {needed} needed");
+    }
+
+    fn as_sweep<'a>(&'a mut self, lines: &'a mut [Line], relaxation: f64) -> Sweep<'a> {
+        self.check_lines(lines);
+        Sweep { singles: &mut self.singles, pairs: &mut self.pairs, lines, relaxation }
+    }
+
+    /// Visits every contact once.
+    pub fn sweep(&mut self, arithmetic: Arithmetic, lines: &mut [Line], relaxation: f64) {
+        let pass = PlainSweep(self.as_sweep(lines, relaxation));
+        // SAFETY: indices were checked by `push_*`, lines by `as_sweep`.
+        unsafe { run(arithmetic, pass) }
+    }
+
+    /// The same visits with the same bits, and their norms.
+    pub fn measured_sweep(
+        &mut self,
+        arithmetic: Arithmetic,
+        lines: &mut [Line],
+        relaxation: f64,
+    ) -> VisitNorms {
+        let pass = MeasuredSweep(self.as_sweep(lines, relaxation));
+        // SAFETY: indices were checked by `push_*`, lines by `as_sweep`.
+        unsafe { run(arithmetic, pass) }
+    }
+
+    /// Adds to the lines what the impulses cause: `V += M⁻¹ H r`.
+    pub fn apply_impulses(&self, arithmetic: Arithmetic, lines: &mut [Line]) {
+        self.check_lines(lines);
+        let pass = Apply { singles: &self.singles, pairs: &self.pairs, lines };
+        // SAFETY: indices were checked by `push_*`, lines above.
+        unsafe { run(arithmetic, pass) }
+    }
+
+    /// Sums of the natural map at the present impulses and velocities.
+    pub fn natural_map(&self, arithmetic: Arithmetic, lines: &[Line]) -> NaturalMapSums {
+        self.check_lines(lines);
+        let pass = NaturalMap { singles: &self.singles, pairs: &self.pairs, lines };
+        // SAFETY: indices were checked by `push_*`, lines above.
+        unsafe { run(arithmetic, pass) }
+    }
+}

@@ -1,0 +1,221 @@
+//! Passes over blocks, written once for all arithmetics.
+
+use super::coupling::{Block, dot};
+use super::lanes::Lanes;
+use crate::local_problem::Line;
+use crate::nlgs::block::{PairBlock, SingleBlock};
+use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
+use crate::nlgs::visit::{self, Law};
+
+/// A pass, written once for all arithmetics.
+pub trait Pass {
+    type Output;
+    /// # Safety
+    /// The indices in the blocks are below the number of lines.
+    unsafe fn run<L: Lanes>(self) -> Self::Output;
+}
+
+/// What a sweep takes down of its visits.
+trait Record<L: Lanes>: Copy {
+    fn none() -> Self;
+    fn visit(&mut self, law: &Law<L>, delta: &[L; 3], r: &[L; 3]);
+    fn sums(self) -> VisitNorms;
+}
+
+impl<L: Lanes> Record<L> for () {
+    #[inline(always)]
+    fn none() {}
+    #[inline(always)]
+    fn visit(&mut self, _: &Law<L>, _: &[L; 3], _: &[L; 3]) {}
+    #[inline(always)]
+    fn sums(self) -> VisitNorms {
+        VisitNorms::default()
+    }
+}
+
+/// Lane by lane sums of a measured sweep, in the order of [`VisitNorms`]' fields.
+#[derive(Clone, Copy)]
+struct Sums<L>([L; 7]);
+
+impl<L: Lanes> Record<L> for Sums<L> {
+    #[inline(always)]
+    fn none() -> Self {
+        Self([L::splat(0.0); 7])
+    }
+    #[inline(always)]
+    fn visit(&mut self, law: &Law<L>, delta: &[L; 3], r: &[L; 3]) {
+        let zero = L::splat(0.0);
+        let squared = |x: &[L; 3]| dot(x, *x, zero);
+        let delta_squared = squared(delta);
+        let active = L::or(zero.lt(r[0]), zero.lt(delta_squared));
+        let dv = visit::delassus_times(law, delta, active);
+        let wr = visit::delassus_times(law, r, active);
+        let dv_squared = squared(&dv);
+        let terms = [
+            L::select(active, L::splat(1.0), zero),
+            dv_squared,
+            squared(&wr),
+            dot(r, wr, zero),
+            dot(r, dv, zero),
+            dv_squared.mul(squared(r)),
+        ];
+        for (sum, term) in self.0.iter_mut().zip(terms) {
+            *sum = sum.add(term);
+        }
+        self.0[6] = L::select(self.0[6].lt(dv_squared), dv_squared, self.0[6]);
+    }
+    #[inline(always)]
+    fn sums(self) -> VisitNorms {
+        let rows = self.0.map(|lanes| {
+            let mut row = [0.0; 8];
+            lanes.store(&mut row);
+            row
+        });
+        let sum = |i: usize| rows[i].iter().sum::<f64>();
+        VisitNorms {
+            active: sum(0),
+            dv_squared: sum(1),
+            wr_squared: sum(2),
+            r_wr: sum(3),
+            r_dv: sum(4),
+            r_squared_dv_squared: sum(5),
+            max_dv_squared: rows[6].iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
+    blocks: &mut [B],
+    lines: &mut [Line],
+    relaxation: L,
+    record: &mut R,
+) {
+    for block in blocks {
+        // SAFETY: the caller's.
+        let (held, u) = unsafe { block.read::<L>(lines) };
+        let law = Law::load(block.law());
+        let r = [0, 1, 2].map(|k| L::load(&block.impulse()[k]));
+        let (impulse, slip) = block.outcome();
+        let solved = visit::solve(&law, &u, &r, slip);
+        let delta = [0, 1, 2].map(|k| relaxation.mul(solved[k].sub(r[k])));
+        let after = [0, 1, 2].map(|k| r[k].add(delta[k]));
+        for k in 0..3 {
+            after[k].store(&mut impulse[k]);
+        }
+        record.visit(&law, &delta, &after);
+        // SAFETY: the caller's.
+        unsafe { block.push(held, &delta, lines) };
+    }
+}
+
+pub struct Sweep<'a> {
+    pub singles: &'a mut [SingleBlock],
+    pub pairs: &'a mut [PairBlock],
+    pub lines: &'a mut [Line],
+    pub relaxation: f64,
+}
+
+impl Sweep<'_> {
+    #[inline(always)]
+    unsafe fn recorded<L: Lanes, R: Record<L>>(self) -> VisitNorms {
+        let relaxation = L::splat(self.relaxation);
+        let mut record = R::none();
+        // SAFETY: the caller's.
+        unsafe {
+            sweep_blocks(self.singles, self.lines, relaxation, &mut record);
+            sweep_blocks(self.pairs, self.lines, relaxation, &mut record);
+        }
+        record.sums()
+    }
+}
+
+pub struct PlainSweep<'a>(pub Sweep<'a>);
+
+impl Pass for PlainSweep<'_> {
+    type Output = ();
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        // SAFETY: the caller's.
+        unsafe { self.0.recorded::<L, ()>() };
+    }
+}
+
+pub struct MeasuredSweep<'a>(pub Sweep<'a>);
+
+impl Pass for MeasuredSweep<'_> {
+    type Output = VisitNorms;
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> VisitNorms {
+        // SAFETY: the caller's.
+        unsafe { self.0.recorded::<L, Sums<L>>() }
+    }
+}
+
+pub struct Apply<'a> {
+    pub singles: &'a [SingleBlock],
+    pub pairs: &'a [PairBlock],
+    pub lines: &'a mut [Line],
+}
+
+impl Pass for Apply<'_> {
+    type Output = ();
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        // SAFETY: the caller's.
+        unsafe {
+            apply_blocks::<L, _>(self.singles, self.lines);
+            apply_blocks::<L, _>(self.pairs, self.lines);
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn apply_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &mut [Line]) {
+    for block in blocks {
+        let r = [0, 1, 2].map(|k| L::load(&block.impulse()[k]));
+        // SAFETY: the caller's.
+        unsafe {
+            let (held, _) = block.read::<L>(lines);
+            block.push(held, &r, lines);
+        }
+    }
+}
+
+pub struct NaturalMap<'a> {
+    pub singles: &'a [SingleBlock],
+    pub pairs: &'a [PairBlock],
+    pub lines: &'a [Line],
+}
+
+impl Pass for NaturalMap<'_> {
+    type Output = NaturalMapSums;
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> NaturalMapSums {
+        let mut sums = [L::splat(0.0); 2];
+        // SAFETY: the caller's.
+        unsafe {
+            natural_blocks(self.singles, self.lines, &mut sums);
+            natural_blocks(self.pairs, self.lines, &mut sums);
+        }
+        let [map_squared, r_squared] = sums.map(|lanes| {
+            let mut row = [0.0; 8];
+            lanes.store(&mut row);
+            row.iter().sum()
+        });
+        NaturalMapSums { map_squared, r_squared }
+    }
+}
+
+#[inline(always)]
+unsafe fn natural_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &[Line], sums: &mut [L; 2]) {
+    for block in blocks {
+        // SAFETY: the caller's.
+        let (_, u) = unsafe { block.read::<L>(lines) };
+        let r = [0, 1, 2].map(|k| L::load(&block.impulse()[k]));
+        let map = visit::natural_map(&Law::load(block.law()), &u, &r);
+        sums[0] = dot(&map, map, sums[0]);
+        sums[1] = dot(&r, r, sums[1]);
+    }
+}
+

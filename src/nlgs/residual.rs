@@ -1,0 +1,110 @@
+//! How well a problem is solved: LMGC90's norms and the natural map, one function each.
+//!
+//! Sums over a set of contacts are added up, in a fixed order, over the sets of a problem, then turned
+//! into norms.
+
+use std::ops::AddAssign;
+
+/// How well a step is solved; what [`crate::model::Solver::tolerance`] is compared with.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Residuals {
+    /// LMGC90's norms, not divided by a tolerance: rms of the visits' velocity change over rms of
+    /// W r on active contacts (T-11).
+    pub quad: f64,
+    /// The same with the largest change, over 16.666.
+    pub max16: f64,
+    /// Impulse-weighted means of the change (T-11): the larger of the two.
+    pub weighted: f64,
+    /// Natural map, unit-free (T-10).
+    pub natural_map: f64,
+}
+
+impl Residuals {
+    /// The largest of LMGC90's norms.
+    pub fn qm16(&self) -> f64 {
+        self.quad.max(self.max16).max(self.weighted)
+    }
+}
+
+/// Sums over the visits of a sweep (T-11).
+///
+/// `Δv = W_αα Δr` is the velocity that a visit changes at its own contact, `W_αα r` the velocity that
+/// the contact's whole impulse accounts for. Visits count that end with `r_n > 0` or changed the
+/// impulse. After `prep_check` and `comp_check` of LMGC90's `nlgs_3D`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct VisitNorms {
+    /// Number of visits that count.
+    pub active: f64,
+    /// `Σ ‖Δv‖²`, (m/s)².
+    pub dv_squared: f64,
+    /// `Σ ‖W_αα r‖²`, (m/s)².
+    pub wr_squared: f64,
+    /// `Σ r·W_αα r`, J.
+    pub r_wr: f64,
+    /// `Σ r·Δv`, J.
+    pub r_dv: f64,
+    /// `Σ ‖r‖² ‖Δv‖²`, J².
+    pub r_squared_dv_squared: f64,
+    /// `max ‖Δv‖²`, (m/s)².
+    pub max_dv_squared: f64,
+}
+
+impl AddAssign for VisitNorms {
+    fn add_assign(&mut self, other: Self) {
+        self.active += other.active;
+        self.dv_squared += other.dv_squared;
+        self.wr_squared += other.wr_squared;
+        self.r_wr += other.r_wr;
+        self.r_dv += other.r_dv;
+        self.r_squared_dv_squared += other.r_squared_dv_squared;
+        self.max_dv_squared = self.max_dv_squared.max(other.max_dv_squared);
+    }
+}
+
+impl VisitNorms {
+    /// LMGC90's norms (T-11), not divided by the tolerance; the natural map is left at zero.
+    ///
+    /// With rms over the active visits: `quad = rms ‖Δv‖ / rms ‖W r‖` (its QuadDV),
+    /// `max16 = max ‖Δv‖ / (16.666 rms ‖W r‖)` (MaxDV), `weighted` the larger of
+    /// `|Σ r·Δv| / Σ r·W r` (MeanDVoR) and `rms(‖r‖ ‖Δv‖) / mean(r·W r)` (QuadDVoR).
+    /// All zero when nothing acts: there is nothing left to solve.
+    pub fn residuals(&self) -> Residuals {
+        if self.active == 0.0 || self.wr_squared <= 0.0 || self.r_wr <= 0.0 {
+            // Only openings happen: they are exact, unless something still changes.
+            let unsolved = if self.dv_squared > 0.0 { f64::INFINITY } else { 0.0 };
+            return Residuals { quad: unsolved, max16: unsolved, ..Residuals::default() };
+        }
+        let wr = (self.wr_squared / self.active).sqrt();
+        let mean = self.r_dv.abs() / self.r_wr;
+        let quad = (self.r_squared_dv_squared / self.active).sqrt() / (self.r_wr / self.active);
+        Residuals {
+            quad: (self.dv_squared / self.active).sqrt() / wr,
+            max16: self.max_dv_squared.sqrt() / (16.666 * wr),
+            weighted: mean.max(quad),
+            natural_map: 0.0,
+        }
+    }
+}
+
+/// Sums of the natural map with `ρ_c = 3 / tr W_cc` (T-10).
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct NaturalMapSums {
+    /// `Σ ‖r - P_K(r - ρ (u + μ ‖u_T‖ n))‖²`, (N s)².
+    pub map_squared: f64,
+    /// `Σ ‖r‖²`, (N s)².
+    pub r_squared: f64,
+}
+
+impl AddAssign for NaturalMapSums {
+    fn add_assign(&mut self, other: Self) {
+        self.map_squared += other.map_squared;
+        self.r_squared += other.r_squared;
+    }
+}
+
+impl NaturalMapSums {
+    /// Unit-free natural map (T-10): norm of the map over norm of the impulses.
+    pub fn residual(&self) -> f64 {
+        if self.map_squared == 0.0 { 0.0 } else { (self.map_squared / self.r_squared).sqrt() }
+    }
+}
