@@ -274,7 +274,7 @@ fn work(decomposition: &Decomposition, boundary: &Boundary, course: &Course) {
         let s = (ticket % course.sets) as usize;
         let done = (ticket / course.sets) as u32 + 1;
         let measured = is_test(solver, done);
-        let mut sweep = |set: &mut Set, sweeps: u32| {
+        let sweep = |set: &mut Set, sweeps: u32| {
             boundary.visit(s, set, |set| set.sweeps(sweeps, solver.relaxation, measured));
             if measured {
                 course.report(s, done, &set.norms);

@@ -66,3 +66,6 @@ fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
     solver.tolerance.is_some_and(|tolerance| value < tolerance)
 }
 
+
+#[cfg(test)]
+mod tests;
