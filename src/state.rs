@@ -106,7 +106,11 @@ impl State {
             ];
             if let Some((field, _)) = fields.iter().find(|(_, good)| !good) {
                 let expected = "finite components, a unit quaternion".into();
-                return refuse(format!("{field} of body {b}"), expected, format!("{:?}", self.pose(b)));
+                return refuse(
+                    format!("{field} of body {b}"),
+                    expected,
+                    format!("{:?}", self.pose(b)),
+                );
             }
         }
         self.contacts.check(model)

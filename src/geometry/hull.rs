@@ -120,7 +120,9 @@ fn extent(points: &[Vec3]) -> Result<(Vec3, f64)> {
     if !(HALF_SIZES[0]..=HALF_SIZES[1]).contains(&half) {
         return Err(bad("a half size of 1e-9 to 1e9 m", format!("{half:e} m")));
     }
-    Ok(((low + high) / 2.0, half.log2().floor().exp2()))
+    // The exponent alone, without a logarithm that differs between platforms.
+    let power_of_two = f64::from_bits(half.to_bits() & 0x7ff0_0000_0000_0000);
+    Ok(((low + high) / 2.0, power_of_two))
 }
 
 type Triangulated = (Vec<Vec3>, Vec<[u16; 3]>);

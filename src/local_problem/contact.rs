@@ -112,6 +112,15 @@ impl LocalContact {
         n * components.x + t * components.y + s * components.z
     }
 
+    /// Delassus block as the kernels know it: rounded, [`LocalContact::delassus`] to about 1e-7.
+    pub fn law_block(&self) -> Mat3 {
+        let w_nn = 1.0 / self.normal_mass as f64;
+        let k = Vec3::new(1.0, self.coupling[0].into(), self.coupling[1].into());
+        let s_ss = 1.0 / self.tangent_mass as f64;
+        let s_tt = s_ss / self.tangent_ratio as f64;
+        k * k.transpose() * w_nn + Mat3::from_diagonal(&Vec3::new(0.0, s_tt, s_ss))
+    }
+
     /// Delassus block `W_αα` of the rounded geometry, 1/kg; `inverse_mass` is the grains' sum.
     pub fn delassus(&self, inverse_mass: f64) -> Mat3 {
         let axes = self.axes();
@@ -147,20 +156,15 @@ fn delassus(axes: &[Vec3; 3], candidate: &Side, antagonist: Option<&Side>) -> Ma
     let mut w = Mat3::zeros();
     for side in [Some(candidate), antagonist].into_iter().flatten() {
         let arms = axes.map(|axis| arm(side, &axis));
-        w += Mat3::from_fn(|i, j| {
-            side.inverse_mass * axes[i].dot(&axes[j]) + arms[i].dot(&arms[j])
-        });
+        w +=
+            Mat3::from_fn(|i, j| side.inverse_mass * axes[i].dot(&axes[j]) + arms[i].dot(&arms[j]));
     }
     w
 }
 
 /// `S = W_TT - W_Tn W_nT / W_nn` as (tt, ts, ss).
 fn tangential_schur(w: &Mat3) -> [f64; 3] {
-    [
-        w.m22 - w.m21 * w.m21 / w.m11,
-        w.m23 - w.m21 * w.m31 / w.m11,
-        w.m33 - w.m31 * w.m31 / w.m11,
-    ]
+    [w.m22 - w.m21 * w.m21 / w.m11, w.m23 - w.m21 * w.m31 / w.m11, w.m33 - w.m31 * w.m31 / w.m11]
 }
 
 /// Cosine and sine of the turn that makes `[tt, ts, ss]` diagonal, larger entry first.

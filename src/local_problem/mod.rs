@@ -78,6 +78,8 @@ impl LocalProblem {
                     contact.offset.x = model.restitution * approach.min(0.0);
                 }
                 contact.friction = if a < ng {
+                    // Blocks of pairs keep it in f32: 6e-8 of the gap.
+                    contact.offset.x = contact.offset.x as f32 as f64;
                     model.grain_friction as f32
                 } else {
                     let lever = point - motion.position[a];
@@ -103,8 +105,7 @@ impl LocalProblem {
                 let rotation = motion.orientation[b].to_rotation_matrix();
                 let root = inertia.map(f64::sqrt);
                 let inverse_root = root.map(|x| 1.0 / x);
-                let whitened =
-                    rotation.matrix().tr_mul(&motion.spin[b]).component_mul(&root);
+                let whitened = rotation.matrix().tr_mul(&motion.spin[b]).component_mul(&root);
                 let line = Line::new(&motion.velocity[b], &whitened, 1.0 / model.grains.mass[b]);
                 (line, rotation.matrix() * Mat3::from_diagonal(&inverse_root))
             })

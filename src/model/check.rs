@@ -93,12 +93,7 @@ impl Model {
             let (shape, mass, inertia) = (grains.shape[i], grains.mass[i], grains.inertia[i]);
             let place = || format!("grain {i}");
             let positive = |x: f64| x.is_finite() && x > 0.0;
-            expect(
-                (shape as usize) < self.shapes.len(),
-                &place(),
-                "a shape of the model",
-                shape,
-            )?;
+            expect((shape as usize) < self.shapes.len(), &place(), "a shape of the model", shape)?;
             expect(positive(mass), &place(), "a finite mass above 0 kg", mass)?;
             expect(
                 inertia.iter().all(|&j| positive(j)),

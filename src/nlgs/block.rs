@@ -117,7 +117,7 @@ impl PairBlock {
             }
         }
         self.law.set(lane, contact);
-        // Rounding changes the gap by 6e-8 of itself; between grains there is nothing tangential.
+        // Rounded to f32 already; between grains there is nothing tangential.
         self.offset[lane] = contact.offset.x as f32;
         self.candidate[lane] = grains[0];
         self.antagonist[lane] = grains[1];

@@ -70,9 +70,8 @@ impl ContactSet {
         }
         let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
         let list = &self.single_contacts;
-        self.singles.build(list.len(), line_count, |i| {
-            [line(contact(list, i as u32).bodies[0]); 2]
-        });
+        self.singles
+            .build(list.len(), line_count, |i| [line(contact(list, i as u32).bodies[0]); 2]);
         for block in &self.singles.blocks {
             self.blocks.push_single(|lane| {
                 (block[lane] != PADDING).then(|| {
@@ -95,10 +94,19 @@ impl ContactSet {
         for (packing, list) in
             [(&self.singles, &self.single_contacts), (&self.pairs, &self.pair_contacts)]
         {
-            self.order.extend(packing.blocks.iter().flatten().map(|&i| {
-                if i == PADDING { PADDING } else { list[i as usize] }
-            }));
+            self.order.extend(
+                packing
+                    .blocks
+                    .iter()
+                    .flatten()
+                    .map(|&i| if i == PADDING { PADDING } else { list[i as usize] }),
+            );
         }
+    }
+
+    /// Chooses the instructions; results do not depend on them.
+    pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) {
+        self.arithmetic = arithmetic;
     }
 
     /// Number of contacts; a sweep visits each once.

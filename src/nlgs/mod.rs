@@ -10,6 +10,10 @@ pub mod contact_set;
 mod kernel;
 pub mod reference;
 pub mod residual;
+#[cfg(test)]
+mod scenes;
+#[cfg(test)]
+mod tests;
 mod visit;
 
 pub use contact_set::ContactSet;

@@ -1,1 +1,271 @@
-//! (plain law: to come)
+//! The method written plainly: what the kernel is checked with, and what solves problems given as
+//! `W`, `q` and `μ`.
+//!
+//! [`MatrixFree`] sweeps over a [`LocalProblem`] contact by contact; [`Assembled`] does the same with
+//! the Delassus operator in block rows. Cost: plain; nothing here is tuned.
+
+use super::contact_law;
+use crate::error::{Error, Result};
+use crate::local_problem::{Line, LocalProblem, contact::widen};
+use crate::math::{Mat3, Vec3, cone};
+
+/// Contacts visited one after the other, velocities as the running state.
+#[derive(Debug, Clone)]
+pub struct MatrixFree<'a> {
+    problem: &'a LocalProblem,
+    /// `[ng]`
+    pub lines: Vec<Line>,
+    /// (n, t, s), N s `[nc]`.
+    pub impulse: Vec<Vec3>,
+}
+
+impl<'a> MatrixFree<'a> {
+    /// Starts from the problem's initial impulses.
+    pub fn new(problem: &'a LocalProblem) -> Self {
+        let mut start = Self {
+            problem,
+            lines: problem.lines.clone(),
+            impulse: problem.contacts.iter().map(|c| c.impulse).collect(),
+        };
+        for i in 0..start.impulse.len() {
+            start.push(i, &start.impulse[i].clone());
+        }
+        start
+    }
+
+    /// Relative velocity of contact `i`, offset included, m/s.
+    pub fn relative_velocity(&self, i: usize) -> Vec3 {
+        let contact = &self.problem.contacts[i];
+        let mut u = contact.offset;
+        for (line, arms, sign) in self.sides(i) {
+            let v = contact.components(&self.lines[line].velocity());
+            let w = self.lines[line].whitened_spin();
+            u += (v + Vec3::from_fn(|k, _| widen(&arms[k]).dot(&w))) * sign;
+        }
+        u
+    }
+
+    fn sides(&self, i: usize) -> impl Iterator<Item = (usize, [[f32; 3]; 3], f64)> + use<> {
+        let contact = &self.problem.contacts[i];
+        let [c, a] = contact.bodies.map(|b| b as usize);
+        let antagonist = (!self.problem.is_single(i)).then_some((a, contact.antagonist_arms, -1.0));
+        std::iter::once((c, contact.candidate_arms, 1.0)).chain(antagonist)
+    }
+
+    /// `V += M⁻¹ H_i Δr`.
+    fn push(&mut self, i: usize, delta: &Vec3) {
+        let force = self.problem.contacts[i].world(delta);
+        for (line, arms, sign) in self.sides(i) {
+            let line = &mut self.lines[line].0;
+            for j in 0..3 {
+                line[j] += sign * line[6] * force[j];
+                line[3 + j] += sign * (0..3).map(|k| arms[k][j] as f64 * delta[k]).sum::<f64>();
+            }
+        }
+    }
+
+    /// Visits the contacts in the given order.
+    pub fn sweep(&mut self, order: impl IntoIterator<Item = u32>, relaxation: f64) {
+        for i in order {
+            let i = i as usize;
+            let contact = &self.problem.contacts[i];
+            let w = contact.law_block();
+            let b = self.relative_velocity(i) - w * self.impulse[i];
+            let solved = contact_law::solve(&w, &b, contact.friction as f64);
+            let delta = (solved - self.impulse[i]) * relaxation;
+            self.impulse[i] += delta;
+            self.push(i, &delta);
+        }
+    }
+}
+
+/// `u = W r + q` with Coulomb friction, `W` in rows of 3 x 3 blocks (FCLIB's local problem).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Assembled {
+    /// Where each block row starts `[nc + 1]`.
+    pub row_starts: Vec<usize>,
+    /// Block columns, increasing in each row.
+    pub columns: Vec<u32>,
+    /// Rows and columns (n, t, s), 1/kg.
+    pub blocks: Vec<Mat3>,
+    /// Block that the law of a contact is solved with `[nc]`; its own one, up to rounding.
+    pub diagonal: Vec<Mat3>,
+    /// Relative velocities without impulses `[nc]`, m/s.
+    pub q: Vec<Vec3>,
+    /// Coulomb's μ `[nc]`.
+    pub friction: Vec<f64>,
+}
+
+/// How far impulses are from a solution, in the scalings in use.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NaturalMapErrors {
+    /// Acary, Brémond, Huber: `‖F‖/‖q‖` with ρ = 1 in the problem's units.
+    pub abh: f64,
+    /// Siconos: `‖F‖/max(‖q‖, ‖r‖, ‖u‖)`, ρ = 1.
+    pub siconos: f64,
+    /// FCLIB: `‖F‖/(1 + sqrt ‖q‖)`, ρ = 1.
+    pub fclib: f64,
+    /// `‖F‖/‖r‖` with `ρ_c = 3/tr W_cc`: independent of units.
+    pub unit_free: f64,
+}
+
+impl Assembled {
+    /// From scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
+    ///
+    /// Entries of the same place are added up. Refuses indices out of range, values that are not
+    /// finite, and contacts whose own `W_nn` is not above zero.
+    pub fn from_entries(
+        entries: impl IntoIterator<Item = (usize, usize, f64)>,
+        q: Vec<Vec3>,
+        friction: Vec<f64>,
+    ) -> Result<Self> {
+        let nc = q.len();
+        if friction.len() != nc {
+            return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
+        }
+        let mut scalars = Vec::new();
+        for (row, column, value) in entries {
+            if row >= 3 * nc || column >= 3 * nc || !value.is_finite() {
+                let found = format!("{value} at ({row}, {column})");
+                return Err(unusable("W", format!("finite, {0} x {0}", 3 * nc), found));
+            }
+            scalars.push((row / 3, column / 3, 3 * (row % 3) + column % 3, value));
+        }
+        scalars.sort_by_key(|&(row, column, place, _)| (row, column, place));
+        let mut assembled = Self { q, friction, ..Self::default() };
+        assembled.diagonal = vec![Mat3::zeros(); nc];
+        let mut scalars = scalars.into_iter().peekable();
+        for row in 0..nc {
+            assembled.row_starts.push(assembled.columns.len());
+            while let Some(&(_, column, _, _)) = scalars.peek().filter(|s| s.0 == row) {
+                let mut block = Mat3::zeros();
+                while let Some((.., place, value)) =
+                    scalars.next_if(|s| (s.0, s.1) == (row, column))
+                {
+                    block[(place / 3, place % 3)] += value;
+                }
+                if column == row {
+                    assembled.diagonal[row] = block;
+                }
+                assembled.columns.push(column as u32);
+                assembled.blocks.push(block);
+            }
+        }
+        assembled.row_starts.push(assembled.columns.len());
+        if let Some(c) = assembled.diagonal.iter().position(|w| !(w.m11 > 0.0)) {
+            let found = format!("{} at contact {c}", assembled.diagonal[c].m11);
+            return Err(unusable("W", "W_nn above zero".into(), found));
+        }
+        Ok(assembled)
+    }
+
+    /// Assembles `W = Hᵀ M⁻¹ H` and `q = Hᵀ V_free + c` of a local problem.
+    pub fn from_problem(problem: &LocalProblem) -> Self {
+        let nc = problem.contacts.len();
+        let mut free = MatrixFree::new(problem);
+        free.lines.clone_from(&problem.lines);
+        let mut touching: Vec<Vec<u32>> = vec![Vec::new(); problem.grain_count()];
+        for i in 0..nc {
+            for (grain, ..) in free.sides(i) {
+                touching[grain].push(i as u32);
+            }
+        }
+        let mut assembled = Self::default();
+        for i in 0..nc {
+            assembled.row_starts.push(assembled.columns.len());
+            let contact = &problem.contacts[i];
+            let mut row: Vec<(u32, Mat3)> = Vec::new();
+            for (grain, arms, sign) in free.sides(i) {
+                let inverse_mass = problem.lines[grain].inverse_mass();
+                for &j in &touching[grain] {
+                    let other = &problem.contacts[j as usize];
+                    for (_, other_arms, other_sign) in
+                        free.sides(j as usize).filter(|side| side.0 == grain)
+                    {
+                        let (axes, other_axes) = (contact.axes(), other.axes());
+                        let block = Mat3::from_fn(|k, l| {
+                            inverse_mass * axes[k].dot(&other_axes[l])
+                                + widen(&arms[k]).dot(&widen(&other_arms[l]))
+                        }) * (sign * other_sign);
+                        row.push((j, block));
+                    }
+                }
+            }
+            row.sort_by_key(|&(j, _)| j);
+            for (j, block) in row {
+                let start = assembled.row_starts[i];
+                match assembled.columns[start..].last() {
+                    Some(&last) if last == j => *assembled.blocks.last_mut().unwrap() += block,
+                    _ => {
+                        assembled.columns.push(j);
+                        assembled.blocks.push(block);
+                    }
+                }
+            }
+            assembled.diagonal.push(contact.law_block());
+            assembled.q.push(free.relative_velocity(i));
+            assembled.friction.push(contact.friction as f64);
+        }
+        assembled.row_starts.push(assembled.columns.len());
+        assembled
+    }
+
+    /// Number of contacts.
+    pub fn contact_count(&self) -> usize {
+        self.q.len()
+    }
+
+    /// `u = W r + q` at contact `i`.
+    pub fn relative_velocity(&self, i: usize, impulse: &[Vec3]) -> Vec3 {
+        let row = self.row_starts[i]..self.row_starts[i + 1];
+        (self.columns[row.clone()].iter().zip(&self.blocks[row]))
+            .fold(self.q[i], |u, (&j, block)| u + block * impulse[j as usize])
+    }
+
+    /// Visits the contacts in the given order.
+    pub fn sweep(
+        &self,
+        impulse: &mut [Vec3],
+        order: impl IntoIterator<Item = u32>,
+        relaxation: f64,
+    ) {
+        for i in order {
+            let i = i as usize;
+            let w = &self.diagonal[i];
+            let b = self.relative_velocity(i, impulse) - w * impulse[i];
+            let solved = contact_law::solve(w, &b, self.friction[i]);
+            impulse[i] += (solved - impulse[i]) * relaxation;
+        }
+    }
+
+    /// Natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings.
+    pub fn natural_map(&self, impulse: &[Vec3]) -> NaturalMapErrors {
+        let mut sums = [0.0_f64; 5];
+        for i in 0..self.contact_count() {
+            let (r, u, mu) = (impulse[i], self.relative_velocity(i, impulse), self.friction[i]);
+            let shifted = u + Vec3::x() * (mu * u.y.hypot(u.z));
+            let map = |rho: f64| (r - cone::project(&(r - shifted * rho), mu)).norm_squared();
+            let terms = [
+                map(1.0),
+                map(3.0 / self.diagonal[i].trace()),
+                self.q[i].norm_squared(),
+                r.norm_squared(),
+                u.norm_squared(),
+            ];
+            for (sum, term) in sums.iter_mut().zip(terms) {
+                *sum += term;
+            }
+        }
+        let [f, f_unit_free, q, r, u] = sums.map(f64::sqrt);
+        NaturalMapErrors {
+            abh: f / q,
+            siconos: f / q.max(r).max(u),
+            fclib: f / (1.0 + q.sqrt()),
+            unit_free: if f_unit_free == 0.0 { 0.0 } else { f_unit_free / r },
+        }
+    }
+}
+
+fn unusable(place: &str, expected: String, found: String) -> Error {
+    Error::Model { place: format!("friction problem, {place}"), expected, found }
+}

@@ -66,10 +66,7 @@ pub fn solve<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3], slip: &mut [f32; 8]
     let z2 = law.tangent_mass.neg_mul_add(slide2, r[2]);
     let normal = normal_impulse(law, beta, z1, z2);
     let bound = law.friction.mul(normal);
-    let inside = L::and(
-        zero.le(normal),
-        z2.mul_add(z2, z1.mul(z1)).le(bound.mul(bound)),
-    );
+    let inside = L::and(zero.le(normal), z2.mul_add(z2, z1.mul(z1)).le(bound.mul(bound)));
     let slips = L::and_not(closed, inside);
     let mut tangential = [z1, z2];
     if L::any(slips) {

@@ -128,8 +128,7 @@ impl Block for SingleBlock {
         let line: [L; 8] = unsafe { L::gather(lines, &self.grain) };
         let axes = load_axes(&self.normal, &self.tangent);
         let u = [0, 1, 2].map(|k| {
-            let of_centre =
-                dot(&axes[k], [line[0], line[1], line[2]], L::load(&self.offset[k]));
+            let of_centre = dot(&axes[k], [line[0], line[1], line[2]], L::load(&self.offset[k]));
             arm_dot(&self.arms, k, &line, of_centre)
         });
         ((axes, line), u)
@@ -145,4 +144,3 @@ impl Block for SingleBlock {
         unsafe { L::scatter(line, lines, &self.grain) };
     }
 }
-

@@ -8,6 +8,10 @@
 //! again, so [`Lanes::gather`] and [`Lanes::scatter`] stay inside; (2) types that use instructions
 //! beyond the base ones are private and used only inside [`run`], after the processor was asked.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod coupling;
 mod lanes;
 mod passes;
@@ -23,24 +27,72 @@ use portable::Portable;
 
 /// Which instructions compute; the bits are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Arithmetic {
-    /// Any processor.
+pub struct Arithmetic(Instructions);
+
+/// Private, so that an [`Arithmetic`] is proof that the processor was asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Instructions {
     Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
 
 impl Arithmetic {
+    /// What every processor has.
+    pub const PORTABLE: Self = Self(Instructions::Portable);
+
+    /// All that this processor has, the fastest first.
+    pub fn available() -> Vec<Self> {
+        let mut all = Vec::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            if fused && is_x86_feature_detected!("avx512f") {
+                all.push(Self(Instructions::Avx512));
+            }
+            if fused {
+                all.push(Self(Instructions::Avx2));
+            }
+        }
+        all.push(Self::PORTABLE);
+        all
+    }
+
     /// The fastest one that this processor has.
     pub fn detect() -> Self {
-        Self::Portable
+        Self::available()[0]
     }
 }
 
 /// # Safety
 /// As for [`Pass::run`].
 unsafe fn run<P: Pass>(arithmetic: Arithmetic, pass: P) -> P::Output {
-    match arithmetic {
-        Arithmetic::Portable => unsafe { pass.run::<Portable>() },
+    // SAFETY: the caller's, and [`Arithmetic::available`] asked the processor.
+    unsafe {
+        match arithmetic.0 {
+            Instructions::Portable => pass.run::<Portable>(),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => run_avx2(pass),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => run_avx512(pass),
+        }
     }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn run_avx2<P: Pass>(pass: P) -> P::Output {
+    // SAFETY: the caller's.
+    unsafe { pass.run::<avx2::Avx2>() }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2,fma")]
+unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
+    // SAFETY: the caller's.
+    unsafe { pass.run::<avx512::Avx512>() }
 }
 
 /// Packed contacts whose indices are checked on entry.

@@ -218,4 +218,3 @@ unsafe fn natural_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &[Line], sums:
         sums[1] = dot(&r, r, sums[1]);
     }
 }
-

@@ -111,4 +111,6 @@ impl Lanes for Portable {
             lines[indices[lane] as usize] = Line(rows.map(|row| row.0[lane]));
         }
     }
+    #[inline(always)]
+    fn prefetch(_: &[Line], _: &[u32; LANES]) {}
 }

@@ -1,0 +1,192 @@
+//! Eight lanes in two registers of AVX2 with FMA.
+
+use super::lanes::Lanes;
+use crate::contact_graph::LANES;
+use crate::local_problem::Line;
+use core::arch::x86_64::*;
+
+/// Lanes 0 to 3 and 4 to 7.
+///
+/// Values exist only inside [`super::run`] after the processor was asked for AVX2 and FMA: this is
+/// what makes the calls below sound.
+#[derive(Clone, Copy)]
+pub struct Avx2(__m256d, __m256d);
+
+/// All bits of a lane are set or not.
+#[derive(Clone, Copy)]
+pub struct Mask(__m256d, __m256d);
+
+impl Lanes for Avx2 {
+    type Mask = Mask;
+
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        unsafe { Self(_mm256_set1_pd(x), _mm256_set1_pd(x)) }
+    }
+    #[inline(always)]
+    fn load(row: &[f64; LANES]) -> Self {
+        unsafe { Self(_mm256_loadu_pd(row.as_ptr()), _mm256_loadu_pd(row[4..].as_ptr())) }
+    }
+    #[inline(always)]
+    fn load32(row: &[f32; LANES]) -> Self {
+        unsafe {
+            Self(
+                _mm256_cvtps_pd(_mm_loadu_ps(row.as_ptr())),
+                _mm256_cvtps_pd(_mm_loadu_ps(row[4..].as_ptr())),
+            )
+        }
+    }
+    #[inline(always)]
+    fn store(self, row: &mut [f64; LANES]) {
+        unsafe {
+            _mm256_storeu_pd(row.as_mut_ptr(), self.0);
+            _mm256_storeu_pd(row[4..].as_mut_ptr(), self.1);
+        }
+    }
+    #[inline(always)]
+    fn store32(self, row: &mut [f32; LANES]) {
+        unsafe {
+            _mm_storeu_ps(row.as_mut_ptr(), _mm256_cvtpd_ps(self.0));
+            _mm_storeu_ps(row[4..].as_mut_ptr(), _mm256_cvtpd_ps(self.1));
+        }
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        unsafe { Self(_mm256_add_pd(self.0, other.0), _mm256_add_pd(self.1, other.1)) }
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        unsafe { Self(_mm256_sub_pd(self.0, other.0), _mm256_sub_pd(self.1, other.1)) }
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        unsafe { Self(_mm256_mul_pd(self.0, other.0), _mm256_mul_pd(self.1, other.1)) }
+    }
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        unsafe { Self(_mm256_div_pd(self.0, other.0), _mm256_div_pd(self.1, other.1)) }
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        unsafe { Self(_mm256_sqrt_pd(self.0), _mm256_sqrt_pd(self.1)) }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        unsafe {
+            let sign = _mm256_set1_pd(-0.0);
+            Self(_mm256_andnot_pd(sign, self.0), _mm256_andnot_pd(sign, self.1))
+        }
+    }
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        unsafe { Self(_mm256_fmadd_pd(self.0, b.0, c.0), _mm256_fmadd_pd(self.1, b.1, c.1)) }
+    }
+    #[inline(always)]
+    fn mul_sub(self, b: Self, c: Self) -> Self {
+        unsafe { Self(_mm256_fmsub_pd(self.0, b.0, c.0), _mm256_fmsub_pd(self.1, b.1, c.1)) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, b: Self, c: Self) -> Self {
+        unsafe { Self(_mm256_fnmadd_pd(self.0, b.0, c.0), _mm256_fnmadd_pd(self.1, b.1, c.1)) }
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> Mask {
+        unsafe {
+            Mask(
+                _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0),
+                _mm256_cmp_pd::<_CMP_LT_OQ>(self.1, other.1),
+            )
+        }
+    }
+    #[inline(always)]
+    fn le(self, other: Self) -> Mask {
+        unsafe {
+            Mask(
+                _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, other.0),
+                _mm256_cmp_pd::<_CMP_LE_OQ>(self.1, other.1),
+            )
+        }
+    }
+    #[inline(always)]
+    fn and(a: Mask, b: Mask) -> Mask {
+        unsafe { Mask(_mm256_and_pd(a.0, b.0), _mm256_and_pd(a.1, b.1)) }
+    }
+    #[inline(always)]
+    fn or(a: Mask, b: Mask) -> Mask {
+        unsafe { Mask(_mm256_or_pd(a.0, b.0), _mm256_or_pd(a.1, b.1)) }
+    }
+    #[inline(always)]
+    fn and_not(a: Mask, b: Mask) -> Mask {
+        unsafe { Mask(_mm256_andnot_pd(b.0, a.0), _mm256_andnot_pd(b.1, a.1)) }
+    }
+    #[inline(always)]
+    fn any(mask: Mask) -> bool {
+        unsafe { _mm256_movemask_pd(_mm256_or_pd(mask.0, mask.1)) != 0 }
+    }
+    #[inline(always)]
+    fn select(mask: Mask, yes: Self, no: Self) -> Self {
+        unsafe {
+            Self(_mm256_blendv_pd(no.0, yes.0, mask.0), _mm256_blendv_pd(no.1, yes.1, mask.1))
+        }
+    }
+    #[inline(always)]
+    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
+        // SAFETY: the caller's; a line is 64 aligned bytes.
+        unsafe {
+            let quarter = |first: usize, half: usize| {
+                transpose([0, 1, 2, 3].map(|i| {
+                    let line = lines.as_ptr().add(indices[first + i] as usize).cast::<f64>();
+                    _mm256_load_pd(line.add(4 * half))
+                }))
+            };
+            let [a, b] = [quarter(0, 0), quarter(4, 0)];
+            let [c, d] = [quarter(0, 1), quarter(4, 1)];
+            let low = |j: usize| Self(a[j], b[j]);
+            let high = |j: usize| Self(c[j], d[j]);
+            [low(0), low(1), low(2), low(3), high(0), high(1), high(2), high(3)]
+        }
+    }
+    #[inline(always)]
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
+        // SAFETY: the caller's; a line is 64 aligned bytes.
+        unsafe {
+            for half in 0..2 {
+                let r = [0, 1, 2, 3].map(|j| rows[4 * half + j]);
+                let columns = [transpose(r.map(|x| x.0)), transpose(r.map(|x| x.1))];
+                for (i, &index) in indices.iter().enumerate() {
+                    let line = lines.as_mut_ptr().add(index as usize).cast::<f64>();
+                    _mm256_store_pd(line.add(4 * half), columns[i / 4][i % 4]);
+                }
+            }
+        }
+    }
+    #[inline(always)]
+    fn prefetch(lines: &[Line], indices: &[u32; LANES]) {
+        // SAFETY: a prefetch reads nothing.
+        unsafe {
+            for &i in indices {
+                _mm_prefetch::<_MM_HINT_T0>(lines.as_ptr().wrapping_add(i as usize).cast());
+            }
+        }
+    }
+}
+
+/// Transposes 4 x 4.
+#[inline(always)]
+unsafe fn transpose(r: [__m256d; 4]) -> [__m256d; 4] {
+    // SAFETY: the caller has AVX.
+    unsafe {
+        let p = [
+            _mm256_unpacklo_pd(r[0], r[1]),
+            _mm256_unpackhi_pd(r[0], r[1]),
+            _mm256_unpacklo_pd(r[2], r[3]),
+            _mm256_unpackhi_pd(r[2], r[3]),
+        ];
+        [
+            _mm256_permute2f128_pd::<0x20>(p[0], p[2]),
+            _mm256_permute2f128_pd::<0x20>(p[1], p[3]),
+            _mm256_permute2f128_pd::<0x31>(p[0], p[2]),
+            _mm256_permute2f128_pd::<0x31>(p[1], p[3]),
+        ]
+    }
+}

@@ -1,0 +1,134 @@
+//! Synthetic problems for the tests: a grid of grains of random mass, inertia and orientation over a
+//! moving floor, with several contact points per neighbour pair.
+
+use crate::detection::Contacts;
+use crate::local_problem::LocalProblem;
+use crate::math::{Pose, Quat, Vec3};
+use crate::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
+use crate::motion::Motion;
+use crate::state::State;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+pub struct Scene {
+    pub model: Model,
+    pub state: State,
+    pub motion: Motion,
+    pub contacts: Contacts,
+    pub warm: Vec<Vec3>,
+    pub problem: LocalProblem,
+}
+
+pub fn unit(rng: &mut Pcg64) -> Vec3 {
+    loop {
+        let v = Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0));
+        if v.norm() > 0.1 && v.norm() < 1.0 {
+            return v.normalize();
+        }
+    }
+}
+
+fn empty_model(restitution: f64) -> Model {
+    let floor =
+        DrivenBody { name: "floor".into(), role: Role::Boundary, friction: 0.4, parts: Vec::new() };
+    Model {
+        shapes: Vec::new(),
+        grains: Default::default(),
+        driven: vec![floor],
+        gravity: Vec3::new(0.0, 0.0, -9.81),
+        grain_friction: 0.7,
+        restitution,
+        stepping: Stepping { step_ns: 500_000, theta: 0.5, alert: 1e-3 },
+        solver: Solver {
+            schedule: Schedule::Sequential,
+            partition: PartitionRule::Boxes([1, 1, 1]),
+            ..Solver::default()
+        },
+    }
+}
+
+impl Scene {
+    /// `size[0] * size[1] * size[2]` grains of 2 cm, `points` contact points per neighbour pair.
+    pub fn grid(size: [usize; 3], points: usize, restitution: f64, seed: u64) -> Self {
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let mut model = empty_model(restitution);
+        let mut state = State::default();
+        let [nx, ny, nz] = size;
+        let ng = nx * ny * nz;
+        let index = |x: usize, y: usize, z: usize| (x * ny + y) * nz + z;
+        for x in 0..nx {
+            for y in 0..ny {
+                for z in 0..nz {
+                    let jitter = unit(&mut rng) * 0.002;
+                    let at = Vec3::new(x as f64, y as f64, z as f64 + 0.5) * 0.02 + jitter;
+                    let mass = 0.02 * rng.random_range(0.3..3.0);
+                    let inertia =
+                        Vec3::from_fn(|_, _| 0.4 * mass * 1e-4 * rng.random_range(0.4..2.0));
+                    model.grains.shape.push(0);
+                    model.grains.mass.push(mass);
+                    model.grains.inertia.push(inertia);
+                    let axis = nalgebra::Unit::new_normalize(unit(&mut rng));
+                    let orientation = Quat::from_axis_angle(&axis, rng.random_range(0.0..3.0));
+                    state.push(Pose { position: at, orientation });
+                }
+            }
+        }
+        state.push(Pose::identity());
+        for b in 0..ng {
+            state.velocity[b] = unit(&mut rng) * 0.05;
+            state.spin[b] = unit(&mut rng) * 2.0;
+        }
+        let mut motion = Motion {
+            position: state.position.clone(),
+            orientation: state.orientation.clone(),
+            velocity: state.velocity.clone(),
+            spin: state.spin.clone(),
+        };
+        for b in 0..ng {
+            motion.velocity[b] += model.gravity * model.stepping.h();
+        }
+        motion.velocity[ng] = Vec3::new(0.02, 0.0, 0.01);
+        motion.spin[ng] = Vec3::new(0.0, 0.05, 0.1);
+        let mut contacts = Contacts::default();
+        for x in 0..nx {
+            for y in 0..ny {
+                for z in 0..nz {
+                    let c = index(x, y, z);
+                    let mut others = Vec::new();
+                    for (dx, dy, dz) in [(0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1)] {
+                        if x + dx < nx && y + dy < ny && z + dz < nz {
+                            others.push(index(x + dx, y + dy, z + dz));
+                        }
+                    }
+                    if z == 0 {
+                        others.push(ng);
+                    }
+                    for a in others {
+                        let apart = if a == ng {
+                            Vec3::z() * 0.01
+                        } else {
+                            (state.position[c] - state.position[a]) * 0.5
+                        };
+                        let normal = (apart.normalize() + unit(&mut rng) * 0.1).normalize();
+                        for feature in 0..points {
+                            let point = state.position[c] - apart + unit(&mut rng) * 0.005;
+                            let gap = rng.random_range(-2e-4..1e-5);
+                            contacts.push([c as u32, a as u32], feature as u64, point, normal, gap);
+                        }
+                    }
+                }
+            }
+        }
+        let warm = (contacts.normal.iter())
+            .map(|n| (n + unit(&mut rng) * 0.3) * rng.random_range(0.0..1e-4))
+            .collect();
+        let mut scene =
+            Self { model, state, motion, contacts, warm, problem: LocalProblem::default() };
+        scene.build();
+        scene
+    }
+
+    pub fn build(&mut self) {
+        self.problem.build(&self.model, &self.state, &self.motion, &self.contacts, &self.warm);
+    }
+}

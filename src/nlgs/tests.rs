@@ -1,0 +1,165 @@
+//! The kernel against the plain method, and properties of a sweep.
+
+use super::reference::{Assembled, MatrixFree};
+use super::scenes::Scene;
+use super::{Arithmetic, ContactSet};
+use crate::local_problem::LocalProblem;
+use crate::math::Vec3;
+
+fn whole(problem: &LocalProblem) -> ContactSet {
+    let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
+    let lines: Vec<u32> = (0..problem.grain_count() as u32).collect();
+    let mut set = ContactSet::default();
+    set.pack(problem, &contacts, &lines, lines.len());
+    set.lines[..lines.len()].copy_from_slice(&problem.lines);
+    set.apply_impulses();
+    set
+}
+
+fn largest(x: impl IntoIterator<Item = Vec3>) -> f64 {
+    x.into_iter().fold(0.0, |max, v| v.amax().max(max))
+}
+
+#[test]
+fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
+    for (seed, restitution, relaxation) in [(1, 0.0, 1.0), (2, 0.3, 0.7)] {
+        let scene = Scene::grid([5, 4, 3], 2, restitution, seed);
+        let mut set = whole(&scene.problem);
+        let mut plain = MatrixFree::new(&scene.problem);
+        let assembled = Assembled::from_problem(&scene.problem);
+        let mut r = plain.impulse.clone();
+        let order: Vec<u32> = set.order().collect();
+        for _ in 0..20 {
+            set.sweep(relaxation);
+            plain.sweep(order.iter().copied(), relaxation);
+            assembled.sweep(&mut r, order.iter().copied(), relaxation);
+            let scale = largest(plain.impulse.iter().copied());
+            let apart = largest(set.impulses().map(|(i, r)| r - plain.impulse[i as usize]));
+            assert!(apart < 1e-12 * scale, "kernel: {apart:e} of {scale:e}");
+            let apart = largest(r.iter().zip(&plain.impulse).map(|(a, b)| a - b));
+            assert!(apart < 1e-12 * scale, "assembled: {apart:e} of {scale:e}");
+            for (a, b) in set.lines.iter().zip(&plain.lines) {
+                let apart = (0..6).map(|j| (a.0[j] - b.0[j]).abs()).fold(0.0, f64::max);
+                assert!(apart < 1e-12, "velocity: {apart:e}");
+            }
+        }
+        let spare = set.lines.last().unwrap();
+        assert!(spare.0.iter().all(|&x| x == 0.0));
+    }
+}
+
+#[test]
+fn sweeps_converge_to_a_solution_by_every_measure() {
+    let scene = Scene::grid([4, 4, 3], 1, 0.0, 5);
+    let mut set = whole(&scene.problem);
+    let before = set.natural_map().residual();
+    let mut norms = set.measured_sweep(1.0);
+    for _ in 0..3000 {
+        norms = set.measured_sweep(1.0);
+    }
+    let after = set.natural_map().residual();
+    assert!(before > 1e-2 && after < 1e-8, "{before:e} {after:e}");
+    assert!(norms.residuals().qm16() < 1e-8, "{norms:?}");
+    let assembled = Assembled::from_problem(&scene.problem);
+    let mut r = vec![Vec3::zeros(); assembled.contact_count()];
+    for (i, impulse) in set.impulses() {
+        r[i as usize] = impulse;
+    }
+    let errors = assembled.natural_map(&r);
+    assert!((errors.unit_free / after - 1.0).abs() < 1e-4, "{errors:?} {after:e}");
+}
+
+#[test]
+fn measured_sweeps_have_the_same_bits() {
+    let scene = Scene::grid([6, 5, 4], 2, 0.0, 7);
+    let (mut a, mut b) = (whole(&scene.problem), whole(&scene.problem));
+    for _ in 0..5 {
+        a.sweep(1.0);
+        b.measured_sweep(1.0);
+    }
+    assert_eq!(a.lines, b.lines);
+    assert!(a.impulses().eq(b.impulses()));
+}
+
+#[test]
+fn contacts_between_grains_keep_momentum() {
+    let mut scene = Scene::grid([6, 6, 4], 2, 0.0, 9);
+    scene.model.driven.clear();
+    let ng = scene.model.grains.len() as u32;
+    let pairs: Vec<u32> = (0..scene.contacts.len() as u32)
+        .filter(|&i| scene.contacts.bodies[i as usize][1] < ng)
+        .collect();
+    let lines: Vec<u32> = (0..ng).collect();
+    let mut set = ContactSet::default();
+    set.pack(&scene.problem, &pairs, &lines, lines.len());
+    set.lines[..lines.len()].copy_from_slice(&scene.problem.lines);
+    let momentum = |set: &ContactSet| {
+        (0..ng as usize).fold((Vec3::zeros(), Vec3::zeros()), |(p, l), g| {
+            let (v, w) = scene.problem.velocity(g, &set.lines[g]);
+            let rotation = scene.motion.orientation[g].to_rotation_matrix();
+            let spin = rotation.inverse() * w;
+            let own = rotation * spin.component_mul(&scene.model.grains.inertia[g]);
+            let mv = v * scene.model.grains.mass[g];
+            (p + mv, l + own + scene.motion.position[g].cross(&mv))
+        })
+    };
+    let before = momentum(&set);
+    set.apply_impulses();
+    for _ in 0..10 {
+        set.sweep(1.0);
+    }
+    let after = momentum(&set);
+    let scale: f64 = scene.model.grains.mass.iter().sum::<f64>() * 0.05;
+    assert!((after.0 - before.0).norm() < 1e-14 * scale, "{:?}", after.0 - before.0);
+    // Arms are rounded to f32.
+    assert!((after.1 - before.1).norm() < 1e-7 * scale * 0.1, "{:?}", after.1 - before.1);
+}
+
+#[test]
+fn every_arithmetic_gives_the_same_bits() {
+    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let run = |arithmetic| {
+        let mut set = whole(&scene.problem);
+        set.set_arithmetic(arithmetic);
+        for _ in 0..10 {
+            set.sweep(0.9);
+        }
+        let norms = set.measured_sweep(1.0);
+        let bits = |x: &f64| x.to_bits();
+        let lines: Vec<u64> = set.lines.iter().flat_map(|l| l.0.iter().map(bits)).collect();
+        let impulses: Vec<u64> =
+            set.impulses().flat_map(|(_, r)| r.iter().map(bits).collect::<Vec<_>>()).collect();
+        (lines, impulses, norms, set.natural_map())
+    };
+    let portable = run(Arithmetic::PORTABLE);
+    for arithmetic in Arithmetic::available() {
+        assert!(run(arithmetic) == portable, "{arithmetic:?}");
+    }
+}
+
+/// Prints visits per second; run with `--ignored --nocapture`.
+#[test]
+#[ignore = "measures speed"]
+fn speed_of_a_sweep() {
+    for (size, points) in [([12, 12, 8], 1), ([20, 20, 10], 1), ([40, 40, 40], 1)] {
+        let scene = Scene::grid(size, points, 0.0, 13);
+        for arithmetic in Arithmetic::available() {
+            let mut set = whole(&scene.problem);
+            set.set_arithmetic(arithmetic);
+            let sweeps = 6_000_000 / set.contact_count();
+            for part in ["first", "later"] {
+                let start = std::time::Instant::now();
+                for _ in 0..sweeps {
+                    set.sweep(1.0);
+                }
+                let time = start.elapsed().as_secs_f64();
+                println!(
+                    "{arithmetic:?} {} contacts, fill {:.4}, {part} {sweeps} sweeps: {:.1} M/s",
+                    set.contact_count(),
+                    set.fill(),
+                    1e-6 * (sweeps * set.contact_count()) as f64 / time
+                );
+            }
+        }
+    }
+}
