@@ -39,9 +39,7 @@ pub enum Command {
     /// Print the JSON Schema of case files
     Schema,
     /// Print the completion script of a shell
-    Completions {
-        shell: clap_complete::Shell,
-    },
+    Completions { shell: clap_complete::Shell },
     /// Time the solver on scenes that any program can run
     Bench {
         #[command(subcommand)]

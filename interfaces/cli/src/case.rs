@@ -96,13 +96,14 @@ impl Choices {
     /// From the notes of a checkpoint.
     pub fn from_notes(notes: &BTreeMap<String, String>) -> Outcome<Self> {
         let unknown = |key: &str, value: &str| {
-            Failure::Incompatible(format!("the checkpoint was made with {key} {value:?}, unknown here"))
+            Failure::Incompatible(format!(
+                "the checkpoint was made with {key} {value:?}, unknown here"
+            ))
         };
-        let schedule = notes.get("schedule").map(|name| {
-            ScheduleName::from_str(name, false).map_err(|_| unknown("schedule", name))
-        });
-        let seed =
-            notes.get("seed").map(|text| text.parse().map_err(|_| unknown("seed", text)));
+        let schedule = notes
+            .get("schedule")
+            .map(|name| ScheduleName::from_str(name, false).map_err(|_| unknown("schedule", name)));
+        let seed = notes.get("seed").map(|text| text.parse().map_err(|_| unknown("seed", text)));
         Ok(Self { schedule: schedule.transpose()?, seed: seed.transpose()? })
     }
 }

@@ -22,7 +22,7 @@ impl RunFiles {
         Self::in_folder(folder.unwrap_or(Path::new(".")))
     }
 
-    /// Geometry over time, for ParaView.
+    /// Bodies, forces and tables over time.
     pub fn results(&self) -> PathBuf {
         self.folder.join("results.vtkhdf")
     }
@@ -30,16 +30,6 @@ impl RunFiles {
     /// What `resume` continues from.
     pub fn checkpoint(&self) -> PathBuf {
         self.folder.join("checkpoint.h5")
-    }
-
-    /// One row per step.
-    pub fn steps(&self) -> PathBuf {
-        self.folder.join("steps.csv")
-    }
-
-    /// One row per observation of the zones.
-    pub fn zones(&self) -> PathBuf {
-        self.folder.join("zones.csv")
     }
 
     /// The final figures.
@@ -59,8 +49,7 @@ impl RunFiles {
 
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
     pub fn remove_all(&self) -> Outcome {
-        let files =
-            [self.summary(), self.checkpoint(), self.results(), self.steps(), self.zones()];
+        let files = [self.summary(), self.checkpoint(), self.results()];
         for file in files {
             match std::fs::remove_file(&file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {

@@ -14,7 +14,6 @@ mod profile;
 mod progress;
 mod record;
 mod recorder;
-mod series;
 mod session;
 mod statistics;
 mod summary;

@@ -44,8 +44,7 @@ impl Profile {
 
     fn since_mark(&mut self) -> Spent {
         let (now, cpu) = (Instant::now(), cpu_time());
-        let spent =
-            Spent { wall: now - self.mark, cpu: cpu.saturating_sub(self.cpu_mark) };
+        let spent = Spent { wall: now - self.mark, cpu: cpu.saturating_sub(self.cpu_mark) };
         self.mark = now;
         self.cpu_mark = cpu;
         spent

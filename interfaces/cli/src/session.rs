@@ -39,12 +39,18 @@ pub struct Session {
 
 impl Session {
     /// Starts a run: what an earlier one left in the folder is replaced.
-    pub fn begin(case: Case, model: Model, state: State, files: RunFiles, console: Console) -> Outcome<Self> {
+    pub fn begin(
+        case: Case,
+        model: Model,
+        state: State,
+        files: RunFiles,
+        console: Console,
+    ) -> Outcome<Self> {
         let cycle = cycle(&case, &model, &state)?;
         files.create_folder()?;
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, &model)?;
-        recorder.observe(&model, &state, cycle.phase(state.time()).name())?;
+        recorder.observe(&model, &state, &Workspace::default())?;
         Ok(Self::assemble(case, model, state, cycle, files, recorder, console))
     }
 
@@ -91,12 +97,12 @@ impl Session {
         while self.state.step < last {
             self.profile.output();
             let report = self.step(&mut targets)?;
-            let phase = self.cycle.phase(self.state.time()).name();
+            let phase = self.cycle.phase(self.state.time());
             self.recorder.step(&self.model, &self.state, &self.workspace, &report, phase)?;
             if self.is_due(self.case.plan.run.output_ns) {
-                self.recorder.observe(&self.model, &self.state, phase)?;
+                self.recorder.observe(&self.model, &self.state, &self.workspace)?;
             }
-            progress.advance(self.state.step as f64 / whole, &self.mark(phase, &report, &progress));
+            progress.advance(self.state.step as f64 / whole, &self.mark(phase.name(), &report, &progress));
             if interrupt::requested() && self.state.step < last {
                 progress.finish();
                 return self.stop();
@@ -191,8 +197,7 @@ impl Session {
     }
 
     fn finish(mut self, expected: Option<&str>) -> Outcome {
-        let phase = self.cycle.phase(self.state.time()).name();
-        self.recorder.observe_end(&self.model, &self.state, phase);
+        self.recorder.observe_end(&self.model, &self.state)?;
         self.checkpoint()?;
         self.profile.output();
         let hash = format!("{:032x}", ballast_hdf5::state_hash(&self.model, &self.state));
@@ -231,8 +236,7 @@ impl Session {
         let figures = summary_text::text(self.recorder.summary());
         let profile = summary_text::profile(&self.profile, self.state.step - self.first);
         let files = summary_text::pointers(&self.files);
-        let (name, grains, step) =
-            (&self.case.plan.name, self.model.grains.len(), self.state.step);
+        let (name, grains, step) = (&self.case.plan.name, self.model.grains.len(), self.state.step);
         let time = self.state.time();
         format!(
             "{name}: {grains} grains, {step} of {} steps, {time:.4} s\n\n{figures}\n{profile}\n\

@@ -55,7 +55,8 @@ impl MovingMean {
         self.filled = (self.filled + 1).min(self.window.len());
         // Summed anew: a running sum would carry the rounding of values that have left.
         (self.filled == self.window.len()).then(|| {
-            let sum = self.window.iter().fold([0.0; 3], |s, v| [s[0] + v[0], s[1] + v[1], s[2] + v[2]]);
+            let sum =
+                self.window.iter().fold([0.0; 3], |s, v| [s[0] + v[0], s[1] + v[1], s[2] + v[2]]);
             sum.map(|s| s / self.window.len() as f64)
         })
     }

@@ -3,20 +3,17 @@
 //! Nothing but rows goes in, so a resumed run, which reads the earlier rows back, ends with the
 //! same figures as one that was never interrupted.
 
-use crate::record::{Column, Followed};
-use crate::series::Row;
+use crate::record::{Column, Followed, Row};
 use crate::statistics::{MovingMean, Statistics, norm};
 use ballast::model::Role;
+use ballast::track::TampingPhase;
 use serde_json::{Value, json};
-
-/// Name of the phase in which tines close.
-const SQUEEZE: &str = "squeeze";
 
 /// What the summary needs to know of the run beforehand.
 #[derive(Debug, Clone)]
 pub struct Setting {
     pub followed: Vec<Followed>,
-    /// Names of the zones, the columns of `zones.csv`.
+    /// Names of the zones.
     pub zones: Vec<String>,
     /// Steps per vibration period; 1 without vibration.
     pub period: usize,
@@ -31,9 +28,15 @@ pub struct Summary {
     pub steps: u64,
     pub not_converged: u64,
     pub guarded: u64,
+    pub visits: f64,
     pub contacts: Statistics,
+    pub active_contacts: Statistics,
+    pub interface_contacts: Statistics,
+    pub subdomains: Statistics,
     pub iterations: Statistics,
+    /// The largest of LMGC90's norms.
     pub residual: Statistics,
+    pub natural_map: Statistics,
     pub mean_penetration: Statistics,
     pub max_penetration: Statistics,
     /// At the first step, at the step of the minimum, at the last one.
@@ -50,7 +53,7 @@ pub struct Moment {
     pub value: f64,
     /// s.
     pub time: f64,
-    pub phase: String,
+    pub phase: TampingPhase,
 }
 
 /// Force on a tine or sleeper, N, and its work on the ballast, J.
@@ -85,9 +88,14 @@ impl Summary {
             steps: 0,
             not_converged: 0,
             guarded: 0,
+            visits: 0.0,
             contacts: Statistics::default(),
+            active_contacts: Statistics::default(),
+            interface_contacts: Statistics::default(),
+            subdomains: Statistics::default(),
             iterations: Statistics::default(),
             residual: Statistics::default(),
+            natural_map: Statistics::default(),
             mean_penetration: Statistics::default(),
             max_penetration: Statistics::default(),
             coordination: None,
@@ -96,16 +104,25 @@ impl Summary {
         }
     }
 
-    /// Takes a row of `steps.csv`.
+    /// Takes a row of the table of steps.
     pub fn take_step(&mut self, row: &Row) {
         self.steps += 1;
         self.not_converged += u64::from(row.get(Column::Converged) == 0.0);
         self.guarded += u64::from(row.get(Column::Guarded) != 0.0);
-        self.contacts.take(row.get(Column::Contacts));
-        self.iterations.take(row.get(Column::Iterations));
+        self.visits += row.get(Column::Visits);
         self.residual.take(residual(row));
-        self.mean_penetration.take(row.get(Column::MeanPenetration));
-        self.max_penetration.take(row.get(Column::MaxPenetration));
+        for (statistics, column) in [
+            (&mut self.contacts, Column::Contacts),
+            (&mut self.active_contacts, Column::ActiveContacts),
+            (&mut self.interface_contacts, Column::InterfaceContacts),
+            (&mut self.subdomains, Column::Subdomains),
+            (&mut self.iterations, Column::Iterations),
+            (&mut self.natural_map, Column::NaturalMap),
+            (&mut self.mean_penetration, Column::MeanPenetration),
+            (&mut self.max_penetration, Column::MaxPenetration),
+        ] {
+            statistics.take(row.get(column));
+        }
         self.take_coordination(row);
         for (i, body) in self.bodies.iter_mut().enumerate() {
             body.take(row, row.force(i), row.work(i));
@@ -113,14 +130,12 @@ impl Summary {
         self.last = Some(row.clone());
     }
 
-    /// Takes a row of `zones.csv`.
-    pub fn take_zones(&mut self, row: &Row) {
-        // The first column is the time.
-        let values = &row.values[1..];
+    /// Takes the compactness of each zone at a moment.
+    pub fn take_zones(&mut self, compactness: &[f64]) {
         if self.compactness.is_empty() {
-            self.compactness = values.iter().map(|value| [*value, *value]).collect();
+            self.compactness = compactness.iter().map(|value| [*value, *value]).collect();
         }
-        for (zone, value) in self.compactness.iter_mut().zip(values) {
+        for (zone, value) in self.compactness.iter_mut().zip(compactness) {
             zone[1] = *value;
         }
     }
@@ -184,9 +199,12 @@ impl Summary {
                 "balance_error": last(Column::BalanceError),
             },
             "solver": {
-                "contacts": self.contacts.json(), "iterations": self.iterations.json(),
-                "residual": self.residual.json(), "steps_not_converged": self.not_converged,
-                "steps_guarded": self.guarded,
+                "contacts": self.contacts.json(), "active_contacts": self.active_contacts.json(),
+                "interface_contacts": self.interface_contacts.json(),
+                "subdomains": self.subdomains.json(), "visits": self.visits,
+                "iterations": self.iterations.json(), "residual_qm16": self.residual.json(),
+                "residual_natural_map": self.natural_map.json(),
+                "steps_not_converged": self.not_converged, "steps_guarded": self.guarded,
             },
         })
     }
@@ -201,7 +219,7 @@ impl BodyFigures {
         self.work += work;
         let mean = self.recent.take(force).map_or(0.0, norm);
         self.period_peak = self.period_peak.max(mean);
-        if row.phase == SQUEEZE {
+        if row.phase() == TampingPhase::Squeeze {
             self.squeeze.take(size);
             self.squeeze_period_peak = self.squeeze_period_peak.max(mean);
         }
@@ -222,12 +240,12 @@ impl BodyFigures {
 
 impl Moment {
     fn json(&self) -> Value {
-        json!({ "value": self.value, "time_s": self.time, "phase": self.phase })
+        json!({ "value": self.value, "time_s": self.time, "phase": self.phase.name() })
     }
 }
 
 fn moment(row: &Row, value: f64) -> Moment {
-    Moment { value, time: row.get(Column::Time), phase: row.phase.clone() }
+    Moment { value, time: row.get(Column::Time), phase: row.phase() }
 }
 
 /// The largest of LMGC90's norms.
@@ -245,29 +263,30 @@ mod tests {
         Setting { followed: vec![tine], zones: vec!["under".into()], period: 2, grain_size: 0.02 }
     }
 
-    fn step(step: u64, phase: &str, coordination: f64, force: f64, converged: bool) -> Row {
+    fn step(time: f64, phase: f64, coordination: f64, force: f64, converged: bool) -> Row {
         let names = columns(&setting().followed);
-        let mut row = Row { step, phase: phase.into(), values: vec![0.0; names.len()] };
+        let mut row = Row(vec![0.0; names.len()]);
         let mut set = |name: &str, value: f64| {
-            row.values[names.iter().position(|n| n == name).unwrap()] = value;
+            row.0[names.iter().position(|n| n.0 == name).unwrap()] = value;
         };
-        set("time_s", step as f64);
+        set("time", time);
+        set("phase", phase);
         set("coordination", coordination);
         set("converged", f64::from(u8::from(converged)));
-        set("max_penetration_m", 0.001 * step as f64);
-        set("left_fx_n", force);
-        set("left_work_j", 2.0);
+        set("max_penetration", 0.001 * time);
+        set("left_force_x", force);
+        set("left_work", 2.0);
         row
     }
 
     #[test]
     fn figures_of_a_short_cycle() {
         let mut summary = Summary::new(setting());
-        summary.take_step(&step(1, "insertion", 6.0, 900.0, true));
-        summary.take_step(&step(2, "squeeze", 4.5, -300.0, false));
-        summary.take_step(&step(3, "squeeze", 5.0, 500.0, true));
+        summary.take_step(&step(1.0, 2.0, 6.0, 900.0, true));
+        summary.take_step(&step(2.0, 3.0, 4.5, -300.0, false));
+        summary.take_step(&step(3.0, 3.0, 5.0, 500.0, true));
         for value in [0.58, 0.60, 0.61] {
-            summary.take_zones(&Row { step: 0, phase: String::new(), values: vec![0.0, value] });
+            summary.take_zones(&[value]);
         }
         let json = summary.json();
         assert_eq!(json["coordination"]["start"], 6.0);

@@ -43,7 +43,7 @@ fn coordination(summary: &Summary) -> Table {
                 label.to_string(),
                 format!("{value:.2}"),
                 format!("{time:.4}"),
-                phase.clone(),
+                phase.name().into(),
             ]);
         }
     }
@@ -53,7 +53,16 @@ fn coordination(summary: &Summary) -> Table {
 fn forces(summary: &Summary, role: Role, title: &str) -> Table {
     let mut table = Table::new(
         title,
-        ["peak", "at (s)", "phase", "peak, period mean", "squeeze: mean", "peak", "peak, period mean", "work (J)"],
+        [
+            "peak",
+            "at (s)",
+            "phase",
+            "peak, period mean",
+            "squeeze: mean",
+            "peak",
+            "peak, period mean",
+            "work (J)",
+        ],
     );
     let bodies = summary.setting().followed.iter().zip(&summary.bodies);
     for (followed, body) in bodies.filter(|(followed, _)| followed.role == role) {
@@ -63,7 +72,7 @@ fn forces(summary: &Summary, role: Role, title: &str) -> Table {
             followed.name.clone(),
             figure(*value, 4),
             format!("{time:.4}"),
-            phase.clone(),
+            phase.name().into(),
             figure(*period_peak, 4),
             figure(squeeze.mean(), 4),
             figure(squeeze.max(), 4),
@@ -104,8 +113,12 @@ fn quality(summary: &Summary) -> Table {
     ]);
     for (label, statistics) in [
         ("residual (QM/16)", summary.residual),
+        ("residual (natural map)", summary.natural_map),
         ("iterations per step", summary.iterations),
         ("contacts", summary.contacts),
+        ("contacts that carry", summary.active_contacts),
+        ("contacts of the interface", summary.interface_contacts),
+        ("subdomains", summary.subdomains),
     ] {
         let cells = [label.into(), figure(statistics.mean(), 3), figure(statistics.max(), 3)];
         table.row(cells);
@@ -120,7 +133,8 @@ fn quality(summary: &Summary) -> Table {
 
 /// Where the time of `steps` steps went.
 pub fn profile(profile: &Profile, steps: u64) -> String {
-    let mut table = Table::new("phase of the step", ["wall (s)", "share", "CPU (s)", "ms per step"]);
+    let mut table =
+        Table::new("phase of the step", ["wall (s)", "share", "CPU (s)", "ms per step"]);
     let whole: f64 = profile.lines().map(|(_, spent)| spent.wall.as_secs_f64()).sum();
     for (name, spent) in profile.lines() {
         let wall = spent.wall.as_secs_f64();
@@ -138,13 +152,10 @@ pub fn profile(profile: &Profile, steps: u64) -> String {
 /// Where the run's files are and what to look at.
 pub fn pointers(files: &RunFiles) -> String {
     let mut table = Table::new("files", [""]);
-    let results = files.results();
     for (path, what) in [
-        (results, "geometry over time: open it in ParaView 5.12 or later"),
-        (files.steps(), "each step: forces, contacts, residuals, energies; any plotting program"),
-        (files.zones(), "compactness of the zones over time"),
-        (files.summary(), "these figures for programs"),
-        (files.checkpoint(), "the final state, to go on from or to compare"),
+        (files.results(), "open it in ParaView; `ballast export` makes tables and shapes of it"),
+        (files.summary(), "these figures, for programs"),
+        (files.checkpoint(), "the last state: `ballast resume` goes on from it"),
     ] {
         if path.exists() {
             table.row([format!("  {}", path.display()), what.to_string()]);

@@ -47,6 +47,7 @@ fn text(plan: &Plan) -> String {
 
 fn sizes(plan: &Plan) -> String {
     let classes = plan.bed.grains.classes.iter();
-    let text = classes.map(|c| format!("{:.0} % of {} mm", 100.0 * c.share, figure(1e3 * c.size, 3)));
+    let text =
+        classes.map(|c| format!("{:.0} % of {} mm", 100.0 * c.share, figure(1e3 * c.size, 3)));
     text.collect::<Vec<_>>().join(", ")
 }

@@ -31,10 +31,18 @@ fn the_summary_tells_the_figures_of_a_tamping_run() {
     let place = Place::new();
     let ended = place.run("--out run").with_code(0);
     let text = ended.stdout();
-    for word in
-        ["compactness", "coordination", "force on tine", "penetration", "dissipated", "narrow phase",
-         "not converged", "state hash", "results.vtkhdf", "ParaView"]
-    {
+    for word in [
+        "compactness",
+        "coordination",
+        "force on tine",
+        "penetration",
+        "dissipated",
+        "narrow phase",
+        "not converged",
+        "state hash",
+        "results.vtkhdf",
+        "ParaView",
+    ] {
         assert!(text.contains(word), "{word} in\n{text}");
     }
     let summary = place.summary("run");
@@ -61,7 +69,8 @@ fn progress_goes_to_stderr_in_tenths() {
     let place = Place::new();
     let ended = place.run("--out run").with_code(0);
     let text = ended.stderr();
-    let tenths = text.lines().filter(|line| line.starts_with("tiny") && line.contains(" % ")).count();
+    let tenths =
+        text.lines().filter(|line| line.starts_with("tiny") && line.contains(" % ")).count();
     assert_eq!(tenths, 10, "{text}");
     assert!(!ended.stdout().contains(" left"));
 }
@@ -109,8 +118,7 @@ fn files_can_be_inspected_and_exported() {
 #[test]
 fn schema_and_completions_are_printed() {
     let place = Place::new();
-    let schema: Value =
-        serde_json::from_str(&place.call("schema").with_code(0).stdout()).unwrap();
+    let schema: Value = serde_json::from_str(&place.call("schema").with_code(0).stdout()).unwrap();
     assert!(schema["properties"]["bed"].is_object());
     for shell in ["bash", "zsh", "fish"] {
         let script = place.call(&format!("completions {shell}")).with_code(0).stdout();

@@ -5,9 +5,13 @@ use crate::setup::{CASE, Place};
 #[test]
 fn missing_files_fail_and_are_named() {
     let place = Place::new();
-    for arguments in
-        ["run none.toml", "check none.toml", "resume none.h5", "inspect none.h5", "bench sample none.json"]
-    {
+    for arguments in [
+        "run none.toml",
+        "check none.toml",
+        "resume none.h5",
+        "inspect none.h5",
+        "bench sample none.json",
+    ] {
         let ended = place.call(arguments).with_code(1);
         assert!(ended.stderr().contains("none."), "{arguments}: {}", ended.stderr());
     }
@@ -16,7 +20,8 @@ fn missing_files_fail_and_are_named() {
 #[test]
 fn wrong_usage_ends_with_2() {
     let place = Place::new();
-    for arguments in ["", "tamp", "run", "run tiny.toml --threads 0", "run tiny.toml --schedule x"] {
+    for arguments in ["", "tamp", "run", "run tiny.toml --threads 0", "run tiny.toml --schedule x"]
+    {
         place.call(arguments).with_code(2);
     }
 }
@@ -90,9 +95,8 @@ fn a_full_disk_fails_with_the_file_and_keeps_what_was_there() {
     place.run("--out run --steps 10").with_code(0);
     let checkpoint = std::fs::read(place.path("run/checkpoint.h5")).unwrap();
     let program = env!("CARGO_BIN_EXE_ballast");
-    let script = format!(
-        "trap '' XFSZ; ulimit -f 16; exec {program} resume run/checkpoint.h5 --steps 20"
-    );
+    let script =
+        format!("trap '' XFSZ; ulimit -f 16; exec {program} resume run/checkpoint.h5 --steps 20");
     let output = std::process::Command::new("bash")
         .current_dir(place.path(""))
         .args(["-c", &script])

@@ -44,10 +44,7 @@ fn what_was_written_after_the_checkpoint_is_written_again() {
     place.call("resume torn/checkpoint.h5").with_code(0);
     assert_eq!(place.summary("torn"), place.summary("whole"));
     for table in TABLES {
-        assert_eq!(
-            place.text(&format!("torn/{table}")),
-            place.text(&format!("whole/{table}"))
-        );
+        assert_eq!(place.text(&format!("torn/{table}")), place.text(&format!("whole/{table}")));
     }
 }
 
