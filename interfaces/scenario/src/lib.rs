@@ -10,6 +10,7 @@ mod nearest;
 mod read;
 mod report;
 mod resolve;
+pub mod sample;
 mod schema;
 mod structure;
 
