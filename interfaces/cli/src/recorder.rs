@@ -6,11 +6,12 @@ use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::record::{self, Followed, Row};
 use crate::summary::{Setting, Summary};
+use crate::zones;
 use ballast::model::Model;
 use ballast::observe::{self, Zone};
 use ballast::state::State;
 use ballast::step::StepReport;
-use ballast::track::{self, TampingPhase};
+use ballast::track::TampingPhase;
 use ballast::workspace::Workspace;
 use ballast_hdf5::results::{Background, Meta, Reader, Writer};
 
@@ -67,7 +68,7 @@ impl Recorder {
     }
 
     fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
-        let zones = track::zones(&case.plan);
+        let zones = zones::of(&case.plan)?;
         let followed = record::followed(model);
         let setting = Setting {
             followed: followed.clone(),

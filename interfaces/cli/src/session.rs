@@ -102,7 +102,10 @@ impl Session {
             if self.is_due(self.case.plan.run.output_ns) {
                 self.recorder.observe(&self.model, &self.state, &self.workspace)?;
             }
-            progress.advance(self.state.step as f64 / whole, &self.mark(phase.name(), &report, &progress));
+            progress.advance(
+                self.state.step as f64 / whole,
+                &self.mark(phase.name(), &report, &progress),
+            );
             if interrupt::requested() && self.state.step < last {
                 progress.finish();
                 return self.stop();

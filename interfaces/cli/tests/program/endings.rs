@@ -61,6 +61,21 @@ fn a_damaged_checkpoint_is_refused() {
 }
 
 #[test]
+fn a_checkpoint_of_another_version_ends_with_6() {
+    let place = Place::new();
+    place.run("--out run --steps 3").with_code(0);
+    let path = place.path("run/checkpoint.h5");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let name = b"ballast-checkpoint ";
+    assert!(bytes.starts_with(name), "the format's name and version come first");
+    bytes[name.len()] = b'9';
+    std::fs::write(&path, bytes).unwrap();
+    let ended = place.call("resume run/checkpoint.h5").with_code(6);
+    assert!(ended.stderr().contains('9'), "{}", ended.stderr());
+    place.call("inspect run/checkpoint.h5").with_code(6);
+}
+
+#[test]
 fn a_bed_cannot_be_resumed() {
     let place = Place::new();
     place.call("prepare tiny.toml --beds beds").with_code(0);

@@ -34,8 +34,12 @@ pub struct Place {
 
 impl Place {
     pub fn new() -> Self {
+        Self::with(CASE)
+    }
+
+    pub fn with(case: &str) -> Self {
         let place = Self { folder: tempfile::tempdir().unwrap() };
-        std::fs::write(place.path("tiny.toml"), CASE).unwrap();
+        std::fs::write(place.path("tiny.toml"), case).unwrap();
         place
     }
 
