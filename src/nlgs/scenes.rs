@@ -1,12 +1,12 @@
-//! Synthetic problems for the tests: a grid of grains of random mass, inertia and orientation over a
+//! Synthetic problems for tests and benches: a grid of grains of random mass, inertia and orientation over a
 //! moving floor, with several contact points per neighbour pair.
 
-use crate::detection::Contacts;
-use crate::local_problem::LocalProblem;
-use crate::math::{Pose, Quat, Vec3};
-use crate::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
-use crate::motion::Motion;
-use crate::state::State;
+use ballast::detection::Contacts;
+use ballast::local_problem::LocalProblem;
+use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
+use ballast::motion::Motion;
+use ballast::state::State;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 

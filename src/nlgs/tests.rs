@@ -136,30 +136,3 @@ fn every_arithmetic_gives_the_same_bits() {
         assert!(run(arithmetic) == portable, "{arithmetic:?}");
     }
 }
-
-/// Prints visits per second; run with `--ignored --nocapture`.
-#[test]
-#[ignore = "measures speed"]
-fn speed_of_a_sweep() {
-    for (size, points) in [([12, 12, 8], 1), ([20, 20, 10], 1), ([40, 40, 40], 1)] {
-        let scene = Scene::grid(size, points, 0.0, 13);
-        for arithmetic in Arithmetic::available() {
-            let mut set = whole(&scene.problem);
-            set.set_arithmetic(arithmetic);
-            let sweeps = 6_000_000 / set.contact_count();
-            for part in ["first", "later"] {
-                let start = std::time::Instant::now();
-                for _ in 0..sweeps {
-                    set.sweep(1.0);
-                }
-                let time = start.elapsed().as_secs_f64();
-                println!(
-                    "{arithmetic:?} {} contacts, fill {:.4}, {part} {sweeps} sweeps: {:.1} M/s",
-                    set.contact_count(),
-                    set.fill(),
-                    1e-6 * (sweeps * set.contact_count()) as f64 / time
-                );
-            }
-        }
-    }
-}

@@ -16,16 +16,16 @@
 //! h(y) = μ r_n - ‖r_T‖ = μ (-β - k·r_T) - y sqrt(D² z_t² + z_s²) = 0
 //! ```
 //!
-//! `h(0) = -μβ > 0 > h(1)`: there is a root, and it stays bracketed. For ρ = 1, `h` is linear, and
-//! Newton's method needs one iteration. With strong coupling `k` there may be several roots; each is
-//! a solution of the contact law, and which one is found depends on the warm start alone.
+//! `h(0) = -μβ > 0 > h(1)`: there is a root, and it stays bracketed while Halley's method runs on a
+//! polynomial form of `h`. With strong coupling `k` there may be several roots; each is a solution of
+//! the contact law, and which one is found depends on where the last solve of this contact ended.
 
 use super::block::LawRows;
-use super::kernel::Lanes;
+use super::kernel::{Lanes, each};
 
-/// Newton steps that are relatively smaller than this leave an error below rounding: convergence is
-/// quadratic.
-const SMALL_STEP: f64 = 1e-9;
+/// Halley steps that are relatively smaller than this leave an error below rounding: convergence is
+/// cubic.
+const SMALL_STEP: f64 = 1e-6;
 /// Bisection alone would be at rounding after this many.
 const MAX_STEPS: usize = 64;
 
@@ -73,7 +73,8 @@ pub fn solve<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3], slip: &mut [f32; 8]
         tangential = solve_slip(law, beta, [z1, z2], slips, slip);
     }
     let normal = normal_impulse(law, beta, tangential[0], tangential[1]);
-    [normal, tangential[0], tangential[1]].map(|x| L::select(closed, x, zero))
+    let solved = [normal, tangential[0], tangential[1]];
+    each!(K in 3 => L::select(closed, solved[K], zero))
 }
 
 /// `r_n` that makes `u_n` zero.
@@ -93,47 +94,88 @@ fn solve_slip<L: Lanes>(
     warm: &mut [f32; 8],
 ) -> [L; 2] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let [k1, k2] = law.coupling;
-    let (ratio, mu) = (law.tangent_ratio, law.friction);
-    let rest = one.sub(ratio);
-    let z2_squared = z[1].mul(z[1]);
+    let secular = Secular::new(law, beta, z);
     let mut low = zero;
-    let mut high = L::select(zero.lt(mu), one, zero);
+    let mut high = L::select(zero.lt(law.friction), one, zero);
     let start = L::load32(warm);
     let mut y = L::select(high.lt(start), high, start);
-    let mut tangential = z;
     let mut active = slips;
     for _ in 0..MAX_STEPS {
-        let d = one.div(rest.mul_add(y, ratio));
-        let zd = z[0].mul(d);
-        let squared = zd.mul(zd);
-        let length = squared.add(z2_squared).sqrt();
-        let r1 = zd.mul(y);
-        let r2 = z[1].mul(y);
-        let h = y.neg_mul_add(length, mu.mul(normal_impulse(law, beta, r1, r2)));
-        // Derivatives with respect to y; the one of h is multiplied by the length.
-        let slope1 = zd.mul(d).mul(ratio);
-        let slope2 = z[1];
-        let turn = mu.mul(k2.mul_add(slope2, k1.mul(slope1)));
-        let fall = turn.mul_add(length, squared.mul_add(ratio.mul(d), z2_squared));
-        let newton = h.mul(length).div(fall).add(y);
-        let above = zero.lt(h);
-        low = L::select(above, y, low);
-        high = L::select(above, high, y);
-        let bracketed = L::and(low.le(newton), newton.le(high));
-        let next = L::select(bracketed, newton, L::splat(0.5).mul(low.add(high)));
-        let change = next.sub(y);
+        let (halley, holds) = secular.step(y);
+        low = L::select(holds, y, low);
+        high = L::select(holds, high, y);
+        let bracketed = L::and(low.le(halley), halley.le(high));
+        let next = L::select(bracketed, halley, L::splat(0.5).mul(low.add(high)));
+        let change = next.sub(y).abs();
+        // A lane that is done stays: its result must not depend on its neighbours.
         y = L::select(active, next, y);
-        // To first order in the last step, which is too small for the second to count.
-        tangential[0] = L::select(active, slope1.mul_add(change, r1), tangential[0]);
-        tangential[1] = L::select(active, slope2.mul(next), tangential[1]);
-        active = L::and_not(active, change.abs().le(L::splat(SMALL_STEP).mul(next)));
+        active = L::and_not(active, change.le(L::splat(SMALL_STEP).mul(next)));
         if !L::any(active) {
             break;
         }
     }
     L::select(slips, y, start).store32(warm);
-    tangential
+    let slid = [z[0].mul(y).div(secular.denominator(y)), z[1].mul(y)];
+    each!(K in 2 => L::select(slips, slid[K], z[K]))
+}
+
+/// The secular equation of slip without roots and fractions.
+///
+/// With `e = ρ + (1-ρ) y = 1/D`, `P = e μ r_n` is a quadratic in y, `G = z_t² + e² z_s²` too, and
+/// `h = 0` is `Q = P² - y² G = 0` with `P >= 0`.
+struct Secular<L> {
+    ratio: L,
+    rest: L,
+    /// Coefficients of P.
+    p: [L; 3],
+    z_squared: [L; 2],
+}
+
+impl<L: Lanes> Secular<L> {
+    #[inline(always)]
+    fn new(law: &Law<L>, beta: L, z: [L; 2]) -> Self {
+        let ratio = law.tangent_ratio;
+        let rest = L::splat(1.0).sub(ratio);
+        let load = L::splat(0.0).sub(law.friction.mul(beta));
+        let by1 = law.friction.mul(law.coupling[0].mul(z[0]));
+        let by2 = law.friction.mul(law.coupling[1].mul(z[1]));
+        let linear = by2.neg_mul_add(ratio, rest.mul_sub(load, by1));
+        Self {
+            ratio,
+            rest,
+            p: [load.mul(ratio), linear, L::splat(0.0).sub(by2.mul(rest))],
+            z_squared: [z[0].mul(z[0]), z[1].mul(z[1])],
+        }
+    }
+
+    /// `e`.
+    #[inline(always)]
+    fn denominator(&self, y: L) -> L {
+        self.rest.mul_add(y, self.ratio)
+    }
+
+    /// Where Halley's method goes from `y`, and whether `h(y) > 0`.
+    #[inline(always)]
+    fn step(&self, y: L) -> (L, L::Mask) {
+        let zero = L::splat(0.0);
+        let [p0, p1, p2] = self.p;
+        let e = self.denominator(y);
+        let p = p2.mul_add(y, p1).mul_add(y, p0);
+        let p_slope = p2.add(p2).mul_add(y, p1);
+        // With ' for d/dy: G' = 2 rest m, and `b` is y G'/2.
+        let m = self.z_squared[1].mul(e);
+        let g = m.mul_add(e, self.z_squared[0]);
+        let shift = self.rest.mul(y);
+        let b = m.mul(shift);
+        // Q, Q'/2, Q''/2.
+        let q = y.mul(y).neg_mul_add(g, p.mul(p));
+        let q1 = y.neg_mul_add(g.add(b), p.mul(p_slope));
+        let bend = self.z_squared[1].mul(shift).mul_add(shift, L::splat(4.0).mul_add(b, g));
+        let q2 = p2.add(p2).mul_add(p, p_slope.mul_sub(p_slope, bend));
+        let below = q.neg_mul_add(q2, L::splat(4.0).mul(q1).mul(q1));
+        let halley = y.sub(q.add(q).mul(q1).div(below));
+        (halley, L::and(zero.lt(p), zero.lt(q)))
+    }
 }
 
 /// `W_αα x` where `mask` is set, else zero.
@@ -142,12 +184,12 @@ pub fn delassus_times<L: Lanes>(law: &Law<L>, x: &[L; 3], mask: L::Mask) -> [L; 
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let [k1, k2] = law.coupling;
     // Padding has no masses to divide by.
-    let inverse = |mass: L| one.div(L::select(mask, mass, one));
-    let normal = inverse(law.normal_mass).mul(k2.mul_add(x[2], k1.mul_add(x[1], x[0])));
-    let s2 = inverse(law.tangent_mass);
+    let w_nn = one.div(L::select(mask, law.normal_mass, one));
+    let s2 = one.div(L::select(mask, law.tangent_mass, one));
+    let normal = w_nn.mul(k2.mul_add(x[2], k1.mul_add(x[1], x[0])));
     let s1 = s2.div(law.tangent_ratio);
     let w = [normal, k1.mul_add(normal, s1.mul(x[1])), k2.mul_add(normal, s2.mul(x[2]))];
-    w.map(|w| L::select(mask, w, zero))
+    each!(K in 3 => L::select(mask, w[K], zero))
 }
 
 /// `r - P_K(r - ρ (u + μ ‖u_T‖ n))` with `ρ = 3 / tr W_αα` (T-10); zero for padding.
@@ -156,8 +198,8 @@ pub fn natural_map<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let [k1, k2] = law.coupling;
     let contact = zero.lt(law.normal_mass);
-    let inverse = |mass: L| one.div(L::select(contact, mass, one));
-    let (w_nn, s2) = (inverse(law.normal_mass), inverse(law.tangent_mass));
+    let w_nn = one.div(L::select(contact, law.normal_mass, one));
+    let s2 = one.div(L::select(contact, law.tangent_mass, one));
     let coupled = k2.mul_add(k2, k1.mul_add(k1, one));
     let trace = coupled.mul_add(w_nn, s2.add(s2.div(law.tangent_ratio)));
     let rho = L::splat(3.0).div(trace);
@@ -168,7 +210,7 @@ pub fn natural_map<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
         rho.neg_mul_add(u[2], r[2]),
     ];
     let projected = project(law.friction, &x);
-    [0, 1, 2].map(|k| L::select(contact, r[k].sub(projected[k]), zero))
+    each!(K in 3 => L::select(contact, r[K].sub(projected[K]), zero))
 }
 
 /// Projection on Coulomb's cone: [`crate::math::cone::project`] on eight lanes.
@@ -182,5 +224,5 @@ fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
     let divisor = L::select(zero.lt(tangential), tangential, one);
     let scale = mu.mul(normal).div(divisor);
     let on_cone = [normal, scale.mul(x[1]), scale.mul(x[2])];
-    [0, 1, 2].map(|k| L::select(inside, x[k], L::select(polar, zero, on_cone[k])))
+    each!(K in 3 => L::select(inside, x[K], L::select(polar, zero, on_cone[K])))
 }

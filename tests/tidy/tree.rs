@@ -31,8 +31,14 @@ pub fn sources() -> Vec<File> {
     let mut all = files("src", &["rs"]);
     let interfaces = files("interfaces", &["rs"]);
     all.extend(interfaces.into_iter().filter(|f| f.path.contains("/src/")));
+    all.retain(|f| !is_test(&f.path));
     assert!(all.len() > 20, "the tree's sources were not found");
     all
+}
+
+/// Whether a file below `src` holds tests only: `tests.rs`, `*_tests.rs`, `tests/*.rs`.
+pub fn is_test(path: &str) -> bool {
+    path.ends_with("/tests.rs") || path.ends_with("_tests.rs") || path.contains("/tests/")
 }
 
 fn collect(folder: &Path, extensions: &[&str], found: &mut Vec<File>) {

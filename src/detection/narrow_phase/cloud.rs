@@ -12,7 +12,6 @@ pub struct Cloud {
     x: Vec<[f64; LANES]>,
     y: Vec<[f64; LANES]>,
     z: Vec<[f64; LANES]>,
-    len: usize,
 }
 
 impl Cloud {
@@ -21,7 +20,6 @@ impl Cloud {
         self.x.clear();
         self.y.clear();
         self.z.clear();
-        self.len = shape.vertices.len();
         let r = rotation;
         for chunk in shape.vertices.chunks(LANES) {
             let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
@@ -35,11 +33,6 @@ impl Cloud {
             self.y.push(y);
             self.z.push(z);
         }
-    }
-
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.len
     }
 
     /// Point `i`.

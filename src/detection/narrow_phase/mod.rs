@@ -20,14 +20,16 @@ mod edges;
 mod faces;
 mod feature;
 mod half_space;
+mod placing;
 mod reduce;
 
 use crate::geometry::Polyhedron;
-use crate::math::{Mat3, Pose, Vec3};
+use crate::math::{Mat3, Pose, Quat, Vec3};
 use clip::ClipVertex;
 use cloud::Cloud;
 use edges::{ClosestPoints, EdgeAxis, NearEdge};
 use faces::FaceAxis;
+use placing::Span;
 use reduce::Candidate;
 
 pub use feature::on_part;
@@ -90,7 +92,7 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
     }
     let turn = a.pose.orientation.inverse() * b.pose.orientation;
     let rotation = turn.to_rotation_matrix().into_inner();
-    let pair = Pair { a, b, rotation, offset, size, alert };
+    let pair = Pair { a, b, turn, rotation, offset, size, alert };
     if pair.still_apart(&memory.axis) {
         return;
     }
@@ -107,7 +109,8 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
 struct Pair<'a> {
     a: Solid<'a>,
     b: Solid<'a>,
-    /// From the frame of B to that of A.
+    /// From the frame of B to that of A; the same as a matrix.
+    turn: Quat,
     rotation: Mat3,
     /// Origin of B.
     offset: Vec3,
@@ -287,7 +290,7 @@ impl Pair<'_> {
         } else if let Some(c) = edge_points
             && c.distance_squared.sqrt() <= separation.abs() + tie
         {
-            self.push_closest(&c, normal, separation, scratch);
+            self.push_closest(&c, &normal, separation, scratch);
             return Ok(());
         }
         if separation > 0.0 {
@@ -300,14 +303,14 @@ impl Pair<'_> {
                     return Err((c.on_b - c.on_a) / distance);
                 }
                 if distance > separation + tie {
-                    self.push_closest(&c, (c.on_b - c.on_a) / distance, distance, scratch);
+                    self.push_closest(&c, &((c.on_b - c.on_a) / distance), distance, scratch);
                     return Ok(());
                 }
             }
         }
         // Rounding alone leads here: slivers whose clipped face is empty.
         match edge_points {
-            Some(c) => self.push_closest(&c, normal, separation, scratch),
+            Some(c) => self.push_closest(&c, &normal, separation, scratch),
             None if !scratch.candidates.is_empty() => {
                 self.push_manifold(&axis.face, &normal, scratch)
             }
@@ -350,14 +353,48 @@ impl Pair<'_> {
 
     /// Reports `scratch.candidates`, four at most.
     fn push_manifold(&self, face: &BestFace, normal: &Vec3, scratch: &mut Scratch) {
-        let (pose, axis) = if face.of_b {
-            (&self.b.pose, self.rotation.tr_mul(normal))
+        if face.of_b {
+            reduce::keep_four(&mut scratch.candidates, &self.rotation.tr_mul(normal));
+            for c in &mut scratch.candidates {
+                c.point = self.rotation * c.point + self.offset;
+            }
         } else {
-            (&self.a.pose, *normal)
-        };
-        reduce::keep_four(&mut scratch.candidates, &axis);
-        let normal = -(self.a.pose.orientation * normal);
-        scratch.points.extend(scratch.candidates.iter().map(|c| Point {
+            reduce::keep_four(&mut scratch.candidates, normal);
+        }
+        self.report(normal, scratch);
+    }
+
+    fn push_closest(&self, c: &ClosestPoints, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
+        let (ea, eb) = (scratch.near_a[c.edges[0]].index, scratch.near_b[c.edges[1]].index);
+        let feature = feature::edges(
+            (ea, self.a.shape.edges[ea as usize].vertices, c.parameter[0]),
+            (eb, self.b.shape.edges[eb as usize].vertices, c.parameter[1]),
+        );
+        scratch.candidates.clear();
+        scratch.candidates.push(Candidate { point: (c.on_a + c.on_b) * 0.5, gap, feature });
+        self.report(normal, scratch);
+    }
+
+    /// Reports the support of A alone.
+    fn push_support(&self, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
+        let back = -self.rotation.tr_mul(normal);
+        let v = scratch.a_in_b.first_at(&back, scratch.a_in_b.lowest(&back));
+        let point = self.a.shape.vertices[v] + normal * (0.5 * gap);
+        scratch.candidates.clear();
+        scratch.candidates.push(Candidate { point, gap, feature: feature::vertex(v) });
+        self.report(normal, scratch);
+    }
+
+    /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
+    fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
+        let candidates = &mut scratch.candidates;
+        let deepest = lowest_gap(candidates);
+        if deepest < -TIE * self.size {
+            self.place(normal, deepest, candidates);
+        }
+        let pose = &self.a.pose;
+        let normal = -(pose.orientation * normal);
+        scratch.points.extend(candidates.iter().map(|c| Point {
             feature: c.feature,
             point: pose.point(&c.point),
             normal,
@@ -365,29 +402,36 @@ impl Pair<'_> {
         }));
     }
 
-    fn push_closest(&self, c: &ClosestPoints, normal: Vec3, gap: f64, scratch: &mut Scratch) {
-        let (ea, eb) = (scratch.near_a[c.edges[0]].index, scratch.near_b[c.edges[1]].index);
-        let feature = feature::edges(
-            (ea, self.a.shape.edges[ea as usize].vertices, c.parameter[0]),
-            (eb, self.b.shape.edges[eb as usize].vertices, c.parameter[1]),
-        );
-        scratch.points.push(Point {
-            feature,
-            point: self.a.pose.point(&((c.on_a + c.on_b) * 0.5)),
-            normal: -(self.a.pose.orientation * normal),
-            gap,
-        });
-    }
-
-    /// Reports the support of A alone.
-    fn push_support(&self, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
-        let back = -self.rotation.tr_mul(normal);
-        let v = scratch.a_in_b.first_at(&back, scratch.a_in_b.lowest(&back));
-        scratch.points.push(Point {
-            feature: feature::vertex(v),
-            point: self.a.pose.point(&(self.a.shape.vertices[v] + normal * (0.5 * gap))),
-            normal: -(self.a.pose.orientation * normal),
-            gap,
+    /// Moves points of overlapping bodies into the overlap; drops those whose line has no part in it,
+    /// save the deepest.
+    fn place(&self, normal: &Vec3, deepest: f64, candidates: &mut Vec<Candidate>) {
+        let count = candidates.len().min(reduce::MAX_POINTS);
+        let mut spans = [Span::between_surfaces(&candidates[0]); reduce::MAX_POINTS];
+        let mut points = [Vec3::zeros(); reduce::MAX_POINTS];
+        for (k, c) in candidates.iter().take(count).enumerate() {
+            spans[k] = Span::between_surfaces(c);
+            points[k] = c.point;
+        }
+        placing::cut(self.a.shape, &points[..count], normal, &mut spans[..count]);
+        for p in &mut points[..count] {
+            *p = self.rotation.tr_mul(&(*p - self.offset));
+        }
+        let in_b = self.rotation.tr_mul(normal);
+        placing::cut(self.b.shape, &points[..count], &in_b, &mut spans[..count]);
+        let mut spans = spans.iter();
+        candidates.retain_mut(|c| {
+            let Some(span) = spans.next() else { return false };
+            if c.gap >= 0.0 {
+                return true;
+            }
+            if !span.is_empty() {
+                c.point += normal * span.middle();
+            } else if c.gap == deepest {
+                let in_a = Pose { position: self.offset, orientation: self.turn };
+                let solids = [(self.a.shape, &Pose::identity()), (self.b.shape, &in_a)];
+                c.point = placing::pull_in(solids, &c.point, INSIDE * self.size);
+            }
+            !span.is_empty() || c.gap == deepest
         });
     }
 }

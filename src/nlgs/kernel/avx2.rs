@@ -1,6 +1,6 @@
 //! Eight lanes in two registers of AVX2 with FMA.
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, each};
 use crate::contact_graph::LANES;
 use crate::local_problem::Line;
 use core::arch::x86_64::*;
@@ -133,31 +133,32 @@ impl Lanes for Avx2 {
     unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
-            let quarter = |first: usize, half: usize| {
-                transpose([0, 1, 2, 3].map(|i| {
-                    let line = lines.as_ptr().add(indices[first + i] as usize).cast::<f64>();
-                    _mm256_load_pd(line.add(4 * half))
-                }))
-            };
-            let [a, b] = [quarter(0, 0), quarter(4, 0)];
-            let [c, d] = [quarter(0, 1), quarter(4, 1)];
-            let low = |j: usize| Self(a[j], b[j]);
-            let high = |j: usize| Self(c[j], d[j]);
-            [low(0), low(1), low(2), low(3), high(0), high(1), high(2), high(3)]
+            let start = lines.as_ptr();
+            let line = each!(I in 8 => start.add(indices[I] as usize).cast::<f64>());
+            let a = transpose(&each!(I in 4 => _mm256_load_pd(line[I])));
+            let b = transpose(&each!(I in 4 => _mm256_load_pd(line[4 + I])));
+            let c = transpose(&each!(I in 4 => _mm256_load_pd(line[I].add(4))));
+            let d = transpose(&each!(I in 4 => _mm256_load_pd(line[4 + I].add(4))));
+            let low = each!(J in 4 => Self(a[J], b[J]));
+            let high = each!(J in 4 => Self(c[J], d[J]));
+            [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]]
         }
     }
     #[inline(always)]
     unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
-            for half in 0..2 {
-                let r = [0, 1, 2, 3].map(|j| rows[4 * half + j]);
-                let columns = [transpose(r.map(|x| x.0)), transpose(r.map(|x| x.1))];
-                for (i, &index) in indices.iter().enumerate() {
-                    let line = lines.as_mut_ptr().add(index as usize).cast::<f64>();
-                    _mm256_store_pd(line.add(4 * half), columns[i / 4][i % 4]);
-                }
-            }
+            let start = lines.as_mut_ptr();
+            let line = each!(I in 8 => start.add(indices[I] as usize).cast::<f64>());
+            let a = transpose(&each!(J in 4 => rows[J].0));
+            let b = transpose(&each!(J in 4 => rows[J].1));
+            let c = transpose(&each!(J in 4 => rows[4 + J].0));
+            let d = transpose(&each!(J in 4 => rows[4 + J].1));
+            // In the order of the lanes, so that padding, which shares a line, is well defined.
+            each!(I in 4 => _mm256_store_pd(line[I], a[I]));
+            each!(I in 4 => _mm256_store_pd(line[I].add(4), c[I]));
+            each!(I in 4 => _mm256_store_pd(line[4 + I], b[I]));
+            each!(I in 4 => _mm256_store_pd(line[4 + I].add(4), d[I]));
         }
     }
     #[inline(always)]
@@ -173,7 +174,7 @@ impl Lanes for Avx2 {
 
 /// Transposes 4 x 4.
 #[inline(always)]
-unsafe fn transpose(r: [__m256d; 4]) -> [__m256d; 4] {
+unsafe fn transpose(r: &[__m256d; 4]) -> [__m256d; 4] {
     // SAFETY: the caller has AVX.
     unsafe {
         let p = [

@@ -1,6 +1,6 @@
 //! Eight lanes in one register of AVX-512F.
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, each};
 use crate::contact_graph::LANES;
 use crate::local_problem::Line;
 use core::arch::x86_64::*;
@@ -103,20 +103,19 @@ impl Lanes for Avx512 {
     unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
-            let line = |i: usize| _mm512_load_pd(lines.as_ptr().add(indices[i] as usize).cast());
-            let rows =
-                transpose([line(0), line(1), line(2), line(3), line(4), line(5), line(6), line(7)]);
-            rows.map(Self)
+            let start = lines.as_ptr();
+            let read = each!(I in 8 => _mm512_load_pd(start.add(indices[I] as usize).cast()));
+            let rows = transpose(&read);
+            each!(J in 8 => Self(rows[J]))
         }
     }
     #[inline(always)]
     unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
-            let columns = transpose(rows.map(|row| row.0));
-            for (column, &index) in columns.into_iter().zip(indices) {
-                _mm512_store_pd(lines.as_mut_ptr().add(index as usize).cast(), column);
-            }
+            let columns = transpose(&each!(J in 8 => rows[J].0));
+            let start = lines.as_mut_ptr();
+            each!(I in 8 => _mm512_store_pd(start.add(indices[I] as usize).cast(), columns[I]));
         }
     }
     #[inline(always)]
@@ -132,7 +131,7 @@ impl Lanes for Avx512 {
 
 /// Transposes 8 x 8 in three rounds: pairs, quarters, halves.
 #[inline(always)]
-unsafe fn transpose(r: [__m512d; 8]) -> [__m512d; 8] {
+unsafe fn transpose(r: &[__m512d; 8]) -> [__m512d; 8] {
     // SAFETY: the caller has AVX-512F.
     unsafe {
         let p = [
@@ -146,27 +145,35 @@ unsafe fn transpose(r: [__m512d; 8]) -> [__m512d; 8] {
             _mm512_unpackhi_pd(r[6], r[7]),
         ];
         // 0x88: quarters 0 and 2 of each operand, 0xdd: quarters 1 and 3.
-        let even = |a, b| _mm512_shuffle_f64x2::<0x88>(a, b);
-        let odd = |a, b| _mm512_shuffle_f64x2::<0xdd>(a, b);
+        macro_rules! even {
+            ($a:expr, $b:expr) => {
+                _mm512_shuffle_f64x2::<0x88>($a, $b)
+            };
+        }
+        macro_rules! odd {
+            ($a:expr, $b:expr) => {
+                _mm512_shuffle_f64x2::<0xdd>($a, $b)
+            };
+        }
         let q = [
-            even(p[0], p[2]),
-            even(p[1], p[3]),
-            odd(p[0], p[2]),
-            odd(p[1], p[3]),
-            even(p[4], p[6]),
-            even(p[5], p[7]),
-            odd(p[4], p[6]),
-            odd(p[5], p[7]),
+            even!(p[0], p[2]),
+            even!(p[1], p[3]),
+            odd!(p[0], p[2]),
+            odd!(p[1], p[3]),
+            even!(p[4], p[6]),
+            even!(p[5], p[7]),
+            odd!(p[4], p[6]),
+            odd!(p[5], p[7]),
         ];
         [
-            even(q[0], q[4]),
-            even(q[1], q[5]),
-            even(q[2], q[6]),
-            even(q[3], q[7]),
-            odd(q[0], q[4]),
-            odd(q[1], q[5]),
-            odd(q[2], q[6]),
-            odd(q[3], q[7]),
+            even!(q[0], q[4]),
+            even!(q[1], q[5]),
+            even!(q[2], q[6]),
+            even!(q[3], q[7]),
+            odd!(q[0], q[4]),
+            odd!(q[1], q[5]),
+            odd!(q[2], q[6]),
+            odd!(q[3], q[7]),
         ]
     }
 }

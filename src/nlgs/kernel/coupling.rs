@@ -1,6 +1,6 @@
 //! How a block of contacts sees and moves its grains: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, each};
 use crate::local_problem::Line;
 use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
 
@@ -28,11 +28,15 @@ pub type Axes<L> = [[L; 3]; 3];
 
 #[inline(always)]
 fn load_axes<L: Lanes>(normal: &[[f32; 8]; 3], tangent: &[[f32; 8]; 3]) -> Axes<L> {
-    let n = [0, 1, 2].map(|j| L::load32(&normal[j]));
-    let t = [0, 1, 2].map(|j| L::load32(&tangent[j]));
+    let n = each!(J in 3 => L::load32(&normal[J]));
+    let t = each!(J in 3 => L::load32(&tangent[J]));
     // Products of two f32 are exact: rounded once, like the plain cross product.
-    let cross = |i: usize, j: usize| n[i].mul_sub(t[j], n[j].mul(t[i]));
-    [n, t, [cross(1, 2), cross(2, 0), cross(0, 1)]]
+    [n, t, [cross(&n, &t, 1, 2), cross(&n, &t, 2, 0), cross(&n, &t, 0, 1)]]
+}
+
+#[inline(always)]
+fn cross<L: Lanes>(a: &[L; 3], b: &[L; 3], i: usize, j: usize) -> L {
+    a[i].mul_sub(b[j], a[j].mul(b[i]))
 }
 
 #[inline(always)]
@@ -42,15 +46,15 @@ pub fn dot<L: Lanes>(a: &[L; 3], b: [L; 3], plus: L) -> L {
 
 #[inline(always)]
 fn arm_dot<L: Lanes>(arms: &[[f32; 8]; 9], axis: usize, line: &[L; 8], plus: L) -> L {
-    let arm = [0, 1, 2].map(|j| L::load32(&arms[3 * axis + j]));
+    let arm = each!(J in 3 => L::load32(&arms[3 * axis + J]));
     dot(&arm, [line[3], line[4], line[5]], plus)
 }
 
 /// Component `j` of the whitened spin that the impulses `delta` cause.
 #[inline(always)]
 fn arm_turn<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3]) -> L {
-    let axis = |k: usize| L::load32(&arms[3 * k + j]);
-    axis(2).mul_add(delta[2], axis(1).mul_add(delta[1], axis(0).mul(delta[0])))
+    let axis = each!(K in 3 => L::load32(&arms[3 * K + j]));
+    axis[2].mul_add(delta[2], axis[1].mul_add(delta[1], axis[0].mul(delta[0])))
 }
 
 /// Component `j` of the world impulse.
@@ -80,12 +84,12 @@ impl Block for PairBlock {
         let (c, a): ([L; 8], [L; 8]) =
             unsafe { (L::gather(lines, &self.candidate), L::gather(lines, &self.antagonist)) };
         let axes = load_axes(&self.normal, &self.tangent);
-        let relative = [0, 1, 2].map(|j| c[j].sub(a[j]));
+        let relative = each!(J in 3 => c[J].sub(a[J]));
         let plus = [L::load32(&self.offset), L::splat(0.0), L::splat(0.0)];
-        let u = [0, 1, 2].map(|k| {
-            let of_centres = dot(&axes[k], relative, plus[k]);
-            let of_candidate = arm_dot(&self.candidate_arms, k, &c, of_centres);
-            of_candidate.sub(arm_dot(&self.antagonist_arms, k, &a, L::splat(0.0)))
+        let u = each!(K in 3 => {
+            let of_centres = dot(&axes[K], relative, plus[K]);
+            let of_candidate = arm_dot(&self.candidate_arms, K, &c, of_centres);
+            of_candidate.sub(arm_dot(&self.antagonist_arms, K, &a, L::splat(0.0)))
         });
         ((axes, c, a), u)
     }
@@ -127,9 +131,9 @@ impl Block for SingleBlock {
         // SAFETY: the caller's.
         let line: [L; 8] = unsafe { L::gather(lines, &self.grain) };
         let axes = load_axes(&self.normal, &self.tangent);
-        let u = [0, 1, 2].map(|k| {
-            let of_centre = dot(&axes[k], [line[0], line[1], line[2]], L::load(&self.offset[k]));
-            arm_dot(&self.arms, k, &line, of_centre)
+        let u = each!(K in 3 => {
+            let of_centre = dot(&axes[K], [line[0], line[1], line[2]], L::load(&self.offset[K]));
+            arm_dot(&self.arms, K, &line, of_centre)
         });
         ((axes, line), u)
     }

@@ -6,6 +6,32 @@
 use crate::contact_graph::LANES;
 use crate::local_problem::Line;
 
+/// `[f(0), f(1), ...]` written out.
+///
+/// A closure (as `array::map` wants) is a function of its own, which has not the instructions of the
+/// function around it: kernels must not depend on the optimiser to merge the two.
+macro_rules! each {
+    ($j:ident in 2 => $value:expr) => {
+        each!($j in [0, 1] => $value)
+    };
+    ($j:ident in 3 => $value:expr) => {
+        each!($j in [0, 1, 2] => $value)
+    };
+    ($j:ident in 4 => $value:expr) => {
+        each!($j in [0, 1, 2, 3] => $value)
+    };
+    ($j:ident in 8 => $value:expr) => {
+        each!($j in [0, 1, 2, 3, 4, 5, 6, 7] => $value)
+    };
+    ($j:ident in [$($index:literal),*] => $value:expr) => {
+        [$({
+            const $j: usize = $index;
+            $value
+        }),*]
+    };
+}
+pub(in crate::nlgs) use each;
+
 /// Eight f64 and the operations of the kernels on them.
 pub trait Lanes: Copy {
     /// One truth value per lane.

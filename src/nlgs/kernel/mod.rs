@@ -18,6 +18,7 @@ mod passes;
 mod portable;
 
 pub use lanes::Lanes;
+pub(super) use lanes::each;
 
 use super::block::{PairBlock, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};

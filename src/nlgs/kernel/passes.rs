@@ -1,7 +1,7 @@
 //! Passes over blocks, written once for all arithmetics.
 
 use super::coupling::{Block, dot};
-use super::lanes::Lanes;
+use super::lanes::{Lanes, each};
 use crate::local_problem::Line;
 use crate::nlgs::block::{PairBlock, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
@@ -45,24 +45,22 @@ impl<L: Lanes> Record<L> for Sums<L> {
     #[inline(always)]
     fn visit(&mut self, law: &Law<L>, delta: &[L; 3], r: &[L; 3]) {
         let zero = L::splat(0.0);
-        let squared = |x: &[L; 3]| dot(x, *x, zero);
-        let delta_squared = squared(delta);
+        let delta_squared = dot(delta, *delta, zero);
         let active = L::or(zero.lt(r[0]), zero.lt(delta_squared));
         let dv = visit::delassus_times(law, delta, active);
         let wr = visit::delassus_times(law, r, active);
-        let dv_squared = squared(&dv);
+        let dv_squared = dot(&dv, dv, zero);
         let terms = [
             L::select(active, L::splat(1.0), zero),
             dv_squared,
-            squared(&wr),
+            dot(&wr, wr, zero),
             dot(r, wr, zero),
             dot(r, dv, zero),
-            dv_squared.mul(squared(r)),
+            dv_squared.mul(dot(r, *r, zero)),
         ];
-        for (sum, term) in self.0.iter_mut().zip(terms) {
-            *sum = sum.add(term);
-        }
-        self.0[6] = L::select(self.0[6].lt(dv_squared), dv_squared, self.0[6]);
+        let max = L::select(self.0[6].lt(dv_squared), dv_squared, self.0[6]);
+        let [a, b, c, d, e, f] = each!(J in [0, 1, 2, 3, 4, 5] => self.0[J].add(terms[J]));
+        self.0 = [a, b, c, d, e, f, max];
     }
     #[inline(always)]
     fn sums(self) -> VisitNorms {
@@ -95,11 +93,11 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
         // SAFETY: the caller's.
         let (held, u) = unsafe { block.read::<L>(lines) };
         let law = Law::load(block.law());
-        let r = [0, 1, 2].map(|k| L::load(&block.impulse()[k]));
+        let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let (impulse, slip) = block.outcome();
         let solved = visit::solve(&law, &u, &r, slip);
-        let delta = [0, 1, 2].map(|k| relaxation.mul(solved[k].sub(r[k])));
-        let after = [0, 1, 2].map(|k| r[k].add(delta[k]));
+        let delta = each!(K in 3 => relaxation.mul(solved[K].sub(r[K])));
+        let after = each!(K in 3 => r[K].add(delta[K]));
         for k in 0..3 {
             after[k].store(&mut impulse[k]);
         }
@@ -173,7 +171,7 @@ impl Pass for Apply<'_> {
 #[inline(always)]
 unsafe fn apply_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &mut [Line]) {
     for block in blocks {
-        let r = [0, 1, 2].map(|k| L::load(&block.impulse()[k]));
+        let r = each!(K in 3 => L::load(&block.impulse()[K]));
         // SAFETY: the caller's.
         unsafe {
             let (held, _) = block.read::<L>(lines);
@@ -212,7 +210,7 @@ unsafe fn natural_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &[Line], sums:
     for block in blocks {
         // SAFETY: the caller's.
         let (_, u) = unsafe { block.read::<L>(lines) };
-        let r = [0, 1, 2].map(|k| L::load(&block.impulse()[k]));
+        let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let map = visit::natural_map(&Law::load(block.law()), &u, &r);
         sums[0] = dot(&map, map, sums[0]);
         sums[1] = dot(&r, r, sums[1]);

@@ -29,12 +29,12 @@ pub struct CaseFile {
     pub name: String,
     /// The bed of grains and how it is prepared.
     pub bed: Bed,
-    /// A row of equal sleepers. Without it the bed is level.
+    /// A row of equal sleepers. Without it, only those in `sleeper`.
     pub sleepers: Option<Sleepers>,
     /// Single sleepers, each with its own numbers, beside those of the row.
     #[serde(default)]
     pub sleeper: Vec<Sleeper>,
-    /// Facing tines on both sides of every tamped sleeper of the row.
+    /// Facing tines on both sides of every tamped sleeper. Without it, only those in `tine`.
     pub tines: Option<Tines>,
     /// Single tines, each with its own numbers, beside those of the rows.
     #[serde(default)]

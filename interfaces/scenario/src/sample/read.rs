@@ -4,7 +4,9 @@ use super::file::{FORMAT, Fixed, Grain, Norm, SampleFile, Solver};
 use super::{Sample, SampleError};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{self, DrivenBody, Grains, Model, Part, PartitionRule, Role, Schedule, Stepping};
+use ballast::model::{
+    self, DrivenBody, Grains, Model, Part, PartitionRule, Role, Schedule, Stepping,
+};
 use ballast::state::State;
 use std::collections::BTreeSet;
 

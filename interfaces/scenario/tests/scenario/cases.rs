@@ -92,7 +92,7 @@ fn single_sleepers_and_tines_stand_beside_the_rows() {
         "[tamping]",
         "[[sleeper]]\nname = \"short\"\nx_m = 0.3\ny_m = 0.06\n\
          blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n\
-         [[tine]]\nname = \"lone\"\nx_m = 0.3\ny_m = 0.6\ntowards = \"-x\"\npair = 7\n[tamping]",
+         [[tine]]\nname = \"lone\"\nx_m = 0.3\ny_m = 0.63\ntowards = \"-x\"\npair = 7\n[tamping]",
     );
     let plan = plan(&text);
     assert_eq!(plan.sleepers[1].name, "short");

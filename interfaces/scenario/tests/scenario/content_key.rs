@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the first version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "KEY");
+    assert_eq!(key(BASE), "5ef0f413cf406121c51003b30e18834b");
 }
 
 #[test]

@@ -6,9 +6,30 @@ use proptest::prelude::*;
 
 /// Words that mean something to the reader, to get past the first error.
 const WORDS: [&str; 24] = [
-    "nan", "inf", "-1", "0", "1e308", "1e-308", "9223372036854775807", "4294967295", "[", "]",
-    "{}", "\"", "'''", "\n", "[[sleepers]]", "[tines]", "count = 1000\n", "true", "=", ".", "é",
-    "\u{0}", "1979-05-27", "#",
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "1e308",
+    "1e-308",
+    "9223372036854775807",
+    "4294967295",
+    "[",
+    "]",
+    "{}",
+    "\"",
+    "'''",
+    "\n",
+    "[[sleepers]]",
+    "[tines]",
+    "count = 1000\n",
+    "true",
+    "=",
+    ".",
+    "é",
+    "\u{0}",
+    "1979-05-27",
+    "#",
 ];
 
 proptest! {

@@ -1,0 +1,119 @@
+//! What the schedules must have in common.
+
+use crate::common::heap;
+use crate::common::scene::{SCHEDULES, Scene, tight};
+use crate::{bits, on_threads};
+use ballast::geometry::hull::cuboid;
+use ballast::math::{Pose, Vec3};
+use ballast::model::{PartitionRule, Schedule, Solver};
+
+#[test]
+fn with_one_subdomain_all_schedules_are_the_same_bytes() {
+    for threads in [1, 2, 4] {
+        let states = SCHEDULES.map(|schedule| {
+            on_threads(threads, || {
+                let mut scene = heap::falling(3, 1_000_000).scheduled(schedule, [1, 1, 1]);
+                scene.model.solver.iterations = 40;
+                for _ in 0..200 {
+                    let report = scene.step();
+                    assert_eq!(report.interface_contacts, 0);
+                }
+                bits(&scene.state)
+            })
+        });
+        assert!(states[0] == states[1], "synchronous differs, {threads} threads");
+        assert!(states[0] == states[2], "asynchronous differs, {threads} threads");
+    }
+}
+
+/// A heap that has come to rest, and is then solved by `schedule`.
+fn resting(schedule: Schedule, boxes: [u32; 3]) -> Scene {
+    let mut scene = heap::falling(4, 1_000_000).scheduled(Schedule::Sequential, [1, 1, 1]);
+    scene.model.solver.iterations = 200;
+    scene.run(0.8);
+    scene.scheduled(schedule, boxes)
+}
+
+#[test]
+fn schedules_agree_on_the_physics() {
+    // One step that hits hard, solved far below what is compared: velocities are unique, impulses
+    // of face contacts are not.
+    let start = resting(Schedule::Sequential, [1, 1, 1]).state;
+    let outcome = |schedule, threads| {
+        on_threads(threads, || {
+            let mut scene = resting(schedule, [2, 2, 2]);
+            scene.state = start.clone();
+            scene.model.solver = Solver {
+                tolerance: Some(1e-10),
+                iterations: 20_000,
+                ..tight(schedule, PartitionRule::Boxes([2, 2, 2]))
+            };
+            scene.targets[0].position.z += 1e-3;
+            let report = scene.step();
+            assert!(report.converged, "{schedule:?}: {report:?}");
+            assert!(schedule == Schedule::Sequential || report.interface_contacts > 10);
+            (scene.state.velocity, scene.state.spin, scene.state.energy)
+        })
+    };
+    let reference = outcome(Schedule::Sequential, 1);
+    let speed = reference.0.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    assert!(speed > 0.5, "the floor's blow of 1 m/s hardly moved the heap: {speed}");
+    for schedule in [Schedule::Synchronous, Schedule::Asynchronous] {
+        for threads in [1, 2, 4] {
+            let other = outcome(schedule, threads);
+            for (i, (a, b)) in reference.0.iter().zip(&other.0).enumerate() {
+                let apart = (a - b).norm() + 0.02 * (reference.1[i] - other.1[i]).norm();
+                assert!(
+                    apart < 1e-5 * speed,
+                    "{schedule:?} on {threads} threads: body {i} differs by {apart} m/s"
+                );
+            }
+            let energy = (reference.2.kinetic - other.2.kinetic).abs();
+            assert!(energy < 1e-5 * reference.2.kinetic, "{schedule:?}: {energy} J apart");
+        }
+    }
+}
+
+#[test]
+fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
+    for schedule in SCHEDULES {
+        let mut scene = Scene::new(1_000_000, 0.5).scheduled(schedule, [1, 1, 2]);
+        let cube = scene.shape(cuboid(Vec3::repeat(0.05)));
+        for k in 0..2 {
+            scene.grain(cube, Pose::at(Vec3::new(0.0, 0.0, 0.05 + 0.1 * k as f64)));
+        }
+        scene.plane("floor", Pose::identity(), 0.5);
+        scene.model.solver.check_every = 1;
+        scene.run(0.05);
+        assert_eq!(scene.step().active_contacts, 8, "{schedule:?}");
+        // Floor and warm-start impulses go: the cubes fall freely.
+        scene.targets[0].position.z -= 1e-3;
+        let before = scene.state.velocity[0].z;
+        let report = scene.step();
+        assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
+        assert_eq!(report.active_contacts, 0, "{schedule:?}");
+        let gained = scene.state.velocity[0].z - before + 9.81e-3;
+        assert!(gained.abs() < 1e-12, "{schedule:?}: {gained}");
+    }
+}
+
+#[test]
+fn asynchronous_runs_stay_sound_however_finely_divided() {
+    // Nearly every grain its own subdomain: the worst splitting there is.
+    for threads in [1, 2, 4] {
+        on_threads(threads, || {
+            let mut scene =
+                heap::falling(3, 1_000_000).scheduled(Schedule::Asynchronous, [3, 3, 8]);
+            scene.model.solver.iterations = 100;
+            scene.model.solver.tolerance = Some(1e-4);
+            for _ in 0..400 {
+                let report = scene.step();
+                assert!(report.max_penetration < 2e-3, "{threads} threads: {report:?}");
+            }
+            assert!(scene.fastest() < 1.0, "{threads} threads: {} m/s", scene.fastest());
+            let ledger = scene.state.energy;
+            let gain = ledger.balance_error() / ledger.dissipated;
+            assert!(gain.abs() < 0.05, "{threads} threads: {ledger:?}");
+        });
+    }
+}
