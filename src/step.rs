@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 use crate::integrate;
 use crate::math::Vec3;
 use crate::model::{Model, Schedule};
-use crate::state::State;
 pub use crate::nlgs::Residuals;
+use crate::state::State;
 use crate::workspace::Workspace;
 
 /// Advances `state` by one time step.
@@ -68,11 +68,9 @@ fn divide(model: &Model, ws: &mut Workspace) {
     let partition = ws.decomposition.partition_mut();
     match model.solver.schedule {
         Schedule::Sequential => partition.whole(grains, &ws.contacts),
-        Schedule::Synchronous | Schedule::Asynchronous => partition.divide(
-            model.solver.partition,
-            &ws.motion.position[..grains],
-            &ws.contacts,
-        ),
+        Schedule::Synchronous | Schedule::Asynchronous => {
+            partition.divide(model.solver.partition, &ws.motion.position[..grains], &ws.contacts)
+        }
     }
 }
 

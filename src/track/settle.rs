@@ -46,6 +46,7 @@ pub struct DepositProgress {
     /// m/s.
     pub mean_speed: f64,
     /// m.
+    pub mean_penetration: f64,
     pub max_penetration: f64,
 }
 
@@ -119,6 +120,7 @@ impl Bench {
             grains: self.model.grains.len(),
             contacts: report.contacts,
             mean_speed,
+            mean_penetration: report.mean_penetration,
             max_penetration: report.max_penetration,
         }
     }
