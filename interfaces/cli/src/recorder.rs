@@ -6,12 +6,11 @@ use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::record::{self, Followed, Row};
 use crate::summary::{Setting, Summary};
-use crate::zones;
 use ballast::model::Model;
 use ballast::observe::{self, Zone};
 use ballast::state::State;
 use ballast::step::StepReport;
-use ballast::track::TampingPhase;
+use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_hdf5::results::{Background, Meta, Reader, Writer};
 
@@ -68,7 +67,7 @@ impl Recorder {
     }
 
     fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
-        let zones = zones::of(&case.plan)?;
+        let zones = zones(case);
         let followed = record::followed(model);
         let setting = Setting {
             followed: followed.clone(),
@@ -137,6 +136,13 @@ impl Recorder {
             .collect::<ballast::Result<_>>()
             .map_err(|e| Failure::Failed(e.to_string()))
     }
+}
+
+/// The case's zones; a crib that is not filled at all has no volume to measure.
+fn zones(case: &Case) -> Vec<Zone> {
+    let has_volume =
+        |zone: &Zone| zone.region.low.iter().zip(&zone.region.high).all(|(l, h)| l < h);
+    track::zones(&case.plan).into_iter().filter(has_volume).collect()
 }
 
 fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {
