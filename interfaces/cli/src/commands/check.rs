@@ -4,7 +4,7 @@ use crate::args::Check;
 use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::Outcome;
-use crate::table::{Table, figure};
+use crate::table::figure;
 use ballast::track::plan::Plan;
 use serde_json::json;
 
@@ -25,24 +25,22 @@ pub fn check(args: Check, console: Console) -> Outcome {
 
 fn text(plan: &Plan) -> String {
     let (size, run) = (&plan.bed.size, &plan.run);
-    let mut table = Table::new("case", [plan.name.as_str()]);
-    let mut row = |label: &str, value: String| table.row([label.to_string(), value]);
-    row("box", format!("{} × {} × {} m", size.x, size.y, size.z));
-    row("grain sizes", sizes(plan));
-    row("sleepers, tines", format!("{}, {}", plan.sleepers.len(), plan.tines.len()));
-    row("simulated time", format!("{} s", run.duration_ns as f64 * 1e-9));
-    row(
-        "time step",
-        format!(
-            "{} ms, {} steps",
-            figure(run.stepping.step_ns as f64 * 1e-6, 3),
-            run.duration_ns / run.stepping.step_ns.max(1)
-        ),
-    );
-    row("schedule", format!("{:?}", run.solver.schedule).to_lowercase());
+    let step_ms = run.stepping.step_ns as f64 * 1e-6;
+    let steps = run.duration_ns / run.stepping.step_ns.max(1);
     let tolerance = run.solver.tolerance.map_or("none".into(), |t| format!("{t:e}"));
-    row("iterations, tolerance", format!("at most {}, {tolerance}", run.solver.iterations));
-    table.text().trim_end().to_string()
+    let lines = [
+        ("case", plan.name.clone()),
+        ("box", format!("{} × {} × {} m", size.x, size.y, size.z)),
+        ("grain sizes", sizes(plan)),
+        ("sleepers", plan.sleepers.len().to_string()),
+        ("tines", plan.tines.len().to_string()),
+        ("simulated time", format!("{} s", figure(run.duration_ns as f64 * 1e-9, 6))),
+        ("time step", format!("{} ms, {steps} steps", figure(step_ms, 3))),
+        ("schedule", format!("{:?}", run.solver.schedule).to_lowercase()),
+        ("iterations", format!("at most {}, tolerance {tolerance}", run.solver.iterations)),
+    ];
+    let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));
+    lines.join("\n")
 }
 
 fn sizes(plan: &Plan) -> String {
