@@ -57,9 +57,9 @@ pub(super) fn run_settings(plan: &Plan, model: &mut Model) {
     model.solver = plan.run.solver;
 }
 
-/// Where a sleeper stands, `raised` (m) above its level.
-pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan, raised: f64) -> Pose {
-    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth + raised))
+/// Where a sleeper stands.
+pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
+    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
 }
 
 fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<()> {
@@ -74,7 +74,7 @@ fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> 
         return refused("no body of this name in the bed".into());
     };
     let found = state.position[model.grains.len() + index];
-    let expected = sleeper_pose(plan, s, 0.0).position;
+    let expected = sleeper_pose(plan, s).position;
     if (found - expected).norm() > 1e-6 {
         return refused(format!("it stands at {}", found.transpose()));
     }

@@ -164,6 +164,22 @@ impl Bench {
         }
     }
 
+    /// Denies, of each two grains that the last step found deeper than `deepest` (m) in each other,
+    /// the lighter one, unless either is denied already; and every grain so deep in a driven body.
+    pub fn deny_deep(&self, deepest: f64, keep: &mut [bool]) {
+        let contacts = &self.workspace.contacts;
+        let n = self.model.grains.len();
+        let deep = (0..contacts.len()).filter(|&i| contacts.gap[i] < -deepest);
+        for [a, b] in deep.map(|i| contacts.bodies[i].map(|b| b as usize)) {
+            if b >= n {
+                keep[a] = false;
+            } else if keep[a] && keep[b] {
+                let mass = &self.model.grains.mass;
+                keep[if mass[b] < mass[a] { b } else { a }] = false;
+            }
+        }
+    }
+
     /// Removes the grains that `keep` denies `[ng]`; the others stay in order, with their contacts.
     pub fn retain(&mut self, keep: &[bool]) {
         let n = self.model.grains.len();
