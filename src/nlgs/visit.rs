@@ -335,7 +335,7 @@ mod tests {
             let mut problems = Problems::random(&mut rng);
             let solved = problems.solve();
             for (i, r) in solved.iter().enumerate() {
-                let (w, u, before, _) = problems.lane(i);
+                let (w, u, before, mu) = problems.lane(i);
                 assert!(r.iter().all(|x| x.is_finite()), "{w} {u} {before} {mu}: {r}");
                 assert!(problems.rows.slip[i] >= 0.0 && problems.rows.slip[i] <= 1.0);
                 let (violation, kind) = violation(&w, &u, &before, mu, r);
