@@ -42,6 +42,8 @@ const TIE: f64 = 2.5e-10;
 const INSIDE: f64 = 1e-12;
 /// How far from both ends of its edges, over their lengths, a closest point is safely unique.
 const INTERIOR: f64 = 1e-6;
+/// Cosine between an axis and two faces above which the faces count as facing each other.
+const FACING: f64 = 0.995;
 /// What is added to the slab of near edges, over the radii: faces are flat to 1e-7 only.
 const SLAB: f64 = 1e-6;
 
@@ -164,7 +166,7 @@ impl Pair<'_> {
                 return Err(e.normal);
             }
             if e.separation > floor.max(0.0) && self.are_closest(e, scratch) {
-                self.push_edges(e, memory, scratch);
+                self.push_edges(&face, e, memory, scratch);
                 return Ok(());
             }
         }
@@ -175,13 +177,18 @@ impl Pair<'_> {
         match self.best_edges(&face, known.as_ref(), scratch) {
             Some(e) if e.separation > self.alert => Err(e.normal),
             Some(e) if e.separation <= 0.0 || self.are_closest(&e, scratch) => {
-                self.push_edges(&e, memory, scratch);
+                self.push_edges(&face, &e, memory, scratch);
                 Ok(())
             }
-            Some(e) => self.closest_points(None, &e.normal, e.separation, memory, scratch),
+            Some(e) => self.closest_points(&face, &e.normal, e.separation, memory, scratch),
             None => {
-                self.clip_along(&face, &face.normal, scratch);
-                self.push_manifold(&face, scratch);
+                self.clip_along(&face, scratch);
+                if scratch.candidates.is_empty() {
+                    // Rounding alone leads here: slivers.
+                    self.push_support(&face.normal, face.separation, scratch);
+                } else {
+                    self.push_manifold(face.of_b, &face.normal, scratch);
+                }
                 Ok(())
             }
         }
@@ -194,20 +201,20 @@ impl Pair<'_> {
         memory: &mut PairMemory,
         scratch: &mut Scratch,
     ) -> Found<()> {
-        self.clip_along(face, &face.normal, scratch);
+        self.clip_along(face, scratch);
         // Points of both surfaces that are as close as the axis says: nothing is closer.
         if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
-            self.push_manifold(face, scratch);
+            self.push_manifold(face.of_b, &face.normal, scratch);
             return Ok(());
         }
-        self.closest_points(Some(face), &face.normal, face.separation, memory, scratch)
+        self.closest_points(face, &face.normal, face.separation, memory, scratch)
     }
 
     /// The contact of bodies that are further apart than the best axis shows: edges or vertices are
-    /// closest. `face` is the best face if `scratch.candidates` holds its points.
+    /// closest. `normal` and `separation` are those of the best axis.
     fn closest_points(
         &self,
-        face: Option<&BestFace>,
+        face: &BestFace,
         normal: &Vec3,
         separation: f64,
         memory: &mut PairMemory,
@@ -224,15 +231,14 @@ impl Pair<'_> {
         }
         let [ea, eb] = c.edges;
         let axis = self.edge_axis(&scratch.near_a[ea], &scratch.near_b[eb], c.edges, scratch);
-        match (axis, face) {
-            (Some(e), _) if e.separation > separation && self.are_closest(&e, scratch) => {
-                self.push_edges(&e, memory, scratch);
+        match axis {
+            Some(e) if e.separation > separation && self.are_closest(&e, scratch) => {
+                self.push_edges(face, &e, memory, scratch);
             }
             _ if distance > separation + TIE * self.size => {
                 self.push_closest(&c, &((c.on_b - c.on_a) / distance), distance, scratch);
             }
             // Rounding alone leads here.
-            (_, Some(face)) if !scratch.candidates.is_empty() => self.push_manifold(face, scratch),
             _ => self.push_closest(&c, normal, separation, scratch),
         }
         Ok(())
@@ -329,7 +335,7 @@ impl Pair<'_> {
             let c = self.closest_on(e, scratch);
             (e.normal, e.separation, Some((c.on_a + c.on_b) * 0.5))
         } else {
-            self.clip_along(face, &face.normal, scratch);
+            self.clip_along(face, scratch);
             (face.normal, face.separation, self.deepest_candidate(face, scratch))
         };
         let certain = common.is_some_and(|p| self.in_both(p));
@@ -375,26 +381,37 @@ impl Pair<'_> {
 
     /// Leaves in `scratch.candidates` the overlap of the best face and the other body's face
     /// against it, in the frame of the face's body.
-    fn clip_along(&self, face: &BestFace, normal: &Vec3, scratch: &mut Scratch) {
-        let (reference, other, cloud, axis) = if face.of_b {
-            let axis = -self.rotation.tr_mul(normal);
-            (self.b.shape, self.a.shape, &scratch.a_in_b, axis)
+    fn clip_along(&self, face: &BestFace, scratch: &mut Scratch) {
+        // Against the other body's own frame, where its face normals are.
+        let (other, cloud, axis, against) = if face.of_b {
+            let axis = self.b.shape.face_normals[face.face];
+            (self.a.shape, &scratch.a_in_b, axis, -face.normal)
         } else {
-            (self.a.shape, self.b.shape, &scratch.b_in_a, *normal)
+            let against = self.rotation.tr_mul(&face.normal);
+            (self.b.shape, &scratch.b_in_a, face.normal, against)
         };
-        let corner = cloud.first_at(&axis, cloud.lowest(&axis));
-        // The same axis in the other body's own frame, where its face normals are.
-        let against = if face.of_b { -*normal } else { self.rotation.tr_mul(normal) };
-        let corner = &other.vertices[corner];
+        let corner = &other.vertices[cloud.first_at(&axis, cloud.lowest(&axis))];
         let incident = faces::incident_face(other, corner, &against, SLAB * other.radius);
-        let incident = (other, cloud, incident);
+        self.clip(face, incident, &axis, scratch);
+    }
+
+    /// The overlap, seen along `axis`, of face `face` and face `incident` of the other body; gaps
+    /// are measured along the axis. All in the frame of the face's body.
+    fn clip(&self, face: &BestFace, incident: usize, axis: &Vec3, scratch: &mut Scratch) {
+        let (reference, other) = if face.of_b {
+            (self.b.shape, (self.a.shape, &scratch.a_in_b, incident))
+        } else {
+            (self.a.shape, (self.b.shape, &scratch.b_in_a, incident))
+        };
         let [polygon, spare] = &mut scratch.polygon;
         let tolerance = TIE * self.size;
-        clip::clip_faces(reference, face.face, &axis, incident, tolerance, [polygon, spare]);
-        let offset = reference.face_offsets[face.face];
+        clip::clip_faces(reference, face.face, axis, other, tolerance, [polygon, spare]);
+        let (normal, offset) =
+            (&reference.face_normals[face.face], reference.face_offsets[face.face]);
+        let slope = normal.dot(axis);
         scratch.candidates.clear();
         for v in polygon.iter() {
-            let gap = axis.dot(&v.point) - offset;
+            let gap = (normal.dot(&v.point) - offset) / slope;
             if gap <= self.alert {
                 scratch.candidates.push(Candidate {
                     point: v.point - axis * (0.5 * gap),
@@ -405,22 +422,48 @@ impl Pair<'_> {
         }
     }
 
+    /// If the best axis is perpendicular to edges of two faces that nearly face each other, the
+    /// points of the faces' overlap, which hold the crossing of the edges: a box that has tilted
+    /// by a trifle over the edge of another one keeps its points.
+    fn points_of_facing(&self, best: &BestFace, e: &EdgeAxis, scratch: &mut Scratch) -> bool {
+        let (a, b) = (self.a.shape, self.b.shape);
+        let [ea, eb] = e.edges;
+        let ea = a.edges[scratch.near_a[ea].index as usize];
+        let eb = b.edges[scratch.near_b[eb].index as usize];
+        let against = -self.rotation.tr_mul(&e.normal);
+        let (cos_a, fa) = faces::more_aligned(a, ea.faces, &e.normal);
+        let (cos_b, fb) = faces::more_aligned(b, eb.faces, &against);
+        if cos_a < FACING || cos_b < FACING {
+            return false;
+        }
+        if best.of_b {
+            self.clip(&BestFace { face: fb, ..*best }, fa, &against, scratch);
+        } else {
+            self.clip(&BestFace { face: fa, ..*best }, fb, &e.normal, scratch);
+        }
+        (lowest_gap(&scratch.candidates) - e.separation).abs() <= TIE * self.size
+    }
+
     /// Reports the contact of two edges and remembers them.
-    fn push_edges(&self, e: &EdgeAxis, memory: &mut PairMemory, scratch: &mut Scratch) {
-        let c = self.closest_on(e, scratch);
+    fn push_edges(
+        &self,
+        best: &BestFace,
+        e: &EdgeAxis,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) {
         let [ea, eb] = e.edges;
         memory.edges = [scratch.near_a[ea].index + 1, scratch.near_b[eb].index + 1];
+        if self.points_of_facing(best, e, scratch) {
+            return self.push_manifold(best.of_b, &e.normal, scratch);
+        }
+        let c = self.closest_on(e, scratch);
         self.push_closest(&c, &e.normal, e.separation, scratch);
     }
 
     /// Reports `scratch.candidates`, four at most.
-    fn push_manifold(&self, face: &BestFace, scratch: &mut Scratch) {
-        let normal = &face.normal;
-        if scratch.candidates.is_empty() {
-            // Rounding alone leads here: slivers.
-            return self.push_support(normal, face.separation, scratch);
-        }
-        if face.of_b {
+    fn push_manifold(&self, of_b: bool, normal: &Vec3, scratch: &mut Scratch) {
+        if of_b {
             reduce::keep_four(&mut scratch.candidates, &self.rotation.tr_mul(normal));
             for c in &mut scratch.candidates {
                 c.point = self.rotation * c.point + self.offset;
@@ -479,12 +522,13 @@ impl Pair<'_> {
             spans[k] = Span::between_surfaces(c);
             points[k] = c.point;
         }
-        placing::cut(self.a.shape, &points[..count], normal, &mut spans[..count]);
+        let tolerance = 2.0 * TIE * self.size;
+        placing::cut(self.a.shape, &points[..count], normal, tolerance, &mut spans[..count]);
         for p in &mut points[..count] {
             *p = self.rotation.tr_mul(&(*p - self.offset));
         }
         let in_b = self.rotation.tr_mul(normal);
-        placing::cut(self.b.shape, &points[..count], &in_b, &mut spans[..count]);
+        placing::cut(self.b.shape, &points[..count], &in_b, tolerance, &mut spans[..count]);
         let mut spans = spans.iter();
         candidates.retain_mut(|c| {
             let Some(span) = spans.next() else { return false };
