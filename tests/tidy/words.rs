@@ -23,6 +23,9 @@ const OUTSIDE_WORLD: [&str; 9] = [
 /// Not in the core: iteration in an order of chance, panics without a reason.
 const UNORDERED_OR_CURT: [&str; 3] = ["HashMap", "HashSet", ".unwrap()"];
 
+/// Where `unsafe` is allowed: the vector kernel, and a call into the C library of HDF5.
+const UNSAFE_PLACES: [&str; 2] = ["src/nlgs/kernel/", "interfaces/hdf5/src/image.rs"];
+
 const LONGEST_FILE: usize = 600;
 
 fn forbidden(path: &str) -> Vec<&'static str> {
@@ -47,9 +50,9 @@ fn objections(path: &str, source: &str) -> Vec<String> {
             out.push(format!("{path}:{line}: `{word}` has no place here"));
         }
     }
-    if !path.starts_with("src/nlgs/") {
+    if !UNSAFE_PLACES.iter().any(|place| path.starts_with(place)) {
         for line in lines_with_word(&code, "unsafe") {
-            out.push(format!("{path}:{line}: `unsafe` outside the kernel"));
+            out.push(format!("{path}:{line}: `unsafe` has no place here"));
         }
     }
     let length = source.lines().count();
@@ -69,7 +72,8 @@ fn each_rule_objects() {
         ("src/a.rs", "let t = Instant::now();", true),
         ("src/a.rs", "let m: HashMap<u32, u32>;", true),
         ("src/a.rs", "unsafe { f() }", true),
-        ("src/nlgs/kernel.rs", "unsafe { f() }", false),
+        ("src/nlgs/kernel/mod.rs", "unsafe { f() }", false),
+        ("src/nlgs/visit.rs", "unsafe { f() }", true),
         ("interfaces/scenario/src/lib.rs", "std::env::var(x)", true),
         ("interfaces/cli/src/main.rs", "std::env::var(x)", false),
         ("interfaces/cli/src/main.rs", "todo!()", true),
