@@ -5,7 +5,7 @@
 //! Cost: O(bodies + contacts).
 
 use crate::detection::Contacts;
-use crate::math::{Vec3, rotation};
+use crate::math::{Pose, Vec3, rotation};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::state::{EnergyLedger, State};
@@ -40,6 +40,7 @@ pub fn configurations(
     motion: &Motion,
     velocity: &[Vec3],
     spin: &[Vec3],
+    targets: &[Pose],
     state: &mut State,
 ) {
     let ng = model.grains.len();
@@ -56,6 +57,11 @@ pub fn configurations(
     state.spin[..ng].copy_from_slice(spin);
     state.velocity[ng..].copy_from_slice(&motion.velocity[ng..]);
     state.spin[ng..].copy_from_slice(&motion.spin[ng..]);
+    for (d, target) in targets.iter().enumerate() {
+        // The target itself, not what the velocity leads to: rounding must not add up over steps.
+        state.position[ng + d] = target.position;
+        state.orientation[ng + d] = target.orientation;
+    }
 }
 
 /// What the ballast did to each driven body: impulses about its reference point as placed in

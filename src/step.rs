@@ -12,8 +12,8 @@ use crate::integrate;
 pub use crate::integrate::Reaction;
 use crate::math::Vec3;
 use crate::model::{Model, Schedule};
-use crate::state::State;
 pub use crate::nlgs::Residuals;
+use crate::state::State;
 use crate::workspace::Workspace;
 
 /// Advances `state` by one time step.
@@ -55,7 +55,7 @@ pub fn step(
     collect(state, ws)?;
     watch.lap(Phase::Solve);
 
-    let report = integrate_and_report(model, state, ws, &outcome);
+    let report = integrate_and_report(model, state, inputs, ws, &outcome);
     watch.lap(Phase::Integrate);
 
     remember(&ws.motion, &ws.contacts, &ws.impulse, &mut state.contacts);
@@ -69,11 +69,9 @@ fn divide(model: &Model, ws: &mut Workspace) {
     let partition = ws.decomposition.partition_mut();
     match model.solver.schedule {
         Schedule::Sequential => partition.whole(grains, &ws.contacts),
-        Schedule::Synchronous | Schedule::Asynchronous => partition.divide(
-            model.solver.partition,
-            &ws.motion.position[..grains],
-            &ws.contacts,
-        ),
+        Schedule::Synchronous | Schedule::Asynchronous => {
+            partition.divide(model.solver.partition, &ws.motion.position[..grains], &ws.contacts)
+        }
     }
 }
 
@@ -99,6 +97,7 @@ fn collect(state: &State, ws: &mut Workspace) -> Result<()> {
 fn integrate_and_report(
     model: &Model,
     state: &mut State,
+    inputs: &Inputs,
     ws: &Workspace,
     outcome: &Outcome,
 ) -> StepReport {
@@ -110,7 +109,8 @@ fn integrate_and_report(
     if state.step == 0 {
         state.energy = integrate::open_ledger(model, state);
     }
-    integrate::configurations(model, motion, &ws.velocity, &ws.spin, state);
+    let targets = inputs.targets;
+    integrate::configurations(model, motion, &ws.velocity, &ws.spin, targets, state);
     let reactions = integrate::reactions(model, motion, contacts, impulse);
     let (kinetic, potential) = integrate::energies(model, state);
     state.energy.kinetic = kinetic;

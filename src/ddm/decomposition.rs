@@ -224,13 +224,7 @@ impl Group {
         }
     }
 
-    fn pack(
-        &mut self,
-        problem: &LocalProblem,
-        partition: &Partition,
-        line_of: &[u32],
-        g: usize,
-    ) {
+    fn pack(&mut self, problem: &LocalProblem, partition: &Partition, line_of: &[u32], g: usize) {
         let contacts = partition.interface.contacts.list(g);
         self.grains.clear();
         self.grains.extend(contacts.iter().flat_map(|&c| problem.contacts[c as usize].bodies));

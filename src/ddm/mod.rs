@@ -66,6 +66,5 @@ fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
     solver.tolerance.is_some_and(|tolerance| value < tolerance)
 }
 
-
 #[cfg(test)]
 mod tests;

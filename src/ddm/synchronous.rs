@@ -12,7 +12,8 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
     let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
     for done in 1..=solver.iterations {
         let measured = is_test(solver, done);
-        decomposition.on_subdomains(|set| set.sweeps(solver.subdomain_sweeps, relaxation, measured));
+        decomposition
+            .on_subdomains(|set| set.sweeps(solver.subdomain_sweeps, relaxation, measured));
         decomposition.on_interface(|set| set.sweeps(solver.interface_sweeps, relaxation, measured));
         outcome.iterations = done;
         outcome.visits += visits_per_iteration;

@@ -59,7 +59,8 @@ fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contacts) {
 
 /// Four corners of the face of the cube at `centre` that looks along `out`.
 fn face(contacts: &mut Contacts, bodies: [u32; 2], centre: Vec3, out: Vec3, a: Vec3, b: Vec3) {
-    for (feature, (sa, sb)) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].iter().enumerate()
+    for (feature, (sa, sb)) in
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].iter().enumerate()
     {
         let point = centre + (out + a * *sa + b * *sb) * (EDGE / 2.0);
         contacts.push(bodies, feature as u64, point, -out, 0.0);

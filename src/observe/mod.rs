@@ -12,6 +12,7 @@ pub mod fabric;
 pub mod grain_size;
 pub mod inertial_number;
 pub mod penetration;
+pub mod squeeze;
 pub mod stress;
 mod sum;
 pub mod zone;
@@ -22,6 +23,7 @@ pub use energy::energy;
 pub use fabric::{Fabric, fabric};
 pub use inertial_number::{InertialNumber, inertial_number};
 pub use penetration::{Penetration, penetration};
+pub use squeeze::{SqueezeMeter, SqueezeRecord};
 pub use stress::{Stress, stress};
 pub use zone::Zone;
 

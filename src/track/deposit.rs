@@ -5,10 +5,10 @@
 //! Contract: the same plan gives the same bytes. Two grains never overlap when they are laid.
 //!
 //! 1. *pour*: grains are laid up to a little above the sleepers' underside, and fall together;
-//! 2. *fill*: grains in the way of the sleepers are taken out, the sleepers are put in slightly too
-//!    high and pressed down to their level while the cribs fill around them: otherwise the grains
-//!    taken out would leave voids right under the block;
-//! 3. *trim*: what lies above the fill level is taken off, friction becomes that of the run;
+//! 2. *fill*: grains in the way of the sleepers are taken out, the voids that this leaves right
+//!    under the blocks are stuffed, the sleepers are put in, and the cribs fill around them;
+//! 3. *trim*: what lies above the fill level, or sits too deep in another grain, is taken off;
+//!    friction becomes that of the run;
 //! 4. *rest*: the run's own step and tolerance.
 //!
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
@@ -24,17 +24,12 @@ use crate::geometry::clip::{AxisBox, Clipper};
 use crate::math::{Pose, Vec3};
 use crate::model::{Grains, Model, PartitionRule, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
-use crate::track::motion_law::smooth_step;
 use crate::track::plan::Plan;
 use crate::workspace::Workspace;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::ops::ControlFlow;
 
-/// How far above their level sleepers are put in before they are pressed down, m.
-const PRESS: f64 = 0.010;
-/// Speed at which they are pressed, m/s.
-const PRESS_SPEED: f64 = 0.05;
 /// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms.
 const FALL_SPEED: f64 = 1.0;
 /// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed.
@@ -45,6 +40,8 @@ const LEAST_STEPS: u64 = 50;
 const LAST_STAGE: f64 = 0.02;
 /// Most grains of a bed.
 const MOST_GRAINS: f64 = 2e7;
+/// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
+const DEEPEST: f64 = 0.05;
 /// Overlap with a sleeper that counts as none, of the grain's volume.
 const TOUCH: f64 = 1e-9;
 
@@ -94,7 +91,7 @@ fn pour_below(
     let level = if plan.sleepers.is_empty() {
         bed.preparation.fill_level
     } else {
-        (bed.preparation.ballast_depth + PRESS + 0.5 * largest).min(bed.preparation.fill_level)
+        (bed.preparation.ballast_depth + 0.5 * largest).min(bed.preparation.fill_level)
     };
     let volume = RECKONED_COMPACTNESS * bed.size.x * bed.size.y * level;
     let mut relief = pour::relief(bed)?;
@@ -105,7 +102,7 @@ fn pour_below(
     bench.settle(&pouring(plan, DepositStage::Pour, &drive), watch)
 }
 
-/// Stage 2: sleepers put in and pressed down while the cribs fill.
+/// Stage 2: the sleepers, and the cribs around them.
 fn fill_cribs(
     plan: &Plan,
     templates: &Templates,
@@ -117,7 +114,7 @@ fn fill_cribs(
         return Ok(ControlFlow::Continue(()));
     }
     let bed = &plan.bed;
-    make_room(plan, bench, bed.preparation.ballast_depth + PRESS);
+    make_room(plan, bench, bed.preparation.ballast_depth);
     for s in &plan.sleepers {
         let body = sleeper(
             s,
@@ -125,22 +122,13 @@ fn fill_cribs(
             &mut bench.model.shapes,
         )?;
         bench.model.driven.push(body);
-        bench.state.push(sleeper_pose(plan, s, PRESS));
+        bench.state.push(sleeper_pose(plan, s));
     }
     let laid = lay_cribs(plan, templates, rng, bench)?;
     insert(bench, &laid, bed.density);
     let poses = bench.driven_poses();
-    let first = poses.len() - plan.sleepers.len();
-    let pressing = (PRESS / PRESS_SPEED / pouring_h(plan)).ceil();
-    let drive = |step: u64, out: &mut Vec<Pose>| {
-        let raised = PRESS * (1.0 - smooth_step(step as f64 / pressing));
-        out.extend_from_slice(&poses[..first]);
-        out.extend(plan.sleepers.iter().map(|s| sleeper_pose(plan, s, raised)));
-    };
-    let mut settling = pouring(plan, DepositStage::Fill, &drive);
-    // Never before the sleepers are exactly at their level.
-    settling.steps = [LEAST_STEPS.max(pressing as u64 + 1), settling.steps[1] + pressing as u64];
-    bench.settle(&settling, watch)
+    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
+    bench.settle(&pouring(plan, DepositStage::Fill, &drive), watch)
 }
 
 /// Stage 3: the fill level, and the friction of the run.
@@ -153,7 +141,9 @@ fn trim(
 ) -> Result<ControlFlow<()>> {
     let level = plan.bed.preparation.fill_level;
     let n = bench.model.grains.len();
-    let keep: Vec<bool> = bench.state.position[..n].iter().map(|p| p.z <= level).collect();
+    let mut keep: Vec<bool> = bench.state.position[..n].iter().map(|p| p.z <= level).collect();
+    let deepest = DEEPEST * plan.bed.grains.classes.iter().map(|c| c.share * c.size).sum::<f64>();
+    bench.deny_deep(deepest, &mut keep);
     bench.retain(&keep);
     run_settings(plan, &mut bench.model);
     let poses = bench.driven_poses();
@@ -276,7 +266,7 @@ fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &Axi
     !apart && clipper.inside_box(shape, pose, region).volume > TOUCH * shape.volume
 }
 
-/// Lays what the cribs lack up to the fill level.
+/// Lays what lacks under the blocks, and in the cribs up to the fill level.
 fn lay_cribs(
     plan: &Plan,
     templates: &Templates,
@@ -290,6 +280,10 @@ fn lay_cribs(
     let shape = |g: usize| &shapes[grains.shape[g] as usize];
     let present = (0..grains.len()).map(|g| (shape(g), bench.state.pose(g)));
     pour::cover_present(&mut relief, present);
+    let mut stuffed = Vec::new();
+    for block in block_boxes(plan) {
+        stuffed.extend(pour::stuff(&mut relief, templates, shapes, &block, rng));
+    }
     for block in block_boxes(plan) {
         relief.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
     }
@@ -300,8 +294,10 @@ fn lay_cribs(
         .sum();
     let room = bed.size.x * bed.size.y * filled - occupied;
     let present: f64 = (0..grains.len()).map(|g| shape(g).volume).sum();
-    let lacking = RECKONED_COMPACTNESS * room - present;
-    pour::pour(&mut relief, templates, shapes, &bed.size, lacking, rng)
+    let added: f64 = stuffed.iter().map(|g| shapes[g.shape].volume).sum();
+    let lacking = RECKONED_COMPACTNESS * room - present - added;
+    stuffed.extend(pour::pour(&mut relief, templates, shapes, &bed.size, lacking, rng)?);
+    Ok(stuffed)
 }
 
 /// The blocks of all sleepers at their level, world.

@@ -13,10 +13,14 @@ mod shape;
 pub mod sleeper;
 mod squeeze_control;
 pub mod tamping_cycle;
+#[cfg(test)]
+mod test_plan;
 pub mod tine;
+pub mod zones;
 
 pub use deposit::{Bed, deposit};
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use squeeze_control::TinePair;
 pub use tamping_cycle::{TampingCycle, TampingPhase};
+pub use zones::zones;

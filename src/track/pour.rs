@@ -11,6 +11,7 @@
 use super::relief::{Relief, Silhouette, turned_bounds};
 use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
+use crate::geometry::clip::AxisBox;
 use crate::geometry::grain::{GrainShape, random_grain, random_rotation};
 use crate::math::{Pose, Quat, Vec3};
 use crate::track::plan::{BedPlan, SizeClass};
@@ -21,6 +22,8 @@ use rand_pcg::Pcg64;
 const TRIES: usize = 100;
 /// Tries without any place before the bed counts as too narrow.
 const HOPELESS: usize = 10_000;
+/// Places tried under a block, per grain that would cover it.
+const STUFFING: f64 = 400.0;
 /// Air between a grain and what it is laid upon, m: rounding must not make it an overlap.
 const AIR: f64 = 1e-5;
 /// Cells across the smallest grains.
@@ -134,6 +137,46 @@ pub(super) fn pour(
         laid.push(Laid { shape, pose });
     }
     Ok(laid)
+}
+
+/// Lays grains into the voids right under a block, wherever one happens to fit below its underside
+/// on the relief.
+pub(super) fn stuff(
+    relief: &mut Relief,
+    templates: &Templates,
+    shapes: &[Polyhedron],
+    block: &AxisBox,
+    rng: &mut Pcg64,
+) -> Vec<Laid> {
+    let cell = relief.cell;
+    let size = block.high - block.low;
+    let tries = STUFFING * size.x * size.y / templates.mean_volume(shapes).powf(2.0 / 3.0);
+    let mut silhouette = Silhouette::default();
+    let mut laid = Vec::new();
+    for _ in 0..tries as usize {
+        let shape = templates.draw(rng);
+        let orientation = random_rotation(rng);
+        let bounds = turned_bounds(&shapes[shape], &orientation);
+        let x = block.low.x + size.x * rng.random::<f64>();
+        let y = block.low.y + size.y * rng.random::<f64>();
+        let within = [(x / cell).fract(), (y / cell).fract()];
+        // Over the edge it might end up in a neighbour's block, or in a wall.
+        let inside = [(x, 0), (y, 1)].iter().all(|&(c, k)| {
+            c + bounds.low[k] >= block.low[k] && c + bounds.high[k] <= block.high[k]
+        });
+        if !inside {
+            continue;
+        }
+        silhouette.cover(&shapes[shape], &orientation, within, cell);
+        let at = [(x / cell).floor() as i64, (y / cell).floor() as i64];
+        let highest = block.low.z - bounds.high.z - AIR;
+        let z = relief.rest(&silhouette, at, highest) + AIR;
+        if z < highest {
+            relief.add(&silhouette, at, z);
+            laid.push(Laid { shape, pose: Pose { position: Vec3::new(x, y, z), orientation } });
+        }
+    }
+    laid
 }
 
 /// Lays one grain at the lowest of some random places.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::geometry::clip::{AxisBox, Clipper, half_spaces_of};
+use crate::geometry::clip::{Clipper, half_spaces_of};
 use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan};
 use rand::SeedableRng;
 

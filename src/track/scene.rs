@@ -6,9 +6,10 @@ use super::deposit::Bed;
 use super::tamping_cycle::start_position;
 use super::tine::tine;
 use crate::error::{Error, Result};
+use crate::integrate;
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Role};
-use crate::state::{EnergyLedger, State};
+use crate::state::State;
 use crate::track::plan::{Plan, SleeperPlan};
 
 /// The model of a run and its start: the bed, and the tines clear above it.
@@ -36,15 +37,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     state.step = 0;
     state.time_ns = 0;
     state.drive.clear();
-    let potential = potential_energy(&model, &state);
-    let kinetic = kinetic_energy(&model, &state);
-    state.energy = EnergyLedger {
-        initial_kinetic: kinetic,
-        initial_potential: potential,
-        kinetic,
-        potential,
-        ..EnergyLedger::default()
-    };
+    state.energy = integrate::open_ledger(&model, &state);
     Ok((model, state))
 }
 
@@ -64,23 +57,9 @@ pub(super) fn run_settings(plan: &Plan, model: &mut Model) {
     model.solver = plan.run.solver;
 }
 
-/// Where a sleeper stands, `raised` (m) above its level.
-pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan, raised: f64) -> Pose {
-    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth + raised))
-}
-
-fn potential_energy(model: &Model, state: &State) -> f64 {
-    let of = |g: usize| -model.grains.mass[g] * model.gravity.dot(&state.position[g]);
-    (0..model.grains.len()).map(of).sum()
-}
-
-fn kinetic_energy(model: &Model, state: &State) -> f64 {
-    let of = |g: usize| {
-        let spin = state.orientation[g].inverse() * state.spin[g];
-        let turning = spin.component_mul(&model.grains.inertia[g]).dot(&spin);
-        0.5 * (model.grains.mass[g] * state.velocity[g].norm_squared() + turning)
-    };
-    (0..model.grains.len()).map(of).sum()
+/// Where a sleeper stands.
+pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
+    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
 }
 
 fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<()> {
@@ -95,7 +74,7 @@ fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> 
         return refused("no body of this name in the bed".into());
     };
     let found = state.position[model.grains.len() + index];
-    let expected = sleeper_pose(plan, s, 0.0).position;
+    let expected = sleeper_pose(plan, s).position;
     if (found - expected).norm() > 1e-6 {
         return refused(format!("it stands at {}", found.transpose()));
     }

@@ -46,6 +46,7 @@ pub struct DepositProgress {
     /// m/s.
     pub mean_speed: f64,
     /// m.
+    pub mean_penetration: f64,
     pub max_penetration: f64,
 }
 
@@ -119,6 +120,7 @@ impl Bench {
             grains: self.model.grains.len(),
             contacts: report.contacts,
             mean_speed,
+            mean_penetration: report.mean_penetration,
             max_penetration: report.max_penetration,
         }
     }
@@ -158,6 +160,22 @@ impl Bench {
         for pair in &mut self.state.contacts.bodies {
             if pair[1] >= n as u32 {
                 pair[1] += added;
+            }
+        }
+    }
+
+    /// Denies, of each two grains that the last step found deeper than `deepest` (m) in each other,
+    /// the lighter one, unless either is denied already; and every grain so deep in a driven body.
+    pub fn deny_deep(&self, deepest: f64, keep: &mut [bool]) {
+        let contacts = &self.workspace.contacts;
+        let n = self.model.grains.len();
+        let deep = (0..contacts.len()).filter(|&i| contacts.gap[i] < -deepest);
+        for [a, b] in deep.map(|i| contacts.bodies[i].map(|b| b as usize)) {
+            if b >= n {
+                keep[a] = false;
+            } else if keep[a] && keep[b] {
+                let mass = &self.model.grains.mass;
+                keep[if mass[b] < mass[a] { b } else { a }] = false;
             }
         }
     }

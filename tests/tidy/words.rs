@@ -78,6 +78,8 @@ fn each_rule_objects() {
         ("interfaces/cli/src/main.rs", "std::env::var(x)", false),
         ("interfaces/cli/src/main.rs", "todo!()", true),
         ("interfaces/cli/src/main.rs", "unsafe { f() }", true),
+        ("interfaces/hdf5/src/image.rs", "unsafe { f() }", false),
+        ("interfaces/hdf5/src/lib.rs", "unsafe { f() }", true),
     ] {
         let found = objections(path, source);
         assert_eq!(!found.is_empty(), wrong, "{path}: {source}: {found:?}");

@@ -97,7 +97,7 @@ fn about(checkpoint: &Checkpoint, fingerprint: String) -> Vec<Column> {
 pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let path = path.as_ref();
     let size = seal::check(path, &FORMAT)?;
-    let file = hdf5::File::open(path).map_err(hdf5_error(path, "content"))?;
+    let file = image::open(path).map_err(hdf5_error(path, "content"))?;
     let source = Source { path, file: &file, size };
     check_version(&source)?;
     let model = decode::model(&source)?;

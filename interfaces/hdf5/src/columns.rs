@@ -17,6 +17,13 @@ pub(crate) struct Column {
     pub data: Data,
 }
 
+impl Column {
+    /// What the column belongs to: the first part of its name.
+    pub fn group(&self) -> &'static str {
+        self.name.split('/').next().unwrap_or_default()
+    }
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Data {
     F64(Vec<f64>),

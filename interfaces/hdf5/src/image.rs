@@ -20,6 +20,11 @@ pub(crate) fn new_image(path: &Path) -> Result<File> {
         .map_err(hdf5_error(path, "image in memory"))
 }
 
+/// Opens a file for reading, without a lock: readers never stand in a writer's way.
+pub(crate) fn open(path: &Path) -> hdf5::Result<File> {
+    File::with_options().with_fapl(|p| p.file_locking(false)).open(path)
+}
+
 /// The bytes of a file in memory.
 pub(crate) fn bytes_of(file: &File, path: &Path) -> Result<Vec<u8>> {
     file.flush().map_err(hdf5_error(path, "image in memory"))?;

@@ -136,12 +136,12 @@ fn describe(header: &[u8]) -> String {
     }
 }
 
-/// Whether the file starts like a sealed file of this format, of any version.
-pub(crate) fn looks_like(path: &Path, format: &Format) -> Result<bool> {
-    let mut file = File::open(path).map_err(io(path, "open"))?;
+/// The first bytes of a file.
+pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(io(path, "open"))?;
     let mut start = vec![];
-    Read::by_ref(&mut file).take(64).read_to_end(&mut start).map_err(io(path, "read"))?;
-    Ok(start.starts_with(format.name.as_bytes()))
+    file.take(64).read_to_end(&mut start).map_err(io(path, "read"))?;
+    Ok(start)
 }
 
 /// Writes a fresh header on a file whose content was edited on purpose by another program.

@@ -412,26 +412,19 @@ impl Pair<'_> {
             spans[k] = Span::between_surfaces(c);
             points[k] = c.point;
         }
-        placing::cut(self.a.shape, &points[..count], normal, &mut spans[..count]);
+        placing::cut(self.a.shape, &mut points[..count], normal, &mut spans[..count]);
         for p in &mut points[..count] {
             *p = self.rotation.tr_mul(&(*p - self.offset));
         }
         let in_b = self.rotation.tr_mul(normal);
-        placing::cut(self.b.shape, &points[..count], &in_b, &mut spans[..count]);
-        let mut spans = spans.iter();
+        placing::cut(self.b.shape, &mut points[..count], &in_b, &mut spans[..count]);
+        let mut placed = spans.iter().zip(&points);
         candidates.retain_mut(|c| {
-            let Some(span) = spans.next() else { return false };
-            if c.gap >= 0.0 {
-                return true;
+            let Some((span, point)) = placed.next() else { return false };
+            if c.gap < 0.0 {
+                c.point = self.rotation * point + self.offset + normal * span.middle();
             }
-            if !span.is_empty() {
-                c.point += normal * span.middle();
-            } else if c.gap == deepest {
-                let in_a = Pose { position: self.offset, orientation: self.turn };
-                let solids = [(self.a.shape, &Pose::identity()), (self.b.shape, &in_a)];
-                c.point = placing::pull_in(solids, &c.point, INSIDE * self.size);
-            }
-            !span.is_empty() || c.gap == deepest
+            !span.is_empty() || c.gap >= 0.0 || c.gap == deepest
         });
     }
 }

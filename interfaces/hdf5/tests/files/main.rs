@@ -2,4 +2,6 @@
 
 mod checkpoint;
 mod damage;
+mod inspect;
+mod results;
 mod scene;
