@@ -184,7 +184,10 @@ impl Course<'_> {
         let value = tests.residuals.qm16();
         let least = tests.least.map_or(value, |least| least.min(value));
         tests.least = Some(least);
-        if !value.is_finite() || value > ALARM.max(GROWTH * least) {
+        // The residual alone is infinite, too, where every contact has just opened.
+        let overflowed = !(sum.dv_squared + sum.wr_squared).is_finite();
+        let grown = value.is_finite() && value > ALARM.max(GROWTH * least);
+        if overflowed || grown {
             self.diverged.store(true, Ordering::Relaxed);
             self.stop.store(true, Ordering::Relaxed);
         }

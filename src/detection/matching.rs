@@ -17,7 +17,7 @@ const CHUNK: usize = 1024;
 const TOLERANCE: f64 = 0.2;
 
 /// Starting impulse of each contact `[nc]`, world axes, N s: that of the same contact in `memory`,
-/// or zero if there is none (T-12).
+/// or zero if there is none (T-20).
 ///
 /// In a pair of bodies, contacts with equal features are the same. Of the others, the nearest
 /// points in the candidate's frame are matched first, up to a fifth of its radius.

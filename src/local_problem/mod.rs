@@ -1,7 +1,7 @@
 //! The frictional problem of a step, contact by contact, ready to be packed and swept.
 //!
 //! Reads: model, state (restitution needs the velocities at the start of the step), motion,
-//! contacts, warm-start impulses. Writes: [`LocalProblem`]. Theory: (T-5) to (T-9). Cost: O(contacts
+//! contacts, warm-start impulses. Writes: [`LocalProblem`]. Theory: (T-5) to (T-8), (T-15), (T-16). Cost: O(contacts
 //! + grains), parallel. Contract: the result does not depend on the number of threads.
 //!
 //! Geometry is rounded to f32 once, here, and everything else (the third axis, the Delassus blocks)

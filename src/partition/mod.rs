@@ -1,4 +1,4 @@
-//! Grains to subdomains, contacts to subdomains and interface (T-12).
+//! Grains to subdomains, contacts to subdomains and interface (T-13).
 //!
 //! Every grain has exactly one owner. A contact between two grains of one subdomain, or between a
 //! grain and a driven body, belongs to the grain's subdomain; a contact between grains of two

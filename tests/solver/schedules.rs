@@ -28,8 +28,8 @@ fn with_one_subdomain_all_schedules_are_the_same_bytes() {
 
 #[test]
 fn schedules_agree_on_the_physics() {
-    // One step that hits hard, solved far below what is compared: velocities are unique, impulses
-    // of face contacts are not.
+    // One step that hits hard, solved far below what is compared: slow modes of a heap leave some
+    // hundred times the residual. Velocities are unique, impulses of face contacts are not.
     let mut resting = heap::falling(4, 1_000_000);
     resting.model.solver.iterations = 100;
     resting.run(0.6);
@@ -38,7 +38,7 @@ fn schedules_agree_on_the_physics() {
             let mut scene = heap::falling(4, 1_000_000);
             scene.state = resting.state.clone();
             scene.model.solver = Solver {
-                tolerance: Some(1e-8),
+                tolerance: Some(1e-6),
                 iterations: 20_000,
                 ..tight(schedule, PartitionRule::Boxes([2, 2, 2]))
             };
@@ -50,20 +50,26 @@ fn schedules_agree_on_the_physics() {
         })
     };
     let reference = outcome(Schedule::Sequential, 1);
-    let speed = reference.0.iter().map(|v| v.norm()).fold(0.0, f64::max);
-    assert!(speed > 0.5, "the floor's blow of 1 m/s hardly moved the heap: {speed}");
+    let (grains, kinetic) = (&resting.model.grains, reference.2.kinetic);
+    assert!(kinetic > 0.1, "the floor's blow of 1 m/s hardly moved the heap: {kinetic} J");
     for schedule in [Schedule::Synchronous, Schedule::Asynchronous] {
         for threads in [1, 2, 4] {
             let other = outcome(schedule, threads);
-            for (i, (a, b)) in reference.0.iter().zip(&other.0).enumerate() {
-                let apart = (a - b).norm() + 0.02 * (reference.1[i] - other.1[i]).norm();
-                assert!(
-                    apart < 1e-4 * speed,
-                    "{schedule:?} on {threads} threads: body {i} differs by {apart} m/s"
-                );
-            }
-            let energy = (reference.2.kinetic - other.2.kinetic).abs();
-            assert!(energy < 1e-4 * reference.2.kinetic, "{schedule:?}: {energy} J apart");
+            // Kinetic energy of the difference.
+            let apart: f64 = (0..grains.len())
+                .map(|i| {
+                    let v = reference.0[i] - other.0[i];
+                    let w = resting.state.orientation[i].inverse() * (reference.1[i] - other.1[i]);
+                    let turning = grains.inertia[i].component_mul(&w).dot(&w);
+                    0.5 * (grains.mass[i] * v.norm_squared() + turning)
+                })
+                .sum();
+            assert!(
+                apart < 1e-5 * kinetic,
+                "{schedule:?}, {threads} threads: {apart} of {kinetic} J"
+            );
+            let energy = (kinetic - other.2.kinetic).abs();
+            assert!(energy < 1e-3 * kinetic, "{schedule:?}, {threads} threads: {energy} J apart");
         }
     }
 }
