@@ -9,11 +9,30 @@ use crate::math::{Pose, Vec3, rotation};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::state::{EnergyLedger, State};
-use crate::step::Reaction;
 use rayon::prelude::*;
 
 /// Contacts summed by one thread at a time: fixed, so that sums do not depend on the threads.
 const CHUNK: usize = 4096;
+
+/// What the ballast did to one driven body during a step, about its reference point, world axes
+/// (T-27).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reaction {
+    /// N s.
+    pub impulse: Vec3,
+    /// N m s.
+    pub angular_impulse: Vec3,
+    /// Work of the body on the ballast, J.
+    pub work: f64,
+    /// Contact points that carry an impulse.
+    pub contacts: u32,
+}
+
+impl Default for Reaction {
+    fn default() -> Self {
+        Self { impulse: Vec3::zeros(), angular_impulse: Vec3::zeros(), work: 0.0, contacts: 0 }
+    }
+}
 
 /// Moves all bodies to the end of the step with the velocities at its end `[ng]`.
 pub fn configurations(

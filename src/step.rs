@@ -9,6 +9,7 @@ use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Error, Result};
 use crate::integrate;
+pub use crate::integrate::Reaction;
 use crate::math::Vec3;
 use crate::model::{Model, Schedule};
 pub use crate::nlgs::Residuals;
@@ -218,23 +219,4 @@ pub struct StepReport {
     pub max_penetration: f64,
     /// What the ballast did to each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
-}
-
-/// What the ballast did to one driven body during a step, about its reference point, world axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reaction {
-    /// N s.
-    pub impulse: Vec3,
-    /// N m s.
-    pub angular_impulse: Vec3,
-    /// Work of the body on the ballast, J.
-    pub work: f64,
-    /// Contact points that carry an impulse.
-    pub contacts: u32,
-}
-
-impl Default for Reaction {
-    fn default() -> Self {
-        Self { impulse: Vec3::zeros(), angular_impulse: Vec3::zeros(), work: 0.0, contacts: 0 }
-    }
 }

@@ -17,7 +17,7 @@ use parry3d_f64::transformation::try_convex_hull;
 ///
 /// 1e-7 is a few nm on a ballast grain, and above the rounding of coordinates stored as f32 near
 /// the origin. Where coplanarity is ambiguous at one tolerance, another one decides.
-const TOLERANCES: [f64; 5] = [1e-7, 2e-8, 4e-9, 5e-7, 1e-10];
+const TOLERANCES: [f64; 7] = [1e-7, 2e-8, 4e-9, 5e-7, 2e-6, 1e-10, 1e-12];
 /// Corners are counted in u16; no hull has more corners than points.
 const MAX_POINTS: usize = u16::MAX as usize;
 /// Checking that all points are under all faces is quadratic.

@@ -132,10 +132,10 @@ pub fn tight(schedule: Schedule, partition: PartitionRule) -> Solver {
     Solver {
         schedule,
         partition,
-        iterations: 5000,
+        iterations: 2000,
         subdomain_sweeps: 1,
         interface_sweeps: 1,
-        tolerance: Some(1e-9),
+        tolerance: Some(1e-8),
         norm: Norm::Qm16,
         check_every: 5,
         relaxation: 1.0,

@@ -26,25 +26,19 @@ fn with_one_subdomain_all_schedules_are_the_same_bytes() {
     }
 }
 
-/// A heap that has come to rest, and is then solved by `schedule`.
-fn resting(schedule: Schedule, boxes: [u32; 3]) -> Scene {
-    let mut scene = heap::falling(4, 1_000_000).scheduled(Schedule::Sequential, [1, 1, 1]);
-    scene.model.solver.iterations = 200;
-    scene.run(0.8);
-    scene.scheduled(schedule, boxes)
-}
-
 #[test]
 fn schedules_agree_on_the_physics() {
     // One step that hits hard, solved far below what is compared: velocities are unique, impulses
     // of face contacts are not.
-    let start = resting(Schedule::Sequential, [1, 1, 1]).state;
+    let mut resting = heap::falling(4, 1_000_000);
+    resting.model.solver.iterations = 100;
+    resting.run(0.6);
     let outcome = |schedule, threads| {
         on_threads(threads, || {
-            let mut scene = resting(schedule, [2, 2, 2]);
-            scene.state = start.clone();
+            let mut scene = heap::falling(4, 1_000_000);
+            scene.state = resting.state.clone();
             scene.model.solver = Solver {
-                tolerance: Some(1e-10),
+                tolerance: Some(1e-8),
                 iterations: 20_000,
                 ..tight(schedule, PartitionRule::Boxes([2, 2, 2]))
             };
@@ -64,12 +58,12 @@ fn schedules_agree_on_the_physics() {
             for (i, (a, b)) in reference.0.iter().zip(&other.0).enumerate() {
                 let apart = (a - b).norm() + 0.02 * (reference.1[i] - other.1[i]).norm();
                 assert!(
-                    apart < 1e-5 * speed,
+                    apart < 1e-4 * speed,
                     "{schedule:?} on {threads} threads: body {i} differs by {apart} m/s"
                 );
             }
             let energy = (reference.2.kinetic - other.2.kinetic).abs();
-            assert!(energy < 1e-5 * reference.2.kinetic, "{schedule:?}: {energy} J apart");
+            assert!(energy < 1e-4 * reference.2.kinetic, "{schedule:?}: {energy} J apart");
         }
     }
 }
@@ -91,7 +85,8 @@ fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
         let before = scene.state.velocity[0].z;
         let report = scene.step();
         assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
-        assert_eq!(report.active_contacts, 0, "{schedule:?}");
+        let left: f64 = scene.workspace.impulse.iter().map(|f| f.norm()).sum();
+        assert!(left < 1e-12, "{schedule:?}: {left} N s between falling cubes");
         let gained = scene.state.velocity[0].z - before + 9.81e-3;
         assert!(gained.abs() < 1e-12, "{schedule:?}: {gained}");
     }

@@ -25,6 +25,9 @@ const UNORDERED_OR_CURT: [&str; 3] = ["HashMap", "HashSet", ".unwrap()"];
 
 const LONGEST_FILE: usize = 600;
 
+/// The kernel, and the one call that gives a file's bytes in memory and has no safe wrapper.
+const MAY_BE_UNSAFE: [&str; 2] = ["src/nlgs/", "interfaces/hdf5/src/image.rs"];
+
 fn forbidden(path: &str) -> Vec<&'static str> {
     let core = path.starts_with("src/");
     let pure = core || path.starts_with("interfaces/scenario/");
@@ -47,9 +50,9 @@ fn objections(path: &str, source: &str) -> Vec<String> {
             out.push(format!("{path}:{line}: `{word}` has no place here"));
         }
     }
-    if !path.starts_with("src/nlgs/") {
+    if !MAY_BE_UNSAFE.iter().any(|place| path.starts_with(place)) {
         for line in lines_with_word(&code, "unsafe") {
-            out.push(format!("{path}:{line}: `unsafe` outside the kernel"));
+            out.push(format!("{path}:{line}: `unsafe` where it may not be"));
         }
     }
     let length = source.lines().count();
@@ -74,6 +77,8 @@ fn each_rule_objects() {
         ("interfaces/cli/src/main.rs", "std::env::var(x)", false),
         ("interfaces/cli/src/main.rs", "todo!()", true),
         ("interfaces/cli/src/main.rs", "unsafe { f() }", true),
+        ("interfaces/hdf5/src/image.rs", "unsafe { f() }", false),
+        ("interfaces/hdf5/src/lib.rs", "unsafe { f() }", true),
     ] {
         let found = objections(path, source);
         assert_eq!(!found.is_empty(), wrong, "{path}: {source}: {found:?}");

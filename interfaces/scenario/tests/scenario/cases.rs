@@ -2,8 +2,12 @@
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
-use ballast::model::{Norm, PartitionRule, Schedule};
+use ballast::model::{Grains, Model, Norm, PartitionRule, Schedule};
+use ballast::track::TampingCycle;
+use ballast::track::boundary::boundaries;
 use ballast::track::plan::Plan;
+use ballast::track::sleeper::sleeper;
+use ballast::track::tine::tine;
 use ballast_scenario::read_case;
 
 const EXAMPLES: [(&str, &str); 4] = [
@@ -151,4 +155,39 @@ fn what_looks_like_a_slip_is_a_warning() {
         assert!(text.iter().any(|w| w.contains(words)), "{to}: {text:?}");
     }
     assert!(read_case(BASE, "case.toml").unwrap().warnings.is_empty());
+}
+
+/// A model with the driven bodies of `plan` and no grains.
+fn machine(plan: &Plan) -> Model {
+    let mut shapes = Vec::new();
+    let mut driven = boundaries(&plan.bed.size, plan.bed.friction.boundary);
+    for s in &plan.sleepers {
+        driven.push(sleeper(s, plan.bed.friction.sleeper, &mut shapes).unwrap());
+    }
+    for t in &plan.tines {
+        driven.push(tine(t, plan.bed.friction.tine, &mut shapes).unwrap());
+    }
+    Model {
+        shapes,
+        grains: Grains::default(),
+        driven,
+        gravity: Vec3::new(0.0, 0.0, -plan.bed.gravity),
+        grain_friction: plan.bed.friction.grain,
+        restitution: plan.run.restitution,
+        stepping: plan.run.stepping,
+        solver: plan.run.solver,
+    }
+}
+
+#[test]
+fn the_machine_takes_what_the_reader_takes() {
+    for (name, text) in EXAMPLES.into_iter().chain([("base", BASE)]) {
+        let plan = plan(text);
+        let model = machine(&plan);
+        model.check().unwrap_or_else(|e| panic!("{name}: {e}"));
+        let cycle = TampingCycle::new(&plan, &model).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(cycle.pairs().len() * 2, plan.tines.len(), "{name}");
+        let end = plan.run.duration_ns as f64 * 1e-9;
+        assert!((cycle.duration() - end).abs() < 1e-9, "{name}");
+    }
 }
