@@ -66,5 +66,43 @@ fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
     solver.tolerance.is_some_and(|tolerance| value < tolerance)
 }
 
+/// Softens visits when sweeps go round in circles.
+///
+/// With friction as high as that of ballast, full Gauss-Seidel steps can cycle for ever between two
+/// states of a few contacts that slip and stick by turns. Smaller steps break the circle; they are
+/// taken only when the residual has stopped falling, because they are slower otherwise.
+#[derive(Debug, Clone, Copy)]
+struct Softening {
+    relaxation: f64,
+    best: f64,
+    /// Iteration of the last softening or good progress.
+    since: u32,
+}
+
+impl Softening {
+    /// Iterations without progress that count as a circle.
+    const PATIENCE: u32 = 200;
+    /// A residual that has fallen by this factor is progress.
+    const PROGRESS: f64 = 0.7;
+    const FACTOR: f64 = 0.8;
+    const LEAST: f64 = 0.5;
+
+    fn new(relaxation: f64) -> Self {
+        Self { relaxation, best: f64::INFINITY, since: 0 }
+    }
+
+    /// Takes note of the residual after iteration `done`.
+    fn observe(&mut self, done: u32, residual: f64) {
+        if residual < Self::PROGRESS * self.best {
+            self.best = residual;
+            self.since = done;
+        } else if done - self.since >= Self::PATIENCE {
+            self.relaxation =
+                (Self::FACTOR * self.relaxation).max(Self::LEAST.min(self.relaxation));
+            self.since = done;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests;

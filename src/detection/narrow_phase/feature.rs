@@ -60,9 +60,14 @@ pub fn edges(a: (u32, [u16; 2], f64), b: (u32, [u16; 2], f64)) -> u64 {
     2 << KIND_SHIFT | edge_or_vertex(a.0, a.1, a.2) << 25 | edge_or_vertex(b.0, b.1, b.2)
 }
 
-/// A vertex of the candidate: against a half-space, or alone when clipping left nothing.
+/// A vertex of A over the other body or a half-space.
 pub fn vertex(v: usize) -> u64 {
     3 << KIND_SHIFT | v as u64
+}
+
+/// A vertex of B over A.
+pub fn vertex_of_b(v: usize) -> u64 {
+    3 << KIND_SHIFT | 1 << 25 | v as u64
 }
 
 /// The same feature on part `part` of a driven body.

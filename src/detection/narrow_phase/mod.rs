@@ -20,16 +20,15 @@ mod edges;
 mod faces;
 mod feature;
 mod half_space;
-mod placing;
+mod patch;
 mod reduce;
 
 use crate::geometry::Polyhedron;
-use crate::math::{Mat3, Pose, Quat, Vec3};
+use crate::math::{Mat3, Pose, Vec3};
 use clip::ClipVertex;
 use cloud::Cloud;
 use edges::{ClosestPoints, EdgeAxis, NearEdge};
 use faces::FaceAxis;
-use placing::Span;
 use reduce::Candidate;
 
 pub use feature::on_part;
@@ -42,8 +41,8 @@ const TIE: f64 = 2.5e-10;
 const INSIDE: f64 = 1e-12;
 /// How far from both ends of its edges, over their lengths, a closest point is safely unique.
 const INTERIOR: f64 = 1e-6;
-/// Cosine between an axis and two faces above which the faces count as facing each other.
-const FACING: f64 = 0.995;
+/// Points of a patch closer than this, over the radii, count as one.
+const LOOSE: f64 = 1e-7;
 /// What is added to the slab of near edges, over the radii: faces are flat to 1e-7 only.
 const SLAB: f64 = 1e-6;
 
@@ -99,7 +98,7 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
     }
     let turn = a.pose.orientation.inverse() * b.pose.orientation;
     let rotation = turn.to_rotation_matrix().into_inner();
-    let pair = Pair { a, b, turn, rotation, offset, size, alert };
+    let pair = Pair { a, b, rotation, offset, size, alert };
     if pair.still_apart(&memory.axis) {
         return;
     }
@@ -113,8 +112,7 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
 struct Pair<'a> {
     a: Solid<'a>,
     b: Solid<'a>,
-    /// From the frame of B to that of A; the same as a matrix.
-    turn: Quat,
+    /// From the frame of B to that of A.
     rotation: Mat3,
     /// Origin of B.
     offset: Vec3,
@@ -166,7 +164,7 @@ impl Pair<'_> {
                 return Err(e.normal);
             }
             if e.separation > floor.max(0.0) && self.are_closest(e, scratch) {
-                self.push_edges(&face, e, memory, scratch);
+                self.push_edges(e, memory, scratch);
                 return Ok(());
             }
         }
@@ -177,18 +175,12 @@ impl Pair<'_> {
         match self.best_edges(&face, known.as_ref(), scratch) {
             Some(e) if e.separation > self.alert => Err(e.normal),
             Some(e) if e.separation <= 0.0 || self.are_closest(&e, scratch) => {
-                self.push_edges(&face, &e, memory, scratch);
+                self.push_edges(&e, memory, scratch);
                 Ok(())
             }
-            Some(e) => self.closest_points(&face, &e.normal, e.separation, memory, scratch),
+            Some(e) => self.closest_points(&e.normal, e.separation, memory, scratch),
             None => {
-                self.clip_along(&face, scratch);
-                if scratch.candidates.is_empty() {
-                    // Rounding alone leads here: slivers.
-                    self.push_support(&face.normal, face.separation, scratch);
-                } else {
-                    self.push_manifold(face.of_b, &face.normal, scratch);
-                }
+                self.push_support(&face.normal, face.separation, scratch);
                 Ok(())
             }
         }
@@ -204,17 +196,16 @@ impl Pair<'_> {
         self.clip_along(face, scratch);
         // Points of both surfaces that are as close as the axis says: nothing is closer.
         if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
-            self.push_manifold(face.of_b, &face.normal, scratch);
+            self.push_support(&face.normal, face.separation, scratch);
             return Ok(());
         }
-        self.closest_points(face, &face.normal, face.separation, memory, scratch)
+        self.closest_points(&face.normal, face.separation, memory, scratch)
     }
 
     /// The contact of bodies that are further apart than the best axis shows: edges or vertices are
     /// closest. `normal` and `separation` are those of the best axis.
     fn closest_points(
         &self,
-        face: &BestFace,
         normal: &Vec3,
         separation: f64,
         memory: &mut PairMemory,
@@ -233,7 +224,7 @@ impl Pair<'_> {
         let axis = self.edge_axis(&scratch.near_a[ea], &scratch.near_b[eb], c.edges, scratch);
         match axis {
             Some(e) if e.separation > separation && self.are_closest(&e, scratch) => {
-                self.push_edges(face, &e, memory, scratch);
+                self.push_edges(&e, memory, scratch);
             }
             _ if distance > separation + TIE * self.size => {
                 self.push_closest(&c, &((c.on_b - c.on_a) / distance), distance, scratch);
@@ -422,56 +413,12 @@ impl Pair<'_> {
         }
     }
 
-    /// If the best axis is perpendicular to edges of two faces that nearly face each other, the
-    /// points of the faces' overlap, which hold the crossing of the edges: a box that has tilted
-    /// by a trifle over the edge of another one keeps its points.
-    fn points_of_facing(&self, best: &BestFace, e: &EdgeAxis, scratch: &mut Scratch) -> bool {
-        let (a, b) = (self.a.shape, self.b.shape);
-        let [ea, eb] = e.edges;
-        let ea = a.edges[scratch.near_a[ea].index as usize];
-        let eb = b.edges[scratch.near_b[eb].index as usize];
-        let against = -self.rotation.tr_mul(&e.normal);
-        let (cos_a, fa) = faces::more_aligned(a, ea.faces, &e.normal);
-        let (cos_b, fb) = faces::more_aligned(b, eb.faces, &against);
-        if cos_a < FACING || cos_b < FACING {
-            return false;
-        }
-        if best.of_b {
-            self.clip(&BestFace { face: fb, ..*best }, fa, &against, scratch);
-        } else {
-            self.clip(&BestFace { face: fa, ..*best }, fb, &e.normal, scratch);
-        }
-        (lowest_gap(&scratch.candidates) - e.separation).abs() <= TIE * self.size
-    }
-
     /// Reports the contact of two edges and remembers them.
-    fn push_edges(
-        &self,
-        best: &BestFace,
-        e: &EdgeAxis,
-        memory: &mut PairMemory,
-        scratch: &mut Scratch,
-    ) {
+    fn push_edges(&self, e: &EdgeAxis, memory: &mut PairMemory, scratch: &mut Scratch) {
         let [ea, eb] = e.edges;
         memory.edges = [scratch.near_a[ea].index + 1, scratch.near_b[eb].index + 1];
-        if self.points_of_facing(best, e, scratch) {
-            return self.push_manifold(best.of_b, &e.normal, scratch);
-        }
         let c = self.closest_on(e, scratch);
         self.push_closest(&c, &e.normal, e.separation, scratch);
-    }
-
-    /// Reports `scratch.candidates`, four at most.
-    fn push_manifold(&self, of_b: bool, normal: &Vec3, scratch: &mut Scratch) {
-        if of_b {
-            reduce::keep_four(&mut scratch.candidates, &self.rotation.tr_mul(normal));
-            for c in &mut scratch.candidates {
-                c.point = self.rotation * c.point + self.offset;
-            }
-        } else {
-            reduce::keep_four(&mut scratch.candidates, normal);
-        }
-        self.report(normal, scratch);
     }
 
     fn push_closest(&self, c: &ClosestPoints, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
@@ -480,70 +427,62 @@ impl Pair<'_> {
             (ea, self.a.shape.edges[ea as usize].vertices, c.parameter[0]),
             (eb, self.b.shape.edges[eb as usize].vertices, c.parameter[1]),
         );
-        scratch.candidates.clear();
-        scratch.candidates.push(Candidate { point: (c.on_a + c.on_b) * 0.5, gap, feature });
-        self.report(normal, scratch);
+        let point = (c.on_a + c.on_b) * 0.5;
+        self.push_patch(normal, Candidate { point, gap, feature }, scratch);
     }
 
-    /// Reports the support of A alone.
+    /// Reports the contact along an axis whose closest features are not known.
     fn push_support(&self, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
         let back = -self.rotation.tr_mul(normal);
         let v = scratch.a_in_b.first_at(&back, scratch.a_in_b.lowest(&back));
         let point = self.a.shape.vertices[v] + normal * (0.5 * gap);
-        scratch.candidates.clear();
-        scratch.candidates.push(Candidate { point, gap, feature: feature::vertex(v) });
+        let closest = Candidate { point, gap, feature: feature::vertex(v) };
+        self.push_patch(normal, closest, scratch);
+    }
+
+    /// Reports the four points that best stand for the patch along `normal`; `closest` is one of its
+    /// deepest points, and is reported if rounding hides it.
+    fn push_patch(&self, normal: &Vec3, closest: Candidate, scratch: &mut Scratch) {
+        self.find_patch(normal, closest.gap, scratch);
+        let candidates = &mut scratch.candidates;
+        if lowest_gap(candidates) > closest.gap + LOOSE * self.size {
+            candidates.push(closest);
+        }
+        reduce::keep_four(candidates, normal, self.alert, LOOSE * self.size);
         self.report(normal, scratch);
+    }
+
+    /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
+    fn find_patch(&self, n: &Vec3, separation: f64, scratch: &mut Scratch) {
+        let slab = (self.alert - separation).max(0.0);
+        self.gather(n, slab, scratch);
+        let (a, b) = (self.a.shape, self.b.shape);
+        let axis = patch::Axis { normal: *n, alert: self.alert, tolerance: TIE * self.size };
+        let Scratch { candidates, a_in_b, b_in_a, near_a, near_b, .. } = scratch;
+        candidates.clear();
+        let slab = slab + SLAB * self.size;
+        let in_b = self.rotation.tr_mul(n);
+        for v in patch::near_lowest(a_in_b, a.vertices.len(), &-in_b, slab) {
+            let vertex = (feature::vertex(v), a.vertices[v], 1.0);
+            axis.vertex(vertex, b, (&a_in_b.get(v), &in_b), candidates);
+        }
+        for v in patch::near_lowest(b_in_a, b.vertices.len(), n, slab) {
+            let vertex = (feature::vertex_of_b(v), b_in_a.get(v), -1.0);
+            axis.vertex(vertex, a, (&b_in_a.get(v), &-n), candidates);
+        }
+        axis.crossings((a, near_a), (b, near_b), candidates);
     }
 
     /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
     fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
-        let candidates = &mut scratch.candidates;
-        let deepest = lowest_gap(candidates);
-        if deepest < -TIE * self.size {
-            self.place(normal, deepest, candidates);
-        }
         let pose = &self.a.pose;
         let normal = -(pose.orientation * normal);
-        scratch.points.extend(candidates.iter().map(|c| Point {
+        scratch.points.extend(scratch.candidates.iter().map(|c| Point {
             feature: c.feature,
             point: pose.point(&c.point),
             normal,
             gap: c.gap,
         }));
-    }
-
-    /// Moves points of overlapping bodies into the overlap; drops those whose line has no part in it,
-    /// save the deepest.
-    fn place(&self, normal: &Vec3, deepest: f64, candidates: &mut Vec<Candidate>) {
-        let count = candidates.len().min(reduce::MAX_POINTS);
-        let mut spans = [Span::between_surfaces(&candidates[0]); reduce::MAX_POINTS];
-        let mut points = [Vec3::zeros(); reduce::MAX_POINTS];
-        for (k, c) in candidates.iter().take(count).enumerate() {
-            spans[k] = Span::between_surfaces(c);
-            points[k] = c.point;
-        }
-        let tolerance = 2.0 * TIE * self.size;
-        placing::cut(self.a.shape, &points[..count], normal, tolerance, &mut spans[..count]);
-        for p in &mut points[..count] {
-            *p = self.rotation.tr_mul(&(*p - self.offset));
-        }
-        let in_b = self.rotation.tr_mul(normal);
-        placing::cut(self.b.shape, &points[..count], &in_b, tolerance, &mut spans[..count]);
-        let mut spans = spans.iter();
-        candidates.retain_mut(|c| {
-            let Some(span) = spans.next() else { return false };
-            if c.gap >= 0.0 {
-                return true;
-            }
-            if !span.is_empty() {
-                c.point += normal * span.middle();
-            } else if c.gap == deepest {
-                let in_a = Pose { position: self.offset, orientation: self.turn };
-                let solids = [(self.a.shape, &Pose::identity()), (self.b.shape, &in_a)];
-                c.point = placing::pull_in(solids, &c.point, INSIDE * self.size);
-            }
-            !span.is_empty() || c.gap == deepest
-        });
     }
 }
 

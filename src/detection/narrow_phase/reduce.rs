@@ -13,22 +13,93 @@ pub struct Candidate {
     pub feature: u64,
 }
 
-/// Keeps at most [`MAX_POINTS`] of `points`, corners of a convex polygon in order around `n`.
+/// Keeps at most [`MAX_POINTS`] of `points`, the deepest among them; `n` is the contact's normal and
+/// `alert` the largest gap.
 ///
-/// With the deepest point D first in the order, the area of D b c e is that of D b c plus that of
-/// D c e: for each c the best b before it and the best e after it are independent, so O(p²) finds
-/// the largest area exactly.
-pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3) {
-    let count = points.len();
-    if count <= MAX_POINTS {
+/// The four that span the largest area, where a point counts the less the wider its gap is: seen
+/// from the deepest point, one at the alert distance has moved all the way to it. What touches now
+/// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its side.
+/// Points closer than `apart` to each other count as one.
+pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, apart: f64) {
+    let deeper = |d: Candidate, c: Candidate| if c.gap < d.gap { c } else { d };
+    let Some(deepest) = points.iter().copied().reduce(deeper) else { return };
+    points.sort_unstable_by_key(|c| c.feature);
+    drop_repeated(points, apart);
+    if points.len() <= MAX_POINTS {
         return;
     }
-    let deepest = (1..count).fold(0, |d, i| if points[i].gap < points[d].gap { i } else { d });
-    points.rotate_left(deepest);
-    let apex = points[0].point;
-    let area = |i: usize, j: usize| {
-        n.dot(&(points[i].point - apex).cross(&(points[j].point - apex))).abs()
+    let range = alert - deepest.gap.max(0.0);
+    let weigh = |c: &Candidate| {
+        let weight = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
+        (c.point - deepest.point) * weight
     };
+    let (t, s) = crate::math::frame::tangents(n);
+    let flat = |c: &Candidate| {
+        let p = weigh(c);
+        [t.dot(&p), s.dot(&p)]
+    };
+    let mut corners: Vec<([f64; 2], Candidate)> = points.iter().map(|c| (flat(c), *c)).collect();
+    hull(&mut corners);
+    let origin = corners.iter().position(|(_, c)| c.feature == deepest.feature);
+    match origin {
+        Some(k) => corners.rotate_left(k),
+        None => corners.insert(0, ([0.0; 2], deepest)),
+    }
+    let kept = widest_four(&corners);
+    points.clear();
+    points.extend(kept.into_iter().map(|k| corners[k].1));
+}
+
+/// Drops points that stand where one of lower number stands already.
+fn drop_repeated(points: &mut Vec<Candidate>, apart: f64) {
+    let mut kept = 0;
+    for k in 0..points.len() {
+        let p = points[k];
+        if points[..kept].iter().all(|c| (c.point - p.point).norm_squared() > apart * apart) {
+            points[kept] = p;
+            kept += 1;
+        }
+    }
+    points.truncate(kept);
+}
+
+fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// Reduces points of the plane to the corners of their convex hull, in order (monotone chain).
+fn hull(points: &mut Vec<([f64; 2], Candidate)>) {
+    points.sort_by(|(a, c), (b, d)| {
+        a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(c.feature.cmp(&d.feature))
+    });
+    let count = points.len();
+    let mut chain: Vec<([f64; 2], Candidate)> = Vec::with_capacity(count + 1);
+    for pass in 0..2 {
+        let base = chain.len();
+        for k in 0..count {
+            let p = points[if pass == 0 { k } else { count - 1 - k }];
+            while chain.len() >= base + 2
+                && cross(chain[chain.len() - 2].0, chain[chain.len() - 1].0, p.0) <= 0.0
+            {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+    }
+    *points = chain;
+}
+
+/// Numbers of the first corner and the three that span the largest area with it.
+///
+/// With D first in the order, the area of D b c e is that of D b c plus that of D c e: for each c
+/// the best b before it and the best e after it are independent, so O(p²) finds the largest area.
+fn widest_four(corners: &[([f64; 2], Candidate)]) -> Vec<usize> {
+    let count = corners.len();
+    if count <= MAX_POINTS {
+        return (0..count).collect();
+    }
+    let area = |i: usize, j: usize| cross(corners[0].0, corners[i].0, corners[j].0).abs();
     let widest = |range: std::ops::Range<usize>, c: usize| {
         range.fold((-1.0, 0), |best, i| if area(i, c) > best.0 { (area(i, c), i) } else { best })
     };
@@ -40,47 +111,5 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3) {
             best = (before + after, [0, b, c, e]);
         }
     }
-    let kept = best.1.map(|i| points[i]);
-    points.clear();
-    points.extend(kept);
-}
-
-/// Orders `points` as the corners of their convex hull seen along `n` and forgets the points
-/// inside it, save the deepest, which then comes first.
-pub fn convex_order(points: &mut Vec<Candidate>, n: &Vec3) {
-    if points.len() < 3 {
-        return;
-    }
-    let (t, s) = crate::math::frame::tangents(n);
-    let flat = |c: &Candidate| (t.dot(&c.point), s.dot(&c.point));
-    points.sort_by(|a, b| {
-        let ((ax, ay), (bx, by)) = (flat(a), flat(b));
-        ax.total_cmp(&bx).then(ay.total_cmp(&by)).then(a.feature.cmp(&b.feature))
-    });
-    let turns_right = |a: &Candidate, b: &Candidate, c: &Candidate| {
-        n.dot(&(b.point - a.point).cross(&(c.point - a.point))) <= 0.0
-    };
-    let count = points.len();
-    let mut hull: Vec<Candidate> = Vec::with_capacity(count + 1);
-    for pass in 0..2 {
-        let base = hull.len();
-        for k in 0..count {
-            let p = points[if pass == 0 { k } else { count - 1 - k }];
-            while hull.len() >= base + 2
-                && turns_right(&hull[hull.len() - 2], &hull[hull.len() - 1], &p)
-            {
-                hull.pop();
-            }
-            hull.push(p);
-        }
-        hull.pop();
-    }
-    let deepest = points.iter().copied().reduce(|d, c| if c.gap < d.gap { c } else { d });
-    points.clear();
-    if let Some(d) = deepest
-        && !hull.iter().any(|c| c.feature == d.feature)
-    {
-        points.push(d);
-    }
-    points.extend(hull);
+    best.1.to_vec()
 }
