@@ -34,8 +34,9 @@ pub mod ddm;
 
 pub mod integrate;
 
-pub mod step;
 pub mod workspace;
+
+pub mod step;
 
 pub mod observe;
 pub mod track;

@@ -41,7 +41,26 @@ impl Motion {
         self.velocity.resize(ng + nd, Vec3::zeros());
         self.spin.resize(ng + nd, Vec3::zeros());
         self.predict_grains(model, state);
+        self.check_grains(ng)?;
         self.predict_driven(model, state, inputs)
+    }
+
+    /// A grain without a place would find no contact, and be lost in silence.
+    fn check_grains(&self, ng: usize) -> Result<()> {
+        let is_finite = |i: usize| {
+            let sum = self.position[i] + self.velocity[i] + self.spin[i];
+            (sum.sum() + self.orientation[i].coords.sum()).is_finite()
+        };
+        (0..ng).find(|&i| !is_finite(i)).map_or(Ok(()), |i| {
+            Err(Error::State {
+                place: format!("grain {i}"),
+                expected: "finite position, orientation and velocities".into(),
+                found: format!(
+                    "x = {:?} m, v = {:?} m/s, w = {:?} rad/s",
+                    self.position[i], self.velocity[i], self.spin[i]
+                ),
+            })
+        })
     }
 
     fn predict_grains(&mut self, model: &Model, state: &State) {

@@ -2,7 +2,9 @@
 //!
 //! Checkpoints, snapshots and `redo` are all this one thing.
 
+use crate::error::{Error, Result};
 use crate::math::{Pose, Quat, Vec3};
+use crate::model::Model;
 
 /// The state at the end of a step. Body arrays are numbered as in [`crate::model`].
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -80,8 +82,73 @@ impl State {
         self.spin.push(Vec3::zeros());
     }
 
+    /// Checks that the state fits `model` and that every number is finite.
+    ///
+    /// # Errors
+    /// [`Error::State`] with the first offending place.
+    pub fn check(&self, model: &Model) -> Result<()> {
+        let refuse = |place: String, expected: String, found: String| {
+            Err(Error::State { place, expected, found })
+        };
+        let bodies = model.body_count();
+        let lengths =
+            [self.position.len(), self.orientation.len(), self.velocity.len(), self.spin.len()];
+        if lengths != [bodies; 4] {
+            let expected = format!("{bodies} bodies, as in the model");
+            return refuse("body arrays".into(), expected, format!("{lengths:?}"));
+        }
+        for b in 0..bodies {
+            let fields = [
+                ("position", self.position[b].iter().all(|x| x.is_finite())),
+                ("orientation", (self.orientation[b].norm() - 1.0).abs() < 1e-6),
+                ("velocity", self.velocity[b].iter().all(|x| x.is_finite())),
+                ("spin", self.spin[b].iter().all(|x| x.is_finite())),
+            ];
+            if let Some((field, _)) = fields.iter().find(|(_, good)| !good) {
+                let expected = "finite components, a unit quaternion".into();
+                return refuse(
+                    format!("{field} of body {b}"),
+                    expected,
+                    format!("{:?}", self.pose(b)),
+                );
+            }
+        }
+        self.contacts.check(model)
+    }
+
     /// Simulated time, s.
     pub fn time(&self) -> f64 {
         self.time_ns as f64 * 1e-9
+    }
+}
+
+impl ContactMemory {
+    fn check(&self, model: &Model) -> Result<()> {
+        let nc = self.bodies.len();
+        let lengths = [self.feature.len(), self.local_point.len(), self.impulse.len()];
+        let in_range = |&[candidate, antagonist]: &[u32; 2]| {
+            (candidate as usize) < model.grains.len()
+                && candidate < antagonist
+                && (antagonist as usize) < model.body_count()
+        };
+        let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+        let bad = if lengths != [nc; 3] {
+            Some(format!("arrays of {nc}, {lengths:?}"))
+        } else if let Some(pair) = self.bodies.iter().find(|&pair| !in_range(pair)) {
+            Some(format!("the pair {pair:?}"))
+        } else if !self.bodies.is_sorted() {
+            Some("pairs out of order".into())
+        } else if !self.impulse.iter().chain(&self.local_point).all(finite) {
+            Some("a number that is not finite".into())
+        } else {
+            None
+        };
+        bad.map_or(Ok(()), |found| {
+            Err(Error::State {
+                place: "remembered contacts".into(),
+                expected: "arrays of one length, sorted pairs of the model's bodies, finite".into(),
+                found,
+            })
+        })
     }
 }

@@ -1,7 +1,143 @@
-//! One time step, from state to state.
+//! One time step, from state to state (T-1 to T-12).
+//!
+//! Reads: model, state, inputs. Writes: state, workspace. Contract: same inputs, same bytes, for
+//! any number of threads (sequential and synchronous schedules); a refused step leaves the state
+//! as it was.
 
+use crate::ddm::{self, Outcome};
+use crate::detection::{remember, warm_start};
+use crate::drive::Inputs;
+use crate::error::{Error, Result};
+use crate::integrate;
+pub use crate::integrate::Reaction;
 use crate::math::Vec3;
+use crate::model::{Model, Schedule};
 pub use crate::nlgs::Residuals;
+use crate::state::State;
+use crate::workspace::Workspace;
+
+/// Advances `state` by one time step.
+///
+/// # Errors
+/// [`Error::Input`] for inputs that do not fit, [`Error::Step`] when a velocity is not finite. The
+/// state is then exactly that of before the step.
+pub fn step(
+    model: &Model,
+    state: &mut State,
+    inputs: &Inputs,
+    ws: &mut Workspace,
+    watch: &mut impl Stopwatch,
+) -> Result<StepReport> {
+    ws.motion.predict(model, state, inputs)?;
+    watch.lap(Phase::Predict);
+
+    ws.detector.broad_phase(model, &ws.motion);
+    watch.lap(Phase::BroadPhase);
+
+    ws.detector.narrow_phase(model, &ws.motion, &mut ws.contacts);
+    watch.lap(Phase::NarrowPhase);
+
+    warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
+    watch.lap(Phase::WarmStart);
+
+    divide(model, ws);
+    watch.lap(Phase::Partition);
+
+    let start = if model.solver.warm_start { ws.impulse.as_slice() } else { &[] };
+    ws.problem.build(model, state, &ws.motion, &ws.contacts, start);
+    watch.lap(Phase::LocalProblem);
+
+    ws.decomposition.pack(&ws.problem);
+    watch.lap(Phase::ContactGraph);
+
+    ws.decomposition.apply_impulses();
+    let outcome = ddm::solve(&mut ws.decomposition, &model.solver);
+    collect(state, ws)?;
+    watch.lap(Phase::Solve);
+
+    let report = integrate_and_report(model, state, inputs, ws, &outcome);
+    watch.lap(Phase::Integrate);
+
+    remember(&ws.motion, &ws.contacts, &ws.impulse, &mut state.contacts);
+    watch.lap(Phase::Store);
+    Ok(report)
+}
+
+/// Distributes grains and contacts as the schedule asks for.
+fn divide(model: &Model, ws: &mut Workspace) {
+    let grains = model.grains.len();
+    let partition = ws.decomposition.partition_mut();
+    match model.solver.schedule {
+        Schedule::Sequential => partition.whole(grains, &ws.contacts),
+        Schedule::Synchronous | Schedule::Asynchronous => {
+            partition.divide(model.solver.partition, &ws.motion.position[..grains], &ws.contacts)
+        }
+    }
+}
+
+/// Takes impulses and velocities out of the sets of contacts, and refuses what is not finite.
+fn collect(state: &State, ws: &mut Workspace) -> Result<()> {
+    let Workspace { decomposition, problem, impulse, velocity, spin, .. } = ws;
+    impulse.resize(problem.contacts.len(), Vec3::zeros());
+    decomposition.unpack(problem, impulse, velocity, spin);
+    let bad = (0..velocity.len())
+        .find(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
+    match bad {
+        None => Ok(()),
+        Some(grain) => Err(Error::Step {
+            time_s: state.time(),
+            place: format!("grain {grain}"),
+            expected: "finite velocity".into(),
+            found: format!("v = {:?} m/s, w = {:?} rad/s", velocity[grain], spin[grain]),
+        }),
+    }
+}
+
+/// Moves the bodies, keeps the energy ledger, and tells what the step did.
+fn integrate_and_report(
+    model: &Model,
+    state: &mut State,
+    inputs: &Inputs,
+    ws: &Workspace,
+    outcome: &Outcome,
+) -> StepReport {
+    let ng = model.grains.len();
+    let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
+    let start = (&state.velocity[..ng], &state.spin[..ng]);
+    let dissipated =
+        integrate::dissipation(motion, contacts, impulse, start, (&ws.velocity, &ws.spin));
+    if state.step == 0 {
+        state.energy = integrate::open_ledger(model, state);
+    }
+    let targets = inputs.targets;
+    integrate::configurations(model, motion, &ws.velocity, &ws.spin, targets, state);
+    let reactions = integrate::reactions(model, motion, contacts, impulse);
+    let (kinetic, potential) = integrate::energies(model, state);
+    state.energy.kinetic = kinetic;
+    state.energy.potential = potential;
+    state.energy.work_in += reactions.iter().map(|r| r.work).sum::<f64>();
+    state.energy.dissipated += dissipated;
+    state.step += 1;
+    state.time_ns += model.stepping.step_ns;
+
+    let penetrating = contacts.gap.iter().filter(|&&g| g < 0.0);
+    let depths = penetrating.clone().count();
+    let interface = &ws.decomposition.partition().interface;
+    StepReport {
+        contacts: contacts.len(),
+        active_contacts: impulse.iter().filter(|f| **f != Vec3::zeros()).count(),
+        interface_contacts: interface.contacts.items.len(),
+        subdomains: ws.decomposition.partition().contacts.len(),
+        iterations: outcome.iterations,
+        visits: outcome.visits,
+        residuals: outcome.residuals,
+        converged: outcome.converged,
+        guarded: outcome.guarded,
+        mean_penetration: -penetrating.clone().sum::<f64>() / depths.max(1) as f64,
+        max_penetration: penetrating.fold(0.0, |depth, g| (-g).max(depth)),
+        reactions,
+    }
+}
 
 /// The phases of a step, in order; the words of profiles, recordings and docs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -83,23 +219,4 @@ pub struct StepReport {
     pub max_penetration: f64,
     /// What the ballast did to each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
-}
-
-/// What the ballast did to one driven body during a step, about its reference point, world axes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reaction {
-    /// N s.
-    pub impulse: Vec3,
-    /// N m s.
-    pub angular_impulse: Vec3,
-    /// Work of the body on the ballast, J.
-    pub work: f64,
-    /// Contact points that carry an impulse.
-    pub contacts: u32,
-}
-
-impl Default for Reaction {
-    fn default() -> Self {
-        Self { impulse: Vec3::zeros(), angular_impulse: Vec3::zeros(), work: 0.0, contacts: 0 }
-    }
 }

@@ -1,14 +1,39 @@
 //! What is recomputed in each step: never saved, allocations reused.
+//!
+//! Nothing here changes the next step: a step with a fresh workspace gives the same bytes.
 
-use crate::detection::Contacts;
+use crate::ddm::Decomposition;
+use crate::detection::{Contacts, Detector};
+use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
+use crate::motion::Motion;
 
 /// Buffers of a step. After a step they hold what observables read.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    /// Contacts of the step, at its configuration m.
+    /// Configuration m and free velocities of the step.
+    pub motion: Motion,
+    /// Contacts of the step, at configuration m `[nc]`.
     pub contacts: Contacts,
-    /// Impulse on the candidate of each contact, components (n, t, s) in the frame of
-    /// [`crate::math::frame::tangents`], N s `[nc]`.
+    /// Impulse on the candidate of each contact, world axes, N s `[nc]`: what the solve started
+    /// from during the step, its result after it.
     pub impulse: Vec<Vec3>,
+    pub(crate) detector: Detector,
+    pub(crate) decomposition: Decomposition,
+    pub(crate) problem: LocalProblem,
+    /// Velocities of the grains at the end of the step `[ng]`, m/s and rad/s.
+    pub(crate) velocity: Vec<Vec3>,
+    pub(crate) spin: Vec<Vec3>,
+}
+
+impl Workspace {
+    /// The contact problem of the last step.
+    pub fn problem(&self) -> &LocalProblem {
+        &self.problem
+    }
+
+    /// How the last step was divided.
+    pub fn partition(&self) -> &crate::partition::Partition {
+        self.decomposition.partition()
+    }
 }

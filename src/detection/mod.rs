@@ -3,6 +3,15 @@
 //! Contacts are a function of the configuration alone: pair lists and separating axes that are kept
 //! from earlier steps make it faster, never different.
 
+mod broad_phase;
+mod detector;
+mod grid;
+mod matching;
+mod narrow_phase;
+
+pub use detector::Detector;
+pub use matching::{remember, warm_start};
+
 use crate::math::Vec3;
 
 /// Contact points of one configuration, sorted by bodies, then feature. Structure of arrays.

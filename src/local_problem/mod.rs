@@ -1,7 +1,7 @@
 //! The frictional problem of a step, contact by contact, ready to be packed and swept.
 //!
 //! Reads: model, state (restitution needs the velocities at the start of the step), motion,
-//! contacts, warm-start impulses. Writes: [`LocalProblem`]. Theory: (T-5) to (T-9). Cost: O(contacts
+//! contacts, warm-start impulses. Writes: [`LocalProblem`]. Theory: (T-5) to (T-8), (T-15), (T-16). Cost: O(contacts
 //! + grains), parallel. Contract: the result does not depend on the number of threads.
 //!
 //! Geometry is rounded to f32 once, here, and everything else (the third axis, the Delassus blocks)
@@ -68,15 +68,21 @@ impl LocalProblem {
                 };
                 contact.bodies = contacts.bodies[i];
                 let gap = contacts.gap[i];
-                if gap > 0.0 {
-                    contact.offset.x = gap / h;
-                } else if model.restitution > 0.0 {
+                let approach = if model.restitution > 0.0 {
                     let start = |b: usize| {
                         state.velocity[b] + state.spin[b].cross(&(point - motion.position[b]))
                     };
-                    let approach = contact.axes()[0].dot(&(start(c) - start(a)));
-                    contact.offset.x = model.restitution * approach.min(0.0);
-                }
+                    contact.axes()[0].dot(&(start(c) - start(a))).min(0.0)
+                } else {
+                    0.0
+                };
+                // A gap that the approach closes within this step rebounds now: anticipating it
+                // would brake the grains first and leave the rebound with what remains.
+                contact.offset.x = if approach < 0.0 && gap + h * approach <= 0.0 {
+                    model.restitution * approach
+                } else {
+                    gap.max(0.0) / h
+                };
                 contact.friction = if a < ng {
                     // Blocks of pairs keep it in f32: 6e-8 of the gap.
                     contact.offset.x = contact.offset.x as f32 as f64;

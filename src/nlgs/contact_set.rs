@@ -45,14 +45,14 @@ impl Default for ContactSet {
 }
 
 impl ContactSet {
-    /// Packs `contacts` of the problem with their initial impulses; `grain_to_line[g]` is the line of
-    /// grain g, below `line_count`. Resizes `lines`, which the caller fills then.
+    /// Packs `contacts` of the problem with their initial impulses; `line(g)` is the line of grain g,
+    /// below `line_count`. Resizes `lines`, which the caller fills then.
     pub fn pack(
         &mut self,
         problem: &LocalProblem,
         contacts: &[u32],
-        grain_to_line: &[u32],
         line_count: usize,
+        line: impl Fn(u32) -> u32,
     ) {
         self.contact_count = contacts.len();
         self.lines.clear();
@@ -68,7 +68,6 @@ impl ContactSet {
             };
             kind.push(i);
         }
-        let line = |grain: u32| grain_to_line[grain as usize];
         let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
         let list = &self.single_contacts;
         self.singles
@@ -82,12 +81,12 @@ impl ContactSet {
             });
         }
         let list = &self.pair_contacts;
-        self.pairs.build(list.len(), line_count, |i| contact(list, i as u32).bodies.map(line));
+        self.pairs.build(list.len(), line_count, |i| contact(list, i as u32).bodies.map(&line));
         for block in &self.pairs.blocks {
             self.blocks.push_pair(|lane| {
                 (block[lane] != PADDING).then(|| {
                     let contact = contact(list, block[lane]);
-                    (contact, contact.bodies.map(line))
+                    (contact, contact.bodies.map(&line))
                 })
             });
         }

@@ -199,8 +199,8 @@ impl Assembled {
             row.sort_by_key(|&(j, _)| j);
             for (j, block) in row {
                 let start = assembled.row_starts[i];
-                match assembled.columns[start..].last() {
-                    Some(&last) if last == j => *assembled.blocks.last_mut().unwrap() += block,
+                match (assembled.columns[start..].last(), assembled.blocks.last_mut()) {
+                    (Some(&last), Some(sum)) if last == j => *sum += block,
                     _ => {
                         assembled.columns.push(j);
                         assembled.blocks.push(block);

@@ -1,4 +1,4 @@
-//! A visit: eight independent contacts solved exactly, all others held (T-9).
+//! A visit: eight independent contacts solved exactly, all others held (T-17 to T-19).
 //!
 //! With `ũ_T = u_T - k u_n` (what `u_T` becomes once `u_n` is brought to zero) and the tangential
 //! masses `S⁻¹` diagonal, the contact that sticks would have

@@ -1,1 +1,31 @@
-//! (to come)
+//! What is measured on a bed: observables.
+//!
+//! Reads: model, state and the workspace of the step that led to the state. Writes: nothing.
+//! Theory: (T-14), (T-21) to (T-26). Cost: O(grains + contacts) each; they run only when asked for.
+//! Contract: measuring never changes a result; sums have a fixed order, so the same state gives the
+//! same bytes for any number of threads. The state fits the model, the workspace the state.
+
+pub mod compactness;
+pub mod coordination;
+pub mod energy;
+pub mod fabric;
+pub mod grain_size;
+pub mod inertial_number;
+pub mod penetration;
+pub mod squeeze;
+pub mod stress;
+mod sum;
+pub mod zone;
+
+pub use compactness::{Compactness, compactness};
+pub use coordination::{Coordination, coordination};
+pub use energy::energy;
+pub use fabric::{Fabric, fabric};
+pub use inertial_number::{InertialNumber, inertial_number};
+pub use penetration::{Penetration, penetration};
+pub use squeeze::{SqueezeMeter, SqueezeRecord};
+pub use stress::{Stress, stress};
+pub use zone::Zone;
+
+#[cfg(test)]
+mod scene;

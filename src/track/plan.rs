@@ -52,7 +52,7 @@ pub struct GrainPlan {
 /// One size class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeClass {
-    /// Intermediate (sieve) size, m.
+    /// Nominal size, m: diameter of the sphere of equal volume, close to the sieve size.
     pub size: f64,
     /// Share by number.
     pub share: f64,

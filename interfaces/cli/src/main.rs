@@ -1,1 +1,64 @@
-fn main() {}
+//! The program `ballast`: runs cases from the command line.
+//!
+//! Results go to stdout, messages and progress to stderr; [`exit`] decides the exit codes.
+
+mod args;
+mod beds;
+mod case;
+mod commands;
+mod console;
+mod exit;
+mod files;
+mod interrupt;
+mod profile;
+mod progress;
+mod record;
+mod recorder;
+mod session;
+mod statistics;
+mod summary;
+mod summary_text;
+mod table;
+
+use args::{Bench, Cli, Command};
+use clap::Parser;
+use console::Console;
+use exit::{Failure, Outcome};
+use std::num::NonZeroUsize;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    // Prints usage errors and ends with 2 by itself.
+    let cli = Cli::parse();
+    let console = Console { json: cli.json };
+    match dispatch(cli, console) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            console.failure(&failure);
+            ExitCode::from(failure.code())
+        }
+    }
+}
+
+fn dispatch(cli: Cli, console: Console) -> Outcome {
+    start_threads(cli.threads)?;
+    match cli.command {
+        Command::Run(args) => commands::run::run(args, console),
+        Command::Prepare(args) => commands::prepare::prepare(args, console),
+        Command::Resume(args) => commands::resume::resume(args, console),
+        Command::Check(args) => commands::check::check(args, console),
+        Command::Inspect(args) => commands::inspect::inspect(args, console),
+        Command::Export(args) => commands::export::export(args, console),
+        Command::Schema => commands::schema::schema(),
+        Command::Completions { shell } => commands::completions::completions(shell),
+        Command::Bench { scene: Bench::Sample(args) } => commands::bench::sample(args),
+    }
+}
+
+fn start_threads(threads: Option<NonZeroUsize>) -> Outcome {
+    let Some(threads) = threads else { return Ok(()) };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.get())
+        .build_global()
+        .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))
+}

@@ -1,1 +1,21 @@
-//! placeholder
+//! Beds, checkpoints and results of Ballast in HDF5 files.
+//!
+//! [`checkpoint`]: model and state, sealed, to go on from bit for bit. [`results`]: frames and tables
+//! of a run, for viewers and programs. [`export`](mod@export): results as VTK XML and CSV.
+//! [`inspect`](mod@inspect): what a file is.
+
+pub mod checkpoint;
+pub mod export;
+pub mod inspect;
+pub mod results;
+
+mod columns;
+mod decode;
+mod error;
+mod hash;
+mod image;
+mod seal;
+mod validate;
+
+pub use error::{Error, Result};
+pub use hash::state_hash;

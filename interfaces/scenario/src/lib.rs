@@ -1,1 +1,20 @@
-//! placeholder
+//! Case files (TOML) and neutral samples (JSON): text in, plan or model out. No I/O.
+
+mod case_file;
+mod check;
+mod content_key;
+mod diagnostic;
+mod document;
+mod layout;
+mod nearest;
+mod read;
+mod report;
+mod resolve;
+pub mod sample;
+mod schema;
+mod structure;
+
+pub use content_key::content_key;
+pub use diagnostic::{CaseErrors, Diagnostic};
+pub use read::{Case, read_case};
+pub use schema::schema;

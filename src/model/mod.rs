@@ -4,6 +4,8 @@
 //! polyhedron; a driven body (tine, sleeper, wall) is composed of convex parts and half-spaces and
 //! its motion is imposed.
 
+mod check;
+
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
 

@@ -1,0 +1,19 @@
+# make demo   a first tamping run in minutes, from a bare clone
+# make test   everything the project checks of itself
+# Both install what is missing first (scripts/setup.sh); cargo alone does as well once it is there.
+
+.PHONY: demo test setup check
+
+demo: setup
+	cargo run --release --locked -- run examples/first.toml --force
+
+test: setup
+	cargo test --release --locked --workspace
+
+# What a change must also pass: format and lints.
+check: setup
+	cargo fmt --all --check
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+
+setup:
+	@scripts/setup.sh

@@ -1,0 +1,208 @@
+//! The command line.
+
+use ballast::model::Schedule;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::PathBuf;
+
+/// Grain-scale simulation of railway ballast tamping by non-smooth contact dynamics.
+#[derive(Debug, Parser)]
+#[command(name = "ballast", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 invalid case, 4 transport or \
+    deadline, 5 verification mismatch, 6 incompatible version, 130 interrupted after a clean \
+    checkpoint.")]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+    /// One JSON event per line on stdout instead of tables
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Worker threads; by default one per processor
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a case: prepare its bed if there is none yet, then simulate the tamping cycle
+    Run(Run),
+    /// Prepare the bed of a case and keep it for runs
+    Prepare(Prepare),
+    /// Continue an interrupted run from its checkpoint, bit for bit
+    Resume(Resume),
+    /// Read a case and say what it asks for, or what is wrong with it
+    Check(Check),
+    /// Say what a bed, checkpoint or results file holds
+    Inspect(Inspect),
+    /// Write a results file as plain tables (CSV) and shapes that other programs open
+    Export(Export),
+    /// Print the JSON Schema of case files
+    Schema,
+    /// Print the completion script of a shell
+    Completions { shell: clap_complete::Shell },
+    /// Time the solver on scenes that any program can run
+    Bench {
+        #[command(subcommand)]
+        scene: Bench,
+    },
+}
+
+/// What overrides the case file; runs that differ in these are different runs.
+#[derive(Debug, Args)]
+pub struct Overrides {
+    /// Order of the sweeps, instead of the case's
+    #[arg(long)]
+    pub schedule: Option<ScheduleName>,
+    /// Seed of the bed, instead of the case's: another bed of the same kind
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+/// Where prepared beds are kept.
+#[derive(Debug, Args)]
+pub struct Beds {
+    /// Folder of prepared beds, one file per bed, found again by content
+    #[arg(long, value_name = "DIR", default_value = "runs/beds")]
+    pub beds: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct Run {
+    /// Case file (TOML)
+    pub case: PathBuf,
+    /// Folder of the run's files; by default runs/<name of the case>
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub beds: Beds,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    #[command(flatten)]
+    pub until: Until,
+    /// Start over even if the folder holds an unfinished run
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// How far to go, and what to find there.
+#[derive(Debug, Args)]
+pub struct Until {
+    /// Stop after this many steps of the run; `resume` goes on from there
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u64>,
+    /// Hash that the final state must have; exit code 5 if it differs
+    #[arg(long, value_name = "HASH")]
+    pub expect: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct Prepare {
+    /// Case file (TOML)
+    pub case: PathBuf,
+    #[command(flatten)]
+    pub beds: Beds,
+    /// Seed of the bed, instead of the case's
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Prepare again even if the bed is there
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Resume {
+    /// Checkpoint file; the run's other files are beside it
+    pub checkpoint: PathBuf,
+    #[command(flatten)]
+    pub until: Until,
+}
+
+#[derive(Debug, Args)]
+pub struct Check {
+    /// Case file (TOML)
+    pub case: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct Inspect {
+    /// A file that Ballast wrote
+    pub file: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Results of a run
+    pub results: PathBuf,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Bench {
+    /// Run a neutral sample (nscd-sample-1) and print one line of JSON with its timings
+    Sample(BenchSample),
+}
+
+#[derive(Debug, Args)]
+pub struct BenchSample {
+    /// Sample file (JSON)
+    pub file: PathBuf,
+    /// Steps to run; by default the sample's
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u64>,
+    /// Exactly this many iterations per step
+    #[arg(long, value_name = "K", conflicts_with = "tolerance")]
+    pub iterations: Option<NonZeroU32>,
+    /// Iterate until the sample's norm is below this
+    #[arg(long, value_name = "T")]
+    pub tolerance: Option<f64>,
+    /// Order of the sweeps
+    #[arg(long, default_value = "synchronous")]
+    pub schedule: ScheduleName,
+    /// Number of subdomains; by default subdomains of some thousand contacts
+    #[arg(long, value_name = "N")]
+    pub subdomains: Option<NonZeroU32>,
+    /// Write the final state as a sample
+    #[arg(long, value_name = "FILE")]
+    pub save: Option<PathBuf>,
+}
+
+/// The schedules by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ScheduleName {
+    /// One set of contacts, no decomposition
+    Sequential,
+    /// Subdomains in parallel, then the interface: same bytes for any number of threads
+    Synchronous,
+    /// Interface beside the subdomains, newest values: fastest, bytes may differ
+    Asynchronous,
+}
+
+impl ScheduleName {
+    /// The name as it is typed.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or(String::new(), |value| value.get_name().to_string())
+    }
+}
+
+impl From<ScheduleName> for Schedule {
+    fn from(name: ScheduleName) -> Self {
+        match name {
+            ScheduleName::Sequential => Schedule::Sequential,
+            ScheduleName::Synchronous => Schedule::Synchronous,
+            ScheduleName::Asynchronous => Schedule::Asynchronous,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,11 @@
+//! The commands, one per file.
+
+pub mod bench;
+pub mod check;
+pub mod completions;
+pub mod export;
+pub mod inspect;
+pub mod prepare;
+pub mod resume;
+pub mod run;
+pub mod schema;

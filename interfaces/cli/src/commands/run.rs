@@ -1,0 +1,27 @@
+//! `ballast run CASE`: bed, cycle, results.
+
+use crate::args::Run;
+use crate::case::{self, Choices};
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::files::RunFiles;
+use crate::session::Session;
+use crate::{beds, interrupt};
+use std::path::Path;
+
+pub fn run(args: Run, console: Console) -> Outcome {
+    interrupt::install()?;
+    let case = case::load(&args.case, &Choices::from(&args.overrides), console)?;
+    let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
+    let files = RunFiles::in_folder(folder);
+    if files.is_unfinished() && !args.force {
+        return Err(Failure::Usage(format!(
+            "{} holds an unfinished run; go on with `ballast resume {}`, or start over with --force",
+            files.folder.display(),
+            files.checkpoint().display()
+        )));
+    }
+    let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
+    let session = Session::begin(case, model, state, files, console)?;
+    session.run(args.until.steps, args.until.expect.as_deref())
+}

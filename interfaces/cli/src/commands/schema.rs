@@ -1,0 +1,12 @@
+//! `ballast schema`: the JSON Schema of case files, for editors.
+
+use crate::console::write_out;
+use crate::exit::{Failure, Outcome};
+
+pub fn schema() -> Outcome {
+    let schema = ballast_scenario::schema();
+    let text = serde_json::to_string_pretty(&schema)
+        .map_err(|e| Failure::Failed(format!("the schema cannot be written as JSON: {e}")))?;
+    write_out(&text);
+    Ok(())
+}

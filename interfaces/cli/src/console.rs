@@ -1,0 +1,65 @@
+//! What the program says: results on stdout, messages on stderr, events as JSON lines.
+
+use crate::exit::Failure;
+use serde_json::{Value, json};
+use std::io::{ErrorKind, IsTerminal, Write};
+
+/// Where words go. With `json`, stdout carries one event per line and nothing else.
+#[derive(Debug, Clone, Copy)]
+pub struct Console {
+    pub json: bool,
+}
+
+impl Console {
+    /// A result, for a person; kept off stdout when events are asked for.
+    pub fn result(&self, text: &str) {
+        if !self.json {
+            write_out(text);
+        }
+    }
+
+    /// An event, for a program: an object with the key `event`.
+    pub fn event(&self, name: &str, fields: Value) {
+        if self.json {
+            let mut event = json!({ "event": name });
+            if let (Some(event), Value::Object(fields)) = (event.as_object_mut(), fields) {
+                event.extend(fields);
+            }
+            write_out(&event.to_string());
+        }
+    }
+
+    /// A message about the course of things.
+    pub fn note(&self, text: &str) {
+        eprintln!("{text}");
+    }
+
+    /// Something the person should know although the program goes on.
+    pub fn warning(&self, text: &str) {
+        eprintln!("warning: {text}");
+        self.event("warning", json!({ "message": text }));
+    }
+
+    /// Why the program ends.
+    pub fn failure(&self, failure: &Failure) {
+        eprintln!("{}: {failure}", failure.word());
+        let fields = json!({
+            "kind": failure.word(), "message": failure.to_string(), "exit_code": failure.code(),
+        });
+        self.event("error", fields);
+    }
+
+    /// Whether a bar can be drawn.
+    pub fn is_terminal(&self) -> bool {
+        std::io::stderr().is_terminal()
+    }
+}
+
+/// Writes to stdout. A reader that has seen enough (`| head`) is no error of the run's.
+pub fn write_out(text: &str) {
+    if let Err(e) = writeln!(std::io::stdout(), "{text}")
+        && e.kind() != ErrorKind::BrokenPipe
+    {
+        eprintln!("cannot write to standard output: {e}");
+    }
+}

@@ -1,0 +1,67 @@
+//! How the program ends: every failure, its word and its exit code, decided here alone.
+//!
+//! 0 done · 1 failed · 2 usage · 3 invalid case · 4 transport or deadline · 5 verification
+//! mismatch · 6 incompatible version · 130 interrupted after a clean checkpoint. No command of this
+//! binary speaks over a transport yet, so nothing ends with 4.
+
+use std::fmt::Display;
+use std::path::Path;
+
+/// Why the program does not end with 0. The text is for the person at the terminal.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    #[error("{0}")]
+    Failed(String),
+    #[error("{0}")]
+    Usage(String),
+    #[error("{0}")]
+    InvalidCase(String),
+    #[error("{0}")]
+    Mismatch(String),
+    #[error("{0}")]
+    Incompatible(String),
+    #[error("{0}")]
+    Interrupted(String),
+}
+
+pub type Outcome<T = ()> = Result<T, Failure>;
+
+impl Failure {
+    /// Something went wrong with `path`.
+    pub fn at(path: &Path, what: impl Display) -> Self {
+        Failure::Failed(format!("{}: {what}", path.display()))
+    }
+
+    /// The process's exit code.
+    pub fn code(&self) -> u8 {
+        match self {
+            Failure::Failed(_) => 1,
+            Failure::Usage(_) => 2,
+            Failure::InvalidCase(_) => 3,
+            Failure::Mismatch(_) => 5,
+            Failure::Incompatible(_) => 6,
+            Failure::Interrupted(_) => 130,
+        }
+    }
+
+    /// The failure's word in events.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Failure::Failed(_) => "failed",
+            Failure::Usage(_) => "usage",
+            Failure::InvalidCase(_) => "invalid case",
+            Failure::Mismatch(_) => "verification mismatch",
+            Failure::Incompatible(_) => "incompatible version",
+            Failure::Interrupted(_) => "interrupted",
+        }
+    }
+}
+
+impl From<ballast_hdf5::Error> for Failure {
+    fn from(error: ballast_hdf5::Error) -> Self {
+        match error {
+            ballast_hdf5::Error::Version { .. } => Failure::Incompatible(error.to_string()),
+            _ => Failure::Failed(error.to_string()),
+        }
+    }
+}

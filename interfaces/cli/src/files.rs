@@ -1,0 +1,128 @@
+//! The files of one run, side by side in one folder.
+
+use crate::exit::{Failure, Outcome};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Paths of a run's files.
+#[derive(Debug, Clone)]
+pub struct RunFiles {
+    pub folder: PathBuf,
+}
+
+impl RunFiles {
+    /// The files in `folder`.
+    pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: folder.into() }
+    }
+
+    /// The files beside a checkpoint.
+    pub fn beside(checkpoint: &Path) -> Self {
+        let folder = checkpoint.parent().filter(|p| !p.as_os_str().is_empty());
+        Self::in_folder(folder.unwrap_or(Path::new(".")))
+    }
+
+    /// Bodies, forces and tables over time.
+    pub fn results(&self) -> PathBuf {
+        self.folder.join("results.vtkhdf")
+    }
+
+    /// What `resume` continues from.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.folder.join("checkpoint.h5")
+    }
+
+    /// The final figures.
+    pub fn summary(&self) -> PathBuf {
+        self.folder.join("summary.json")
+    }
+
+    /// Makes the folder.
+    pub fn create_folder(&self) -> Outcome {
+        create_folder(&self.folder)
+    }
+
+    /// Whether a run stopped here before its end.
+    pub fn is_unfinished(&self) -> bool {
+        self.checkpoint().exists() && !self.summary().exists()
+    }
+
+    /// Removes what an earlier run left, so that no old file passes for one of the new run.
+    pub fn remove_all(&self) -> Outcome {
+        let files = [self.summary(), self.checkpoint(), self.results()];
+        for file in files {
+            match std::fs::remove_file(&file) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(Failure::at(&file, format!("cannot replace it: {e}")));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Makes a folder and those above it.
+pub fn create_folder(folder: &Path) -> Outcome {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
+}
+
+/// Reads a text file of at most `limit` bytes.
+pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
+    use std::io::Read;
+    let file = std::fs::File::open(path).map_err(|e| Failure::at(path, e))?;
+    let mut text = String::new();
+    let read = file.take(limit + 1).read_to_string(&mut text).map_err(|e| Failure::at(path, e))?;
+    if read as u64 > limit {
+        return Err(Failure::at(path, format!("larger than {limit} bytes; is it the right file?")));
+    }
+    Ok(text)
+}
+
+/// Replaces a text file in one go: readers see the old text or the new one, never a part.
+pub fn replace_text(path: &Path, text: &str) -> Outcome {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".tmp");
+    let partial = PathBuf::from(partial);
+    let write = || -> std::io::Result<()> {
+        let mut file = std::fs::File::create(&partial)?;
+        file.write_all(text.as_bytes())?;
+        file.sync_all()?;
+        std::fs::rename(&partial, path)
+    };
+    write().map_err(|e| {
+        let _ = std::fs::remove_file(&partial);
+        Failure::at(path, format!("cannot write it: {e}; what was there before is kept"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_without_a_folder_lies_here() {
+        assert_eq!(RunFiles::beside(Path::new("checkpoint.h5")).folder, Path::new("."));
+        assert_eq!(RunFiles::beside(Path::new("a/b.h5")).folder, Path::new("a"));
+    }
+
+    #[test]
+    fn a_failed_replacement_keeps_the_old_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("summary.json");
+        replace_text(&path, "old").unwrap();
+        std::fs::create_dir(folder.path().join("summary.json.tmp")).unwrap();
+        assert!(replace_text(&path, "new").is_err());
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+    }
+
+    #[test]
+    fn too_long_a_text_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("case.toml");
+        std::fs::write(&path, "0123456789").unwrap();
+        assert_eq!(read_text(&path, 10).unwrap(), "0123456789");
+        assert!(read_text(&path, 9).is_err());
+    }
+}

@@ -1,0 +1,23 @@
+//! Ctrl-C: the first one asks the run to stop after its step, the second one aborts.
+
+use crate::exit::{Failure, Outcome};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+static REQUESTS: AtomicU32 = AtomicU32::new(0);
+
+/// Takes over SIGINT, SIGTERM and SIGHUP, so that queues and closed terminals stop a run cleanly too.
+pub fn install() -> Outcome {
+    ctrlc::set_handler(|| {
+        if REQUESTS.fetch_add(1, Ordering::SeqCst) == 0 {
+            eprintln!("\nstopping after this step (Ctrl-C again aborts at once)");
+        } else {
+            std::process::exit(130);
+        }
+    })
+    .map_err(|e| Failure::Failed(format!("cannot listen to Ctrl-C: {e}")))
+}
+
+/// Whether the person asked to stop.
+pub fn requested() -> bool {
+    REQUESTS.load(Ordering::SeqCst) > 0
+}

@@ -1,0 +1,119 @@
+//! Where a run's time goes: the core's stopwatch, with wall and CPU clocks.
+//!
+//! CPU time is that of the whole process: with several threads it exceeds wall time, and the ratio
+//! says how well a phase uses them.
+
+use ballast::step::{Phase, Stopwatch};
+use nix::time::{ClockId, clock_gettime};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Wall and CPU time.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Spent {
+    pub wall: Duration,
+    pub cpu: Duration,
+}
+
+/// Time per phase of the step, and of what the program does between steps.
+#[derive(Debug)]
+pub struct Profile {
+    phases: [Spent; Phase::ALL.len()],
+    output: Spent,
+    mark: Instant,
+    cpu_mark: Duration,
+}
+
+impl Profile {
+    /// Starts the clocks.
+    pub fn start() -> Self {
+        Self {
+            phases: Default::default(),
+            output: Spent::default(),
+            mark: Instant::now(),
+            cpu_mark: cpu_time(),
+        }
+    }
+
+    /// What passed since the last mark was observation, writing and reporting.
+    pub fn output(&mut self) {
+        let spent = self.since_mark();
+        self.output.wall += spent.wall;
+        self.output.cpu += spent.cpu;
+    }
+
+    fn since_mark(&mut self) -> Spent {
+        let (now, cpu) = (Instant::now(), cpu_time());
+        let spent = Spent { wall: now - self.mark, cpu: cpu.saturating_sub(self.cpu_mark) };
+        self.mark = now;
+        self.cpu_mark = cpu;
+        spent
+    }
+
+    /// Name and time of each phase in the order of the step, then of the output between steps.
+    pub fn lines(&self) -> impl Iterator<Item = (&'static str, Spent)> + '_ {
+        Phase::ALL
+            .iter()
+            .zip(&self.phases)
+            .map(|(phase, spent)| (phase.name(), *spent))
+            .chain([("output", self.output)])
+    }
+
+    /// Time of one phase.
+    pub fn of(&self, phase: Phase) -> Spent {
+        self.phases[phase as usize]
+    }
+
+    /// Time of all phases, without the output between steps.
+    pub fn steps(&self) -> Spent {
+        self.phases.iter().fold(Spent::default(), |sum, s| Spent {
+            wall: sum.wall + s.wall,
+            cpu: sum.cpu + s.cpu,
+        })
+    }
+
+    /// Seconds per phase, by name.
+    pub fn json(&self) -> Value {
+        self.lines()
+            .map(|(name, spent)| {
+                let seconds =
+                    json!({"wall_s": spent.wall.as_secs_f64(), "cpu_s": spent.cpu.as_secs_f64()});
+                (name.to_string(), seconds)
+            })
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    }
+}
+
+impl Stopwatch for Profile {
+    fn lap(&mut self, phase: Phase) {
+        let spent = self.since_mark();
+        let sum = &mut self.phases[phase as usize];
+        sum.wall += spent.wall;
+        sum.cpu += spent.cpu;
+    }
+}
+
+/// CPU time of this process, all threads. Systems without that clock report zero.
+fn cpu_time() -> Duration {
+    clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).map(Duration::from).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lap_goes_to_the_phase_that_ended() {
+        let mut profile = Profile::start();
+        std::thread::sleep(Duration::from_millis(20));
+        profile.lap(Phase::Solve);
+        profile.output();
+        assert!(profile.of(Phase::Solve).wall >= Duration::from_millis(20));
+        assert!(profile.of(Phase::Predict).wall.is_zero());
+        assert_eq!(profile.steps(), profile.of(Phase::Solve));
+        let json = profile.json();
+        assert!(json["solve"]["wall_s"].as_f64().unwrap() >= 0.02);
+        assert_eq!(json.as_object().unwrap().len(), Phase::ALL.len() + 1);
+    }
+}

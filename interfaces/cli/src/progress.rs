@@ -1,0 +1,144 @@
+//! How far the work is: a bar on a terminal, elsewhere a line per tenth, events per hundredth.
+
+use crate::console::Console;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use std::time::{Duration, Instant};
+
+/// Parts of the whole that the bar distinguishes.
+const PARTS: u64 = 1000;
+
+/// Where the work stands, in its own words.
+pub trait Mark {
+    /// One line, without the share of the whole.
+    fn text(&self) -> String;
+    /// The same as the fields of an event.
+    fn fields(&self) -> Value;
+}
+
+/// Tells people and programs how far a piece of work is.
+#[derive(Debug)]
+pub struct Progress {
+    console: Console,
+    label: String,
+    bar: Option<ProgressBar>,
+    began: Instant,
+    /// Share of the whole done before this process.
+    start: f64,
+    next_line: u64,
+    next_event: u64,
+}
+
+impl Progress {
+    /// Starts at the share `start` (0 to 1) of the whole.
+    pub fn start(console: Console, label: &str, start: f64) -> Self {
+        let bar = console.is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{prefix} [{bar:24}] {percent:>3} % {msg}");
+            let bar = ProgressBar::new(PARTS).with_prefix(label.to_string());
+            bar.set_style(style.expect("the template is constant").progress_chars("=> "));
+            bar
+        });
+        Self {
+            console,
+            label: label.to_string(),
+            bar,
+            began: Instant::now(),
+            start,
+            next_line: whole(start, 10) + 1,
+            next_event: whole(start, 100) + 1,
+        }
+    }
+
+    /// The share `share` (0 to 1) of the whole is done.
+    pub fn advance(&mut self, share: f64, mark: &dyn Mark) {
+        let left = self.left(share);
+        if let Some(bar) = &self.bar {
+            bar.set_position(whole(share, PARTS));
+            bar.set_message(format!("{} · {}", mark.text(), left_text(left)));
+        } else if !self.console.json && whole(share, 10) >= self.next_line {
+            self.next_line = whole(share, 10) + 1;
+            let percent = whole(share, 100);
+            self.console.note(&format!(
+                "{} {percent:>3} % · {} · {}",
+                self.label,
+                mark.text(),
+                left_text(left)
+            ));
+        }
+        if self.console.json && whole(share, 100) >= self.next_event {
+            self.next_event = whole(share, 100) + 1;
+            let mut fields = json!({ "work": self.label, "share": share });
+            if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), mark.fields()) {
+                fields.extend(more);
+                let seconds = left.map(|left| left.as_secs_f64());
+                fields.insert("seconds_left".into(), json!(seconds));
+            }
+            self.console.event("progress", fields);
+        }
+    }
+
+    /// Wall time since this piece of work began here.
+    pub fn elapsed(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// Takes the bar off the terminal.
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// Time that the rest takes at the pace so far, once there is a pace.
+    fn left(&self, share: f64) -> Option<Duration> {
+        let done = share - self.start;
+        (done > 1e-6).then(|| self.elapsed().mul_f64(((1.0 - share) / done).clamp(0.0, 1e9)))
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+fn whole(share: f64, parts: u64) -> u64 {
+    // A share that should be exactly k/parts may be a rounding error below it.
+    (share.clamp(0.0, 1.0) * parts as f64 + 1e-9) as u64
+}
+
+fn left_text(left: Option<Duration>) -> String {
+    left.map_or("time left unknown".into(), |left| format!("{} left", duration(left)))
+}
+
+/// A duration for people: `0.8 s`, `42 s`, `3 min 20 s`, `2 h 05 min`.
+pub fn duration(time: Duration) -> String {
+    let seconds = time.as_secs();
+    match seconds {
+        0..10 => format!("{:.1} s", time.as_secs_f64()),
+        10..60 => format!("{seconds} s"),
+        60..3600 => format!("{} min {:02} s", seconds / 60, seconds % 60),
+        _ => format!("{} h {:02} min", seconds / 3600, seconds / 60 % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_read_by_people() {
+        let text = |s: f64| duration(Duration::from_secs_f64(s));
+        assert_eq!(text(0.84), "0.8 s");
+        assert_eq!(text(42.9), "42 s");
+        assert_eq!(text(200.0), "3 min 20 s");
+        assert_eq!(text(7500.0), "2 h 05 min");
+    }
+
+    #[test]
+    fn tenths_are_not_missed_by_rounding() {
+        assert_eq!(whole(0.1 + 0.2, 10), 3);
+        assert_eq!((1..=50).filter(|i| whole(*i as f64 / 50.0, 50) != *i).count(), 0);
+        assert_eq!(whole(7.0, 10), 10);
+    }
+}

@@ -1,0 +1,157 @@
+//! What a run leaves in its results while it goes: a row per step, zones and geometry per frame;
+//! and the figures of the summary.
+
+use crate::case::Case;
+use crate::exit::{Failure, Outcome};
+use crate::files::RunFiles;
+use crate::record::{self, Followed, Row};
+use crate::summary::{Setting, Summary};
+use ballast::model::Model;
+use ballast::observe::{self, Zone};
+use ballast::state::State;
+use ballast::step::StepReport;
+use ballast::track::{self, TampingPhase};
+use ballast::workspace::Workspace;
+use ballast_hdf5::results::{Background, Meta, Reader, Writer};
+
+/// Table of the steps, see [`record`].
+const STEPS: &str = "steps";
+/// Table of the compactness of the zones over time.
+const ZONES: &str = "zones";
+/// Frames and rows that may wait while the file is written.
+const WAITING: usize = 64;
+
+/// The open records of a run.
+pub struct Recorder {
+    zones: Vec<Zone>,
+    followed: Vec<Followed>,
+    results: Background,
+    /// Whether the case asks for geometry.
+    frames: bool,
+    summary: Summary,
+}
+
+impl Recorder {
+    /// Starts the records of a run.
+    pub fn create(files: &RunFiles, case: &Case, model: &Model) -> Outcome<Self> {
+        let meta = Meta {
+            case_name: case.plan.name.clone(),
+            case_text: case.text.clone(),
+            key: case.bed_key(),
+            program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
+        };
+        let writer = Writer::create(files.results(), model, &meta)?;
+        Self::open(writer, case, model)
+    }
+
+    /// Takes the records of a run up after step `last`; later ones are cut off.
+    pub fn reopen(files: &RunFiles, case: &Case, model: &Model, last: u64) -> Outcome<Self> {
+        let path = files.results();
+        let reader = Reader::open(&path)?;
+        let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
+        drop(reader);
+        let mut recorder = Self::open(Writer::append_to(&path, model, last)?, case, model)?;
+        let kept = steps.steps.iter().filter(|step| **step <= last).count();
+        if kept as u64 != last {
+            let what = format!("expected a row for each of {last} steps, found {kept}");
+            return Err(Failure::at(&path, what));
+        }
+        for row in steps.rows.chunks_exact(steps.columns.len()).take(kept) {
+            recorder.summary.take_step(&Row(row.to_vec()));
+        }
+        let observations = zones.rows.chunks_exact(zones.columns.len()).zip(&zones.steps);
+        for (row, _) in observations.filter(|(_, step)| **step <= last) {
+            recorder.summary.take_zones(&row[1..]);
+        }
+        Ok(recorder)
+    }
+
+    fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
+        let zones = zones(case);
+        let followed = record::followed(model);
+        let setting = Setting {
+            followed: followed.clone(),
+            zones: zones.iter().map(|zone| zone.name.clone()).collect(),
+            period: case.steps_per_period(),
+            grain_size: case.grain_size(),
+        };
+        let mut results = Background::new(writer, WAITING);
+        declare(&mut results, STEPS, &record::columns(&followed))?;
+        declare(&mut results, ZONES, &zone_columns(&zones))?;
+        let frames = case.plan.run.output_ns > 0;
+        Ok(Self { zones, followed, results, frames, summary: Summary::new(setting) })
+    }
+
+    /// Records a step.
+    pub fn step(
+        &mut self,
+        model: &Model,
+        state: &State,
+        workspace: &Workspace,
+        report: &StepReport,
+        phase: TampingPhase,
+    ) -> Outcome {
+        let [coordination, _] = observe::coordination(model, workspace).mean_neighbours;
+        let h = model.stepping.h();
+        let row = record::row(h, state, report, phase, coordination, &self.followed);
+        self.results.append(STEPS, state.step, &row.0)?;
+        self.summary.take_step(&row);
+        Ok(())
+    }
+
+    /// Records the zones, and the geometry if the case asks for it.
+    pub fn observe(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Outcome {
+        let compactness = self.compactness(model, state)?;
+        self.summary.take_zones(&compactness);
+        let mut row = vec![state.time()];
+        row.extend(compactness);
+        self.results.append(ZONES, state.step, &row)?;
+        if self.frames {
+            self.results.frame(model, state, workspace)?;
+        }
+        Ok(())
+    }
+
+    /// Lets the summary know the zones of a run that ends between two frames; no record is made,
+    /// since none would be there had the run gone on.
+    pub fn observe_end(&mut self, model: &Model, state: &State) -> Outcome {
+        let compactness = self.compactness(model, state)?;
+        self.summary.take_zones(&compactness);
+        Ok(())
+    }
+
+    /// Hands all records to the system.
+    pub fn flush(&mut self) -> Outcome {
+        Ok(self.results.flush()?)
+    }
+
+    pub fn summary(&self) -> &Summary {
+        &self.summary
+    }
+
+    fn compactness(&self, model: &Model, state: &State) -> Outcome<Vec<f64>> {
+        self.zones
+            .iter()
+            .map(|zone| Ok(observe::compactness(model, state, zone)?.compactness))
+            .collect::<ballast::Result<_>>()
+            .map_err(|e| Failure::Failed(e.to_string()))
+    }
+}
+
+/// The case's zones; a crib that is not filled at all has no volume to measure.
+fn zones(case: &Case) -> Vec<Zone> {
+    let has_volume =
+        |zone: &Zone| zone.region.low.iter().zip(&zone.region.high).all(|(l, h)| l < h);
+    track::zones(&case.plan).into_iter().filter(has_volume).collect()
+}
+
+fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {
+    let columns: Vec<(&str, &str)> = columns.iter().map(|(n, u)| (&n[..], &u[..])).collect();
+    Ok(results.series(name, &columns)?)
+}
+
+/// The time, and the compactness of each zone.
+fn zone_columns(zones: &[Zone]) -> Vec<(String, String)> {
+    let zones = zones.iter().map(|zone| (zone.name.clone(), "1".to_string()));
+    std::iter::once(("time".to_string(), "s".to_string())).chain(zones).collect()
+}

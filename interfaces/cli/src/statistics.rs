@@ -1,0 +1,90 @@
+//! Means and extremes of figures that come one by one.
+
+use serde_json::{Value, json};
+
+/// Count, mean and largest value.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Statistics {
+    count: u64,
+    sum: f64,
+    max: Option<f64>,
+}
+
+impl Statistics {
+    /// Takes one more value.
+    pub fn take(&mut self, value: f64) {
+        self.count += 1;
+        self.sum += value;
+        self.max = Some(self.max.map_or(value, |max| max.max(value)));
+    }
+
+    /// Mean; 0 of nothing.
+    pub fn mean(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { self.sum / self.count as f64 }
+    }
+
+    /// Largest value; 0 of nothing.
+    pub fn max(&self) -> f64 {
+        self.max.unwrap_or(0.0)
+    }
+
+    /// Mean and maximum.
+    pub fn json(&self) -> Value {
+        json!({ "mean": self.mean(), "max": self.max() })
+    }
+}
+
+/// Mean over the last values of a vector-valued figure, for peaks that are no single impact.
+#[derive(Debug, Clone)]
+pub struct MovingMean {
+    window: Vec<[f64; 3]>,
+    next: usize,
+    filled: usize,
+}
+
+impl MovingMean {
+    /// A mean over `length` values, at least one.
+    pub fn new(length: usize) -> Self {
+        Self { window: vec![[0.0; 3]; length.max(1)], next: 0, filled: 0 }
+    }
+
+    /// Takes a value; the mean over the window once it is full.
+    pub fn take(&mut self, value: [f64; 3]) -> Option<[f64; 3]> {
+        self.window[self.next] = value;
+        self.next = (self.next + 1) % self.window.len();
+        self.filled = (self.filled + 1).min(self.window.len());
+        // Summed anew: a running sum would carry the rounding of values that have left.
+        (self.filled == self.window.len()).then(|| {
+            let sum =
+                self.window.iter().fold([0.0; 3], |s, v| [s[0] + v[0], s[1] + v[1], s[2] + v[2]]);
+            sum.map(|s| s / self.window.len() as f64)
+        })
+    }
+}
+
+/// Euclidean norm.
+pub fn norm(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_of_negative_values() {
+        let mut s = Statistics::default();
+        assert_eq!((s.mean(), s.max()), (0.0, 0.0));
+        s.take(-4.0);
+        s.take(-2.0);
+        assert_eq!((s.mean(), s.max()), (-3.0, -2.0));
+    }
+
+    #[test]
+    fn a_moving_mean_forgets_and_waits_until_it_is_full() {
+        let mut mean = MovingMean::new(2);
+        assert_eq!(mean.take([1.0, 0.0, 0.0]), None);
+        assert_eq!(mean.take([3.0, 0.0, 2.0]), Some([2.0, 0.0, 1.0]));
+        assert_eq!(mean.take([5.0, 0.0, 0.0]), Some([4.0, 0.0, 1.0]));
+    }
+}

@@ -1,0 +1,315 @@
+//! The figures of a whole run, gathered from the rows of its tables.
+//!
+//! Nothing but rows goes in, so a resumed run, which reads the earlier rows back, ends with the
+//! same figures as one that was never interrupted.
+
+use crate::record::{Column, Followed, Row};
+use crate::statistics::{MovingMean, Statistics, norm};
+use ballast::model::Role;
+use ballast::track::TampingPhase;
+use serde_json::{Value, json};
+
+/// What the summary needs to know of the run beforehand.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    pub followed: Vec<Followed>,
+    /// Names of the zones.
+    pub zones: Vec<String>,
+    /// Steps per vibration period; 1 without vibration.
+    pub period: usize,
+    /// Size `d` that penetrations are compared with, m.
+    pub grain_size: f64,
+}
+
+/// Figures of a run so far.
+#[derive(Debug, Clone)]
+pub struct Summary {
+    setting: Setting,
+    pub steps: u64,
+    pub not_converged: u64,
+    pub guarded: u64,
+    pub visits: f64,
+    pub contacts: Statistics,
+    pub active_contacts: Statistics,
+    pub interface_contacts: Statistics,
+    pub subdomains: Statistics,
+    pub iterations: Statistics,
+    /// The largest of LMGC90's norms.
+    pub residual: Statistics,
+    pub natural_map: Statistics,
+    pub mean_penetration: Statistics,
+    pub max_penetration: Statistics,
+    /// At the first step, at the step of the minimum, at the last one.
+    pub coordination: Option<[Moment; 3]>,
+    pub bodies: Vec<BodyFigures>,
+    /// First and last observation of each zone.
+    pub compactness: Vec<[f64; 2]>,
+    last: Option<Row>,
+}
+
+/// A value at a moment of the run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moment {
+    pub value: f64,
+    /// s.
+    pub time: f64,
+    pub phase: TampingPhase,
+}
+
+/// Force on a tine or sleeper, N, and its work on the ballast, J.
+#[derive(Debug, Clone)]
+pub struct BodyFigures {
+    /// Largest force of one step, and when.
+    pub peak: Option<Moment>,
+    /// Largest mean over a vibration period.
+    pub period_peak: f64,
+    /// Force of single steps while the tines close.
+    pub squeeze: Statistics,
+    /// Largest mean over a vibration period while the tines close.
+    pub squeeze_period_peak: f64,
+    pub work: f64,
+    recent: MovingMean,
+}
+
+impl Summary {
+    /// A summary of nothing yet.
+    pub fn new(setting: Setting) -> Self {
+        let body = BodyFigures {
+            peak: None,
+            period_peak: 0.0,
+            squeeze: Statistics::default(),
+            squeeze_period_peak: 0.0,
+            work: 0.0,
+            recent: MovingMean::new(setting.period),
+        };
+        Self {
+            bodies: vec![body; setting.followed.len()],
+            setting,
+            steps: 0,
+            not_converged: 0,
+            guarded: 0,
+            visits: 0.0,
+            contacts: Statistics::default(),
+            active_contacts: Statistics::default(),
+            interface_contacts: Statistics::default(),
+            subdomains: Statistics::default(),
+            iterations: Statistics::default(),
+            residual: Statistics::default(),
+            natural_map: Statistics::default(),
+            mean_penetration: Statistics::default(),
+            max_penetration: Statistics::default(),
+            coordination: None,
+            compactness: Vec::new(),
+            last: None,
+        }
+    }
+
+    /// Takes a row of the table of steps.
+    pub fn take_step(&mut self, row: &Row) {
+        self.steps += 1;
+        self.not_converged += u64::from(row.get(Column::Converged) == 0.0);
+        self.guarded += u64::from(row.get(Column::Guarded) != 0.0);
+        self.visits += row.get(Column::Visits);
+        self.residual.take(residual(row));
+        for (statistics, column) in [
+            (&mut self.contacts, Column::Contacts),
+            (&mut self.active_contacts, Column::ActiveContacts),
+            (&mut self.interface_contacts, Column::InterfaceContacts),
+            (&mut self.subdomains, Column::Subdomains),
+            (&mut self.iterations, Column::Iterations),
+            (&mut self.natural_map, Column::NaturalMap),
+            (&mut self.mean_penetration, Column::MeanPenetration),
+            (&mut self.max_penetration, Column::MaxPenetration),
+        ] {
+            statistics.take(row.get(column));
+        }
+        self.take_coordination(row);
+        for (i, body) in self.bodies.iter_mut().enumerate() {
+            body.take(row, row.force(i), row.work(i));
+        }
+        self.last = Some(row.clone());
+    }
+
+    /// Takes the compactness of each zone at a moment.
+    pub fn take_zones(&mut self, compactness: &[f64]) {
+        if self.compactness.is_empty() {
+            self.compactness = compactness.iter().map(|value| [*value, *value]).collect();
+        }
+        for (zone, value) in self.compactness.iter_mut().zip(compactness) {
+            zone[1] = *value;
+        }
+    }
+
+    fn take_coordination(&mut self, row: &Row) {
+        let now = moment(row, row.get(Column::Coordination));
+        match &mut self.coordination {
+            None => self.coordination = Some([now.clone(), now.clone(), now]),
+            Some([_, minimum, last]) => {
+                if now.value < minimum.value {
+                    *minimum = now.clone();
+                }
+                *last = now;
+            }
+        }
+    }
+
+    pub fn setting(&self) -> &Setting {
+        &self.setting
+    }
+
+    /// The last row, if there is one.
+    pub fn last(&self) -> Option<&Row> {
+        self.last.as_ref()
+    }
+
+    /// Everything that does not depend on the machine the run was made on.
+    pub fn json(&self) -> Value {
+        let d = self.setting.grain_size;
+        let named = self.setting.followed.iter().zip(&self.bodies);
+        let bodies = |role: Role| -> Value {
+            named
+                .clone()
+                .filter(|(followed, _)| followed.role == role)
+                .map(|(followed, body)| (followed.name.clone(), body.json()))
+                .collect::<serde_json::Map<_, _>>()
+                .into()
+        };
+        let zones = self.setting.zones.iter().zip(&self.compactness);
+        let last = |column| self.last.as_ref().map(|row| row.get(column));
+        json!({
+            "steps": self.steps,
+            "time_s": last(Column::Time),
+            "compactness": zones
+                .map(|(name, [before, after])| {
+                    (name.clone(), json!({ "before": before, "after": after }))
+                })
+                .collect::<serde_json::Map<_, _>>(),
+            "coordination": self.coordination.as_ref().map(|[start, minimum, end]| json!({
+                "start": start.value, "minimum": minimum.json(), "end": end.value,
+            })),
+            "tines": bodies(Role::Tine),
+            "sleepers": bodies(Role::Sleeper),
+            "penetration_over_d": {
+                "mean": self.mean_penetration.mean() / d, "max": self.max_penetration.max() / d,
+                "grain_size_m": d,
+            },
+            "energy_j": {
+                "kinetic": last(Column::Kinetic), "potential": last(Column::Potential),
+                "work_in": last(Column::WorkIn), "dissipated": last(Column::Dissipated),
+                "balance_error": last(Column::BalanceError),
+            },
+            "solver": {
+                "contacts": self.contacts.json(), "active_contacts": self.active_contacts.json(),
+                "interface_contacts": self.interface_contacts.json(),
+                "subdomains": self.subdomains.json(), "visits": self.visits,
+                "iterations": self.iterations.json(), "residual_qm16": self.residual.json(),
+                "residual_natural_map": self.natural_map.json(),
+                "steps_not_converged": self.not_converged, "steps_guarded": self.guarded,
+            },
+        })
+    }
+}
+
+impl BodyFigures {
+    fn take(&mut self, row: &Row, force: [f64; 3], work: f64) {
+        let size = norm(force);
+        if self.peak.as_ref().is_none_or(|peak| size > peak.value) {
+            self.peak = Some(moment(row, size));
+        }
+        self.work += work;
+        let mean = self.recent.take(force).map_or(0.0, norm);
+        self.period_peak = self.period_peak.max(mean);
+        if row.phase() == TampingPhase::Squeeze {
+            self.squeeze.take(size);
+            self.squeeze_period_peak = self.squeeze_period_peak.max(mean);
+        }
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "peak_force_n": self.peak.as_ref().map(Moment::json),
+            "peak_period_mean_n": self.period_peak,
+            "squeeze": {
+                "mean_force_n": self.squeeze.mean(), "peak_force_n": self.squeeze.max(),
+                "peak_period_mean_n": self.squeeze_period_peak,
+            },
+            "work_j": self.work,
+        })
+    }
+}
+
+impl Moment {
+    fn json(&self) -> Value {
+        json!({ "value": self.value, "time_s": self.time, "phase": self.phase.name() })
+    }
+}
+
+fn moment(row: &Row, value: f64) -> Moment {
+    Moment { value, time: row.get(Column::Time), phase: row.phase() }
+}
+
+/// The largest of LMGC90's norms.
+fn residual(row: &Row) -> f64 {
+    row.get(Column::Quad).max(row.get(Column::Max16)).max(row.get(Column::Weighted))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::columns;
+
+    fn setting() -> Setting {
+        let tine = Followed { name: "left".into(), role: Role::Tine, driven: 0 };
+        Setting { followed: vec![tine], zones: vec!["under".into()], period: 2, grain_size: 0.02 }
+    }
+
+    fn step(time: f64, phase: f64, coordination: f64, force: f64, converged: bool) -> Row {
+        let names = columns(&setting().followed);
+        let mut row = Row(vec![0.0; names.len()]);
+        let mut set = |name: &str, value: f64| {
+            row.0[names.iter().position(|n| n.0 == name).unwrap()] = value;
+        };
+        set("time", time);
+        set("phase", phase);
+        set("coordination", coordination);
+        set("converged", f64::from(u8::from(converged)));
+        set("max_penetration", 0.001 * time);
+        set("left_force_x", force);
+        set("left_work", 2.0);
+        row
+    }
+
+    #[test]
+    fn figures_of_a_short_cycle() {
+        let mut summary = Summary::new(setting());
+        summary.take_step(&step(1.0, 2.0, 6.0, 900.0, true));
+        summary.take_step(&step(2.0, 3.0, 4.5, -300.0, false));
+        summary.take_step(&step(3.0, 3.0, 5.0, 500.0, true));
+        for value in [0.58, 0.60, 0.61] {
+            summary.take_zones(&[value]);
+        }
+        let json = summary.json();
+        assert_eq!(json["coordination"]["start"], 6.0);
+        assert_eq!(json["coordination"]["minimum"]["value"], 4.5);
+        assert_eq!(json["coordination"]["minimum"]["phase"], "squeeze");
+        assert_eq!(json["coordination"]["end"], 5.0);
+        let tine = &json["tines"]["left"];
+        assert_eq!(tine["peak_force_n"]["value"], 900.0);
+        assert_eq!(tine["peak_period_mean_n"], 300.0);
+        assert_eq!(tine["squeeze"]["mean_force_n"], 400.0);
+        assert_eq!(tine["squeeze"]["peak_force_n"], 500.0);
+        assert_eq!(tine["work_j"], 6.0);
+        assert_eq!(json["compactness"]["under"]["before"], 0.58);
+        assert_eq!(json["compactness"]["under"]["after"], 0.61);
+        assert_eq!(json["penetration_over_d"]["max"], 0.15);
+        assert_eq!(json["solver"]["steps_not_converged"], 1);
+        assert_eq!(json["time_s"], 3.0);
+    }
+
+    #[test]
+    fn an_empty_run_has_a_summary_too() {
+        let json = Summary::new(setting()).json();
+        assert_eq!(json["steps"], 0);
+        assert!(json["coordination"].is_null());
+    }
+}

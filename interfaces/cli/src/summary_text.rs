@@ -1,0 +1,163 @@
+//! The final summary for people.
+
+use crate::files::RunFiles;
+use crate::profile::Profile;
+use crate::progress::duration;
+use crate::record::Column;
+use crate::summary::{BodyFigures, Moment, Summary};
+use crate::table::{Table, figure};
+use ballast::model::Role;
+
+/// The summary as a text of several tables.
+pub fn text(summary: &Summary) -> String {
+    let tables = [
+        compactness(summary),
+        coordination(summary),
+        forces(summary, Role::Tine, "force on tine (N)"),
+        forces(summary, Role::Sleeper, "force on sleeper (N)"),
+        energy(summary),
+        quality(summary),
+    ];
+    let sections: Vec<String> =
+        tables.iter().map(Table::text).filter(|text| !text.is_empty()).collect();
+    sections.join("\n")
+}
+
+fn compactness(summary: &Summary) -> Table {
+    let mut table = Table::new("compactness", ["before", "after", "change"]);
+    for (name, [before, after]) in summary.setting().zones.iter().zip(&summary.compactness) {
+        let change = 100.0 * (after - before) / before;
+        let change = if change.is_finite() { format!("{change:+.1} %") } else { "-".into() };
+        table.row([name.clone(), format!("{before:.4}"), format!("{after:.4}"), change]);
+    }
+    table
+}
+
+fn coordination(summary: &Summary) -> Table {
+    let mut table = Table::new("coordination", ["contacting neighbours", "at (s)", "phase"]);
+    if let Some(moments) = &summary.coordination {
+        for (label, Moment { value, time, phase }) in
+            ["start", "minimum", "end"].iter().zip(moments)
+        {
+            table.row([
+                label.to_string(),
+                format!("{value:.2}"),
+                format!("{time:.4}"),
+                phase.name().into(),
+            ]);
+        }
+    }
+    table
+}
+
+fn forces(summary: &Summary, role: Role, title: &str) -> Table {
+    let mut table = Table::new(
+        title,
+        [
+            "peak",
+            "at (s)",
+            "phase",
+            "peak, period mean",
+            "squeeze: mean",
+            "peak",
+            "peak, period mean",
+            "work (J)",
+        ],
+    );
+    let bodies = summary.setting().followed.iter().zip(&summary.bodies);
+    for (followed, body) in bodies.filter(|(followed, _)| followed.role == role) {
+        let BodyFigures { peak, period_peak, squeeze, squeeze_period_peak, work, .. } = body;
+        let Some(Moment { value, time, phase }) = peak else { continue };
+        table.row([
+            followed.name.clone(),
+            figure(*value, 4),
+            format!("{time:.4}"),
+            phase.name().into(),
+            figure(*period_peak, 4),
+            figure(squeeze.mean(), 4),
+            figure(squeeze.max(), 4),
+            figure(*squeeze_period_peak, 4),
+            figure(*work, 4),
+        ]);
+    }
+    table
+}
+
+fn energy(summary: &Summary) -> Table {
+    let mut table = Table::new("energy of the grains", ["J"]);
+    if let Some(last) = summary.last() {
+        for (label, column) in [
+            ("kinetic", Column::Kinetic),
+            ("potential", Column::Potential),
+            ("work done on them", Column::WorkIn),
+            ("dissipated", Column::Dissipated),
+            ("balance error", Column::BalanceError),
+        ] {
+            table.row([label.to_string(), figure(last.get(column), 4)]);
+        }
+    }
+    table
+}
+
+fn quality(summary: &Summary) -> Table {
+    let mut table = Table::new("quality", ["mean", "max"]);
+    if summary.steps == 0 {
+        return table;
+    }
+    let d = summary.setting().grain_size;
+    let percent = |value: f64| format!("{} %", figure(100.0 * value / d, 3));
+    table.row([
+        format!("penetration over d = {:.1} mm", 1e3 * d),
+        percent(summary.mean_penetration.mean()),
+        percent(summary.max_penetration.max()),
+    ]);
+    for (label, statistics) in [
+        ("residual (QM/16)", summary.residual),
+        ("residual (natural map)", summary.natural_map),
+        ("iterations per step", summary.iterations),
+        ("contacts", summary.contacts),
+        ("contacts that carry", summary.active_contacts),
+        ("contacts of the interface", summary.interface_contacts),
+        ("subdomains", summary.subdomains),
+    ] {
+        let cells = [label.into(), figure(statistics.mean(), 3), figure(statistics.max(), 3)];
+        table.row(cells);
+    }
+    let not_converged = format!("{} of {}", summary.not_converged, summary.steps);
+    table.row(["steps not converged", "", &not_converged]);
+    if summary.guarded > 0 {
+        table.row(["steps repeated with the guard", "", &summary.guarded.to_string()]);
+    }
+    table
+}
+
+/// Where the time of `steps` steps went.
+pub fn profile(profile: &Profile, steps: u64) -> String {
+    let mut table =
+        Table::new("phase of the step", ["wall (s)", "share", "CPU (s)", "ms per step"]);
+    let whole: f64 = profile.lines().map(|(_, spent)| spent.wall.as_secs_f64()).sum();
+    for (name, spent) in profile.lines() {
+        let wall = spent.wall.as_secs_f64();
+        table.row([
+            name.to_string(),
+            format!("{wall:.3}"),
+            format!("{:.1} %", 100.0 * wall / whole.max(1e-9)),
+            format!("{:.3}", spent.cpu.as_secs_f64()),
+            format!("{:.3}", 1e3 * wall / steps.max(1) as f64),
+        ]);
+    }
+    format!("{}in all {}\n", table.text(), duration(std::time::Duration::from_secs_f64(whole)))
+}
+
+/// Where the run's files are and what to look at.
+pub fn pointers(files: &RunFiles) -> String {
+    let mut text = String::from("files\n");
+    for (path, what) in [
+        (files.results(), "open it in ParaView; `ballast export` makes tables and shapes of it"),
+        (files.summary(), "these figures, for programs"),
+        (files.checkpoint(), "the last state; `ballast resume` goes on from it"),
+    ] {
+        text += &format!("  {}\n      {what}\n", path.display());
+    }
+    text
+}

@@ -1,0 +1,94 @@
+//! Aligned text: sections of labels and figures for the final summary.
+
+use std::fmt::Write;
+
+/// A table under a title; the first column is left-aligned, the others right-aligned.
+#[derive(Debug, Clone, Default)]
+pub struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table whose header line is `header`; its first word is the title.
+    pub fn new<S: Into<String>>(title: &str, header: impl IntoIterator<Item = S>) -> Self {
+        let mut first = vec![title.to_string()];
+        first.extend(header.into_iter().map(Into::into));
+        Self { rows: vec![first] }
+    }
+
+    /// Appends a line.
+    pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+    }
+
+    /// Whether there is nothing below the header.
+    pub fn is_empty(&self) -> bool {
+        self.rows.len() < 2
+    }
+
+    /// The table as lines, each ended; empty if there is nothing below the header.
+    pub fn text(&self) -> String {
+        if self.is_empty() {
+            return String::new();
+        }
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let width = |c: usize| {
+            self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0)
+        };
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        let mut text = String::new();
+        for row in &self.rows {
+            let mut line = String::new();
+            for (c, cell) in row.iter().enumerate() {
+                let _ = match c {
+                    0 => write!(line, "{cell:<0$}", widths[0]),
+                    _ => write!(line, "  {cell:>0$}", widths[c]),
+                };
+            }
+            text += line.trim_end();
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// A number with `digits` significant digits, as people write it.
+pub fn figure(value: f64, digits: usize) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let exponent = value.abs().log10().floor() as i32;
+    if !(-4..7).contains(&exponent) {
+        return format!("{value:.*e}", digits.saturating_sub(1));
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_align_also_with_letters_of_two_bytes() {
+        let mut table = Table::new("zone", ["φ", "after"]);
+        table.row(["under the sleeper", "0.5812", "0.61"]);
+        table.row(["crib", "0.5", "0.4"]);
+        assert_eq!(
+            table.text(),
+            "zone                    φ  after\n\
+             under the sleeper  0.5812   0.61\n\
+             crib                  0.5    0.4\n"
+        );
+        assert_eq!(Table::new("empty", ["x"]).text(), "");
+    }
+
+    #[test]
+    fn figures_keep_their_significant_digits() {
+        assert_eq!(figure(0.0012345, 3), "0.00123");
+        assert_eq!(figure(12345.6, 3), "12346");
+        assert_eq!(figure(-2.5e-9, 2), "-2.5e-9");
+        assert_eq!(figure(0.0, 3), "0");
+        assert_eq!(figure(1.0, 3), "1.00");
+    }
+}

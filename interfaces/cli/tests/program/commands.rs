@@ -1,0 +1,129 @@
+//! What the commands print.
+
+use crate::setup::{Place, STEPS};
+use serde_json::Value;
+
+#[test]
+fn events_are_json_lines_from_start_to_done() {
+    let place = Place::new();
+    let ended = place.run("--out run --json").with_code(0);
+    let events = ended.events();
+    let names: Vec<&str> = events.iter().map(|e| e["event"].as_str().unwrap()).collect();
+    assert!(names.contains(&"start") && names.contains(&"checkpoint"), "{names:?}");
+    assert_eq!(names.last(), Some(&"done"));
+    let progress: Vec<&Value> = events.iter().filter(|e| e["event"] == "progress").collect();
+    assert!(progress.len() >= 50, "{}", progress.len());
+    let shares: Vec<f64> = progress.iter().map(|e| e["share"].as_f64().unwrap()).collect();
+    assert!(shares.is_sorted());
+    assert!(progress.iter().any(|e| e["phase"] == "squeeze"));
+    let done = events.last().unwrap();
+    assert_eq!(done["steps"], STEPS);
+    assert_eq!(done["state_hash"], place.summary("run")["state_hash"]);
+
+    let failed = place.call("check none.toml --json").with_code(1);
+    let events = failed.events();
+    assert_eq!(events[0]["event"], "error");
+    assert_eq!(events[0]["exit_code"], 1);
+}
+
+#[test]
+fn the_summary_tells_the_figures_of_a_tamping_run() {
+    let place = Place::new();
+    let ended = place.run("--out run").with_code(0);
+    let text = ended.stdout();
+    for word in [
+        "compactness",
+        "coordination",
+        "force on tine",
+        "penetration",
+        "dissipated",
+        "narrow phase",
+        "not converged",
+        "state hash",
+        "results.vtkhdf",
+        "ParaView",
+    ] {
+        assert!(text.contains(word), "{word} in\n{text}");
+    }
+    let summary = place.summary("run");
+    assert_eq!(summary["complete"], true);
+    let tines = summary["tines"].as_object().unwrap();
+    assert_eq!(tines.len(), 2);
+    let worked = |tine: &&Value| tine["peak_force_n"]["value"].as_f64().unwrap() > 0.0;
+    assert!(tines.values().any(|tine| worked(&tine)), "no tine met the ballast: {summary:#}");
+    for (zone, values) in summary["compactness"].as_object().unwrap() {
+        for when in ["before", "after"] {
+            let value = values[when].as_f64().unwrap();
+            assert!((0.0..1.0).contains(&value), "{zone} {when}: {value}");
+        }
+    }
+    // Energy: what went in is either there or dissipated; what is left over is the time step's.
+    let energy = &summary["energy_j"];
+    let value = |key: &str| energy[key].as_f64().unwrap();
+    assert!(value("dissipated") > 0.0);
+    assert!(value("balance_error").abs() < 1e-4 * value("dissipated"), "{energy}");
+}
+
+#[test]
+fn progress_goes_to_stderr_in_tenths() {
+    let place = Place::new();
+    let ended = place.run("--out run").with_code(0);
+    let text = ended.stderr();
+    let tenths =
+        text.lines().filter(|line| line.starts_with("tiny") && line.contains(" % ")).count();
+    assert_eq!(tenths, 10, "{text}");
+    assert!(!ended.stdout().contains(" left"));
+}
+
+#[test]
+fn a_bed_is_prepared_once() {
+    let place = Place::new();
+    let first = place.call("prepare tiny.toml --beds beds --json").with_code(0);
+    let again = place.call("prepare tiny.toml --beds beds --json").with_code(0);
+    let made = |ended: &crate::setup::Ended| {
+        ended.events().into_iter().find(|e| e["event"] == "bed").unwrap()
+    };
+    assert_eq!(made(&first)["prepared"], true);
+    assert_eq!(made(&again)["prepared"], false);
+    let bed = place.path(made(&first)["path"].as_str().unwrap());
+    let bytes = std::fs::read(&bed).unwrap();
+    place.call("prepare tiny.toml --beds beds --force").with_code(0);
+    assert_eq!(std::fs::read(&bed).unwrap(), bytes, "prepared again, same bytes");
+    place.call("prepare tiny.toml --beds beds --seed 8").with_code(0);
+    assert_eq!(std::fs::read_dir(place.path("beds")).unwrap().count(), 2);
+}
+
+#[test]
+fn checks_tell_what_a_case_asks_for() {
+    let place = Place::new();
+    let text = place.call("check tiny.toml").with_code(0).stdout();
+    assert!(text.contains("180 steps"), "{text}");
+    let events = place.call("check tiny.toml --json").with_code(0).events();
+    assert_eq!(events.last().unwrap()["steps"], STEPS);
+}
+
+#[test]
+fn files_can_be_inspected_and_exported() {
+    let place = Place::new();
+    place.run("--out run --steps 20").with_code(0);
+    let text = place.call("inspect run/checkpoint.h5").with_code(0).stdout();
+    assert!(text.contains("tiny") && text.contains("20"), "{text}");
+    let hash = place.hash("run");
+    assert!(text.contains(&hash), "{text}");
+    place.call("inspect run/results.vtkhdf").with_code(0);
+    place.call("export run/results.vtkhdf --out tables").with_code(0);
+    let steps = place.text("tables/steps.csv");
+    assert_eq!(steps.lines().count(), 21, "a header and a row per step");
+}
+
+#[test]
+fn schema_and_completions_are_printed() {
+    let place = Place::new();
+    let schema: Value = serde_json::from_str(&place.call("schema").with_code(0).stdout()).unwrap();
+    assert!(schema["properties"]["bed"].is_object());
+    for shell in ["bash", "zsh", "fish"] {
+        let script = place.call(&format!("completions {shell}")).with_code(0).stdout();
+        assert!(script.contains("resume"), "{shell}");
+    }
+    place.call("completions sh").with_code(2);
+}

@@ -1,0 +1,124 @@
+//! Exit codes and messages.
+
+use crate::setup::{CASE, Place};
+
+#[test]
+fn missing_files_fail_and_are_named() {
+    let place = Place::new();
+    for arguments in [
+        "run none.toml",
+        "check none.toml",
+        "resume none.h5",
+        "inspect none.h5",
+        "bench sample none.json",
+    ] {
+        let ended = place.call(arguments).with_code(1);
+        assert!(ended.stderr().contains("none."), "{arguments}: {}", ended.stderr());
+    }
+}
+
+#[test]
+fn wrong_usage_ends_with_2() {
+    let place = Place::new();
+    for arguments in ["", "tamp", "run", "run tiny.toml --threads 0", "run tiny.toml --schedule x"]
+    {
+        place.call(arguments).with_code(2);
+    }
+}
+
+#[test]
+fn broken_cases_end_with_3_and_name_the_place() {
+    let place = Place::new();
+    let broken = CASE.replace("templates = 6", "templates = 6\nangularty = 0.5");
+    std::fs::write(place.path("broken.toml"), broken).unwrap();
+    for command in ["check", "run", "prepare"] {
+        let ended = place.call(&format!("{command} broken.toml")).with_code(3);
+        assert!(ended.stderr().contains("broken.toml:14:1"), "{}", ended.stderr());
+        assert!(ended.stderr().contains("angularity"), "{}", ended.stderr());
+    }
+    assert!(!place.path("runs").exists(), "a refused case leaves nothing behind");
+}
+
+#[test]
+fn a_damaged_checkpoint_is_refused() {
+    let place = Place::new();
+    place.run("--out run --steps 10").with_code(0);
+    let path = place.path("run/checkpoint.h5");
+    let whole = std::fs::read(&path).unwrap();
+
+    let mut flipped = whole.clone();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    for bytes in [&flipped[..], &whole[..whole.len() / 2], b"", b"not a checkpoint"] {
+        std::fs::write(&path, bytes).unwrap();
+        let ended = place.call("resume run/checkpoint.h5").with_code(1);
+        assert!(ended.stderr().contains("checkpoint.h5"), "{}", ended.stderr());
+    }
+    // The records of the run are not touched by a refused resume.
+    assert_eq!(place.summary("run")["steps"], 10);
+    std::fs::write(&path, whole).unwrap();
+    place.call("resume run/checkpoint.h5 --steps 12").with_code(0);
+}
+
+#[test]
+fn a_checkpoint_of_another_version_ends_with_6() {
+    let place = Place::new();
+    place.run("--out run --steps 3").with_code(0);
+    let path = place.path("run/checkpoint.h5");
+    let mut bytes = std::fs::read(&path).unwrap();
+    let name = b"ballast-checkpoint ";
+    assert!(bytes.starts_with(name), "the format's name and version come first");
+    bytes[name.len()] = b'9';
+    std::fs::write(&path, bytes).unwrap();
+    let ended = place.call("resume run/checkpoint.h5").with_code(6);
+    assert!(ended.stderr().contains('9'), "{}", ended.stderr());
+    place.call("inspect run/checkpoint.h5").with_code(6);
+}
+
+#[test]
+fn a_bed_cannot_be_resumed() {
+    let place = Place::new();
+    place.call("prepare tiny.toml --beds beds").with_code(0);
+    let bed = std::fs::read_dir(place.path("beds")).unwrap().next().unwrap().unwrap().path();
+    let ended = place.call(&format!("resume {}", bed.display())).with_code(1);
+    assert!(ended.stderr().contains("ballast run"), "{}", ended.stderr());
+}
+
+#[test]
+fn an_unexpected_hash_ends_with_5() {
+    let place = Place::new();
+    place.run("--out run --steps 5").with_code(0);
+    let hash = place.hash("run");
+    place.run(&format!("--out run --steps 5 --expect {hash}")).with_code(0);
+    let other = "0".repeat(32);
+    let ended = place.run(&format!("--out run --steps 5 --expect {other}")).with_code(5);
+    assert!(ended.stderr().contains(&hash), "{}", ended.stderr());
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_fails() {
+    let place = Place::new();
+    std::fs::write(place.path("taken"), "a file").unwrap();
+    let ended = place.run("--out taken/run --steps 5").with_code(1);
+    assert!(ended.stderr().contains("taken"), "{}", ended.stderr());
+}
+
+#[test]
+fn a_full_disk_fails_with_the_file_and_keeps_what_was_there() {
+    // A limit on the size of files stands in for a full disk.
+    let place = Place::new();
+    place.run("--out run --steps 10").with_code(0);
+    let checkpoint = std::fs::read(place.path("run/checkpoint.h5")).unwrap();
+    let program = env!("CARGO_BIN_EXE_ballast");
+    let script =
+        format!("trap '' XFSZ; ulimit -f 16; exec {program} resume run/checkpoint.h5 --steps 20");
+    let output = std::process::Command::new("bash")
+        .current_dir(place.path(""))
+        .args(["-c", &script])
+        .output()
+        .unwrap();
+    let ended = crate::setup::Ended(output).with_code(1);
+    assert!(ended.stderr().contains("run/"), "{}", ended.stderr());
+    assert_eq!(std::fs::read(place.path("run/checkpoint.h5")).unwrap(), checkpoint);
+    place.call("resume run/checkpoint.h5 --steps 20").with_code(0);
+}

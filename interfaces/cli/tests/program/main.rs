@@ -1,0 +1,6 @@
+//! The program as people and scripts use it, on a case of some sixty grains.
+
+mod commands;
+mod endings;
+mod restart;
+mod setup;

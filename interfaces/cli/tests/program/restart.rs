@@ -1,0 +1,116 @@
+//! Interrupted and resumed runs equal uninterrupted ones; so do runs with other numbers of threads.
+
+use crate::setup::{CASE, Ended, Place, STEPS};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
+#[test]
+fn a_run_in_parts_leaves_the_files_of_a_run_in_one_go() {
+    let place = Place::new();
+    place.run("--out whole").with_code(0);
+    place.run("--out parts --steps 47").with_code(0);
+    assert_eq!(place.summary("parts")["complete"], false);
+    assert_ne!(place.hash("parts"), place.hash("whole"));
+    place.call("resume parts/checkpoint.h5 --steps 101").with_code(0);
+    place.call("resume parts/checkpoint.h5").with_code(0);
+
+    assert_eq!(place.summary("parts"), place.summary("whole"));
+    assert_eq!(place.summary("whole")["steps"], STEPS);
+    assert_eq!(records(&place, "parts"), records(&place, "whole"));
+}
+
+/// Everything that the results of a run hold, frame by frame and row by row.
+fn records(place: &Place, folder: &str) -> Vec<(String, String)> {
+    let tables = format!("{folder}_exported");
+    place.call(&format!("export {folder}/results.vtkhdf --out {tables}")).with_code(0);
+    let mut files: Vec<(String, String)> = std::fs::read_dir(place.path(&tables))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .map(|name| (name.clone(), place.text(&format!("{tables}/{name}"))))
+        .collect();
+    files.sort();
+    assert!(files.iter().any(|(name, _)| name == "steps.csv"));
+    assert!(files.iter().filter(|(name, _)| name.ends_with(".vtp")).count() > 5);
+    files
+}
+
+#[test]
+fn what_was_written_after_the_checkpoint_is_written_again() {
+    let place = Place::new();
+    place.run("--out whole").with_code(0);
+    place.run("--out torn --steps 40").with_code(0);
+    std::fs::copy(place.path("torn/checkpoint.h5"), place.path("early.h5")).unwrap();
+    place.call("resume torn/checkpoint.h5 --steps 90").with_code(0);
+    // As after a crash: tables and results are ahead of the checkpoint.
+    std::fs::copy(place.path("early.h5"), place.path("torn/checkpoint.h5")).unwrap();
+    place.call("resume torn/checkpoint.h5").with_code(0);
+    assert_eq!(place.summary("torn"), place.summary("whole"));
+    assert_eq!(records(&place, "torn"), records(&place, "whole"));
+}
+
+#[test]
+fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
+    // Slow enough that the run is still going when the signal arrives.
+    let place =
+        Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000"));
+    place.run("--out whole").with_code(0);
+    let mut child = place
+        .run_command("--out stopped --json")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let under_way = lines.any(|line| line.unwrap().contains("\"progress\""));
+    assert!(under_way, "the run ended before it could be interrupted");
+    kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).unwrap();
+    // Read to the end: a full pipe would block the program.
+    lines.for_each(drop);
+    let ended = Ended(child.wait_with_output().unwrap()).with_code(130);
+    assert!(ended.stderr().contains("ballast resume"), "{}", ended.stderr());
+    assert!(!place.path("stopped/summary.json").exists());
+
+    place.call("resume stopped/checkpoint.h5").with_code(0);
+    assert_eq!(place.summary("stopped"), place.summary("whole"));
+}
+
+#[test]
+fn an_unfinished_run_is_not_overwritten_by_mistake() {
+    let place = Place::new();
+    place.run("--out here --steps 20").with_code(0);
+    std::fs::remove_file(place.path("here/summary.json")).unwrap();
+    let refused = place.run("--out here").with_code(2);
+    assert!(refused.stderr().contains("resume"), "{}", refused.stderr());
+    place.run("--out here --steps 10 --force").with_code(0);
+    assert_eq!(place.summary("here")["steps"], 10);
+}
+
+#[test]
+fn threads_change_no_byte() {
+    for schedule in ["synchronous", "sequential"] {
+        let place = Place::new();
+        let summaries = ["1", "2", "4"].map(|threads| {
+            place
+                .run(&format!(
+                    "--out t{threads} --threads {threads} --schedule {schedule} --steps 60"
+                ))
+                .with_code(0);
+            place.summary(&format!("t{threads}"))
+        });
+        assert_eq!(summaries[0], summaries[1], "{schedule}");
+        assert_eq!(summaries[0], summaries[2], "{schedule}");
+    }
+}
+
+#[test]
+fn a_resumed_run_keeps_the_choices_of_the_command_line() {
+    let place = Place::new();
+    place.run("--out whole --schedule sequential --steps 50").with_code(0);
+    place.run("--out parts --schedule sequential --steps 20").with_code(0);
+    place.call("resume parts/checkpoint.h5 --steps 50").with_code(0);
+    assert_eq!(place.hash("parts"), place.hash("whole"));
+    place.run("--out other --schedule synchronous --steps 50").with_code(0);
+    assert_ne!(place.hash("other"), place.hash("whole"));
+}

@@ -1,0 +1,147 @@
+//! Beds and checkpoints of runs: everything needed to go on bit for bit, in one sealed file.
+//!
+//! Reads and writes: model, state, and the case they belong to. Cost: one copy in memory, one pass
+//! over the file for its digest. Contract: `read(write(x)) == x` bit for bit; a file that was
+//! changed anywhere is refused; a failed `write` leaves the earlier file as it was.
+
+use crate::columns::{self, Column, Data};
+use crate::error::{Error, Fault, Result, hdf5 as hdf5_error};
+use crate::hash;
+use crate::image::{self, Source};
+use crate::{decode, seal, validate};
+use ballast::model::Model;
+use ballast::state::State;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Version of the format that this program writes and reads.
+pub const VERSION: u32 = 1;
+
+pub(crate) const FORMAT: seal::Format =
+    seal::Format { name: "ballast-checkpoint", version: VERSION };
+
+/// Whether the file is where runs start from, or the middle of one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// A prepared bed.
+    Bed,
+    /// A run, to be resumed.
+    Run,
+}
+
+pub(crate) const KINDS: [(Kind, &str); 2] = [(Kind::Bed, "bed"), (Kind::Run, "run")];
+
+impl Kind {
+    /// The kind's word in files and messages.
+    pub fn name(self) -> &'static str {
+        columns::name_of(&KINDS, self)
+    }
+}
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    pub model: Model,
+    pub state: State,
+    pub kind: Kind,
+    /// Name of the case.
+    pub case_name: String,
+    /// The case file's text, as it was read.
+    pub case_text: String,
+    /// What the content depends on, for a cache: equal keys, equal beds.
+    pub key: String,
+    /// The caller's own notes.
+    pub extra: BTreeMap<String, String>,
+}
+
+/// Writes `checkpoint` to `path`, which is replaced only when all is on the disk.
+///
+/// Errors: [`Error::Refused`] for a model or state that could not be stepped (nothing is touched),
+/// [`Error::Io`] from the operating system (no room: the earlier file is left as it was).
+pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
+    let path = path.as_ref();
+    validate::check(&checkpoint.model, &checkpoint.state).map_err(|f| f.refused(path))?;
+    seal::write(path, &FORMAT, &image_of(path, checkpoint)?)
+}
+
+fn image_of(path: &Path, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
+    let file = image::new_image(path)?;
+    let columns = columns::of(&checkpoint.model, &checkpoint.state);
+    let fingerprint = format!("{:032x}", hash::of_columns(&columns));
+    for column in columns.iter().chain(&about(checkpoint, fingerprint)) {
+        image::put(&file, path, column)?;
+    }
+    image::bytes_of(&file, path)
+}
+
+fn about(checkpoint: &Checkpoint, fingerprint: String) -> Vec<Column> {
+    let texts = |name, texts| Column { name, width: 1, data: Data::Text(texts) };
+    let extra = &checkpoint.extra;
+    vec![
+        texts("about/format", vec![FORMAT.name.into()]),
+        Column { name: "about/version", width: 1, data: Data::U32(vec![VERSION]) },
+        texts("about/kind", vec![checkpoint.kind.name().into()]),
+        texts("about/case_name", vec![checkpoint.case_name.clone()]),
+        texts("about/case_text", vec![checkpoint.case_text.clone()]),
+        texts("about/key", vec![checkpoint.key.clone()]),
+        texts("about/extra_names", extra.keys().cloned().collect()),
+        texts("about/extra_values", extra.values().cloned().collect()),
+        texts("about/state_hash", vec![fingerprint]),
+    ]
+}
+
+/// Reads the checkpoint in `path`.
+///
+/// Errors: [`Error::Version`] for another version of the format; [`Error::Damaged`], with dataset,
+/// expected and found, for everything else that is not exactly what was written.
+pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
+    let path = path.as_ref();
+    let size = seal::check(path, &FORMAT)?;
+    let file = image::open(path).map_err(hdf5_error(path, "content"))?;
+    let source = Source { path, file: &file, size };
+    check_version(&source)?;
+    let model = decode::model(&source)?;
+    let state = decode::state(&source, model.body_count())?;
+    validate::check(&model, &state).map_err(|f| f.in_file(path))?;
+    check_fingerprint(&source, &model, &state)?;
+    let names = source.texts("about/extra_names", None)?;
+    let values = source.texts("about/extra_values", Some(names.len()))?;
+    Ok(Checkpoint {
+        kind: source.choice("about/kind", &KINDS)?,
+        case_name: source.text("about/case_name")?,
+        case_text: source.text("about/case_text")?,
+        key: source.text("about/key")?,
+        extra: names.into_iter().zip(values).collect(),
+        model,
+        state,
+    })
+}
+
+fn check_version(source: &Source) -> Result<()> {
+    let found = (source.text("about/format")?, source.number::<u32>("about/version")?);
+    if found == (FORMAT.name.to_string(), VERSION) {
+        return Ok(());
+    }
+    Err(Error::Version {
+        path: source.path.into(),
+        expected: format!("{} {VERSION}", FORMAT.name),
+        found: format!("{} {}", found.0, found.1),
+    })
+}
+
+fn check_fingerprint(source: &Source, model: &Model, state: &State) -> Result<()> {
+    let expected = source.text("about/state_hash")?;
+    let found = format!("{:032x}", hash::state_hash(model, state));
+    if expected == found {
+        return Ok(());
+    }
+    Err(Fault::new("about/state_hash", expected, found).in_file(source.path))
+}
+
+/// Seals a file again whose datasets were edited on purpose with another HDF5 program.
+///
+/// The values themselves are still checked by [`read`], against `about/state_hash` too.
+#[doc(hidden)]
+pub fn reseal(path: impl AsRef<Path>) -> Result<()> {
+    seal::reseal(path.as_ref(), &FORMAT)
+}

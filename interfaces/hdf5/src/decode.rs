@@ -1,0 +1,218 @@
+//! Model and state from the columns of a file.
+//!
+//! Reads: a [`Source`]. Contract: what comes back has consistent lengths; that its values make sense
+//! is [`crate::validate`]'s task.
+
+use crate::columns::{CONVEX, HALF_SPACE, NORMS, ROLES, SCHEDULES};
+use crate::error::{Fault, Result};
+use crate::image::Source;
+use ballast::geometry::{Edge, Polyhedron};
+use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::{DrivenBody, Grains, Model, Part, PartitionRule, Solver, Stepping};
+use ballast::state::{ContactMemory, EnergyLedger, State};
+use std::ops::Range;
+
+pub(crate) fn model(source: &Source) -> Result<Model> {
+    let shapes = shapes(source)?;
+    let ng = source.numbers::<u32>("grains/shape", None, 1)?;
+    let grains = Grains {
+        mass: source.reals("grains/mass", Some(ng.len()), 1)?,
+        inertia: vectors(source, "grains/inertia", Some(ng.len()))?,
+        shape: ng,
+    };
+    Ok(Model {
+        shapes,
+        grains,
+        driven: driven(source)?,
+        gravity: vectors(source, "model/gravity", Some(1))?[0],
+        grain_friction: source.real("model/grain_friction")?,
+        restitution: source.real("model/restitution")?,
+        stepping: Stepping {
+            step_ns: source.number("stepping/step_ns")?,
+            theta: source.real("stepping/theta")?,
+            alert: source.real("stepping/alert")?,
+        },
+        solver: solver(source)?,
+    })
+}
+
+pub(crate) fn state(source: &Source, bodies: usize) -> Result<State> {
+    let nb = Some(bodies);
+    let orientation = source.reals("state/orientation", nb, 4)?;
+    let energy = source.reals("state/energy", Some(6), 1)?;
+    Ok(State {
+        step: source.number("state/step")?,
+        time_ns: source.number("state/time_ns")?,
+        position: vectors(source, "state/position", nb)?,
+        orientation: orientation.as_chunks().0.iter().map(quaternion).collect(),
+        velocity: vectors(source, "state/velocity", nb)?,
+        spin: vectors(source, "state/spin", nb)?,
+        contacts: contacts(source)?,
+        drive: source.reals("state/drive", None, 1)?,
+        energy: EnergyLedger {
+            initial_kinetic: energy[0],
+            initial_potential: energy[1],
+            kinetic: energy[2],
+            potential: energy[3],
+            work_in: energy[4],
+            dissipated: energy[5],
+        },
+    })
+}
+
+fn contacts(source: &Source) -> Result<ContactMemory> {
+    let bodies: Vec<u32> = source.numbers("contacts/bodies", None, 2)?;
+    let bodies = bodies.as_chunks().0.to_vec();
+    let nc = Some(bodies.len());
+    Ok(ContactMemory {
+        bodies,
+        feature: source.numbers("contacts/feature", nc, 1)?,
+        local_point: vectors(source, "contacts/local_point", nc)?,
+        impulse: vectors(source, "contacts/impulse", nc)?,
+    })
+}
+
+/// The components as they were written: normalising again would change the last bits.
+fn quaternion(c: &[f64; 4]) -> Quat {
+    Quat::new_unchecked(nalgebra::Quaternion::new(c[0], c[1], c[2], c[3]))
+}
+
+fn vectors(source: &Source, name: &str, rows: Option<usize>) -> Result<Vec<Vec3>> {
+    let flat = source.reals(name, rows, 3)?;
+    Ok(flat.as_chunks::<3>().0.iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect())
+}
+
+/// Ranges into flat arrays, from starts `[items + 1]`; the last start is the arrays' length.
+fn ranges(source: &Source, name: &str, items: Option<usize>) -> Result<Vec<Range<usize>>> {
+    let starts: Vec<u64> = source.numbers(name, items.map(|n| n + 1), 1)?;
+    // No flat array can have more elements than the file has bytes.
+    let bounded = starts.last().is_some_and(|&n| n <= source.size);
+    if !bounded || starts[0] != 0 || !starts.is_sorted() {
+        let expected = format!("starts from 0, rising, up to {} at most", source.size);
+        let found = format!("{:?}", &starts[..starts.len().min(8)]);
+        return Err(Fault::new(name, expected, found).in_file(source.path));
+    }
+    Ok(starts.windows(2).map(|w| w[0] as usize..w[1] as usize).collect())
+}
+
+fn total(ranges: &[Range<usize>]) -> Option<usize> {
+    Some(ranges.last().map_or(0, |r| r.end))
+}
+
+fn shapes(source: &Source) -> Result<Vec<Polyhedron>> {
+    let volume = source.reals("shapes/volume", None, 1)?;
+    let ns = Some(volume.len());
+    let of_vertices = ranges(source, "shapes/first_vertex", ns)?;
+    let of_faces = ranges(source, "shapes/first_face", ns)?;
+    let of_corners = ranges(source, "shapes/first_face_vertex", ns)?;
+    let of_edges = ranges(source, "shapes/first_edge", ns)?;
+    let nf = total(&of_faces);
+
+    let vertices = vectors(source, "shapes/vertices", total(&of_vertices))?;
+    let normals = vectors(source, "shapes/face_normals", nf)?;
+    let offsets = source.reals("shapes/face_offsets", nf, 1)?;
+    // One start more than faces, for each shape.
+    let starts: Vec<u32> = source.numbers("shapes/face_starts", nf.map(|n| n + volume.len()), 1)?;
+    let corners: Vec<u16> = source.numbers("shapes/face_vertices", total(&of_corners), 1)?;
+    let edges: Vec<u16> = source.numbers("shapes/edges", total(&of_edges), 4)?;
+    let edges = edges.as_chunks::<4>().0;
+    let inertia = vectors(source, "shapes/unit_inertia", ns)?;
+    let radius = source.reals("shapes/radius", ns, 1)?;
+
+    let shape = |s: usize| Polyhedron {
+        vertices: vertices[of_vertices[s].clone()].to_vec(),
+        face_normals: normals[of_faces[s].clone()].to_vec(),
+        face_offsets: offsets[of_faces[s].clone()].to_vec(),
+        face_starts: starts[of_faces[s].start + s..of_faces[s].end + s + 1].to_vec(),
+        face_vertices: corners[of_corners[s].clone()].to_vec(),
+        edges: edges[of_edges[s].clone()].iter().map(edge).collect(),
+        volume: volume[s],
+        unit_inertia: inertia[s],
+        radius: radius[s],
+    };
+    Ok((0..volume.len()).map(shape).collect())
+}
+
+fn edge(e: &[u16; 4]) -> Edge {
+    Edge { vertices: [e[0], e[1]], faces: [e[2], e[3]] }
+}
+
+fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
+    let names = source.texts("driven/name", None)?;
+    let nd = Some(names.len());
+    let roles = source.texts("driven/role", nd)?;
+    let friction = source.reals("driven/friction", nd, 1)?;
+    let of_parts = ranges(source, "driven/first_part", nd)?;
+    let parts = parts(source, total(&of_parts))?;
+    let body = |(d, name): (usize, String)| {
+        Ok(DrivenBody {
+            name,
+            role: source.choose("driven/role", &roles[d], &ROLES)?,
+            friction: friction[d],
+            parts: parts[of_parts[d].clone()].to_vec(),
+        })
+    };
+    names.into_iter().enumerate().map(body).collect()
+}
+
+fn parts(source: &Source, count: Option<usize>) -> Result<Vec<Part>> {
+    let kinds: Vec<u8> = source.numbers("parts/kind", count, 1)?;
+    let shapes: Vec<u32> = source.numbers("parts/shape", count, 1)?;
+    let placements = source.reals("parts/placement", count, 7)?;
+    let part =
+        |((kind, shape), p): ((u8, u32), &[f64; 7])| match kind {
+            CONVEX => Ok(Part::Convex {
+                shape,
+                pose: Pose {
+                    position: Vec3::new(p[0], p[1], p[2]),
+                    orientation: quaternion(&[p[3], p[4], p[5], p[6]]),
+                },
+            }),
+            HALF_SPACE => Ok(Part::HalfSpace { normal: Vec3::new(p[0], p[1], p[2]), offset: p[3] }),
+            found => Err(Fault::new("parts/kind", "0 (convex) or 1 (half-space)", found)
+                .in_file(source.path)),
+        };
+    kinds.into_iter().zip(shapes).zip(placements.as_chunks().0).map(part).collect()
+}
+
+fn solver(source: &Source) -> Result<Solver> {
+    let tolerance = source.reals("solver/tolerance", None, 1)?;
+    if tolerance.len() > 1 {
+        let found = format!("{} values", tolerance.len());
+        let fault = Fault::new("solver/tolerance", "one value or none", found);
+        return Err(fault.in_file(source.path));
+    }
+    Ok(Solver {
+        schedule: source.choice("solver/schedule", &SCHEDULES)?,
+        partition: partition(source)?,
+        iterations: source.number("solver/iterations")?,
+        subdomain_sweeps: source.number("solver/subdomain_sweeps")?,
+        interface_sweeps: source.number("solver/interface_sweeps")?,
+        tolerance: tolerance.first().copied(),
+        norm: source.choice("solver/norm", &NORMS)?,
+        check_every: source.number("solver/check_every")?,
+        relaxation: source.real("solver/relaxation")?,
+        warm_start: match source.number::<u8>("solver/warm_start")? {
+            0 => false,
+            1 => true,
+            found => {
+                return Err(Fault::new("solver/warm_start", "0 or 1", found).in_file(source.path));
+            }
+        },
+    })
+}
+
+fn partition(source: &Source) -> Result<PartitionRule> {
+    let rule = source.text("solver/partition")?;
+    let numbers: Vec<u32> = source.numbers("solver/partition_numbers", None, 1)?;
+    match (rule.as_str(), &numbers[..]) {
+        ("boxes", &[x, y, z]) => Ok(PartitionRule::Boxes([x, y, z])),
+        ("balanced", &[n]) => Ok(PartitionRule::Balanced(n)),
+        ("contacts per", &[n]) => Ok(PartitionRule::ContactsPer(n)),
+        _ => {
+            let found = format!("{rule:?} with {} numbers", numbers.len());
+            let expected = "\"boxes\" with 3 numbers, \"balanced\" or \"contacts per\" with 1";
+            Err(Fault::new("solver/partition", expected, found).in_file(source.path))
+        }
+    }
+}

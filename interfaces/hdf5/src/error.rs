@@ -1,0 +1,72 @@
+//! What can go wrong with a file: which file, where in it, what was expected and what was found.
+
+use std::path::{Path, PathBuf};
+
+/// Errors of this crate.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused: no such file, no room, no permission.
+    #[error("{path}: cannot {action}: {source}")]
+    Io { path: PathBuf, action: &'static str, source: std::io::Error },
+    /// The HDF5 library refused.
+    #[error("{path}: {place}: {message}")]
+    Hdf5 { path: PathBuf, place: String, message: String },
+    /// The file is damaged, or no file of ours.
+    #[error("{path}: {place}: expected {expected}, found {found}")]
+    Damaged { path: PathBuf, place: String, expected: String, found: String },
+    /// The file was written in a format that this program does not read.
+    #[error("{path}: format: expected {expected}, found {found}")]
+    Version { path: PathBuf, expected: String, found: String },
+    /// What was to be written makes no sense; no file was touched.
+    #[error("{path}: not written: {place}: expected {expected}, found {found}")]
+    Refused { path: PathBuf, place: String, expected: String, found: String },
+    /// The thread that writes results is gone.
+    #[error("{path}: the writing thread ended early")]
+    WriterGone { path: PathBuf },
+}
+
+/// Result of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A value that is not what it should be; the caller knows the file.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Fault {
+    pub place: String,
+    pub expected: String,
+    pub found: String,
+}
+
+impl Fault {
+    pub fn new(
+        place: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl ToString,
+    ) -> Self {
+        Self { place: place.into(), expected: expected.into(), found: found.to_string() }
+    }
+
+    /// The fault of a file that was read.
+    pub fn in_file(self, path: &Path) -> Error {
+        let Self { place, expected, found } = self;
+        Error::Damaged { path: path.into(), place, expected, found }
+    }
+
+    /// The fault of something that was to be written.
+    pub fn refused(self, path: &Path) -> Error {
+        let Self { place, expected, found } = self;
+        Error::Refused { path: path.into(), place, expected, found }
+    }
+}
+
+pub(crate) fn io(
+    path: &Path,
+    action: &'static str,
+) -> impl FnOnce(std::io::Error) -> Error + use<> {
+    let path = path.to_path_buf();
+    move |source| Error::Io { path, action, source }
+}
+
+pub(crate) fn hdf5(path: &Path, place: &str) -> impl FnOnce(::hdf5::Error) -> Error + use<> {
+    let (path, place) = (path.to_path_buf(), place.to_string());
+    move |e| Error::Hdf5 { path, place, message: e.to_string() }
+}

@@ -1,0 +1,216 @@
+//! Columns to and from HDF5 datasets.
+//!
+//! Files are made in memory and written by [`crate::seal`]: the HDF5 library never sees a full disk,
+//! after which it can neither write nor close its file.
+//! Contract of reading: type, rank, width and number of rows are compared, and the claimed size is
+//! bounded by the file's, before anything is allocated.
+
+use crate::columns::{Column, Data};
+use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
+use hdf5::types::{TypeDescriptor, VarLenUnicode};
+use hdf5::{Dataset, File, H5Type};
+use std::path::Path;
+
+/// A file in memory, in the oldest format: later ones carry a checksum of their first block, which
+/// the library does not bring up to date in the image that it gives.
+pub(crate) fn new_image(path: &Path) -> Result<File> {
+    File::with_options()
+        .with_fapl(|p| p.core_options(1 << 20, false).libver_earliest())
+        .create(path)
+        .map_err(hdf5_error(path, "image in memory"))
+}
+
+/// Opens a file for reading, without a lock: readers never stand in a writer's way.
+pub(crate) fn open(path: &Path) -> hdf5::Result<File> {
+    File::with_options().with_fapl(|p| p.file_locking(false)).open(path)
+}
+
+/// The bytes of a file in memory.
+pub(crate) fn bytes_of(file: &File, path: &Path) -> Result<Vec<u8>> {
+    file.flush().map_err(hdf5_error(path, "image in memory"))?;
+    let failed = || io(path, "copy the image of")(std::io::Error::other("HDF5 gave no image"));
+    let id = file.id();
+    hdf5::sync::sync(|| {
+        // SAFETY: the library's lock is held; a null buffer of length 0 asks for the size.
+        let size = unsafe { hdf5_sys::h5f::H5Fget_file_image(id, std::ptr::null_mut(), 0) };
+        let mut image = vec![0_u8; usize::try_from(size).map_err(|_| failed())?];
+        // SAFETY: the buffer is as long as said, and no other thread writes the file in between.
+        let copied =
+            unsafe { hdf5_sys::h5f::H5Fget_file_image(id, image.as_mut_ptr().cast(), image.len()) };
+        if copied == size { Ok(image) } else { Err(failed()) }
+    })
+}
+
+/// Writes one column as a dataset; its group is made when needed.
+pub(crate) fn put(file: &File, path: &Path, column: &Column) -> Result<()> {
+    let name = column.name;
+    let done = match &column.data {
+        Data::F64(v) => put_array(file, name, column.width, v),
+        Data::U64(v) => put_array(file, name, column.width, v),
+        Data::U32(v) => put_array(file, name, column.width, v),
+        Data::U16(v) => put_array(file, name, column.width, v),
+        Data::U8(v) => put_array(file, name, column.width, v),
+        Data::Text(v) => {
+            let texts: std::result::Result<Vec<VarLenUnicode>, _> =
+                v.iter().map(|t| t.parse()).collect();
+            match texts {
+                Ok(texts) => put_array(file, name, 1, &texts),
+                Err(_) => {
+                    let fault = Fault::new(name, "text without NUL", format!("{v:?}"));
+                    return Err(fault.refused(path));
+                }
+            }
+        }
+    };
+    done.map_err(hdf5_error(path, name))
+}
+
+fn put_array<T: H5Type>(file: &File, name: &str, width: usize, values: &[T]) -> hdf5::Result<()> {
+    // Without times, so that equal content makes equal bytes.
+    let builder = file
+        .new_dataset::<T>()
+        .obj_track_times(false)
+        .no_chunk()
+        .with_lcpl(|p| p.create_intermediate_group(true));
+    let dataset = match width {
+        1 => builder.shape(values.len()).create(name)?,
+        _ => builder.shape((values.len() / width, width)).create(name)?,
+    };
+    // A dataset without rows has no storage to write to.
+    if values.is_empty() { Ok(()) } else { dataset.write_raw(values) }
+}
+
+/// A file that is read column by column.
+pub(crate) struct Source<'a> {
+    pub path: &'a Path,
+    pub file: &'a File,
+    /// Size of the file, bytes: an uncompressed dataset cannot be larger.
+    pub size: u64,
+}
+
+impl Source<'_> {
+    /// Numbers `[rows, width]`, flat; any number of rows if `rows` is `None`.
+    pub fn numbers<T: H5Type>(
+        &self,
+        name: &str,
+        rows: Option<usize>,
+        width: usize,
+    ) -> Result<Vec<T>> {
+        let dataset = self.dataset(name)?;
+        self.check_type(&dataset, name, &T::type_descriptor())?;
+        self.check_shape(&dataset, name, rows, width)?;
+        dataset.read_raw().map_err(hdf5_error(self.path, name))
+    }
+
+    /// Finite numbers `[rows, width]`, flat.
+    pub fn reals(&self, name: &str, rows: Option<usize>, width: usize) -> Result<Vec<f64>> {
+        let values: Vec<f64> = self.numbers(name, rows, width)?;
+        match values.iter().position(|v| !v.is_finite()) {
+            None => Ok(values),
+            Some(i) => {
+                let found = format!("{} in row {}", values[i], i / width);
+                Err(Fault::new(name, "finite numbers", found).in_file(self.path))
+            }
+        }
+    }
+
+    /// The single number in `name`.
+    pub fn number<T: H5Type + Copy>(&self, name: &str) -> Result<T> {
+        Ok(self.numbers(name, Some(1), 1)?[0])
+    }
+
+    /// The single finite number in `name`.
+    pub fn real(&self, name: &str) -> Result<f64> {
+        Ok(self.reals(name, Some(1), 1)?[0])
+    }
+
+    /// Texts `[rows]`.
+    pub fn texts(&self, name: &str, rows: Option<usize>) -> Result<Vec<String>> {
+        let dataset = self.dataset(name)?;
+        self.check_type(&dataset, name, &TypeDescriptor::VarLenUnicode)?;
+        self.check_shape(&dataset, name, rows, 1)?;
+        let texts: Vec<VarLenUnicode> = dataset.read_raw().map_err(hdf5_error(self.path, name))?;
+        // The library promises UTF-8 without looking.
+        let checked = texts.iter().map(|t| String::from_utf8(t.as_bytes().to_vec()));
+        checked.collect::<std::result::Result<_, _>>().map_err(|e| {
+            Fault::new(name, "UTF-8", format!("{:?}", e.as_bytes())).in_file(self.path)
+        })
+    }
+
+    /// The single text in `name`.
+    pub fn text(&self, name: &str) -> Result<String> {
+        Ok(self.texts(name, Some(1))?.swap_remove(0))
+    }
+
+    /// The single text in `name`, as one of the values of `table`.
+    pub fn choice<T: Copy>(&self, name: &str, table: &[(T, &str)]) -> Result<T> {
+        self.choose(name, &self.text(name)?, table)
+    }
+
+    pub fn choose<T: Copy>(&self, name: &str, text: &str, table: &[(T, &str)]) -> Result<T> {
+        table.iter().find(|(_, n)| *n == text).map(|(value, _)| *value).ok_or_else(|| {
+            let names: Vec<_> = table.iter().map(|(_, n)| format!("{n:?}")).collect();
+            Fault::new(name, names.join(" or "), format!("{text:?}")).in_file(self.path)
+        })
+    }
+
+    fn dataset(&self, name: &str) -> Result<Dataset> {
+        // Link by link: the library does not look for "a/b" where "a" is missing.
+        let mut here = String::new();
+        for part in name.split('/') {
+            here.push_str(part);
+            if !self.file.link_exists(&here) {
+                return Err(Fault::new(name, "a dataset", "nothing").in_file(self.path));
+            }
+            here.push('/');
+        }
+        self.file
+            .dataset(name)
+            .map_err(|_| Fault::new(name, "a dataset", "something else").in_file(self.path))
+    }
+
+    fn check_type(&self, dataset: &Dataset, name: &str, expected: &TypeDescriptor) -> Result<()> {
+        match dataset.dtype().and_then(|t| t.to_descriptor()) {
+            Ok(found) if found == *expected => Ok(()),
+            Ok(found) => {
+                Err(Fault::new(name, format!("type {expected}"), found).in_file(self.path))
+            }
+            Err(_) => {
+                Err(Fault::new(name, format!("type {expected}"), "another").in_file(self.path))
+            }
+        }
+    }
+
+    fn check_shape(
+        &self,
+        dataset: &Dataset,
+        name: &str,
+        rows: Option<usize>,
+        width: usize,
+    ) -> Result<()> {
+        let shape = dataset.get_shape().map_err(hdf5_error(self.path, name))?;
+        let fits = match *shape {
+            [n] if width == 1 => rows.is_none_or(|r| r == n),
+            [n, w] if width > 1 => w == width && rows.is_none_or(|r| r == n),
+            _ => false,
+        };
+        if !fits {
+            let rows = rows.map_or("any".into(), |r| r.to_string());
+            let expected = match width {
+                1 => format!("shape [{rows}]"),
+                _ => format!("shape [{rows}, {width}]"),
+            };
+            return Err(Fault::new(name, expected, format!("{shape:?}")).in_file(self.path));
+        }
+        let bytes =
+            shape.iter().try_fold(dataset.dtype().map_or(1, |t| t.size()) as u64, |b, &n| {
+                b.checked_mul(n as u64)
+            });
+        if bytes.is_none_or(|b| b > self.size) || dataset.is_chunked() {
+            let expected = format!("plain data of at most the file's {} bytes", self.size);
+            let found = format!("shape {shape:?}, chunked: {}", dataset.is_chunked());
+            return Err(Fault::new(name, expected, found).in_file(self.path));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,153 @@
+//! What a file of ours is, in a few lines.
+//!
+//! Reads: a checkpoint, which is checked as a whole, or the tables of contents of a results file.
+
+use crate::checkpoint;
+use crate::error::Result;
+use crate::hash::state_hash;
+use crate::results::{self, Reader};
+use crate::seal;
+use serde_json::{Value, json};
+use std::fmt;
+use std::path::Path;
+
+/// Summary of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// `bed`, `run` or `results`.
+    pub kind: &'static str,
+    /// Version of the file's format.
+    pub version: u32,
+    pub case_name: String,
+    pub key: String,
+    pub grains: u64,
+    /// Names of the driven bodies.
+    pub driven: Vec<String>,
+    /// Last step, and its simulated time, s.
+    pub step: Option<u64>,
+    pub time: Option<f64>,
+    /// Contacts that the next solve starts from; in beds and checkpoints.
+    pub contacts: Option<u64>,
+    /// [`state_hash`]; in beds and checkpoints.
+    pub hash: Option<u128>,
+    /// Number of frames; in results.
+    pub frames: Option<u64>,
+    /// Name, columns and rows of the tables; in results.
+    pub series: Vec<(String, u64, u64)>,
+    /// Bytes.
+    pub size: u64,
+}
+
+/// Tells what `path` holds.
+///
+/// Errors: as [`checkpoint::read`] and [`Reader::open`].
+pub fn inspect(path: impl AsRef<Path>) -> Result<Summary> {
+    let path = path.as_ref();
+    if starts_like_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
+}
+
+/// Results have no header of ours; everything else is for the checkpoint's reader to judge.
+fn starts_like_hdf5(path: &Path) -> Result<bool> {
+    Ok(seal::start_of(path)?.starts_with(b"\x89HDF"))
+}
+
+fn size(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |m| m.len())
+}
+
+fn of_checkpoint(path: &Path) -> Result<Summary> {
+    let checkpoint = checkpoint::read(path)?;
+    let (model, state) = (&checkpoint.model, &checkpoint.state);
+    Ok(Summary {
+        kind: checkpoint.kind.name(),
+        version: checkpoint::VERSION,
+        grains: model.grains.len() as u64,
+        driven: model.driven.iter().map(|d| d.name.clone()).collect(),
+        step: Some(state.step),
+        time: Some(state.time()),
+        contacts: Some(state.contacts.bodies.len() as u64),
+        hash: Some(state_hash(model, state)),
+        frames: None,
+        series: vec![],
+        size: size(path),
+        case_name: checkpoint.case_name,
+        key: checkpoint.key,
+    })
+}
+
+fn of_results(path: &Path) -> Result<Summary> {
+    let reader = Reader::open(path)?;
+    let (grains, driven) = reader.bodies()?;
+    let mut series = vec![];
+    for name in reader.series_names()? {
+        let table = reader.series(&name)?;
+        series.push((name, table.columns.len() as u64, table.steps.len() as u64));
+    }
+    Ok(Summary {
+        kind: "results",
+        version: results::VERSION,
+        case_name: reader.about("case_name")?,
+        key: reader.about("key")?,
+        grains,
+        driven,
+        step: reader.steps().last().copied(),
+        time: reader.times()?.last().copied(),
+        contacts: None,
+        hash: None,
+        frames: Some(reader.steps().len() as u64),
+        series,
+        size: size(path),
+    })
+}
+
+impl Summary {
+    /// The summary for programs; absent values are left out.
+    pub fn to_json(&self) -> Value {
+        let mut value = json!({
+            "kind": self.kind,
+            "version": self.version,
+            "case_name": self.case_name,
+            "key": self.key,
+            "grains": self.grains,
+            "driven": self.driven,
+            "step": self.step,
+            "time_s": self.time,
+            "contacts": self.contacts,
+            "hash": self.hash.map(|h| format!("{h:032x}")),
+            "frames": self.frames,
+            "bytes": self.size,
+        });
+        if self.frames.is_some() {
+            let table = |(name, columns, rows): &(String, u64, u64)| json!({ "name": name, "columns": columns, "rows": rows });
+            value["series"] = self.series.iter().map(table).collect();
+        }
+        if let Value::Object(map) = &mut value {
+            map.retain(|_, v| !v.is_null());
+        }
+        value
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        writeln!(f, "kind      {} (format {})", self.kind, self.version)?;
+        writeln!(f, "case      {}", self.case_name)?;
+        writeln!(f, "bodies    {} grains, {} driven", self.grains, self.driven.len())?;
+        if let (Some(step), Some(time)) = (self.step, self.time) {
+            writeln!(f, "time      {time} s, step {step}")?;
+        }
+        if let Some(contacts) = self.contacts {
+            writeln!(f, "contacts  {contacts}")?;
+        }
+        if let Some(hash) = self.hash {
+            writeln!(f, "hash      {hash:032x}")?;
+        }
+        if let Some(frames) = self.frames {
+            writeln!(f, "frames    {frames}")?;
+        }
+        for (name, columns, rows) in &self.series {
+            writeln!(f, "series    {name}: {columns} columns, {rows} rows")?;
+        }
+        write!(f, "size      {} bytes", self.size)
+    }
+}

@@ -1,0 +1,119 @@
+//! Results written by a thread of their own, while the simulation goes on.
+//!
+//! Contract: the same file as [`Writer`] makes; at most `frames` frames wait in memory, then the
+//! simulation waits; the first error stops writing and is returned by the next call.
+
+use super::{Snapshot, Writer};
+use crate::error::{Error, Result};
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::workspace::Workspace;
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+enum Message {
+    Frame(Box<Snapshot>),
+    Series(String, Vec<(String, String)>),
+    Row(String, u64, Vec<f64>),
+    Flush(SyncSender<()>),
+}
+
+/// A [`Writer`] on its own thread.
+#[derive(Debug)]
+pub struct Background {
+    path: PathBuf,
+    /// `None` once writing has ended.
+    sender: Option<SyncSender<Message>>,
+    thread: Option<JoinHandle<Result<()>>>,
+}
+
+impl Background {
+    /// Moves `writer` to a thread; up to `waiting` frames and rows wait for it, at least one.
+    pub fn new(writer: Writer, waiting: usize) -> Self {
+        let path = writer.path().to_path_buf();
+        let (sender, receiver) = sync_channel(waiting.max(1));
+        let thread = std::thread::spawn(move || serve(writer, receiver));
+        Self { path, sender: Some(sender), thread: Some(thread) }
+    }
+
+    /// Takes a frame and hands it over; see [`Writer::frame`].
+    pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
+        self.send(Message::Frame(Box::new(Snapshot::take(model, state, workspace))))
+    }
+
+    /// See [`Writer::series`].
+    pub fn series(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
+        let columns = columns.iter().map(|(n, u)| (n.to_string(), u.to_string())).collect();
+        self.send(Message::Series(name.into(), columns))
+    }
+
+    /// See [`Writer::append`].
+    pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
+        self.send(Message::Row(name.into(), step, row.to_vec()))
+    }
+
+    /// Returns when all that was handed over is with the operating system.
+    pub fn flush(&mut self) -> Result<()> {
+        let (done, wait) = sync_channel(1);
+        self.send(Message::Flush(done))?;
+        match wait.recv() {
+            Ok(()) => Ok(()),
+            Err(_) => Err(self.end()),
+        }
+    }
+
+    /// Writes what is waiting, completes the file, and returns the first error, if any.
+    pub fn close(mut self) -> Result<()> {
+        self.sender = None;
+        self.join()
+    }
+
+    fn send(&mut self, message: Message) -> Result<()> {
+        let sent = self.sender.as_ref().is_some_and(|sender| sender.send(message).is_ok());
+        if sent { Ok(()) } else { Err(self.end()) }
+    }
+
+    /// Why the thread ended.
+    fn end(&mut self) -> Error {
+        self.sender = None;
+        match self.join() {
+            Err(error) => error,
+            Ok(()) => Error::WriterGone { path: self.path.clone() },
+        }
+    }
+
+    fn join(&mut self) -> Result<()> {
+        let gone = || Error::WriterGone { path: self.path.clone() };
+        self.thread.take().ok_or_else(gone)?.join().unwrap_or_else(|_| Err(gone()))
+    }
+}
+
+impl Drop for Background {
+    /// What was handed over is written, also when an error elsewhere ends the run.
+    fn drop(&mut self) {
+        self.sender = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn serve(mut writer: Writer, receiver: Receiver<Message>) -> Result<()> {
+    for message in receiver {
+        match message {
+            Message::Frame(frame) => writer.write(&frame)?,
+            Message::Series(name, columns) => {
+                let columns: Vec<_> = columns.iter().map(|(n, u)| (&n[..], &u[..])).collect();
+                writer.series(&name, &columns)?;
+            }
+            Message::Row(name, step, row) => writer.append(&name, step, &row)?,
+            Message::Flush(done) => {
+                writer.flush()?;
+                // The other side may have given up waiting.
+                let _ = done.send(());
+            }
+        }
+    }
+    writer.close()
+}

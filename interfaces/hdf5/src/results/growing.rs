@@ -1,0 +1,147 @@
+//! Datasets that grow by rows, compressed, and texts beside them.
+
+use hdf5::types::{FixedAscii, VarLenUnicode};
+use hdf5::{Dataset, Group, H5Type, Result};
+use ndarray::{ArrayView, IxDyn, SliceInfo, SliceInfoElem};
+
+/// Largest number of rows in a chunk: the unit that is compressed and read.
+const CHUNK_ROWS: usize = 1 << 16;
+
+/// Rows of an uncompressed chunk, by bytes of a row.
+const TABLE_BYTES: usize = 1 << 11;
+
+/// An empty dataset of rows `[tail..]` for [`append_portion`]s of about `portion` rows; compressed.
+pub(crate) fn create<T: H5Type>(
+    group: &Group,
+    name: &str,
+    tail: &[usize],
+    portion: usize,
+) -> Result<()> {
+    let portion = portion.max(16);
+    let rows = portion.div_ceil(portion.div_ceil(CHUNK_ROWS));
+    let builder = group.new_dataset::<T>().shuffle();
+    // Level 1: half the time of the usual 6 for a few percent more bytes.
+    finish(builder.deflate(1), name, tail, rows)
+}
+
+/// An empty dataset of rows `[tail..]` for [`append`]; plain.
+///
+/// A compressed chunk that gets more rows changes its size and place: if the program is killed then,
+/// its earlier rows are lost. A plain one just gets more rows.
+pub(crate) fn create_table<T: H5Type>(group: &Group, name: &str, tail: &[usize]) -> Result<()> {
+    let row = size_of::<T>() * tail.iter().product::<usize>().max(1);
+    finish(group.new_dataset::<T>(), name, tail, TABLE_BYTES.div_ceil(row))
+}
+
+/// An empty dataset of rows `[tail..]`, each of them large and compressed on its own.
+pub(crate) fn create_one_by_one<T: H5Type>(
+    group: &Group,
+    name: &str,
+    tail: [usize; 2],
+) -> Result<()> {
+    finish(group.new_dataset::<T>().shuffle().deflate(1), name, &tail, 1)
+}
+
+fn finish(
+    builder: hdf5::DatasetBuilderEmpty,
+    name: &str,
+    tail: &[usize],
+    rows: usize,
+) -> Result<()> {
+    let mut chunk = vec![rows];
+    chunk.extend_from_slice(tail);
+    let builder = builder.obj_track_times(false).chunk(chunk);
+    match *tail {
+        [] => builder.shape(0..).create(name)?,
+        [a] => builder.shape((0.., a)).create(name)?,
+        [a, b, ..] => builder.shape((0.., a, b)).create(name)?,
+    };
+    Ok(())
+}
+
+/// Appends rows that begin in a chunk of their own, so that no compressed chunk is written twice.
+/// Returns the first new row; there may be unused rows before it.
+pub(crate) fn append_portion<T: H5Type>(group: &Group, name: &str, values: &[T]) -> Result<usize> {
+    let dataset = group.dataset(name)?;
+    let chunk = dataset.chunk().and_then(|c| c.first().copied()).unwrap_or(1);
+    write(&dataset, dataset.shape()[0].next_multiple_of(chunk), values)
+}
+
+/// Appends rows; `values.len()` is a multiple of a row's size. Returns the first new row.
+pub(crate) fn append<T: H5Type>(group: &Group, name: &str, values: &[T]) -> Result<usize> {
+    let dataset = group.dataset(name)?;
+    write(&dataset, dataset.shape()[0], values)
+}
+
+fn write<T: H5Type>(dataset: &Dataset, first: usize, values: &[T]) -> Result<usize> {
+    let mut shape = dataset.shape();
+    let more = values.len() / shape[1..].iter().product::<usize>();
+    if more == 0 {
+        // Not the row after the end: offsets must lie inside, or at the end.
+        return Ok(shape[0]);
+    }
+    shape[0] = first + more;
+    dataset.resize(shape.clone())?;
+    shape[0] = more;
+    let view = ArrayView::from_shape(IxDyn(&shape), values)?;
+    dataset.write_slice(view, rows(first..first + more, shape.len())?)?;
+    Ok(first)
+}
+
+type Rows = SliceInfo<Vec<SliceInfoElem>, IxDyn, IxDyn>;
+
+/// Selects rows, and all of the further dimensions.
+fn rows(rows: std::ops::Range<usize>, dimensions: usize) -> Result<Rows> {
+    let all = SliceInfoElem::Slice { start: 0, end: None, step: 1 };
+    let mut slices = vec![all; dimensions];
+    slices[0] =
+        SliceInfoElem::Slice { start: rows.start as isize, end: Some(rows.end as isize), step: 1 };
+    Ok(SliceInfo::try_from(slices)?)
+}
+
+/// Reads rows, flat.
+pub(crate) fn read<T: H5Type>(dataset: &Dataset, range: std::ops::Range<usize>) -> Result<Vec<T>> {
+    if range.is_empty() {
+        return Ok(vec![]);
+    }
+    let array = dataset.read_slice::<T, _, IxDyn>(rows(range, dataset.ndim())?)?;
+    Ok(array.into_iter().collect())
+}
+
+/// Cuts a dataset to its first `rows` rows; shorter ones stay.
+pub(crate) fn truncate(group: &Group, name: &str, rows: usize) -> Result<()> {
+    let dataset = group.dataset(name)?;
+    let mut shape = dataset.shape();
+    if shape[0] > rows {
+        shape[0] = rows;
+        dataset.resize(shape.clone())?;
+    }
+    Ok(())
+}
+
+/// A fixed-length text attribute, the only kind that VTK's reader takes for types.
+pub(crate) fn ascii<const N: usize>(group: &Group, name: &str, value: &[u8; N]) -> Result<()> {
+    let text = FixedAscii::<N>::from_ascii(value).map_err(|e| e.to_string())?;
+    group.new_attr::<FixedAscii<N>>().create(name)?.write_scalar(&text)
+}
+
+pub(crate) fn number<T: H5Type>(group: &Group, name: &str, value: T) -> Result<()> {
+    match group.attr(name) {
+        Ok(attribute) => attribute.write_scalar(&value),
+        Err(_) => group.new_attr::<T>().create(name)?.write_scalar(&value),
+    }
+}
+
+pub(crate) fn texts(group: &Group, name: &str, values: &[&str]) -> Result<()> {
+    let texts: std::result::Result<Vec<VarLenUnicode>, _> =
+        values.iter().map(|v| v.parse()).collect();
+    let texts = texts.map_err(|e| e.to_string())?;
+    let attribute = group.new_attr::<VarLenUnicode>().shape(texts.len()).create(name)?;
+    if texts.is_empty() { Ok(()) } else { attribute.write_raw(&texts) }
+}
+
+/// Texts of an attribute; the library itself does not look whether they are UTF-8.
+pub(crate) fn read_texts(group: &Group, name: &str) -> Result<Vec<String>> {
+    let texts: Vec<VarLenUnicode> = group.attr(name)?.read_raw()?;
+    Ok(texts.iter().map(|t| String::from_utf8_lossy(t.as_bytes()).into_owned()).collect())
+}

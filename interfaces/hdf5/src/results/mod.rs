@@ -1,0 +1,382 @@
+//! Results of a run: one HDF5 file that viewers open as it is.
+//!
+//! `/VTKHDF`: frames, for ParaView and VTK 9.4 on: blocks `grains`, `sleepers`, `tines`, `boundary`
+//! (true polyhedra; cell data `body`, `speed` m/s, `load` N) and `contacts` (points that carry a
+//! force). `/frames`: step of each frame, poses. `/series`: tables of numbers over the steps.
+//! `/about`: the case. Reads: model, state, workspace.
+//! Contract: after [`Writer::frame`] everything so far is with the operating system; a run that is
+//! killed leaves a file that is readable up to its last frame, or series' last flush.
+
+mod background;
+mod block;
+mod growing;
+mod reader;
+mod series;
+mod snapshot;
+mod surface;
+
+pub use background::Background;
+pub use reader::{Array, BlockFrame, Reader, Table};
+pub use snapshot::Snapshot;
+
+use crate::columns;
+use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
+use crate::hash;
+use ballast::geometry::Polyhedron;
+use ballast::math::{Pose, Vec3};
+use ballast::model::{DrivenBody, Model};
+use ballast::state::State;
+use ballast::workspace::Workspace;
+use block::{Block, On};
+use hdf5::plist::file_access::{
+    CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig,
+};
+use hdf5::{File, Group};
+use series::Buffer;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use surface::{Extent, Surface};
+
+/// Version of the format that this program writes and reads.
+pub const VERSION: u32 = 1;
+
+pub(crate) const FORMAT: &str = "ballast-results";
+
+/// What a results file says about where it comes from.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Meta {
+    pub case_name: String,
+    /// The case file's text, as it was read.
+    pub case_text: String,
+    /// Key of the bed that the run started from.
+    pub key: String,
+    /// Name and version of the writing program.
+    pub program: String,
+}
+
+/// Writes the results of one run. Belongs to one thread: HDF5 serialises all calls anyway.
+#[derive(Debug)]
+pub struct Writer {
+    path: PathBuf,
+    file: File,
+    model: Model,
+    last_step: Option<u64>,
+    /// Known from the first frame on.
+    surfaces: Vec<Surface>,
+    series: BTreeMap<String, Buffer>,
+}
+
+/// Opens for writing so that a kill between two flushes leaves the file of the first one.
+fn open(path: &Path, new: bool) -> hdf5::Result<File> {
+    let mut options = File::with_options();
+    options.with_fapl(|p| {
+        // Not 1.10: its files carry a mark while they are written, and none would open after a kill.
+        p.libver_v18();
+        // A viewer may look on; many parallel file systems have no locks anyway.
+        p.file_locking(false);
+        // Metadata reach the file in a flush, all together, never in between.
+        p.mdc_config(&MetadataCacheConfig {
+            evictions_enabled: false,
+            incr_mode: CacheIncreaseMode::Off,
+            flash_incr_mode: FlashIncreaseMode::Off,
+            decr_mode: CacheDecreaseMode::Off,
+            ..MetadataCacheConfig::default()
+        })
+    });
+    if new { options.create(path) } else { options.open_rw(path) }
+}
+
+impl Writer {
+    /// Starts a new file; one that is there is replaced.
+    pub fn create(path: impl AsRef<Path>, model: &Model, meta: &Meta) -> Result<Self> {
+        let path = path.as_ref();
+        // The library's message for a missing folder does not say so.
+        std::fs::File::create(path).map_err(io(path, "create"))?;
+        let file = open(path, true).map_err(hdf5_error(path, "file"))?;
+        let writer = Self {
+            path: path.into(),
+            file,
+            model: model.clone(),
+            last_step: None,
+            surfaces: vec![],
+            series: BTreeMap::new(),
+        };
+        writer.start(meta).map_err(hdf5_error(path, "start of the file"))?;
+        Ok(writer)
+    }
+
+    fn start(&self, meta: &Meta) -> hdf5::Result<()> {
+        let about = self.file.create_group("about")?;
+        growing::texts(&about, "format", &[FORMAT])?;
+        growing::number(&about, "version", VERSION)?;
+        growing::texts(&about, "case_name", &[&meta.case_name])?;
+        growing::texts(&about, "case_text", &[&meta.case_text])?;
+        growing::texts(&about, "key", &[&meta.key])?;
+        growing::texts(&about, "program", &[&meta.program])?;
+        growing::texts(&about, "bodies_hash", &[&bodies_hash(&self.model)])?;
+        growing::number(&about, "grains", self.model.grains.len() as u64)?;
+        let driven = &self.model.driven;
+        let names: Vec<&str> = driven.iter().map(|d| d.name.as_str()).collect();
+        let role = |d: &DrivenBody| columns::name_of(&columns::ROLES, d.role);
+        growing::texts(&about, "driven", &names)?;
+        growing::texts(&about, "driven_roles", &driven.iter().map(role).collect::<Vec<_>>())?;
+        let frames = self.file.create_group("frames")?;
+        let nb = self.model.body_count();
+        growing::create_table::<u64>(&frames, "step", &[])?;
+        growing::create_one_by_one::<f64>(&frames, "position", [nb.max(1), 3])?;
+        growing::create_one_by_one::<f64>(&frames, "orientation", [nb.max(1), 4])?;
+        self.file.create_group("series")?;
+        self.file.flush()
+    }
+
+    /// Goes on with an earlier file, from the checkpoint of step `at_step`: later frames and rows,
+    /// which a run wrote before it was stopped, are forgotten.
+    pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
+        let path = path.as_ref();
+        let reader = Reader::open(path)?;
+        let about = reader.about("bodies_hash")?;
+        let expected = bodies_hash(model);
+        if about != expected {
+            let fault = Fault::new("bodies", format!("those of the file, {about}"), expected);
+            return Err(fault.refused(path));
+        }
+        let steps = reader.steps().to_vec();
+        let poses = if steps.is_empty() { None } else { Some(reader.poses(0)?) };
+        let tables = reader.series_names()?;
+        drop(reader);
+        let file = open(path, false).map_err(hdf5_error(path, "file"))?;
+        let kept = steps.partition_point(|&step| step <= at_step);
+        let mut writer = Self {
+            path: path.into(),
+            file,
+            model: model.clone(),
+            last_step: kept.checked_sub(1).map(|k| steps[k]),
+            surfaces: vec![],
+            series: BTreeMap::new(),
+        };
+        if let Some(poses) = poses {
+            let extent = surface::extent(model, &poses);
+            writer.surfaces = surface::all(model, &poses, &extent);
+        }
+        writer.cut(kept, at_step, &tables).map_err(hdf5_error(path, "earlier frames"))?;
+        Ok(writer)
+    }
+
+    fn cut(&mut self, frames: usize, at_step: u64, tables: &[String]) -> hdf5::Result<()> {
+        if frames == 0 {
+            // Without a frame, the next one decides anew how large half-spaces are drawn.
+            self.surfaces.clear();
+            if self.file.link_exists("VTKHDF") {
+                self.file.unlink("VTKHDF")?;
+            }
+        } else {
+            let root = self.file.group("VTKHDF")?;
+            for name in Block::names(&root)? {
+                Block::open(&root, &name)?.truncate(frames)?;
+            }
+        }
+        let group = self.file.group("frames")?;
+        for name in ["step", "position", "orientation"] {
+            growing::truncate(&group, name, frames)?;
+        }
+        for name in tables {
+            let table = Buffer::open(&self.file.group("series")?, name, at_step)?;
+            self.series.insert(name.clone(), table);
+        }
+        self.file.flush()
+    }
+
+    /// Writes a frame: bodies and forces after a step. Later than the frame before.
+    pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
+        self.write(&Snapshot::take(model, state, workspace))
+    }
+
+    /// Writes a frame that was taken before.
+    pub fn write(&mut self, frame: &Snapshot) -> Result<()> {
+        let nb = self.model.body_count();
+        if frame.poses.len() != nb || frame.speed.len() != nb {
+            let fault = Fault::new("frame", format!("{nb} bodies"), frame.poses.len());
+            return Err(fault.refused(&self.path));
+        }
+        if let Some(last) = self.last_step.filter(|&last| frame.step <= last) {
+            let fault = Fault::new("frame", format!("a step after {last}"), frame.step);
+            return Err(fault.refused(&self.path));
+        }
+        let place = format!("frame of step {}", frame.step);
+        self.add(frame).map_err(hdf5_error(&self.path, &place))?;
+        self.last_step = Some(frame.step);
+        self.flush()
+    }
+
+    fn add(&mut self, frame: &Snapshot) -> hdf5::Result<()> {
+        if !self.file.link_exists("VTKHDF") {
+            self.lay_out(frame)?;
+        }
+        let root = self.file.group("VTKHDF")?;
+        let shapes = &self.model.shapes;
+        for surface in &self.surfaces {
+            add_surface(&Block::open(&root, surface.name)?, surface, shapes, frame)?;
+        }
+        add_contacts(&Block::open(&root, "contacts")?, frame)?;
+        let group = self.file.group("frames")?;
+        let position: Vec<f64> =
+            frame.poses.iter().flat_map(|p| [p.position.x, p.position.y, p.position.z]).collect();
+        let orientation: Vec<f64> =
+            frame.poses.iter().map(|p| p.orientation).flat_map(|q| [q.w, q.i, q.j, q.k]).collect();
+        if !frame.poses.is_empty() {
+            growing::append(&group, "position", &position)?;
+            growing::append(&group, "orientation", &orientation)?;
+        }
+        // All data are there before anything says so: a kill in between costs this frame alone.
+        self.file.flush()?;
+        for name in Block::names(&root)? {
+            Block::open(&root, &name)?.show()?;
+        }
+        growing::append(&group, "step", &[frame.step]).map(drop)
+    }
+
+    /// Makes the blocks, once the first frame tells the size of the scene.
+    fn lay_out(&mut self, frame: &Snapshot) -> hdf5::Result<()> {
+        let root = block::create_root(&self.file)?;
+        let extent: Extent = surface::extent(&self.model, &frame.poses);
+        self.surfaces = surface::all(&self.model, &frame.poses, &extent);
+        let shapes = &self.model.shapes;
+        for (index, surface) in self.surfaces.iter().enumerate() {
+            let points = surface.points(shapes, &frame.poses).len();
+            let (starts, corners, bodies) = surface.topology(shapes);
+            let block = Block::create(&root, surface.name, index, points)?;
+            for name in ["speed", "load"] {
+                block.declare::<f32>(On::Cells, name, 1, bodies.len())?;
+            }
+            block.declare::<i32>(On::Cells, "body", 1, bodies.len())?;
+            block.set_polygons(points, &starts, &corners)?;
+            block.set_constant(On::Cells, "body", &bodies)?;
+            block::link(&root, surface.name)?;
+        }
+        let expected = 2 * self.model.grains.len();
+        let block = Block::create(&root, "contacts", self.surfaces.len(), expected)?;
+        for name in ["force", "normal"] {
+            block.declare::<f32>(On::Points, name, 3, expected)?;
+        }
+        for name in ["normal_force", "gap"] {
+            block.declare::<f32>(On::Points, name, 1, expected)?;
+        }
+        for name in ["candidate", "antagonist"] {
+            block.declare::<i32>(On::Points, name, 1, expected)?;
+        }
+        block::link(&root, "contacts")
+    }
+
+    /// Declares a table of numbers over the steps: columns of name and unit. Again: no effect.
+    pub fn series(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
+        if let Some(known) = self.series.get(name) {
+            if known.fits(columns) {
+                return Ok(());
+            }
+            let fault = Fault::new(name, known.describe(), format!("{columns:?}"));
+            return Err(fault.refused(&self.path));
+        }
+        if name.is_empty() || name.contains(['/', '\0']) || columns.is_empty() {
+            let found = format!("{name:?} with {} columns", columns.len());
+            let expected = "a name without \"/\" and at least one column";
+            return Err(Fault::new("series", expected, found).refused(&self.path));
+        }
+        let create = || Buffer::create(&self.file.group("series")?, name, columns);
+        let table = create().map_err(hdf5_error(&self.path, name))?;
+        self.series.insert(name.into(), table);
+        Ok(())
+    }
+
+    /// Appends a row, of the end of step `step`, to a declared table.
+    ///
+    /// Rows are gathered and written by the thousand, with the next frame, or by [`Writer::flush`].
+    pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
+        let Some(table) = self.series.get_mut(name) else {
+            let known: Vec<_> = self.series.keys().collect();
+            let fault = Fault::new("series", format!("one of {known:?}"), format!("{name:?}"));
+            return Err(fault.refused(&self.path));
+        };
+        table.push(step, row).map_err(|f| f.refused(&self.path))?;
+        if table.is_full() {
+            let group = self.file.group("series").map_err(hdf5_error(&self.path, name))?;
+            table.store(&group, name).map_err(hdf5_error(&self.path, name))?;
+        }
+        Ok(())
+    }
+
+    /// Hands all that was written to the operating system.
+    pub fn flush(&mut self) -> Result<()> {
+        self.flush_all().map_err(hdf5_error(&self.path, "flush"))
+    }
+
+    fn flush_all(&mut self) -> hdf5::Result<()> {
+        let group: Group = self.file.group("series")?;
+        for (name, table) in &mut self.series {
+            table.store(&group, name)?;
+        }
+        self.file.flush()
+    }
+
+    /// Completes the file and brings it to the disk.
+    pub fn close(mut self) -> Result<()> {
+        self.flush()?;
+        let Self { path, file, .. } = self;
+        file.close().map_err(hdf5_error(&path, "close"))?;
+        let file = std::fs::File::open(&path).map_err(io(&path, "open"))?;
+        file.sync_all().map_err(io(&path, "bring to the disk"))
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Step of the last frame.
+    pub fn last_step(&self) -> Option<u64> {
+        self.last_step
+    }
+}
+
+fn add_surface(
+    block: &Block,
+    surface: &Surface,
+    shapes: &[Polyhedron],
+    frame: &Snapshot,
+) -> hdf5::Result<()> {
+    let per_cell = |values: &[f32]| -> Vec<f32> {
+        let faces = surface.faces(shapes);
+        faces.flat_map(|(body, n)| std::iter::repeat_n(values[body], n)).collect()
+    };
+    block.add_points(&surface.points(shapes, &frame.poses), false)?;
+    block.add(On::Cells, "speed", &per_cell(&frame.speed))?;
+    block.add(On::Cells, "load", &per_cell(&frame.load))?;
+    block.again(On::Cells, "body")?;
+    block.end_step(frame.time)
+}
+
+fn add_contacts(block: &Block, frame: &Snapshot) -> hdf5::Result<()> {
+    let contacts = &frame.contacts;
+    block.add_points(&contacts.point, true)?;
+    block.add(On::Points, "force", contacts.force.as_flattened())?;
+    block.add(On::Points, "normal", contacts.normal.as_flattened())?;
+    block.add(On::Points, "normal_force", &contacts.normal_force)?;
+    block.add(On::Points, "gap", &contacts.gap)?;
+    block.add(On::Points, "candidate", &contacts.candidate)?;
+    block.add(On::Points, "antagonist", &contacts.antagonist)?;
+    block.end_step(frame.time)
+}
+
+/// Fingerprint of bodies and shapes: a file can only go on with the same ones.
+fn bodies_hash(model: &Model) -> String {
+    let mut columns = columns::of(model, &State::default());
+    columns.retain(|c| ["shapes", "grains", "driven", "parts"].contains(&c.group()));
+    format!("{:032x}", hash::of_columns(&columns))
+}
+
+fn pose(position: &[f64], q: &[f64]) -> Pose {
+    let quaternion = nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]);
+    Pose {
+        position: Vec3::new(position[0], position[1], position[2]),
+        orientation: ballast::math::Quat::new_unchecked(quaternion),
+    }
+}

@@ -1,0 +1,247 @@
+//! Reads results files back: frames as polygons or points, tables, what they say of themselves.
+//!
+//! Contract: sizes are compared with the file's own size before anything is allocated. A file that
+//! is damaged inside its compressed data gives an error of the HDF5 library, with the place.
+
+use super::block::Block;
+use super::{FORMAT, VERSION, growing, pose};
+use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
+use crate::image;
+use ballast::math::Pose;
+use hdf5::{Dataset, File, Group, H5Type};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Deflate cannot shrink by more than 1032 to 1.
+const LARGEST_RATIO: u64 = 1100;
+
+/// An opened results file.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    file: File,
+    size: u64,
+    steps: Vec<u64>,
+}
+
+/// One block in one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockFrame {
+    /// `[np]`, m.
+    pub points: Vec<[f32; 3]>,
+    /// Ends of the polygons in `corners` `[nf]`; none for a block of points.
+    pub polygon_ends: Vec<i64>,
+    pub corners: Vec<i64>,
+    /// One value per polygon.
+    pub cell_data: Vec<Array>,
+    /// One value per point.
+    pub point_data: Vec<Array>,
+}
+
+/// Named values, flat `[rows * width]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Array {
+    pub name: String,
+    pub width: usize,
+    pub values: Vec<f32>,
+}
+
+/// A table over the steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    /// Name and unit.
+    pub columns: Vec<(String, String)>,
+    /// Step of each row `[n]`.
+    pub steps: Vec<u64>,
+    /// Flat `[n * columns]`.
+    pub rows: Vec<f64>,
+}
+
+impl Reader {
+    /// Opens a results file.
+    ///
+    /// Errors: [`Error::Version`] for another version, [`Error::Damaged`] for another kind of file.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let size = std::fs::metadata(path).map_err(io(path, "open"))?.len();
+        let file = image::open(path).map_err(hdf5_error(path, "file"))?;
+        let mut reader = Self { path: path.into(), file, size, steps: vec![] };
+        reader.check_format()?;
+        let steps = reader.dataset("frames/step")?;
+        reader.steps = reader.rows(&steps, 0..steps.shape()[0])?;
+        Ok(reader)
+    }
+
+    fn check_format(&self) -> Result<()> {
+        if !self.file.link_exists("about") {
+            let found = "an HDF5 file without /about";
+            return Err(Fault::new("format", FORMAT, found).in_file(&self.path));
+        }
+        let format = self.about("format")?;
+        let about = self.group("about")?;
+        let version = about.attr("version").and_then(|a| a.read_scalar::<u32>());
+        let version = version.map_err(hdf5_error(&self.path, "about/version"))?;
+        if (format.as_str(), version) == (FORMAT, VERSION) {
+            return Ok(());
+        }
+        Err(Error::Version {
+            path: self.path.clone(),
+            expected: format!("{FORMAT} {VERSION}"),
+            found: format!("{format} {version}"),
+        })
+    }
+
+    /// Steps of the frames.
+    pub fn steps(&self) -> &[u64] {
+        &self.steps
+    }
+
+    /// A text of `/about`: `case_name`, `case_text`, `key`, `program`.
+    pub fn about(&self, name: &str) -> Result<String> {
+        let texts = growing::read_texts(&self.group("about")?, name);
+        let texts = texts.map_err(hdf5_error(&self.path, &format!("about/{name}")))?;
+        Ok(texts.into_iter().next().unwrap_or_default())
+    }
+
+    /// Number of grains, and names of the driven bodies.
+    pub fn bodies(&self) -> Result<(u64, Vec<String>)> {
+        let about = self.group("about")?;
+        let read = || -> hdf5::Result<_> {
+            Ok((about.attr("grains")?.read_scalar()?, growing::read_texts(&about, "driven")?))
+        };
+        read().map_err(hdf5_error(&self.path, "about"))
+    }
+
+    /// Names of the blocks.
+    pub fn blocks(&self) -> Result<Vec<String>> {
+        if !self.file.link_exists("VTKHDF") {
+            return Ok(vec![]);
+        }
+        Block::names(&self.group("VTKHDF")?).map_err(hdf5_error(&self.path, "VTKHDF"))
+    }
+
+    /// Simulated time of each frame, s.
+    pub fn times(&self) -> Result<Vec<f64>> {
+        let Some(block) = self.blocks()?.into_iter().next() else { return Ok(vec![]) };
+        let values = self.dataset(&format!("VTKHDF/{block}/Steps/Values"))?;
+        self.rows(&values, 0..self.steps.len())
+    }
+
+    /// Poses of all bodies in a frame.
+    pub fn poses(&self, frame: usize) -> Result<Vec<Pose>> {
+        let position: Vec<f64> = self.rows(&self.dataset("frames/position")?, frame..frame + 1)?;
+        let orientation: Vec<f64> =
+            self.rows(&self.dataset("frames/orientation")?, frame..frame + 1)?;
+        let both = position.chunks_exact(3).zip(orientation.chunks_exact(4));
+        Ok(both.map(|(p, q)| pose(p, q)).collect())
+    }
+
+    /// One block in one frame.
+    pub fn block(&self, block: &str, frame: usize) -> Result<BlockFrame> {
+        let at = format!("VTKHDF/{block}");
+        let number = |name: &str, row: usize| -> Result<usize> {
+            let dataset = self.dataset(&format!("{at}/{name}"))?;
+            let value: Vec<i64> = self.rows(&dataset, row..row + 1)?;
+            usize::try_from(value[0])
+                .map_err(|_| Fault::new(name, "0 or above", value[0]).in_file(&self.path))
+        };
+        let part = number("Steps/PartOffsets", frame)?;
+        let first = number("Steps/PointOffsets", frame)?;
+        let points = number("NumberOfPoints", part)?;
+        let polygons = number("Polygons/NumberOfCells", part)?;
+        let corners = number("Polygons/NumberOfConnectivityIds", part)?;
+        let flat: Vec<f32> = self
+            .rows(&self.dataset(&format!("{at}/Points"))?, first..first.saturating_add(points))?;
+        let ends = self.dataset(&format!("{at}/Polygons/Offsets"))?;
+        let ids = self.dataset(&format!("{at}/Polygons/Connectivity"))?;
+        let mut frame_of = BlockFrame {
+            points: flat.as_chunks().0.to_vec(),
+            polygon_ends: self.rows(&ends, 1..polygons.saturating_add(1))?,
+            corners: self.rows(&ids, 0..corners)?,
+            cell_data: vec![],
+            point_data: vec![],
+        };
+        self.check_polygons(block, &frame_of)?;
+        frame_of.cell_data = self.arrays(&at, "Cell", frame, polygons)?;
+        frame_of.point_data = self.arrays(&at, "Point", frame, points)?;
+        Ok(frame_of)
+    }
+
+    fn check_polygons(&self, block: &str, frame: &BlockFrame) -> Result<()> {
+        let ends = &frame.polygon_ends;
+        let last = ends.last().copied().unwrap_or(0);
+        let good = ends.is_sorted()
+            && ends.first().is_none_or(|&e| e >= 0)
+            && last == frame.corners.len() as i64
+            && frame.corners.iter().all(|&c| (0..frame.points.len() as i64).contains(&c));
+        if good {
+            return Ok(());
+        }
+        let expected = "rising ends of polygons, corners among the points";
+        Err(Fault::new(format!("VTKHDF/{block}/Polygons"), expected, "others").in_file(&self.path))
+    }
+
+    fn arrays(&self, at: &str, on: &str, frame: usize, rows: usize) -> Result<Vec<Array>> {
+        let data = self.group(&format!("{at}/{on}Data"))?;
+        let mut names = data.member_names().map_err(hdf5_error(&self.path, at))?;
+        names.sort();
+        let array = |name: String| {
+            let offsets = self.dataset(&format!("{at}/Steps/{on}DataOffsets/{name}"))?;
+            let first: Vec<i64> = self.rows(&offsets, frame..frame + 1)?;
+            let first = first[0].max(0) as usize;
+            let dataset = self.dataset(&format!("{at}/{on}Data/{name}"))?;
+            let width = dataset.shape().get(1).copied().unwrap_or(1);
+            let values = self.rows(&dataset, first..first.saturating_add(rows))?;
+            Ok(Array { name, width, values })
+        };
+        names.into_iter().map(array).collect()
+    }
+
+    /// Names of the tables.
+    pub fn series_names(&self) -> Result<Vec<String>> {
+        let names = self.group("series")?.member_names();
+        let mut names = names.map_err(hdf5_error(&self.path, "series"))?;
+        names.sort();
+        Ok(names)
+    }
+
+    /// A table.
+    pub fn series(&self, name: &str) -> Result<Table> {
+        let at = format!("series/{name}");
+        let group = self.group(&at)?;
+        let texts = |name| growing::read_texts(&group, name).map_err(hdf5_error(&self.path, &at));
+        let columns: Vec<_> = texts("columns")?.into_iter().zip(texts("units")?).collect();
+        let steps = self.dataset(&format!("{at}/step"))?;
+        let n = steps.shape()[0];
+        let rows: Vec<f64> = self.rows(&self.dataset(&format!("{at}/rows"))?, 0..n)?;
+        if rows.len() != n * columns.len() {
+            let expected = format!("{n} rows of {} columns", columns.len());
+            return Err(Fault::new(at, expected, rows.len()).in_file(&self.path));
+        }
+        Ok(Table { columns, steps: self.rows(&steps, 0..n)?, rows })
+    }
+
+    fn group(&self, name: &str) -> Result<Group> {
+        self.file.group(name).map_err(hdf5_error(&self.path, name))
+    }
+
+    fn dataset(&self, name: &str) -> Result<Dataset> {
+        self.file.dataset(name).map_err(hdf5_error(&self.path, name))
+    }
+
+    /// Rows of a dataset that are there, and can be.
+    fn rows<T: H5Type>(&self, dataset: &Dataset, range: Range<usize>) -> Result<Vec<T>> {
+        let (shape, place) = (dataset.shape(), dataset.name());
+        let bytes = shape.iter().try_fold(size_of::<T>() as u64, |b, &n| b.checked_mul(n as u64));
+        let most = self.size.saturating_mul(LARGEST_RATIO);
+        if bytes.is_none_or(|b| b > most) {
+            let expected = format!("at most {most} bytes in a file of {}", self.size);
+            return Err(Fault::new(place, expected, format!("shape {shape:?}")).in_file(&self.path));
+        }
+        if shape.first().is_none_or(|&n| range.end > n) {
+            let expected = format!("rows {range:?}");
+            return Err(Fault::new(place, expected, format!("shape {shape:?}")).in_file(&self.path));
+        }
+        growing::read(dataset, range).map_err(hdf5_error(&self.path, &place))
+    }
+}

@@ -1,0 +1,156 @@
+//! Whole files: written at once or not at all, sealed so that any changed byte is noticed.
+//!
+//! A sealed file is an HDF5 file with a user block of 512 bytes in front: the format's name and
+//! version, the number of bytes that follow and their BLAKE3 digest, as text. HDF5 programs skip it.
+//! Contract: the digest is checked before the HDF5 library sees a byte, which it does not survive
+//! unharmed on every damaged file.
+
+use crate::error::{Error, Fault, Result, io};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// Smallest user block that HDF5 allows.
+const BLOCK: usize = 512;
+
+pub(crate) struct Format {
+    pub name: &'static str,
+    pub version: u32,
+}
+
+fn block(format: &Format, bytes: u64, digest: &blake3::Hash) -> [u8; BLOCK] {
+    let text =
+        format!("{} {}\nbytes {bytes}\nblake3 {}\n", format.name, format.version, digest.to_hex());
+    let mut block = [b'\n'; BLOCK];
+    block[..text.len()].copy_from_slice(text.as_bytes());
+    block
+}
+
+/// Replaces `path` by a sealed file with this content.
+///
+/// The content goes to a new file beside it which takes its place only when it is on the disk; a
+/// failure removes the new file and leaves the old one as it was.
+pub(crate) fn write(path: &Path, format: &Format, image: &[u8]) -> Result<()> {
+    let header = block(format, image.len() as u64, &blake3::hash(image));
+    replace(path, &[&header, image])
+}
+
+fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
+    let folder = folder_of(path);
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".");
+    let mut file = builder(&name).tempfile_in(&folder).map_err(io(path, "create a file beside"))?;
+    for bytes in content {
+        file.write_all(bytes).map_err(io(path, "write"))?;
+    }
+    file.as_file().sync_all().map_err(io(path, "bring to the disk"))?;
+    file.persist(path).map_err(|e| io(path, "replace")(e.error))?;
+    // The rename itself is only safe once the folder is; not every file system can tell.
+    if let Ok(folder) = File::open(&folder) {
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
+    use std::os::unix::fs::PermissionsExt;
+    let mut builder = tempfile::Builder::new();
+    // Readable by others, as any result is; the umask still applies.
+    let permissions = std::fs::Permissions::from_mode(0o666);
+    builder.prefix(name).suffix(".h5.tmp").permissions(permissions);
+    builder
+}
+
+#[cfg(not(unix))]
+fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(name).suffix(".h5.tmp");
+    builder
+}
+
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder.into(),
+        _ => PathBuf::from("."),
+    }
+}
+
+/// Checks the seal of `path`; returns the size of the file.
+///
+/// Streams: memory does not depend on what the file claims.
+pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
+    let mut file = File::open(path).map_err(io(path, "open"))?;
+    let size = file.metadata().map_err(io(path, "read"))?.len();
+    let mut found = Vec::with_capacity(BLOCK);
+    Read::by_ref(&mut file).take(BLOCK as u64).read_to_end(&mut found).map_err(io(path, "read"))?;
+    let claimed = claim(&found, format, path)?;
+    let content = size.saturating_sub(BLOCK as u64);
+    if claimed != content {
+        return Err(
+            Fault::new("size", format!("{claimed} bytes after the header"), content).in_file(path)
+        );
+    }
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(&mut file).map_err(io(path, "read"))?;
+    let expected = block(format, content, &hasher.finalize());
+    if found[..] != expected[..] {
+        let digest = |b: &[u8]| String::from_utf8_lossy(b).lines().nth(2).map(str::to_string);
+        return Err(Fault::new(
+            "checksum",
+            digest(&found).unwrap_or_default(),
+            digest(&expected).unwrap_or_default(),
+        )
+        .in_file(path));
+    }
+    Ok(size)
+}
+
+/// How many bytes a header says that follow it.
+fn claim(header: &[u8], format: &Format, path: &Path) -> Result<u64> {
+    let first = format!("{} {}", format.name, format.version);
+    let text = String::from_utf8_lossy(header);
+    let mut lines = text.lines();
+    let line = lines.next().unwrap_or_default();
+    let Some(version) = line.strip_prefix(format.name).filter(|v| v.starts_with(' ')) else {
+        return Err(Fault::new("header", first, describe(header)).in_file(path));
+    };
+    if version.trim() != format.version.to_string() {
+        let found = line.chars().take(80).collect();
+        return Err(Error::Version { path: path.into(), expected: first, found });
+    }
+    if header.len() < BLOCK {
+        let found = format!("{} bytes", header.len());
+        return Err(Fault::new("header", format!("{BLOCK} bytes"), found).in_file(path));
+    }
+    let size = lines.next().and_then(|l| l.strip_prefix("bytes ")).and_then(|n| n.parse().ok());
+    size.ok_or_else(|| Fault::new("header", "a size in bytes", describe(header)).in_file(path))
+}
+
+/// What a file that is not ours looks like, in words.
+fn describe(header: &[u8]) -> String {
+    match header {
+        [] => "an empty file".into(),
+        [0x89, b'H', b'D', b'F', ..] => "an HDF5 file without our header".into(),
+        _ => format!("{:?}", String::from_utf8_lossy(&header[..header.len().min(32)])),
+    }
+}
+
+/// The first bytes of a file.
+pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>> {
+    let file = File::open(path).map_err(io(path, "open"))?;
+    let mut start = vec![];
+    file.take(64).read_to_end(&mut start).map_err(io(path, "read"))?;
+    Ok(start)
+}
+
+/// Writes a fresh header on a file whose content was edited on purpose by another program.
+pub(crate) fn reseal(path: &Path, format: &Format) -> Result<()> {
+    let mut file = File::options().read(true).write(true).open(path).map_err(io(path, "open"))?;
+    file.seek(SeekFrom::Start(BLOCK as u64)).map_err(io(path, "read"))?;
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(&mut file).map_err(io(path, "read"))?;
+    let size = file.metadata().map_err(io(path, "read"))?.len();
+    let header = block(format, size.saturating_sub(BLOCK as u64), &hasher.finalize());
+    file.rewind().and_then(|()| file.write_all(&header)).map_err(io(path, "write"))
+}

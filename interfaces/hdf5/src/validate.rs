@@ -1,0 +1,141 @@
+//! Whether a model and a state make sense: before they are written, and after they were read.
+//!
+//! Reads: model, state. Cost: O(everything). Contract: what passes can be stepped without an index
+//! out of range, a division by zero or a number that is not finite.
+
+use crate::error::Fault;
+use ballast::Error as CoreError;
+use ballast::geometry::Polyhedron;
+use ballast::math::Vec3;
+use ballast::model::{Model, Part, PartitionRule};
+use ballast::state::State;
+
+type Check = Result<(), Fault>;
+
+/// Rounding leaves unit vectors within a few 1e-16 of length 1; a damaged one is far off.
+const UNIT: f64 = 1e-9;
+
+pub(crate) fn check(model: &Model, state: &State) -> Check {
+    model.check().map_err(fault)?;
+    state.check(model).map_err(fault)?;
+    for (s, shape) in model.shapes.iter().enumerate() {
+        polyhedron(shape)
+            .map_err(|f| Fault { place: format!("shapes/{} of shape {s}", f.place), ..f })?;
+    }
+    rest(model, state)
+}
+
+/// The core's errors name their place in the model or the state.
+fn fault(error: CoreError) -> Fault {
+    match error {
+        CoreError::Model { place, expected, found } => {
+            Fault { place: format!("model: {place}"), expected, found }
+        }
+        CoreError::State { place, expected, found } => {
+            Fault { place: format!("state: {place}"), expected, found }
+        }
+        other => Fault::new("content", "a model and a state that can be stepped", other),
+    }
+}
+
+fn all<T: std::fmt::Debug>(
+    place: &str,
+    values: &[T],
+    expected: &str,
+    good: impl Fn(&T) -> bool,
+) -> Check {
+    match values.iter().position(|v| !good(v)) {
+        None => Ok(()),
+        Some(i) => Err(Fault::new(place, expected, format!("{:?} in row {i}", values[i]))),
+    }
+}
+
+fn require(good: bool, place: &str, expected: impl Into<String>, found: impl ToString) -> Check {
+    if good { Ok(()) } else { Err(Fault::new(place, expected, found)) }
+}
+
+fn finite(v: &Vec3) -> bool {
+    v.iter().all(|x| x.is_finite())
+}
+
+fn unit(v: &Vec3) -> bool {
+    (v.norm_squared() - 1.0).abs() < UNIT
+}
+
+fn positive(x: &f64) -> bool {
+    x.is_finite() && *x > 0.0
+}
+
+/// What the core does not ask of models that its own constructors made.
+fn rest(model: &Model, state: &State) -> Check {
+    for body in &model.driven {
+        all(&format!("driven body {:?}", body.name), &body.parts, "unit quaternions", |part| {
+            match part {
+                Part::Convex { pose, .. } => {
+                    (pose.orientation.coords.norm_squared() - 1.0).abs() < UNIT
+                }
+                Part::HalfSpace { .. } => true,
+            }
+        })?;
+    }
+    let solver = &model.solver;
+    require(solver.check_every > 0, "solver/check_every", "above zero", solver.check_every)?;
+    let numbers = match solver.partition {
+        PartitionRule::Boxes(n) => n,
+        PartitionRule::Balanced(n) | PartitionRule::ContactsPer(n) => [n; 3],
+    };
+    all("solver/partition_numbers", &numbers, "above zero", |n| *n > 0)?;
+    all("state/drive", &state.drive, "finite", |v| v.is_finite())?;
+    let e = &state.energy;
+    let energy =
+        [e.initial_kinetic, e.initial_potential, e.kinetic, e.potential, e.work_in, e.dissipated];
+    all("state/energy", &energy, "finite", |v| v.is_finite())
+}
+
+fn polyhedron(shape: &Polyhedron) -> Check {
+    let (nv, nf) = (shape.vertices.len(), shape.face_normals.len());
+    require(nv >= 4, "vertices", "4 or more", nv)?;
+    require(nf >= 4, "face_normals", "4 or more", nf)?;
+    all("vertices", &shape.vertices, "finite", finite)?;
+    all("face_normals", &shape.face_normals, "unit vectors", unit)?;
+    require(
+        shape.face_offsets.len() == nf,
+        "face_offsets",
+        format!("{nf} rows"),
+        shape.face_offsets.len(),
+    )?;
+    all("face_offsets", &shape.face_offsets, "above zero", positive)?;
+    require(
+        shape.face_starts.len() == nf + 1,
+        "face_starts",
+        format!("{} rows", nf + 1),
+        shape.face_starts.len(),
+    )?;
+    let ends = (shape.face_starts[0], shape.face_starts[nf] as usize);
+    let expected = (0, shape.face_vertices.len());
+    require(
+        ends == expected,
+        "face_starts",
+        format!("from, to {expected:?}"),
+        format!("{ends:?}"),
+    )?;
+    let corners: Vec<_> = shape.face_starts.windows(2).map(|w| (w[0], w[1])).collect();
+    all("face_starts", &corners, "3 or more corners to a face", |(a, b)| {
+        *b >= a.saturating_add(3)
+    })?;
+    all("face_vertices", &shape.face_vertices, &format!("below {nv}"), |v| (*v as usize) < nv)?;
+    require(!shape.edges.is_empty(), "edges", "some", "none")?;
+    let expected = format!("two rising vertices below {nv}, two faces below {nf}");
+    all("edges", &shape.edges, &expected, |e| {
+        e.vertices[0] < e.vertices[1]
+            && (e.vertices[1] as usize) < nv
+            && e.faces[0] != e.faces[1]
+            && e.faces.iter().all(|f| (*f as usize) < nf)
+    })?;
+    all("volume", &[shape.volume], "above zero", positive)?;
+    all("unit_inertia", shape.unit_inertia.as_slice(), "above zero", positive)?;
+    let farthest = shape.vertices.iter().map(|v| v.norm()).fold(0.0, f64::max);
+    all("radius", &[shape.radius], &format!("{farthest}, where the farthest vertex is"), |r| {
+        (r - farthest).abs() <= 1e-9 * farthest
+    })
+}

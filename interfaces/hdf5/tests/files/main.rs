@@ -1,0 +1,7 @@
+//! Files of Ballast: what is written is read, what is damaged is refused.
+
+mod checkpoint;
+mod damage;
+mod inspect;
+mod results;
+mod scene;

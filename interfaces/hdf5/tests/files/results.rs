@@ -1,0 +1,345 @@
+//! Results: what is written is read, by us and by VTK; killed and resumed runs keep their frames.
+
+use crate::scene;
+use ballast::math::{Pose, Vec3};
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::workspace::Workspace;
+use ballast_hdf5::Error;
+use ballast_hdf5::export::export;
+use ballast_hdf5::results::{Background, Meta, Reader, Writer};
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+const COLUMNS: [(&str, &str); 2] = [("iterations", "1"), ("kinetic energy", "J")];
+
+/// Grains that rise by 1 cm a frame, frames 10 steps apart; `frame` contacts carry a force.
+fn frame(model: &Model, frame: u64) -> (State, Workspace) {
+    let mut state = scene::state(model);
+    state.step = 10 * frame;
+    state.time_ns = 1_000_000 * frame;
+    for g in 0..model.grains.len() {
+        state.position[g].z += 0.01 * frame as f64;
+        state.velocity[g] = Vec3::new(3.0, 4.0, 0.0) * g as f64;
+    }
+    let mut workspace = Workspace::default();
+    for k in 0..frame as u32 + 1 {
+        let point = Vec3::new(0.0, 0.0, f64::from(k));
+        workspace.contacts.push([k, k + 1], 0, point, Vec3::z(), -1e-4);
+        // The last one carries nothing and is left out.
+        let newtons = if u64::from(k) == frame { 0.0 } else { 2.0 };
+        workspace.impulse.push(Vec3::new(0.0, 1.5, newtons) * (newtons * 1e-4));
+    }
+    (state, workspace)
+}
+
+fn meta() -> Meta {
+    Meta { case_name: "Stück".into(), program: "test".into(), ..Meta::default() }
+}
+
+fn write_frames(path: &Path, frames: std::ops::Range<u64>) -> Writer {
+    let model = scene::model();
+    let mut writer = Writer::create(path, &model, &meta()).unwrap();
+    writer.series("solver", &COLUMNS).unwrap();
+    add_frames(&mut writer, &model, frames);
+    writer
+}
+
+fn add_frames(writer: &mut Writer, model: &Model, frames: std::ops::Range<u64>) {
+    for f in frames {
+        for step in 10 * f..10 * f + 10 {
+            writer.append("solver", step, &[step as f64, 0.1 * step as f64]).unwrap();
+        }
+        let (state, workspace) = frame(model, f);
+        writer.frame(model, &state, &workspace).unwrap();
+    }
+}
+
+#[test]
+fn frames_and_tables_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    write_frames(&path, 0..4).close().unwrap();
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!(reader.steps(), [0, 10, 20, 30]);
+    assert_eq!(reader.times().unwrap()[3], 3_000_000.0 * 1e-9);
+    assert_eq!(reader.blocks().unwrap(), ["grains", "sleepers", "tines", "boundary", "contacts"]);
+    assert_eq!(reader.about("case_name").unwrap(), "Stück");
+    let model = scene::model();
+    let (state, _) = frame(&model, 2);
+    let poses: Vec<Pose> = (0..model.body_count()).map(|b| state.pose(b)).collect();
+    assert_eq!(reader.poses(2).unwrap(), poses);
+    let grains = reader.block("grains", 2).unwrap();
+    assert_eq!((grains.points.len(), grains.polygon_ends.len()), (27 * 8, 27 * 6));
+    let corner = state.pose(26).point(&model.shapes[0].vertices[7]);
+    let drawn = grains.points[27 * 8 - 1];
+    assert_eq!(drawn, [corner.x as f32, corner.y as f32, corner.z as f32]);
+    let of = |name: &str| grains.cell_data.iter().find(|a| a.name == name).unwrap();
+    assert_eq!(of("body").values[6 * 7 + 1], 7.0);
+    assert_eq!(of("speed").values[6 * 7 + 1], 35.0);
+    // 3 N aside and 4 N up; grain 1 has such a contact on either side.
+    assert!((of("load").values[6] - 10.0).abs() < 1e-5, "{}", of("load").values[6]);
+    let contacts = reader.block("contacts", 3).unwrap();
+    assert_eq!(contacts.points, [[0., 0., 0.], [0., 0., 1.], [0., 0., 2.]]);
+    let table = reader.series("solver").unwrap();
+    assert_eq!(table.columns[1], ("kinetic energy".into(), "J".into()));
+    assert_eq!(table.steps, (0..40).collect::<Vec<u64>>());
+    assert_eq!(table.rows[2 * 37 + 1], 0.1 * 37.0);
+}
+
+/// The resumed file must be as if the run had never stopped.
+#[test]
+fn a_resumed_run_forgets_what_came_after_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, whole) = (folder.path().join("results.h5"), folder.path().join("whole.h5"));
+    write_frames(&whole, 0..6).close().unwrap();
+    let model = scene::model();
+    for kept in [0_u64, 1, 3, 5] {
+        write_frames(&path, 0..5).close().unwrap();
+        let at_step = (10 * kept).saturating_sub(1);
+        let mut writer = if kept == 0 {
+            // Before the first frame: the row of step 0 goes too.
+            drop(write_frames(&path, 1..5));
+            Writer::append_to(&path, &model, 0).unwrap()
+        } else {
+            Writer::append_to(&path, &model, at_step).unwrap()
+        };
+        assert_eq!(writer.last_step(), kept.checked_sub(1).map(|k| 10 * k));
+        writer.series("solver", &COLUMNS).unwrap();
+        add_frames(&mut writer, &model, kept..6);
+        writer.close().unwrap();
+        let (a, b) = (Reader::open(&path).unwrap(), Reader::open(&whole).unwrap());
+        assert_eq!(a.steps(), b.steps(), "kept {kept}");
+        assert_eq!(a.times().unwrap(), b.times().unwrap());
+        assert_eq!(a.series("solver").unwrap(), b.series("solver").unwrap());
+        for f in 0..6 {
+            assert_eq!(a.poses(f).unwrap(), b.poses(f).unwrap());
+            for block in b.blocks().unwrap() {
+                let (a, b) = (a.block(&block, f).unwrap(), b.block(&block, f).unwrap());
+                assert_eq!(a, b, "kept {kept}, frame {f}, {block}");
+            }
+        }
+    }
+}
+
+#[test]
+fn misuse_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    let mut writer = write_frames(&path, 0..2);
+    let mut model = scene::model();
+    let (state, workspace) = frame(&model, 1);
+    let told = |r: Result<(), Error>| match r {
+        Err(e @ Error::Refused { .. }) => e.to_string(),
+        other => panic!("{other:?}"),
+    };
+    let again = told(writer.frame(&model, &state, &workspace));
+    assert!(again.contains("expected a step after 10, found 10"), "{again}");
+    assert!(told(writer.append("solver", 20, &[1.0])).contains("expected 2 values, found 1"));
+    assert!(told(writer.append("solvr", 20, &[1.0])).contains("solvr"));
+    assert!(told(writer.series("solver", &[("x", "m")])).contains("iterations"));
+    assert!(told(writer.series("a/b", &[("x", "m")])).contains("a/b"));
+    writer.close().unwrap();
+    model.grains.mass[0] *= 2.0;
+    let other = told(Writer::append_to(&path, &model, 10).map(drop));
+    assert!(other.contains("bodies"), "{other}");
+    assert!(matches!(
+        Writer::create(folder.path().join("no/r.h5"), &model, &meta()),
+        Err(Error::Io { .. })
+    ));
+    assert!(Reader::open(folder.path().join("none.h5")).is_err());
+}
+
+/// SIGKILL at any moment: all frames that were reported are there, and the run can go on.
+#[cfg(unix)]
+#[test]
+fn a_killed_run_leaves_its_frames() {
+    const NAME: &str = "results::a_killed_run_leaves_its_frames";
+    if let Ok(path) = std::env::var("BALLAST_TEST_KILLED") {
+        let model = scene::model();
+        let mut writer = Writer::create(path, &model, &meta()).unwrap();
+        writer.series("solver", &COLUMNS).unwrap();
+        for f in 0.. {
+            // At most 20 contacts: grains are few.
+            let (_, workspace) = frame(&model, f % 20);
+            let (state, _) = frame(&model, f);
+            writer.append("solver", 10 * f, &[0.0, 0.0]).unwrap();
+            writer.frame(&model, &state, &workspace).unwrap();
+            println!("written {f}");
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    for round in 0..12 {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", NAME, "--nocapture"])
+            .env("BALLAST_TEST_KILLED", &path)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let written = lines.map_while(Result::ok).filter(|l| l.starts_with("written"));
+        assert!(written.take(3 + 5 * round).count() > 0);
+        std::thread::sleep(std::time::Duration::from_micros(137 * round as u64));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let reader = Reader::open(&path).unwrap();
+        let frames = reader.steps().len();
+        assert!(frames >= 3 + 5 * round, "{frames} frames in round {round}");
+        reader.block("grains", frames - 1).unwrap();
+        reader.block("contacts", frames - 1).unwrap();
+        drop(reader);
+        let model = scene::model();
+        let writer = Writer::append_to(&path, &model, 20).unwrap();
+        assert_eq!(writer.last_step(), Some(20));
+        writer.close().unwrap();
+        assert_eq!(Reader::open(&path).unwrap().series("solver").unwrap().steps, [0, 10, 20]);
+    }
+}
+
+#[test]
+fn a_thread_writes_the_same_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, direct) = (folder.path().join("thread.h5"), folder.path().join("direct.h5"));
+    write_frames(&direct, 0..5).close().unwrap();
+    let model = scene::model();
+    let writer = Writer::create(&path, &model, &meta()).unwrap();
+    let mut background = Background::new(writer, 2);
+    background.series("solver", &COLUMNS).unwrap();
+    for f in 0..5 {
+        for step in 10 * f..10 * f + 10 {
+            background.append("solver", step, &[step as f64, 0.1 * step as f64]).unwrap();
+        }
+        let (state, workspace) = frame(&model, f);
+        background.frame(&model, &state, &workspace).unwrap();
+    }
+    background.flush().unwrap();
+    background.close().unwrap();
+    let (a, b) = (Reader::open(&path).unwrap(), Reader::open(&direct).unwrap());
+    assert_eq!(a.steps(), b.steps());
+    assert_eq!(a.series("solver").unwrap(), b.series("solver").unwrap());
+    assert_eq!(a.block("grains", 4).unwrap(), b.block("grains", 4).unwrap());
+}
+
+#[test]
+fn an_error_on_the_thread_reaches_the_caller() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = scene::model();
+    let writer = Writer::create(folder.path().join("r.h5"), &model, &meta()).unwrap();
+    let mut background = Background::new(writer, 1);
+    background.append("nothing", 0, &[1.0]).unwrap();
+    let error = background.flush().unwrap_err();
+    assert!(error.to_string().contains("nothing"), "{error}");
+    assert!(matches!(background.flush(), Err(Error::WriterGone { .. })));
+}
+
+/// A child whose files may not grow meets a full disk in the middle of its frames.
+#[cfg(unix)]
+#[test]
+fn no_room_is_an_error_and_not_an_end() {
+    const NAME: &str = "results::no_room_is_an_error_and_not_an_end";
+    if let Ok(path) = std::env::var("BALLAST_TEST_NO_ROOM") {
+        let model = scene::model();
+        let mut writer = Writer::create(path, &model, &meta()).unwrap();
+        for f in 0..10_000 {
+            let (state, _) = frame(&model, f);
+            if let Err(error) = writer.frame(&model, &state, &Workspace::default()) {
+                println!("refused at {f}: {error}");
+                drop(writer);
+                // The program lives on and can still write elsewhere.
+                let other = std::env::temp_dir().join(format!("ballast-{}", std::process::id()));
+                ballast_hdf5::checkpoint::write(&other, &scene::checkpoint()).unwrap();
+                std::fs::remove_file(&other).unwrap();
+                println!("lives on");
+                return;
+            }
+        }
+        panic!("no limit met");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let exe = std::env::current_exe().unwrap();
+    let script =
+        format!("trap '' XFSZ; ulimit -f 400; exec '{}' --exact {NAME} --nocapture", exe.display());
+    let child = Command::new("sh")
+        .args(["-c", &script])
+        .env("BALLAST_TEST_NO_ROOM", folder.path().join("results.h5"))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success() && told.contains("lives on"), "{child:?}");
+}
+
+/// Facts that VTK tells about `files`; `None` where there is no VTK.
+fn told_by_vtk(files: &[&Path]) -> Option<Vec<String>> {
+    let python = std::env::var("BALLAST_TEST_PYTHON").unwrap_or("python3".into());
+    let has_vtk = Command::new(&python).args(["-c", "import vtk"]).output();
+    if !has_vtk.is_ok_and(|o| o.status.success()) {
+        eprintln!("left out: {python:?} cannot import vtk (set BALLAST_TEST_PYTHON)");
+        return None;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/files/read_frames.py");
+    let output = Command::new(python).arg(script).args(files).output().unwrap();
+    let (told, errors) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success() && !errors.contains("ERR"), "{told}\n{errors}");
+    Some(told.lines().map(str::to_string).collect())
+}
+
+fn has(facts: &[String], fact: &str) {
+    assert!(facts.iter().any(|f| f.starts_with(fact)), "{fact}\n{}", facts.join("\n"));
+}
+
+#[test]
+fn vtk_reads_frames_and_exports() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.vtkhdf");
+    write_frames(&path, 0..4).close().unwrap();
+    let Some(facts) = told_by_vtk(&[&path]) else { return };
+    for fact in [
+        "steps 4",
+        "3 time 0.003",
+        "0 grains points 216 polygons 162 vertices 0",
+        "3 grains points 216 polygons 162 vertices 0",
+        "3 sleepers points 16 polygons 12",
+        "3 tines points 8 polygons 6",
+        "3 boundary points 8 polygons 2",
+        "0 contacts points 0 polygons 0 vertices 0",
+        "3 contacts points 3 polygons 0 vertices 3",
+        "3 contacts last 0.0 0.0 2.0",
+        "3 grains speed 162 10530.0",
+        "3 grains body 162 2106.0",
+        "0 grains body 162 2106.0",
+    ] {
+        has(&facts, fact);
+    }
+    // Closed and turned outwards: the volume is that of the shapes.
+    let model = scene::model();
+    let expected: f64 = model.grains.shape.iter().map(|&s| model.shapes[s as usize].volume).sum();
+    let volume = facts.iter().find_map(|f| f.strip_prefix("2 grains volume ")).unwrap();
+    assert!((volume.parse::<f64>().unwrap() / expected - 1.0).abs() < 1e-4, "{volume}");
+
+    let files = export(&path, folder.path().join("out")).unwrap();
+    assert_eq!(files.len(), 4 * 5 + 2);
+    let file = |name: &str| files.iter().find(|f| f.ends_with(name)).unwrap().as_path();
+    let facts = told_by_vtk(&[file("grains_0003.vtp"), file("contacts_0003.vtp")]).unwrap();
+    has(&facts, "0 file points 216 polygons 162 vertices 0");
+    has(&facts, "0 file speed 162 10530.0");
+    has(&facts, "0 file points 3 polygons 0 vertices 3");
+    has(&facts, "0 file normal_force 3 ");
+}
+
+#[test]
+fn exported_tables_are_plain_csv() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    write_frames(&path, 0..2).close().unwrap();
+    let files = export(&path, folder.path().join("out")).unwrap();
+    let csv = std::fs::read_to_string(files.last().unwrap()).unwrap();
+    let lines: Vec<_> = csv.lines().collect();
+    assert_eq!(lines[0], "step,iterations [1],kinetic energy [J]");
+    assert_eq!(lines[4], "3,3,0.30000000000000004");
+    let pvd = std::fs::read_to_string(&files[files.len() - 2]).unwrap();
+    assert!(pvd.contains("timestep=\"0.001\" part=\"0\" name=\"grains\" file=\"grains_0001.vtp\""));
+}

@@ -1,0 +1,142 @@
+//! `[sleepers]`, `[tines]` and their single forms: what stands in the bed.
+
+use super::range::{Count, Finite, NonNegative, PairNumber, Positive, RowCount};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A row of equal sleepers along the track.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sleepers {
+    /// Number of sleepers in the row; they are called `sleeper_1`, `sleeper_2`, and so on.
+    #[serde(default = "default_count")]
+    #[schemars(with = "RowCount")]
+    pub count: u32,
+    /// Distance between neighbours, m. Needed when there is more than one.
+    #[schemars(with = "Option<Positive>")]
+    pub pitch_m: Option<f64>,
+    /// Centre of the first sleeper in x, m. Absent: the row stands in the middle of the box.
+    #[schemars(with = "Option<Finite>")]
+    pub first_x_m: Option<f64>,
+    /// Centre of the sleepers in y, m. Absent: the middle of the box.
+    #[schemars(with = "Option<Finite>")]
+    pub y_m: Option<f64>,
+    /// Blocks of each sleeper: one, or two for a twin-block sleeper.
+    #[schemars(length(min = 1, max = 16))]
+    pub blocks: Vec<Block>,
+    /// Numbers of the sleepers that are tamped, counted from 1.
+    #[serde(default)]
+    #[schemars(with = "Vec<Count>", length(max = 1000))]
+    pub tamped: Vec<u32>,
+}
+
+fn default_count() -> u32 {
+    1
+}
+
+/// A block of a sleeper, a box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    /// Size in x (along the track), y (across) and z, m.
+    #[schemars(with = "[Positive; 3]")]
+    pub size_m: [f64; 3],
+    /// The block's centre in y, from the sleeper's centre, m.
+    #[serde(default)]
+    #[schemars(with = "Finite")]
+    pub offset_y_m: f64,
+}
+
+/// One sleeper with its own numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sleeper {
+    /// Name: letters, digits, `_` and `-`; no other sleeper or tine has it.
+    pub name: String,
+    /// Centre in x, m.
+    #[schemars(with = "Finite")]
+    pub x_m: f64,
+    /// Centre in y, m.
+    #[schemars(with = "Finite")]
+    pub y_m: f64,
+    /// Blocks: one, or two for a twin-block sleeper.
+    #[schemars(length(min = 1, max = 16))]
+    pub blocks: Vec<Block>,
+    /// Whether the tamping cycle lifts it.
+    #[serde(default)]
+    pub tamped: bool,
+}
+
+/// Rows of tines on both sides of every tamped sleeper: one facing pair for each y offset.
+///
+/// They are called `tine_1_plus` (squeezes towards +x), `tine_1_minus`, `tine_2_plus`, and so on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tines {
+    /// Centre of each facing pair in y, from the sleeper's centre, m.
+    #[schemars(with = "Vec<Finite>", length(min = 1, max = 64))]
+    pub y_offsets_m: Vec<f64>,
+    /// Distance from the sleeper's face to the blade's face before squeezing, m.
+    #[serde(default = "default_gap")]
+    #[schemars(with = "NonNegative")]
+    pub gap_to_sleeper_m: f64,
+    /// Size of the blade in x (thickness), y (width) and z (height), m.
+    #[serde(default = "default_blade")]
+    #[schemars(with = "[Positive; 3]")]
+    pub blade_m: [f64; 3],
+    /// Size of the shaft above the blade in x, y and z, m.
+    #[serde(default = "default_shaft")]
+    #[schemars(with = "[Positive; 3]")]
+    pub shaft_m: [f64; 3],
+}
+
+fn default_gap() -> f64 {
+    0.1
+}
+
+fn default_blade() -> [f64; 3] {
+    [0.022, 0.12, 0.07]
+}
+
+fn default_shaft() -> [f64; 3] {
+    [0.03, 0.06, 0.45]
+}
+
+/// One tine with its own numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tine {
+    /// Name: letters, digits, `_` and `-`; no other sleeper or tine has it.
+    pub name: String,
+    /// Middle of the blade in x before squeezing, m.
+    #[schemars(with = "Finite")]
+    pub x_m: f64,
+    /// Middle of the blade in y, m.
+    #[schemars(with = "Finite")]
+    pub y_m: f64,
+    /// Where the squeeze moves it.
+    pub towards: Towards,
+    /// Tines with the same number close together and share one force limit. The rows of `[tines]`
+    /// take the numbers from 0 upwards.
+    #[schemars(with = "PairNumber")]
+    pub pair: u32,
+    /// Size of the blade in x (thickness), y (width) and z (height), m.
+    #[serde(default = "default_blade")]
+    #[schemars(with = "[Positive; 3]")]
+    pub blade_m: [f64; 3],
+    /// Size of the shaft above the blade in x, y and z, m.
+    #[serde(default = "default_shaft")]
+    #[schemars(with = "[Positive; 3]")]
+    pub shaft_m: [f64; 3],
+}
+
+/// Direction of a squeeze.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Towards {
+    /// Along the track, forwards.
+    #[serde(rename = "+x")]
+    PlusX,
+    /// Along the track, backwards.
+    #[serde(rename = "-x")]
+    MinusX,
+}

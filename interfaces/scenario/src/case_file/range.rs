@@ -1,0 +1,86 @@
+//! Numbers of a limited range, for the schema only: the fields themselves stay plain numbers.
+//!
+//! The limits live in the schema, so that editors and [`crate::structure`] check the same ones.
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use std::borrow::Cow;
+
+macro_rules! range {
+    ($(#[$doc:meta])* $name:ident, $($limits:tt)*) => {
+        $(#[$doc])*
+        pub struct $name;
+
+        impl JsonSchema for $name {
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($name).into()
+            }
+            fn inline_schema() -> bool {
+                true
+            }
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                json_schema!({ $($limits)* })
+            }
+        }
+    };
+}
+
+range!(
+    /// A finite number.
+    Finite, "type": "number"
+);
+range!(
+    /// Above 0.
+    Positive, "type": "number", "exclusiveMinimum": 0
+);
+range!(
+    /// Above 0; TOML's `inf` is allowed and means "no limit".
+    PositiveOrInfinite, "type": "number", "exclusiveMinimum": 0, "x-infinite": true
+);
+range!(
+    /// 0 or more.
+    NonNegative, "type": "number", "minimum": 0
+);
+range!(
+    /// From 0 to 1.
+    Fraction, "type": "number", "minimum": 0, "maximum": 1
+);
+range!(
+    /// Above 0, up to 1.
+    Ratio, "type": "number", "exclusiveMinimum": 0, "maximum": 1
+);
+range!(
+    /// From 1/2 to 1.
+    Theta, "type": "number", "minimum": 0.5, "maximum": 1
+);
+range!(
+    /// 1 or more.
+    Count, "type": "integer", "minimum": 1, "maximum": 4294967295u64
+);
+range!(
+    /// Number of points of a hull.
+    Corners, "type": "integer", "minimum": 4, "maximum": 200
+);
+range!(
+    /// Number of sleepers in a row.
+    RowCount, "type": "integer", "minimum": 1, "maximum": 1000
+);
+range!(
+    /// Number of grain templates.
+    Templates, "type": "integer", "minimum": 1, "maximum": 10000
+);
+range!(
+    /// Random seed; TOML's integers are signed.
+    Seed, "type": "integer", "minimum": 0, "maximum": 9223372036854775807u64
+);
+range!(
+    /// Simulated seconds; the largest value keeps nanoseconds exact.
+    Duration, "type": "number", "exclusiveMinimum": 0, "maximum": 1000000
+);
+range!(
+    /// Simulated seconds, or 0.
+    Pause, "type": "number", "minimum": 0, "maximum": 1000000
+);
+range!(
+    /// Number of a pair of tines.
+    PairNumber, "type": "integer", "minimum": 0, "maximum": 100000
+);

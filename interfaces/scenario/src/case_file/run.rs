@@ -1,0 +1,133 @@
+//! `[run]` and `[solver]`: time, output and the solution of each step.
+
+use super::range::{Count, Duration, Fraction, Pause, Positive, Ratio, Theta};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Time stepping and output.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Run {
+    /// Simulated time, s: a whole number of time steps.
+    #[schemars(with = "Duration")]
+    pub duration_s: f64,
+    /// Time step, s: a whole number of nanoseconds.
+    #[serde(default = "default_step")]
+    #[schemars(with = "Duration")]
+    pub step_s: f64,
+    /// Parameter of the θ-scheme; 0.5 keeps energy best.
+    #[serde(default = "default_theta")]
+    #[schemars(with = "Theta")]
+    pub theta: f64,
+    /// Contacts with a gap up to this distance are kept, m.
+    #[serde(default = "default_alert")]
+    #[schemars(with = "Positive")]
+    pub alert_m: f64,
+    /// Newton restitution of every contact.
+    #[serde(default)]
+    #[schemars(with = "Fraction")]
+    pub restitution: f64,
+    /// Simulated time between two frames of the results, s: a whole number of steps; 0: no
+    /// frames. Absent: the whole number of steps nearest to 0.01 s.
+    #[schemars(with = "Option<Pause>")]
+    pub output_every_s: Option<f64>,
+    /// Simulated time between two checkpoints, s: a whole number of steps; 0: only at the end.
+    #[serde(default)]
+    #[schemars(with = "Pause")]
+    pub checkpoint_every_s: f64,
+}
+
+fn default_step() -> f64 {
+    2e-4
+}
+
+fn default_theta() -> f64 {
+    0.5
+}
+
+fn default_alert() -> f64 {
+    0.002
+}
+
+/// How each step is solved. At most one of `boxes`, `balanced` and `contacts_per_subdomain`;
+/// without any, subdomains of about 4000 contacts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Solver {
+    /// In which order subdomains and interface are swept.
+    pub schedule: Schedule,
+    /// Equal boxes over the grains, numbers in x, y and z: `[7, 1, 1]` are seven slabs along x.
+    #[schemars(with = "Option<[Count; 3]>")]
+    pub boxes: Option<[u32; 3]>,
+    /// This many compact subdomains with equal numbers of contacts.
+    #[schemars(with = "Option<Count>")]
+    pub balanced: Option<u32>,
+    /// Compact subdomains of about this many contacts each.
+    #[schemars(with = "Option<Count>")]
+    pub contacts_per_subdomain: Option<u32>,
+    /// Largest number of DDM iterations per step.
+    #[schemars(with = "Count")]
+    pub iterations: u32,
+    /// Sweeps over a subdomain per DDM iteration.
+    #[schemars(with = "Count")]
+    pub subdomain_sweeps: u32,
+    /// Sweeps over the interface per DDM iteration.
+    #[schemars(with = "Count")]
+    pub interface_sweeps: u32,
+    /// Stop a step when `norm` is below this. Absent: always run all iterations.
+    #[schemars(with = "Option<Positive>")]
+    pub tolerance: Option<f64>,
+    /// Which residual `tolerance` bounds.
+    pub norm: Norm,
+    /// DDM iterations between two convergence tests.
+    #[schemars(with = "Count")]
+    pub check_every: u32,
+    /// Relaxation of each contact visit.
+    #[schemars(with = "Ratio")]
+    pub relaxation: f64,
+    /// Start from the impulses of the previous step.
+    pub warm_start: bool,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            schedule: Schedule::Synchronous,
+            boxes: None,
+            balanced: None,
+            contacts_per_subdomain: None,
+            iterations: 1000,
+            subdomain_sweeps: 1,
+            interface_sweeps: 1,
+            tolerance: None,
+            norm: Norm::Qm16,
+            check_every: 10,
+            relaxation: 1.0,
+            warm_start: true,
+        }
+    }
+}
+
+/// In which order subdomains and interface are swept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Schedule {
+    /// One set of contacts, no decomposition.
+    Sequential,
+    /// Subdomains in parallel, then the interface: the same bytes for any number of threads.
+    Synchronous,
+    /// Interface and subdomains together, newest values, no barrier.
+    Asynchronous,
+}
+
+/// A measure of how well a step is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Norm {
+    /// The strictest of the quadratic, maximum/16 and impulse-weighted norms.
+    Qm16,
+    /// The quadratic norm alone; misses newly created contacts.
+    Quad,
+    /// The natural map, scaled.
+    NaturalMap,
+}

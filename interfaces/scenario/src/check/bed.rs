@@ -1,0 +1,155 @@
+//! Checks of `[bed]`.
+
+use crate::case_file::{Bed, CaseFile};
+use crate::report::{Finding, Report};
+
+/// Compactness of a prepared bed, for estimates only.
+const COMPACTNESS: f64 = 0.58;
+/// More grains than this are a slip of the pen, not a bed.
+const MOST_GRAINS: f64 = 5e6;
+
+/// Checks sizes, shares and levels of the bed.
+pub fn bed(case: &CaseFile, fill_level: f64, report: &mut Report) {
+    shares(&case.bed, report);
+    axes(&case.bed, report);
+    counts(&case.bed, report);
+    levels(case, fill_level, report);
+    grain_number(&case.bed, fill_level, report);
+    pouring_step(&case.bed, report);
+}
+
+fn shares(bed: &Bed, report: &mut Report) {
+    let sum: f64 = bed.grains.classes.iter().map(|c| c.share).sum();
+    if report.clean(&["bed.grains.classes"]) && (sum - 1.0).abs() > 1e-6 {
+        let finding = Finding {
+            problem: "the shares of the size classes do not sum to 1".into(),
+            found: format!("a sum of {sum}"),
+            expected: "shares by number that sum to 1".into(),
+            hint: None,
+        };
+        report.error("bed.grains.classes", finding);
+    }
+}
+
+fn axes(bed: &Bed, report: &mut Report) {
+    for (name, [mean, half]) in
+        [("elongation", bed.grains.elongation), ("flatness", bed.grains.flatness)]
+    {
+        let key = format!("bed.grains.{name}");
+        if report.clean(&[&key]) && (mean - half < 0.05 || mean + half > 1.0) {
+            let finding = Finding {
+                problem: format!("`{name}` leaves the range of grain shapes"),
+                found: format!("{:.3} to {:.3}", mean - half, mean + half),
+                expected: "mean ± half-width within 0.05 to 1".into(),
+                hint: None,
+            };
+            report.error(&key, finding);
+        }
+    }
+}
+
+fn counts(bed: &Bed, report: &mut Report) {
+    let [least, most] = bed.grains.vertices;
+    if least > most {
+        let finding = Finding {
+            problem: "`vertices` is upside down".into(),
+            found: format!("[{least}, {most}]"),
+            expected: "the smallest number first".into(),
+            hint: Some(format!("write [{most}, {least}]")),
+        };
+        report.error("bed.grains.vertices", finding);
+    }
+    let classes = bed.grains.classes.len();
+    if (bed.grains.templates as usize) < classes {
+        let finding = Finding {
+            problem: "fewer shapes than size classes".into(),
+            found: bed.grains.templates.to_string(),
+            expected: format!("at least {classes}, one for each class"),
+            hint: None,
+        };
+        report.error("bed.grains.templates", finding);
+    }
+}
+
+fn levels(case: &CaseFile, fill_level: f64, report: &mut Report) {
+    let bed = &case.bed;
+    let height = bed.size_m[2];
+    if !report.clean(&["bed.size_m", "bed.ballast_depth_m", "bed.preparation.fill_level_m"]) {
+        return;
+    }
+    if bed.ballast_depth_m >= height {
+        let finding = Finding {
+            problem: "the ballast is deeper than the box".into(),
+            found: format!("{} m", bed.ballast_depth_m),
+            expected: format!("less than the box's height, {height} m"),
+            hint: None,
+        };
+        report.error("bed.ballast_depth_m", finding);
+        return;
+    }
+    let given = bed.preparation.fill_level_m.is_some();
+    if fill_level < bed.ballast_depth_m || fill_level > height {
+        let key = if given { "bed.preparation.fill_level_m" } else { "bed.size_m[2]" };
+        let finding = Finding {
+            problem: "the fill level is outside the box or below the sleepers".into(),
+            found: format!("a fill level of {fill_level} m"),
+            expected: format!(
+                "from the ballast depth, {} m, to the box's height, {height} m",
+                bed.ballast_depth_m
+            ),
+            hint: (!given).then(|| "the cribs are filled to the top of the highest block".into()),
+        };
+        report.error(key, finding);
+    }
+}
+
+fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
+    if !report.clean(&["bed.size_m", "bed.ballast_depth_m", "bed.preparation", "bed.grains"]) {
+        return;
+    }
+    let [x, y, _] = bed.size_m;
+    let grains = &bed.grains;
+    let largest = grains.classes.iter().map(|c| c.size_m).fold(0.0, f64::max);
+    // A grain of sieve size d is d / elongation long.
+    let longest = largest / (grains.elongation[0] - grains.elongation[1]);
+    let narrowest = x.min(y).min(fill_level);
+    if narrowest < longest {
+        let key = if x.min(y) < longest { "bed.size_m" } else { "bed.ballast_depth_m" };
+        let finding = Finding {
+            problem: "the box is too small for one grain".into(),
+            found: format!("{narrowest} m"),
+            expected: format!("more than the longest grain, {longest:.3} m"),
+            hint: None,
+        };
+        report.error(key, finding);
+        return;
+    }
+    let mean_volume: f64 = std::f64::consts::FRAC_PI_6 * grains.flatness[0] / grains.elongation[0]
+        * grains.classes.iter().map(|c| c.share * c.size_m.powi(3)).sum::<f64>();
+    let expected = COMPACTNESS * x * y * fill_level / mean_volume;
+    // Written so that a number that is not one is refused, too.
+    if !(expected <= MOST_GRAINS) {
+        let finding = Finding {
+            problem: "the bed is too large".into(),
+            found: format!("about {expected:.1e} grains"),
+            expected: format!("at most {MOST_GRAINS:.0e}"),
+            hint: Some("all sizes are in metres".into()),
+        };
+        report.error("bed.size_m", finding);
+    }
+}
+
+/// Pouring damps falls to 1 m/s; one step must not gain more.
+fn pouring_step(bed: &Bed, report: &mut Report) {
+    let key = "bed.preparation.step_s";
+    let step = bed.preparation.step_s;
+    if report.clean(&[key, "bed.gravity_m_per_s2"]) && step * bed.gravity_m_per_s2 >= 1.0 {
+        let finding = Finding {
+            problem: "the time step is too large for pouring".into(),
+            found: format!("{step} s"),
+            expected: "a step in which free fall gains less than 1 m/s".into(),
+            hint: Some("1e-3 s is usual".into()),
+        };
+        report.error(key, finding);
+    }
+}

@@ -1,0 +1,158 @@
+//! The cycle of the machine: it fits the run, the bed and the time step.
+
+use crate::layout::Layout;
+use crate::report::{Finding, Report};
+use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
+
+/// Fastest insertion that machines reach, m/s.
+const FAST_INSERTION: f64 = 1.0;
+/// Peak over mean speed of the smooth motions: tines cruise between ramps, a lift does not.
+const TINE_PEAK: f64 = 1.25;
+const LIFT_PEAK: f64 = 1.875;
+/// Fewest steps that show a sine.
+const STEPS_PER_PERIOD: f64 = 10.0;
+
+/// Checks the cycle against bed, layout and time stepping.
+pub fn machine(
+    tamping: Option<&TampingPlan>,
+    bed: &BedPlan,
+    layout: &Layout,
+    run: &RunPlan,
+    report: &mut Report,
+) {
+    let Some(tamping) = tamping else {
+        if !layout.tines.is_empty() {
+            let key = layout.tines[0].key.clone();
+            let finding = Finding {
+                problem: "the tines never move".into(),
+                found: "tines without `[tamping]`".into(),
+                expected: "a table `[tamping]`, which may be empty".into(),
+                hint: None,
+            };
+            report.warn(&key, finding);
+        }
+        return;
+    };
+    if !layout.sleepers.iter().any(|s| s.plan.tamped) && layout.tines.is_empty() {
+        let finding = Finding {
+            problem: "the machine has nothing to do".into(),
+            found: "neither tines nor a tamped sleeper".into(),
+            expected: "`[tines]`, and a sleeper that is tamped".into(),
+            hint: None,
+        };
+        report.warn("tamping", finding);
+    }
+    cycle_fits(tamping, run, report);
+    if !report.clean(&["tamping", "bed", "run", "tines", "tine"]) {
+        return;
+    }
+    above_floor(tamping, bed, layout, report);
+    step_resolves(tamping, bed, layout, run, report);
+}
+
+fn cycle_fits(tamping: &TampingPlan, run: &RunPlan, report: &mut Report) {
+    if !report.clean(&["tamping", "run"]) {
+        return;
+    }
+    let duration = run.duration_ns as f64 * 1e-9;
+    let before = tamping.start
+        + tamping.lift.duration
+        + tamping.insertion.duration
+        + tamping.squeeze.duration
+        + tamping.hold;
+    if before >= duration {
+        let finding = Finding {
+            problem: "the run ends before the tines are withdrawn".into(),
+            found: format!("{duration} s"),
+            expected: format!("more than {before:.4} s: lift, insertion, squeeze and hold"),
+            hint: None,
+        };
+        report.error("run.duration_s", finding);
+    } else if before + tamping.withdrawal > duration * (1.0 + 1e-9) {
+        let finding = Finding {
+            problem: "the run ends during the withdrawal".into(),
+            found: format!("{} s", tamping.withdrawal),
+            expected: format!("at most {:.4} s", duration - before),
+            hint: None,
+        };
+        report.warn("tamping.withdrawal_s", finding);
+    }
+}
+
+fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
+    let edge = bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    for tine in &layout.tines {
+        let lowest = edge - tine.plan.blade.z;
+        if lowest <= 0.0 {
+            let finding = Finding {
+                problem: format!("`{}` reaches the floor", tine.plan.name),
+                found: format!("its lower edge at z = {lowest:.4} m"),
+                expected: format!(
+                    "an insertion depth below {:.4} m",
+                    tamping.insertion.depth + lowest
+                ),
+                hint: None,
+            };
+            report.error("tamping.insertion.depth_m", finding);
+            return;
+        }
+    }
+}
+
+/// Tools must not jump over grains, nor the steps over the vibration.
+fn step_resolves(
+    tamping: &TampingPlan,
+    bed: &BedPlan,
+    layout: &Layout,
+    run: &RunPlan,
+    report: &mut Report,
+) {
+    let Some(blade) = layout.tines.iter().map(|t| t.plan.blade.z).reduce(f64::max) else { return };
+    let h = run.stepping.h();
+    let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
+    let vibration =
+        std::f64::consts::TAU * tamping.vibration.frequency * tamping.vibration.amplitude;
+    let travel = bed.preparation.fill_level + tamping.insertion.clearance + blade
+        - (bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth);
+    let insertion = TINE_PEAK * travel / tamping.insertion.duration;
+    let squeeze = TINE_PEAK * tamping.squeeze.stroke / tamping.squeeze.duration;
+    let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
+    for (key, speed) in [
+        ("tamping.vibration", vibration),
+        ("tamping.insertion.duration_s", insertion),
+        ("tamping.squeeze.duration_s", squeeze),
+        ("tamping.lift.duration_s", lift),
+    ] {
+        if speed * h > 0.5 * smallest {
+            let finding = Finding {
+                problem: "the time step is too large for this motion".into(),
+                found: format!("{speed:.3} m/s, {:.4} m per step", speed * h),
+                expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
+                hint: Some(format!("a step of {:.1e} s would do", 0.4 * smallest / speed)),
+            };
+            report.error(key, finding);
+        }
+    }
+    let steps = 1.0 / (tamping.vibration.frequency * h);
+    if tamping.vibration.amplitude > 0.0 && steps < STEPS_PER_PERIOD {
+        let finding = Finding {
+            problem: "the time step is too large for the vibration".into(),
+            found: format!("{steps:.1} steps per period"),
+            expected: format!("at least {STEPS_PER_PERIOD}"),
+            hint: Some(format!(
+                "a step of {:.1e} s would do",
+                1.0 / (STEPS_PER_PERIOD * tamping.vibration.frequency)
+            )),
+        };
+        report.error("tamping.vibration.frequency_Hz", finding);
+    }
+    if insertion > FAST_INSERTION {
+        let finding = Finding {
+            problem: "the insertion is faster than machines are".into(),
+            found: format!("{insertion:.2} m/s at its peak"),
+            expected: format!("about {FAST_INSERTION} m/s at most"),
+            hint: None,
+        };
+        report.warn("tamping.insertion.duration_s", finding);
+    }
+}

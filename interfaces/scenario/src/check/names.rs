@@ -1,0 +1,42 @@
+//! Names: of the case, of sleepers and tines.
+
+use crate::case_file::CaseFile;
+use crate::layout::Layout;
+use crate::report::{Finding, Report};
+use std::collections::BTreeSet;
+
+/// Checks that names can be used in files and messages, and that no two bodies share one.
+pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
+    usable("name", &case.name, report);
+    let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
+    let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
+    // The names of the box's floor, ends and sides.
+    let mut taken = BTreeSet::from(["floor", "end_start", "end_far", "side_right", "side_left"]);
+    for (key, name) in sleepers.chain(tines) {
+        let key = format!("{key}.name");
+        usable(&key, name, report);
+        if !taken.insert(name) {
+            let finding = Finding {
+                problem: "this name is taken".into(),
+                found: format!("`{name}`"),
+                expected: "a name that no other sleeper, tine or part of the box has".into(),
+                hint: None,
+            };
+            report.error(&key, finding);
+        }
+    }
+}
+
+fn usable(key: &str, name: &str, report: &mut Report) {
+    let fits = (1..=64).contains(&name.len())
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if !fits {
+        let finding = Finding {
+            problem: "this name cannot be used in files and messages".into(),
+            found: crate::diagnostic::quoted(name),
+            expected: "1 to 64 letters (a-z, A-Z), digits, `_` and `-`".into(),
+            hint: None,
+        };
+        report.error(key, finding);
+    }
+}

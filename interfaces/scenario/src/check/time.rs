@@ -1,0 +1,179 @@
+//! Checks of `[run]` and `[solver]`; times become whole nanoseconds here.
+
+use crate::case_file::{CaseFile, Run, Solver};
+use crate::report::{Finding, Report};
+use ballast::model::{self, PartitionRule, Stepping};
+use ballast::track::plan::RunPlan;
+
+/// More subdomains than this have no contacts left to share.
+const MOST_SUBDOMAINS: u64 = 100_000;
+
+/// Seconds as whole nanoseconds, at least 1; `None` where they are none.
+fn whole_ns(seconds: f64) -> Option<u64> {
+    let ns = seconds * 1e9;
+    let whole = ns.round();
+    ((1.0..1e16).contains(&whole) && (ns - whole).abs() <= 1e-3 + 1e-15 * whole)
+        .then_some(whole as u64)
+}
+
+/// The time step at `key`, ns; 1 ns where it cannot be used.
+pub fn step_ns(seconds: f64, key: &str, report: &mut Report) -> u64 {
+    let ns = whole_ns(seconds);
+    if ns.is_none() && report.clean(&[key]) {
+        let finding = Finding {
+            problem: "a time step is a whole number of nanoseconds".into(),
+            found: format!("{seconds} s"),
+            expected: format!("for example {:e} s", (seconds * 1e9).round().max(1.0) * 1e-9),
+            hint: None,
+        };
+        report.error(key, finding);
+    }
+    ns.unwrap_or(1)
+}
+
+/// Time at `key`, ns, which must be whole steps of `step` ns.
+fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
+    if seconds == 0.0 || !report.clean(&["run.step_s", key]) {
+        return 0;
+    }
+    if let Some(ns) = whole_ns(seconds).filter(|ns| ns % step == 0) {
+        return ns;
+    }
+    let below = (seconds * 1e9 / step as f64).floor();
+    let time = |n: f64| format!("{}", (n * step as f64).round() / 1e9);
+    let choices = match below >= 1.0 {
+        true => format!("{} or {} s", time(below), time(below + 1.0)),
+        false => format!("{} s", time(1.0)),
+    };
+    let finding = Finding {
+        problem: format!(
+            "`{}` is not a whole number of time steps",
+            key.trim_start_matches("run.")
+        ),
+        found: format!("{seconds} s, {:.3} steps of {} s", seconds * 1e9 / step as f64, time(1.0)),
+        expected: choices,
+        hint: None,
+    };
+    report.error(key, finding);
+    step
+}
+
+/// The plan of the run.
+pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
+    let run = &case.run;
+    let step = step_ns(run.step_s, "run.step_s", report);
+    let output_ns = match run.output_every_s {
+        Some(every) => whole_steps(every, step, "run.output_every_s", report),
+        None => step * ((10_000_000 + step / 2) / step).max(1),
+    };
+    alert(run, case, report);
+    RunPlan {
+        stepping: Stepping { step_ns: step, theta: run.theta, alert: run.alert_m },
+        solver: solver(&case.solver, report),
+        restitution: run.restitution,
+        duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
+        output_ns,
+        checkpoint_ns: whole_steps(run.checkpoint_every_s, step, "run.checkpoint_every_s", report),
+    }
+}
+
+fn alert(run: &Run, case: &CaseFile, report: &mut Report) {
+    let classes = &case.bed.grains.classes;
+    let smallest = classes.iter().map(|c| c.size_m).fold(f64::INFINITY, f64::min);
+    if report.clean(&["run.alert_m", "bed.grains.classes"]) && run.alert_m > 0.25 * smallest {
+        let finding = Finding {
+            problem: "contacts are kept from very far away".into(),
+            found: format!("{} m", run.alert_m),
+            expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
+            hint: Some("most of these contacts cost time and carry nothing".into()),
+        };
+        report.warn("run.alert_m", finding);
+    }
+}
+
+fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
+    use crate::case_file::{Norm, Schedule};
+    unused(solver, report);
+    model::Solver {
+        schedule: match solver.schedule {
+            Schedule::Sequential => model::Schedule::Sequential,
+            Schedule::Synchronous => model::Schedule::Synchronous,
+            Schedule::Asynchronous => model::Schedule::Asynchronous,
+        },
+        partition: partition(solver, report),
+        iterations: solver.iterations,
+        subdomain_sweeps: solver.subdomain_sweeps,
+        interface_sweeps: solver.interface_sweeps,
+        tolerance: solver.tolerance,
+        norm: match solver.norm {
+            Norm::Qm16 => model::Norm::Qm16,
+            Norm::Quad => model::Norm::Quad,
+            Norm::NaturalMap => model::Norm::NaturalMap,
+        },
+        check_every: solver.check_every,
+        relaxation: solver.relaxation,
+        warm_start: solver.warm_start,
+    }
+}
+
+fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
+    let given = [
+        (solver.boxes.map(PartitionRule::Boxes), "boxes"),
+        (solver.balanced.map(PartitionRule::Balanced), "balanced"),
+        (solver.contacts_per_subdomain.map(PartitionRule::ContactsPer), "contacts_per_subdomain"),
+    ];
+    let mut rules = given.iter().filter_map(|(rule, key)| rule.map(|r| (r, *key)));
+    let Some((rule, first)) = rules.next() else { return model::Solver::default().partition };
+    for (_, key) in rules {
+        let finding = Finding {
+            problem: format!("`{key}` contradicts `{first}`"),
+            found: "two ways to divide the bed".into(),
+            expected: "one of `boxes`, `balanced` and `contacts_per_subdomain`".into(),
+            hint: Some(format!("remove `{key}` or `{first}`")),
+        };
+        report.error(&format!("solver.{key}"), finding);
+    }
+    let count = match rule {
+        PartitionRule::Boxes(n) => n.iter().fold(1, |a, b| u64::saturating_mul(a, u64::from(*b))),
+        PartitionRule::Balanced(n) => u64::from(n),
+        PartitionRule::ContactsPer(_) => 1,
+    };
+    if count > MOST_SUBDOMAINS {
+        let finding = Finding {
+            problem: "too many subdomains".into(),
+            found: count.to_string(),
+            expected: format!("at most {MOST_SUBDOMAINS}"),
+            hint: None,
+        };
+        report.error(&format!("solver.{first}"), finding);
+    }
+    rule
+}
+
+/// Keys that were written but change nothing.
+fn unused(solver: &Solver, report: &mut Report) {
+    let keys: &[&str] = match (solver.tolerance, solver.schedule) {
+        (None, crate::case_file::Schedule::Sequential) => {
+            &["norm", "boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
+        }
+        (None, _) => &["norm"],
+        (Some(_), crate::case_file::Schedule::Sequential) => {
+            &["boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
+        }
+        _ => &[],
+    };
+    for key in keys {
+        let path = format!("solver.{key}");
+        if report.document.has(&path) {
+            let finding = Finding {
+                problem: format!("`{key}` changes nothing"),
+                found: match *key {
+                    "norm" => "a norm without a tolerance".into(),
+                    _ => "a division of the bed with the sequential schedule".into(),
+                },
+                ..Finding::default()
+            };
+            report.warn(&path, finding);
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! From the words of a case file to the plan of the scenario.
+
+use crate::case_file::{self, CaseFile};
+use crate::check;
+use crate::layout::{Layout, lay_out};
+use crate::report::Report;
+use ballast::math::Vec3;
+use ballast::track::plan::{
+    BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, Plan, PreparationPlan, RunPlan,
+    SizeClass, SqueezePlan, TampingPlan, VibrationPlan,
+};
+
+/// The plan of `case`; it is only meant to be used when `report` holds no error afterwards.
+pub fn resolve(case: &CaseFile, report: &mut Report) -> Plan {
+    let layout = lay_out(case, report);
+    let bed = bed(case, &layout, report);
+    let run = check::run(case, report);
+    let tamping = case.tamping.as_ref().map(|t| tamping(t, &run));
+    let [x, y, _] = case.bed.size_m;
+    check::bed(case, bed.preparation.fill_level, report);
+    check::names(case, &layout, report);
+    check::collisions(&layout, [x, y], tamping.as_ref(), report);
+    check::machine(tamping.as_ref(), &bed, &layout, &run, report);
+    Plan {
+        name: case.name.clone(),
+        bed,
+        sleepers: layout.sleepers.into_iter().map(|s| s.plan).collect(),
+        tines: layout.tines.into_iter().map(|t| t.plan).collect(),
+        tamping,
+        run,
+    }
+}
+
+fn bed(case: &CaseFile, layout: &Layout, report: &mut Report) -> BedPlan {
+    let bed = &case.bed;
+    BedPlan {
+        size: Vec3::from(bed.size_m),
+        seed: bed.seed,
+        density: bed.density_kg_per_m3,
+        grains: grains(&bed.grains),
+        friction: FrictionPlan {
+            grain: bed.friction.grain,
+            sleeper: bed.friction.sleeper,
+            tine: bed.friction.tine,
+            boundary: bed.friction.boundary,
+        },
+        gravity: bed.gravity_m_per_s2,
+        preparation: preparation(bed, layout, report),
+    }
+}
+
+fn grains(grains: &case_file::Grains) -> GrainPlan {
+    GrainPlan {
+        classes: grains
+            .classes
+            .iter()
+            .map(|c| SizeClass { size: c.size_m, share: c.share })
+            .collect(),
+        elongation: grains.elongation,
+        flatness: grains.flatness,
+        vertices: grains.vertices,
+        angularity: grains.angularity,
+        templates: grains.templates,
+    }
+}
+
+fn preparation(bed: &case_file::Bed, layout: &Layout, report: &mut Report) -> PreparationPlan {
+    let preparation = &bed.preparation;
+    let blocks = layout.sleepers.iter().flat_map(|s| &s.plan.blocks);
+    let tallest = blocks.map(|b| b.size.z).fold(0.0, f64::max);
+    PreparationPlan {
+        ballast_depth: bed.ballast_depth_m,
+        fill_level: preparation.fill_level_m.unwrap_or(bed.ballast_depth_m + tallest),
+        friction: preparation.friction,
+        step_ns: check::step_ns(preparation.step_s, "bed.preparation.step_s", report),
+        iterations: preparation.iterations,
+        rest_speed: preparation.rest_speed_m_per_s,
+        max_settling: preparation.max_settling_s,
+    }
+}
+
+fn tamping(tamping: &case_file::Tamping, run: &RunPlan) -> TampingPlan {
+    let before = tamping.start_s
+        + tamping.lift.duration_s
+        + tamping.insertion.duration_s
+        + tamping.squeeze.duration_s
+        + tamping.hold_s;
+    TampingPlan {
+        start: tamping.start_s,
+        lift: LiftPlan { height: tamping.lift.height_m, duration: tamping.lift.duration_s },
+        insertion: InsertionPlan {
+            duration: tamping.insertion.duration_s,
+            depth: tamping.insertion.depth_m,
+            clearance: tamping.insertion.clearance_m,
+        },
+        squeeze: SqueezePlan {
+            duration: tamping.squeeze.duration_s,
+            stroke: tamping.squeeze.stroke_m,
+            force_limit: tamping.squeeze.force_limit,
+        },
+        hold: tamping.hold_s,
+        withdrawal: tamping.withdrawal_s.unwrap_or(run.duration_ns as f64 * 1e-9 - before),
+        vibration: VibrationPlan {
+            frequency: tamping.vibration.frequency,
+            amplitude: tamping.vibration.amplitude_m,
+        },
+    }
+}

@@ -1,0 +1,213 @@
+//! Broken case files: each error at its place, in words that help.
+
+use crate::{BASE, changed};
+use ballast_scenario::{CaseErrors, read_case};
+
+/// Marks in a broken text where the message must point.
+const MARK: char = '«';
+
+/// Text to replace in the base, its replacement with the mark, words of the first error there.
+struct Broken(&'static str, &'static str, &'static [&'static str]);
+
+const TABLE: &[Broken] = &[
+    // Syntax.
+    Broken("step_s = 8e-4", "step_s = «8e-4 s", &["not TOML"]),
+    Broken("[run]", "[run«", &["not TOML"]),
+    Broken("iterations = 300", "iterations = 300\n«iterations = 200", &["not TOML", "duplicate"]),
+    Broken("name = \"base\"", "name = \"base«", &["not TOML"]),
+    // Keys.
+    Broken("density_kg_per_m3", "«dencity_kg_per_m3", &["unknown key", "mean `density_kg_per_m3`"]),
+    Broken("step_s = 8e-4", "«step = 8e-4", &["unknown key `step`", "did you mean `step_s`?"]),
+    Broken("tolerance", "«tolerence", &["unknown key", "did you mean `tolerance`?"]),
+    Broken("stroke_m", "«stroke_mm", &["unknown key", "did you mean `stroke_m`?"]),
+    Broken("[tamping]", "[«tampping]", &["unknown key", "did you mean `tamping`?"]),
+    Broken("restitution = 0", "«seed = 3", &["unknown key", "`seed` belongs in `[bed]`"]),
+    Broken("density_kg_per_m3 = 2700", "«alert_m = 1", &["`alert_m` belongs in `[run]`"]),
+    Broken(
+        "[bed]\nsize_m = [0.60, 0.70, 0.45]\n",
+        "[«bed]\n",
+        &["missing key `size_m`", "a list of 3"],
+    ),
+    Broken("share = 0.3 }", "share = 0.2 }, «{ share = 0.1 }", &["missing key `size_m`"]),
+    // Types and values.
+    Broken("= 2700", "= «\"2700 kg\"", &["wrong type", "text", "without quotes"]),
+    Broken("[0.60, 0.70, 0.45]", "«[0.60, 0.70]", &["wrong number of entries", "list of 2"]),
+    Broken("0.45]", "«true]", &["wrong type", "`true`", "a number above 0"]),
+    Broken("\"synchronous\"", "«\"syncronous\"", &["unknown value", "did you mean `synchronous`?"]),
+    Broken("iterations = 300", "iterations = «300.5", &["wrong type", "a whole number"]),
+    Broken("[8, 40]", "«40", &["wrong type", "a list of 2"]),
+    Broken("[run]", "«[[run]]", &["wrong type", "a list of 1", "a table"]),
+    // Ranges.
+    Broken("= 2700", "= «nan", &["out of range", "`nan`", "above 0", "kg/m³"]),
+    Broken("= 2700", "= «-2700", &["out of range", "a number above 0"]),
+    Broken("= 0.28", "= «inf", &["out of range", "`inf`"]),
+    Broken("0.70, 0.45]", "«0.0, 0.45]", &["`size_m[1]` is out of range", "above 0"]),
+    Broken("restitution = 0", "restitution = «1.5", &["out of range", "from 0 to 1"]),
+    Broken("restitution = 0", "theta = «0.4", &["out of range", "from 0.5 to 1"]),
+    Broken("[bed.preparation]", "[bed.friction]\ngrain = «-0.1\n[bed.preparation]", &["0 or more"]),
+    Broken("iterations = 300", "iterations = «0", &["out of range", "1 or more"]),
+    Broken("iterations = 300", "iterations = «-5", &["out of range", "`-5`"]),
+    Broken("iterations = 300", "relaxation = «0", &["above 0 and up to 1"]),
+    Broken("iterations = 300", "relaxation = «1.2", &["above 0 and up to 1"]),
+    Broken("= 7800", "= «0", &["`force_limit_N` is out of range", "above 0"]),
+    Broken("= 7800", "= «nan", &["out of range"]),
+    Broken("1.666e-4", "«1e-999", &["out of range"]),
+    // The bed.
+    Broken(
+        "[{ size_m = 0.025, share = 0.7",
+        "«[{ size_m = 0.025, share = 0.5",
+        &["sum to 1", "0.8"],
+    ),
+    Broken("[8, 40]", "«[40, 8]", &["upside down", "write [8, 40]"]),
+    Broken("vertices = [8, 40]", "elongation = «[0.95, 0.1]", &["grain shapes", "1.050"]),
+    Broken("vertices = [8, 40]", "templates = «1", &["fewer shapes", "at least 2"]),
+    Broken("[0.60, 0.70, 0.45]", "«[600, 700, 450]", &["too large", "grains", "metres"]),
+    Broken(
+        "size_m = [0.60, 0.70, 0.45]",
+        "size_m = «[0.05, 0.7, 0.45]",
+        &["too small for one grain"],
+    ),
+    Broken("= 0.28", "= «0.5", &["deeper than the box", "0.45 m"]),
+    Broken("0.70, 0.45]", "0.70, «0.40]", &["fill level", "0.4 m", "highest block"]),
+    Broken("step_s = 1e-3", "step_s = 1e-3\nfill_level_m = «0.2", &["fill level", "0.28 m"]),
+    Broken("step_s = 1e-3", "step_s = «0.2", &["too large for pouring", "1 m/s"]),
+    // Sleepers and tines.
+    Broken("tamped = [1]", "tamped = [«2]", &["no sleeper of this number", "from 1 to 1"]),
+    Broken("tamped = [1]", "tamped = [1, «1]", &["named twice"]),
+    Broken("tamped = [1]", "tamped = «[]", &["need a tamped sleeper"]),
+    Broken("[sleepers]", "[«sleepers]\ncount = 2", &["missing key `pitch_m`"]),
+    Broken("[sleepers]", "[sleepers]\nfirst_x_m = «0.1", &["outside the box", "0.1000 m"]),
+    Broken("[sleepers]", "[sleepers]\ncount = 2\npitch_m = «0.2", &["`sleeper_2` overlaps"]),
+    Broken("[sleepers]", "[sleepers]\ncount = «1001", &["out of range", "from 1 to 1000"]),
+    Broken(
+        "[{ size_m = [0.29, 0.40, 0.15] }]",
+        "«[{ size_m = [0.29, 0.40, 0.15] }, { size_m = [0.2, 0.2, 0.1], offset_y_m = 0.1 }]",
+        &["blocks of `sleeper_1` overlap"],
+    ),
+    Broken("[-0.1, 0.1]", "[-0.1, «0.3]", &["faces none of its blocks", "-0.200 to 0.200"]),
+    Broken("[-0.1, 0.1]", "[0.0, «0.1]", &["overlap at the start", "tine_1_plus"]),
+    Broken("= 0.06", "= «0.14", &["leaves the box"]),
+    Broken("= 0.06", "= «0.005", &["goes down into `sleeper_1`"]),
+    Broken("stroke_m = 0.05", "stroke_m = «0.06", &["drives `tine_1_plus`", "less than 0.0510 m"]),
+    Broken(
+        "[tamping]",
+        "[[tine]]\nname = \"a b\"\nx_m = 0.08\ny_m = 0.05\ntowards = «\"x\"\npair = 9\n[tamping]",
+        &["unknown value", "\"+x\", \"-x\""],
+    ),
+    Broken(
+        "[tines]",
+        "[[sleeper]]\nname = «\"sleeper_1\"\nx_m = 0.3\ny_m = 0.06\n\
+         blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n[tines]",
+        &["name is taken", "`sleeper_1`"],
+    ),
+    Broken("\"base\"", "«\"a/b\"", &["cannot be used in files", "`a/b`"]),
+    // The machine.
+    Broken("depth_m = 0.018", "depth_m = «0.24", &["reaches the floor", "below 0.2300 m"]),
+    Broken("duration_s = 1.764", "duration_s = «1.2", &["before the tines are withdrawn", "1.55"]),
+    Broken("frequency_Hz = 35", "frequency_Hz = «140", &["8.9 steps per period", "at least 10"]),
+    Broken(
+        "= 0.45, d",
+        "= «0.01, d",
+        &["time step is too large", "half the smallest grain, 0.0125 m"],
+    ),
+    // Time and solver.
+    Broken("step_s = 8e-4", "step_s = «1.5e-9", &["whole number of nanoseconds"]),
+    Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),
+    Broken("restitution = 0", "output_every_s = «0.01", &["whole number", "0.0096 or 0.0104 s"]),
+    Broken("restitution = 0", "checkpoint_every_s = «1e-4", &["whole number", "0.0008 s"]),
+    Broken("tolerance =", "balanced = «4\ntolerance =", &["contradicts `boxes`", "remove"]),
+    Broken("[2, 1, 1]", "«[1000, 1000, 1000]", &["too many subdomains"]),
+];
+
+/// Line and column of the mark, and the text without it.
+fn unmark(text: &str) -> (usize, usize, String) {
+    let at = text.find(MARK).expect("the broken text has a mark");
+    let line = text[..at].matches('\n').count() + 1;
+    let column = text[..at].rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    (line, column, text.replace(MARK, ""))
+}
+
+fn errors(text: &str) -> CaseErrors {
+    read_case(text, "broken.toml").expect_err(text)
+}
+
+#[test]
+fn every_broken_case_is_told_at_its_place_in_words_that_help() {
+    assert!(TABLE.len() > 30);
+    let complaints: Vec<String> = TABLE.iter().filter_map(complaint).collect();
+    assert!(complaints.is_empty(), "{}", complaints.join("\n\n"));
+}
+
+/// What is wrong with the answer to one broken case.
+fn complaint(Broken(from, to, words): &Broken) -> Option<String> {
+    let (line, column, text) = unmark(&changed(from, to));
+    let Err(found) = read_case(&text, "broken.toml") else {
+        return Some(format!("{to:?}: read without an error"));
+    };
+    let Some(here) = found.errors.iter().find(|e| (e.line, e.column) == (line, column)) else {
+        return Some(format!("{to:?}: expected an error at {line}:{column}\n{found}"));
+    };
+    let message = here.to_string();
+    let place = format!("broken.toml:{line}:{column}");
+    let mut missing =
+        words.iter().copied().chain([place.as_str()]).filter(|w| !message.contains(w));
+    missing.next().map(|word| format!("{to:?}: no {word:?} in\n{message}"))
+}
+
+#[test]
+fn all_errors_of_a_file_are_told_in_its_order() {
+    let text = BASE
+        .replace("= 2700", "= -1")
+        .replace("tolerance", "tolerence")
+        .replace("= 0.28", "= \"deep\"")
+        .replace("duration_s = 1.764", "")
+        .replace("share = 0.3", "share = 0.4");
+    let found = errors(&text);
+    let keys: Vec<&str> = found.errors.iter().map(|e| e.key.as_str()).collect();
+    let expected =
+        ["bed.ballast_depth_m", "bed.density_kg_per_m3", "run.duration_s", "solver.tolerence"];
+    assert_eq!(keys, expected);
+    assert!(found.to_string().ends_with("4 errors in broken.toml"), "{found}");
+    // What only shows when all keys can be read comes with the ranges.
+    let text = BASE.replace("= 2700", "= -1").replace("share = 0.3", "share = 0.4");
+    let keys: Vec<String> = errors(&text).errors.into_iter().map(|e| e.key).collect();
+    assert_eq!(keys, ["bed.density_kg_per_m3", "bed.grains.classes"]);
+}
+
+#[test]
+fn the_line_is_shown_with_carets_under_the_place() {
+    let text = changed("density_kg_per_m3 = 2700", "density_kg_per_m3 = -2700 # é");
+    let message = errors(&text).to_string();
+    let lines: Vec<&str> = message.lines().collect();
+    let source = lines.iter().position(|l| l.starts_with("6 | ")).expect(&message);
+    assert_eq!(lines[source], "6 | density_kg_per_m3 = -2700 # é");
+    assert_eq!(lines[source + 1], "  |                     ^^^^^");
+}
+
+#[test]
+fn an_error_has_fields_for_programs() {
+    let text = changed("schedule = ", "schedule = \"parallel\" #");
+    let found = errors(&text);
+    let json = serde_json::to_value(&found.errors[0]).unwrap();
+    assert_eq!(json["file"], "broken.toml");
+    let line = BASE.lines().position(|l| l.starts_with("schedule")).unwrap() + 1;
+    assert_eq!(json["line"], line);
+    assert_eq!(json["column"], 12);
+    assert_eq!(json["key"], "solver.schedule");
+    assert_eq!(json["found"], "`\"parallel\"`");
+    assert_eq!(json["expected"], "one of \"sequential\", \"synchronous\", \"asynchronous\"");
+    assert_eq!(json["hint"], serde_json::Value::Null);
+}
+
+#[test]
+fn an_empty_file_names_what_is_missing() {
+    let found = errors("");
+    let keys: Vec<&str> = found.errors.iter().map(|e| e.key.as_str()).collect();
+    assert_eq!(keys, ["name", "bed", "run"]);
+}
+
+#[test]
+fn control_characters_of_a_file_do_not_reach_the_terminal() {
+    let message = errors("name = \"\u{1b}[31m\"").to_string();
+    assert!(!message.contains('\u{1b}'), "{message:?}");
+}

@@ -1,0 +1,193 @@
+//! Sound case files: what they become.
+
+use crate::{BASE, changed};
+use ballast::math::Vec3;
+use ballast::model::{Grains, Model, Norm, PartitionRule, Schedule};
+use ballast::track::TampingCycle;
+use ballast::track::boundary::boundaries;
+use ballast::track::plan::Plan;
+use ballast::track::sleeper::sleeper;
+use ballast::track::tine::tine;
+use ballast_scenario::read_case;
+
+const EXAMPLES: [(&str, &str); 4] = [
+    ("first", include_str!("../../../../examples/first.toml")),
+    ("laptop", include_str!("../../../../examples/laptop.toml")),
+    ("one_sleeper", include_str!("../../../../examples/one_sleeper.toml")),
+    ("seven_sleepers", include_str!("../../../../examples/seven_sleepers.toml")),
+];
+
+fn plan(text: &str) -> Plan {
+    read_case(text, "case.toml").unwrap_or_else(|e| panic!("{e}")).plan
+}
+
+fn example(name: &str) -> Plan {
+    let (_, text) = EXAMPLES.iter().find(|(n, _)| *n == name).expect(name);
+    plan(text)
+}
+
+#[test]
+fn the_examples_are_sound_and_give_no_warning() {
+    for (name, text) in EXAMPLES {
+        let case = read_case(text, name).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(case.plan.name, name);
+        assert!(case.warnings.is_empty(), "{name}: {:?}", case.warnings);
+        let tamping = case.plan.tamping.expect(name);
+        let end = tamping.start
+            + tamping.lift.duration
+            + tamping.insertion.duration
+            + tamping.squeeze.duration
+            + tamping.hold
+            + tamping.withdrawal;
+        assert!((end - case.plan.run.duration_ns as f64 * 1e-9).abs() < 1e-9, "{name}: {end}");
+    }
+}
+
+#[test]
+fn examples_have_the_steps_of_the_study() {
+    let steps = |p: &Plan| p.run.duration_ns / p.run.stepping.step_ns;
+    let seven = example("seven_sleepers");
+    assert_eq!((seven.run.stepping.step_ns, steps(&seven)), (200_000, 8820));
+    assert_eq!(seven.run.solver.partition, PartitionRule::Boxes([7, 1, 1]));
+    assert_eq!((seven.run.solver.iterations, seven.run.solver.tolerance), (740, None));
+    let one = example("one_sleeper");
+    assert_eq!((one.run.stepping.step_ns, steps(&one)), (800_000, 2272));
+    let laptop = example("laptop");
+    assert_eq!(steps(&laptop), 2205);
+    assert_eq!(laptop.run.solver.tolerance, Some(1.666e-4));
+}
+
+#[test]
+fn a_row_of_sleepers_is_written_out() {
+    let seven = example("seven_sleepers");
+    assert_eq!(seven.sleepers.len(), 7);
+    let tamped: Vec<&str> =
+        seven.sleepers.iter().filter(|s| s.tamped).map(|s| s.name.as_str()).collect();
+    assert_eq!(tamped, ["sleeper_4"]);
+    // The row stands in the middle of 3.6 m, at 0.514 m from one to the next.
+    assert!((seven.sleepers[0].centre[0] - 0.258).abs() < 1e-12);
+    assert!((seven.sleepers[3].centre[0] - 1.8).abs() < 1e-12);
+    assert_eq!(seven.sleepers[3].centre[1], 1.0);
+    assert_eq!(seven.sleepers[6].blocks[0].size, Vec3::new(0.29, 0.67, 0.21));
+    assert_eq!(seven.bed.preparation.fill_level, 0.53);
+}
+
+#[test]
+fn rows_of_tines_face_each_other_over_the_tamped_sleeper() {
+    let seven = example("seven_sleepers");
+    assert_eq!(seven.tines.len(), 8);
+    for pair in 0..4 {
+        let tines: Vec<_> = seven.tines.iter().filter(|t| t.pair == pair).collect();
+        let [a, b] = tines.as_slice() else { panic!("pair {pair} has {}", tines.len()) };
+        assert_eq!((a.direction, b.direction), (1.0, -1.0));
+        assert_eq!(a.position[1], b.position[1]);
+        // Half a block, the gap, half a blade.
+        let distance = 0.145 + 0.10 + 0.011;
+        assert!((a.position[0] - (1.8 - distance)).abs() < 1e-12);
+        assert!((b.position[0] - (1.8 + distance)).abs() < 1e-12);
+    }
+    assert_eq!(seven.tines[0].name, "tine_1_plus");
+    assert_eq!(seven.tines[7].name, "tine_4_minus");
+}
+
+#[test]
+fn single_sleepers_and_tines_stand_beside_the_rows() {
+    let text = changed(
+        "[tamping]",
+        "[[sleeper]]\nname = \"short\"\nx_m = 0.3\ny_m = 0.06\n\
+         blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n\
+         [[tine]]\nname = \"lone\"\nx_m = 0.3\ny_m = 0.63\ntowards = \"-x\"\npair = 7\n[tamping]",
+    );
+    let plan = plan(&text);
+    assert_eq!(plan.sleepers[1].name, "short");
+    assert!(!plan.sleepers[1].tamped);
+    let lone = &plan.tines[4];
+    assert_eq!((lone.name.as_str(), lone.direction, lone.pair), ("lone", -1.0, 7));
+    assert_eq!(lone.blade, Vec3::new(0.022, 0.12, 0.07));
+}
+
+#[test]
+fn what_is_not_written_has_the_documented_default() {
+    let text = "name = \"x\"\n[bed]\nsize_m = [1, 1, 1]\nballast_depth_m = 0.3\n\
+                [run]\nduration_s = 0.1\n";
+    let plan = plan(text);
+    assert_eq!(plan.bed.seed, 1);
+    assert_eq!((plan.bed.density, plan.bed.gravity), (2700.0, 9.81));
+    assert_eq!(plan.bed.preparation.fill_level, 0.3);
+    assert_eq!(plan.bed.friction.boundary, 0.8);
+    assert_eq!(plan.bed.grains.classes.len(), 3);
+    assert!(plan.sleepers.is_empty() && plan.tines.is_empty() && plan.tamping.is_none());
+    let run = plan.run;
+    assert_eq!((run.stepping.step_ns, run.stepping.theta), (200_000, 0.5));
+    assert_eq!((run.output_ns, run.checkpoint_ns), (10_000_000, 0));
+    assert_eq!(run.solver.schedule, Schedule::Synchronous);
+    assert_eq!(run.solver.partition, PartitionRule::ContactsPer(4000));
+    assert_eq!((run.solver.tolerance, run.solver.norm), (None, Norm::Qm16));
+}
+
+#[test]
+fn times_are_exact_nanoseconds() {
+    for (step, ns) in [("2e-4", 200_000), ("8e-4", 800_000), ("1e-9", 1), ("0.000_3", 300_000)] {
+        let text = changed("duration_s = 1.764", "duration_s = 2.4")
+            .replace("step_s = 8e-4", &format!("step_s = {step}"));
+        assert_eq!(plan(&text).run.stepping.step_ns, ns, "{step}");
+    }
+    // The default distance of frames is a whole number of steps, too.
+    assert_eq!(plan(BASE).run.output_ns, 10_400_000);
+}
+
+#[test]
+fn the_force_limit_may_be_infinite() {
+    let text = changed("force_limit_N = 7800", "force_limit_N = inf");
+    assert_eq!(plan(&text).tamping.unwrap().squeeze.force_limit, f64::INFINITY);
+}
+
+#[test]
+fn what_looks_like_a_slip_is_a_warning() {
+    for (from, to, words) in [
+        ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
+        ("restitution = 0", "alert_m = 0.01", "kept from very far"),
+        ("\"synchronous\"", "\"sequential\"", "`boxes` changes nothing"),
+        ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
+    ] {
+        let case = read_case(&changed(from, to), "case.toml").unwrap_or_else(|e| panic!("{e}"));
+        let text: Vec<String> = case.warnings.iter().map(|w| w.to_string()).collect();
+        assert!(text.iter().any(|w| w.contains(words)), "{to}: {text:?}");
+    }
+    assert!(read_case(BASE, "case.toml").unwrap().warnings.is_empty());
+}
+
+/// A model with the driven bodies of `plan` and no grains.
+fn machine(plan: &Plan) -> Model {
+    let mut shapes = Vec::new();
+    let mut driven = boundaries(&plan.bed.size, plan.bed.friction.boundary);
+    for s in &plan.sleepers {
+        driven.push(sleeper(s, plan.bed.friction.sleeper, &mut shapes).unwrap());
+    }
+    for t in &plan.tines {
+        driven.push(tine(t, plan.bed.friction.tine, &mut shapes).unwrap());
+    }
+    Model {
+        shapes,
+        grains: Grains::default(),
+        driven,
+        gravity: Vec3::new(0.0, 0.0, -plan.bed.gravity),
+        grain_friction: plan.bed.friction.grain,
+        restitution: plan.run.restitution,
+        stepping: plan.run.stepping,
+        solver: plan.run.solver,
+    }
+}
+
+#[test]
+fn the_machine_takes_what_the_reader_takes() {
+    for (name, text) in EXAMPLES.into_iter().chain([("base", BASE)]) {
+        let plan = plan(text);
+        let model = machine(&plan);
+        model.check().unwrap_or_else(|e| panic!("{name}: {e}"));
+        let cycle = TampingCycle::new(&plan, &model).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(cycle.pairs().len() * 2, plan.tines.len(), "{name}");
+        let end = plan.run.duration_ns as f64 * 1e-9;
+        assert!((cycle.duration() - end).abs() < 1e-9, "{name}");
+    }
+}

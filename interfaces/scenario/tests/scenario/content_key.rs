@@ -1,0 +1,52 @@
+//! The key of prepared beds.
+
+use crate::{BASE, changed};
+use ballast_scenario::{content_key, read_case};
+use std::collections::BTreeSet;
+
+fn key(text: &str) -> String {
+    content_key(&read_case(text, "case.toml").unwrap_or_else(|e| panic!("{e}")).plan)
+}
+
+#[test]
+fn the_key_is_the_same_on_every_machine() {
+    // Obtained from the first version of the key; changes with it, and with the base case.
+    assert_eq!(key(BASE), "5ef0f413cf406121c51003b30e18834b");
+}
+
+#[test]
+fn what_is_not_prepared_does_not_change_the_key() {
+    for (from, to) in [
+        ("\"base\"", "\"other\""),
+        ("= 1.764", "= 1.768"),
+        ("stroke_m = 0.05", "stroke_m = 0.04"),
+        ("[-0.1, 0.1]", "[-0.1]"),
+        ("restitution = 0", "output_every_s = 0"),
+        ("density_kg_per_m3 = 2700", "density_kg_per_m3 = 2_700.0 # the same"),
+    ] {
+        assert_eq!(key(&changed(from, to)), key(BASE), "{to}");
+    }
+}
+
+#[test]
+fn what_is_prepared_changes_the_key() {
+    let mut keys = BTreeSet::from([key(BASE)]);
+    for (from, to) in [
+        ("density_kg_per_m3 = 2700", "seed = 2"),
+        ("= 2700", "= 2701"),
+        ("0.70, 0.45]", "0.71, 0.45]"),
+        ("= 0.28", "= 0.281"),
+        ("[8, 40]", "[8, 39]"),
+        ("share = 0.7 }, { size_m = 0.05", "share = 0.7 }, { size_m = 0.051"),
+        ("step_s = 1e-3", "step_s = 9e-4"),
+        ("[sleepers]", "[sleepers]\nfirst_x_m = 0.301"),
+        ("0.40, 0.15]", "0.41, 0.15]"),
+        ("step_s = 8e-4", "step_s = 4e-4"),
+        ("iterations = 300", "iterations = 301"),
+        ("tolerance = 1.666e-4", ""),
+        ("[2, 1, 1]", "[1, 2, 1]"),
+        ("restitution = 0", "theta = 0.6"),
+    ] {
+        assert!(keys.insert(key(&changed(from, to))), "{to}");
+    }
+}

@@ -1,0 +1,54 @@
+//! Case files, samples and their schema, from outside.
+
+mod broken;
+mod cases;
+mod content_key;
+mod hostile;
+mod samples;
+mod schema;
+
+/// A sound case; the tests change it.
+pub const BASE: &str = r#"name = "base"
+
+[bed]
+size_m = [0.60, 0.70, 0.45]
+ballast_depth_m = 0.28
+density_kg_per_m3 = 2700
+
+[bed.grains]
+classes = [{ size_m = 0.025, share = 0.7 }, { size_m = 0.05, share = 0.3 }]
+vertices = [8, 40]
+
+[bed.preparation]
+step_s = 1e-3
+
+[sleepers]
+blocks = [{ size_m = [0.29, 0.40, 0.15] }]
+tamped = [1]
+
+[tines]
+y_offsets_m = [-0.1, 0.1]
+gap_to_sleeper_m = 0.06
+
+[tamping]
+insertion = { duration_s = 0.45, depth_m = 0.018 }
+squeeze = { stroke_m = 0.05, force_limit_N = 7800 }
+vibration = { frequency_Hz = 35, amplitude_m = 0.005 }
+
+[run]
+duration_s = 1.764
+step_s = 8e-4
+restitution = 0
+
+[solver]
+schedule = "synchronous"
+boxes = [2, 1, 1]
+iterations = 300
+tolerance = 1.666e-4
+"#;
+
+/// [`BASE`] with one text in the place of another, which must be there once.
+pub fn changed(from: &str, to: &str) -> String {
+    assert_eq!(BASE.matches(from).count(), 1, "{from:?} is not unique in the base");
+    BASE.replacen(from, to, 1)
+}

@@ -1,0 +1,244 @@
+//! The sets of contacts of a step: one per subdomain, one per group of the interface.
+//!
+//! Velocities live in the subdomains' lines during the solve. A group of the interface works on
+//! copies of the lines of its grains, gathered before and scattered after: groups of one colour
+//! share no subdomain, so locks are never waited for and the order of threads has no effect.
+
+use crate::local_problem::LocalProblem;
+use crate::math::Vec3;
+use crate::model::Solver;
+use crate::nlgs::{ContactSet, NaturalMapSums, VisitNorms};
+use crate::partition::Partition;
+use rayon::prelude::*;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A set of contacts and the norms of its last measured sweep.
+#[derive(Debug, Default)]
+pub(super) struct Set {
+    pub contacts: ContactSet,
+    pub norms: VisitNorms,
+}
+
+impl Set {
+    /// Sweeps `n` times; the last sweep is measured if asked.
+    pub fn sweeps(&mut self, n: u32, relaxation: f64, measured: bool) {
+        for sweep in 1..=n {
+            if measured && sweep == n {
+                self.norms = self.contacts.measured_sweep(relaxation);
+            } else {
+                self.contacts.sweep(relaxation);
+            }
+        }
+    }
+}
+
+/// A group of the interface.
+#[derive(Debug, Default)]
+pub(super) struct Group {
+    pub set: Set,
+    /// Grains of the group, ascending; line `k` of the set is grain `grains[k]`.
+    pub grains: Vec<u32>,
+    /// Where each grain's velocity lives: which of the pair's subdomains, and its line there.
+    pub home: Vec<(u8, u32)>,
+}
+
+/// All sets of a step.
+#[derive(Debug, Default)]
+pub struct Decomposition {
+    pub(super) subdomains: Vec<Mutex<Set>>,
+    pub(super) groups: Vec<Mutex<Group>>,
+    pub(super) partition: Partition,
+    /// Line of each grain in its subdomain `[ng]`.
+    pub(super) line_of: Vec<u32>,
+}
+
+/// What [`Decomposition::load`] goes back to.
+pub(super) struct Saved(Vec<ContactSet>, Vec<ContactSet>);
+
+/// Access to a lock that no panic leaves in a state to fear: lines hold plain numbers.
+pub(super) fn open<T>(lock: &mut Mutex<T>) -> &mut T {
+    lock.get_mut().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Takes a lock, whatever happened to its last holder.
+pub(super) fn enter<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
+    lock.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Decomposition {
+    /// The partition, to be filled before [`Self::pack`].
+    pub fn partition_mut(&mut self) -> &mut Partition {
+        &mut self.partition
+    }
+
+    /// The partition of the step.
+    pub fn partition(&self) -> &Partition {
+        &self.partition
+    }
+
+    /// Lays out the contacts of `problem` in sets, velocities at their free values.
+    pub fn pack(&mut self, problem: &LocalProblem) {
+        let partition = &self.partition;
+        self.line_of.resize(partition.owner.len(), 0);
+        for s in 0..partition.grains.len() {
+            for (line, &grain) in (0u32..).zip(partition.grains.list(s)) {
+                self.line_of[grain as usize] = line;
+            }
+        }
+        let line_of = &self.line_of;
+        self.subdomains.resize_with(partition.grains.len(), Mutex::default);
+        self.subdomains.par_iter_mut().enumerate().for_each(|(s, set)| {
+            let set = &mut open(set).contacts;
+            let grains = partition.grains.list(s);
+            set.pack(problem, partition.contacts.list(s), grains.len(), |g| line_of[g as usize]);
+            fill(set, grains, problem);
+        });
+        self.groups.resize_with(partition.interface.pairs.len(), Mutex::default);
+        self.groups.par_iter_mut().enumerate().for_each(|(g, group)| {
+            open(group).pack(problem, partition, line_of, g);
+        });
+    }
+
+    /// Starts from the impulses that the sets hold: `V = V_free + M⁻¹ H r`.
+    pub fn apply_impulses(&mut self) {
+        self.on_subdomains(|set| set.contacts.apply_impulses());
+        self.on_interface(|set| set.contacts.apply_impulses());
+    }
+
+    /// Does `work` on every subdomain, in parallel.
+    pub(super) fn on_subdomains(&mut self, work: impl Fn(&mut Set) + Sync) {
+        self.subdomains.par_iter_mut().with_max_len(1).for_each(|set| work(open(set)));
+    }
+
+    /// Does `work` on every group of the interface with its grains' newest velocities, colour by
+    /// colour, groups of a colour in parallel.
+    pub(super) fn on_interface(&mut self, work: impl Fn(&mut Set) + Sync) {
+        let interface = &self.partition.interface;
+        for colour in 0..interface.colours.len() {
+            interface.colours.list(colour).par_iter().with_max_len(1).for_each(|&g| {
+                let mut group = enter(&self.groups[g as usize]);
+                let mut homes = self.homes(g as usize);
+                group.gather(&homes);
+                work(&mut group.set);
+                for (line, &(side, to)) in group.set.contacts.lines.iter().zip(&group.home) {
+                    homes[side as usize].contacts.lines[to as usize] = *line;
+                }
+            });
+        }
+    }
+
+    /// Contact visits of one DDM iteration.
+    pub(super) fn visits(&self, solver: &Solver) -> u64 {
+        let inside = self.partition.contacts.items.len() as u64;
+        let between = self.partition.interface.contacts.items.len() as u64;
+        inside * u64::from(solver.subdomain_sweeps) + between * u64::from(solver.interface_sweeps)
+    }
+
+    /// Norms of the last measured sweeps, summed in the order of the sets.
+    pub(super) fn visit_norms(&mut self) -> VisitNorms {
+        let mut sum = VisitNorms::default();
+        for set in &mut self.subdomains {
+            sum += open(set).norms;
+        }
+        for group in &mut self.groups {
+            sum += open(group).set.norms;
+        }
+        sum
+    }
+
+    /// Natural map residual of the whole problem at the present velocities and impulses.
+    pub(super) fn natural_map(&mut self) -> f64 {
+        let inside: Vec<NaturalMapSums> =
+            self.subdomains.par_iter_mut().map(|set| open(set).contacts.natural_map()).collect();
+        let this = &*self;
+        // The groups only read the subdomains here, but take their locks: one after another.
+        let between = (0..this.groups.len()).map(|g| {
+            let mut group = enter(&this.groups[g]);
+            group.gather(&this.homes(g));
+            group.set.contacts.natural_map()
+        });
+        let mut sum = NaturalMapSums::default();
+        inside.into_iter().chain(between).for_each(|part| sum += part);
+        sum.residual()
+    }
+
+    /// The two subdomains between which group `g` lies, locked in ascending order.
+    fn homes(&self, g: usize) -> [MutexGuard<'_, Set>; 2] {
+        self.partition.interface.pairs[g].map(|s| enter(&self.subdomains[s as usize]))
+    }
+
+    /// Writes out the solution: impulses on the candidates, world axes, N s `[nc]`, and the grains'
+    /// velocities, m/s and rad/s `[ng]`.
+    pub fn unpack(
+        &mut self,
+        problem: &LocalProblem,
+        impulse: &mut [Vec3],
+        velocity: &mut Vec<Vec3>,
+        spin: &mut Vec<Vec3>,
+    ) {
+        let Self { subdomains, groups, partition, line_of } = self;
+        for group in groups {
+            open(group).set.contacts.unpack(problem, impulse);
+        }
+        for set in &mut *subdomains {
+            open(set).contacts.unpack(problem, impulse);
+        }
+        let sets: Vec<&ContactSet> = subdomains.iter_mut().map(|set| &open(set).contacts).collect();
+        (&partition.owner, &*line_of)
+            .into_par_iter()
+            .enumerate()
+            .with_min_len(1024)
+            .map(|(g, (&s, &line))| problem.velocity(g, &sets[s as usize].lines[line as usize]))
+            .unzip_into_vecs(velocity, spin);
+    }
+
+    pub(super) fn save(&mut self) -> Saved {
+        Saved(
+            self.subdomains.iter_mut().map(|set| open(set).contacts.clone()).collect(),
+            self.groups.iter_mut().map(|group| open(group).set.contacts.clone()).collect(),
+        )
+    }
+
+    pub(super) fn load(&mut self, saved: &Saved) {
+        for (set, from) in self.subdomains.iter_mut().zip(&saved.0) {
+            open(set).contacts.clone_from(from);
+        }
+        for (group, from) in self.groups.iter_mut().zip(&saved.1) {
+            open(group).set.contacts.clone_from(from);
+        }
+    }
+}
+
+/// Sets the lines of `set` to the free velocities of `grains`.
+fn fill(set: &mut ContactSet, grains: &[u32], problem: &LocalProblem) {
+    for (line, &grain) in set.lines.iter_mut().zip(grains) {
+        *line = problem.lines[grain as usize];
+    }
+}
+
+impl Group {
+    /// Copies its grains' newest velocities into its own lines.
+    fn gather(&mut self, homes: &[MutexGuard<'_, Set>; 2]) {
+        for (line, &(side, from)) in self.set.contacts.lines.iter_mut().zip(&self.home) {
+            *line = homes[side as usize].contacts.lines[from as usize];
+        }
+    }
+
+    fn pack(&mut self, problem: &LocalProblem, partition: &Partition, line_of: &[u32], g: usize) {
+        let contacts = partition.interface.contacts.list(g);
+        self.grains.clear();
+        self.grains.extend(contacts.iter().flat_map(|&c| problem.contacts[c as usize].bodies));
+        self.grains.sort_unstable();
+        self.grains.dedup();
+        let first = partition.interface.pairs[g][0];
+        self.home.clear();
+        self.home.extend(self.grains.iter().map(|&grain| {
+            (u8::from(partition.owner[grain as usize] != first), line_of[grain as usize])
+        }));
+        let Self { set, grains, .. } = self;
+        set.contacts.pack(problem, contacts, grains.len(), |grain| {
+            grains.partition_point(|&other| other < grain) as u32
+        });
+        fill(&mut set.contacts, grains, problem);
+    }
+}

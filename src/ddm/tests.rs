@@ -1,0 +1,190 @@
+use super::*;
+use crate::detection::Contacts;
+use crate::geometry::hull::cuboid;
+use crate::local_problem::LocalProblem;
+use crate::math::{Pose, Vec3};
+use crate::model::{DrivenBody, Grains, Model, Part, PartitionRule, Role, Stepping};
+use crate::motion::Motion;
+use crate::state::State;
+
+const EDGE: f64 = 0.04;
+
+/// A wall of cubes, `n` wide and `m` high, on a floor; four contact points per face.
+fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contacts) {
+    let cube = cuboid(Vec3::repeat(EDGE / 2.0));
+    let mut grains = Grains::default();
+    let mut state = State::default();
+    for k in 0..m {
+        for i in 0..n {
+            grains.push(0, &cube, 2700.0);
+            state.push(Pose::at(Vec3::new(i as f64 * EDGE, 0.0, (k as f64 + 0.5) * EDGE)));
+        }
+    }
+    state.push(Pose::identity());
+    let floor = DrivenBody {
+        name: "floor".into(),
+        role: Role::Boundary,
+        friction: 0.8,
+        parts: vec![Part::HalfSpace { normal: Vec3::z(), offset: 0.0 }],
+    };
+    let mut contacts = Contacts::default();
+    for k in 0..m {
+        for i in 0..n {
+            let me = (k * n + i) as u32;
+            let centre = state.position[me as usize];
+            if i + 1 < n {
+                face(&mut contacts, [me, me + 1], centre, Vec3::x(), Vec3::y(), Vec3::z());
+            }
+            if k + 1 < m {
+                face(&mut contacts, [me, me + n as u32], centre, Vec3::z(), Vec3::x(), Vec3::y());
+            }
+            if k == 0 {
+                let floor = (n * m) as u32;
+                face(&mut contacts, [me, floor], centre, -Vec3::z(), Vec3::x(), Vec3::y());
+            }
+        }
+    }
+    let model = Model {
+        shapes: vec![cube],
+        grains,
+        driven: vec![floor],
+        gravity: Vec3::new(0.3, 0.0, -9.81),
+        grain_friction: 0.6,
+        restitution: 0.0,
+        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, alert: 1e-3 },
+        solver,
+    };
+    (model, state, contacts)
+}
+
+/// Four corners of the face of the cube at `centre` that looks along `out`.
+fn face(contacts: &mut Contacts, bodies: [u32; 2], centre: Vec3, out: Vec3, a: Vec3, b: Vec3) {
+    for (feature, (sa, sb)) in
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].iter().enumerate()
+    {
+        let point = centre + (out + a * *sa + b * *sb) * (EDGE / 2.0);
+        contacts.push(bodies, feature as u64, point, -out, 0.0);
+    }
+}
+
+struct Solved {
+    outcome: Outcome,
+    velocity: Vec<Vec3>,
+    impulse: Vec<Vec3>,
+}
+
+fn run(model: &Model, state: &State, contacts: &Contacts, threads: usize) -> Solved {
+    let targets = vec![Pose::identity(); model.driven.len()];
+    let mut motion = Motion::default();
+    motion.predict(model, state, &crate::drive::Inputs { targets: &targets }).unwrap();
+    let mut problem = LocalProblem::default();
+    problem.build(model, state, &motion, contacts, &[]);
+    let mut decomposition = Decomposition::default();
+    let grains = model.grains.len();
+    let partition = decomposition.partition_mut();
+    if model.solver.schedule == Schedule::Sequential {
+        partition.whole(grains, contacts);
+    } else {
+        partition.divide(model.solver.partition, &motion.position[..grains], contacts);
+    }
+    decomposition.pack(&problem);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let outcome = pool.install(|| {
+        decomposition.apply_impulses();
+        solve(&mut decomposition, &model.solver)
+    });
+    let mut impulse = vec![Vec3::zeros(); contacts.len()];
+    let (mut velocity, mut spin) = (Vec::new(), Vec::new());
+    decomposition.unpack(&problem, &mut impulse, &mut velocity, &mut spin);
+    Solved { outcome, velocity, impulse }
+}
+
+fn solver(schedule: Schedule, subdomains: u32) -> Solver {
+    Solver {
+        schedule,
+        partition: PartitionRule::Balanced(subdomains),
+        iterations: 20_000,
+        tolerance: Some(1e-9),
+        ..Solver::default()
+    }
+}
+
+/// Momentum of the grains = momentum at the start + weight + impulses of the floor.
+fn momentum_error(model: &Model, contacts: &Contacts, solved: &Solved) -> f64 {
+    let grains = model.grains.len();
+    let h = model.stepping.h();
+    let mut error = Vec3::zeros();
+    for i in 0..grains {
+        error += model.grains.mass[i] * (solved.velocity[i] - model.gravity * h);
+    }
+    for (bodies, f) in contacts.bodies.iter().zip(&solved.impulse) {
+        if bodies[1] as usize >= grains {
+            error -= f;
+        }
+    }
+    let weight: f64 = model.grains.mass.iter().sum::<f64>() * 9.81 * h;
+    error.norm() / weight
+}
+
+#[test]
+fn every_schedule_finds_the_same_velocities_and_keeps_momentum() {
+    let (_, _, contacts) = wall(6, 5, Solver::default());
+    let mut reference: Option<Solved> = None;
+    for schedule in [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous] {
+        for threads in [1, 2, 4] {
+            let (model, state, _) = wall(6, 5, solver(schedule, 4));
+            let solved = run(&model, &state, &contacts, threads);
+            assert!(solved.outcome.converged, "{schedule:?} {threads}: {:?}", solved.outcome);
+            assert!(momentum_error(&model, &contacts, &solved) < 1e-12, "{schedule:?}");
+            if let Some(reference) = &reference {
+                for (a, b) in reference.velocity.iter().zip(&solved.velocity) {
+                    // Free fall gains 1e-2 m/s in this step.
+                    assert!((a - b).norm() < 1e-7, "{schedule:?} {threads}: {a:?} {b:?}");
+                }
+            }
+            reference.get_or_insert(solved);
+        }
+    }
+}
+
+#[test]
+fn threads_leave_no_trace_in_the_synchronous_schedule() {
+    let capped = Solver { iterations: 100, ..solver(Schedule::Synchronous, 6) };
+    let (model, state, contacts) = wall(9, 7, capped);
+    let one = run(&model, &state, &contacts, 1);
+    for threads in [2, 3, 4, 8] {
+        let many = run(&model, &state, &contacts, threads);
+        assert_eq!(one.velocity, many.velocity);
+        assert_eq!(one.impulse, many.impulse);
+        assert_eq!(one.outcome, many.outcome);
+    }
+}
+
+#[test]
+fn one_subdomain_is_the_same_problem_for_every_schedule() {
+    let all: Vec<Solved> = [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous]
+        .map(|schedule| {
+            let (model, state, contacts) = wall(6, 5, solver(schedule, 1));
+            run(&model, &state, &contacts, 2)
+        })
+        .into();
+    for other in &all[1..] {
+        assert_eq!(all[0].velocity, other.velocity);
+        assert_eq!(all[0].impulse, other.impulse);
+        assert_eq!(all[0].outcome.iterations, other.outcome.iterations);
+        assert_eq!(all[0].outcome.residuals, other.outcome.residuals);
+    }
+}
+
+#[test]
+fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
+    // Steps of 2.6 times the exact one blow up; half of it, 1.3 capped at a half, does not.
+    let overshoot = Solver { relaxation: 2.6, check_every: 2, ..solver(Schedule::Asynchronous, 4) };
+    let (model, state, contacts) = wall(6, 5, overshoot);
+    let solved = run(&model, &state, &contacts, 2);
+    assert!(solved.outcome.guarded, "{:?}", solved.outcome);
+    assert!(solved.outcome.converged, "{:?}", solved.outcome);
+    assert!(momentum_error(&model, &contacts, &solved) < 1e-12);
+    let (model, state, contacts) = wall(6, 5, solver(Schedule::Asynchronous, 4));
+    assert!(!run(&model, &state, &contacts, 2).outcome.guarded);
+}

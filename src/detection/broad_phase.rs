@@ -1,0 +1,275 @@
+//! Pairs of bodies that may touch before anything has moved by half the skin.
+//!
+//! Reads: model, motion. Writes: [`PairList`]. Cost: a comparison per body and step; when a body has
+//! moved too far, bounding boxes, a counting sort into cells and O(pairs).
+//! Contract: the list holds every pair at most `alert` apart, and its order is canonical. It may hold
+//! more, so what is found must not depend on pairs that are apart.
+
+use super::grid::Grid;
+use super::narrow_phase::PairMemory;
+use crate::geometry::Polyhedron;
+use crate::math::{Pose, Quat, Vec3};
+use crate::model::{Model, Part};
+use crate::motion::Motion;
+use rayon::prelude::*;
+
+/// Grains per unit of parallel work. Fixed, so that results do not depend on threads.
+pub(super) const CHUNK: usize = 64;
+/// Skin over the mean radius of the grains.
+const SKIN: f64 = 0.1;
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Aabb {
+    pub low: Vec3,
+    pub high: Vec3,
+}
+
+impl Aabb {
+    fn of(shape: &Polyhedron, pose: &Pose, margin: f64) -> Self {
+        let r = pose.orientation.to_rotation_matrix().into_inner();
+        let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+        for v in &shape.vertices {
+            let x = r * v;
+            low = low.inf(&x);
+            high = high.sup(&x);
+        }
+        let margin = Vec3::repeat(margin);
+        Self { low: pose.position + low - margin, high: pose.position + high + margin }
+    }
+
+    /// Whether the boxes have a common point.
+    pub fn meets(&self, other: &Aabb) -> bool {
+        self.low.x <= other.high.x
+            && other.low.x <= self.high.x
+            && self.low.y <= other.high.y
+            && other.low.y <= self.high.y
+            && self.low.z <= other.high.z
+            && other.low.z <= self.high.z
+    }
+}
+
+/// A part of a driven body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PartRef {
+    /// Among the driven bodies.
+    pub driven: u32,
+    /// Among the body's parts.
+    pub part: u32,
+    pub half_space: bool,
+}
+
+/// Candidate pairs, by grain. An antagonist below the number of grains is a grain; above, it is
+/// that number plus the index of a part in `parts`.
+#[derive(Debug, Default)]
+pub(super) struct PairList {
+    /// Where each grain's pairs start `[ng + 1]`.
+    pub starts: Vec<usize>,
+    /// Antagonists, ascending for each grain `[np]`.
+    pub antagonists: Vec<u32>,
+    /// What the narrow phase remembers of each pair `[np]`.
+    pub memory: Vec<PairMemory>,
+    /// All parts of driven bodies, by body.
+    pub parts: Vec<PartRef>,
+    built: Option<Built>,
+    boxes: Vec<Aabb>,
+    grid: Grid,
+    fresh: Vec<Fresh>,
+}
+
+/// The configuration for which the list was built.
+#[derive(Debug)]
+struct Built {
+    position: Vec<Vec3>,
+    orientation: Vec<Quat>,
+    /// Largest distance of a point of a body from its origin `[nb]`.
+    reach: Vec<f64>,
+    shape: Vec<u32>,
+    alert: f64,
+    skin: f64,
+}
+
+/// Pairs of one chunk of grains in a new list.
+#[derive(Debug, Default)]
+struct Fresh {
+    counts: Vec<usize>,
+    antagonists: Vec<u32>,
+    memory: Vec<PairMemory>,
+}
+
+impl PairList {
+    /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved by
+    /// more than half the skin.
+    pub fn update(&mut self, model: &Model, motion: &Motion) {
+        let holds = self.built.as_ref().is_some_and(|b| b.still_holds(model, motion));
+        if !holds || self.parts != parts_of(model) {
+            self.rebuild(model, motion);
+        }
+    }
+
+    fn rebuild(&mut self, model: &Model, motion: &Motion) {
+        let ng = model.grains.len();
+        self.parts = parts_of(model);
+        let built = Built::new(model, motion);
+        let margin = 0.5 * (built.alert + built.skin);
+        let boxes: Vec<Aabb> = (0..ng)
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let shape = &model.shapes[model.grains.shape[i] as usize];
+                Aabb::of(shape, &pose(motion, i), margin)
+            })
+            .collect();
+        self.boxes = boxes;
+        self.grid.build(&self.boxes);
+        let mut extra = self.grid.large_pairs(&self.boxes);
+        self.part_pairs(model, motion, margin, &mut extra);
+        extra.sort_unstable();
+        self.fill(ng, &extra);
+        self.built = Some(built);
+    }
+
+    /// Pairs of grains and convex parts.
+    fn part_pairs(&self, model: &Model, motion: &Motion, margin: f64, out: &mut Vec<(u32, u32)>) {
+        let ng = model.grains.len();
+        for (k, part) in self.parts.iter().enumerate() {
+            let body = part.driven as usize;
+            if let Part::Convex { shape, pose: local } =
+                &model.driven[body].parts[part.part as usize]
+            {
+                let placed = pose(motion, ng + body).then(local);
+                let bounds = Aabb::of(&model.shapes[*shape as usize], &placed, margin);
+                self.grid
+                    .for_each_meeting(&self.boxes, &bounds, |i| out.push((i, (ng + k) as u32)));
+            }
+        }
+    }
+
+    /// Collects all pairs by chunk, then joins them; pairs of the old list keep their memory.
+    fn fill(&mut self, ng: usize, extra: &[(u32, u32)]) {
+        let mut fresh = std::mem::take(&mut self.fresh);
+        fresh.resize_with(ng.div_ceil(CHUNK), Fresh::default);
+        fresh.par_iter_mut().enumerate().for_each(|(c, chunk)| {
+            chunk.collect(self, c * CHUNK..ng.min((c + 1) * CHUNK), extra);
+        });
+        self.starts.clear();
+        self.antagonists.clear();
+        self.memory.clear();
+        self.starts.push(0);
+        for chunk in &fresh {
+            for count in &chunk.counts {
+                self.starts.push(self.starts[self.starts.len() - 1] + count);
+            }
+            self.antagonists.extend_from_slice(&chunk.antagonists);
+            self.memory.extend_from_slice(&chunk.memory);
+        }
+        self.fresh = fresh;
+    }
+
+    /// Old pairs of grain `i`.
+    fn old(&self, i: usize) -> std::ops::Range<usize> {
+        if i + 1 < self.starts.len() { self.starts[i]..self.starts[i + 1] } else { 0..0 }
+    }
+}
+
+impl Fresh {
+    fn collect(&mut self, list: &PairList, grains: std::ops::Range<usize>, extra: &[(u32, u32)]) {
+        self.counts.clear();
+        self.antagonists.clear();
+        self.memory.clear();
+        let mut next = extra.partition_point(|e| (e.0 as usize) < grains.start);
+        for i in grains {
+            let first = self.antagonists.len();
+            list.grid.for_each_above(&list.boxes, i as u32, |j| self.antagonists.push(j));
+            while next < extra.len() && extra[next].0 as usize == i {
+                self.antagonists.push(extra[next].1);
+                next += 1;
+            }
+            self.antagonists[first..].sort_unstable();
+            // Cells that share a bucket report a pair more than once.
+            let mut kept = first;
+            for k in first..self.antagonists.len() {
+                if k == first || self.antagonists[k] != self.antagonists[kept - 1] {
+                    self.antagonists[kept] = self.antagonists[k];
+                    kept += 1;
+                }
+            }
+            self.antagonists.truncate(kept);
+            self.counts.push(kept - first);
+            self.recall(list, list.old(i), first);
+        }
+    }
+
+    /// Memory of the pairs from `first` on, out of the old list's range.
+    fn recall(&mut self, list: &PairList, old: std::ops::Range<usize>, first: usize) {
+        let mut k = old.start;
+        for j in &self.antagonists[first..] {
+            while k < old.end && list.antagonists[k] < *j {
+                k += 1;
+            }
+            let known = k < old.end && list.antagonists[k] == *j;
+            self.memory.push(if known { list.memory[k] } else { PairMemory::default() });
+        }
+    }
+}
+
+impl Built {
+    fn new(model: &Model, motion: &Motion) -> Self {
+        let grain_reach = |s: &u32| model.shapes[*s as usize].radius;
+        let mut reach: Vec<f64> = model.grains.shape.iter().map(grain_reach).collect();
+        let mean = reach.iter().sum::<f64>() / reach.len().max(1) as f64;
+        reach.extend(model.driven.iter().map(|d| {
+            let parts = d.parts.iter().map(|p| match p {
+                Part::Convex { shape, pose } => {
+                    pose.position.norm() + model.shapes[*shape as usize].radius
+                }
+                // Tested in each step.
+                Part::HalfSpace { .. } => 0.0,
+            });
+            parts.fold(0.0, f64::max)
+        }));
+        Self {
+            position: motion.position.clone(),
+            orientation: motion.orientation.clone(),
+            reach,
+            shape: model.grains.shape.clone(),
+            alert: model.stepping.alert,
+            skin: SKIN * mean,
+        }
+    }
+
+    /// A point of a body moves by at most |Δx| + reach |turn|, and a turn by θ moves
+    /// a point at distance 1 by 2 sin(θ/2) <= 2 · 2 sin(θ/4) = 2 |Δq|.
+    fn still_holds(&self, model: &Model, motion: &Motion) -> bool {
+        let same = self.alert == model.stepping.alert
+            && self.shape == model.grains.shape
+            && self.position.len() == motion.position.len()
+            && self.position.len() == model.body_count();
+        let moved = |b: usize| {
+            let (q, q0) = (motion.orientation[b].coords, self.orientation[b].coords);
+            let turn = (q - q0).norm_squared().min((q + q0).norm_squared()).sqrt();
+            let path = (motion.position[b] - self.position[b]).norm() + 2.0 * self.reach[b] * turn;
+            // Not `>`: a value that is not a number counts as moved.
+            !(path <= 0.5 * self.skin)
+        };
+        same && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(moved)
+    }
+}
+
+/// All parts of driven bodies, by body.
+fn parts_of(model: &Model) -> Vec<PartRef> {
+    let body = |(d, b): (usize, &crate::model::DrivenBody)| {
+        let part = move |(p, part): (usize, &Part)| PartRef {
+            driven: d as u32,
+            part: p as u32,
+            half_space: matches!(part, Part::HalfSpace { .. }),
+        };
+        b.parts.iter().enumerate().map(part).collect::<Vec<_>>()
+    };
+    model.driven.iter().enumerate().flat_map(body).collect()
+}
+
+/// Pose of body `b` at configuration m.
+pub(super) fn pose(motion: &Motion, b: usize) -> Pose {
+    Pose { position: motion.position[b], orientation: motion.orientation[b] }
+}

@@ -1,0 +1,156 @@
+//! Boxes sorted into cells by their centres.
+//!
+//! Reads: boxes. Writes: nothing outside. Cost: O(boxes) to build, O(neighbours) to ask.
+//! Contract: cells are as large as all but the largest hundredth of the boxes, so that a box meets
+//! only boxes of its own cell and the 26 around it; the largest hundredth is compared with each other
+//! one by one. Cells are numbered modulo the number of buckets: a body far off costs no memory.
+
+use super::broad_phase::Aabb;
+
+/// Boxes by cell.
+#[derive(Debug, Default)]
+pub(super) struct Grid {
+    cell: f64,
+    /// Numbers of cells in a row and in a layer, modulo the number of buckets.
+    strides: [i64; 2],
+    /// Number of buckets less one; a power of two less one.
+    mask: i64,
+    /// Where each bucket starts in `members`.
+    starts: Vec<u32>,
+    /// Boxes by bucket, ascending, the large ones left out.
+    members: Vec<u32>,
+    /// The largest boxes, ascending.
+    large: Vec<u32>,
+    is_large: Vec<bool>,
+    bounds: [[i64; 3]; 2],
+}
+
+impl Grid {
+    pub fn build(&mut self, boxes: &[Aabb]) {
+        let mut sizes: Vec<f64> = boxes.iter().map(|b| (b.high - b.low).max()).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        let rank = sizes.len().saturating_sub(1 + sizes.len() / 100);
+        self.cell = sizes.get(rank).copied().filter(|s| *s > 0.0).unwrap_or(1.0);
+        self.is_large = boxes.iter().map(|b| !((b.high - b.low).max() <= self.cell)).collect();
+        self.large = (0..boxes.len() as u32).filter(|i| self.is_large[*i as usize]).collect();
+        let small = || (0..boxes.len()).filter(|i| !self.is_large[*i]);
+
+        self.bounds = [[i64::MAX; 3], [i64::MIN; 3]];
+        for i in small() {
+            let c = self.cell_of(&boxes[i]);
+            for k in 0..3 {
+                self.bounds[0][k] = self.bounds[0][k].min(c[k]);
+                self.bounds[1][k] = self.bounds[1][k].max(c[k]);
+            }
+        }
+        let buckets = (2 * boxes.len().max(1)).next_power_of_two();
+        self.mask = buckets as i64 - 1;
+        // One spare cell on each side, so that neighbours in the next row are told apart.
+        let width =
+            |k: usize| self.bounds[1][k].saturating_sub(self.bounds[0][k]).clamp(0, self.mask) + 3;
+        let strides = [width(0) & self.mask, width(0).wrapping_mul(width(1)) & self.mask];
+        self.strides = strides;
+
+        let bucket: Vec<u32> = boxes.iter().map(|b| self.bucket(&self.cell_of(b)) as u32).collect();
+        self.starts.clear();
+        self.starts.resize(buckets + 1, 0);
+        for i in small() {
+            self.starts[bucket[i] as usize + 1] += 1;
+        }
+        for k in 0..buckets {
+            self.starts[k + 1] += self.starts[k];
+        }
+        let mut next = self.starts.clone();
+        let mut members = vec![0; self.starts[buckets] as usize];
+        for i in small() {
+            let slot = &mut next[bucket[i] as usize];
+            members[*slot as usize] = i as u32;
+            *slot += 1;
+        }
+        self.members = members;
+    }
+
+    fn cell_of(&self, b: &Aabb) -> [i64; 3] {
+        // A cast saturates, and turns what is not a number into zero.
+        let c = (b.low + b.high) * (0.5 / self.cell);
+        [c.x.floor() as i64, c.y.floor() as i64, c.z.floor() as i64].map(|k| k.clamp(-FAR, FAR))
+    }
+
+    fn bucket(&self, c: &[i64; 3]) -> usize {
+        let [row, layer] = self.strides;
+        let sum = c[0].wrapping_add(c[1].wrapping_mul(row)).wrapping_add(c[2].wrapping_mul(layer));
+        (sum & self.mask) as usize
+    }
+
+    fn in_bucket(&self, bucket: usize) -> &[u32] {
+        &self.members[self.starts[bucket] as usize..self.starts[bucket + 1] as usize]
+    }
+
+    /// Calls `found` for the boxes above number `i` that meet it, neither of them large; a box may be
+    /// reported more than once.
+    pub fn for_each_above(&self, boxes: &[Aabb], i: u32, mut found: impl FnMut(u32)) {
+        if self.is_large[i as usize] {
+            return;
+        }
+        let own = &boxes[i as usize];
+        let [x, y, z] = self.cell_of(own);
+        for dz in -1..=1 {
+            for dy in -1..=1 {
+                for dx in -1..=1 {
+                    for &j in self.in_bucket(self.bucket(&[x + dx, y + dy, z + dz])) {
+                        if j > i && own.meets(&boxes[j as usize]) {
+                            found(j);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Calls `found` for all boxes that meet `bounds`; a box may be reported more than once.
+    pub fn for_each_meeting(&self, boxes: &[Aabb], bounds: &Aabb, mut found: impl FnMut(u32)) {
+        let mut check = |i: u32| {
+            if bounds.meets(&boxes[i as usize]) {
+                found(i);
+            }
+        };
+        self.large.iter().for_each(|&i| check(i));
+        // Centres of boxes that meet `bounds` are at most half a cell outside.
+        let half = crate::math::Vec3::repeat(0.5 * self.cell);
+        let corner = |p| self.cell_of(&Aabb { low: p, high: p });
+        let (low, high) = (corner(bounds.low - half), corner(bounds.high + half));
+        let low = [0, 1, 2].map(|k| low[k].max(self.bounds[0][k]));
+        let high = [0, 1, 2].map(|k| high[k].min(self.bounds[1][k]));
+        if (0..3).any(|k| low[k] > high[k]) {
+            return;
+        }
+        let cells = (0..3).fold(1.0, |n, k| n * (high[k] - low[k] + 1) as f64);
+        if cells > self.members.len() as f64 {
+            self.members.iter().for_each(|&i| check(i));
+            return;
+        }
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    self.in_bucket(self.bucket(&[x, y, z])).iter().for_each(|&i| check(i));
+                }
+            }
+        }
+    }
+
+    /// Pairs with at least one large box, lower number first.
+    pub fn large_pairs(&self, boxes: &[Aabb]) -> Vec<(u32, u32)> {
+        let mut pairs = Vec::new();
+        for &l in &self.large {
+            self.for_each_meeting(boxes, &boxes[l as usize], |j| {
+                if j != l && (l < j || !self.is_large[j as usize]) {
+                    pairs.push((l.min(j), l.max(j)));
+                }
+            });
+        }
+        pairs
+    }
+}
+
+/// Cells beyond this are one: sums of their numbers stay within i64.
+const FAR: i64 = 1 << 40;

@@ -1,0 +1,165 @@
+//! Which contact of the last step is which contact of this one.
+//!
+//! Reads: motion, contacts, [`ContactMemory`]. Writes: starting impulses, the next memory.
+//! Cost: O(contacts). Contract: each old contact is used at most once; independent of threads.
+
+use super::Contacts;
+use super::detector::split;
+use crate::math::{Pose, Vec3};
+use crate::model::Model;
+use crate::motion::Motion;
+use crate::state::ContactMemory;
+use rayon::prelude::*;
+
+/// Contacts per unit of parallel work, about: pairs are not cut.
+const CHUNK: usize = 1024;
+/// How far, over the candidate's radius, a contact point may have moved in its body to be the same.
+const TOLERANCE: f64 = 0.2;
+
+/// Starting impulse of each contact `[nc]`, world axes, N s: that of the same contact in `memory`,
+/// or zero if there is none (T-20).
+///
+/// In a pair of bodies, contacts with equal features are the same. Of the others, the nearest
+/// points in the candidate's frame are matched first, up to a fifth of its radius.
+pub fn warm_start(
+    model: &Model,
+    motion: &Motion,
+    memory: &ContactMemory,
+    contacts: &Contacts,
+    impulse: &mut Vec<Vec3>,
+) {
+    impulse.clear();
+    impulse.resize(contacts.len(), Vec3::zeros());
+    let bounds = chunk_bounds(&contacts.bodies);
+    let lengths = bounds.windows(2).map(|w| w[1] - w[0]);
+    split(impulse, lengths).into_par_iter().zip(&bounds).for_each(|(impulse, &from)| {
+        let mut chunk = Matching { model, motion, memory, contacts, used: Vec::new() };
+        chunk.run(from, impulse);
+    });
+}
+
+/// Fixed chunks, moved up to the next pair's first contact.
+fn chunk_bounds(bodies: &[[u32; 2]]) -> Vec<usize> {
+    let mut bounds = vec![0];
+    let mut last = 0;
+    while last < bodies.len() {
+        let mut end = (last + CHUNK).min(bodies.len());
+        while end < bodies.len() && bodies[end] == bodies[end - 1] {
+            end += 1;
+        }
+        bounds.push(end);
+        last = end;
+    }
+    bounds
+}
+
+struct Matching<'a> {
+    model: &'a Model,
+    motion: &'a Motion,
+    memory: &'a ContactMemory,
+    contacts: &'a Contacts,
+    used: Vec<bool>,
+}
+
+impl Matching<'_> {
+    /// Matches the contacts `from..from + impulse.len()`.
+    fn run(&mut self, from: usize, impulse: &mut [Vec3]) {
+        let Some(first) = self.contacts.bodies.get(from) else { return };
+        let old_bodies = &self.memory.bodies;
+        let mut old = old_bodies.partition_point(|b| b < first);
+        let end = from + impulse.len();
+        let mut new = from;
+        while new < end {
+            let bodies = self.contacts.bodies[new];
+            let next = run_end(&self.contacts.bodies[..end], new);
+            while old < old_bodies.len() && old_bodies[old] < bodies {
+                old += 1;
+            }
+            if old < old_bodies.len() && old_bodies[old] == bodies {
+                let old_end = run_end(old_bodies, old);
+                self.pair(new..next, old..old_end, &mut impulse[new - from..next - from]);
+                old = old_end;
+            }
+            new = next;
+        }
+    }
+
+    fn pair(
+        &mut self,
+        new: std::ops::Range<usize>,
+        old: std::ops::Range<usize>,
+        impulse: &mut [Vec3],
+    ) {
+        self.used.clear();
+        self.used.resize(old.len() + new.len(), false);
+        let (old_used, new_used) = self.used.split_at_mut(old.len());
+        for n in new.clone() {
+            let same = |o: &usize| self.memory.feature[*o] == self.contacts.feature[n];
+            let unused = old.clone().filter(|o| !old_used[o - old.start]);
+            if let Some(o) = unused.into_iter().find(same) {
+                impulse[n - new.start] = self.memory.impulse[o];
+                old_used[o - old.start] = true;
+                new_used[n - new.start] = true;
+            }
+        }
+        if old_used.iter().all(|u| *u) || new_used.iter().all(|u| *u) {
+            return;
+        }
+        let candidate = self.contacts.bodies[new.start][0] as usize;
+        let pose = Pose {
+            position: self.motion.position[candidate],
+            orientation: self.motion.orientation[candidate],
+        };
+        let shape = self.model.grains.shape[candidate] as usize;
+        let reach = TOLERANCE * self.model.shapes[shape].radius;
+        // Nearest first; among equals the first in the order of contacts.
+        loop {
+            let mut best = (reach * reach, None);
+            for n in new.clone().filter(|n| !new_used[n - new.start]) {
+                let point = pose.inverse_point(&self.contacts.point[n]);
+                for o in old.clone().filter(|o| !old_used[o - old.start]) {
+                    let d = (self.memory.local_point[o] - point).norm_squared();
+                    if d < best.0 {
+                        best = (d, Some((n, o)));
+                    }
+                }
+            }
+            let Some((n, o)) = best.1 else { return };
+            impulse[n - new.start] = self.memory.impulse[o];
+            old_used[o - old.start] = true;
+            new_used[n - new.start] = true;
+        }
+    }
+}
+
+/// End of the run of equal bodies that starts at `start`.
+fn run_end(bodies: &[[u32; 2]], start: usize) -> usize {
+    let same = bodies[start..].iter().take_while(|b| **b == bodies[start]).count();
+    start + same
+}
+
+/// Stores this step's contacts and impulses (`[nc]`, world axes, N s) for the next step's
+/// [`warm_start`].
+pub fn remember(
+    motion: &Motion,
+    contacts: &Contacts,
+    impulse: &[Vec3],
+    memory: &mut ContactMemory,
+) {
+    memory.bodies.clone_from(&contacts.bodies);
+    memory.feature.clone_from(&contacts.feature);
+    memory.impulse.clear();
+    memory.impulse.extend_from_slice(impulse);
+    memory.local_point.resize(contacts.len(), Vec3::zeros());
+    memory
+        .local_point
+        .par_iter_mut()
+        .zip(&contacts.bodies)
+        .zip(&contacts.point)
+        .with_min_len(1024)
+        .for_each(|((local, bodies), point)| {
+            let b = bodies[0] as usize;
+            let pose = Pose { position: motion.position[b], orientation: motion.orientation[b] };
+            *local = pose.inverse_point(point);
+        });
+}

@@ -1,0 +1,267 @@
+//! Exact volume and centroid of the part of a polyhedron inside half-spaces, above all inside boxes.
+//!
+//! Reads: a polyhedron, its pose, half-spaces. Writes: only its own buffers, which it reuses.
+//! Cost: a comparison per half-space for bodies wholly inside or outside, else O(corners) per
+//! half-space that cuts.
+//! Contract: errors are rounding, relative to the volume of the whole polyhedron; parts that share
+//! a cutting plane add up to the whole.
+
+use super::polyhedron::Polyhedron;
+use crate::math::{Pose, Vec3};
+
+/// Everything with `normal · x <= offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HalfSpace {
+    /// Unit vector.
+    pub normal: Vec3,
+    /// m.
+    pub offset: f64,
+}
+
+impl HalfSpace {
+    /// The other side of the same plane.
+    pub fn flipped(&self) -> Self {
+        Self { normal: -self.normal, offset: -self.offset }
+    }
+}
+
+/// A box along the axes of the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisBox {
+    /// Corner of least coordinates, m.
+    pub low: Vec3,
+    /// Corner of greatest coordinates, m.
+    pub high: Vec3,
+}
+
+impl AxisBox {
+    /// m³; zero if a side is not positive.
+    pub fn volume(&self) -> f64 {
+        (self.high - self.low).map(|x| x.max(0.0)).product()
+    }
+
+    /// Its six half-spaces.
+    pub fn half_spaces(&self) -> [HalfSpace; 6] {
+        std::array::from_fn(|k| {
+            let axis = Vec3::ith(k / 2, 1.0);
+            if k.is_multiple_of(2) {
+                HalfSpace { normal: -axis, offset: -self.low[k / 2] }
+            } else {
+                HalfSpace { normal: axis, offset: self.high[k / 2] }
+            }
+        })
+    }
+
+    /// Whether a point is inside or on the surface.
+    pub fn contains(&self, p: &Vec3) -> bool {
+        (0..3).all(|k| self.low[k] <= p[k] && p[k] <= self.high[k])
+    }
+}
+
+/// The half-spaces, in world axes, whose intersection is `polyhedron` at `pose`.
+pub fn half_spaces_of(polyhedron: &Polyhedron, pose: &Pose) -> Vec<HalfSpace> {
+    let turned = polyhedron.face_normals.iter().map(|n| pose.orientation * n);
+    turned
+        .zip(&polyhedron.face_offsets)
+        .map(|(normal, d)| HalfSpace { normal, offset: d + normal.dot(&pose.position) })
+        .collect()
+}
+
+/// What is left of a polyhedron after clipping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// m³.
+    pub volume: f64,
+    /// Centre of mass, world, m; the body's position if nothing is left.
+    pub centroid: Vec3,
+}
+
+/// Polygons, counter-clockwise seen from outside.
+#[derive(Debug, Clone, Default)]
+struct Soup {
+    corners: Vec<Vec3>,
+    ends: Vec<usize>,
+}
+
+/// Clips polyhedra; keeps its buffers from call to call.
+#[derive(Debug, Clone, Default)]
+pub struct Clipper {
+    surface: Soup,
+    clipped: Soup,
+    /// Where the clipped polygons left the half-space and came back `[cut polygons]`.
+    cuts: Vec<[Vec3; 2]>,
+    heights: Vec<f64>,
+}
+
+impl Clipper {
+    /// The part of `polyhedron` at `pose` inside a box.
+    pub fn inside_box(&mut self, polyhedron: &Polyhedron, pose: &Pose, region: &AxisBox) -> Piece {
+        self.inside(polyhedron, pose, &region.half_spaces())
+    }
+
+    /// The part of `polyhedron` at `pose` inside all `half_spaces` (world axes).
+    pub fn inside(
+        &mut self,
+        polyhedron: &Polyhedron,
+        pose: &Pose,
+        half_spaces: &[HalfSpace],
+    ) -> Piece {
+        let nothing = Piece { volume: 0.0, centroid: pose.position };
+        let back = pose.orientation.inverse();
+        let mut whole = true;
+        for half_space in half_spaces {
+            let depth = half_space.offset - half_space.normal.dot(&pose.position);
+            if depth >= polyhedron.radius {
+                continue;
+            }
+            if depth <= -polyhedron.radius {
+                return nothing;
+            }
+            // In the body's frame, so that coordinates are no larger than the body.
+            let normal = back * half_space.normal;
+            let (mut lowest, mut highest) = (f64::MAX, f64::MIN);
+            for v in &polyhedron.vertices {
+                let height = normal.dot(v);
+                (lowest, highest) = (lowest.min(height), highest.max(height));
+            }
+            if highest <= depth {
+                continue;
+            }
+            if lowest >= depth {
+                return nothing;
+            }
+            if whole {
+                self.load(polyhedron);
+                whole = false;
+            }
+            self.cut(&normal, depth);
+        }
+        if whole {
+            return Piece { volume: polyhedron.volume, centroid: pose.position };
+        }
+        let (volume, moment) = self.surface.integrals();
+        if volume <= 0.0 {
+            return nothing;
+        }
+        Piece { volume, centroid: pose.point(&(moment / volume)) }
+    }
+
+    /// Volume of `polyhedron` at `pose` inside `half_spaces` and outside all convex `obstacles`.
+    ///
+    /// Obstacles may overlap. Exact: what is outside an obstacle is cut into convex pieces, the
+    /// k-th below its first k faces and above the next. Cost grows with the number of obstacles that
+    /// overlap at the same place, not with their total.
+    pub fn volume_outside(
+        &mut self,
+        polyhedron: &Polyhedron,
+        pose: &Pose,
+        half_spaces: &mut Vec<HalfSpace>,
+        obstacles: &[Vec<HalfSpace>],
+    ) -> f64 {
+        let known = half_spaces.len();
+        let left = self.inside(polyhedron, pose, half_spaces).volume;
+        // Slivers of rounding would otherwise branch like real pieces.
+        if left <= 1e-15 * polyhedron.volume {
+            return 0.0;
+        }
+        let Some((first, rest)) = obstacles.split_first() else { return left };
+        half_spaces.extend_from_slice(first);
+        let shared = self.inside(polyhedron, pose, half_spaces).volume;
+        half_spaces.truncate(known);
+        if shared <= 1e-15 * polyhedron.volume {
+            return self.volume_outside(polyhedron, pose, half_spaces, rest);
+        }
+        let mut sum = 0.0;
+        for face in first {
+            half_spaces.push(face.flipped());
+            sum += self.volume_outside(polyhedron, pose, half_spaces, rest);
+            half_spaces.pop();
+            half_spaces.push(*face);
+        }
+        half_spaces.truncate(known);
+        sum
+    }
+
+    fn load(&mut self, polyhedron: &Polyhedron) {
+        let Soup { corners, ends } = &mut self.surface;
+        corners.clear();
+        corners.extend(polyhedron.face_vertices.iter().map(|&v| polyhedron.vertices[v as usize]));
+        ends.clear();
+        ends.extend(polyhedron.face_starts[1..].iter().map(|&e| e as usize));
+    }
+
+    /// Keeps what is below `normal · x = offset` and closes the cut.
+    fn cut(&mut self, normal: &Vec3, offset: f64) {
+        let Self { surface, clipped, cuts, heights } = self;
+        clipped.corners.clear();
+        clipped.ends.clear();
+        cuts.clear();
+        heights.clear();
+        heights.extend(surface.corners.iter().map(|v| normal.dot(v) - offset));
+        let mut start = 0;
+        for &end in &surface.ends {
+            clip_polygon(&surface.corners[start..end], &heights[start..end], clipped, cuts);
+            start = end;
+        }
+        // The lid as a fan: the order of the cuts does not matter, and later cuts treat its
+        // triangles like any other polygon.
+        if let Some(&[apex, _]) = cuts.first() {
+            for &[left, returned] in cuts[1..].iter() {
+                clipped.corners.extend([apex, returned, left]);
+                clipped.ends.push(clipped.corners.len());
+            }
+        }
+        std::mem::swap(surface, clipped);
+    }
+}
+
+/// Appends the part of a convex polygon below zero height, and where it leaves and comes back.
+fn clip_polygon(polygon: &[Vec3], heights: &[f64], kept: &mut Soup, cuts: &mut Vec<[Vec3; 2]>) {
+    let before = kept.corners.len();
+    let (mut left, mut returned) = (None, None);
+    for k in 0..polygon.len() {
+        let next = if k + 1 == polygon.len() { 0 } else { k + 1 };
+        let (a, b) = (heights[k], heights[next]);
+        if a <= 0.0 {
+            kept.corners.push(polygon[k]);
+        }
+        // Always from inside to outside, so that both polygons at an edge find the same point.
+        if a <= 0.0 && b > 0.0 {
+            let p = polygon[k] + (polygon[next] - polygon[k]) * (a / (a - b));
+            left = Some(p);
+            kept.corners.push(p);
+        } else if a > 0.0 && b <= 0.0 {
+            let p = polygon[next] + (polygon[k] - polygon[next]) * (b / (b - a));
+            returned = Some(p);
+            kept.corners.push(p);
+        }
+    }
+    if let (Some(left), Some(returned)) = (left, returned) {
+        cuts.push([left, returned]);
+    }
+    if kept.corners.len() > before {
+        kept.ends.push(kept.corners.len());
+    }
+}
+
+impl Soup {
+    /// Volume and first moment about the origin of the closed surface.
+    fn integrals(&self) -> (f64, Vec3) {
+        let (mut volume, mut moment, mut start) = (0.0, Vec3::zeros(), 0);
+        for &end in &self.ends {
+            let polygon = &self.corners[start..end];
+            let a = polygon[0];
+            for pair in polygon[1..].windows(2) {
+                let v = a.dot(&pair[0].cross(&pair[1])) / 6.0;
+                volume += v;
+                moment += (a + pair[0] + pair[1]) * (v / 4.0);
+            }
+            start = end;
+        }
+        (volume, moment)
+    }
+}
+
+#[cfg(test)]
+#[path = "clip_tests.rs"]
+mod tests;

@@ -1,0 +1,138 @@
+//! What a usable model is.
+
+use super::{Model, Part};
+use crate::error::{Error, Result};
+
+/// Refuses `found` unless `good`.
+fn expect(good: bool, place: &str, expected: &str, found: impl std::fmt::Debug) -> Result<()> {
+    if good {
+        return Ok(());
+    }
+    Err(Error::Model {
+        place: place.into(),
+        expected: expected.into(),
+        found: format!("{found:?}"),
+    })
+}
+
+impl Model {
+    /// Checks every constant: finite, of the right sign, indices in range, names unique.
+    ///
+    /// # Errors
+    /// [`Error::Model`] with the first offending place.
+    pub fn check(&self) -> Result<()> {
+        let stepping = &self.stepping;
+        expect(stepping.step_ns > 0, "stepping.step_ns", "above 0", stepping.step_ns)?;
+        expect(
+            (0.5..=1.0).contains(&stepping.theta),
+            "stepping.theta",
+            "between 0.5 and 1",
+            stepping.theta,
+        )?;
+        expect(
+            stepping.alert.is_finite() && stepping.alert >= 0.0,
+            "stepping.alert",
+            "a finite distance of at least 0 m",
+            stepping.alert,
+        )?;
+        expect(
+            self.gravity.iter().all(|g| g.is_finite()),
+            "gravity",
+            "finite components",
+            self.gravity,
+        )?;
+        expect(
+            self.grain_friction.is_finite() && self.grain_friction >= 0.0,
+            "grain_friction",
+            "finite, at least 0",
+            self.grain_friction,
+        )?;
+        expect(
+            (0.0..=1.0).contains(&self.restitution),
+            "restitution",
+            "between 0 and 1",
+            self.restitution,
+        )?;
+        self.check_solver()?;
+        self.check_grains()?;
+        self.check_driven()
+    }
+
+    fn check_solver(&self) -> Result<()> {
+        let solver = &self.solver;
+        expect(solver.iterations > 0, "solver.iterations", "at least 1", solver.iterations)?;
+        expect(
+            solver.subdomain_sweeps > 0 && solver.interface_sweeps > 0,
+            "solver.subdomain_sweeps, solver.interface_sweeps",
+            "at least 1",
+            (solver.subdomain_sweeps, solver.interface_sweeps),
+        )?;
+        expect(
+            solver.relaxation > 0.0 && solver.relaxation <= 1.0,
+            "solver.relaxation",
+            "above 0, at most 1",
+            solver.relaxation,
+        )?;
+        expect(
+            solver.tolerance.is_none_or(|t| t.is_finite() && t > 0.0),
+            "solver.tolerance",
+            "finite, above 0",
+            solver.tolerance,
+        )
+    }
+
+    fn check_grains(&self) -> Result<()> {
+        let grains = &self.grains;
+        expect(
+            grains.mass.len() == grains.len() && grains.inertia.len() == grains.len(),
+            "grains",
+            "arrays of one length",
+            (grains.len(), grains.mass.len(), grains.inertia.len()),
+        )?;
+        for i in 0..grains.len() {
+            let (shape, mass, inertia) = (grains.shape[i], grains.mass[i], grains.inertia[i]);
+            let place = || format!("grain {i}");
+            let positive = |x: f64| x.is_finite() && x > 0.0;
+            expect((shape as usize) < self.shapes.len(), &place(), "a shape of the model", shape)?;
+            expect(positive(mass), &place(), "a finite mass above 0 kg", mass)?;
+            expect(
+                inertia.iter().all(|&j| positive(j)),
+                &place(),
+                "finite moments of inertia above 0",
+                inertia,
+            )?;
+        }
+        Ok(())
+    }
+
+    fn check_driven(&self) -> Result<()> {
+        for (d, body) in self.driven.iter().enumerate() {
+            let place = format!("driven body {:?}", body.name);
+            expect(
+                self.driven_index(&body.name) == Some(d),
+                &place,
+                "a name of its own",
+                &body.name,
+            )?;
+            expect(
+                body.friction.is_finite() && body.friction >= 0.0,
+                &place,
+                "a finite friction of at least 0",
+                body.friction,
+            )?;
+            expect(!body.parts.is_empty(), &place, "at least one part", 0)?;
+            for part in &body.parts {
+                let good = match part {
+                    Part::Convex { shape, pose } => {
+                        (*shape as usize) < self.shapes.len() && pose.is_finite()
+                    }
+                    Part::HalfSpace { normal, offset } => {
+                        (normal.norm() - 1.0).abs() < 1e-9 && offset.is_finite()
+                    }
+                };
+                expect(good, &place, "a known shape at a finite pose, or a unit normal", part)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,79 @@
+//! Coordination of the grains (T-25).
+
+use crate::model::Model;
+use crate::workspace::Workspace;
+
+/// Contacts that carry an impulse, counted by grain.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Coordination {
+    /// Bodies that each grain touches, driven ones included `[ng]`.
+    pub neighbours: Vec<u32>,
+    /// Contact points of each grain `[ng]`.
+    pub points: Vec<u32>,
+    /// Grains without any impulse.
+    pub rattlers: usize,
+    /// Touching neighbours per grain, over all grains and over those that are no rattlers.
+    pub mean_neighbours: [f64; 2],
+    /// Contact points per grain, over all grains and over those that are no rattlers.
+    pub mean_points: [f64; 2],
+}
+
+/// Counts the active contacts of each grain (T-25); means are zero where there is no grain.
+pub fn coordination(model: &Model, workspace: &Workspace) -> Coordination {
+    let ng = model.grains.len();
+    let mut found =
+        Coordination { neighbours: vec![0; ng], points: vec![0; ng], ..Default::default() };
+    let mut last_pair = None;
+    for (bodies, impulse) in workspace.contacts.bodies.iter().zip(&workspace.impulse) {
+        if *impulse == crate::math::Vec3::zeros() {
+            continue;
+        }
+        // Contacts are sorted by bodies: a pair's points follow each other.
+        let new_pair = last_pair != Some(*bodies);
+        last_pair = Some(*bodies);
+        for body in bodies.map(|b| b as usize) {
+            if body < ng {
+                found.points[body] += 1;
+                found.neighbours[body] += u32::from(new_pair);
+            }
+        }
+    }
+    found.rattlers = found.points.iter().filter(|&&p| p == 0).count();
+    let mean = |counts: &[u32]| {
+        let sum = counts.iter().map(|&c| u64::from(c)).sum::<u64>() as f64;
+        [ng, ng - found.rattlers].map(|n| if n == 0 { 0.0 } else { sum / n as f64 })
+    };
+    (found.mean_neighbours, found.mean_points) = (mean(&found.neighbours), mean(&found.points));
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::scene;
+    use super::*;
+
+    #[test]
+    fn a_stack_of_two_and_a_rattler() {
+        let model = scene::cubes(3);
+        let mut w = Workspace::default();
+        let up = [0.0, 0.0, 1.0];
+        for push in [1.0, 2.0, 0.0] {
+            scene::touch(&mut w, [0, 1], [0.0; 3], up, 0.0, [0.0, 0.0, push]);
+        }
+        // A contact that is near but idle makes no neighbour; the floor (body 3) does.
+        scene::touch(&mut w, [1, 2], [0.0; 3], up, 1e-4, [0.0; 3]);
+        scene::touch(&mut w, [1, 3], [0.0; 3], up, 0.0, [0.0, 0.1, 3.0]);
+        let found = coordination(&model, &w);
+        assert_eq!(found.neighbours, [1, 2, 0]);
+        assert_eq!(found.points, [2, 3, 0]);
+        assert_eq!(found.rattlers, 1);
+        assert_eq!(found.mean_neighbours, [1.0, 1.5]);
+        assert_eq!(found.mean_points, [5.0 / 3.0, 2.5]);
+    }
+
+    #[test]
+    fn no_grain_has_no_neighbour() {
+        let found = coordination(&scene::cubes(0), &Workspace::default());
+        assert_eq!(found, Coordination::default());
+    }
+}

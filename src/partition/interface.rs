@@ -1,0 +1,66 @@
+//! The interface: contacts between subdomains, grouped by pair and coloured.
+
+use super::Lists;
+
+/// Contacts between grains of different subdomains.
+///
+/// A group holds the contacts of one pair of subdomains. Groups of one colour share no subdomain,
+/// hence no grain: they are solved at the same time without touching each other's bodies.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Interface {
+    /// The two subdomains of each group, ascending.
+    pub pairs: Vec<[u32; 2]>,
+    /// Contacts of each group, ascending.
+    pub contacts: Lists,
+    /// Groups of each colour, ascending.
+    pub colours: Lists,
+}
+
+impl Interface {
+    /// Groups `contacts`, each given with the owners of its two grains.
+    pub(super) fn group(
+        &mut self,
+        subdomains: usize,
+        contacts: impl Iterator<Item = (u32, [u32; 2])>,
+    ) {
+        let mut filed: Vec<([u32; 2], u32)> =
+            contacts.map(|(c, [a, b])| ([a.min(b), a.max(b)], c)).collect();
+        filed.sort_unstable();
+        self.pairs.clear();
+        self.contacts.starts.clear();
+        self.contacts.items.clear();
+        for (pair, contact) in filed {
+            if self.pairs.last() != Some(&pair) {
+                self.pairs.push(pair);
+                self.contacts.starts.push(self.contacts.items.len() as u32);
+            }
+            self.contacts.items.push(contact);
+        }
+        self.contacts.starts.push(self.contacts.items.len() as u32);
+        self.colour(subdomains);
+    }
+
+    /// Greedy edge colouring of the graph of subdomains, largest groups first so that the groups of
+    /// a colour are of like size.
+    fn colour(&mut self, subdomains: usize) {
+        let mut order: Vec<usize> = (0..self.pairs.len()).collect();
+        order.sort_by_key(|&g| std::cmp::Reverse(self.contacts.list(g).len()));
+        let mut taken: Vec<Vec<bool>> = vec![Vec::new(); subdomains];
+        let mut colour = vec![0u32; self.pairs.len()];
+        let mut colours = 0;
+        for g in order {
+            let [a, b] = self.pairs[g].map(|s| s as usize);
+            let used = |s: usize, c: usize| taken[s].get(c).copied().unwrap_or(false);
+            let free = (0..).find(|&c| !used(a, c) && !used(b, c)).unwrap_or(0);
+            for s in [a, b] {
+                if taken[s].len() <= free {
+                    taken[s].resize(free + 1, false);
+                }
+                taken[s][free] = true;
+            }
+            colour[g] = free as u32;
+            colours = colours.max(free + 1);
+        }
+        self.colours.fill(colours, colour.iter().copied());
+    }
+}

@@ -1,0 +1,83 @@
+//! Whether the tools have room: contacts between driven bodies do not exist, so nothing in the run
+//! itself would tell that a tine goes through a sleeper or a wall.
+
+use crate::error::{Error, Result};
+use crate::math::Vec3;
+use crate::track::plan::{Plan, SleeperPlan, TampingPlan, TinePlan};
+
+/// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
+pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
+    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    for tine in &plan.tines {
+        if tine.direction.abs() != 1.0 {
+            return Err(refused(tine, "direction +1 or -1", tine.direction.to_string()));
+        }
+        let swept = swept(tine, tamping);
+        let size = &plan.bed.size;
+        let inside = swept.x[0] >= 0.0
+            && swept.x[1] <= size.x
+            && swept.y[0] >= 0.0
+            && swept.y[1] <= size.y
+            && deep - tine.blade.z > 0.0;
+        if !inside {
+            return Err(refused(
+                tine,
+                "a way inside the box of the bed",
+                format!("{swept}, lowest point at z = {} m", deep - tine.blade.z),
+            ));
+        }
+        for sleeper in &plan.sleepers {
+            check_sleeper(tine, &swept, sleeper)?;
+        }
+    }
+    Ok(())
+}
+
+/// What a tine sweeps in plan view, m.
+struct Swept {
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl std::fmt::Display for Swept {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let [x0, x1] = self.x;
+        let [y0, y1] = self.y;
+        write!(f, "x from {x0:.4} to {x1:.4} m, y from {y0:.4} to {y1:.4} m")
+    }
+}
+
+fn swept(tine: &TinePlan, tamping: &TampingPlan) -> Swept {
+    let half: Vec3 = tine.blade.sup(&tine.shaft) * 0.5;
+    let [x, y] = tine.position;
+    let closed = x + tine.direction * tamping.squeeze.stroke;
+    let margin = half.x + tamping.vibration.amplitude;
+    Swept { x: [x.min(closed) - margin, x.max(closed) + margin], y: [y - half.y, y + half.y] }
+}
+
+fn check_sleeper(tine: &TinePlan, swept: &Swept, sleeper: &SleeperPlan) -> Result<()> {
+    for block in &sleeper.blocks {
+        let [cx, cy] = [sleeper.centre[0], sleeper.centre[1] + block.offset_y];
+        let half = block.size * 0.5;
+        let apart = swept.x[0] >= cx + half.x
+            || swept.x[1] <= cx - half.x
+            || swept.y[0] >= cy + half.y
+            || swept.y[1] <= cy - half.y;
+        if !apart {
+            return Err(refused(
+                tine,
+                &format!("a way clear of sleeper {:?}", sleeper.name),
+                format!(
+                    "{swept} across the block at x from {:.4} to {:.4} m",
+                    cx - half.x,
+                    cx + half.x
+                ),
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn refused(tine: &TinePlan, expected: &str, found: String) -> Error {
+    Error::Model { place: format!("tine {:?}", tine.name), expected: expected.into(), found }
+}

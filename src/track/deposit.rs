@@ -1,0 +1,366 @@
+//! Preparing a bed: pour, settle, place the sleepers, fill the cribs, settle to rest.
+//!
+//! Reads: the plan. Writes: a bed: grains at rest, sleepers and boundaries. Cost: about a thousand
+//! steps of few iterations.
+//! Contract: the same plan gives the same bytes. Two grains never overlap when they are laid.
+//!
+//! 1. *pour*: grains are laid up to a little above the sleepers' underside, and fall together;
+//! 2. *fill*: grains in the way of the sleepers are taken out, the voids that this leaves right
+//!    under the blocks are stuffed, the sleepers are put in, and the cribs fill around them;
+//! 3. *trim*: what lies above the fill level, or sits too deep in another grain, is taken off;
+//!    friction becomes that of the run;
+//! 4. *rest*: the run's own step and tolerance.
+//!
+//! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
+
+use super::boundary::boundaries;
+use super::pour::{self, Laid, Templates};
+use super::scene::{run_settings, sleeper_pose};
+use super::settle::{Bench, DepositProgress, DepositStage, Settling};
+use super::sleeper::sleeper;
+use crate::error::{Error, Result};
+use crate::geometry::Polyhedron;
+use crate::geometry::clip::{AxisBox, Clipper};
+use crate::math::{Pose, Vec3};
+use crate::model::{Grains, Model, PartitionRule, Schedule, Solver, Stepping};
+use crate::state::{EnergyLedger, State};
+use crate::track::plan::Plan;
+use crate::workspace::Workspace;
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use std::ops::ControlFlow;
+
+/// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms.
+const FALL_SPEED: f64 = 1.0;
+/// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed.
+const RECKONED_COMPACTNESS: f64 = 0.62;
+/// Steps before a pour may count as at rest: it starts from rest.
+const LEAST_STEPS: u64 = 50;
+/// Longest last stage, s: the bed is at rest already, only impulses have to settle.
+const LAST_STAGE: f64 = 0.02;
+/// Most grains of a bed.
+const MOST_GRAINS: f64 = 2e7;
+/// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
+const DEEPEST: f64 = 0.05;
+/// Overlap with a sleeper that counts as none, of the grain's volume.
+const TOUCH: f64 = 1e-9;
+
+/// A prepared bed: grains at rest, boundaries and sleepers, no tines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bed {
+    pub model: Model,
+    pub state: State,
+}
+
+/// Prepares the bed of a plan; `None` if `watch`, called after each step, asks to stop.
+///
+/// # Errors
+/// A plan that describes no bed, or a step that fails.
+pub fn deposit(
+    plan: &Plan,
+    watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
+) -> Result<Option<Bed>> {
+    check(plan)?;
+    let mut rng = Pcg64::seed_from_u64(plan.bed.seed);
+    let mut bench = empty_box(plan)?;
+    let templates = Templates::generate(&plan.bed, &mut rng, &mut bench.model.shapes)?;
+    check_count(plan, templates.mean_volume(&bench.model.shapes))?;
+    for stage in [pour_below, fill_cribs, trim, rest] {
+        if stage(plan, &templates, &mut rng, &mut bench, watch)?.is_break() {
+            return Ok(None);
+        }
+    }
+    bench.state.step = 0;
+    bench.state.time_ns = 0;
+    bench.state.energy = EnergyLedger::default();
+    Ok(Some(Bed { model: bench.model, state: bench.state }))
+}
+
+type Watch<'a> = &'a mut dyn FnMut(&DepositProgress) -> ControlFlow<()>;
+
+/// Stage 1: the bed below the sleepers.
+fn pour_below(
+    plan: &Plan,
+    templates: &Templates,
+    rng: &mut Pcg64,
+    bench: &mut Bench,
+    watch: Watch,
+) -> Result<ControlFlow<()>> {
+    let bed = &plan.bed;
+    let largest = bed.grains.classes.iter().map(|c| c.size).fold(0.0, f64::max);
+    let level = if plan.sleepers.is_empty() {
+        bed.preparation.fill_level
+    } else {
+        (bed.preparation.ballast_depth + 0.5 * largest).min(bed.preparation.fill_level)
+    };
+    let volume = RECKONED_COMPACTNESS * bed.size.x * bed.size.y * level;
+    let mut relief = pour::relief(bed)?;
+    let laid = pour::pour(&mut relief, templates, &bench.model.shapes, &bed.size, volume, rng)?;
+    insert(bench, &laid, bed.density);
+    let poses = bench.driven_poses();
+    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
+    bench.settle(&pouring(plan, DepositStage::Pour, &drive), watch)
+}
+
+/// Stage 2: the sleepers, and the cribs around them.
+fn fill_cribs(
+    plan: &Plan,
+    templates: &Templates,
+    rng: &mut Pcg64,
+    bench: &mut Bench,
+    watch: Watch,
+) -> Result<ControlFlow<()>> {
+    if plan.sleepers.is_empty() {
+        return Ok(ControlFlow::Continue(()));
+    }
+    let bed = &plan.bed;
+    make_room(plan, bench, bed.preparation.ballast_depth);
+    for s in &plan.sleepers {
+        let body = sleeper(
+            s,
+            bed.friction.sleeper.min(bed.preparation.friction),
+            &mut bench.model.shapes,
+        )?;
+        bench.model.driven.push(body);
+        bench.state.push(sleeper_pose(plan, s));
+    }
+    let laid = lay_cribs(plan, templates, rng, bench)?;
+    insert(bench, &laid, bed.density);
+    let poses = bench.driven_poses();
+    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
+    bench.settle(&pouring(plan, DepositStage::Fill, &drive), watch)
+}
+
+/// Stage 3: the fill level, and the friction of the run.
+fn trim(
+    plan: &Plan,
+    _: &Templates,
+    _: &mut Pcg64,
+    bench: &mut Bench,
+    watch: Watch,
+) -> Result<ControlFlow<()>> {
+    let level = plan.bed.preparation.fill_level;
+    let n = bench.model.grains.len();
+    let mut keep: Vec<bool> = bench.state.position[..n].iter().map(|p| p.z <= level).collect();
+    let deepest = DEEPEST * plan.bed.grains.classes.iter().map(|c| c.share * c.size).sum::<f64>();
+    bench.deny_deep(deepest, &mut keep);
+    bench.retain(&keep);
+    run_settings(plan, &mut bench.model);
+    let poses = bench.driven_poses();
+    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
+    let mut settling = pouring(plan, DepositStage::Trim, &drive);
+    settling.grain_friction = plan.bed.friction.grain;
+    bench.settle(&settling, watch)
+}
+
+/// Stage 4: the run's step and tolerance.
+fn rest(
+    plan: &Plan,
+    _: &Templates,
+    _: &mut Pcg64,
+    bench: &mut Bench,
+    watch: Watch,
+) -> Result<ControlFlow<()>> {
+    let poses = bench.driven_poses();
+    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
+    let most = (LAST_STAGE / plan.run.stepping.h()).ceil() as u64;
+    let settling = Settling {
+        stage: DepositStage::Rest,
+        stepping: plan.run.stepping,
+        solver: plan.run.solver,
+        grain_friction: plan.bed.friction.grain,
+        fall_speed: None,
+        steps: [most.min(10), most],
+        rest_speed: plan.bed.preparation.rest_speed,
+        drive: &drive,
+    };
+    bench.settle(&settling, watch)
+}
+
+/// The settings of the damped stages.
+fn pouring<'a>(
+    plan: &Plan,
+    stage: DepositStage,
+    drive: &'a dyn Fn(u64, &mut Vec<Pose>),
+) -> Settling<'a> {
+    let preparation = &plan.bed.preparation;
+    let h = pouring_h(plan);
+    Settling {
+        stage,
+        stepping: Stepping {
+            step_ns: preparation.step_ns,
+            theta: plan.run.stepping.theta,
+            // Grains that meet at full speed must be seen a step ahead.
+            alert: plan.run.stepping.alert.max(2.0 * FALL_SPEED * h),
+        },
+        solver: Solver {
+            // Preparing with another schedule would make another bed of the same plan.
+            schedule: Schedule::Synchronous,
+            partition: PartitionRule::ContactsPer(4000),
+            iterations: preparation.iterations,
+            subdomain_sweeps: 1,
+            interface_sweeps: 1,
+            tolerance: None,
+            relaxation: 1.0,
+            warm_start: true,
+            ..plan.run.solver
+        },
+        grain_friction: preparation.friction,
+        fall_speed: Some(FALL_SPEED),
+        steps: [LEAST_STEPS, (preparation.max_settling / h).ceil().max(1.0) as u64],
+        rest_speed: preparation.rest_speed,
+        drive,
+    }
+}
+
+fn pouring_h(plan: &Plan) -> f64 {
+    plan.bed.preparation.step_ns as f64 * 1e-9
+}
+
+fn empty_box(plan: &Plan) -> Result<Bench> {
+    let low = plan.bed.friction.boundary.min(plan.bed.preparation.friction);
+    let driven = boundaries(&plan.bed.size, low);
+    let mut state = State::default();
+    driven.iter().for_each(|_| state.push(Pose::identity()));
+    let model = Model {
+        shapes: Vec::new(),
+        grains: Grains::default(),
+        driven,
+        gravity: Vec3::new(0.0, 0.0, -plan.bed.gravity),
+        grain_friction: plan.bed.preparation.friction,
+        restitution: plan.run.restitution,
+        stepping: plan.run.stepping,
+        solver: plan.run.solver,
+    };
+    Ok(Bench { model, state, workspace: Workspace::default() })
+}
+
+fn insert(bench: &mut Bench, laid: &[Laid], density: f64) {
+    let grains: Vec<(u32, Pose)> = laid.iter().map(|g| (g.shape as u32, g.pose)).collect();
+    bench.insert(&grains, density);
+}
+
+/// Takes out the grains that reach into the sleepers' columns above `level`.
+fn make_room(plan: &Plan, bench: &mut Bench, level: f64) {
+    let columns: Vec<AxisBox> = block_boxes(plan)
+        .map(|b| AxisBox {
+            low: Vec3::new(b.low.x, b.low.y, level),
+            high: Vec3::new(b.high.x, b.high.y, f64::MAX),
+        })
+        .collect();
+    let mut clipper = Clipper::default();
+    let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
+    let keep: Vec<bool> = (0..grains.len())
+        .map(|g| {
+            let shape = &shapes[grains.shape[g] as usize];
+            !columns.iter().any(|c| overlaps(&mut clipper, shape, &state.pose(g), c))
+        })
+        .collect();
+    bench.retain(&keep);
+}
+
+fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &AxisBox) -> bool {
+    let p = pose.position;
+    let apart =
+        (0..3).any(|k| p[k] + shape.radius < region.low[k] || p[k] - shape.radius > region.high[k]);
+    !apart && clipper.inside_box(shape, pose, region).volume > TOUCH * shape.volume
+}
+
+/// Lays what lacks under the blocks, and in the cribs up to the fill level.
+fn lay_cribs(
+    plan: &Plan,
+    templates: &Templates,
+    rng: &mut Pcg64,
+    bench: &Bench,
+) -> Result<Vec<Laid>> {
+    let bed = &plan.bed;
+    let preparation = &bed.preparation;
+    let mut relief = pour::relief(bed)?;
+    let (grains, shapes) = (&bench.model.grains, &bench.model.shapes);
+    let shape = |g: usize| &shapes[grains.shape[g] as usize];
+    let present = (0..grains.len()).map(|g| (shape(g), bench.state.pose(g)));
+    pour::cover_present(&mut relief, present);
+    let mut stuffed = Vec::new();
+    for block in block_boxes(plan) {
+        stuffed.extend(pour::stuff(&mut relief, templates, shapes, &block, rng));
+    }
+    for block in block_boxes(plan) {
+        relief.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
+    }
+    let filled = preparation.fill_level;
+    let occupied: f64 = block_boxes(plan)
+        .map(|b| AxisBox { high: Vec3::new(b.high.x, b.high.y, b.high.z.min(filled)), ..b })
+        .map(|b| b.volume())
+        .sum();
+    let room = bed.size.x * bed.size.y * filled - occupied;
+    let present: f64 = (0..grains.len()).map(|g| shape(g).volume).sum();
+    let added: f64 = stuffed.iter().map(|g| shapes[g.shape].volume).sum();
+    let lacking = RECKONED_COMPACTNESS * room - present - added;
+    stuffed.extend(pour::pour(&mut relief, templates, shapes, &bed.size, lacking, rng)?);
+    Ok(stuffed)
+}
+
+/// The blocks of all sleepers at their level, world.
+pub(super) fn block_boxes(plan: &Plan) -> impl Iterator<Item = AxisBox> + '_ {
+    let depth = plan.bed.preparation.ballast_depth;
+    plan.sleepers.iter().flat_map(move |s| {
+        s.blocks.iter().map(move |b| {
+            let middle = Vec3::new(s.centre[0], s.centre[1] + b.offset_y, depth);
+            let half = Vec3::new(0.5 * b.size.x, 0.5 * b.size.y, 0.0);
+            AxisBox { low: middle - half, high: middle + half + Vec3::z() * b.size.z }
+        })
+    })
+}
+
+fn check(plan: &Plan) -> Result<()> {
+    let refused = |place: &str, expected: &str, found: String| {
+        Err(Error::Model { place: place.into(), expected: expected.into(), found })
+    };
+    let bed = &plan.bed;
+    let p = &bed.preparation;
+    if !bed.size.iter().all(|s| s.is_finite() && *s > 0.0) {
+        return refused("bed.size", "three lengths above 0 m", format!("{}", bed.size.transpose()));
+    }
+    if !(p.ballast_depth > 0.0 && p.ballast_depth <= p.fill_level && p.fill_level.is_finite()) {
+        return refused(
+            "bed.preparation",
+            "0 < ballast_depth <= fill_level",
+            format!("{} m and {} m", p.ballast_depth, p.fill_level),
+        );
+    }
+    if p.step_ns == 0 || plan.run.stepping.step_ns == 0 {
+        return refused("step", "more than 0 s", "0".into());
+    }
+    if !(bed.gravity * pouring_h(plan) < FALL_SPEED) {
+        return refused(
+            "bed.preparation.step",
+            "a step in which free fall gains less than 1 m/s",
+            format!("{} s", pouring_h(plan)),
+        );
+    }
+    for block in block_boxes(plan) {
+        let inside = (0..2).all(|k| block.low[k] >= 0.0 && block.high[k] <= bed.size[k]);
+        if !inside {
+            let found = format!("from {} to {}", block.low.transpose(), block.high.transpose());
+            return refused("sleepers", "blocks inside the box of the bed", found);
+        }
+    }
+    Ok(())
+}
+
+fn check_count(plan: &Plan, mean_volume: f64) -> Result<()> {
+    let bed = &plan.bed;
+    let count = bed.size.x * bed.size.y * bed.preparation.fill_level / mean_volume;
+    if count <= MOST_GRAINS {
+        return Ok(());
+    }
+    Err(Error::Model {
+        place: "bed".into(),
+        expected: format!("at most {MOST_GRAINS} grains"),
+        found: format!("about {count:.0}"),
+    })
+}
+
+#[cfg(test)]
+#[path = "deposit_tests.rs"]
+mod tests;

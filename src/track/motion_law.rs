@@ -1,0 +1,71 @@
+//! Motion laws of the machine, on the unit interval.
+//!
+//! A jump of velocity would be an infinite force on the ballast, so all laws start and end at rest.
+
+/// Share of a travel that is spent on speeding up, and again on slowing down.
+pub const RAMP: f64 = 0.2;
+
+/// Minimum-jerk step from 0 to 1; speed and acceleration vanish at both ends.
+pub fn smooth_step(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    u * u * u * (10.0 + u * (6.0 * u - 15.0))
+}
+
+/// Travel from 0 to 1 at constant rate `1/(1 - RAMP)` between two smooth ramps.
+///
+/// Slower at its peak than a minimum-jerk step (1.25 instead of 1.875): tines enter the bed at
+/// about 1 m/s at most. The acceleration is continuous.
+pub fn travel(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    if u > 0.5 {
+        return 1.0 - travel(1.0 - u);
+    }
+    let rate = 1.0 / (1.0 - RAMP);
+    if u >= RAMP {
+        return rate * (u - 0.5 * RAMP);
+    }
+    let x = u / RAMP;
+    rate * RAMP * x * x * x * (1.0 - 0.5 * x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steepest(law: fn(f64) -> f64) -> f64 {
+        let n = 100_000;
+        (0..n)
+            .map(|i| (law((i + 1) as f64 / n as f64) - law(i as f64 / n as f64)) * n as f64)
+            .fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn laws_run_from_zero_to_one_and_stay_there() {
+        for law in [smooth_step, travel] {
+            assert_eq!(law(-1.0), 0.0);
+            assert_eq!(law(0.0), 0.0);
+            assert!((law(0.5) - 0.5).abs() < 1e-15);
+            assert_eq!(law(1.0), 1.0);
+            assert_eq!(law(7.0), 1.0);
+        }
+    }
+
+    #[test]
+    fn peak_rates_are_those_stated() {
+        assert!((steepest(smooth_step) - 1.875).abs() < 1e-6);
+        assert!((steepest(travel) - 1.25).abs() < 1e-6);
+    }
+
+    #[test]
+    fn speed_has_no_jump_anywhere() {
+        let e = 1e-5;
+        for law in [smooth_step, travel] {
+            let speed = |u: f64| (law(u + e) - law(u - e)) / (2.0 * e);
+            for i in -10..1010 {
+                let u = i as f64 / 1000.0;
+                let jump = (speed(u + 1e-4) - speed(u - 1e-4)).abs();
+                assert!(jump < 3e-3, "{u}: {jump}");
+            }
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! Pouring grains: a dense rain without dynamics, each grain laid where it comes to lie lowest.
+//!
+//! Reads: grain shapes, the bed's relief. Writes: grains and their poses.
+//! Cost: O(tries × cells under a grain) per grain.
+//! Contract: no two grains overlap, none leaves the box; a function of the random stream alone.
+//!
+//! Laid so, a bed of ballast has a compactness of about 0.4 before it is shaken down by gravity: it
+//! falls by a few grain sizes only, where a lattice of bounding spheres would fall from several
+//! times its height.
+
+use super::relief::{Relief, Silhouette, turned_bounds};
+use crate::error::{Error, Result};
+use crate::geometry::Polyhedron;
+use crate::geometry::clip::AxisBox;
+use crate::geometry::grain::{GrainShape, random_grain, random_rotation};
+use crate::math::{Pose, Quat, Vec3};
+use crate::track::plan::{BedPlan, SizeClass};
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+/// Places tried for each grain; more make a denser and more even rain.
+const TRIES: usize = 100;
+/// Tries without any place before the bed counts as too narrow.
+const HOPELESS: usize = 10_000;
+/// Places tried under a block, per grain that would cover it.
+const STUFFING: f64 = 400.0;
+/// Air between a grain and what it is laid upon, m: rounding must not make it an overlap.
+const AIR: f64 = 1e-5;
+/// Cells across the smallest grains.
+const CELLS_PER_GRAIN: f64 = 14.0;
+
+/// The random grain shapes of a bed and how often each is drawn.
+#[derive(Debug, Clone)]
+pub(super) struct Templates {
+    /// First and one past last shape of each class.
+    classes: Vec<(usize, usize)>,
+    shares: Vec<f64>,
+}
+
+impl Templates {
+    /// Makes the plan's shapes; the number for each class follows its share, at least one.
+    pub fn generate(bed: &BedPlan, rng: &mut Pcg64, shapes: &mut Vec<Polyhedron>) -> Result<Self> {
+        let total: f64 = bed.grains.classes.iter().map(|c| c.share).sum();
+        if bed.grains.classes.is_empty() || !(total > 0.0) {
+            return Err(Error::Model {
+                place: "bed.grains.classes".into(),
+                expected: "at least one class, of positive shares".into(),
+                found: format!("{} of sum {total}", bed.grains.classes.len()),
+            });
+        }
+        let shape = GrainShape {
+            vertices: bed.grains.vertices,
+            elongation: bed.grains.elongation,
+            flatness: bed.grains.flatness,
+            angularity: bed.grains.angularity,
+        };
+        let mut classes = Vec::new();
+        for &SizeClass { size, share } in &bed.grains.classes {
+            let count = (f64::from(bed.grains.templates) * share / total).round().max(1.0) as usize;
+            let first = shapes.len();
+            for _ in 0..count {
+                shapes.push(random_grain(rng, &shape, size)?);
+            }
+            classes.push((first, shapes.len()));
+        }
+        let shares = bed.grains.classes.iter().map(|c| c.share / total).collect();
+        Ok(Self { classes, shares })
+    }
+
+    /// Mean volume of a grain, m³.
+    pub fn mean_volume(&self, shapes: &[Polyhedron]) -> f64 {
+        let mean = |&(first, end): &(usize, usize)| {
+            shapes[first..end].iter().map(|s| s.volume).sum::<f64>() / (end - first) as f64
+        };
+        self.classes.iter().zip(&self.shares).map(|(class, share)| share * mean(class)).sum()
+    }
+
+    fn draw(&self, rng: &mut Pcg64) -> usize {
+        let mut u: f64 = rng.random();
+        let mut class = 0;
+        while class + 1 < self.shares.len() && u >= self.shares[class] {
+            u -= self.shares[class];
+            class += 1;
+        }
+        let (first, end) = self.classes[class];
+        rng.random_range(first..end)
+    }
+}
+
+/// A grain that has been laid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Laid {
+    pub shape: usize,
+    pub pose: Pose,
+}
+
+/// A raster fine enough for the grains of a plan.
+pub(super) fn relief(bed: &BedPlan) -> Result<Relief> {
+    let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
+    Relief::flat([bed.size.x, bed.size.y], smallest / CELLS_PER_GRAIN)
+}
+
+/// Adds grains that already lie in the bed to the relief.
+pub(super) fn cover_present<'a>(
+    relief: &mut Relief,
+    present: impl Iterator<Item = (&'a Polyhedron, Pose)>,
+) {
+    let mut silhouette = Silhouette::default();
+    for (shape, pose) in present {
+        let cells = pose.position / relief.cell;
+        let at = [cells.x.floor(), cells.y.floor()];
+        silhouette.cover(shape, &pose.orientation, [cells.x - at[0], cells.y - at[1]], relief.cell);
+        relief.add(&silhouette, [at[0] as i64, at[1] as i64], pose.position.z);
+    }
+}
+
+/// Lays grains in random orientation until `volume` (m³) of them lies on the relief.
+///
+/// # Errors
+/// No place where a grain fits between the walls and what is forbidden.
+pub(super) fn pour(
+    relief: &mut Relief,
+    templates: &Templates,
+    shapes: &[Polyhedron],
+    size: &Vec3,
+    volume: f64,
+    rng: &mut Pcg64,
+) -> Result<Vec<Laid>> {
+    let mut laid = Vec::new();
+    let mut poured = 0.0;
+    let mut silhouette = Silhouette::default();
+    while poured < volume {
+        let shape = templates.draw(rng);
+        poured += shapes[shape].volume;
+        let orientation = random_rotation(rng);
+        let pose = lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng)?;
+        laid.push(Laid { shape, pose });
+    }
+    Ok(laid)
+}
+
+/// Lays grains into the voids right under a block, wherever one happens to fit below its underside
+/// on the relief.
+pub(super) fn stuff(
+    relief: &mut Relief,
+    templates: &Templates,
+    shapes: &[Polyhedron],
+    block: &AxisBox,
+    rng: &mut Pcg64,
+) -> Vec<Laid> {
+    let cell = relief.cell;
+    let size = block.high - block.low;
+    let tries = STUFFING * size.x * size.y / templates.mean_volume(shapes).powf(2.0 / 3.0);
+    let mut silhouette = Silhouette::default();
+    let mut laid = Vec::new();
+    for _ in 0..tries as usize {
+        let shape = templates.draw(rng);
+        let orientation = random_rotation(rng);
+        let bounds = turned_bounds(&shapes[shape], &orientation);
+        let x = block.low.x + size.x * rng.random::<f64>();
+        let y = block.low.y + size.y * rng.random::<f64>();
+        let within = [(x / cell).fract(), (y / cell).fract()];
+        // Over the edge it might end up in a neighbour's block, or in a wall.
+        let inside = [(x, 0), (y, 1)].iter().all(|&(c, k)| {
+            c + bounds.low[k] >= block.low[k] && c + bounds.high[k] <= block.high[k]
+        });
+        if !inside {
+            continue;
+        }
+        silhouette.cover(&shapes[shape], &orientation, within, cell);
+        let at = [(x / cell).floor() as i64, (y / cell).floor() as i64];
+        let highest = block.low.z - bounds.high.z - AIR;
+        let z = relief.rest(&silhouette, at, highest) + AIR;
+        if z < highest {
+            relief.add(&silhouette, at, z);
+            laid.push(Laid { shape, pose: Pose { position: Vec3::new(x, y, z), orientation } });
+        }
+    }
+    laid
+}
+
+/// Lays one grain at the lowest of some random places.
+fn lay(
+    relief: &mut Relief,
+    shape: &Polyhedron,
+    orientation: Quat,
+    size: &Vec3,
+    silhouette: &mut Silhouette,
+    rng: &mut Pcg64,
+) -> Result<Pose> {
+    let bounds = turned_bounds(shape, &orientation);
+    let within: [f64; 2] = [rng.random(), rng.random()];
+    let cell = relief.cell;
+    let range = |axis: usize| {
+        let first = ((AIR - bounds.low[axis]) / cell - within[axis]).ceil() as i64;
+        let last = ((size[axis] - AIR - bounds.high[axis]) / cell - within[axis]).floor() as i64;
+        (first <= last).then_some(first..=last)
+    };
+    let (Some(columns), Some(rows)) = (range(0), range(1)) else { return Err(too_narrow(size)) };
+    silhouette.cover(shape, &orientation, within, cell);
+    let (mut lowest, mut place) = (f64::INFINITY, [0, 0]);
+    for tried in 1.. {
+        let at = [rng.random_range(columns.clone()), rng.random_range(rows.clone())];
+        let z = relief.rest(silhouette, at, lowest);
+        if z < lowest {
+            (lowest, place) = (z, at);
+        }
+        if tried >= TRIES && lowest.is_finite() {
+            break;
+        }
+        if tried >= HOPELESS {
+            return Err(too_narrow(size));
+        }
+    }
+    let z = lowest + AIR;
+    relief.add(silhouette, place, z);
+    let coordinate = |axis: usize| (place[axis] as f64 + within[axis]) * cell;
+    Ok(Pose { position: Vec3::new(coordinate(0), coordinate(1), z), orientation })
+}
+
+fn too_narrow(size: &Vec3) -> Error {
+    Error::Model {
+        place: "bed.size".into(),
+        expected: "room for a grain between the walls and the sleepers".into(),
+        found: format!("{} x {} m", size.x, size.y),
+    }
+}
+
+#[cfg(test)]
+#[path = "pour_tests.rs"]
+mod tests;

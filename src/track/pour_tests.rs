@@ -1,0 +1,139 @@
+use super::*;
+use crate::geometry::clip::{Clipper, half_spaces_of};
+use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan};
+use rand::SeedableRng;
+
+fn bed(size: Vec3) -> BedPlan {
+    BedPlan {
+        size,
+        seed: 3,
+        density: 2700.0,
+        grains: GrainPlan {
+            classes: vec![
+                SizeClass { size: 0.025, share: 0.50 },
+                SizeClass { size: 0.0375, share: 0.34 },
+                SizeClass { size: 0.050, share: 0.16 },
+            ],
+            elongation: [0.7, 0.1],
+            flatness: [0.7, 0.1],
+            vertices: [8, 40],
+            angularity: 0.5,
+            templates: 20,
+        },
+        friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },
+        gravity: 9.81,
+        preparation: PreparationPlan {
+            ballast_depth: 0.2,
+            fill_level: 0.2,
+            friction: 0.3,
+            step_ns: 1_000_000,
+            iterations: 30,
+            rest_speed: 5e-3,
+            max_settling: 0.5,
+        },
+    }
+}
+
+struct Poured {
+    shapes: Vec<Polyhedron>,
+    laid: Vec<Laid>,
+    relief: Relief,
+}
+
+fn poured(bed: &BedPlan, volume: f64, forbidden: Option<[[f64; 2]; 2]>) -> Poured {
+    let mut rng = Pcg64::seed_from_u64(bed.seed);
+    let mut shapes = Vec::new();
+    let templates = Templates::generate(bed, &mut rng, &mut shapes).unwrap();
+    let mut relief = relief(bed).unwrap();
+    if let Some([low, high]) = forbidden {
+        relief.forbid(low, high);
+    }
+    let laid = pour(&mut relief, &templates, &shapes, &bed.size, volume, &mut rng).unwrap();
+    Poured { shapes, laid, relief }
+}
+
+#[test]
+fn poured_grains_overlap_neither_each_other_nor_the_walls() {
+    let bed = bed(Vec3::new(0.3, 0.25, 0.4));
+    let Poured { shapes, laid, .. } = poured(&bed, 0.3 * 0.25 * 0.06, None);
+    assert!(laid.len() > 100, "{}", laid.len());
+    let mut clipper = Clipper::default();
+    for (i, a) in laid.iter().enumerate() {
+        for v in &shapes[a.shape].vertices {
+            let p = a.pose.point(v);
+            let inside = (0..2).all(|k| p[k] >= 0.0 && p[k] <= bed.size[k]) && p.z >= 0.0;
+            assert!(inside, "grain {i}: {p}");
+        }
+        let faces = half_spaces_of(&shapes[a.shape], &a.pose);
+        for (j, b) in laid.iter().enumerate().take(i) {
+            let common = clipper.inside(&shapes[b.shape], &b.pose, &faces).volume;
+            assert!(common < 1e-12 * shapes[b.shape].volume, "grains {i} and {j}: {common} m³");
+        }
+    }
+}
+
+#[test]
+fn the_rain_is_dense() {
+    let bed = bed(Vec3::new(0.6, 0.7, 0.5));
+    let volume = 0.6 * 0.7 * 0.15;
+    let Poured { laid, .. } = poured(&bed, volume, None);
+    let mut heights: Vec<f64> = laid.iter().map(|g| g.pose.position.z).collect();
+    heights.sort_by(f64::total_cmp);
+    // Twice the median height of the centres is the height of an even bed.
+    let compactness = volume / (0.6 * 0.7 * 2.0 * heights[heights.len() / 2]);
+    assert!(compactness > 0.33 && compactness < 0.60, "{compactness}");
+}
+
+#[test]
+fn nothing_is_laid_on_what_is_forbidden() {
+    let bed = bed(Vec3::new(0.3, 0.3, 0.4));
+    let [low, high] = [[0.1, 0.12], [0.2, 0.24]];
+    let Poured { shapes, laid, .. } = poured(&bed, 0.3 * 0.3 * 0.04, Some([low, high]));
+    let block = AxisBox { low: Vec3::new(0.1, 0.12, 0.0), high: Vec3::new(0.2, 0.24, 10.0) };
+    let mut clipper = Clipper::default();
+    for grain in &laid {
+        assert_eq!(clipper.inside_box(&shapes[grain.shape], &grain.pose, &block).volume, 0.0);
+    }
+}
+
+#[test]
+fn the_relief_of_present_grains_is_that_of_their_laying() {
+    let bed = bed(Vec3::new(0.3, 0.3, 0.4));
+    let Poured { shapes, laid, relief } = poured(&bed, 0.3 * 0.3 * 0.04, None);
+    let mut again = super::relief(&bed).unwrap();
+    cover_present(&mut again, laid.iter().map(|g| (&shapes[g.shape], g.pose)));
+    assert!(again.largest_difference(&relief) < 1e-9);
+}
+
+#[test]
+fn the_same_seed_lays_the_same_bed_and_another_seed_another() {
+    let first = bed(Vec3::new(0.3, 0.3, 0.4));
+    let other = BedPlan { seed: 4, ..first.clone() };
+    let volume = 0.3 * 0.3 * 0.03;
+    assert_eq!(poured(&first, volume, None).laid, poured(&first, volume, None).laid);
+    assert_ne!(poured(&first, volume, None).laid, poured(&other, volume, None).laid);
+}
+
+#[test]
+fn shares_are_by_number() {
+    let bed = bed(Vec3::new(0.6, 0.6, 0.4));
+    let Poured { shapes, laid, .. } = poured(&bed, 0.6 * 0.6 * 0.2, None);
+    let volume = |size: f64| std::f64::consts::FRAC_PI_6 * size * size * size;
+    for (size, share) in [(0.025, 0.50), (0.0375, 0.34), (0.050, 0.16)] {
+        let of_class = |g: &&Laid| (shapes[g.shape].volume / volume(size) - 1.0).abs() < 1e-9;
+        let found = laid.iter().filter(of_class).count() as f64 / laid.len() as f64;
+        // Three standard deviations of a share among some 3000 grains.
+        assert!((found - share).abs() < 0.03, "{size}: {found}");
+    }
+}
+
+#[test]
+fn a_box_narrower_than_a_grain_is_refused() {
+    let bed = bed(Vec3::new(0.03, 0.3, 0.4));
+    let mut rng = Pcg64::seed_from_u64(1);
+    let mut shapes = Vec::new();
+    let templates = Templates::generate(&bed, &mut rng, &mut shapes).unwrap();
+    let mut relief = relief(&bed).unwrap();
+    let found = pour(&mut relief, &templates, &shapes, &bed.size, 0.001, &mut rng);
+    assert!(found.unwrap_err().to_string().contains("bed.size"));
+}

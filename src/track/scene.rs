@@ -1,0 +1,82 @@
+//! The scene of a run: a prepared bed with the tines above it.
+//!
+//! Reads: the plan, a bed. Writes: model and state at the start of the run.
+
+use super::deposit::Bed;
+use super::tamping_cycle::start_position;
+use super::tine::tine;
+use crate::error::{Error, Result};
+use crate::integrate;
+use crate::math::{Pose, Vec3};
+use crate::model::{Model, Role};
+use crate::state::State;
+use crate::track::plan::{Plan, SleeperPlan};
+
+/// The model of a run and its start: the bed, and the tines clear above it.
+///
+/// # Errors
+/// A bed that was prepared for other sleepers than the plan's, or that holds the tines already.
+pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
+    let Bed { mut model, mut state } = bed;
+    for s in &plan.sleepers {
+        check_sleeper(plan, s, &model, &state)?;
+    }
+    for t in &plan.tines {
+        if model.driven_index(&t.name).is_some() {
+            return Err(Error::Model {
+                place: format!("tine {:?}", t.name),
+                expected: "a name that no body of the bed has".into(),
+                found: "a body of this name".into(),
+            });
+        }
+        let body = tine(t, plan.bed.friction.tine, &mut model.shapes)?;
+        model.driven.push(body);
+        state.push(Pose::at(start_position(plan, t)));
+    }
+    run_settings(plan, &mut model);
+    state.step = 0;
+    state.time_ns = 0;
+    state.drive.clear();
+    state.energy = integrate::open_ledger(&model, &state);
+    Ok((model, state))
+}
+
+/// Gives the model what the plan says about the run.
+pub(super) fn run_settings(plan: &Plan, model: &mut Model) {
+    let friction = &plan.bed.friction;
+    for body in &mut model.driven {
+        body.friction = match body.role {
+            Role::Boundary => friction.boundary,
+            Role::Sleeper => friction.sleeper,
+            Role::Tine => friction.tine,
+        };
+    }
+    model.grain_friction = friction.grain;
+    model.restitution = plan.run.restitution;
+    model.stepping = plan.run.stepping;
+    model.solver = plan.run.solver;
+}
+
+/// Where a sleeper stands.
+pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
+    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
+}
+
+fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<()> {
+    let refused = |found: String| {
+        Err(Error::Model {
+            place: format!("sleeper {:?}", s.name),
+            expected: "a bed that was prepared for it".into(),
+            found,
+        })
+    };
+    let Some(index) = model.driven_index(&s.name) else {
+        return refused("no body of this name in the bed".into());
+    };
+    let found = state.position[model.grains.len() + index];
+    let expected = sleeper_pose(plan, s).position;
+    if (found - expected).norm() > 1e-6 {
+        return refused(format!("it stands at {}", found.transpose()));
+    }
+    Ok(())
+}

@@ -1,0 +1,247 @@
+//! Settling: stepping a bed under damping until it rests.
+//!
+//! Reads: a stage's settings. Writes: model settings, state. Cost: one step per step.
+//! Contract: damping exists in the preparation only, and never when a stage ends: it takes speed
+//! from free fall, which would otherwise drive grains into each other, not from a bed at rest.
+
+use crate::drive::Inputs;
+use crate::error::{Error, Result};
+use crate::math::{Pose, Vec3};
+use crate::model::{Model, Solver, Stepping};
+use crate::state::{ContactMemory, State};
+use crate::step::{StepReport, step};
+use crate::workspace::Workspace;
+use std::ops::ControlFlow;
+
+/// The stages of the preparation, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum DepositStage {
+    Pour,
+    Fill,
+    Trim,
+    Rest,
+}
+
+impl DepositStage {
+    /// The stage's name for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            DepositStage::Pour => "pour",
+            DepositStage::Fill => "fill",
+            DepositStage::Trim => "trim",
+            DepositStage::Rest => "rest",
+        }
+    }
+}
+
+/// Where the preparation stands after a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepositProgress {
+    pub stage: DepositStage,
+    /// Steps of this stage so far, and at most.
+    pub step: u64,
+    pub most_steps: u64,
+    pub grains: usize,
+    pub contacts: usize,
+    /// m/s.
+    pub mean_speed: f64,
+    /// m.
+    pub mean_penetration: f64,
+    pub max_penetration: f64,
+}
+
+/// How a stage is run.
+pub(super) struct Settling<'a> {
+    pub stage: DepositStage,
+    pub stepping: Stepping,
+    pub solver: Solver,
+    pub grain_friction: f64,
+    /// Speed that damping lets a falling grain reach, m/s; `None`: no damping.
+    pub fall_speed: Option<f64>,
+    /// Steps before rest is looked for, and most steps.
+    pub steps: [u64; 2],
+    /// Mean grain speed that counts as rest, m/s.
+    pub rest_speed: f64,
+    /// Targets of all driven bodies after the given number of steps of the stage `[nd]`.
+    pub drive: &'a dyn Fn(u64, &mut Vec<Pose>),
+}
+
+/// Model and state under preparation.
+pub(super) struct Bench {
+    pub model: Model,
+    pub state: State,
+    pub workspace: Workspace,
+}
+
+impl Bench {
+    /// Runs a stage to its end; `Break` if the watcher asks to stop.
+    pub fn settle(
+        &mut self,
+        settling: &Settling,
+        watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>> {
+        self.model.stepping = settling.stepping;
+        self.model.solver = settling.solver;
+        self.model.grain_friction = settling.grain_friction;
+        let g = self.model.gravity.norm();
+        let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
+        let mut targets: Vec<Pose> = Vec::new();
+        let [least, most] = settling.steps;
+        for done in 1..=most {
+            targets.clear();
+            (settling.drive)(done, &mut targets);
+            let inputs = Inputs { targets: &targets };
+            let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;
+            let speed = self.mean_speed();
+            let progress = self.progress(settling, done, speed, &report);
+            if watch(&progress).is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+            if done >= least && speed < settling.rest_speed {
+                break;
+            }
+            self.damp(keep);
+        }
+        self.check_inside()?;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn progress(
+        &self,
+        settling: &Settling,
+        step: u64,
+        mean_speed: f64,
+        report: &StepReport,
+    ) -> DepositProgress {
+        DepositProgress {
+            stage: settling.stage,
+            step,
+            most_steps: settling.steps[1],
+            grains: self.model.grains.len(),
+            contacts: report.contacts,
+            mean_speed,
+            mean_penetration: report.mean_penetration,
+            max_penetration: report.max_penetration,
+        }
+    }
+
+    /// Mean speed of the grains, m/s; serial, so that it is the same for any number of threads.
+    pub fn mean_speed(&self) -> f64 {
+        let n = self.model.grains.len();
+        self.state.velocity[..n].iter().map(|v| v.norm()).sum::<f64>() / n.max(1) as f64
+    }
+
+    fn damp(&mut self, keep: f64) {
+        if keep < 1.0 {
+            let n = self.model.grains.len();
+            self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
+            self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+        }
+    }
+
+    /// Poses of the driven bodies now.
+    pub fn driven_poses(&self) -> Vec<Pose> {
+        let n = self.model.grains.len();
+        (n..self.model.body_count()).map(|b| self.state.pose(b)).collect()
+    }
+
+    /// Inserts grains at rest after those present; driven bodies keep following the grains.
+    pub fn insert(&mut self, grains: &[(u32, Pose)], density: f64) {
+        let n = self.model.grains.len();
+        for &(shape, _) in grains {
+            self.model.grains.push(shape, &self.model.shapes[shape as usize], density);
+        }
+        let zeros = || grains.iter().map(|_| Vec3::zeros());
+        self.state.position.splice(n..n, grains.iter().map(|g| g.1.position));
+        self.state.orientation.splice(n..n, grains.iter().map(|g| g.1.orientation));
+        self.state.velocity.splice(n..n, zeros());
+        self.state.spin.splice(n..n, zeros());
+        let added = grains.len() as u32;
+        for pair in &mut self.state.contacts.bodies {
+            if pair[1] >= n as u32 {
+                pair[1] += added;
+            }
+        }
+    }
+
+    /// Denies, of each two grains that the last step found deeper than `deepest` (m) in each other,
+    /// the lighter one, unless either is denied already; and every grain so deep in a driven body.
+    pub fn deny_deep(&self, deepest: f64, keep: &mut [bool]) {
+        let contacts = &self.workspace.contacts;
+        let n = self.model.grains.len();
+        let deep = (0..contacts.len()).filter(|&i| contacts.gap[i] < -deepest);
+        for [a, b] in deep.map(|i| contacts.bodies[i].map(|b| b as usize)) {
+            if b >= n {
+                keep[a] = false;
+            } else if keep[a] && keep[b] {
+                let mass = &self.model.grains.mass;
+                keep[if mass[b] < mass[a] { b } else { a }] = false;
+            }
+        }
+    }
+
+    /// Removes the grains that `keep` denies `[ng]`; the others stay in order, with their contacts.
+    pub fn retain(&mut self, keep: &[bool]) {
+        let n = self.model.grains.len();
+        let kept = |b: usize| b >= n || keep[b];
+        let mut number = 0;
+        let numbers: Vec<Option<u32>> = (0..self.model.body_count())
+            .map(|b| {
+                kept(b).then(|| {
+                    number += 1;
+                    number - 1
+                })
+            })
+            .collect();
+        let grains = &mut self.model.grains;
+        sift(&mut grains.shape, kept);
+        sift(&mut grains.mass, kept);
+        sift(&mut grains.inertia, kept);
+        sift(&mut self.state.position, kept);
+        sift(&mut self.state.orientation, kept);
+        sift(&mut self.state.velocity, kept);
+        sift(&mut self.state.spin, kept);
+        renumber(&mut self.state.contacts, &numbers);
+    }
+
+    /// No grain may have left the box: a centre behind a wall would never come back.
+    fn check_inside(&self) -> Result<()> {
+        for b in 0..self.model.grains.len() {
+            let p = self.state.position[b];
+            let walls = self.model.driven.iter().flat_map(|d| d.parts.iter().map(move |q| (d, q)));
+            for (wall, part) in walls {
+                let crate::model::Part::HalfSpace { normal, offset } = part else { continue };
+                let height = normal.dot(&p) - offset;
+                // Written so that a position that is not a number is found as well.
+                if !(height > 0.0) {
+                    return Err(Error::State {
+                        place: format!("grain {b} of the bed under preparation"),
+                        expected: format!("inside of boundary {:?}", wall.name),
+                        found: format!("{height} m"),
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Keeps the entries whose index `kept` accepts.
+fn sift<T: Copy>(values: &mut Vec<T>, kept: impl Fn(usize) -> bool) {
+    let mut index = 0;
+    values.retain(|_| {
+        index += 1;
+        kept(index - 1)
+    });
+}
+
+/// Drops contacts of bodies without a new number; the new numbers keep the order of the old.
+fn renumber(memory: &mut ContactMemory, numbers: &[Option<u32>]) {
+    let new = |pair: &[u32; 2]| Some([numbers[pair[0] as usize]?, numbers[pair[1] as usize]?]);
+    let keep: Vec<bool> = memory.bodies.iter().map(|pair| new(pair).is_some()).collect();
+    let kept = |i: usize| keep[i];
+    memory.bodies = memory.bodies.iter().filter_map(new).collect();
+    sift(&mut memory.feature, kept);
+    sift(&mut memory.local_point, kept);
+    sift(&mut memory.impulse, kept);
+}

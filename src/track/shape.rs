@@ -1,0 +1,45 @@
+//! Cuboid parts of driven bodies.
+
+use crate::error::{Error, Result};
+use crate::geometry::{Polyhedron, hull};
+use crate::math::{Pose, Vec3};
+use crate::model::Part;
+
+/// `size` if its edges are finite and positive, else an error that names the place.
+pub(super) fn solid(size: &Vec3, place: impl Fn() -> String) -> Result<Vec3> {
+    if size.iter().all(|s| s.is_finite() && *s > 0.0) {
+        return Ok(*size);
+    }
+    Err(Error::Model {
+        place: place(),
+        expected: "edges longer than 0 m".into(),
+        found: format!("{} x {} x {} m", size.x, size.y, size.z),
+    })
+}
+
+/// A cuboid of the given edges (m) whose middle is `centre` in the body's frame.
+///
+/// Equal cuboids share one shape: sixteen tines are two shapes.
+pub(super) fn cuboid(shapes: &mut Vec<Polyhedron>, size: &Vec3, centre: Vec3) -> Result<Part> {
+    let shape = hull::cuboid(size * 0.5);
+    let index = shapes.iter().position(|s| *s == shape).unwrap_or_else(|| {
+        shapes.push(shape);
+        shapes.len() - 1
+    });
+    Ok(Part::Convex { shape: index as u32, pose: Pose::at(centre) })
+}
+
+#[cfg(test)]
+pub(super) mod test_support {
+    use super::*;
+
+    /// Bounding box of a convex part in the body's frame.
+    pub fn extent(shapes: &[Polyhedron], part: &Part) -> (Vec3, Vec3) {
+        let Part::Convex { shape, pose } = part else { panic!("a convex part") };
+        let corners = shapes[*shape as usize].vertices.iter().map(|v| pose.point(v));
+        corners.fold(
+            (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)),
+            |(low, high), p| (low.inf(&p), high.sup(&p)),
+        )
+    }
+}

@@ -1,0 +1,329 @@
+//! The machine's motion: lift, insertion, squeeze, hold, withdrawal.
+//!
+//! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
+//! drive's memory (see [`squeeze_control`](super::squeeze_control)).
+//! Contract: positions and velocities are continuous through the whole cycle. Tines move as rigid
+//! translations, so the amplitude at the tip is that of every point.
+
+use super::clearance;
+use super::motion_law::{smooth_step, travel};
+use super::squeeze_control::{SqueezeControl, TinePair, tine_index};
+use crate::error::{Error, Result};
+use crate::math::{Pose, Vec3};
+use crate::model::Model;
+use crate::state::State;
+use crate::step::StepReport;
+use crate::track::plan::{Plan, TampingPlan};
+
+/// Vibration periods over which the amplitude grows, and dies away again.
+const FADE_PERIODS: f64 = 3.0;
+
+/// Where in the cycle a moment lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum TampingPhase {
+    /// Before the cycle starts.
+    Waiting,
+    Lift,
+    Insertion,
+    Squeeze,
+    Hold,
+    Withdrawal,
+    /// After the cycle, or no tamping at all.
+    Done,
+}
+
+impl TampingPhase {
+    /// The phase's name in files and recordings.
+    pub fn name(self) -> &'static str {
+        match self {
+            TampingPhase::Waiting => "waiting",
+            TampingPhase::Lift => "lift",
+            TampingPhase::Insertion => "insertion",
+            TampingPhase::Squeeze => "squeeze",
+            TampingPhase::Hold => "hold",
+            TampingPhase::Withdrawal => "withdrawal",
+            TampingPhase::Done => "done",
+        }
+    }
+}
+
+/// A tamping cycle over the driven bodies of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TampingCycle {
+    /// `None`: nothing moves.
+    machine: Option<Machine>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Machine {
+    plan: TampingPlan,
+    /// Ends of lift, insertion, squeeze, hold and withdrawal, s.
+    ends: [f64; 5],
+    sleepers: Vec<Lifted>,
+    tines: Vec<Driven>,
+    control: SqueezeControl,
+}
+
+/// A tamped sleeper: its index among the driven bodies, and where it stands before the lift.
+#[derive(Debug, Clone, PartialEq)]
+struct Lifted {
+    body: usize,
+    rest: Vec3,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Driven {
+    body: usize,
+    /// Index into the control's pairs.
+    pair: usize,
+    direction: f64,
+    start: Vec3,
+    /// Height of the reference point at full depth, m.
+    deep: f64,
+}
+
+impl TampingCycle {
+    /// The cycle of `plan` for a model that holds the plan's sleepers and tines.
+    ///
+    /// # Errors
+    /// Times, speeds or forces that are no cycle; tines or sleepers that the model does not have;
+    /// tines that would meet a sleeper or a wall on their way.
+    pub fn new(plan: &Plan, model: &Model) -> Result<Self> {
+        let Some(tamping) = plan.tamping else { return Ok(Self { machine: None }) };
+        check_numbers(&tamping, model)?;
+        clearance::check(plan, &tamping)?;
+        let control = SqueezeControl::new(&tamping, &plan.tines, model)?;
+        let mut ends = [0.0; 5];
+        let mut end = tamping.start;
+        let durations = [
+            tamping.lift.duration,
+            tamping.insertion.duration,
+            tamping.squeeze.duration,
+            tamping.hold,
+            tamping.withdrawal,
+        ];
+        for (slot, duration) in ends.iter_mut().zip(durations) {
+            end += duration;
+            *slot = end;
+        }
+        let tines = driven_tines(plan, &tamping, model, &control)?;
+        let sleepers = lifted_sleepers(plan, model)?;
+        Ok(Self { machine: Some(Machine { plan: tamping, ends, sleepers, tines, control }) })
+    }
+
+    /// Poses of all driven bodies at the end of the step that starts at `state`; what the cycle
+    /// does not move stays where it is.
+    ///
+    /// `out` is overwritten `[nd]`.
+    pub fn targets(&self, model: &Model, state: &State, out: &mut Vec<Pose>) {
+        let ng = model.grains.len();
+        out.clear();
+        out.extend((0..model.driven.len()).map(|d| state.pose(ng + d)));
+        let Some(machine) = &self.machine else { return };
+        let end = (state.time_ns + model.stepping.step_ns) as f64 * 1e-9;
+        let lift = machine.lift(end);
+        for sleeper in &machine.sleepers {
+            out[sleeper.body].position = sleeper.rest + Vec3::z() * lift;
+        }
+        let h = model.stepping.h();
+        for tine in &machine.tines {
+            let since = end - machine.ends[1];
+            let (squeezed, _) = machine.control.advanced(&state.drive, tine.pair, since, h);
+            out[tine.body].position = machine.tine_position(tine, end, squeezed);
+        }
+    }
+
+    /// Takes the reactions of the step that has just led to `state` into the drive's memory.
+    pub fn observe(&self, model: &Model, report: &StepReport, state: &mut State) {
+        let Some(machine) = &self.machine else { return };
+        let since = state.time() - machine.ends[1];
+        let h = model.stepping.h();
+        machine.control.observe(&mut state.drive, report, state.step, since, h);
+    }
+
+    /// Phase at a time of the run, s.
+    pub fn phase(&self, time_s: f64) -> TampingPhase {
+        let Some(machine) = &self.machine else { return TampingPhase::Done };
+        if time_s < machine.plan.start {
+            return TampingPhase::Waiting;
+        }
+        let phases = [
+            TampingPhase::Lift,
+            TampingPhase::Insertion,
+            TampingPhase::Squeeze,
+            TampingPhase::Hold,
+            TampingPhase::Withdrawal,
+        ];
+        let ended = machine.ends.iter().take_while(|end| time_s >= **end).count();
+        phases.get(ended).copied().unwrap_or(TampingPhase::Done)
+    }
+
+    /// Time of the run at which the cycle is over, s; 0 without tamping.
+    pub fn duration(&self) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.ends[4])
+    }
+
+    /// The tine pairs in order of their numbers.
+    pub fn pairs(&self) -> &[TinePair] {
+        self.machine.as_ref().map_or(&[], |m| &m.control.pairs)
+    }
+
+    /// How far each side of pair `p` (index into [`Self::pairs`]) has closed, m.
+    pub fn closing(&self, state: &State, p: usize) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.closing(m.control.squeezed(&state.drive, p)))
+    }
+
+    /// Mean force of pair `p` over the last vibration period, N.
+    pub fn mean_force(&self, state: &State, p: usize) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.control.mean_force(&state.drive, p))
+    }
+
+    /// Refuses a restored state whose drive memory is not that of this cycle.
+    ///
+    /// An empty memory is that of a run that has not begun.
+    pub fn check_memory(&self, state: &State) -> Result<()> {
+        let expected = self.machine.as_ref().map_or(0, |m| m.control.memory_len());
+        if state.drive.is_empty() || state.drive.len() == expected {
+            return Ok(());
+        }
+        Err(Error::State {
+            place: "memory of the drive".into(),
+            expected: format!("{expected} values, or none before the first step"),
+            found: state.drive.len().to_string(),
+        })
+    }
+}
+
+impl Machine {
+    /// Lift of the tamped sleepers, m.
+    fn lift(&self, t: f64) -> f64 {
+        self.plan.lift.height * ramp(t, self.plan.start, self.plan.lift.duration)
+    }
+
+    /// Closing of each side after `squeezed` seconds of squeezing, m.
+    fn closing(&self, squeezed: f64) -> f64 {
+        self.plan.squeeze.stroke * travel(squeezed / self.plan.squeeze.duration)
+    }
+
+    fn tine_position(&self, tine: &Driven, t: f64, squeezed: f64) -> Vec3 {
+        let [lifted, inserted, _, held, _] = self.ends;
+        let down =
+            travel((t - lifted) / (inserted - lifted)) - travel((t - held) / self.plan.withdrawal);
+        let x = tine.start.x + tine.direction * (self.closing(squeezed) + self.vibration(t));
+        let z = tine.start.z + (tine.deep - tine.start.z) * down;
+        Vec3::new(x, tine.start.y, z)
+    }
+
+    /// Displacement by vibration along the tine's direction, m; facing rows have opposite
+    /// directions, so they move in opposition.
+    fn vibration(&self, t: f64) -> f64 {
+        let [begin, inserted, _, held, end] = self.ends;
+        if t <= begin || t >= end {
+            return 0.0;
+        }
+        let v = &self.plan.vibration;
+        if v.frequency == 0.0 {
+            return 0.0;
+        }
+        let fade = FADE_PERIODS / v.frequency;
+        let grown = smooth_step((t - begin) / fade.min(inserted - begin));
+        let left = smooth_step((end - t) / fade.min(end - held));
+        let angle = std::f64::consts::TAU * v.frequency * (t - begin);
+        v.amplitude * grown * left * angle.sin()
+    }
+}
+
+/// [`smooth_step`] from `start` on, `duration` long; at once where the duration is 0.
+fn ramp(t: f64, start: f64, duration: f64) -> f64 {
+    if duration > 0.0 {
+        smooth_step((t - start) / duration)
+    } else {
+        f64::from(u8::from(t >= start))
+    }
+}
+
+fn driven_tines(
+    plan: &Plan,
+    tamping: &TampingPlan,
+    model: &Model,
+    control: &SqueezeControl,
+) -> Result<Vec<Driven>> {
+    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let tine = |tine: &crate::track::plan::TinePlan| {
+        let pair = control.pairs.iter().position(|p| p.number == tine.pair);
+        Ok(Driven {
+            body: tine_index(model, &tine.name)?,
+            // Pairs are made from these very tines.
+            pair: pair.unwrap_or_default(),
+            direction: tine.direction,
+            start: start_position(plan, tine),
+            deep,
+        })
+    };
+    plan.tines.iter().map(tine).collect()
+}
+
+/// Where a tine's reference point is before the cycle: its blade clear of the bed, m.
+pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 {
+    let clearance = plan.tamping.map_or(0.0, |t| t.insertion.clearance);
+    let z = plan.bed.preparation.fill_level + clearance + tine.blade.z;
+    Vec3::new(tine.position[0], tine.position[1], z)
+}
+
+fn lifted_sleepers(plan: &Plan, model: &Model) -> Result<Vec<Lifted>> {
+    let depth = plan.bed.preparation.ballast_depth;
+    let lifted = |s: &crate::track::plan::SleeperPlan| {
+        let body = model.driven_index(&s.name).ok_or_else(|| Error::Model {
+            place: format!("sleeper {:?}", s.name),
+            expected: "a driven body of this name".into(),
+            found: "none".into(),
+        })?;
+        Ok(Lifted { body, rest: Vec3::new(s.centre[0], s.centre[1], depth) })
+    };
+    plan.sleepers.iter().filter(|s| s.tamped).map(lifted).collect()
+}
+
+fn check_numbers(plan: &TampingPlan, model: &Model) -> Result<()> {
+    let at_least = |place: &str, value: f64, least: f64, strictly: bool| {
+        if value.is_finite() && (value > least || (!strictly && value == least)) {
+            return Ok(());
+        }
+        Err(Error::Model {
+            place: format!("tamping.{place}"),
+            expected: format!("{} {least}", if strictly { "more than" } else { "at least" }),
+            found: value.to_string(),
+        })
+    };
+    at_least("start", plan.start, 0.0, false)?;
+    at_least("lift.height", plan.lift.height, 0.0, false)?;
+    at_least("lift.duration", plan.lift.duration, 0.0, plan.lift.height > 0.0)?;
+    at_least("insertion.duration", plan.insertion.duration, 0.0, true)?;
+    at_least("insertion.clearance", plan.insertion.clearance, 0.0, false)?;
+    at_least("squeeze.duration", plan.squeeze.duration, 0.0, true)?;
+    at_least("squeeze.stroke", plan.squeeze.stroke, 0.0, false)?;
+    at_least("hold", plan.hold, 0.0, false)?;
+    at_least("withdrawal", plan.withdrawal, 0.0, true)?;
+    at_least("vibration.frequency", plan.vibration.frequency, 0.0, false)?;
+    at_least("vibration.amplitude", plan.vibration.amplitude, 0.0, false)?;
+    if !(plan.squeeze.force_limit > 0.0) {
+        return Err(Error::Model {
+            place: "tamping.squeeze.force_limit".into(),
+            expected: "more than 0 N, or infinite".into(),
+            found: plan.squeeze.force_limit.to_string(),
+        });
+    }
+    // Fewer steps than these would alias the sine into another motion.
+    let per_period = 1.0 / (plan.vibration.frequency * model.stepping.h());
+    if per_period < 8.0 {
+        return Err(Error::Model {
+            place: "tamping.vibration.frequency".into(),
+            expected: "at least 8 time steps per period".into(),
+            found: format!("{per_period:.1}"),
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+#[path = "tamping_cycle_tests.rs"]
+mod tests;

@@ -1,0 +1,237 @@
+use super::*;
+use crate::model::Role;
+use crate::step::Reaction;
+use crate::track::test_plan::small_plan as plan;
+use crate::track::{sleeper::sleeper, tine::tine};
+
+/// Sleeper and tines without grains; driven body 0 is a wall that must not move.
+fn model(plan: &Plan) -> (Model, State) {
+    let mut shapes = Vec::new();
+    let mut driven = crate::track::boundary::boundaries(&plan.bed.size, 0.8);
+    driven.truncate(1);
+    driven.push(sleeper(&plan.sleepers[0], 1.0, &mut shapes).unwrap());
+    for t in &plan.tines {
+        driven.push(tine(t, 1.0, &mut shapes).unwrap());
+    }
+    assert_eq!(driven.iter().filter(|d| d.role == Role::Tine).count(), 2);
+    let mut state = State::default();
+    state.push(Pose::identity());
+    state.push(Pose::at(Vec3::new(0.3, 0.35, 0.28)));
+    for t in &plan.tines {
+        state.push(Pose::at(start_position(plan, t)));
+    }
+    let model = Model {
+        shapes,
+        grains: Default::default(),
+        driven,
+        gravity: -Vec3::z() * 9.81,
+        grain_friction: 1.0,
+        restitution: 0.0,
+        stepping: plan.run.stepping,
+        solver: plan.run.solver,
+    };
+    (model, state)
+}
+
+/// Runs the cycle against a given resistance (N, against the direction of each tine) and hands
+/// each new state to `look`.
+fn run(
+    plan: &Plan,
+    resistance: impl Fn(f64) -> f64,
+    mut look: impl FnMut(&TampingCycle, &State),
+) -> State {
+    let (model, mut state) = model(plan);
+    let cycle = TampingCycle::new(plan, &model).unwrap();
+    let mut targets = Vec::new();
+    for _ in 0..plan.run.duration_ns / model.stepping.step_ns {
+        one_step(&cycle, &model, &mut state, &mut targets, &resistance);
+        look(&cycle, &state);
+    }
+    state
+}
+
+fn one_step(
+    cycle: &TampingCycle,
+    model: &Model,
+    state: &mut State,
+    targets: &mut Vec<Pose>,
+    resistance: &impl Fn(f64) -> f64,
+) {
+    let h = model.stepping.h();
+    cycle.targets(model, state, targets);
+    for (b, target) in targets.iter().enumerate() {
+        state.velocity[b] = (target.position - state.position[b]) / h;
+        state.position[b] = target.position;
+    }
+    state.step += 1;
+    state.time_ns += model.stepping.step_ns;
+    let mut reactions = vec![Reaction::default(); model.driven.len()];
+    let force = resistance(state.time());
+    reactions[2].impulse.x = -force * h;
+    reactions[3].impulse.x = force * h;
+    let report = StepReport { reactions, ..Default::default() };
+    cycle.observe(model, &report, state);
+}
+
+#[test]
+fn vibration_of_35_hz_and_5_mm_peaks_at_1_10_m_per_s_and_24_6_g() {
+    let mut plan = plan();
+    if let Some(t) = &mut plan.tamping {
+        t.squeeze.stroke = 0.0;
+    }
+    let (mut fastest, mut strongest, mut before) = (0.0_f64, 0.0_f64, 0.0);
+    run(
+        &plan,
+        |_| 0.0,
+        |cycle, state| {
+            let v = state.velocity[2].x;
+            fastest = fastest.max(v.abs());
+            // While the amplitude grows, its own acceleration comes on top (less than 1 %).
+            if cycle.phase(state.time()) == TampingPhase::Squeeze {
+                strongest = strongest.max((v - before).abs() / 2e-4);
+            }
+            before = v;
+        },
+    );
+    assert!((fastest - 1.0996).abs() < 2e-3, "{fastest}");
+    assert!((strongest / 9.81 - 24.65).abs() < 0.02, "{}", strongest / 9.81);
+}
+
+#[test]
+fn facing_rows_move_in_opposition() {
+    let mut apart = 0.0_f64;
+    run(
+        &plan(),
+        |_| 0.0,
+        |_, state| {
+            apart = apart.max((state.position[2].x + state.position[3].x - 0.6).abs());
+            assert_eq!(state.position[2].y, 0.35);
+        },
+    );
+    assert!(apart < 1e-14, "{apart}");
+}
+
+#[test]
+fn positions_and_velocities_never_jump() {
+    // Accelerations bound the change of velocity: vibration (a little more while it grows), the
+    // ramps of insertion and withdrawal (0.27 m in 0.4 s at most), squeeze and brakes.
+    let bound_x = 1.1 * 0.005 * (std::f64::consts::TAU * 35.0_f64).powi(2) + 10.0;
+    let bound_z = 1.25 * 1.5 * 0.27 / (0.2 * 0.4 * 0.4);
+    // The force switches the closing off and on again.
+    let resistance = |t: f64| if t > 1.0 && t < 1.2 { 2e4 } else { 0.0 };
+    let mut before: Option<Vec<Vec3>> = None;
+    run(&plan(), resistance, |_, state| {
+        let speeds = &state.velocity;
+        if let Some(before) = &before {
+            for b in 0..speeds.len() {
+                let a = (speeds[b] - before[b]) / 2e-4;
+                assert!(a.x.abs() < bound_x && a.z.abs() < bound_z, "{b} {} {a}", state.time());
+            }
+        }
+        before = Some(speeds.clone());
+    });
+}
+
+#[test]
+fn the_cycle_goes_where_the_plan_says() {
+    let end = run(
+        &plan(),
+        |_| 0.0,
+        |cycle, state| {
+            let t = state.time();
+            let phase = cycle.phase(t);
+            let expected = match t {
+                t if t < 0.05 => TampingPhase::Waiting,
+                t if t < 0.25 => TampingPhase::Lift,
+                t if t < 0.7 => TampingPhase::Insertion,
+                t if t < 1.5 => TampingPhase::Squeeze,
+                t if t < 1.6 => TampingPhase::Hold,
+                t if t < 2.0 => TampingPhase::Withdrawal,
+                _ => TampingPhase::Done,
+            };
+            // Sums of phases are rounded: the boundary itself may fall to either side.
+            let near = [0.05, 0.25, 0.7, 1.5, 1.6, 2.0].iter().any(|e: &f64| (e - t).abs() < 1e-9);
+            assert!(near || phase == expected, "{t}");
+            if phase == TampingPhase::Squeeze {
+                assert!((state.position[1].z - 0.30).abs() < 1e-12, "lifted");
+                assert!((state.position[2].z - 0.28).abs() < 1e-12, "at depth");
+            }
+            if phase == TampingPhase::Hold && t > 1.55 {
+                assert!((cycle.closing(state, 0) - 0.06).abs() < 1e-9, "stroke");
+            }
+        },
+    );
+    assert!((end.position[2].x - 0.11).abs() < 1e-9, "no vibration is left");
+    assert!((end.position[2].z - 0.53).abs() < 1e-12, "back at the start height");
+    assert_eq!(end.position[0], Vec3::zeros());
+}
+
+#[test]
+fn a_pair_stops_above_its_force_limit_and_goes_on_below() {
+    let mut closings = Vec::new();
+    let resistance = |t: f64| if t > 1.0 && t < 1.2 { 9000.0 } else { 5000.0 };
+    run(&plan(), resistance, |cycle, state| {
+        closings.push((state.time(), cycle.closing(state, 0), cycle.mean_force(state, 0)));
+    });
+    let at = |t: f64| closings.iter().find(|c| c.0 >= t - 1e-9).unwrap();
+    assert!((at(0.95).2 - 5000.0).abs() < 1e-6, "steady mean: {}", at(0.95).2);
+    // The mean passes 7.8 kN 70 % into the period after the rise; one period more to brake.
+    assert!(at(1.12).1 - at(1.08).1 < 1e-12, "held");
+    assert!(at(1.06).1 > at(1.0).1, "still closing while the mean rises");
+    assert!(at(1.3).1 > at(1.25).1 + 1e-3, "closing again");
+    let end = closings.last().unwrap().1;
+    assert!(end > 0.035 && end < 0.055, "short of the stroke by the time held: {end}");
+}
+
+#[test]
+fn a_restored_run_continues_bit_for_bit() {
+    let plan = plan();
+    let resistance = |t: f64| 7800.0 + 3000.0 * (50.0 * t).sin();
+    let mut kept = None;
+    let end = run(&plan, resistance, |_, state| {
+        if state.step == 6000 {
+            kept = Some(state.clone());
+        }
+    });
+    let (model, _) = model(&plan);
+    let cycle = TampingCycle::new(&plan, &model).unwrap();
+    let mut state = kept.unwrap();
+    cycle.check_memory(&state).unwrap();
+    let mut targets = Vec::new();
+    while state.step < end.step {
+        one_step(&cycle, &model, &mut state, &mut targets, &resistance);
+    }
+    assert_eq!(state, end);
+    state.drive.pop();
+    assert!(cycle.check_memory(&state).is_err());
+}
+
+#[test]
+fn tines_that_would_meet_a_sleeper_or_a_wall_are_refused_by_name() {
+    let mut long = plan();
+    if let Some(t) = &mut long.tamping {
+        t.squeeze.stroke = 0.09;
+    }
+    let (model, _) = model(&plan());
+    let message = TampingCycle::new(&long, &model).unwrap_err().to_string();
+    assert!(message.contains("\"left\"") && message.contains("\"sleeper\""), "{message}");
+    let mut outside = plan();
+    outside.tines[1].position[0] = 0.59;
+    let message = TampingCycle::new(&outside, &model).unwrap_err().to_string();
+    assert!(message.contains("\"right\"") && message.contains("inside the box"), "{message}");
+}
+
+#[test]
+fn without_tamping_nothing_moves() {
+    let mut plan = plan();
+    let (model, state) = model(&plan);
+    plan.tamping = None;
+    let cycle = TampingCycle::new(&plan, &model).unwrap();
+    let mut targets = Vec::new();
+    cycle.targets(&model, &state, &mut targets);
+    for (b, target) in targets.iter().enumerate() {
+        assert_eq!(*target, state.pose(b));
+    }
+    assert_eq!(cycle.duration(), 0.0);
+    assert_eq!(cycle.phase(0.0), TampingPhase::Done);
+}

@@ -1,0 +1,73 @@
+//! A tine as a driven body: a blade below a shaft.
+//!
+//! Reads: a tine's plan. Writes: the body, and its shapes if the model does not have them yet.
+//! Contract: the body's origin, to which its wrench refers, is the middle of the blade's upper edge.
+
+use super::shape::{cuboid, solid};
+use crate::error::Result;
+use crate::geometry::Polyhedron;
+use crate::math::Vec3;
+use crate::model::{DrivenBody, Role};
+use crate::track::plan::TinePlan;
+
+/// The driven body of a tine; its shapes are appended to `shapes` unless they are there already.
+///
+/// # Errors
+/// Sizes that make no solid.
+pub fn tine(plan: &TinePlan, friction: f64, shapes: &mut Vec<Polyhedron>) -> Result<DrivenBody> {
+    let blade = solid(&plan.blade, || format!("blade of {:?}", plan.name))?;
+    let shaft = solid(&plan.shaft, || format!("shaft of {:?}", plan.name))?;
+    let below = Vec3::new(0.0, 0.0, -0.5 * blade.z);
+    let above = Vec3::new(0.0, 0.0, 0.5 * shaft.z);
+    Ok(DrivenBody {
+        name: plan.name.clone(),
+        role: Role::Tine,
+        friction,
+        parts: vec![cuboid(shapes, &blade, below)?, cuboid(shapes, &shaft, above)?],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::shape::test_support::extent;
+
+    fn plan() -> TinePlan {
+        TinePlan {
+            name: "tine 1".into(),
+            position: [0.1, 0.2],
+            direction: 1.0,
+            pair: 0,
+            blade: Vec3::new(0.022, 0.12, 0.07),
+            shaft: Vec3::new(0.03, 0.06, 0.45),
+        }
+    }
+
+    #[test]
+    fn the_reference_point_is_on_the_upper_edge_of_the_blade() {
+        let mut shapes = Vec::new();
+        let body = tine(&plan(), 1.0, &mut shapes).unwrap();
+        let (low, high) = extent(&shapes, &body.parts[0]);
+        assert!((low - Vec3::new(-0.011, -0.06, -0.07)).norm() < 1e-15, "{low}");
+        assert!((high - Vec3::new(0.011, 0.06, 0.0)).norm() < 1e-15, "{high}");
+        let (low, high) = extent(&shapes, &body.parts[1]);
+        assert!((low - Vec3::new(-0.015, -0.03, 0.0)).norm() < 1e-15, "{low}");
+        assert!((high - Vec3::new(0.015, 0.03, 0.45)).norm() < 1e-15, "{high}");
+    }
+
+    #[test]
+    fn tines_of_one_make_share_their_shapes() {
+        let mut shapes = Vec::new();
+        let first = tine(&plan(), 1.0, &mut shapes).unwrap();
+        let second = tine(&plan(), 1.0, &mut shapes).unwrap();
+        assert_eq!(first.parts, second.parts);
+        assert_eq!(shapes.len(), 2);
+    }
+
+    #[test]
+    fn a_blade_without_thickness_is_refused_by_name() {
+        let flat = TinePlan { blade: Vec3::new(0.0, 0.12, 0.07), ..plan() };
+        let message = tine(&flat, 1.0, &mut Vec::new()).unwrap_err().to_string();
+        assert!(message.contains("blade of \"tine 1\""), "{message}");
+    }
+}

@@ -1,0 +1,97 @@
+//! Falling, coming to rest, rebounding (T-8), (T-15).
+
+use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
+use ballast::geometry::hull::cuboid;
+use ballast::math::{Pose, Vec3};
+use ballast::model::Schedule;
+
+const EDGE: f64 = 0.1;
+const HEIGHT: f64 = 0.3;
+const STEPS_NS: [u64; 3] = [1_000_000, 500_000, 250_000];
+
+/// `count` cubes on top of each other, the lowest one `HEIGHT` above the floor.
+fn cubes(count: usize, step_ns: u64, schedule: Schedule) -> Scene {
+    let mut scene = Scene::new(step_ns, 0.5).scheduled(schedule, [1, 1, count as u32]);
+    let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
+    for k in 0..count {
+        scene.grain(cube, Pose::at(Vec3::new(0.0, 0.0, HEIGHT + EDGE * (k as f64 + 0.5))));
+    }
+    scene.plane("floor", Pose::identity(), 0.5);
+    scene
+}
+
+#[test]
+fn cubes_fall_and_rest_without_rebound_nor_penetration() {
+    let fall = (2.0 * HEIGHT / GRAVITY).sqrt();
+    for schedule in SCHEDULES {
+        for step_ns in STEPS_NS {
+            let mut scene = cubes(2, step_ns, schedule);
+            let mut landing = f64::INFINITY;
+            while scene.state.time() < 0.6 {
+                let report = scene.step();
+                if report.reactions[0].contacts > 0 {
+                    landing = landing.min(scene.state.time());
+                }
+                assert!(report.max_penetration < 1e-9, "{schedule:?}: {}", report.max_penetration);
+            }
+            let h = scene.h();
+            // The impulse of the step in which the gap closes stands for an instant inside it.
+            assert!((landing - fall).abs() <= h, "{schedule:?}: at {landing} s, not {fall} s");
+            for k in 0..2 {
+                let z = scene.state.position[k].z;
+                let expected = EDGE * (k as f64 + 0.5);
+                assert!((z - expected).abs() < 1e-9, "{schedule:?}: cube {k} rests at {z}");
+            }
+            assert!(scene.fastest() < 1e-9, "{schedule:?}: {} m/s", scene.fastest());
+        }
+    }
+}
+
+/// Heights of the first `count` tops of the lower face's flight above the floor, m.
+fn tops(restitution: f64, step_ns: u64, schedule: Schedule, count: usize) -> Vec<f64> {
+    let mut scene = cubes(1, step_ns, schedule);
+    scene.model.restitution = restitution;
+    let mut tops = vec![];
+    let mut before = -1.0;
+    while tops.len() < count {
+        let report = scene.step();
+        let speed = scene.state.velocity[0].z;
+        if before > 0.0 && speed <= 0.0 && report.reactions[0].contacts == 0 {
+            tops.push(scene.state.position[0].z - 0.5 * EDGE);
+        }
+        before = speed;
+        assert!(scene.state.time() < 3.0, "{schedule:?}: only {} tops", tops.len());
+    }
+    tops
+}
+
+#[test]
+fn rebounds_reach_the_heights_of_newtons_law() {
+    let restitution: f64 = 0.7;
+    for schedule in SCHEDULES {
+        for step_ns in STEPS_NS {
+            let h = step_ns as f64 * 1e-9;
+            for (n, top) in tops(restitution, step_ns, schedule, 3).into_iter().enumerate() {
+                let expected = restitution.powi(2 * (n as i32 + 1)) * HEIGHT;
+                // Each impact may happen up to a step's way from the floor, at most the first
+                // impact's speed times h; ways and losses of n impacts add up.
+                let speed = (2.0 * GRAVITY * HEIGHT).sqrt();
+                let bound = 2.0 * (n as f64 + 1.0) * speed * h;
+                assert!(
+                    (top - expected).abs() < bound,
+                    "{schedule:?}, h = {h}: top {n} at {top} m, expected {expected} ± {bound} m"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_perfectly_elastic_cube_keeps_bouncing_to_its_height() {
+    for schedule in SCHEDULES {
+        let tops = tops(1.0, 250_000, schedule, 3);
+        for top in tops {
+            assert!((top - HEIGHT).abs() < 0.01 * HEIGHT, "{schedule:?}: {top} m");
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Checks with known answers, each for every schedule.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod arch;
+mod balance;
+mod flight;
+mod impact;
+mod incline;
+mod rolling;
+mod stack;

@@ -1,0 +1,67 @@
+//! A refused step leaves the state as it was.
+
+use crate::bits;
+use crate::common::heap;
+use crate::common::scene::{SCHEDULES, Scene};
+use ballast::error::Error;
+use ballast::math::Vec3;
+
+/// A heap in contact.
+fn heap_in_contact() -> Scene {
+    let mut scene = heap::falling(2, 1_000_000);
+    scene.run(0.1);
+    scene
+}
+
+/// Spoils a scene, and tells whether the error is the right one.
+type Spoiling = (&'static str, fn(&mut Scene), fn(&Error) -> bool);
+
+const SPOILINGS: [Spoiling; 6] = [
+    (
+        "a target that is not finite",
+        |s| s.targets[0].position.x = f64::NAN,
+        |e| matches!(e, Error::Input { .. }),
+    ),
+    (
+        "a target at infinity",
+        |s| s.targets[1].position.y = f64::INFINITY,
+        |e| matches!(e, Error::Input { .. }),
+    ),
+    ("a missing target", |s| s.targets.truncate(4), |e| matches!(e, Error::Input { .. })),
+    ("a velocity that is not finite", |s| s.state.velocity[0].z = f64::NAN, is_refusal),
+    ("a spin that is not finite", |s| s.state.spin[5].x = f64::INFINITY, is_refusal),
+    ("a position that is not finite", |s| s.state.position[2].x = f64::NAN, is_refusal),
+];
+
+fn is_refusal(error: &Error) -> bool {
+    matches!(error, Error::State { .. } | Error::Step { .. })
+}
+
+#[test]
+fn refused_steps_change_nothing_and_say_why() {
+    for schedule in SCHEDULES {
+        for (what, spoil, is_right) in SPOILINGS {
+            let mut scene = heap_in_contact().scheduled(schedule, [2, 1, 1]);
+            spoil(&mut scene);
+            let before = bits(&scene.state);
+            let error = scene.try_step().expect_err(what);
+            assert!(is_right(&error), "{schedule:?}, {what}: {error}");
+            assert!(before == bits(&scene.state), "{schedule:?}, {what}: the state changed");
+        }
+    }
+}
+
+#[test]
+fn a_good_step_after_a_refused_one_is_as_if_nothing_had_been() {
+    for schedule in SCHEDULES {
+        let mut spared = heap_in_contact().scheduled(schedule, [1, 1, 1]);
+        spared.step();
+        let mut tried = heap_in_contact().scheduled(schedule, [1, 1, 1]);
+        let good = tried.state.clone();
+        tried.state.velocity[3] = Vec3::repeat(f64::NAN);
+        tried.try_step().expect_err("a velocity that is not finite");
+        tried.state = good;
+        tried.step();
+        assert!(bits(&spared.state) == bits(&tried.state), "{schedule:?}");
+    }
+}

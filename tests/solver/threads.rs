@@ -1,0 +1,43 @@
+//! The same bytes for any number of threads, schedule by schedule.
+
+use crate::common::heap;
+use crate::{bits, on_threads};
+use ballast::model::Schedule;
+
+/// A heap that falls, collides and comes to lie, with the interface in three directions.
+fn fallen(schedule: Schedule, threads: usize) -> (Vec<u64>, usize) {
+    on_threads(threads, || {
+        let mut scene = heap::falling(4, 1_000_000).scheduled(schedule, [2, 2, 2]);
+        scene.model.solver.iterations = 50;
+        let mut interface = 0;
+        for _ in 0..250 {
+            interface += scene.step().interface_contacts;
+        }
+        (bits(&scene.state), interface)
+    })
+}
+
+#[test]
+fn sequential_runs_do_not_depend_on_the_threads() {
+    let (one, _) = fallen(Schedule::Sequential, 1);
+    for threads in [2, 4] {
+        assert!(one == fallen(Schedule::Sequential, threads).0, "{threads} threads differ");
+    }
+}
+
+#[test]
+fn synchronous_runs_do_not_depend_on_the_threads() {
+    let (one, interface) = fallen(Schedule::Synchronous, 1);
+    assert!(interface > 1000, "the interface is hardly used: {interface}");
+    for threads in [2, 4] {
+        assert!(one == fallen(Schedule::Synchronous, threads).0, "{threads} threads differ");
+    }
+}
+
+#[test]
+fn the_comparison_sees_a_last_bit() {
+    let mut scene = heap::falling(1, 1_000_000);
+    let before = bits(&scene.state);
+    scene.state.spin[3].y = f64::from_bits(1);
+    assert!(before != bits(&scene.state));
+}

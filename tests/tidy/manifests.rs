@@ -1,0 +1,77 @@
+//! Who may depend on what, read from the manifests.
+
+use crate::tree;
+use toml::Table;
+
+/// All that the core may depend on. Each further crate is a decision, not an accident.
+const CORE_MAY_USE: [&str; 6] =
+    ["nalgebra", "parry3d-f64", "rayon", "thiserror", "rand", "rand_pcg"];
+
+/// The only package that brings interfaces together.
+const PROGRAM: &str = "ballast-cli";
+
+fn parse(text: &str) -> Table {
+    text.parse().expect("a manifest is TOML")
+}
+
+fn name(manifest: &Table) -> &str {
+    manifest["package"]["name"].as_str().expect("a package has a name")
+}
+
+/// Names in a table of dependencies, tables for single targets included.
+fn dependencies(manifest: &Table, kind: &str) -> Vec<String> {
+    let keys = |t: &Table| -> Vec<String> {
+        t.get(kind).and_then(|d| d.as_table()).map_or(vec![], |d| d.keys().cloned().collect())
+    };
+    let mut names = keys(manifest);
+    if let Some(targets) = manifest.get("target").and_then(|t| t.as_table()) {
+        names.extend(targets.values().filter_map(|t| t.as_table()).flat_map(keys));
+    }
+    names
+}
+
+fn core_objections(manifest: &Table) -> Vec<String> {
+    let mut used = dependencies(manifest, "dependencies");
+    used.extend(dependencies(manifest, "build-dependencies"));
+    used.retain(|d| !CORE_MAY_USE.contains(&d.as_str()));
+    used.into_iter().map(|d| format!("Cargo.toml: the core may not depend on `{d}`")).collect()
+}
+
+fn interface_objections(manifest: &Table) -> Vec<String> {
+    let package = name(manifest);
+    if package == PROGRAM {
+        return vec![];
+    }
+    ["dependencies", "dev-dependencies", "build-dependencies"]
+        .iter()
+        .flat_map(|kind| dependencies(manifest, kind))
+        .filter(|d| d.starts_with("ballast-"))
+        .map(|d| format!("{package} depends on {d}: interfaces do not see each other"))
+        .collect()
+}
+
+#[test]
+fn a_wrong_dependency_is_found() {
+    let core = parse("[package]\nname = 'ballast'\n[dependencies]\nrayon = '1'\nserde = '1'");
+    assert_eq!(core_objections(&core).len(), 1);
+    let hidden = "[target.'cfg(unix)'.dependencies]\nlibc = '0.2'";
+    assert_eq!(core_objections(&parse(hidden)).len(), 1);
+    let a = "[package]\nname = 'ballast-a'\n[dependencies]\nballast = '0'\nballast-b = '0'";
+    assert_eq!(interface_objections(&parse(a)).len(), 1);
+    assert!(interface_objections(&parse(&a.replace("ballast-a", PROGRAM))).is_empty());
+}
+
+#[test]
+fn the_core_depends_on_little() {
+    crate::none(core_objections(&parse(&tree::read("Cargo.toml"))));
+}
+
+#[test]
+fn interfaces_do_not_see_each_other() {
+    let manifests: Vec<_> = tree::files("interfaces", &["toml"])
+        .into_iter()
+        .filter(|f| f.path.ends_with("/Cargo.toml"))
+        .collect();
+    assert!(manifests.len() >= 3, "the interfaces were not found");
+    crate::none(manifests.iter().flat_map(|f| interface_objections(&parse(&f.text))).collect());
+}

@@ -1,0 +1,106 @@
+//! What source must not say, where `unsafe` may stand, and how long a file may be.
+
+use crate::rust_text::{lines_with_word, without_comments_and_literals, without_tests};
+use crate::tree;
+use ballast::step::Phase;
+
+/// Unfinished or left over from debugging: nowhere.
+const LEFTOVERS: [&str; 4] = ["dbg!", "todo!", "unimplemented!", "FIXME"];
+
+/// Files, network, clock, environment, terminal: not in what is pure.
+const OUTSIDE_WORLD: [&str; 9] = [
+    "std::fs",
+    "std::net",
+    "std::env",
+    "Instant",
+    "SystemTime",
+    "print!",
+    "println!",
+    "eprint!",
+    "eprintln!",
+];
+
+/// Not in the core: iteration in an order of chance, panics without a reason.
+const UNORDERED_OR_CURT: [&str; 3] = ["HashMap", "HashSet", ".unwrap()"];
+
+/// Where `unsafe` is allowed: the vector kernel, and a call into the C library of HDF5.
+const UNSAFE_PLACES: [&str; 2] = ["src/nlgs/kernel/", "interfaces/hdf5/src/image.rs"];
+
+const LONGEST_FILE: usize = 600;
+
+fn forbidden(path: &str) -> Vec<&'static str> {
+    let core = path.starts_with("src/");
+    let pure = core || path.starts_with("interfaces/scenario/");
+    let mut words = LEFTOVERS.to_vec();
+    if pure {
+        words.extend(OUTSIDE_WORLD);
+    }
+    if core {
+        words.extend(UNORDERED_OR_CURT);
+    }
+    words
+}
+
+fn objections(path: &str, source: &str) -> Vec<String> {
+    let code = without_comments_and_literals(source);
+    let shipped = without_tests(&code);
+    let mut out = Vec::new();
+    for word in forbidden(path) {
+        for line in lines_with_word(&shipped, word) {
+            out.push(format!("{path}:{line}: `{word}` has no place here"));
+        }
+    }
+    if !UNSAFE_PLACES.iter().any(|place| path.starts_with(place)) {
+        for line in lines_with_word(&code, "unsafe") {
+            out.push(format!("{path}:{line}: `unsafe` has no place here"));
+        }
+    }
+    let length = source.lines().count();
+    if length > LONGEST_FILE {
+        out.push(format!("{path}: {length} lines, at most {LONGEST_FILE}"));
+    }
+    out
+}
+
+#[test]
+fn each_rule_objects() {
+    for (path, source, wrong) in [
+        ("src/a.rs", "use std::fs;", true),
+        ("src/a.rs", "// std::fs", false),
+        ("src/a.rs", "x.unwrap();", true),
+        ("src/a.rs", "#[cfg(test)] mod t { fn f() { x.unwrap(); } }", false),
+        ("src/a.rs", "let t = Instant::now();", true),
+        ("src/a.rs", "let m: HashMap<u32, u32>;", true),
+        ("src/a.rs", "unsafe { f() }", true),
+        ("src/nlgs/kernel/mod.rs", "unsafe { f() }", false),
+        ("src/nlgs/visit.rs", "unsafe { f() }", true),
+        ("interfaces/scenario/src/lib.rs", "std::env::var(x)", true),
+        ("interfaces/cli/src/main.rs", "std::env::var(x)", false),
+        ("interfaces/cli/src/main.rs", "todo!()", true),
+        ("interfaces/cli/src/main.rs", "unsafe { f() }", true),
+        ("interfaces/hdf5/src/image.rs", "unsafe { f() }", false),
+        ("interfaces/hdf5/src/lib.rs", "unsafe { f() }", true),
+    ] {
+        let found = objections(path, source);
+        assert_eq!(!found.is_empty(), wrong, "{path}: {source}: {found:?}");
+    }
+    assert!(objections("src/a.rs", &"x\n".repeat(LONGEST_FILE)).is_empty());
+    assert!(!objections("src/a.rs", &"x\n".repeat(LONGEST_FILE + 1)).is_empty());
+}
+
+#[test]
+fn sources_are_pure_safe_finished_and_short() {
+    crate::none(tree::sources().iter().flat_map(|f| objections(&f.path, &f.text)).collect());
+}
+
+#[test]
+fn the_glossary_knows_every_phase() {
+    let glossary = tree::read("docs/glossary.md");
+    let row = glossary.lines().find(|l| l.starts_with("| phase (of a step)")).unwrap_or_default();
+    let missing = Phase::ALL
+        .into_iter()
+        .filter(|phase| !row.contains(phase.name()))
+        .map(|phase| format!("docs/glossary.md does not list the phase `{}`", phase.name()))
+        .collect();
+    crate::none(missing);
+}
