@@ -50,11 +50,19 @@ fn arm_dot<L: Lanes>(arms: &[[f32; 8]; 9], axis: usize, line: &[L; 8], plus: L) 
     dot(&arm, [line[3], line[4], line[5]], plus)
 }
 
-/// Component `j` of the whitened spin that the impulses `delta` cause.
+/// Component `j` of the whitened spin with what the impulses `delta` add.
 #[inline(always)]
-fn arm_turn<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3]) -> L {
+fn turn<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], plus: L) -> L {
     let axis = each!(K in 3 => L::load32(&arms[3 * K + j]));
-    axis[2].mul_add(delta[2], axis[1].mul_add(delta[1], axis[0].mul(delta[0])))
+    dot(&axis, *delta, plus)
+}
+
+/// The same with what they take away.
+#[inline(always)]
+fn turn_back<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], from: L) -> L {
+    let axis = each!(K in 3 => L::load32(&arms[3 * K + j]));
+    let [a, b, c] = axis;
+    c.neg_mul_add(delta[2], b.neg_mul_add(delta[1], a.neg_mul_add(delta[0], from)))
 }
 
 /// Component `j` of the world impulse.
@@ -100,8 +108,8 @@ impl Block for PairBlock {
             let f = force(&axes, j, delta);
             c[j] = f.mul_add(c[6], c[j]);
             a[j] = f.neg_mul_add(a[6], a[j]);
-            c[3 + j] = c[3 + j].add(arm_turn(&self.candidate_arms, j, delta));
-            a[3 + j] = a[3 + j].sub(arm_turn(&self.antagonist_arms, j, delta));
+            c[3 + j] = turn(&self.candidate_arms, j, delta, c[3 + j]);
+            a[3 + j] = turn_back(&self.antagonist_arms, j, delta, a[3 + j]);
         }
         // SAFETY: the caller's.
         unsafe {
@@ -142,7 +150,7 @@ impl Block for SingleBlock {
         let (axes, mut line) = held;
         for j in 0..3 {
             line[j] = force(&axes, j, delta).mul_add(line[6], line[j]);
-            line[3 + j] = line[3 + j].add(arm_turn(&self.arms, j, delta));
+            line[3 + j] = turn(&self.arms, j, delta, line[3 + j]);
         }
         // SAFETY: the caller's.
         unsafe { L::scatter(line, lines, &self.grain) };
