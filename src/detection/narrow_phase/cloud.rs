@@ -68,22 +68,16 @@ impl Cloud {
 }
 
 impl Cloud {
-    /// For each point whether it is at most `slab` above the lowest one along `n`.
-    pub fn near_lowest(&self, n: &Vec3, slab: f64, is_near: &mut Vec<bool>) {
+    /// Height of each point over the plane `slab` above the lowest one along `n`.
+    pub fn heights(&self, n: &Vec3, slab: f64, heights: &mut Vec<f64>) {
         let limit = self.lowest(n) + slab;
-        is_near.clear();
+        heights.clear();
         for ((x, y), z) in self.x.iter().zip(&self.y).zip(&self.z) {
-            let h: [f64; LANES] = std::array::from_fn(|k| n.x * x[k] + n.y * y[k] + n.z * z[k]);
-            is_near.extend(h.map(|h| h <= limit));
+            let h: [f64; LANES] =
+                std::array::from_fn(|k| n.x * x[k] + n.y * y[k] + n.z * z[k] - limit);
+            heights.extend_from_slice(&h);
         }
     }
-}
-
-/// For each vertex whether it is at most `slab` below the highest one along `n`.
-pub fn near_highest(shape: &Polyhedron, n: &Vec3, slab: f64, is_near: &mut Vec<bool>) {
-    let limit = highest(shape, n) - slab;
-    is_near.clear();
-    is_near.extend(shape.vertices.iter().map(|v| n.dot(v) >= limit));
 }
 
 /// `f64::min` minds NaN and does not become one instruction; positions are finite here.

@@ -26,6 +26,31 @@ pub struct NearEdge {
     /// `along` is parallel to `left × right`.
     left: Vec3,
     right: Vec3,
+    /// A sphere around the part of the edge that is in the slab.
+    centre: Vec3,
+    radius: f64,
+}
+
+impl NearEdge {
+    fn new(index: usize, start: Vec3, end: Vec3, left: Vec3, right: Vec3) -> Self {
+        let along = end - start;
+        Self { index: index as u32, start, along, left, right, centre: start, radius: 0.0 }
+    }
+
+    /// Shrinks the sphere to the part of the edge with heights up to 0, those of its ends given.
+    fn below(mut self, [h0, h1]: [f64; 2]) -> Self {
+        let from = if h0 <= 0.0 { 0.0 } else { h0 / (h0 - h1) };
+        let to = if h1 <= 0.0 { 1.0 } else { h0 / (h0 - h1) };
+        self.centre = self.start + self.along * (0.5 * (from + to));
+        self.radius = 0.5 * (to - from) * self.along.norm();
+        self
+    }
+
+    /// Whether the parts of both edges may be closer than `reach`.
+    fn may_reach(&self, other: &NearEdge, reach: f64) -> bool {
+        let r = self.radius + other.radius + reach;
+        (self.centre - other.centre).norm_squared() <= r * r
+    }
 }
 
 impl NearEdge {
@@ -45,18 +70,18 @@ pub struct EdgeAxis {
     pub separation: f64,
 }
 
-/// Fills `out` with the edges that have an end where `is_near` holds; `load` makes one of its number.
+/// Fills `out` with the edges that have an end where `heights <= 0`; `load` makes one of its number.
 pub fn near_edges(
     shape: &Polyhedron,
-    is_near: &[bool],
+    heights: &[f64],
     out: &mut Vec<NearEdge>,
     load: impl Fn(usize) -> NearEdge,
 ) {
     out.clear();
     for (index, edge) in shape.edges.iter().enumerate() {
-        let [v0, v1] = edge.vertices;
-        if is_near[v0 as usize] | is_near[v1 as usize] {
-            out.push(load(index));
+        let ends = edge.vertices.map(|v| heights[v as usize]);
+        if ends[0] <= 0.0 || ends[1] <= 0.0 {
+            out.push(load(index).below(ends));
         }
     }
 }
@@ -65,23 +90,24 @@ pub fn near_edges(
 pub fn edge_of_a(shape: &Polyhedron, index: usize) -> NearEdge {
     let edge = &shape.edges[index];
     let start = shape.vertices[edge.vertices[0] as usize];
-    let along = shape.vertices[edge.vertices[1] as usize] - start;
+    let end = shape.vertices[edge.vertices[1] as usize];
     let left = shape.face_normals[edge.faces[0] as usize];
     let right = shape.face_normals[edge.faces[1] as usize];
-    NearEdge { index: index as u32, start, along, left, right }
+    NearEdge::new(index, start, end, left, right)
 }
 
 /// Edge `index` of B, in the frame of A.
 pub fn edge_of_b(shape: &Polyhedron, b_in_a: &Cloud, rotation: &Mat3, index: usize) -> NearEdge {
     let edge = &shape.edges[index];
     let start = b_in_a.get(edge.vertices[0] as usize);
-    let along = b_in_a.get(edge.vertices[1] as usize) - start;
+    let end = b_in_a.get(edge.vertices[1] as usize);
     let left = rotation * shape.face_normals[edge.faces[0] as usize];
     let right = rotation * shape.face_normals[edge.faces[1] as usize];
-    NearEdge { index: index as u32, start, along, left, right }
+    NearEdge::new(index, start, end, left, right)
 }
 
-/// The axis of largest separation above `floor` over pairs of near edges.
+/// The axis of largest separation above `floor` over pairs of near edges whose parts in the slab come
+/// within `reach` of each other: the points p and q above do.
 ///
 /// A pair makes a facet of the Minkowski difference when the arcs of its faces' normals cross on
 /// the sphere (those of B reversed). Edges that are parallel to 1e-10 are left out: their facet
@@ -93,11 +119,15 @@ pub fn best_edge_axis(
     near_a: &[NearEdge],
     near_b: &[NearEdge],
     floor: f64,
+    reach: f64,
 ) -> Option<EdgeAxis> {
     let mut best: Option<EdgeAxis> = None;
     let mut limit = floor;
     for (ia, ea) in near_a.iter().enumerate() {
         for (ib, eb) in near_b.iter().enumerate() {
+            if !ea.may_reach(eb, reach) {
+                continue;
+            }
             if let Some(axis) = axis_of(a, b_in_a, ea, eb, [ia, ib], limit) {
                 limit = axis.separation;
                 best = Some(axis);
@@ -176,13 +206,24 @@ pub struct ClosestPoints {
     pub distance_squared: f64,
 }
 
-/// Closest points over all pairs of near edges; the first pair among equals.
-pub fn closest_points(near_a: &[NearEdge], near_b: &[NearEdge]) -> Option<ClosestPoints> {
+/// Closest points over all pairs of near edges, if any are within `reach` of each other; the first
+/// pair among equals.
+pub fn closest_points(
+    near_a: &[NearEdge],
+    near_b: &[NearEdge],
+    reach: f64,
+) -> Option<ClosestPoints> {
     let mut best: Option<ClosestPoints> = None;
+    let mut reach = reach;
     for (ia, a) in near_a.iter().enumerate() {
         for (ib, b) in near_b.iter().enumerate() {
+            if !a.may_reach(b, reach) {
+                continue;
+            }
             let found = closest_on_segments(a, b);
             if best.is_none_or(|c| found.distance_squared < c.distance_squared) {
+                // A little more than the distance: equal ones stay in, whatever rounding does.
+                reach = reach.min(found.distance_squared.sqrt() * (1.0 + 1e-6));
                 best = Some(ClosestPoints { edges: [ia, ib], ..found });
             }
         }
