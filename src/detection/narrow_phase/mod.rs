@@ -402,8 +402,8 @@ impl Pair<'_> {
         }));
     }
 
-    /// Moves points of overlapping bodies into the overlap; drops those whose line has no part in it,
-    /// save the deepest.
+    /// Moves points of overlapping bodies into the overlap; drops those that are further from it than
+    /// deep, save the deepest.
     fn place(&self, normal: &Vec3, deepest: f64, candidates: &mut Vec<Candidate>) {
         let count = candidates.len().min(reduce::MAX_POINTS);
         let mut spans = [Span::between_surfaces(&candidates[0]); reduce::MAX_POINTS];
@@ -412,19 +412,30 @@ impl Pair<'_> {
             spans[k] = Span::between_surfaces(c);
             points[k] = c.point;
         }
-        placing::cut(self.a.shape, &mut points[..count], normal, &mut spans[..count]);
+        placing::cut(self.a.shape, &points[..count], normal, &mut spans[..count]);
         for p in &mut points[..count] {
             *p = self.rotation.tr_mul(&(*p - self.offset));
         }
         let in_b = self.rotation.tr_mul(normal);
-        placing::cut(self.b.shape, &mut points[..count], &in_b, &mut spans[..count]);
-        let mut placed = spans.iter().zip(&points);
+        placing::cut(self.b.shape, &points[..count], &in_b, &mut spans[..count]);
+        let mut spans = spans.iter();
         candidates.retain_mut(|c| {
-            let Some((span, point)) = placed.next() else { return false };
-            if c.gap < 0.0 {
-                c.point = self.rotation * point + self.offset + normal * span.middle();
+            let Some(span) = spans.next() else { return false };
+            if c.gap >= 0.0 {
+                return true;
             }
-            !span.is_empty() || c.gap >= 0.0 || c.gap == deepest
+            if !span.is_empty() {
+                c.point += normal * span.middle();
+                return true;
+            }
+            let in_a = Pose { position: self.offset, orientation: self.turn };
+            let solids = [(self.a.shape, &Pose::identity()), (self.b.shape, &in_a)];
+            let pulled = placing::pull_in(solids, &c.point, INSIDE * self.size);
+            // Where bodies of equal outline lean on each other, lines through their corners pass just
+            // beside one of them: a manifold without its corners would carry no moment.
+            let keeps = c.gap == deepest || (pulled - c.point).norm() <= -c.gap;
+            c.point = pulled;
+            keeps
         });
     }
 }

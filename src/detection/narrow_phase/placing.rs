@@ -2,19 +2,12 @@
 //!
 //! Half-way between the surfaces is in both bodies unless one is thinner there than the overlap is
 //! deep, as near a sharp edge. Then the point moves along the normal to the middle of what the
-//! bodies share of its line. Bodies of equal outline that lean a little, as in a wall, overlap with
-//! corners whose lines pass just beside one of them: those move sideways, for a manifold that loses
-//! its corners carries no moment.
+//! bodies share of its line.
 
 use super::faces;
 use super::reduce::Candidate;
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
-
-/// How far a line may pass beside a body, over the depth of the overlap at its point.
-const LEAN: f64 = 0.1;
-/// Sine squared of the angle between line and face above which the face is beside the line.
-const BESIDE: f64 = 0.5;
 
 /// Which part of each point's line, as distances from the point, is in the bodies asked so far.
 #[derive(Debug, Clone, Copy)]
@@ -41,10 +34,9 @@ impl Span {
     }
 }
 
-/// Cuts the spans to what is inside `shape`, or moves points sideways into it; points and the unit
-/// vector `n` in its frame.
-pub fn cut(shape: &Polyhedron, points: &mut [Vec3], n: &Vec3, spans: &mut [Span]) {
-    let Some(&first) = points.first() else { return };
+/// Cuts the spans to what is inside `shape`; points and the unit vector `n` in its frame.
+pub fn cut(shape: &Polyhedron, points: &[Vec3], n: &Vec3, spans: &mut [Span]) {
+    let Some(first) = points.first() else { return };
     let count = points.len() as f64;
     let centre = points.iter().fold(Vec3::zeros(), |sum, p| sum + p) / count;
     let extent = |p: &Vec3, s: &Span| (p - centre).norm() + s.high;
@@ -56,15 +48,8 @@ pub fn cut(shape: &Polyhedron, points: &mut [Vec3], n: &Vec3, spans: &mut [Span]
             continue;
         }
         let slope = normal.dot(n);
-        let sine_squared = 1.0 - slope * slope;
-        for (p, span) in points.iter_mut().zip(&mut *spans) {
-            let mut out = normal.dot(p) - offset;
-            let farthest = out + (slope * span.high).max(slope * span.low);
-            let beside = farthest <= LEAN * (span.high - span.low) && sine_squared > BESIDE;
-            if farthest > 0.0 && beside {
-                *p -= (normal - n * slope) * (farthest / sine_squared);
-                out -= farthest;
-            }
+        for (p, span) in points.iter().zip(&mut *spans) {
+            let out = normal.dot(p) - offset;
             if slope > 0.0 && out + slope * span.high > 0.0 {
                 span.high = -out / slope;
             } else if slope < 0.0 && out + slope * span.low > 0.0 {
@@ -73,3 +58,27 @@ pub fn cut(shape: &Polyhedron, points: &mut [Vec3], n: &Vec3, spans: &mut [Span]
         }
     }
 }
+
+/// A point near `x` that is in both bodies up to `tolerance`, if they overlap.
+///
+/// Projects on the plane that is violated most, a little too far, so that the end is reached in few
+/// steps: for sharp edges, whose normal line passes beside the overlap.
+pub fn pull_in(solids: [(&Polyhedron, &Pose); 2], x: &Vec3, tolerance: f64) -> Vec3 {
+    let mut x = *x;
+    for _ in 0..PULLS {
+        let worst = |(shape, pose): (&Polyhedron, &Pose)| {
+            let local = pose.inverse_point(&x);
+            let (out, f) = faces::furthest_out(shape, &local);
+            (out, pose.orientation * shape.face_normals[f])
+        };
+        let (a, b) = (worst(solids[0]), worst(solids[1]));
+        let (out, n) = if a.0 >= b.0 { a } else { b };
+        if out <= tolerance {
+            break;
+        }
+        x -= n * (1.3 * out);
+    }
+    x
+}
+
+const PULLS: usize = 100;
