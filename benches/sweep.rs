@@ -1,7 +1,7 @@
 //! Contact visits per second of one core, by instructions and size of the set.
 //!
-//! `cargo bench --bench sweep` prints CSV: instructions, contacts, bytes of blocks and lines,
-//! sweeps already done, visits per second of CPU time.
+//! `cargo bench --bench sweep` prints CSV: instructions, contacts, size of blocks and lines, visits
+//! per second of CPU time.
 
 #[path = "../src/nlgs/scenes.rs"]
 #[allow(dead_code)]
@@ -20,8 +20,8 @@ fn cpu_seconds(start: std::time::Instant) -> f64 {
 
 fn main() {
     let start = std::time::Instant::now();
-    println!("instructions,contacts,megabytes,sweeps_before,million_visits_per_s");
-    for size in [[8, 8, 8], [12, 12, 8], [20, 20, 10], [40, 40, 40]] {
+    println!("instructions,contacts,megabytes,million_visits_per_s");
+    for size in [[12, 12, 8], [20, 20, 10], [40, 40, 40]] {
         let scene = Scene::grid(size, 1, 0.0, 13);
         let problem = &scene.problem;
         let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
@@ -33,19 +33,20 @@ fn main() {
             set.lines[..grains.len()].copy_from_slice(&problem.lines);
             set.apply_impulses();
             let slow = arithmetic == Arithmetic::PORTABLE && cfg!(target_arch = "x86_64");
-            let visits = if slow { 500_000 } else { 8_000_000 };
+            let visits = if slow { 100_000 } else { 1_500_000 };
             let sweeps = (visits / set.contact_count()).max(1);
             let megabytes = 1e-6 * (160 * contacts.len() + 64 * grains.len()) as f64;
-            for part in 0..2 {
+            // The best of several: the machine may be shared.
+            let mut best = 0.0_f64;
+            for _ in 0..8 {
                 let before = cpu_seconds(start);
                 for _ in 0..sweeps {
                     set.sweep(1.0);
                 }
-                let rate = (sweeps * set.contact_count()) as f64 / (cpu_seconds(start) - before);
-                let done = part * sweeps;
-                let n = contacts.len();
-                println!("{arithmetic:?},{n},{megabytes:.2},{done},{:.1}", 1e-6 * rate);
+                let time = cpu_seconds(start) - before;
+                best = best.max(1e-6 * (sweeps * set.contact_count()) as f64 / time);
             }
+            println!("{arithmetic:?},{},{megabytes:.2},{best:.1}", contacts.len());
         }
     }
 }

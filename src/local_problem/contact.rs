@@ -185,3 +185,64 @@ fn principal_turn(&[tt, ts, ss]: &[f64; 3]) -> (f64, f64) {
         (0.5 * y / (length * sin), sin)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Quat;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn vector(rng: &mut Pcg64) -> Vec3 {
+        Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0))
+    }
+
+    /// A side, and what it is made of: inertia and orientation.
+    fn side(rng: &mut Pcg64) -> (Side, Vec3, Mat3) {
+        let inertia = Vec3::from_fn(|_, _| 10_f64.powf(rng.random_range(-8.0..-5.0)));
+        let rotation = *Quat::from_scaled_axis(vector(rng) * 3.0).to_rotation_matrix().matrix();
+        let side = Side {
+            lever: vector(rng) * 0.03,
+            inverse_mass: 10_f64.powf(rng.random_range(-1.0..3.0)),
+            whitening: rotation * Mat3::from_diagonal(&inertia.map(|x| 1.0 / x.sqrt())),
+        };
+        (side, inertia, rotation)
+    }
+
+    #[test]
+    fn arms_are_those_of_rigid_kinematics() {
+        let mut rng = Pcg64::seed_from_u64(31);
+        for _ in 0..100 {
+            let (side, inertia, rotation) = side(&mut rng);
+            let contact = LocalContact::single(&vector(&mut rng).normalize(), &side);
+            let spin = vector(&mut rng);
+            let whitened = (rotation.transpose() * spin).component_mul(&inertia.map(f64::sqrt));
+            let u = contact.components(&spin.cross(&side.lever));
+            for k in 0..3 {
+                let by_arm = widen(&contact.candidate_arms[k]).dot(&whitened);
+                assert!((by_arm - u[k]).abs() < 1e-7 * spin.norm() * 0.06, "{by_arm} {}", u[k]);
+            }
+        }
+    }
+
+    #[test]
+    fn law_data_are_those_of_the_delassus_block() {
+        let mut rng = Pcg64::seed_from_u64(37);
+        for i in 0..200 {
+            let (a, b) = (side(&mut rng).0, side(&mut rng).0);
+            let normal = vector(&mut rng).normalize();
+            let (contact, inverse_mass) = if i % 2 == 0 {
+                (LocalContact::pair(&normal, &a, &b), a.inverse_mass + b.inverse_mass)
+            } else {
+                (LocalContact::single(&normal, &a), a.inverse_mass)
+            };
+            let w = contact.delassus(inverse_mass);
+            // Diagonal S: rebuilding W without its off-diagonal loses nothing but rounding.
+            let apart = (contact.law_block() - w).amax() / w.amax();
+            assert!(apart < 1e-6, "{apart:e}: {w}");
+            assert!(contact.tangent_ratio > 0.0 && contact.tangent_ratio <= 1.0);
+            let [n, t, s] = contact.axes();
+            assert!(n.dot(&t).abs() < 1e-6 && (s.norm() - 1.0).abs() < 1e-6);
+        }
+    }
+}

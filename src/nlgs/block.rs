@@ -69,7 +69,8 @@ const ZERO32: Row32 = [0.0; LANES];
 const ZERO64: Row64 = [0.0; LANES];
 
 impl LawRows {
-    const EMPTY: Self = Self {
+    /// Eight lanes without contact.
+    pub const EMPTY: Self = Self {
         normal_mass: ZERO32,
         coupling: [ZERO32; 2],
         tangent_mass: ZERO32,

@@ -113,7 +113,7 @@ impl Assembled {
     /// From scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
     ///
     /// Entries of the same place are added up. Refuses indices out of range, values that are not
-    /// finite, and contacts whose own `W_nn` is not above zero.
+    /// finite, negative friction, and contacts whose own `W_nn` is not above zero.
     pub fn from_entries(
         entries: impl IntoIterator<Item = (usize, usize, f64)>,
         q: Vec<Vec3>,
@@ -122,6 +122,11 @@ impl Assembled {
         let nc = q.len();
         if friction.len() != nc {
             return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
+        }
+        let usable = |c: usize| q[c].iter().all(|x| x.is_finite()) && friction[c] >= 0.0;
+        if let Some(c) = (0..nc).find(|&c| !usable(c)) {
+            let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
+            return Err(unusable("q and mu", "finite q, mu not negative".into(), found));
         }
         let mut scalars = Vec::new();
         for (row, column, value) in entries {
@@ -152,7 +157,7 @@ impl Assembled {
             }
         }
         assembled.row_starts.push(assembled.columns.len());
-        if let Some(c) = assembled.diagonal.iter().position(|w| !(w.m11 > 0.0)) {
+        if let Some(c) = assembled.diagonal.iter().position(|w| w.m11.is_nan() || w.m11 <= 0.0) {
             let found = format!("{} at contact {c}", assembled.diagonal[c].m11);
             return Err(unusable("W", "W_nn above zero".into(), found));
         }
@@ -268,4 +273,50 @@ impl Assembled {
 
 fn unusable(place: &str, expected: String, found: String) -> Error {
     Error::Model { place: format!("friction problem, {place}"), expected, found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two contacts that slow each other down, in the order columns come in from triplets.
+    fn entries() -> Vec<(usize, usize, f64)> {
+        let mut entries: Vec<_> = (0..6).rev().map(|i| (i, i, 2.0 + i as f64)).collect();
+        // Not symmetric, and one value in two parts.
+        entries.extend([(0, 3, 0.5), (3, 0, 0.25), (3, 0, 0.125), (1, 0, 0.1)]);
+        entries
+    }
+
+    #[test]
+    fn a_problem_given_by_entries_is_solved() {
+        let q = vec![Vec3::new(-1.0, 0.4, 0.0), Vec3::new(-0.5, 0.0, 2.0)];
+        let problem = Assembled::from_entries(entries(), q.clone(), vec![0.3, 0.5]).unwrap();
+        assert_eq!((problem.blocks.len(), problem.columns.as_slice()), (4, &[0, 1, 0, 1][..]));
+        assert_eq!(problem.blocks[2][(0, 0)], 0.375);
+        assert_eq!(problem.diagonal[0][(1, 0)], 0.1);
+        let mut r = vec![Vec3::zeros(); 2];
+        let start = problem.natural_map(&r);
+        assert!(start.abh > 0.1 && start.unit_free.is_infinite());
+        for _ in 0..60 {
+            problem.sweep(&mut r, 0..2, 1.0);
+        }
+        let end = problem.natural_map(&r);
+        assert!(end.abh < 1e-14 && end.siconos < 1e-14 && end.unit_free < 1e-14, "{end:?}");
+        assert!(r[0].x > 0.0 && r[1].x > 0.0);
+    }
+
+    #[test]
+    fn unusable_problems_are_refused_with_their_place() {
+        let q = vec![Vec3::zeros(); 2];
+        let refused = |entries: Vec<(usize, usize, f64)>, mu: Vec<f64>| {
+            Assembled::from_entries(entries, q.clone(), mu).unwrap_err().to_string()
+        };
+        let with = |entry| [entries(), vec![entry]].concat();
+        let mu = vec![0.3; 2];
+        assert!(refused(with((6, 0, 1.0)), mu.clone()).contains("(6, 0)"));
+        assert!(refused(with((0, 0, f64::NAN)), mu.clone()).contains("NaN at (0, 0)"));
+        assert!(refused(vec![(0, 0, 1.0)], mu.clone()).contains("0 at contact 1"));
+        assert!(refused(entries(), vec![0.3]).contains("expected 2 values, found 1"));
+        assert!(refused(entries(), vec![0.3, -1.0]).contains("-1 at contact 1"));
+    }
 }

@@ -101,10 +101,10 @@ fn solve_slip<L: Lanes>(
     let mut y = L::select(high.lt(start), high, start);
     let mut active = slips;
     for _ in 0..MAX_STEPS {
-        let (halley, holds) = secular.step(y);
+        let (halley, holds, real) = secular.step(y);
         low = L::select(holds, y, low);
         high = L::select(holds, high, y);
-        let bracketed = L::and(low.le(halley), halley.le(high));
+        let bracketed = L::and(real, L::and(low.le(halley), halley.le(high)));
         let next = L::select(bracketed, halley, L::splat(0.5).mul(low.add(high)));
         let change = next.sub(y).abs();
         // A lane that is done stays: its result must not depend on its neighbours.
@@ -122,7 +122,8 @@ fn solve_slip<L: Lanes>(
 /// The secular equation of slip without roots and fractions.
 ///
 /// With `e = ρ + (1-ρ) y = 1/D`, `P = e μ r_n` is a quadratic in y, `G = z_t² + e² z_s²` too, and
-/// `h = 0` is `Q = P² - y² G = 0` with `P >= 0`.
+/// `h = 0` is `Q = P² - y² G = 0` with `P >= 0`. The roots of Q with `P < 0` are about `2/(μ ‖k‖)`
+/// away, so steps count as small enough while μ is below some hundreds.
 struct Secular<L> {
     ratio: L,
     rest: L,
@@ -154,9 +155,10 @@ impl<L: Lanes> Secular<L> {
         self.rest.mul_add(y, self.ratio)
     }
 
-    /// Where Halley's method goes from `y`, and whether `h(y) > 0`.
+    /// Where Halley's method goes from `y`, whether `h(y) > 0`, and whether `r_n > 0`: otherwise Q
+    /// may have a root that h has not.
     #[inline(always)]
-    fn step(&self, y: L) -> (L, L::Mask) {
+    fn step(&self, y: L) -> (L, L::Mask, L::Mask) {
         let zero = L::splat(0.0);
         let [p0, p1, p2] = self.p;
         let e = self.denominator(y);
@@ -174,7 +176,8 @@ impl<L: Lanes> Secular<L> {
         let q2 = p2.add(p2).mul_add(p, p_slope.mul_sub(p_slope, bend));
         let below = q.neg_mul_add(q2, L::splat(4.0).mul(q1).mul(q1));
         let halley = y.sub(q.add(q).mul(q1).div(below));
-        (halley, L::and(zero.lt(p), zero.lt(q)))
+        let real = zero.lt(p);
+        (halley, L::and(real, zero.lt(q)), real)
     }
 }
 
@@ -225,4 +228,171 @@ fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
     let scale = mu.mul(normal).div(divisor);
     let on_cone = [normal, scale.mul(x[1]), scale.mul(x[2])];
     each!(K in 3 => L::select(inside, x[K], L::select(polar, zero, on_cone[K])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{Mat3, Vec3};
+    use crate::nlgs::contact_law;
+    use crate::nlgs::kernel::PortableLanes;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// Eight problems: rows as the kernel has them, and velocities and impulses at the visit.
+    struct Problems {
+        rows: LawRows,
+        u: [[f64; 8]; 3],
+        r: [[f64; 8]; 3],
+    }
+
+    impl Problems {
+        fn random(rng: &mut Pcg64) -> Self {
+            let mut problems = Self { rows: LawRows::EMPTY, u: [[0.0; 8]; 3], r: [[0.0; 8]; 3] };
+            let power =
+                |rng: &mut Pcg64, low: f64, high: f64| 10_f64.powf(rng.random_range(low..high));
+            for i in 0..8 {
+                let mass = power(rng, -4.0, 2.0);
+                let rows = &mut problems.rows;
+                rows.normal_mass[i] = mass as f32;
+                let strong = power(rng, -3.0, 1.0);
+                rows.coupling[0][i] = (strong * rng.random_range(-1.0..1.0)) as f32;
+                rows.coupling[1][i] = (strong * rng.random_range(-1.0..1.0)) as f32;
+                rows.tangent_mass[i] = (mass * power(rng, -2.0, 2.0)) as f32;
+                rows.tangent_ratio[i] = power(rng, -4.0, 0.0) as f32;
+                rows.friction[i] =
+                    if rng.random_range(0..20) == 0 { 0.0 } else { power(rng, -3.0, 1.0) as f32 };
+                rows.slip[i] = if rng.random() { 1.0 } else { power(rng, -8.0, 0.0) as f32 };
+                let (speed, load) = (power(rng, -8.0, 1.0), power(rng, -8.0, 1.0) * mass);
+                for k in 0..3 {
+                    problems.u[k][i] = speed * rng.random_range(-1.0..1.0);
+                    problems.r[k][i] = load * rng.random_range(-1.0..1.0);
+                }
+            }
+            problems
+        }
+
+        fn solve(&mut self) -> [Vec3; 8] {
+            type L = PortableLanes;
+            let law = Law::<L>::load(&self.rows);
+            let (u, r) = (self.u.map(|x| L::load(&x)), self.r.map(|x| L::load(&x)));
+            let rows = solve(&law, &u, &r, &mut self.rows.slip).map(|lanes| {
+                let mut row = [0.0; 8];
+                lanes.store(&mut row);
+                row
+            });
+            std::array::from_fn(|i| Vec3::new(rows[0][i], rows[1][i], rows[2][i]))
+        }
+
+        /// `W_αα`, and `u` and `r` at the visit.
+        fn lane(&self, i: usize) -> (Mat3, Vec3, Vec3, f64) {
+            let rows = &self.rows;
+            let f = |row: &[f32; 8]| row[i] as f64;
+            let k = Vec3::new(1.0, f(&rows.coupling[0]), f(&rows.coupling[1]));
+            let s = 1.0 / f(&rows.tangent_mass);
+            let schur = Vec3::new(0.0, s / f(&rows.tangent_ratio), s);
+            let w = k * k.transpose() / f(&rows.normal_mass) + Mat3::from_diagonal(&schur);
+            let vector = |rows: &[[f64; 8]; 3]| Vec3::new(rows[0][i], rows[1][i], rows[2][i]);
+            (w, vector(&self.u), vector(&self.r), f(&rows.friction))
+        }
+    }
+
+    /// How far `r` is from satisfying Signorini-Coulomb, relative to the sizes of what was added up;
+    /// also tells whether the contact is open, sticks or slips.
+    fn violation(w: &Mat3, u: &Vec3, before: &Vec3, mu: f64, r: &Vec3) -> (f64, &'static str) {
+        let delta = r - before;
+        let after = u + w * delta;
+        // What rounding of the visit is relative to: impulses and velocities that were added up.
+        let size = u.abs() + w.abs() * (before.abs() + r.abs());
+        let speed = size.amax();
+        if *r == Vec3::zeros() {
+            return ((-after.x).max(0.0) / speed, "open");
+        }
+        let (tangential, bound) = (r.y.hypot(r.z), mu * r.x);
+        let mut worst = after.x.abs() / speed;
+        worst = worst.max((-r.x).max(0.0) / r.norm());
+        if tangential < bound * (1.0 - 1e-12) {
+            return (worst.max(after.y.hypot(after.z) / speed), "stick");
+        }
+        worst = worst.max((tangential - bound) / r.norm());
+        // u_T = -λ r_T with λ >= 0.
+        let sliding = after.y.hypot(after.z);
+        let opposed = (after.y * r.y + after.z * r.z) + sliding * tangential;
+        let parallel = after.y * r.z - after.z * r.y;
+        if tangential > 0.0 {
+            worst = worst.max(parallel.abs() / tangential / speed);
+            worst = worst.max(opposed / tangential / speed);
+        }
+        (worst, "slip")
+    }
+
+    #[test]
+    fn the_contact_law_holds_on_a_hundred_thousand_random_problems() {
+        let mut rng = Pcg64::seed_from_u64(17);
+        let mut counts = std::collections::BTreeMap::new();
+        let mut worst = 0.0_f64;
+        for _ in 0..12_500 {
+            let mut problems = Problems::random(&mut rng);
+            let solved = problems.solve();
+            for (i, r) in solved.iter().enumerate() {
+                let (w, u, before, mu) = problems.lane(i);
+                assert!(r.iter().all(|x| x.is_finite()), "{w} {u} {before} {mu}: {r}");
+                assert!(problems.rows.slip[i] >= 0.0 && problems.rows.slip[i] <= 1.0);
+                let (violation, kind) = violation(&w, &u, &before, mu, r);
+                *counts.entry(kind).or_insert(0) += 1;
+                assert!(violation < 1e-12, "{kind} {violation:e}: {w} {u} {before} {mu}: {r}");
+                worst = worst.max(violation);
+            }
+        }
+        println!("{counts:?}, worst {worst:e}");
+        assert!(counts.len() == 3 && counts.values().all(|&n| n > 5_000), "{counts:?}");
+    }
+
+    #[test]
+    fn the_scalar_law_finds_the_same_impulse_where_it_is_unique() {
+        let mut rng = Pcg64::seed_from_u64(19);
+        for _ in 0..5_000 {
+            let mut problems = Problems::random(&mut rng);
+            let rows = &mut problems.rows;
+            for i in 0..8 {
+                // Uniqueness: μ ‖k‖ below one, weakly stretched S.
+                let limit = 0.5 / rows.friction[i].max(0.01);
+                rows.coupling[0][i] = rows.coupling[0][i].clamp(-limit, limit);
+                rows.coupling[1][i] = rows.coupling[1][i].clamp(-limit, limit);
+                rows.tangent_ratio[i] = rows.tangent_ratio[i].max(0.2);
+            }
+            let solved = problems.solve();
+            for (i, r) in solved.iter().enumerate() {
+                let (w, u, before, mu) = problems.lane(i);
+                let scalar = contact_law::solve(&w, &(u - w * before), mu);
+                let inverse = w.try_inverse().unwrap();
+                let size = before.norm() + scalar.norm() + (inverse * u).norm();
+                let apart = (scalar - r).norm() / size;
+                assert!(apart < 1e-10, "{apart:e}: {w} {u} {before} {mu}: {r} {scalar}");
+            }
+        }
+    }
+
+    #[test]
+    fn extreme_values_give_finite_impulses() {
+        let extremes = [0.0, 1e-300, 1e-40, 1e-12, 1.0, 1e12, -1e-300, -1e-12, -1.0, -1e12];
+        let mut rng = Pcg64::seed_from_u64(23);
+        for _ in 0..20_000 {
+            let mut problems = Problems::random(&mut rng);
+            for i in 0..8 {
+                for k in 0..3 {
+                    problems.u[k][i] = extremes[rng.random_range(0..extremes.len())];
+                    problems.r[k][i] = extremes[rng.random_range(0..extremes.len())];
+                }
+                problems.rows.friction[i] = [0.0, 1e-6, 0.5, 1e2][rng.random_range(0..4)];
+                problems.rows.slip[i] = [0.0, 1e-30, 0.5, 1.0][rng.random_range(0..4)];
+            }
+            for (i, r) in problems.solve().iter().enumerate() {
+                let (w, u, before, _) = problems.lane(i);
+                assert!(r.iter().all(|x| x.is_finite()), "{u:?} {before:?} {r:?}");
+                let size = before.norm() + (w.try_inverse().unwrap() * u).norm();
+                assert!(r.x >= -1e-12 * size, "{u:?} {before:?} {r:?}");
+            }
+        }
+    }
 }

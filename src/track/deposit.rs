@@ -360,3 +360,7 @@ fn check_count(plan: &Plan, mean_volume: f64) -> Result<()> {
         found: format!("about {count:.0}"),
     })
 }
+
+#[cfg(test)]
+#[path = "deposit_tests.rs"]
+mod tests;

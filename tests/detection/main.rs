@@ -5,3 +5,7 @@ mod oracle;
 mod scene;
 
 mod exactness;
+mod manifolds;
+mod matching;
+mod promises;
+mod samples;

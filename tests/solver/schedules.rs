@@ -92,9 +92,9 @@ fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
         let report = scene.step();
         assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
         let left: f64 = scene.workspace.impulse.iter().map(|f| f.norm()).sum();
-        assert!(left < 1e-12, "{schedule:?}: {left} N s between falling cubes");
+        assert!(left < 1e-9, "{schedule:?}: {left} N s between falling cubes");
         let gained = scene.state.velocity[0].z - before + 9.81e-3;
-        assert!(gained.abs() < 1e-12, "{schedule:?}: {gained}");
+        assert!(gained.abs() < 1e-8, "{schedule:?}: {gained}");
     }
 }
 

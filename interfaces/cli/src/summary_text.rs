@@ -151,16 +151,13 @@ pub fn profile(profile: &Profile, steps: u64) -> String {
 
 /// Where the run's files are and what to look at.
 pub fn pointers(files: &RunFiles) -> String {
-    let mut table = Table::new("files", [""]);
+    let mut text = String::from("files\n");
     for (path, what) in [
         (files.results(), "open it in ParaView; `ballast export` makes tables and shapes of it"),
         (files.summary(), "these figures, for programs"),
-        (files.checkpoint(), "the last state: `ballast resume` goes on from it"),
+        (files.checkpoint(), "the last state; `ballast resume` goes on from it"),
     ] {
-        if path.exists() {
-            table.row([format!("  {}", path.display()), what.to_string()]);
-        }
+        text += &format!("  {}\n      {what}\n", path.display());
     }
-    // Left-aligned explanations read better than the figures' alignment.
-    table.text().lines().map(|line| line.trim_end().to_string() + "\n").collect()
+    text
 }

@@ -17,21 +17,21 @@ pub struct Cloud {
 impl Cloud {
     /// Loads the vertices of `shape`, turned by `rotation`, then moved by `translation`.
     pub fn load(&mut self, shape: &Polyhedron, rotation: &Mat3, translation: &Vec3) {
-        self.x.clear();
-        self.y.clear();
-        self.z.clear();
-        let r = rotation;
-        for chunk in shape.vertices.chunks(LANES) {
-            let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        let blocks = shape.vertices.len().div_ceil(LANES);
+        self.x.resize(blocks, [0.0; LANES]);
+        self.y.resize(blocks, [0.0; LANES]);
+        self.z.resize(blocks, [0.0; LANES]);
+        let [[a, b, c], [d, e, f], [g, h, i]] =
+            [0, 1, 2].map(|k| [rotation[(k, 0)], rotation[(k, 1)], rotation[(k, 2)]]);
+        let blocks = self.x.iter_mut().zip(&mut self.y).zip(&mut self.z);
+        for (((x, y), z), chunk) in blocks.zip(shape.vertices.chunks(LANES)) {
+            let last = chunk.len() - 1;
+            let v: [&Vec3; LANES] = std::array::from_fn(|k| &chunk[k.min(last)]);
             for k in 0..LANES {
-                let v = &chunk[k.min(chunk.len() - 1)];
-                x[k] = r[(0, 0)] * v.x + r[(0, 1)] * v.y + r[(0, 2)] * v.z + translation.x;
-                y[k] = r[(1, 0)] * v.x + r[(1, 1)] * v.y + r[(1, 2)] * v.z + translation.y;
-                z[k] = r[(2, 0)] * v.x + r[(2, 1)] * v.y + r[(2, 2)] * v.z + translation.z;
+                x[k] = a * v[k].x + b * v[k].y + c * v[k].z + translation.x;
+                y[k] = d * v[k].x + e * v[k].y + f * v[k].z + translation.y;
+                z[k] = g * v[k].x + h * v[k].y + i * v[k].z + translation.z;
             }
-            self.x.push(x);
-            self.y.push(y);
-            self.z.push(z);
         }
     }
 
@@ -39,12 +39,6 @@ impl Cloud {
     pub fn get(&self, i: usize) -> Vec3 {
         let (block, lane) = (i / LANES, i % LANES);
         Vec3::new(self.x[block][lane], self.y[block][lane], self.z[block][lane])
-    }
-
-    /// `n · x_i`, by the same operations as [`Cloud::lowest`]: bounds made of it hold to the bit.
-    pub fn height(&self, i: usize, n: &Vec3) -> f64 {
-        let (block, lane) = (i / LANES, i % LANES);
-        n.x * self.x[block][lane] + n.y * self.y[block][lane] + n.z * self.z[block][lane]
     }
 
     /// Smallest `n · x`.
@@ -71,6 +65,25 @@ impl Cloud {
         }
         0
     }
+}
+
+impl Cloud {
+    /// For each point whether it is at most `slab` above the lowest one along `n`.
+    pub fn near_lowest(&self, n: &Vec3, slab: f64, is_near: &mut Vec<bool>) {
+        let limit = self.lowest(n) + slab;
+        is_near.clear();
+        for ((x, y), z) in self.x.iter().zip(&self.y).zip(&self.z) {
+            let h: [f64; LANES] = std::array::from_fn(|k| n.x * x[k] + n.y * y[k] + n.z * z[k]);
+            is_near.extend(h.map(|h| h <= limit));
+        }
+    }
+}
+
+/// For each vertex whether it is at most `slab` below the highest one along `n`.
+pub fn near_highest(shape: &Polyhedron, n: &Vec3, slab: f64, is_near: &mut Vec<bool>) {
+    let limit = highest(shape, n) - slab;
+    is_near.clear();
+    is_near.extend(shape.vertices.iter().map(|v| n.dot(v) >= limit));
 }
 
 /// `f64::min` minds NaN and does not become one instruction; positions are finite here.

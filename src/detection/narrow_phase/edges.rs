@@ -38,38 +38,40 @@ pub struct EdgeAxis {
     pub separation: f64,
 }
 
-/// Edges of A with an end where `n · x >= from`.
-pub fn near_edges_of_a(shape: &Polyhedron, n: &Vec3, from: f64, out: &mut Vec<NearEdge>) {
-    out.clear();
-    for (index, edge) in shape.edges.iter().enumerate() {
-        let [start, end] = edge.vertices.map(|v| shape.vertices[v as usize]);
-        if n.dot(&start) < from && n.dot(&end) < from {
-            continue;
-        }
-        let [left, right] = edge.faces.map(|f| shape.face_normals[f as usize]);
-        out.push(NearEdge { index: index as u32, start, along: end - start, left, right });
-    }
-}
-
-/// Edges of B, placed in the frame of A, with an end where `n · x <= to`.
-pub fn near_edges_of_b(
+/// Fills `out` with the edges that have an end where `is_near` holds; `load` makes one of its number.
+pub fn near_edges(
     shape: &Polyhedron,
-    b_in_a: &Cloud,
-    rotation: &Mat3,
-    n: &Vec3,
-    to: f64,
+    is_near: &[bool],
     out: &mut Vec<NearEdge>,
+    load: impl Fn(usize) -> NearEdge,
 ) {
     out.clear();
     for (index, edge) in shape.edges.iter().enumerate() {
-        let [v0, v1] = edge.vertices.map(|v| v as usize);
-        if b_in_a.height(v0, n) > to && b_in_a.height(v1, n) > to {
-            continue;
+        let [v0, v1] = edge.vertices;
+        if is_near[v0 as usize] | is_near[v1 as usize] {
+            out.push(load(index));
         }
-        let [start, end] = [v0, v1].map(|v| b_in_a.get(v));
-        let [left, right] = edge.faces.map(|f| rotation * shape.face_normals[f as usize]);
-        out.push(NearEdge { index: index as u32, start, along: end - start, left, right });
     }
+}
+
+/// Edge `index` of A.
+pub fn edge_of_a(shape: &Polyhedron, index: usize) -> NearEdge {
+    let edge = &shape.edges[index];
+    let start = shape.vertices[edge.vertices[0] as usize];
+    let along = shape.vertices[edge.vertices[1] as usize] - start;
+    let left = shape.face_normals[edge.faces[0] as usize];
+    let right = shape.face_normals[edge.faces[1] as usize];
+    NearEdge { index: index as u32, start, along, left, right }
+}
+
+/// Edge `index` of B, in the frame of A.
+pub fn edge_of_b(shape: &Polyhedron, b_in_a: &Cloud, rotation: &Mat3, index: usize) -> NearEdge {
+    let edge = &shape.edges[index];
+    let start = b_in_a.get(edge.vertices[0] as usize);
+    let along = b_in_a.get(edge.vertices[1] as usize) - start;
+    let left = rotation * shape.face_normals[edge.faces[0] as usize];
+    let right = rotation * shape.face_normals[edge.faces[1] as usize];
+    NearEdge { index: index as u32, start, along, left, right }
 }
 
 /// The axis of largest separation above `floor` over pairs of near edges.
@@ -89,24 +91,45 @@ pub fn best_edge_axis(
     let mut limit = floor;
     for (ia, ea) in near_a.iter().enumerate() {
         for (ib, eb) in near_b.iter().enumerate() {
-            if !arcs_cross(ea, eb) {
-                continue;
-            }
-            let Some(normal) = common_perpendicular(ea, eb) else { continue };
-            if normal.dot(&(eb.start - ea.start)) <= limit {
-                continue;
-            }
-            let separation = b_in_a.lowest(&normal) - highest(a, &normal);
-            if separation > limit {
-                limit = separation;
-                best = Some(EdgeAxis { edges: [ia, ib], normal, separation });
+            if let Some(axis) = axis_of(a, b_in_a, ea, eb, [ia, ib], limit) {
+                limit = axis.separation;
+                best = Some(axis);
             }
         }
     }
     best
 }
 
+/// The axis perpendicular to two edges, if they make a facet of the Minkowski difference and
+/// separate by more than `limit`.
+#[inline]
+pub fn axis_of(
+    a: &Polyhedron,
+    b_in_a: &Cloud,
+    ea: &NearEdge,
+    eb: &NearEdge,
+    edges: [usize; 2],
+    limit: f64,
+) -> Option<EdgeAxis> {
+    if !arcs_cross(ea, eb) {
+        return None;
+    }
+    let normal = common_perpendicular(ea, eb)?;
+    if normal.dot(&(eb.start - ea.start)) <= limit {
+        return None;
+    }
+    let separation = b_in_a.lowest(&normal) - highest(a, &normal);
+    (separation > limit).then_some(EdgeAxis { edges, normal, separation })
+}
+
+/// Whether the sine between two edges is below 1e-4.
+pub fn nearly_parallel(a: &NearEdge, b: &NearEdge) -> bool {
+    let c = a.along.cross(&b.along).norm_squared();
+    c <= 1e-8 * a.along.norm_squared() * b.along.norm_squared()
+}
+
 /// Whether the arc of `a`'s normals crosses that of `b`'s reversed normals.
+#[inline]
 fn arcs_cross(a: &NearEdge, b: &NearEdge) -> bool {
     // Ends of the arc of b on different sides of the great circle of a, and the other way round.
     let left = -b.left.dot(&a.along);

@@ -73,6 +73,13 @@ pub fn contains(shape: &Polyhedron, x: &Vec3, tolerance: f64) -> bool {
     shape.face_normals.iter().zip(&shape.face_offsets).all(|(n, d)| n.dot(x) - d <= tolerance)
 }
 
+/// Which of two faces lies more in the direction `n`, with the cosine.
+pub fn more_aligned(shape: &Polyhedron, faces: [u16; 2], n: &Vec3) -> (f64, usize) {
+    let [f, g] = faces.map(usize::from);
+    let (cf, cg) = (shape.face_normals[f].dot(n), shape.face_normals[g].dot(n));
+    if cf >= cg { (cf, f) } else { (cg, g) }
+}
+
 /// How far `x` is above the face it is furthest out of, and that face; negative inside.
 pub fn furthest_out(shape: &Polyhedron, x: &Vec3) -> (f64, usize) {
     let mut worst = (f64::NEG_INFINITY, 0);

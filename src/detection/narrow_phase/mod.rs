@@ -40,6 +40,10 @@ pub use half_space::touch_half_space;
 const TIE: f64 = 2.5e-10;
 /// How far, over the radii, a point may be out of a body and still count as inside.
 const INSIDE: f64 = 1e-12;
+/// How far from both ends of its edges, over their lengths, a closest point is safely unique.
+const INTERIOR: f64 = 1e-6;
+/// Cosine between an axis and two faces above which the faces count as facing each other.
+const FACING: f64 = 0.995;
 /// What is added to the slab of near edges, over the radii: faces are flat to 1e-7 only.
 const SLAB: f64 = 1e-6;
 
@@ -57,6 +61,8 @@ pub struct PairMemory {
     axis: [f32; 3],
     /// One above the best face of A and of B; zero if none.
     faces: [u16; 2],
+    /// One above the edges of A and of B that were closest; zero if none.
+    edges: [u32; 2],
 }
 
 /// A contact point in world coordinates; the normal points from B to A.
@@ -76,6 +82,7 @@ pub struct Scratch {
     b_in_a: Cloud,
     near_a: Vec<NearEdge>,
     near_b: Vec<NearEdge>,
+    is_near: Vec<bool>,
     polygon: [Vec<ClipVertex>; 2],
     candidates: Vec<Candidate>,
 }
@@ -97,10 +104,7 @@ pub fn touch(a: Solid, b: Solid, alert: f64, memory: &mut PairMemory, scratch: &
         return;
     }
     pair.load(scratch);
-    let apart = match pair.best_axis(memory, scratch) {
-        Ok(axis) => pair.points_along(&axis, scratch).err(),
-        Err(direction) => Some(direction),
-    };
+    let apart = pair.search(memory, scratch).err();
     memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
     scratch.points.sort_unstable_by_key(|p| p.feature);
 }
@@ -129,14 +133,6 @@ struct BestFace {
     separation: f64,
 }
 
-/// The axis of largest separation.
-#[derive(Debug, Clone, Copy)]
-struct BestAxis {
-    face: BestFace,
-    /// Set if two edges separate better than any face.
-    edges: Option<EdgeAxis>,
-}
-
 /// `Err` holds a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
 type Found<T> = Result<T, Vec3>;
 
@@ -159,27 +155,93 @@ impl Pair<'_> {
         scratch.a_in_b.load(self.a.shape, &back, &-(back * self.offset));
     }
 
-    fn best_axis(&self, memory: &mut PairMemory, scratch: &mut Scratch) -> Found<BestAxis> {
+    /// Finds the best axis and reports the contact points along it.
+    fn search(&self, memory: &mut PairMemory, scratch: &mut Scratch) -> Found<()> {
         let face = self.best_face(memory, scratch)?;
-        if face.separation > 0.0 {
-            // The bodies are apart; if two edges are closest, `points_along` finds them.
-            return Ok(BestAxis { face, edges: None });
-        }
         let floor = face.separation + TIE * self.size;
-        let certain = self.corner_inside(&face, scratch);
-        let depth = -face.separation;
-        let slab = depth + if certain { depth } else { depth.max(self.alert) };
-        self.gather(&face.normal, slab, scratch);
-        let mut edges = self.best_edges(floor, scratch);
-        if !certain && !self.overlap_is_certain(&face, edges.as_ref(), scratch) {
-            // No face separates and no common point is at hand: ask all edges.
-            self.gather(&face.normal, f64::INFINITY, scratch);
-            edges = self.best_edges(floor, scratch);
+        let known = self.known_edges(&memory.edges, scratch);
+        memory.edges = [0; 2];
+        if let Some(e) = &known {
+            if e.separation > self.alert {
+                return Err(e.normal);
+            }
+            if e.separation > floor.max(0.0) && self.are_closest(e, scratch) {
+                self.push_edges(&face, e, memory, scratch);
+                return Ok(());
+            }
         }
-        match edges {
+        if face.separation > 0.0 {
+            return self.points_of_face_apart(&face, memory, scratch);
+        }
+        let known = known.filter(|e| e.separation > floor && e.separation <= 0.0);
+        match self.best_edges(&face, known.as_ref(), scratch) {
             Some(e) if e.separation > self.alert => Err(e.normal),
-            _ => Ok(BestAxis { face, edges }),
+            Some(e) if e.separation <= 0.0 || self.are_closest(&e, scratch) => {
+                self.push_edges(&face, &e, memory, scratch);
+                Ok(())
+            }
+            Some(e) => self.closest_points(&face, &e.normal, e.separation, memory, scratch),
+            None => {
+                self.clip_along(&face, scratch);
+                if scratch.candidates.is_empty() {
+                    // Rounding alone leads here: slivers.
+                    self.push_support(&face.normal, face.separation, scratch);
+                } else {
+                    self.push_manifold(face.of_b, &face.normal, scratch);
+                }
+                Ok(())
+            }
         }
+    }
+
+    /// Contact points of bodies that a face separates by no more than the alert distance.
+    fn points_of_face_apart(
+        &self,
+        face: &BestFace,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) -> Found<()> {
+        self.clip_along(face, scratch);
+        // Points of both surfaces that are as close as the axis says: nothing is closer.
+        if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
+            self.push_manifold(face.of_b, &face.normal, scratch);
+            return Ok(());
+        }
+        self.closest_points(face, &face.normal, face.separation, memory, scratch)
+    }
+
+    /// The contact of bodies that are further apart than the best axis shows: edges or vertices are
+    /// closest. `normal` and `separation` are those of the best axis.
+    fn closest_points(
+        &self,
+        face: &BestFace,
+        normal: &Vec3,
+        separation: f64,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) -> Found<()> {
+        self.gather(normal, self.alert - separation, scratch);
+        let Some(c) = edges::closest_points(&scratch.near_a, &scratch.near_b) else {
+            self.push_support(normal, separation, scratch);
+            return Ok(());
+        };
+        let distance = c.distance_squared.sqrt();
+        if distance > self.alert {
+            return Err((c.on_b - c.on_a) / distance);
+        }
+        let [ea, eb] = c.edges;
+        let axis = self.edge_axis(&scratch.near_a[ea], &scratch.near_b[eb], c.edges, scratch);
+        match axis {
+            Some(e) if e.separation > separation && self.are_closest(&e, scratch) => {
+                self.push_edges(face, &e, memory, scratch);
+            }
+            _ if distance > separation + TIE * self.size => {
+                self.push_closest(&c, &((c.on_b - c.on_a) / distance), distance, scratch);
+            }
+            // Rounding alone leads here.
+            _ => self.push_closest(&c, normal, separation, scratch),
+        }
+        Ok(())
     }
 
     fn best_face(&self, memory: &mut PairMemory, scratch: &Scratch) -> Found<BestFace> {
@@ -209,56 +271,100 @@ impl Pair<'_> {
         })
     }
 
-    /// Whether the corner that is deepest under the best face is inside the face's body: then the
-    /// bodies certainly overlap.
-    fn corner_inside(&self, face: &BestFace, scratch: &Scratch) -> bool {
-        let (shape, other) = if face.of_b {
-            (self.b.shape, &scratch.a_in_b)
-        } else {
-            (self.a.shape, &scratch.b_in_a)
-        };
-        let n = &shape.face_normals[face.face];
-        let deepest = other.get(other.first_at(n, other.lowest(n)));
-        faces::contains(shape, &deepest, INSIDE * self.size)
-    }
-
     /// Fills the lists of edges with an end at most `slab` off the support planes along `n`.
     fn gather(&self, n: &Vec3, slab: f64, scratch: &mut Scratch) {
         let (a, b) = (self.a.shape, self.b.shape);
         let slab = slab + SLAB * self.size;
-        let from = cloud::highest(a, n) - slab;
-        let to = scratch.b_in_a.lowest(n) + slab;
-        edges::near_edges_of_a(a, n, from, &mut scratch.near_a);
-        edges::near_edges_of_b(b, &scratch.b_in_a, &self.rotation, n, to, &mut scratch.near_b);
+        let is_near = &mut scratch.is_near;
+        cloud::near_highest(a, n, slab, is_near);
+        edges::near_edges(a, is_near, &mut scratch.near_a, |e| edges::edge_of_a(a, e));
+        scratch.b_in_a.near_lowest(n, slab, is_near);
+        let (b_in_a, rotation) = (&scratch.b_in_a, &self.rotation);
+        edges::near_edges(b, is_near, &mut scratch.near_b, |e| {
+            edges::edge_of_b(b, b_in_a, rotation, e)
+        });
     }
 
-    fn best_edges(&self, floor: f64, scratch: &Scratch) -> Option<EdgeAxis> {
+    /// The edges that were closest before, alone in the lists of near edges.
+    fn known_edges(&self, edges: &[u32; 2], scratch: &mut Scratch) -> Option<EdgeAxis> {
+        let (a, b) = (self.a.shape, self.b.shape);
+        let [ea, eb] = edges.map(|e| e as usize);
+        if ea == 0 || eb == 0 || ea > a.edges.len() || eb > b.edges.len() {
+            return None;
+        }
+        let near_a = edges::edge_of_a(a, ea - 1);
+        let near_b = edges::edge_of_b(b, &scratch.b_in_a, &self.rotation, eb - 1);
+        let axis = self.edge_axis(&near_a, &near_b, [0, 0], scratch);
+        scratch.near_a.clear();
+        scratch.near_a.push(near_a);
+        scratch.near_b.clear();
+        scratch.near_b.push(near_b);
+        axis
+    }
+
+    fn edge_axis(
+        &self,
+        ea: &NearEdge,
+        eb: &NearEdge,
+        edges: [usize; 2],
+        scratch: &Scratch,
+    ) -> Option<EdgeAxis> {
+        edges::axis_of(self.a.shape, &scratch.b_in_a, ea, eb, edges, f64::NEG_INFINITY)
+    }
+
+    /// Whether the closest points of two edges are strictly inside both and as far apart as their
+    /// axis says: then they are the closest points of the bodies, and there are no others.
+    fn are_closest(&self, e: &EdgeAxis, scratch: &Scratch) -> bool {
+        let (ea, eb) = (&scratch.near_a[e.edges[0]], &scratch.near_b[e.edges[1]]);
+        let c = edges::closest_on_segments(ea, eb);
+        c.parameter.iter().all(|t| *t > INTERIOR && *t < 1.0 - INTERIOR)
+            && !edges::nearly_parallel(ea, eb)
+            && c.distance_squared.sqrt() <= e.separation + TIE * self.size
+    }
+
+    /// The axis perpendicular to two edges that is better than the best face of bodies that no face
+    /// separates. `known` is a better axis, if one is known.
+    fn best_edges(
+        &self,
+        face: &BestFace,
+        known: Option<&EdgeAxis>,
+        scratch: &mut Scratch,
+    ) -> Option<EdgeAxis> {
+        let floor = face.separation + TIE * self.size;
+        let (normal, separation, common) = if let Some(e) = known {
+            let c = self.closest_on(e, scratch);
+            (e.normal, e.separation, Some((c.on_a + c.on_b) * 0.5))
+        } else {
+            self.clip_along(face, scratch);
+            (face.normal, face.separation, self.deepest_candidate(face, scratch))
+        };
+        let certain = common.is_some_and(|p| self.in_both(p));
+        let depth = -separation;
+        self.gather(&normal, depth + if certain { depth } else { depth.max(self.alert) }, scratch);
+        let best = self.best_near_edges(floor, scratch);
+        let decided = certain
+            || best.as_ref().is_some_and(|e| {
+                let c = self.closest_on(e, scratch);
+                e.separation > 0.0 || self.in_both((c.on_a + c.on_b) * 0.5)
+            });
+        if decided {
+            return best;
+        }
+        // Neither a separating axis nor a common point is at hand: ask all edges.
+        self.gather(&normal, f64::INFINITY, scratch);
+        self.best_near_edges(floor, scratch)
+    }
+
+    fn best_near_edges(&self, floor: f64, scratch: &Scratch) -> Option<EdgeAxis> {
         let (a, b) = (&scratch.near_a, &scratch.near_b);
         edges::best_edge_axis(self.a.shape, &scratch.b_in_a, a, b, floor)
     }
 
-    /// Whether some point is in both bodies, or two edges separate them: either way the edges
-    /// near the best face decide.
-    fn overlap_is_certain(
-        &self,
-        face: &BestFace,
-        edges: Option<&EdgeAxis>,
-        scratch: &mut Scratch,
-    ) -> bool {
-        if let Some(e) = edges {
-            if e.separation > 0.0 {
-                return true;
-            }
-            let c = self.closest_on(e, scratch);
-            return self.in_both((c.on_a + c.on_b) * 0.5);
-        }
-        self.clip_along(face, &face.normal, scratch);
-        let deepest =
-            scratch.candidates.iter().copied().reduce(|d, c| if c.gap < d.gap { c } else { d });
-        deepest.is_some_and(|c| {
-            let p = if face.of_b { self.rotation * c.point + self.offset } else { c.point };
-            self.in_both(p)
-        })
+    /// The deepest of `scratch.candidates`, in the frame of A.
+    fn deepest_candidate(&self, face: &BestFace, scratch: &Scratch) -> Option<Vec3> {
+        let deeper = |d: Candidate, c: Candidate| if c.gap < d.gap { c } else { d };
+        let c = scratch.candidates.iter().copied().reduce(deeper)?;
+        Some(if face.of_b { self.rotation * c.point + self.offset } else { c.point })
     }
 
     fn in_both(&self, p: Vec3) -> bool {
@@ -273,74 +379,39 @@ impl Pair<'_> {
         ClosestPoints { edges: e.edges, ..found }
     }
 
-    /// Contact points for the best axis; `Err` if the bodies are further apart than the axis shows.
-    fn points_along(&self, axis: &BestAxis, scratch: &mut Scratch) -> Found<()> {
-        let tie = TIE * self.size;
-        let (normal, separation) = match &axis.edges {
-            Some(e) => (e.normal, e.separation),
-            None => (axis.face.normal, axis.face.separation),
-        };
-        let mut edge_points = axis.edges.as_ref().map(|e| self.closest_on(e, scratch));
-        if axis.edges.is_none() {
-            self.clip_along(&axis.face, &normal, scratch);
-            if lowest_gap(&scratch.candidates) <= separation + tie {
-                self.push_manifold(&axis.face, &normal, scratch);
-                return Ok(());
-            }
-        } else if let Some(c) = edge_points
-            && c.distance_squared.sqrt() <= separation.abs() + tie
-        {
-            self.push_closest(&c, &normal, separation, scratch);
-            return Ok(());
-        }
-        if separation > 0.0 {
-            // No pair of surface points is as close as that: the closest points are elsewhere.
-            self.gather(&normal, self.alert - separation, scratch);
-            edge_points = edges::closest_points(&scratch.near_a, &scratch.near_b);
-            if let Some(c) = edge_points {
-                let distance = c.distance_squared.sqrt();
-                if distance > self.alert {
-                    return Err((c.on_b - c.on_a) / distance);
-                }
-                if distance > separation + tie {
-                    self.push_closest(&c, &((c.on_b - c.on_a) / distance), distance, scratch);
-                    return Ok(());
-                }
-            }
-        }
-        // Rounding alone leads here: slivers whose clipped face is empty.
-        match edge_points {
-            Some(c) => self.push_closest(&c, &normal, separation, scratch),
-            None if !scratch.candidates.is_empty() => {
-                self.push_manifold(&axis.face, &normal, scratch)
-            }
-            None => self.push_support(&normal, separation, scratch),
-        }
-        Ok(())
-    }
-
     /// Leaves in `scratch.candidates` the overlap of the best face and the other body's face
     /// against it, in the frame of the face's body.
-    fn clip_along(&self, face: &BestFace, normal: &Vec3, scratch: &mut Scratch) {
-        let (reference, other, cloud, axis) = if face.of_b {
-            let axis = -self.rotation.tr_mul(normal);
-            (self.b.shape, self.a.shape, &scratch.a_in_b, axis)
+    fn clip_along(&self, face: &BestFace, scratch: &mut Scratch) {
+        // Against the other body's own frame, where its face normals are.
+        let (other, cloud, axis, against) = if face.of_b {
+            let axis = self.b.shape.face_normals[face.face];
+            (self.a.shape, &scratch.a_in_b, axis, -face.normal)
         } else {
-            (self.a.shape, self.b.shape, &scratch.b_in_a, *normal)
+            let against = self.rotation.tr_mul(&face.normal);
+            (self.b.shape, &scratch.b_in_a, face.normal, against)
         };
-        let corner = cloud.first_at(&axis, cloud.lowest(&axis));
-        // The same axis in the other body's own frame, where its face normals are.
-        let against = if face.of_b { -*normal } else { self.rotation.tr_mul(normal) };
-        let corner = &other.vertices[corner];
+        let corner = &other.vertices[cloud.first_at(&axis, cloud.lowest(&axis))];
         let incident = faces::incident_face(other, corner, &against, SLAB * other.radius);
-        let incident = (other, cloud, incident);
+        self.clip(face, incident, &axis, scratch);
+    }
+
+    /// The overlap, seen along `axis`, of face `face` and face `incident` of the other body; gaps
+    /// are measured along the axis. All in the frame of the face's body.
+    fn clip(&self, face: &BestFace, incident: usize, axis: &Vec3, scratch: &mut Scratch) {
+        let (reference, other) = if face.of_b {
+            (self.b.shape, (self.a.shape, &scratch.a_in_b, incident))
+        } else {
+            (self.a.shape, (self.b.shape, &scratch.b_in_a, incident))
+        };
         let [polygon, spare] = &mut scratch.polygon;
         let tolerance = TIE * self.size;
-        clip::clip_faces(reference, face.face, &axis, incident, tolerance, [polygon, spare]);
-        let offset = reference.face_offsets[face.face];
+        clip::clip_faces(reference, face.face, axis, other, tolerance, [polygon, spare]);
+        let (normal, offset) =
+            (&reference.face_normals[face.face], reference.face_offsets[face.face]);
+        let slope = normal.dot(axis);
         scratch.candidates.clear();
         for v in polygon.iter() {
-            let gap = axis.dot(&v.point) - offset;
+            let gap = (normal.dot(&v.point) - offset) / slope;
             if gap <= self.alert {
                 scratch.candidates.push(Candidate {
                     point: v.point - axis * (0.5 * gap),
@@ -351,9 +422,48 @@ impl Pair<'_> {
         }
     }
 
+    /// If the best axis is perpendicular to edges of two faces that nearly face each other, the
+    /// points of the faces' overlap, which hold the crossing of the edges: a box that has tilted
+    /// by a trifle over the edge of another one keeps its points.
+    fn points_of_facing(&self, best: &BestFace, e: &EdgeAxis, scratch: &mut Scratch) -> bool {
+        let (a, b) = (self.a.shape, self.b.shape);
+        let [ea, eb] = e.edges;
+        let ea = a.edges[scratch.near_a[ea].index as usize];
+        let eb = b.edges[scratch.near_b[eb].index as usize];
+        let against = -self.rotation.tr_mul(&e.normal);
+        let (cos_a, fa) = faces::more_aligned(a, ea.faces, &e.normal);
+        let (cos_b, fb) = faces::more_aligned(b, eb.faces, &against);
+        if cos_a < FACING || cos_b < FACING {
+            return false;
+        }
+        if best.of_b {
+            self.clip(&BestFace { face: fb, ..*best }, fa, &against, scratch);
+        } else {
+            self.clip(&BestFace { face: fa, ..*best }, fb, &e.normal, scratch);
+        }
+        (lowest_gap(&scratch.candidates) - e.separation).abs() <= TIE * self.size
+    }
+
+    /// Reports the contact of two edges and remembers them.
+    fn push_edges(
+        &self,
+        best: &BestFace,
+        e: &EdgeAxis,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) {
+        let [ea, eb] = e.edges;
+        memory.edges = [scratch.near_a[ea].index + 1, scratch.near_b[eb].index + 1];
+        if self.points_of_facing(best, e, scratch) {
+            return self.push_manifold(best.of_b, &e.normal, scratch);
+        }
+        let c = self.closest_on(e, scratch);
+        self.push_closest(&c, &e.normal, e.separation, scratch);
+    }
+
     /// Reports `scratch.candidates`, four at most.
-    fn push_manifold(&self, face: &BestFace, normal: &Vec3, scratch: &mut Scratch) {
-        if face.of_b {
+    fn push_manifold(&self, of_b: bool, normal: &Vec3, scratch: &mut Scratch) {
+        if of_b {
             reduce::keep_four(&mut scratch.candidates, &self.rotation.tr_mul(normal));
             for c in &mut scratch.candidates {
                 c.point = self.rotation * c.point + self.offset;
@@ -412,12 +522,13 @@ impl Pair<'_> {
             spans[k] = Span::between_surfaces(c);
             points[k] = c.point;
         }
-        placing::cut(self.a.shape, &points[..count], normal, &mut spans[..count]);
+        let tolerance = 2.0 * TIE * self.size;
+        placing::cut(self.a.shape, &points[..count], normal, tolerance, &mut spans[..count]);
         for p in &mut points[..count] {
             *p = self.rotation.tr_mul(&(*p - self.offset));
         }
         let in_b = self.rotation.tr_mul(normal);
-        placing::cut(self.b.shape, &points[..count], &in_b, &mut spans[..count]);
+        placing::cut(self.b.shape, &points[..count], &in_b, tolerance, &mut spans[..count]);
         let mut spans = spans.iter();
         candidates.retain_mut(|c| {
             let Some(span) = spans.next() else { return false };

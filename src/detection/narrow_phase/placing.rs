@@ -34,8 +34,11 @@ impl Span {
     }
 }
 
-/// Cuts the spans to what is inside `shape`; points and the unit vector `n` in its frame.
-pub fn cut(shape: &Polyhedron, points: &[Vec3], n: &Vec3, spans: &mut [Span]) {
+/// Cuts the spans to what is inside `shape` or at most `tolerance` out of each face; points and the
+/// unit vector `n` in its frame.
+///
+/// The tolerance keeps faces along `n` that points lie on to rounding from cutting anything.
+pub fn cut(shape: &Polyhedron, points: &[Vec3], n: &Vec3, tolerance: f64, spans: &mut [Span]) {
     let Some(first) = points.first() else { return };
     let count = points.len() as f64;
     let centre = points.iter().fold(Vec3::zeros(), |sum, p| sum + p) / count;
@@ -49,7 +52,7 @@ pub fn cut(shape: &Polyhedron, points: &[Vec3], n: &Vec3, spans: &mut [Span]) {
         }
         let slope = normal.dot(n);
         for (p, span) in points.iter().zip(&mut *spans) {
-            let out = normal.dot(p) - offset;
+            let out = normal.dot(p) - offset - tolerance;
             if slope > 0.0 && out + slope * span.high > 0.0 {
                 span.high = -out / slope;
             } else if slope < 0.0 && out + slope * span.low > 0.0 {

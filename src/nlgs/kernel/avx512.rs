@@ -119,11 +119,11 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn prefetch(lines: &[Line], indices: &[u32; LANES]) {
+    fn prefetch<T>(value: *const T) {
         // SAFETY: a prefetch reads nothing.
         unsafe {
-            for &i in indices {
-                _mm_prefetch::<_MM_HINT_T0>(lines.as_ptr().wrapping_add(i as usize).cast());
+            for offset in (0..size_of::<T>()).step_by(64) {
+                _mm_prefetch::<_MM_HINT_T0>(value.cast::<i8>().wrapping_add(offset));
             }
         }
     }

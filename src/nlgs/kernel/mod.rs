@@ -19,6 +19,8 @@ mod portable;
 
 pub use lanes::Lanes;
 pub(super) use lanes::each;
+#[cfg(test)]
+pub use portable::Portable as PortableLanes;
 
 use super::block::{PairBlock, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};

@@ -82,6 +82,10 @@ impl<L: Lanes> Record<L> for Sums<L> {
     }
 }
 
+/// Blocks that are asked for before their turn. They come in order, but each is a third of a page, at
+/// whose end the processor's own prefetching stops: a quarter to a half is gained out of cache.
+const AHEAD: usize = 6;
+
 #[inline(always)]
 unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
     blocks: &mut [B],
@@ -89,7 +93,9 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
     relaxation: L,
     record: &mut R,
 ) {
-    for block in blocks {
+    for i in 0..blocks.len() {
+        L::prefetch(blocks.as_ptr().wrapping_add(i + AHEAD));
+        let block = &mut blocks[i];
         // SAFETY: the caller's.
         let (held, u) = unsafe { block.read::<L>(lines) };
         let law = Law::load(block.law());

@@ -112,5 +112,5 @@ impl Lanes for Portable {
         }
     }
     #[inline(always)]
-    fn prefetch(_: &[Line], _: &[u32; LANES]) {}
+    fn prefetch<T>(_: *const T) {}
 }

@@ -57,11 +57,11 @@ fn the_summary_tells_the_figures_of_a_tamping_run() {
             assert!((0.0..1.0).contains(&value), "{zone} {when}: {value}");
         }
     }
-    // Energy: what went in is either there or dissipated, up to the solver's tolerance.
+    // Energy: what went in is either there or dissipated; what is left over is the time step's.
     let energy = &summary["energy_j"];
     let value = |key: &str| energy[key].as_f64().unwrap();
     assert!(value("dissipated") > 0.0);
-    assert!(value("balance_error").abs() < 1e-6 * value("dissipated").max(1.0), "{energy}");
+    assert!(value("balance_error").abs() < 1e-4 * value("dissipated"), "{energy}");
 }
 
 #[test]

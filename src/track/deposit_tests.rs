@@ -1,0 +1,111 @@
+use super::*;
+use crate::track::scene;
+use crate::track::test_plan::small_plan;
+
+/// A bed of some hundred grains: a few seconds of preparation.
+fn tiny() -> Plan {
+    let mut plan = small_plan();
+    plan.bed.size = Vec3::new(0.26, 0.2, 0.3);
+    plan.bed.grains.classes[0].size = 0.03;
+    plan.bed.preparation.ballast_depth = 0.06;
+    plan.bed.preparation.fill_level = 0.1;
+    plan.bed.preparation.max_settling = 0.3;
+    plan.bed.preparation.rest_speed = 0.02;
+    plan.sleepers[0].centre = [0.13, 0.1];
+    plan.sleepers[0].blocks[0].size = Vec3::new(0.08, 0.1, 0.04);
+    for tine in &mut plan.tines {
+        tine.position[1] = 0.1;
+    }
+    plan.run.solver.iterations = 100;
+    plan
+}
+
+fn prepared(plan: &Plan) -> Bed {
+    deposit(plan, &mut |_| ControlFlow::Continue(())).unwrap().unwrap()
+}
+
+#[test]
+fn a_prepared_bed_is_the_same_for_the_same_plan_and_is_at_rest_at_its_levels() {
+    let plan = tiny();
+    let bed = prepared(&plan);
+    let n = bed.model.grains.len();
+    assert!(n > 80 && n < 200, "{n}");
+    assert_eq!(bed, prepared(&plan), "the same plan gives the same bytes");
+    let mut bench = Bench { model: bed.model, state: bed.state, workspace: Workspace::default() };
+    assert!(bench.mean_speed() < 0.03, "{}", bench.mean_speed());
+    assert_eq!((bench.state.step, bench.state.time_ns), (0, 0));
+    assert_eq!(bench.model.grain_friction, 1.0);
+    assert_eq!(bench.model.driven[5].friction, 1.0, "the sleeper's friction is the run's again");
+    let sleeper = bench.state.position[n + 5];
+    assert_eq!(sleeper, Vec3::new(0.13, 0.1, 0.06));
+    assert!(bench.state.position[..n].iter().all(|p| p.z < 0.1 + 0.005), "trimmed");
+    // Contacts kept for the warm start are those of the bodies as numbered now.
+    let contacts = &bench.state.contacts.bodies;
+    assert!(contacts.iter().all(|p| (p[0] as usize) < n && (p[1] as usize) < n + 6));
+    assert!(contacts.is_sorted() && !contacts.is_empty());
+    bench.retain(&vec![true; n]);
+    assert_eq!(bench.model.grains.len(), n);
+}
+
+#[test]
+fn the_watcher_can_stop_the_preparation() {
+    let mut steps = 0;
+    let stopped = deposit(&tiny(), &mut |_| {
+        steps += 1;
+        if steps == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert_eq!((stopped.unwrap(), steps), (None, 3));
+}
+
+#[test]
+fn a_scene_is_the_bed_with_the_tines_clear_above_it() {
+    let plan = tiny();
+    let bed = prepared(&plan);
+    let n = bed.model.grains.len();
+    let mut other = plan.clone();
+    other.sleepers[0].centre[0] += 0.01;
+    let message = scene(&other, bed.clone()).unwrap_err().to_string();
+    assert!(message.contains("\"sleeper\""), "{message}");
+    let (model, state) = scene(&plan, bed.clone()).unwrap();
+    assert_eq!(model.driven.len(), 8);
+    assert_eq!(state.position.len(), n + 8);
+    assert_eq!(state.position[n + 6].z, 0.1 + 0.03 + 0.07, "fill level, clearance, blade");
+    assert_eq!(state.contacts, bed.state.contacts, "numbers of what was there stay");
+    assert!(state.energy.initial_potential > 0.0);
+}
+
+#[test]
+fn removing_and_inserting_grains_renumbers_contacts() {
+    let mut bench = empty_box(&tiny()).unwrap();
+    bench.model.shapes.push(crate::geometry::hull::cuboid(Vec3::repeat(0.01)));
+    let at = |x: f64| (0, Pose::at(Vec3::new(x, 0.0, 0.0)));
+    bench.insert(&[at(0.0), at(1.0), at(2.0)], 1000.0);
+    let memory = &mut bench.state.contacts;
+    memory.bodies = vec![[0, 1], [0, 3], [1, 2], [2, 4]];
+    memory.feature = vec![10, 11, 12, 13];
+    memory.local_point = vec![Vec3::zeros(); 4];
+    memory.impulse = (0..4).map(|i| Vec3::x() * f64::from(i)).collect();
+    bench.retain(&[true, false, true]);
+    assert_eq!(bench.state.contacts.bodies, [[0, 2], [1, 3]]);
+    assert_eq!(bench.state.contacts.feature, [11, 13]);
+    assert_eq!(bench.state.contacts.impulse, [Vec3::x(), Vec3::x() * 3.0]);
+    assert_eq!(bench.state.position[1].x, 2.0);
+    bench.insert(&[at(7.0)], 1000.0);
+    assert_eq!(bench.state.contacts.bodies, [[0, 3], [1, 4]]);
+    assert_eq!(bench.state.position[2].x, 7.0);
+    assert_eq!(bench.state.position.len(), 3 + 5);
+}
+
+#[test]
+fn beds_that_cannot_be_are_refused() {
+    let refused = |change: &dyn Fn(&mut Plan)| {
+        let mut plan = tiny();
+        change(&mut plan);
+        deposit(&plan, &mut |_| ControlFlow::Break(())).unwrap_err().to_string()
+    };
+    assert!(refused(&|p| p.bed.size.x = f64::NAN).contains("bed.size"));
+    assert!(refused(&|p| p.bed.size.x = 1e9).contains("bed"));
+    assert!(refused(&|p| p.bed.preparation.step_ns = 0).contains("step"));
+    assert!(refused(&|p| p.bed.preparation.ballast_depth = 0.2).contains("ballast_depth"));
+    assert!(refused(&|p| p.sleepers[0].centre[0] = 0.03).contains("inside the box"));
+}

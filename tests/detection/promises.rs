@@ -1,0 +1,192 @@
+//! What detection promises about a whole configuration: canonical order, no trace of the past, the
+//! same bytes for any number of threads.
+
+use crate::oracle::{self, Body};
+use crate::scene;
+use ballast::detection::{Contacts, Detector};
+use ballast::geometry::cuboid;
+use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::{DrivenBody, Model, Part, Role};
+use ballast::motion::Motion;
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+
+/// A dense heap of random grains between a floor of half-space, a wall and a turning bar.
+fn heap(seed: u64, count: usize) -> (Model, Motion) {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let mut shapes: Vec<_> = (0..count).map(|_| scene::random_hull(&mut rng, 0.02)).collect();
+    let side = (count as f64).cbrt().ceil();
+    let mut poses: Vec<Pose> = (0..count)
+        .map(|k| {
+            let k = k as f64;
+            let cell = Vec3::new(k % side, (k / side).floor() % side, (k / side / side).floor());
+            let jitter = scene::random_unit(&mut rng) * 0.004;
+            let position = cell * 0.027 + jitter;
+            Pose { position, orientation: scene::random_turn(&mut rng) }
+        })
+        .collect();
+    shapes.push(cuboid(Vec3::new(0.1, 0.02, 0.02)));
+    shapes.push(cuboid(Vec3::new(0.01, 0.5, 0.5)));
+    let bar = count as u32;
+    let body = |name: &str, parts| DrivenBody {
+        name: name.into(),
+        role: Role::Boundary,
+        friction: 0.5,
+        parts,
+    };
+    let plane = |normal, offset| Part::HalfSpace { normal, offset };
+    let convex = |shape, x, y, z| Part::Convex { shape, pose: Pose::at(Vec3::new(x, y, z)) };
+    let driven = vec![
+        body("bar", vec![convex(bar, 0.0, 0.0, 0.0), convex(bar, 0.0, 0.0, 0.05)]),
+        body(
+            "box",
+            vec![
+                plane(Vec3::z(), -0.015),
+                convex(bar + 1, -0.025, 0.0, 0.0),
+                plane(Vec3::y(), -0.01),
+            ],
+        ),
+    ];
+    poses.push(Pose::at(Vec3::new(0.05, 0.05, 0.05)));
+    poses.push(Pose::identity());
+    let mut model = scene::model(shapes, driven, 1e-3);
+    model.grains.shape.truncate(count);
+    model.grains.mass.truncate(count);
+    model.grains.inertia.truncate(count);
+    (model, scene::at_rest(&poses))
+}
+
+/// Moves all bodies a little, some of them a lot.
+fn stir(motion: &mut Motion, rng: &mut Pcg64, step: usize) {
+    for b in 0..motion.position.len() {
+        let stride = if b % 17 == step % 17 { 2e-3 } else { 2e-5 };
+        motion.position[b] += scene::random_unit(rng) * stride;
+        let turn = Quat::from_scaled_axis(scene::random_unit(rng) * (20.0 * stride));
+        motion.orientation[b] = turn * motion.orientation[b];
+    }
+}
+
+fn assert_same(a: &Contacts, b: &Contacts, what: &str) {
+    for k in 0..a.len().min(b.len()) {
+        let of = |c: &Contacts| (c.bodies[k], c.feature[k], c.point[k], c.normal[k], c.gap[k]);
+        assert_eq!(of(a), of(b), "{what}, contact {k}");
+    }
+    assert_eq!(a.len(), b.len(), "{what}");
+}
+
+#[test]
+fn contacts_bear_no_trace_of_the_past() {
+    let (model, mut motion) = heap(1, 300);
+    let mut rng = Pcg64::seed_from_u64(2);
+    let mut detector = Detector::default();
+    for step in 0..60 {
+        let contacts = scene::detect(&mut detector, &model, &motion);
+        assert!(contacts.len() > 500, "{}", contacts.len());
+        assert_same(&contacts, &scene::fresh(&model, &motion), &format!("step {step}"));
+        stir(&mut motion, &mut rng, step);
+    }
+    // Another model in the same detector.
+    let (model, motion) = heap(3, 200);
+    let contacts = scene::detect(&mut detector, &model, &motion);
+    assert_same(&contacts, &scene::fresh(&model, &motion), "other model");
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let (model, mut motion) = heap(4, 400);
+    let run = |threads: usize, motion: &mut Motion| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| {
+            let mut rng = Pcg64::seed_from_u64(5);
+            let mut detector = Detector::default();
+            (0..5)
+                .map(|step| {
+                    stir(motion, &mut rng, step);
+                    scene::detect(&mut detector, &model, motion)
+                })
+                .collect::<Vec<_>>()
+        })
+    };
+    let start = motion.clone();
+    let one = run(1, &mut motion);
+    for threads in [2, 3, 8] {
+        let many = run(threads, &mut start.clone());
+        for (step, (a, b)) in one.iter().zip(&many).enumerate() {
+            assert_same(a, b, &format!("{threads} threads, step {step}"));
+        }
+    }
+}
+
+#[test]
+fn order_is_by_bodies_then_feature() {
+    let (model, motion) = heap(6, 400);
+    let contacts = scene::fresh(&model, &motion);
+    let keys: Vec<_> = contacts.bodies.iter().zip(&contacts.feature).collect();
+    assert!(keys.windows(2).all(|w| w[0] < w[1]), "each key once, ascending");
+    let ng = model.grains.len() as u32;
+    assert!(contacts.bodies.iter().all(|[c, a]| *c < ng && a > c));
+    for driven in 0..2 {
+        assert!(contacts.bodies.iter().any(|b| b[1] == ng + driven), "none on driven {driven}");
+    }
+}
+
+/// Every pair of the heap, whether the broad phase lists it or not.
+#[test]
+fn no_pair_is_missed() {
+    let (mut model, mut motion) = heap(7, 150);
+    // One boulder among them: a body much larger than a cell of the grid.
+    let boulder = cuboid(Vec3::new(0.09, 0.004, 0.07));
+    model.shapes[70] = boulder;
+    let mut rng = Pcg64::seed_from_u64(8);
+    let mut detector = Detector::default();
+    for step in 0..4 {
+        let contacts = scene::detect(&mut detector, &model, &motion);
+        let body = |i: usize| {
+            let pose = Pose { position: motion.position[i], orientation: motion.orientation[i] };
+            Body::new(&model.shapes[i], &pose)
+        };
+        let bodies: Vec<Body> = (0..150).map(body).collect();
+        for i in 0..150 {
+            for j in i + 1..150 {
+                let reach = model.shapes[i].radius + model.shapes[j].radius + 1e-3;
+                if (motion.position[i] - motion.position[j]).norm() > reach {
+                    assert!(contacts.bodies.binary_search(&[i as u32, j as u32]).is_err());
+                    continue;
+                }
+                let (s, _) = oracle::separation(&bodies[i], &bodies[j]);
+                if (s - 1e-3).abs() < 1e-9 {
+                    continue;
+                }
+                let gap =
+                    if s > 0.0 && s < 1e-3 { oracle::distance(&bodies[i], &bodies[j]) } else { s };
+                let found = contacts.bodies.binary_search(&[i as u32, j as u32]).is_ok();
+                assert_eq!(found, gap <= 1e-3, "step {step}, pair {i} {j}, gap {gap:e}");
+            }
+        }
+        stir(&mut motion, &mut rng, step);
+    }
+}
+
+/// A body far off, and one in an impossible place: neither memory nor the others suffer.
+#[test]
+fn far_bodies_are_harmless() {
+    let (model, motion) = heap(9, 100);
+    let near = scene::fresh(&model, &motion);
+    for far in [1e6, 1e15, 1e300, f64::NAN] {
+        let mut motion = motion.clone();
+        motion.position[99] = Vec3::repeat(far);
+        let contacts = scene::fresh(&model, &motion);
+        let others = near.bodies.iter().filter(|b| b[0] != 99 && b[1] != 99).count();
+        let kept = contacts.bodies.iter().filter(|b| b[0] != 99 && b[1] != 99).count();
+        assert_eq!(others, kept, "{far}");
+    }
+}
+
+#[test]
+fn nothing_in_nothing_out() {
+    let model = scene::model(vec![], vec![], 1e-3);
+    assert!(scene::fresh(&model, &Motion::default()).is_empty());
+    let (mut model, motion) = heap(10, 1);
+    model.driven.clear();
+    assert!(scene::fresh(&model, &scene::at_rest(&[Pose::at(motion.position[0])])).is_empty());
+}

@@ -1,0 +1,66 @@
+//! A settled sample of another program, which has overlaps that the program itself did not see.
+
+use crate::oracle::{self, Body};
+use crate::scene;
+use ballast::geometry::hull;
+use ballast::math::{Pose, Quat, Vec3};
+use std::path::PathBuf;
+
+/// The sample's text, or a word on why the test is left out.
+fn sample(name: &str) -> Option<serde_json::Value> {
+    let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/cases");
+    let folder = std::env::var_os("BALLAST_CASES").map_or_else(default, PathBuf::from);
+    let file = folder.join(name);
+    let Ok(text) = std::fs::read_to_string(&file) else {
+        eprintln!("left out: no sample {}; set BALLAST_CASES to its folder", file.display());
+        return None;
+    };
+    Some(serde_json::from_str(&text).expect("the sample is JSON"))
+}
+
+fn numbers(v: &serde_json::Value) -> Vec<f64> {
+    v.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn settled_sample_with_its_overlap_of_5_mm() {
+    let Some(sample) = sample("settled2000.json") else { return };
+    let (mut shapes, mut poses) = (vec![], vec![]);
+    for grain in sample["grains"].as_array().expect("grains") {
+        let points: Vec<Vec3> = grain["vertices"]
+            .as_array()
+            .expect("vertices")
+            .iter()
+            .map(|v| Vec3::from_iterator(numbers(v)))
+            .collect();
+        let (shape, frame) = hull::convex_hull(&points).expect("a grain");
+        let q = numbers(&grain["quaternion"]);
+        let orientation = Quat::new_normalize(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
+        let position = Vec3::from_iterator(numbers(&grain["position"]));
+        poses.push(Pose { position, orientation }.then(&frame));
+        shapes.push(shape);
+    }
+    let model = scene::model(shapes, vec![], 1e-3);
+    let contacts = scene::fresh(&model, &scene::at_rest(&poses));
+    let first = contacts.bodies.partition_point(|b| *b < [671, 771]);
+    assert_eq!(contacts.bodies.get(first), Some(&[671, 771]), "the overlap is missed");
+    let depth = -contacts.gap.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!((depth - 4.98e-3).abs() < 0.01e-3, "{depth}");
+
+    // Every touching pair's gap against the oracle.
+    let body = |b: u32| Body::new(&model.shapes[b as usize], &poses[b as usize]);
+    let mut k = 0;
+    let mut overlaps = 0;
+    while k < contacts.len() {
+        let [i, j] = contacts.bodies[k];
+        let run = contacts.bodies[k..].iter().take_while(|b| **b == [i, j]).count();
+        let gap = contacts.gap[k..k + run].iter().copied().fold(f64::INFINITY, f64::min);
+        let (a, b) = (body(i), body(j));
+        let (s, _) = oracle::separation(&a, &b);
+        let expected = if s > 0.0 { oracle::distance(&a, &b) } else { s };
+        assert!((gap - expected).abs() < 1e-9 * 0.04, "{i} {j}: {gap:e}, {expected:e}");
+        overlaps += usize::from(gap < 0.0);
+        k += run;
+    }
+    assert!(overlaps > 1000, "{overlaps}");
+}
