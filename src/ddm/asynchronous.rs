@@ -163,6 +163,8 @@ struct Tests {
     iterations: u32,
     residuals: Residuals,
     least: Option<f64>,
+    /// Largest `Σ ‖Δv‖²` of a test so far, (m/s)².
+    largest_change: f64,
     solved: bool,
 }
 
@@ -184,9 +186,12 @@ impl Course<'_> {
         let value = tests.residuals.qm16();
         let least = tests.least.map_or(value, |least| least.min(value));
         tests.least = Some(least);
-        // The residual alone is infinite, too, where every contact has just opened.
+        // The residual alone grows, up to infinity, where all contacts open and no impulse is left
+        // to compare with: there the changes fade. Where iterations diverge they grow.
         let overflowed = !(sum.dv_squared + sum.wr_squared).is_finite();
-        let grown = value.is_finite() && value > ALARM.max(GROWTH * least);
+        let fades = sum.dv_squared <= tests.largest_change;
+        tests.largest_change = tests.largest_change.max(sum.dv_squared);
+        let grown = !fades && value > ALARM.max(GROWTH * least);
         if overflowed || grown {
             self.diverged.store(true, Ordering::Relaxed);
             self.stop.store(true, Ordering::Relaxed);

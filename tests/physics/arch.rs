@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 const VOUSSOIRS: usize = 16;
 
 /// An arch in the x-z plane of mean radius 1 m, springing from the floor.
-pub fn arch(thickness: f64, schedule: Schedule) -> Scene {
+fn arch(thickness: f64, schedule: Schedule) -> Scene {
     let mut scene = Scene::new(2_000_000, 1.0).scheduled(schedule, [3, 1, 1]);
     scene.model.solver.tolerance = Some(1e-6);
     // The same for both arches: what stands must not fall for want of sweeps.
