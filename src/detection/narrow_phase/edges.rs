@@ -47,7 +47,7 @@ impl NearEdge {
     }
 
     /// Whether the parts of both edges may be closer than `reach`.
-    fn may_reach(&self, other: &NearEdge, reach: f64) -> bool {
+    pub fn may_reach(&self, other: &NearEdge, reach: f64) -> bool {
         let r = self.radius + other.radius + reach;
         (self.centre - other.centre).norm_squared() <= r * r
     }

@@ -81,7 +81,8 @@ pub struct Scratch {
     b_in_a: Cloud,
     near_a: Vec<NearEdge>,
     near_b: Vec<NearEdge>,
-    is_near: Vec<bool>,
+    /// Heights of vertices over the slab.
+    heights: Vec<f64>,
     polygon: [Vec<ClipVertex>; 2],
     candidates: Vec<Candidate>,
 }
@@ -212,9 +213,11 @@ impl Pair<'_> {
         scratch: &mut Scratch,
     ) -> Found<()> {
         self.gather(normal, self.alert - separation, scratch);
-        let Some(c) = edges::closest_points(&scratch.near_a, &scratch.near_b) else {
-            self.push_support(normal, separation, scratch);
-            return Ok(());
+        let (near_a, near_b) = (&scratch.near_a, &scratch.near_b);
+        let Some(c) = edges::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
+            // Apart. The next step asks again unless this direction happens to tell.
+            let any = edges::closest_points(near_a, near_b, f64::INFINITY);
+            return Err(any.map_or(*normal, |c| (c.on_b - c.on_a).normalize()));
         };
         let distance = c.distance_squared.sqrt();
         if distance > self.alert {
@@ -265,13 +268,14 @@ impl Pair<'_> {
     /// Fills the lists of edges with an end at most `slab` off the support planes along `n`.
     fn gather(&self, n: &Vec3, slab: f64, scratch: &mut Scratch) {
         let (a, b) = (self.a.shape, self.b.shape);
-        let slab = slab + SLAB * self.size;
-        let is_near = &mut scratch.is_near;
-        cloud::near_highest(a, n, slab, is_near);
-        edges::near_edges(a, is_near, &mut scratch.near_a, |e| edges::edge_of_a(a, e));
-        scratch.b_in_a.near_lowest(n, slab, is_near);
+        // Finite, so that heights are numbers when all edges are asked for.
+        let slab = (slab + SLAB * self.size).min(10.0 * self.size);
+        let heights = &mut scratch.heights;
+        scratch.a_in_b.heights(&-self.rotation.tr_mul(n), slab, heights);
+        edges::near_edges(a, heights, &mut scratch.near_a, |e| edges::edge_of_a(a, e));
+        scratch.b_in_a.heights(n, slab, heights);
         let (b_in_a, rotation) = (&scratch.b_in_a, &self.rotation);
-        edges::near_edges(b, is_near, &mut scratch.near_b, |e| {
+        edges::near_edges(b, heights, &mut scratch.near_b, |e| {
             edges::edge_of_b(b, b_in_a, rotation, e)
         });
     }
@@ -331,8 +335,9 @@ impl Pair<'_> {
         };
         let certain = common.is_some_and(|p| self.in_both(p));
         let depth = -separation;
-        self.gather(&normal, depth + if certain { depth } else { depth.max(self.alert) }, scratch);
-        let best = self.best_near_edges(floor, scratch);
+        let reach = if certain { depth } else { depth.max(self.alert) };
+        self.gather(&normal, depth + reach, scratch);
+        let best = self.best_near_edges(floor, reach, scratch);
         let decided = certain
             || best.as_ref().is_some_and(|e| {
                 let c = self.closest_on(e, scratch);
@@ -343,12 +348,13 @@ impl Pair<'_> {
         }
         // Neither a separating axis nor a common point is at hand: ask all edges.
         self.gather(&normal, f64::INFINITY, scratch);
-        self.best_near_edges(floor, scratch)
+        self.best_near_edges(floor, f64::INFINITY, scratch)
     }
 
-    fn best_near_edges(&self, floor: f64, scratch: &Scratch) -> Option<EdgeAxis> {
+    fn best_near_edges(&self, floor: f64, reach: f64, scratch: &Scratch) -> Option<EdgeAxis> {
         let (a, b) = (&scratch.near_a, &scratch.near_b);
-        edges::best_edge_axis(self.a.shape, &scratch.b_in_a, a, b, floor)
+        let reach = reach + SLAB * self.size;
+        edges::best_edge_axis(self.a.shape, &scratch.b_in_a, a, b, floor, reach)
     }
 
     /// The deepest of `scratch.candidates`, in the frame of A.
@@ -470,7 +476,8 @@ impl Pair<'_> {
             let vertex = (feature::vertex_of_b(v), b_in_a.get(v), -1.0);
             axis.vertex(vertex, a, (&b_in_a.get(v), &-n), candidates);
         }
-        axis.crossings((a, near_a), (b, near_b), candidates);
+        let reach = self.alert.max(-separation) + SLAB * self.size;
+        axis.crossings((a, near_a), (b, near_b), reach, candidates);
     }
 
     /// Turns the candidates, at most four and in the frame of A, into contact points of the world.

@@ -42,11 +42,12 @@ impl Axis {
         }
     }
 
-    /// Appends the crossings of edges that face each other.
+    /// Appends the crossings of edges that face each other and come within `reach` of each other.
     pub fn crossings(
         &self,
         (a, near_a): (&Polyhedron, &[NearEdge]),
         (b, near_b): (&Polyhedron, &[NearEdge]),
+        reach: f64,
         out: &mut Vec<Candidate>,
     ) {
         let n = &self.normal;
@@ -54,6 +55,9 @@ impl Axis {
             // n × edge: its product with a vector is that vector's distance beside the edge.
             let beside = n.cross(&ea.along);
             for eb in near_b.iter().filter(|e| e.looks_along(&-n)) {
+                if !ea.may_reach(eb, reach) {
+                    continue;
+                }
                 let between = eb.start - ea.start;
                 // Ends of eb on one side of ea: most pairs.
                 let (p, q) = (beside.dot(&between), beside.dot(&(between + eb.along)));
