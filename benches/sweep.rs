@@ -29,7 +29,7 @@ fn main() {
         for arithmetic in Arithmetic::available() {
             let mut set = ContactSet::default();
             set.set_arithmetic(arithmetic);
-            set.pack(problem, &contacts, &grains, grains.len());
+            set.pack(problem, &contacts, grains.len(), |g| g);
             set.lines[..grains.len()].copy_from_slice(&problem.lines);
             set.apply_impulses();
             let slow = arithmetic == Arithmetic::PORTABLE && cfg!(target_arch = "x86_64");

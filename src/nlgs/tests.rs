@@ -10,7 +10,7 @@ fn whole(problem: &LocalProblem) -> ContactSet {
     let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
     let lines: Vec<u32> = (0..problem.grain_count() as u32).collect();
     let mut set = ContactSet::default();
-    set.pack(problem, &contacts, &lines, lines.len());
+    set.pack(problem, &contacts, lines.len(), |g| lines[g as usize]);
     set.lines[..lines.len()].copy_from_slice(&problem.lines);
     set.apply_impulses();
     set
@@ -91,7 +91,7 @@ fn contacts_between_grains_keep_momentum() {
         .collect();
     let lines: Vec<u32> = (0..ng).collect();
     let mut set = ContactSet::default();
-    set.pack(&scene.problem, &pairs, &lines, lines.len());
+    set.pack(&scene.problem, &pairs, lines.len(), |g| lines[g as usize]);
     set.lines[..lines.len()].copy_from_slice(&scene.problem.lines);
     let momentum = |set: &ContactSet| {
         (0..ng as usize).fold((Vec3::zeros(), Vec3::zeros()), |(p, l), g| {
@@ -200,7 +200,7 @@ fn any_split_of_the_contacts_reaches_the_same_velocities() {
     let ng = scene.problem.grain_count();
     let lines: Vec<u32> = (0..ng as u32).map(|g| (g * 7 + 3) % ng as u32).collect();
     let mut other = ContactSet::default();
-    other.pack(&scene.problem, &reversed, &lines, ng);
+    other.pack(&scene.problem, &reversed, ng, |g| lines[g as usize]);
     for g in 0..ng {
         other.lines[lines[g] as usize] = scene.problem.lines[g];
     }
