@@ -26,7 +26,7 @@ pub struct LawRows {
     pub tangent_ratio: Row32,
     /// μ.
     pub friction: Row32,
-    /// Where the next slip solve starts: the last one's result, see [`super::visit`].
+    /// Where the next slip solve starts: the last one's result.
     pub slip: Row32,
 }
 

@@ -1,5 +1,5 @@
 //! Signorini-Coulomb at one contact, for any Delassus block: plain, scalar, the oracle of
-//! [`super::visit`].
+//! the kernel's visit.
 
 use crate::math::{Mat3, Vec3};
 

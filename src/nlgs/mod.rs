@@ -1,7 +1,7 @@
 //! Non-linear Gauss-Seidel: sweeps of contact visits over a set of contacts.
 //!
 //! [`ContactSet`] is what runs: blocks of eight independent contacts, body velocities as the running
-//! state, one arithmetic for every processor. [`reference`] is what it is checked with: the same
+//! state, one arithmetic for every processor. [`mod@reference`] is what it is checked with: the same
 //! method written plainly and with the assembled Delassus operator.
 
 pub mod block;
