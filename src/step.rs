@@ -38,13 +38,13 @@ pub fn step(
     watch.lap(Phase::NarrowPhase);
 
     warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
+    ws.impulse.iter_mut().for_each(|f| *f *= model.solver.warm_start);
     watch.lap(Phase::WarmStart);
 
     divide(model, ws);
     watch.lap(Phase::Partition);
 
-    let start = if model.solver.warm_start { ws.impulse.as_slice() } else { &[] };
-    ws.problem.build(model, state, &ws.motion, &ws.contacts, start);
+    ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
     watch.lap(Phase::LocalProblem);
 
     ws.decomposition.pack(&ws.problem);

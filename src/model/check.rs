@@ -74,6 +74,12 @@ impl Model {
             solver.relaxation,
         )?;
         expect(
+            (0.0..=1.0).contains(&solver.warm_start),
+            "solver.warm_start",
+            "between 0 and 1",
+            solver.warm_start,
+        )?;
+        expect(
             solver.tolerance.is_none_or(|t| t.is_finite() && t > 0.0),
             "solver.tolerance",
             "finite, above 0",

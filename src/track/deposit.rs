@@ -202,7 +202,7 @@ fn pouring<'a>(
             interface_sweeps: 1,
             tolerance: None,
             relaxation: 1.0,
-            warm_start: true,
+            warm_start: 1.0,
             ..plan.run.solver
         },
         grain_friction: preparation.friction,

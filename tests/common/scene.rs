@@ -139,7 +139,7 @@ pub fn tight(schedule: Schedule, partition: PartitionRule) -> Solver {
         norm: Norm::Qm16,
         check_every: 5,
         relaxation: 1.0,
-        warm_start: true,
+        warm_start: 1.0,
     }
 }
 

@@ -207,7 +207,7 @@ fn constants(model: &Model) -> Vec<Column> {
         text("solver/norm", vec![name_of(&NORMS, norm).into()]),
         u32s("solver/check_every", vec![check_every]),
         f64s("solver/relaxation", vec![relaxation]),
-        Column { name: "solver/warm_start", width: 1, data: Data::U8(vec![warm_start as u8]) },
+        f64s("solver/warm_start", vec![warm_start]),
     ]
 }
 

@@ -192,13 +192,7 @@ fn solver(source: &Source) -> Result<Solver> {
         norm: source.choice("solver/norm", &NORMS)?,
         check_every: source.number("solver/check_every")?,
         relaxation: source.real("solver/relaxation")?,
-        warm_start: match source.number::<u8>("solver/warm_start")? {
-            0 => false,
-            1 => true,
-            found => {
-                return Err(Fault::new("solver/warm_start", "0 or 1", found).in_file(source.path));
-            }
-        },
+        warm_start: source.real("solver/warm_start")?,
     })
 }
 

@@ -151,7 +151,7 @@ impl Key {
             Norm::NaturalMap => 2,
         });
         self.number(*relaxation);
-        self.integer(u64::from(*warm_start));
+        self.number(*warm_start);
     }
 
     fn sleeper(&mut self, sleeper: &SleeperPlan) {

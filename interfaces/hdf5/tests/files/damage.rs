@@ -121,7 +121,7 @@ fn senseless_values_are_refused_with_their_place() {
         ("model: stepping.theta", |f| set(f, "stepping/theta", 0, 0.0)),
         ("model: solver.relaxation", |f| set(f, "solver/relaxation", 0, 0.0)),
         ("solver/check_every", |f| set(f, "solver/check_every", 0, 0_u32)),
-        ("solver/warm_start: expected 0 or 1, found 2", |f| set(f, "solver/warm_start", 0, 2_u8)),
+        ("model: solver.warm_start", |f| set(f, "solver/warm_start", 0, 2.0)),
         ("parts/kind: expected 0", |f| set(f, "parts/kind", 0, 7_u8)),
         ("expected a known shape", |f| set(f, "parts/shape", 2, 99_u32)),
         ("driven/role: expected", |f| set(f, "driven/role", 0, text("king"))),

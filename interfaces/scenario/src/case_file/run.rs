@@ -85,8 +85,10 @@ pub struct Solver {
     /// Relaxation of each contact visit.
     #[schemars(with = "Ratio")]
     pub relaxation: f64,
-    /// Start from the impulses of the previous step.
-    pub warm_start: bool,
+    /// Share of the previous step's impulses that a step starts from. 1 needs the fewest sweeps at
+    /// rest; below 1, forces that a jam has pressed in fade when the tools have passed.
+    #[schemars(with = "Fraction")]
+    pub warm_start: f64,
 }
 
 impl Default for Solver {
@@ -103,7 +105,7 @@ impl Default for Solver {
             norm: Norm::Qm16,
             check_every: 10,
             relaxation: 1.0,
-            warm_start: true,
+            warm_start: 0.5,
         }
     }
 }
