@@ -43,18 +43,77 @@ fn stacked_cuboids_touch_in_four_points_whatever_rounding_does() {
     }
 }
 
-/// Identities stay while the same features touch.
+/// A box that leans on a box, less than the alert distance along its length, is held all around.
+#[test]
+fn leaning_cuboids_touch_in_four_points() {
+    let shape = cuboid(Vec3::new(0.02, 0.03, 0.01));
+    for lean in [1e-6, 1e-4, 1e-3, 1e-2] {
+        for about in [Vec3::x(), Vec3::y(), Vec3::new(0.6, 0.8, 0.0), Vec3::new(-0.8, 0.6, 0.0)] {
+            for angle in [0.0, 0.3] {
+                let turn =
+                    Quat::from_scaled_axis(about * lean) * Quat::from_euler_angles(0.0, 0.0, angle);
+                let pose = Pose { position: Vec3::new(1e-3, 0.0, 0.02), orientation: turn };
+                let c = two(&shape, &shape, pose, 1e-3);
+                let told = || format!("lean {lean:e} about {about:?}, angle {angle}: {c:?}");
+                assert_eq!(c.len(), 4, "{}", told());
+                assert!(area(&c.point) > 0.5 * 0.04 * 0.04, "{}", told());
+                let depth = c.gap.iter().fold(0.0, |d: f64, g| d.max(-g));
+                assert!(depth > 0.0 && c.gap.iter().all(|g| *g < 1e-3), "{}", told());
+            }
+        }
+    }
+}
+
+/// Identities stay while the same features touch, and one of them stays the deepest.
 #[test]
 fn features_survive_a_small_motion() {
     let shape = cuboid(Vec3::new(0.02, 0.03, 0.01));
     let at = |k: f64| {
-        let turn = Quat::from_euler_angles(1e-7 * k, -2e-7 * k, 0.3 + 1e-6 * k);
+        let turn = Quat::from_euler_angles(1e-5 + 1e-7 * k, -2e-5 - 2e-7 * k, 0.3 + 1e-6 * k);
         let position = Vec3::new(1e-3 + 1e-6 * k, 0.0, 0.02 - 1e-7 * k);
         two(&shape, &shape, Pose { position, orientation: turn }, 1e-3).feature
     };
     let first = at(0.0);
     assert_eq!(first.len(), 4);
     (1..5).for_each(|k| assert_eq!(at(f64::from(k)), first));
+}
+
+/// Nor does rounding change them where all points are equally deep.
+#[test]
+fn features_survive_rounding() {
+    let shape = cuboid(Vec3::new(0.02, 0.03, 0.01));
+    let at = |k: f64| {
+        let turn = Quat::from_euler_angles(1e-14 * k, -2e-14 * k, 0.3);
+        let position = Vec3::new(1e-15 * k, 0.0, 0.02);
+        two(&shape, &shape, Pose { position, orientation: turn }, 1e-3).feature
+    };
+    let first = at(0.0);
+    assert_eq!(first.len(), 4);
+    (-5..5).for_each(|k| assert_eq!(at(f64::from(k)), first, "{k}"));
+}
+
+/// The tip of a cone is deepest, in the middle of a ring that is about to touch: the four kept
+/// points hold it from all sides.
+#[test]
+fn a_tip_is_held_from_all_sides() {
+    let ring = |k: usize| {
+        let angle = 0.25 * PI * k as f64;
+        Vec3::new(0.02 * angle.cos(), 0.02 * angle.sin(), 1e-4)
+    };
+    let mut points: Vec<Vec3> = (0..8).map(ring).collect();
+    points.extend([Vec3::zeros(), Vec3::new(0.0, 0.0, 0.03)]);
+    let (cone, frame) = hull::convex_hull(&points).expect("a cone");
+    let base = cuboid(Vec3::new(0.05, 0.05, 0.01));
+    let c = two(&base, &cone, Pose::at(Vec3::new(2e-3, 1e-3, 0.01)).then(&frame), 1e-3);
+    assert_eq!(c.len(), 4, "{c:?}");
+    let tip = (0..4).min_by(|i, j| c.gap[*i].total_cmp(&c.gap[*j])).expect("four");
+    let outward: Vec<Vec3> =
+        (0..4).filter(|k| *k != tip).map(|k| c.point[k] - c.point[tip]).collect();
+    for k in 0..16 {
+        let angle = PI / 8.0 * f64::from(k);
+        let way = Vec3::new(angle.cos(), angle.sin(), 0.0);
+        assert!(outward.iter().any(|p| p.dot(&way) > 0.005), "nothing at {angle}: {c:?}");
+    }
 }
 
 #[test]

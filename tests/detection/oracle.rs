@@ -40,6 +40,28 @@ impl Body {
         let planes = self.normals.iter().zip(&self.offsets);
         planes.fold(f64::NEG_INFINITY, |o, (n, d)| o.max(n.dot(x) - d))
     }
+
+    /// Whether `x` is on the surface, to the tolerance, on a face that looks along `towards`.
+    pub fn faces_at(&self, x: &Vec3, tolerance: f64, towards: &Vec3) -> bool {
+        let on = |(n, d): (&Vec3, &f64)| n.dot(towards) > 0.0 && (n.dot(x) - d).abs() <= tolerance;
+        self.outside(x) <= tolerance && self.normals.iter().zip(&self.offsets).any(on)
+    }
+
+    /// The heights along `n` between which the line through `x` is in the body.
+    fn chord(&self, x: &Vec3, n: &Vec3) -> Option<[f64; 2]> {
+        let mut chord = [f64::NEG_INFINITY, f64::INFINITY];
+        for (m, d) in self.normals.iter().zip(&self.offsets) {
+            let (slope, room) = (m.dot(n), d - m.dot(x));
+            if slope < -1e-6 {
+                chord[0] = chord[0].max(room / slope);
+            } else if slope > 1e-6 {
+                chord[1] = chord[1].min(room / slope);
+            } else if room < 0.0 {
+                return None;
+            }
+        }
+        (chord[0] <= chord[1]).then_some(chord)
+    }
 }
 
 /// Separation from A to B along `n` or `-n`, whichever is larger, and the direction.
@@ -126,4 +148,60 @@ fn segment_distance([p0, p1]: &[Vec3; 2], [q0, q1]: &[Vec3; 2]) -> f64 {
         }
     }
     best
+}
+
+/// Places of the corners of the gap from A to B along `n` that are no wider than `widest`: vertices
+/// and crossings of edges of the surfaces that face each other, each measured by the chords of the
+/// line through it.
+pub fn corners(a: &Body, b: &Body, n: &Vec3, widest: f64) -> Vec<Vec3> {
+    let tolerance = 1e-9 * (a.vertices[0] - a.vertices[1]).norm();
+    // A point of the surface of A or of B, or a point of A that is `gap` below one of B.
+    let narrow = |x: &Vec3, of_a: bool, gap: Option<f64>| {
+        let (Some(in_a), Some(in_b)) = (a.chord(x, n), b.chord(x, n)) else { return false };
+        let facing = if of_a { in_a[1] } else { in_b[0] };
+        let on_b = gap.is_none_or(|g| (g - in_b[0]).abs() <= tolerance);
+        facing.abs() <= tolerance && on_b && in_b[0] - in_a[1] <= widest
+    };
+    let crossing = |[p0, p1]: &[Vec3; 2], [q0, q1]: &[Vec3; 2]| {
+        let (d, e, r) = (p1 - p0, q1 - q0, q0 - p0);
+        let turn = n.dot(&d.cross(&e));
+        let (s, t) = (n.dot(&r.cross(&e)) / turn, n.dot(&r.cross(&d)) / turn);
+        let inside = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
+        let (x, gap) = (p0 + d * s, n.dot(&(r + e * t - d * s)));
+        let flat = turn.abs() > 1e-6 * d.norm() * e.norm();
+        (inside && flat && narrow(&x, true, Some(gap))).then_some(x)
+    };
+    let crossings = a
+        .edges
+        .iter()
+        .flat_map(|p| b.edges.iter().filter_map(|q| crossing(p, q)).collect::<Vec<_>>());
+    let of_a = a.vertices.iter().filter(|v| narrow(v, true, None));
+    let of_b = b.vertices.iter().filter(|v| narrow(v, false, None));
+    of_a.chain(of_b).copied().chain(crossings).collect()
+}
+
+/// Area of the points' hull seen along `n`: what is between its upper and its lower chain.
+pub fn hull_area(points: &[Vec3], n: &Vec3) -> f64 {
+    let aside = if n.x.abs() < 0.6 { Vec3::x() } else { Vec3::y() };
+    let t = n.cross(&aside).normalize();
+    let s = n.cross(&t);
+    let mut flat: Vec<[f64; 2]> = points.iter().map(|p| [t.dot(p), s.dot(p)]).collect();
+    flat.sort_by(|p, q| p[0].total_cmp(&q[0]).then(p[1].total_cmp(&q[1])));
+    let turn = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
+        (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
+    };
+    // The area under a chain of points from left to right, on the given side of all others.
+    let under = |side: f64| {
+        let mut chain: Vec<[f64; 2]> = Vec::new();
+        for &p in &flat {
+            while let [.., o, last] = chain[..]
+                && side * turn(o, last, p) >= 0.0
+            {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.windows(2).map(|w| 0.5 * (w[0][1] + w[1][1]) * (w[1][0] - w[0][0])).sum::<f64>()
+    };
+    under(1.0) - under(-1.0)
 }

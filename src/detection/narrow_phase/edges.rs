@@ -53,13 +53,6 @@ impl NearEdge {
     }
 }
 
-impl NearEdge {
-    /// Whether one of its faces looks along `n`.
-    pub fn looks_along(&self, n: &Vec3) -> bool {
-        self.left.dot(n) > 0.0 || self.right.dot(n) > 0.0
-    }
-}
-
 /// An axis perpendicular to an edge of A and an edge of B.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeAxis {

@@ -72,16 +72,3 @@ pub fn best_face(
 pub fn contains(shape: &Polyhedron, x: &Vec3, tolerance: f64) -> bool {
     shape.face_normals.iter().zip(&shape.face_offsets).all(|(n, d)| n.dot(x) - d <= tolerance)
 }
-
-/// Of the faces through `corner` the one that faces most against `n`: the face whose points come
-/// first when the body moves along `-n`.
-pub fn incident_face(shape: &Polyhedron, corner: &Vec3, n: &Vec3, tolerance: f64) -> usize {
-    let mut best = (f64::INFINITY, 0);
-    for (f, (normal, d)) in shape.face_normals.iter().zip(&shape.face_offsets).enumerate() {
-        let c = normal.dot(n);
-        if c < best.0 && (normal.dot(corner) - d).abs() <= tolerance {
-            best = (c, f);
-        }
-    }
-    best.1
-}

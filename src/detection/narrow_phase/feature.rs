@@ -6,44 +6,6 @@
 const PART_SHIFT: u32 = 52;
 const KIND_SHIFT: u32 = 50;
 
-/// Which polygon edge a clipped vertex lies on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct EdgeLabel(u64);
-
-impl EdgeLabel {
-    /// Edge of the incident face that starts at vertex `v`.
-    pub fn incident(v: u16) -> Self {
-        Self(u64::from(v))
-    }
-
-    /// Side `k` of the reference face.
-    pub fn side(k: usize) -> Self {
-        Self(0x1_0000 | (k as u64 & 0xffff))
-    }
-}
-
-/// Corner of a clipped polygon: 34 bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Corner(u64);
-
-impl Corner {
-    /// Vertex `v` of the incident face.
-    pub fn vertex(v: u16) -> Self {
-        // No corner lies on one edge twice, so equal labels are free for vertices.
-        Self(u64::from(v) << 17 | u64::from(v))
-    }
-
-    /// Where two edges cross, in either order.
-    pub fn crossing(a: EdgeLabel, b: EdgeLabel) -> Self {
-        Self(a.0.min(b.0) << 17 | a.0.max(b.0))
-    }
-}
-
-/// A corner of the incident face clipped by face `face` of A (`of_b` false) or of B.
-pub fn face(of_b: bool, face: usize, corner: Corner) -> u64 {
-    u64::from(of_b) << KIND_SHIFT | (face as u64 & 0xffff) << 34 | corner.0
-}
-
 /// An edge or, at one end of it, a vertex: 25 bits.
 fn edge_or_vertex(edge: u32, vertices: [u16; 2], parameter: f64) -> u64 {
     if parameter <= 0.0 {
@@ -55,7 +17,7 @@ fn edge_or_vertex(edge: u32, vertices: [u16; 2], parameter: f64) -> u64 {
     }
 }
 
-/// Closest points on an edge (or its end) of A and one of B: (edge, its vertices, parameter).
+/// Points on an edge (or its end) of A and one of B: (edge, its vertices, parameter).
 pub fn edges(a: (u32, [u16; 2], f64), b: (u32, [u16; 2], f64)) -> u64 {
     2 << KIND_SHIFT | edge_or_vertex(a.0, a.1, a.2) << 25 | edge_or_vertex(b.0, b.1, b.2)
 }

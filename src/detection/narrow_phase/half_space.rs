@@ -22,7 +22,7 @@ pub fn touch_half_space(a: Solid, normal: &Vec3, offset: f64, alert: f64, scratc
             candidates.push(Candidate { point: *vertex, gap, feature: feature::vertex(v) });
         }
     }
-    reduce::keep_four(candidates, &n, alert, 0.0);
+    reduce::keep_four(candidates, &n, alert, a.shape.radius);
     scratch.points.extend(candidates.iter().map(|c| Point {
         feature: c.feature,
         point: a.pose.point(&c.point) - normal * (0.5 * c.gap),

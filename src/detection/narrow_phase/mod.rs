@@ -1,20 +1,23 @@
 //! Contact points of two convex polyhedra.
 //!
-//! Reads: two shapes and their poses. Writes: at most four points. Cost: under a microsecond per
-//! touching pair of ballast grains, a tenth of it for a pair that was apart before.
+//! Reads: two shapes and their poses. Writes: at most four points. Cost: some microseconds per
+//! touching pair of ballast grains, a tenth of a microsecond for a pair that was apart before.
 //!
 //! 1. An axis that separated the pair before rejects it, if it still does.
 //! 2. Face normals of both bodies ([`faces`]), then axes perpendicular to two edges ([`edges`]):
 //!    the axis of largest separation over all of them. For bodies that overlap this is
 //!    the axis of least depth.
-//! 3. Along a face's axis, the overlap of the two faces ([`clip`]), at most four points
-//!    ([`reduce`]). Otherwise the closest points of two edges.
-//! 4. Bodies apart whose closest points are at vertices have one contact along the line between them.
+//! 3. Bodies apart whose closest points are at vertices have as axis the line between them.
+//! 4. Along the axis, the patch: all corners of the gap up to the alert distance ([`patch`]), of
+//!    which the four that best stand for it are reported ([`reduce`]). The patch of a face's axis
+//!    also tells where the bodies are closest or overlap, and so which edges step 2 has to ask.
 //!
 //! Contract: the result depends on shapes and poses alone, not on [`PairMemory`]. Two bodies at a
-//! distance of at most `alert` have a contact, others have none.
+//! distance of at most `alert` have a contact, others have none; the lowest gap is that distance or,
+//! for bodies that overlap, minus the least depth. The points' feet, half a gap to either side along
+//! the common normal, are on the surfaces that face each other; feet of wide gaps may be a
+//! little beside the overlap.
 
-mod clip;
 mod cloud;
 mod edges;
 mod faces;
@@ -25,10 +28,10 @@ mod reduce;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Mat3, Pose, Vec3};
-use clip::ClipVertex;
 use cloud::Cloud;
 use edges::{ClosestPoints, EdgeAxis, NearEdge};
 use faces::FaceAxis;
+use patch::Sides;
 use reduce::Candidate;
 
 pub use feature::on_part;
@@ -83,7 +86,7 @@ pub struct Scratch {
     near_b: Vec<NearEdge>,
     /// Heights of vertices over the slab.
     heights: Vec<f64>,
-    polygon: [Vec<ClipVertex>; 2],
+    sides: Sides,
     candidates: Vec<Candidate>,
 }
 
@@ -126,7 +129,6 @@ struct Pair<'a> {
 #[derive(Debug, Clone, Copy)]
 struct BestFace {
     of_b: bool,
-    face: usize,
     /// From A to B, in the frame of A.
     normal: Vec3,
     separation: f64,
@@ -181,7 +183,11 @@ impl Pair<'_> {
             }
             Some(e) => self.closest_points(&e.normal, e.separation, memory, scratch),
             None => {
-                self.push_support(&face.normal, face.separation, scratch);
+                // Without a known axis, the search began with the patch along the face's.
+                if known.is_some() {
+                    self.find_patch(&face.normal, face.separation, scratch);
+                }
+                self.push_face(&face, scratch);
                 Ok(())
             }
         }
@@ -194,10 +200,10 @@ impl Pair<'_> {
         memory: &mut PairMemory,
         scratch: &mut Scratch,
     ) -> Found<()> {
-        self.clip_along(face, scratch);
+        self.find_patch(&face.normal, face.separation, scratch);
         // Points of both surfaces that are as close as the axis says: nothing is closer.
         if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
-            self.push_support(&face.normal, face.separation, scratch);
+            self.push_face(face, scratch);
             return Ok(());
         }
         self.closest_points(&face.normal, face.separation, memory, scratch)
@@ -258,10 +264,10 @@ impl Pair<'_> {
         memory.faces = [on_a.face, on_b.face].map(|f| f as u16 + 1);
         Ok(if on_b.separation > floor {
             let normal = -(self.rotation * b.face_normals[on_b.face]);
-            BestFace { of_b: true, face: on_b.face, normal, separation: on_b.separation }
+            BestFace { of_b: true, normal, separation: on_b.separation }
         } else {
             let separation = on_a.separation;
-            BestFace { of_b: false, face: on_a.face, normal: normal_a, separation }
+            BestFace { of_b: false, normal: normal_a, separation }
         })
     }
 
@@ -330,8 +336,8 @@ impl Pair<'_> {
             let c = self.closest_on(e, scratch);
             (e.normal, e.separation, Some((c.on_a + c.on_b) * 0.5))
         } else {
-            self.clip_along(face, scratch);
-            (face.normal, face.separation, self.deepest_candidate(face, scratch))
+            self.find_patch(&face.normal, face.separation, scratch);
+            (face.normal, face.separation, deepest(&scratch.candidates).map(|c| c.point))
         };
         let certain = common.is_some_and(|p| self.in_both(p));
         let depth = -separation;
@@ -357,13 +363,6 @@ impl Pair<'_> {
         edges::best_edge_axis(self.a.shape, &scratch.b_in_a, a, b, floor, reach)
     }
 
-    /// The deepest of `scratch.candidates`, in the frame of A.
-    fn deepest_candidate(&self, face: &BestFace, scratch: &Scratch) -> Option<Vec3> {
-        let deeper = |d: Candidate, c: Candidate| if c.gap < d.gap { c } else { d };
-        let c = scratch.candidates.iter().copied().reduce(deeper)?;
-        Some(if face.of_b { self.rotation * c.point + self.offset } else { c.point })
-    }
-
     fn in_both(&self, p: Vec3) -> bool {
         let tolerance = INSIDE * self.size;
         faces::contains(self.a.shape, &p, tolerance)
@@ -374,49 +373,6 @@ impl Pair<'_> {
         let [ea, eb] = e.edges;
         let found = edges::closest_on_segments(&scratch.near_a[ea], &scratch.near_b[eb]);
         ClosestPoints { edges: e.edges, ..found }
-    }
-
-    /// Leaves in `scratch.candidates` the overlap of the best face and the other body's face
-    /// against it, in the frame of the face's body.
-    fn clip_along(&self, face: &BestFace, scratch: &mut Scratch) {
-        // Against the other body's own frame, where its face normals are.
-        let (other, cloud, axis, against) = if face.of_b {
-            let axis = self.b.shape.face_normals[face.face];
-            (self.a.shape, &scratch.a_in_b, axis, -face.normal)
-        } else {
-            let against = self.rotation.tr_mul(&face.normal);
-            (self.b.shape, &scratch.b_in_a, face.normal, against)
-        };
-        let corner = &other.vertices[cloud.first_at(&axis, cloud.lowest(&axis))];
-        let incident = faces::incident_face(other, corner, &against, SLAB * other.radius);
-        self.clip(face, incident, &axis, scratch);
-    }
-
-    /// The overlap, seen along `axis`, of face `face` and face `incident` of the other body; gaps
-    /// are measured along the axis. All in the frame of the face's body.
-    fn clip(&self, face: &BestFace, incident: usize, axis: &Vec3, scratch: &mut Scratch) {
-        let (reference, other) = if face.of_b {
-            (self.b.shape, (self.a.shape, &scratch.a_in_b, incident))
-        } else {
-            (self.a.shape, (self.b.shape, &scratch.b_in_a, incident))
-        };
-        let [polygon, spare] = &mut scratch.polygon;
-        let tolerance = TIE * self.size;
-        clip::clip_faces(reference, face.face, axis, other, tolerance, [polygon, spare]);
-        let (normal, offset) =
-            (&reference.face_normals[face.face], reference.face_offsets[face.face]);
-        let slope = normal.dot(axis);
-        scratch.candidates.clear();
-        for v in polygon.iter() {
-            let gap = (normal.dot(&v.point) - offset) / slope;
-            if gap <= self.alert {
-                scratch.candidates.push(Candidate {
-                    point: v.point - axis * (0.5 * gap),
-                    gap,
-                    feature: feature::face(face.of_b, face.face, v.corner),
-                });
-            }
-        }
     }
 
     /// Reports the contact of two edges and remembers them.
@@ -434,50 +390,55 @@ impl Pair<'_> {
             (eb, self.b.shape.edges[eb as usize].vertices, c.parameter[1]),
         );
         let point = (c.on_a + c.on_b) * 0.5;
+        self.find_patch(normal, gap, scratch);
         self.push_patch(normal, Candidate { point, gap, feature }, scratch);
     }
 
-    /// Reports the contact along an axis whose closest features are not known.
-    fn push_support(&self, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
-        let back = -self.rotation.tr_mul(normal);
-        let v = scratch.a_in_b.first_at(&back, scratch.a_in_b.lowest(&back));
-        let point = self.a.shape.vertices[v] + normal * (0.5 * gap);
-        let closest = Candidate { point, gap, feature: feature::vertex(v) };
-        self.push_patch(normal, closest, scratch);
+    /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
+    fn push_face(&self, face: &BestFace, scratch: &mut Scratch) {
+        let (normal, gap) = (&face.normal, face.separation);
+        let (vertex, feature, side) = if face.of_b {
+            let back = -self.rotation.tr_mul(normal);
+            let v = scratch.a_in_b.first_at(&back, scratch.a_in_b.lowest(&back));
+            (self.a.shape.vertices[v], feature::vertex(v), 1.0)
+        } else {
+            let v = scratch.b_in_a.first_at(normal, scratch.b_in_a.lowest(normal));
+            (scratch.b_in_a.get(v), feature::vertex_of_b(v), -1.0)
+        };
+        let point = vertex + normal * (0.5 * side * gap);
+        self.push_patch(normal, Candidate { point, gap, feature }, scratch);
     }
 
-    /// Reports the four points that best stand for the patch along `normal`; `closest` is one of its
-    /// deepest points, and is reported if rounding hides it.
+    /// Reports the four of `scratch.candidates`, the patch along `normal`, that best stand for it.
+    ///
+    /// `closest` is where the gap is the axis's separation, which no corner's is below but for
+    /// rounding; it is reported if rounding hides it from the patch.
     fn push_patch(&self, normal: &Vec3, closest: Candidate, scratch: &mut Scratch) {
-        self.find_patch(normal, closest.gap, scratch);
         let candidates = &mut scratch.candidates;
         if lowest_gap(candidates) > closest.gap + LOOSE * self.size {
+            candidates.retain(|c| c.feature != closest.feature);
             candidates.push(closest);
         }
-        reduce::keep_four(candidates, normal, self.alert, LOOSE * self.size);
+        reduce::keep_four(candidates, normal, self.alert, self.size);
+        if let Some(d) = candidates.iter_mut().min_by(|c, d| c.gap.total_cmp(&d.gap)) {
+            d.gap = closest.gap;
+        }
+        candidates.iter_mut().for_each(|c| c.gap = c.gap.max(closest.gap));
         self.report(normal, scratch);
     }
 
     /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
     fn find_patch(&self, n: &Vec3, separation: f64, scratch: &mut Scratch) {
-        let slab = (self.alert - separation).max(0.0);
-        self.gather(n, slab, scratch);
-        let (a, b) = (self.a.shape, self.b.shape);
-        let axis = patch::Axis { normal: *n, alert: self.alert, tolerance: TIE * self.size };
-        let Scratch { candidates, a_in_b, b_in_a, near_a, near_b, .. } = scratch;
-        candidates.clear();
-        let slab = slab + SLAB * self.size;
-        let in_b = self.rotation.tr_mul(n);
-        for v in patch::near_lowest(a_in_b, a.vertices.len(), &-in_b, slab) {
-            let vertex = (feature::vertex(v), a.vertices[v], 1.0);
-            axis.vertex(vertex, b, (&a_in_b.get(v), &in_b), candidates);
-        }
-        for v in patch::near_lowest(b_in_a, b.vertices.len(), n, slab) {
-            let vertex = (feature::vertex_of_b(v), b_in_a.get(v), -1.0);
-            axis.vertex(vertex, a, (&b_in_a.get(v), &-n), candidates);
-        }
-        let reach = self.alert.max(-separation) + SLAB * self.size;
-        axis.crossings((a, near_a), (b, near_b), reach, candidates);
+        let axis = patch::Axis {
+            normal: *n,
+            in_b: self.rotation.tr_mul(n),
+            alert: self.alert,
+            slab: (self.alert - separation).max(0.0) + SLAB * self.size,
+            tolerance: TIE * self.size,
+        };
+        let Scratch { candidates, sides, a_in_b, b_in_a, .. } = scratch;
+        let bodies = patch::Bodies { a: self.a.shape, b: self.b.shape, a_in_b, b_in_a };
+        axis.corners(&bodies, sides, candidates);
     }
 
     /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
@@ -493,6 +454,11 @@ impl Pair<'_> {
     }
 }
 
+/// The first of the candidates of lowest gap.
+fn deepest(candidates: &[Candidate]) -> Option<&Candidate> {
+    candidates.iter().reduce(|d, c| if c.gap < d.gap { c } else { d })
+}
+
 fn lowest_gap(candidates: &[Candidate]) -> f64 {
-    candidates.iter().fold(f64::INFINITY, |g, c| if c.gap < g { c.gap } else { g })
+    deepest(candidates).map_or(f64::INFINITY, |c| c.gap)
 }

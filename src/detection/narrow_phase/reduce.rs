@@ -13,49 +13,60 @@ pub struct Candidate {
     pub feature: u64,
 }
 
-/// Keeps at most [`MAX_POINTS`] of `points`, the deepest among them; `n` is the contact's normal and
-/// `alert` the largest gap.
+/// Points closer than this, over the bodies' size, count as one.
+const APART: f64 = 1e-7;
+/// Gaps closer than this, over the bodies' size, count as equally deep; areas, over themselves, as
+/// equally wide. Rounding then does not change the choice from step to step.
+const TIE: f64 = 2.5e-10;
+
+/// Keeps at most [`MAX_POINTS`] of `points`, the deepest among them; `n` is the contact's normal,
+/// `alert` the largest gap and `size` the length that tolerances refer to.
 ///
-/// The four that span the largest area, where a point counts the less the wider its gap is: seen
+/// The four whose hull is largest, where a point counts the less the wider its gap is: seen
 /// from the deepest point, one at the alert distance has moved all the way to it. What touches now
-/// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its side.
-/// Points closer than `apart` to each other count as one.
-pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, apart: f64) {
-    let deeper = |d: Candidate, c: Candidate| if c.gap < d.gap { c } else { d };
-    let Some(deepest) = points.iter().copied().reduce(deeper) else { return };
+/// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its
+/// side.
+pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64) {
     points.sort_unstable_by_key(|c| c.feature);
-    drop_repeated(points, apart);
+    merge_repeated(points, APART * size);
     if points.len() <= MAX_POINTS {
         return;
     }
+    let lowest = points.iter().fold(f64::INFINITY, |g, c| g.min(c.gap));
+    let Some(&deepest) = points.iter().find(|c| c.gap <= lowest + TIE * size) else { return };
     let range = alert - deepest.gap.max(0.0);
-    let weigh = |c: &Candidate| {
-        let weight = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
-        (c.point - deepest.point) * weight
-    };
     let (t, s) = crate::math::frame::tangents(n);
     let flat = |c: &Candidate| {
-        let p = weigh(c);
+        let weight = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
+        let p = (c.point - deepest.point) * weight;
         [t.dot(&p), s.dot(&p)]
     };
     let mut corners: Vec<([f64; 2], Candidate)> = points.iter().map(|c| (flat(c), *c)).collect();
     hull(&mut corners);
-    let origin = corners.iter().position(|(_, c)| c.feature == deepest.feature);
-    match origin {
-        Some(k) => corners.rotate_left(k),
-        None => corners.insert(0, ([0.0; 2], deepest)),
-    }
-    let kept = widest_four(&corners);
     points.clear();
-    points.extend(kept.into_iter().map(|k| corners[k].1));
+    if let Some(k) = corners.iter().position(|(_, c)| c.feature == deepest.feature) {
+        corners.rotate_left(k);
+        let kept = widest_with_first(&corners);
+        points.extend(kept.into_iter().take(corners.len()).map(|k| corners[k].1));
+    } else {
+        points.push(deepest);
+        let kept = widest_around(&corners);
+        points.extend(kept.into_iter().take(corners.len()).map(|k| corners[k].1));
+    }
 }
 
-/// Drops points that stand where one of lower number stands already.
-fn drop_repeated(points: &mut Vec<Candidate>, apart: f64) {
+/// Merges points that stand in the same place: the lowest number, for a lasting identity, at the
+/// deepest of them.
+fn merge_repeated(points: &mut Vec<Candidate>, apart: f64) {
     let mut kept = 0;
     for k in 0..points.len() {
         let p = points[k];
-        if points[..kept].iter().all(|c| (c.point - p.point).norm_squared() > apart * apart) {
+        let near = |c: &&mut Candidate| (c.point - p.point).norm_squared() <= apart * apart;
+        if let Some(c) = points[..kept].iter_mut().find(near) {
+            if p.gap < c.gap {
+                *c = Candidate { feature: c.feature, ..p };
+            }
+        } else {
             points[kept] = p;
             kept += 1;
         }
@@ -90,26 +101,48 @@ fn hull(points: &mut Vec<([f64; 2], Candidate)>) {
     *points = chain;
 }
 
-/// Numbers of the first corner and the three that span the largest area with it.
+/// Numbers of the first corner and the three that span the largest area with it; the first four
+/// numbers where there are no more.
 ///
 /// With D first in the order, the area of D b c e is that of D b c plus that of D c e: for each c
 /// the best b before it and the best e after it are independent, so O(p²) finds the largest area.
-fn widest_four(corners: &[([f64; 2], Candidate)]) -> Vec<usize> {
+fn widest_with_first(corners: &[([f64; 2], Candidate)]) -> [usize; 4] {
     let count = corners.len();
-    if count <= MAX_POINTS {
-        return (0..count).collect();
-    }
     let area = |i: usize, j: usize| cross(corners[0].0, corners[i].0, corners[j].0).abs();
     let widest = |range: std::ops::Range<usize>, c: usize| {
         range.fold((-1.0, 0), |best, i| if area(i, c) > best.0 { (area(i, c), i) } else { best })
     };
     let mut best = (f64::NEG_INFINITY, [0, 1, 2, 3]);
+    if count <= MAX_POINTS {
+        return best.1;
+    }
     for c in 2..count - 1 {
         let (before, b) = widest(1..c, c);
         let (after, e) = widest(c + 1..count, c);
-        if before + after > best.0 {
+        if before + after > best.0 * (1.0 + TIE) {
             best = (before + after, [0, b, c, e]);
         }
     }
-    best.1.to_vec()
+    best.1
+}
+
+/// Numbers of the three corners whose hull with the origin, which is inside the corners' hull, is
+/// largest; the first three numbers where there are no more.
+fn widest_around(corners: &[([f64; 2], Candidate)]) -> [usize; 3] {
+    let count = corners.len();
+    // Turning left around the origin; a triangle that turns right is no part of the hull.
+    let area = |i: usize, j: usize| cross([0.0; 2], corners[i].0, corners[j].0).max(0.0);
+    let mut best = (f64::NEG_INFINITY, [0, 1, 2]);
+    for b in 0..count {
+        for c in b + 1..count {
+            let first = area(b, c);
+            for e in c + 1..count {
+                let whole = first + area(c, e) + area(e, b);
+                if whole > best.0 * (1.0 + TIE) {
+                    best = (whole, [b, c, e]);
+                }
+            }
+        }
+    }
+    best.1
 }
