@@ -249,8 +249,7 @@ impl Built {
             let (q, q0) = (motion.orientation[b].coords, self.orientation[b].coords);
             let turn = (q - q0).norm_squared().min((q + q0).norm_squared()).sqrt();
             let path = (motion.position[b] - self.position[b]).norm() + 2.0 * self.reach[b] * turn;
-            // Not `>`: a value that is not a number counts as moved.
-            !(path <= 0.5 * self.skin)
+            path.is_nan() || path > 0.5 * self.skin
         };
         same && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(moved)
     }

@@ -31,17 +31,15 @@ impl Grid {
         sizes.sort_unstable_by(f64::total_cmp);
         let rank = sizes.len().saturating_sub(1 + sizes.len() / 100);
         self.cell = sizes.get(rank).copied().filter(|s| *s > 0.0).unwrap_or(1.0);
-        self.is_large = boxes.iter().map(|b| !((b.high - b.low).max() <= self.cell)).collect();
+        self.is_large = boxes.iter().map(|b| (b.high - b.low).max() > self.cell).collect();
         self.large = (0..boxes.len() as u32).filter(|i| self.is_large[*i as usize]).collect();
         let small = || (0..boxes.len()).filter(|i| !self.is_large[*i]);
 
         self.bounds = [[i64::MAX; 3], [i64::MIN; 3]];
         for i in small() {
             let c = self.cell_of(&boxes[i]);
-            for k in 0..3 {
-                self.bounds[0][k] = self.bounds[0][k].min(c[k]);
-                self.bounds[1][k] = self.bounds[1][k].max(c[k]);
-            }
+            self.bounds[0] = std::array::from_fn(|k| self.bounds[0][k].min(c[k]));
+            self.bounds[1] = std::array::from_fn(|k| self.bounds[1][k].max(c[k]));
         }
         let buckets = (2 * boxes.len().max(1)).next_power_of_two();
         self.mask = buckets as i64 - 1;
