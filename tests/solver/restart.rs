@@ -43,7 +43,7 @@ fn a_workspace_used_on_another_state_leaves_no_trace() {
     assert!(first == bits(&scene.state), "redone with the same workspace");
     let mut other = heap::falling(1, 500_000);
     other.run(0.1);
-    scene.workspace = std::mem::replace(&mut other.workspace, Workspace::default());
+    scene.workspace = std::mem::take(&mut other.workspace);
     scene.state = checkpoint;
     scene.run(0.01);
     assert!(first == bits(&scene.state), "with a workspace from elsewhere");
