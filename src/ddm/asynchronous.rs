@@ -10,7 +10,7 @@
 //! schedules.
 
 use super::decomposition::{Set, enter, open};
-use super::{Decomposition, Outcome, is_solved, is_test};
+use super::{Decomposition, Outcome, is_solved, is_test, synchronous};
 use crate::model::{Norm, Solver};
 use crate::nlgs::{Residuals, VisitNorms};
 use std::sync::Mutex;
@@ -230,18 +230,34 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Opt
     boundary.settle(decomposition);
     let tickets = course.ticket.into_inner();
     let tests = course.tests.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let mut residuals = tests.residuals;
-    residuals.natural_map = decomposition.natural_map();
-    // After a stop every thread has drawn one ticket that it did not use.
     let iterations = if tests.solved { tests.iterations } else { solver.iterations };
     let share = tickets.min(u64::from(solver.iterations) * sets as u64) / (sets as u64).max(1);
-    Some(Outcome {
+    let mut outcome = Outcome {
         iterations,
         visits: decomposition.visits(solver) * share,
-        residuals,
+        residuals: tests.residuals,
         converged: solver.tolerance.is_none() || tests.solved,
         guarded: false,
-    })
+    };
+    if tests.solved && sets > 1 {
+        confirm(decomposition, solver, &mut outcome);
+    }
+    outcome.residuals.natural_map = decomposition.natural_map();
+    Some(outcome)
+}
+
+/// Measures the sets once more, one after another, and goes on like that if need be.
+///
+/// The norms of a run without barriers are taken at different times: a thread that was held up may
+/// have news for the others that their small changes do not show.
+fn confirm(decomposition: &mut Decomposition, solver: &Solver, outcome: &mut Outcome) {
+    let left = solver.iterations.saturating_sub(outcome.iterations).max(1);
+    let rest = Solver { iterations: left, check_every: 1, ..*solver };
+    let confirmed = synchronous::iterate(decomposition, &rest);
+    outcome.iterations += confirmed.iterations;
+    outcome.visits += confirmed.visits;
+    outcome.residuals = confirmed.residuals;
+    outcome.converged = confirmed.converged;
 }
 
 /// Splits the velocities that the iterations start from into parts: a group's part is what its own
