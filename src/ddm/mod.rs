@@ -27,10 +27,6 @@ pub struct Outcome {
     pub guarded: bool,
 }
 
-/// Relaxation with which iterations that diverged are repeated: half steps turn a block-Jacobi
-/// splitting of two blocks, the worst that reading old values can amount to, into a convergent one.
-const GUARD_RELAXATION: f64 = 0.5;
-
 /// Iterates the decomposed problem in the order that `solver` asks for.
 pub fn solve(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
     if solver.schedule != Schedule::Asynchronous {
@@ -42,11 +38,8 @@ pub fn solve(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
         return outcome;
     }
     decomposition.load(&start);
-    let relaxed = Solver { relaxation: GUARD_RELAXATION * solver.relaxation.min(1.0), ..*solver };
-    let mut outcome = asynchronous::iterate(decomposition, &relaxed).unwrap_or_else(|| {
-        decomposition.load(&start);
-        synchronous::iterate(decomposition, &relaxed)
-    });
+    let relaxed = Solver { relaxation: solver.relaxation.min(1.0), ..*solver };
+    let mut outcome = synchronous::iterate(decomposition, &relaxed);
     outcome.guarded = true;
     outcome
 }

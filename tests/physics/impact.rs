@@ -32,7 +32,7 @@ fn cubes_fall_and_rest_without_rebound_nor_penetration() {
                 if report.reactions[0].contacts > 0 {
                     landing = landing.min(scene.state.time());
                 }
-                assert!(report.max_penetration < 1e-7, "{schedule:?}: {}", report.max_penetration);
+                assert!(report.max_penetration < 1e-7, "{schedule:?}: {report:?}");
             }
             let h = scene.h();
             // The impulse of the step in which the gap closes stands for an instant inside it.

@@ -3,7 +3,6 @@
 use crate::common::heap;
 use crate::common::scene::{SCHEDULES, Scene};
 use crate::{bits, on_threads};
-use ballast::workspace::Workspace;
 
 fn heap_of(schedule: ballast::model::Schedule) -> Scene {
     let mut scene = heap::falling(3, 1_000_000).scheduled(schedule, [2, 2, 1]);
