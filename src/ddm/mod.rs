@@ -23,7 +23,7 @@ pub struct Outcome {
     pub residuals: Residuals,
     /// Whether the tolerance was reached, or none was asked for.
     pub converged: bool,
-    /// Whether the iterations diverged and were repeated with under-relaxation.
+    /// Whether the iterations diverged and were repeated by the synchronous schedule.
     pub guarded: bool,
 }
 
