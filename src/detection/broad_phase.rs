@@ -7,6 +7,7 @@
 
 use super::grid::Grid;
 use super::narrow_phase::PairMemory;
+use super::travel::{self, Travel};
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Quat, Vec3};
 use crate::model::{Model, Part};
@@ -71,6 +72,8 @@ pub(super) struct PairList {
     pub memory: Vec<PairMemory>,
     /// All parts of driven bodies, by body.
     pub parts: Vec<PartRef>,
+    /// Of all bodies, from configuration to configuration for which pairs were examined.
+    pub travel: Travel,
     built: Option<Built>,
     boxes: Vec<Aabb>,
     grid: Grid,
@@ -84,9 +87,53 @@ struct Built {
     orientation: Vec<Quat>,
     /// Largest distance of a point of a body from its origin `[nb]`.
     reach: Vec<f64>,
-    shape: Vec<u32>,
+    identity: Identity,
     alert: f64,
     skin: f64,
+}
+
+/// By which a model is known again: pairs' memory is about shapes.
+#[derive(Debug, PartialEq)]
+struct Identity {
+    /// Of the grains.
+    shape: Vec<u32>,
+    shapes: Vec<ShapeMark>,
+    parts: Vec<Vec<Part>>,
+}
+
+/// Tells shapes apart without comparing all their features: no two different ones agree in all
+/// digits of these.
+#[derive(Debug, PartialEq)]
+struct ShapeMark {
+    counts: [usize; 3],
+    radius: f64,
+    volume: f64,
+    unit_inertia: Vec3,
+}
+
+impl ShapeMark {
+    fn of(s: &Polyhedron) -> Self {
+        let counts = [s.vertices.len(), s.edges.len(), s.face_count()];
+        Self { counts, radius: s.radius, volume: s.volume, unit_inertia: s.unit_inertia }
+    }
+}
+
+impl Identity {
+    fn of(model: &Model) -> Self {
+        Self {
+            shape: model.grains.shape.clone(),
+            shapes: model.shapes.iter().map(ShapeMark::of).collect(),
+            parts: model.driven.iter().map(|d| d.parts.clone()).collect(),
+        }
+    }
+
+    fn is_of(&self, model: &Model) -> bool {
+        self.shape == model.grains.shape
+            && self.shapes.len() == model.shapes.len()
+            && self.shapes.iter().zip(&model.shapes).all(|(m, s)| *m == ShapeMark::of(s))
+            && self.parts.len() == model.driven.len()
+            && self.parts.iter().zip(&model.driven).all(|(p, d)| *p == d.parts)
+    }
 }
 
 /// Pairs of one chunk of grains in a new list.
@@ -99,11 +146,26 @@ struct Fresh {
 
 impl PairList {
     /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved by
-    /// more than half the skin.
+    /// more than half the skin. Pairs of another model are forgotten.
     pub fn update(&mut self, model: &Model, motion: &Motion) {
-        let holds = self.built.as_ref().is_some_and(|b| b.still_holds(model, motion));
-        if !holds || self.parts != parts_of(model) {
+        let known = self.built.take().filter(|b| b.is_of(model));
+        if known.is_none() {
+            self.starts.clear();
+            self.travel.clear();
+        }
+        if let Some(built) = known
+            && built.still_holds(motion)
+        {
+            self.built = Some(built);
+        } else {
             self.rebuild(model, motion);
+        }
+    }
+
+    /// Adds to the bodies' travel their way to the configuration in which pairs will be examined.
+    pub fn advance(&mut self, motion: &Motion) {
+        if let Some(built) = &self.built {
+            self.travel.update(motion, &built.reach);
         }
     }
 
@@ -232,26 +294,25 @@ impl Built {
             position: motion.position.clone(),
             orientation: motion.orientation.clone(),
             reach,
-            shape: model.grains.shape.clone(),
+            identity: Identity::of(model),
             alert: model.stepping.alert,
             skin: SKIN * mean,
         }
     }
 
-    /// A point of a body moves by at most |Δx| + reach |turn|, and a turn by θ moves
-    /// a point at distance 1 by 2 sin(θ/2) <= 2 · 2 sin(θ/4) = 2 |Δq|.
-    fn still_holds(&self, model: &Model, motion: &Motion) -> bool {
-        let same = self.alert == model.stepping.alert
-            && self.shape == model.grains.shape
-            && self.position.len() == motion.position.len()
-            && self.position.len() == model.body_count();
+    fn is_of(&self, model: &Model) -> bool {
+        self.alert == model.stepping.alert && self.identity.is_of(model)
+    }
+
+    /// Whether no point of a body has moved by more than half the skin.
+    fn still_holds(&self, motion: &Motion) -> bool {
         let moved = |b: usize| {
-            let (q, q0) = (motion.orientation[b].coords, self.orientation[b].coords);
-            let turn = (q - q0).norm_squared().min((q + q0).norm_squared()).sqrt();
-            let path = (motion.position[b] - self.position[b]).norm() + 2.0 * self.reach[b] * turn;
+            let turn = travel::turn(&motion.orientation[b], &self.orientation[b]);
+            let path = (motion.position[b] - self.position[b]).norm() + self.reach[b] * turn;
             path.is_nan() || path > 0.5 * self.skin
         };
-        same && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(moved)
+        self.position.len() == motion.position.len()
+            && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(moved)
     }
 }
 

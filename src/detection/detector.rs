@@ -51,13 +51,15 @@ impl Detector {
 
     /// Fills `out` with all contacts of the configuration, after [`Detector::broad_phase`] for it.
     pub fn narrow_phase(&mut self, model: &Model, motion: &Motion, out: &mut Contacts) {
+        self.pairs.advance(motion);
         let ng = model.grains.len();
         place_parts(&self.pairs.parts, model, motion, &mut self.placed);
         let count = ng.div_ceil(CHUNK);
         self.chunks.resize_with(count, Chunk::default);
-        let PairList { starts, antagonists, memory, parts, .. } = &mut self.pairs;
+        let PairList { starts, antagonists, memory, parts, travel, .. } = &mut self.pairs;
         let (starts, antagonists, placed) = (&*starts, &*antagonists, &*self.placed);
-        let search = Search { model, motion, starts, antagonists, parts, placed };
+        let travel = &*travel.length;
+        let search = Search { model, motion, starts, antagonists, parts, placed, travel };
         let bounds = (0..count).map(|c| starts[ng.min((c + 1) * CHUNK)] - starts[c * CHUNK]);
         let memory = split(memory, bounds);
         (&mut self.chunks, memory).into_par_iter().enumerate().for_each(|(c, (chunk, memory))| {
@@ -90,6 +92,7 @@ struct Search<'a> {
     antagonists: &'a [u32],
     parts: &'a [PartRef],
     placed: &'a [Placed],
+    travel: &'a [f64],
 }
 
 impl Search<'_> {
@@ -103,8 +106,12 @@ impl Search<'_> {
             let of_grains =
                 antagonists.partition_point(|j| (*j as usize) < self.model.grains.len());
             for (j, memory) in antagonists[..of_grains].iter().zip(&mut *memory) {
+                let travel = self.travel[i] + self.travel[*j as usize];
+                if memory.sleeps(travel) {
+                    continue;
+                }
                 let (a, b) = (self.grain(i), self.grain(*j as usize));
-                narrow_phase::touch(a, b, self.alert(), memory, &mut out.scratch);
+                narrow_phase::touch(a, b, self.alert(), travel, memory, &mut out.scratch);
                 push(&mut out.contacts, [i as u32, *j], 0, &out.scratch);
             }
             self.parts_of(i, &antagonists[of_grains..], &mut memory[of_grains..], out);
@@ -128,8 +135,13 @@ impl Search<'_> {
                     let shape = &self.model.shapes[*shape as usize];
                     let b = Solid { shape, pose: *pose };
                     let memory = &mut memory[next];
-                    narrow_phase::touch(self.grain(i), b, self.alert(), memory, &mut out.scratch);
                     next += 1;
+                    let travel = self.travel[i] + self.travel[ng + part.driven as usize];
+                    if memory.sleeps(travel) {
+                        continue;
+                    }
+                    let (a, alert) = (self.grain(i), self.alert());
+                    narrow_phase::touch(a, b, alert, travel, memory, &mut out.scratch);
                 }
             }
             let bodies = [i as u32, ng as u32 + part.driven];

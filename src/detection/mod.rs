@@ -8,6 +8,7 @@ mod detector;
 mod grid;
 mod matching;
 mod narrow_phase;
+mod travel;
 
 pub use detector::Detector;
 pub use matching::{remember, warm_start};

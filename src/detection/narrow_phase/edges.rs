@@ -13,14 +13,14 @@
 //!
 //! So all edges with an end in a slab of `max(2 |s0|, reach - s0)` decide, usually a handful.
 
-use super::cloud::{Cloud, highest};
-use crate::geometry::Polyhedron;
-use crate::math::{Mat3, Vec3};
+use super::pair::Pair;
+use crate::geometry::Edge;
+use crate::math::Vec3;
 
 /// An edge in the frame of A, with the outward normals of its two faces.
 #[derive(Debug, Clone, Copy)]
 pub struct NearEdge {
-    pub index: u32,
+    pub index: usize,
     pub start: Vec3,
     pub along: Vec3,
     /// `along` is parallel to `left × right`.
@@ -29,152 +29,162 @@ pub struct NearEdge {
     /// A sphere around the part of the edge that is in the slab.
     centre: Vec3,
     radius: f64,
+    /// Length of `along`.
+    length: f64,
 }
 
 impl NearEdge {
-    fn new(index: usize, start: Vec3, end: Vec3, left: Vec3, right: Vec3) -> Self {
-        let along = end - start;
-        Self { index: index as u32, start, along, left, right, centre: start, radius: 0.0 }
-    }
-
-    /// Shrinks the sphere to the part of the edge with heights up to 0, those of its ends given.
-    fn below(mut self, [h0, h1]: [f64; 2]) -> Self {
+    /// The edge, and a sphere around its part with heights up to 0, those of its ends given.
+    pub fn below(edge: LoneEdge, normals: [Vec3; 2], [h0, h1]: [f64; 2]) -> Self {
+        let LoneEdge { index, start, along } = edge;
+        let [left, right] = normals;
         let from = if h0 <= 0.0 { 0.0 } else { h0 / (h0 - h1) };
         let to = if h1 <= 0.0 { 1.0 } else { h0 / (h0 - h1) };
-        self.centre = self.start + self.along * (0.5 * (from + to));
-        self.radius = 0.5 * (to - from) * self.along.norm();
-        self
+        let centre = start + along * (0.5 * (from + to));
+        let length = along.norm();
+        let radius = 0.5 * (to - from) * length;
+        Self { index, start, along, left, right, centre, radius, length }
+    }
+
+    /// Without its faces.
+    pub fn alone(&self) -> LoneEdge {
+        LoneEdge { index: self.index, start: self.start, along: self.along }
     }
 
     /// Whether the parts of both edges may be closer than `reach`.
+    #[inline]
     pub fn may_reach(&self, other: &NearEdge, reach: f64) -> bool {
         let r = self.radius + other.radius + reach;
         (self.centre - other.centre).norm_squared() <= r * r
     }
+
+    /// Whether the arc of this edge's normals may cross that of `other`'s reversed normals after the
+    /// bodies have turned by `turn` (rad) against each other.
+    #[inline]
+    pub fn may_cross(&self, other: &NearEdge, turn: f64) -> bool {
+        let (slack, other_slack) = (turn * self.length, turn * other.length);
+        let left = -other.left.dot(&self.along);
+        let right = -other.right.dot(&self.along);
+        let own_left = self.left.dot(&other.along);
+        let own_right = self.right.dot(&other.along);
+        let one_way = (left < slack)
+            & (right > -slack)
+            & (own_left > -other_slack)
+            & (own_right < other_slack);
+        let other_way = (left > -slack)
+            & (right < slack)
+            & (own_left < other_slack)
+            & (own_right > -other_slack);
+        one_way | other_way
+    }
+}
+
+/// An edge in the frame of A.
+#[derive(Debug, Clone, Copy)]
+pub struct LoneEdge {
+    pub index: usize,
+    pub start: Vec3,
+    pub along: Vec3,
 }
 
 /// An axis perpendicular to an edge of A and an edge of B.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeAxis {
-    /// Position in the two lists of near edges.
+    /// Numbers of the edges.
     pub edges: [usize; 2],
     /// Unit vector from A to B.
     pub normal: Vec3,
     pub separation: f64,
 }
 
-/// Fills `out` with the edges that have an end where `heights <= 0`; `load` makes one of its number.
-pub fn near_edges(
-    shape: &Polyhedron,
-    heights: &[f64],
-    out: &mut Vec<NearEdge>,
-    load: impl Fn(usize) -> NearEdge,
-) {
-    out.clear();
-    for (index, edge) in shape.edges.iter().enumerate() {
-        let ends = edge.vertices.map(|v| heights[v as usize]);
-        if ends[0] <= 0.0 || ends[1] <= 0.0 {
-            out.push(load(index).below(ends));
-        }
+impl EdgeAxis {
+    /// Whether this one is the better: of larger separation, or of lower numbers among equals.
+    fn beats(&self, other: &EdgeAxis) -> bool {
+        self.separation > other.separation
+            || (self.separation == other.separation && self.edges < other.edges)
     }
 }
 
-/// Edge `index` of A.
-pub fn edge_of_a(shape: &Polyhedron, index: usize) -> NearEdge {
-    let edge = &shape.edges[index];
-    let start = shape.vertices[edge.vertices[0] as usize];
-    let end = shape.vertices[edge.vertices[1] as usize];
-    let left = shape.face_normals[edge.faces[0] as usize];
-    let right = shape.face_normals[edge.faces[1] as usize];
-    NearEdge::new(index, start, end, left, right)
-}
-
-/// Edge `index` of B, in the frame of A.
-pub fn edge_of_b(shape: &Polyhedron, b_in_a: &Cloud, rotation: &Mat3, index: usize) -> NearEdge {
-    let edge = &shape.edges[index];
-    let start = b_in_a.get(edge.vertices[0] as usize);
-    let end = b_in_a.get(edge.vertices[1] as usize);
-    let left = rotation * shape.face_normals[edge.faces[0] as usize];
-    let right = rotation * shape.face_normals[edge.faces[1] as usize];
-    NearEdge::new(index, start, end, left, right)
-}
-
-/// The axis of largest separation above `floor` over pairs of near edges whose parts in the slab come
-/// within `reach` of each other: the points p and q above do.
+/// The axis of largest separation above `floor` over the given pairs of edges, that of the lowest
+/// numbers among equals; `known` is one of them.
 ///
 /// A pair makes a facet of the Minkowski difference when the arcs of its faces' normals cross on
 /// the sphere (those of B reversed). Edges that are parallel to 1e-10 are left out: their facet
 /// is a strip of that relative width, so a neighbouring facet is as good. The winner's separation
 /// is measured with both supports, so it is true for its direction whatever the rounding.
 pub fn best_edge_axis(
-    a: &Polyhedron,
-    b_in_a: &Cloud,
-    near_a: &[NearEdge],
-    near_b: &[NearEdge],
+    pair: &Pair,
+    pairs: impl Iterator<Item = [usize; 2]>,
+    known: Option<EdgeAxis>,
     floor: f64,
-    reach: f64,
 ) -> Option<EdgeAxis> {
-    let mut best: Option<EdgeAxis> = None;
-    let mut limit = floor;
-    for (ia, ea) in near_a.iter().enumerate() {
-        for (ib, eb) in near_b.iter().enumerate() {
-            if !ea.may_reach(eb, reach) {
-                continue;
-            }
-            if let Some(axis) = axis_of(a, b_in_a, ea, eb, [ia, ib], limit) {
-                limit = axis.separation;
-                best = Some(axis);
-            }
+    let mut best = known;
+    for edges in pairs {
+        let limit = best.map_or(floor, |b| b.separation);
+        if best.is_some_and(|b| b.edges == edges) {
+            continue;
+        }
+        if let Some(axis) = axis_of(pair, edges, limit)
+            && axis.separation > floor
+            && best.is_none_or(|b| axis.beats(&b))
+        {
+            best = Some(axis);
         }
     }
     best
 }
 
-/// The axis perpendicular to two edges, if they make a facet of the Minkowski difference and
-/// separate by more than `limit`.
-#[inline]
-pub fn axis_of(
-    a: &Polyhedron,
-    b_in_a: &Cloud,
-    ea: &NearEdge,
-    eb: &NearEdge,
-    edges: [usize; 2],
-    limit: f64,
-) -> Option<EdgeAxis> {
-    if !arcs_cross(ea, eb) {
+/// The axis perpendicular to two edges, if they make a facet of the Minkowski difference. It may be
+/// left out if it does not separate by `limit`.
+pub fn axis_of(pair: &Pair, edges: [usize; 2], limit: f64) -> Option<EdgeAxis> {
+    let (on_a, on_b) = (&pair.a.edges[edges[0]], &pair.b.edges[edges[1]]);
+    let [a, b] = [edge_of_a(pair, edges[0]), edge_of_b(pair, edges[1])];
+    if !arcs_cross(pair, [on_a, on_b], &a.along, &b.along) {
         return None;
     }
-    let normal = common_perpendicular(ea, eb)?;
-    if normal.dot(&(eb.start - ea.start)) <= limit {
+    let normal = common_perpendicular(&a, &b)?;
+    // A corner on either body bounds the separation from above, but for rounding.
+    if normal.dot(&(b.start - a.start)) < limit - 1e-12 * pair.size {
         return None;
     }
-    let separation = b_in_a.lowest(&normal) - highest(a, &normal);
-    (separation > limit).then_some(EdgeAxis { edges, normal, separation })
+    let separation = pair.separation(&normal);
+    Some(EdgeAxis { edges, normal, separation })
+}
+
+/// Edge `index` of A.
+pub fn edge_of_a(pair: &Pair, index: usize) -> LoneEdge {
+    let [start, end] = pair.a.edges[index].vertices.map(|v| pair.a.vertices[v as usize]);
+    LoneEdge { index, start, along: end - start }
+}
+
+/// Edge `index` of B, in the frame of A.
+pub fn edge_of_b(pair: &Pair, index: usize) -> LoneEdge {
+    let [start, end] = pair.b.edges[index].vertices.map(|v| pair.corner_of_b(v as usize));
+    LoneEdge { index, start, along: end - start }
 }
 
 /// Whether the sine between two edges is below 1e-4.
-pub fn nearly_parallel(a: &NearEdge, b: &NearEdge) -> bool {
+pub fn nearly_parallel(a: &LoneEdge, b: &LoneEdge) -> bool {
     let c = a.along.cross(&b.along).norm_squared();
     c <= 1e-8 * a.along.norm_squared() * b.along.norm_squared()
 }
 
-/// Whether the arc of `a`'s normals crosses that of `b`'s reversed normals.
-#[inline]
-fn arcs_cross(a: &NearEdge, b: &NearEdge) -> bool {
-    // Ends of the arc of b on different sides of the great circle of a, and the other way round.
-    let left = -b.left.dot(&a.along);
-    let right = -b.right.dot(&a.along);
-    if left * right >= 0.0 {
+/// Whether the arc of the normals of A's edge crosses that of the reversed normals of B's; `a` and
+/// `b` are the edges' directions in the frame of A.
+fn arcs_cross(pair: &Pair, [on_a, on_b]: [&Edge; 2], a: &Vec3, b: &Vec3) -> bool {
+    let [a_left, a_right] = on_a.faces.map(|f| pair.a.face_normals[f as usize].dot(b));
+    if a_left * a_right >= 0.0 {
         return false;
     }
-    let a_left = a.left.dot(&b.along);
-    let a_right = a.right.dot(&b.along);
+    // Ends of the arc of b on different sides of the great circle of a, and the other way round.
+    let in_b = pair.in_b(a);
+    let [left, right] = on_b.faces.map(|f| -pair.b.face_normals[f as usize].dot(&in_b));
     // Both on the same hemisphere: otherwise one arc crosses the other's antipode.
-    a_left * a_right < 0.0 && right * a_left > 0.0
+    left * right < 0.0 && right * a_left > 0.0
 }
 
 /// Unit vector perpendicular to both edges, out of A.
-fn common_perpendicular(a: &NearEdge, b: &NearEdge) -> Option<Vec3> {
+fn common_perpendicular(a: &LoneEdge, b: &LoneEdge) -> Option<Vec3> {
     let c = a.along.cross(&b.along);
     let along_squared = a.along.norm_squared();
     if c.norm_squared() <= 1e-20 * along_squared * b.along.norm_squared() {
@@ -186,69 +196,4 @@ fn common_perpendicular(a: &NearEdge, b: &NearEdge) -> Option<Vec3> {
     let n = c / c.norm();
     // A's origin is inside A, so its support plane is on the outer side of it.
     Some(if n.dot(&a.start) < 0.0 { -n } else { n })
-}
-
-/// Closest points of two segments, and where on them: 0 at the start, 1 at the end.
-#[derive(Debug, Clone, Copy)]
-pub struct ClosestPoints {
-    /// Position in the two lists of near edges.
-    pub edges: [usize; 2],
-    pub parameter: [f64; 2],
-    pub on_a: Vec3,
-    pub on_b: Vec3,
-    pub distance_squared: f64,
-}
-
-/// Closest points over all pairs of near edges, if any are within `reach` of each other; the first
-/// pair among equals.
-pub fn closest_points(
-    near_a: &[NearEdge],
-    near_b: &[NearEdge],
-    reach: f64,
-) -> Option<ClosestPoints> {
-    let mut best: Option<ClosestPoints> = None;
-    let mut reach = reach;
-    for (ia, a) in near_a.iter().enumerate() {
-        for (ib, b) in near_b.iter().enumerate() {
-            if !a.may_reach(b, reach) {
-                continue;
-            }
-            let found = closest_on_segments(a, b);
-            if best.is_none_or(|c| found.distance_squared < c.distance_squared) {
-                // A little more than the distance: equal ones stay in, whatever rounding does.
-                reach = reach.min(found.distance_squared.sqrt() * (1.0 + 1e-6));
-                best = Some(ClosestPoints { edges: [ia, ib], ..found });
-            }
-        }
-    }
-    best
-}
-
-/// Closest points of two segments, by clamping the solution for lines.
-///
-/// Source: Ericson, *Real-time collision detection*, 2005, section 5.1.9.
-pub fn closest_on_segments(a: &NearEdge, b: &NearEdge) -> ClosestPoints {
-    let offset = a.start - b.start;
-    let (aa, bb) = (a.along.norm_squared(), b.along.norm_squared());
-    let ab = a.along.dot(&b.along);
-    let (ao, bo) = (a.along.dot(&offset), b.along.dot(&offset));
-    let determinant = aa * bb - ab * ab;
-    // Parallel: any point will do, the clamping of the other one finds its partner.
-    let mut s = if determinant > 1e-20 * aa * bb {
-        ((ab * bo - ao * bb) / determinant).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let mut t = (ab * s + bo) / bb;
-    if t < 0.0 {
-        t = 0.0;
-        s = (-ao / aa).clamp(0.0, 1.0);
-    } else if t > 1.0 {
-        t = 1.0;
-        s = ((ab - ao) / aa).clamp(0.0, 1.0);
-    }
-    let on_a = a.start + a.along * s;
-    let on_b = b.start + b.along * t;
-    let distance_squared = (on_b - on_a).norm_squared();
-    ClosestPoints { edges: [0, 0], parameter: [s, t], on_a, on_b, distance_squared }
 }

@@ -1,8 +1,10 @@
 //! The face of a polyhedron that separates it best from another.
 
-use super::cloud::Cloud;
-use crate::geometry::Polyhedron;
-use crate::math::Vec3;
+use super::few::Few;
+use super::pair::Faces;
+
+/// How many faces a pair keeps in mind of either body.
+pub const FACES: usize = 8;
 
 /// A face normal as separating axis.
 #[derive(Debug, Clone, Copy)]
@@ -12,63 +14,81 @@ pub struct FaceAxis {
     pub separation: f64,
 }
 
-/// The face that lies most in the direction `n`.
-pub fn most_aligned(shape: &Polyhedron, n: &Vec3) -> usize {
-    let mut best = (f64::NEG_INFINITY, 0);
-    for (f, normal) in shape.face_normals.iter().enumerate() {
-        let c = normal.dot(n);
-        if c > best.0 {
-            best = (c, f);
-        }
+impl FaceAxis {
+    /// Whether this one is the better: of larger separation, or of lower number among equals.
+    fn beats(&self, other: &FaceAxis) -> bool {
+        self.separation > other.separation
+            || (self.separation == other.separation && self.face < other.face)
     }
-    best.1
 }
 
-/// The face of largest separation above `floor`, the lowest number among equals; `Err(face)` when
-/// a face separates by more than `alert`.
+/// The face of largest separation, the lowest number among equals; `Err(face)` when a face separates
+/// by more than `alert`.
 ///
-/// `other` is the other body in the frame of `shape`. For any vertex w of the other body,
-/// `n · w - d` bounds the separation of a face from above, because the separation is the minimum
-/// of that expression over all vertices. With w deep in `shape` one product discards a face. The
-/// bound is computed by the same operations as the minimum, so it holds to the bit, and the result
-/// does not depend on `start`, where the search begins. If no face reaches `floor`, the
-/// result is some face below it.
-pub fn best_face(
-    shape: &Polyhedron,
-    other: &Cloud,
+/// Fills `list` with all faces that separate within `margin` of that face and of `floor`. If no face
+/// reaches `floor`, the result is some face below it.
+///
+/// For any corner w of the other body, `n · w - d` bounds the separation of a face from above,
+/// because the separation is the minimum of that expression over all corners. With w deep
+/// in the body one product discards a face; `margin` is to be well above rounding, so that the
+/// result does not depend on where the search begins.
+pub fn best_of_all(
+    faces: &Faces,
     start: usize,
     floor: f64,
     alert: f64,
+    margin: f64,
+    list: &mut Few<FACES>,
 ) -> Result<FaceAxis, usize> {
-    let n = &shape.face_normals[start];
-    let low = other.lowest(n);
-    let mut best = FaceAxis { face: start, separation: low - shape.face_offsets[start] };
+    list.clear();
+    let mut best = FaceAxis { face: start, separation: faces.separation(start) };
     if best.separation > alert {
         return Err(start);
     }
-    let mut witness = other.get(other.first_at(n, low));
-    for (f, (n, d)) in shape.face_normals.iter().zip(&shape.face_offsets).enumerate() {
+    let mut near = [best; 2 * FACES];
+    let mut count = 1;
+    let mut witness = faces.lowest_corner(start);
+    let planes = faces.own.face_normals.iter().zip(&faces.own.face_offsets);
+    for (face, (n, d)) in planes.enumerate() {
         let bound = (n.x * witness.x + n.y * witness.y + n.z * witness.z) - d;
-        if bound < best.separation || bound < floor || f == start {
+        if bound < best.separation.max(floor) - margin || face == start {
             continue;
         }
-        let low = other.lowest(n);
-        let separation = low - d;
-        if separation > alert {
-            return Err(f);
+        let found = FaceAxis { face, separation: faces.separation(face) };
+        if found.separation > alert {
+            return Err(face);
         }
-        let better = separation > best.separation;
-        if better || (separation == best.separation && f < best.face) {
-            best = FaceAxis { face: f, separation };
+        if found.separation > best.separation {
+            witness = faces.lowest_corner(face);
         }
-        if better {
-            witness = other.get(other.first_at(n, low));
+        if found.beats(&best) {
+            best = found;
         }
+        if let Some(slot) = near.get_mut(count) {
+            *slot = found;
+        }
+        count += 1;
     }
+    if count > near.len() {
+        list.overflow();
+        return Ok(best);
+    }
+    let limit = best.separation.max(floor) - margin;
+    near[..count].iter().filter(|f| f.separation >= limit).for_each(|f| list.push(f.face));
     Ok(best)
 }
 
-/// Whether `x`, in the frame of `shape`, is inside it or at most `tolerance` out of every face.
-pub fn contains(shape: &Polyhedron, x: &Vec3, tolerance: f64) -> bool {
-    shape.face_normals.iter().zip(&shape.face_offsets).all(|(n, d)| n.dot(x) - d <= tolerance)
+/// The same among listed faces; `None` if there are none.
+pub fn best_of(faces: &Faces, list: &Few<FACES>, alert: f64) -> Result<Option<FaceAxis>, usize> {
+    let mut best: Option<FaceAxis> = None;
+    for face in list.iter() {
+        let found = FaceAxis { face, separation: faces.separation(face) };
+        if found.separation > alert {
+            return Err(face);
+        }
+        if best.is_none_or(|b| found.beats(&b)) {
+            best = Some(found);
+        }
+    }
+    Ok(best)
 }

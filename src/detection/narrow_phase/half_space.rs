@@ -14,7 +14,7 @@ pub fn touch_half_space(a: Solid, normal: &Vec3, offset: f64, alert: f64, scratc
         return;
     }
     let n = a.pose.orientation.inverse() * normal;
-    let candidates = &mut scratch.candidates;
+    let Scratch { candidates, hull, .. } = scratch;
     candidates.clear();
     for (v, vertex) in a.shape.vertices.iter().enumerate() {
         let gap = n.dot(vertex) + centre;
@@ -22,8 +22,8 @@ pub fn touch_half_space(a: Solid, normal: &Vec3, offset: f64, alert: f64, scratc
             candidates.push(Candidate { point: *vertex, gap, feature: feature::vertex(v) });
         }
     }
-    reduce::keep_four(candidates, &n, alert, a.shape.radius);
-    scratch.points.extend(candidates.iter().map(|c| Point {
+    reduce::keep_four(candidates, &n, alert, a.shape.radius, hull);
+    scratch.points.extend(scratch.candidates.iter().map(|c| Point {
         feature: c.feature,
         point: a.pose.point(&c.point) - normal * (0.5 * c.gap),
         normal: *normal,

@@ -10,8 +10,9 @@
 //! s being the separation along the axis. So the edges with an end in that slab decide, and of
 //! them the parts in the slab: where they do not overlap, seen along the axis, there is no corner.
 
-use super::cloud::Cloud;
+use super::cap::{Cap, Marks};
 use super::feature;
+use super::pair::Pair;
 use super::reduce::Candidate;
 use crate::geometry::Polyhedron;
 use crate::math::{Vec3, frame};
@@ -19,21 +20,11 @@ use crate::math::{Vec3, frame};
 /// Faces steeper than this along the axis count as its sides.
 const STEEP: f64 = 1e-9;
 
-/// Both bodies, each also in the frame of the other.
-pub struct Bodies<'a> {
-    pub a: &'a Polyhedron,
-    pub b: &'a Polyhedron,
-    pub a_in_b: &'a Cloud,
-    pub b_in_a: &'a Cloud,
-}
-
 /// The axis and the bounds of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct Axis {
     /// From A to B, in the frame of A.
     pub normal: Vec3,
-    /// The same in the frame of B.
-    pub in_b: Vec3,
     /// Largest gap of interest, m.
     pub alert: f64,
     /// How far off the support planes the feet of a corner may be, m.
@@ -47,33 +38,42 @@ pub struct Axis {
 pub struct Sides {
     a: Side,
     b: Side,
+    marks: Marks,
 }
 
 impl Axis {
     /// Fills `out` with the corners of gaps up to the alert distance, in the frame of A.
-    pub fn corners(&self, bodies: &Bodies, sides: &mut Sides, out: &mut Vec<Candidate>) {
+    pub fn corners(
+        &self,
+        pair: &Pair,
+        caps: &mut [Cap; 2],
+        sides: &mut Sides,
+        out: &mut Vec<Candidate>,
+    ) {
         out.clear();
-        let Bodies { a, b, a_in_b, b_in_a } = *bodies;
         let (t, s) = frame::tangents(&self.normal);
-        let place = |x: &Vec3| [t.dot(x), s.dot(x), self.normal.dot(x)];
-        let Sides { a: side_a, b: side_b } = sides;
-        a_in_b.heights(&-self.in_b, self.slab, &mut side_a.heights);
-        side_a.gather(a, &self.normal, |v| place(&a.vertices[v]));
-        b_in_a.heights(&self.normal, self.slab, &mut side_b.heights);
-        side_b.gather(b, &-self.in_b, |v| place(&b_in_a.get(v)));
-        let common = side_a.area.common(&side_b.area).widened(self.tolerance);
-        side_a.trim(a, &common);
-        side_b.trim(b, &common);
-        for &v in &side_a.vertices {
-            let gap = distance_along(b, &a_in_b.get(v), &self.in_b, self.tolerance);
-            self.vertex(feature::vertex(v), &a.vertices[v], gap, 1.0, out);
+        let axes = [t, s, self.normal];
+        let axes_in_b = axes.map(|n| pair.in_b(&n));
+        let origin_of_b = axes.map(|n| n.dot(&pair.offset));
+        let Sides { a, b, marks } = sides;
+        let frame_a = Frame { axes, origin: [0.0; 3], into: -1.0 };
+        let frame_b = Frame { axes: axes_in_b, origin: origin_of_b, into: 1.0 };
+        a.gather(pair.a, &frame_a, self.slab, &mut caps[0], marks);
+        b.gather(pair.b, &frame_b, self.slab, &mut caps[1], marks);
+        let common = a.area.common(&b.area).widened(self.tolerance);
+        a.trim(&common);
+        b.trim(&common);
+        for &v in &a.vertices {
+            let point = &pair.a.vertices[v];
+            let gap = b.distance_along(&pair.point_in_b(point), self.tolerance);
+            self.vertex(feature::vertex(v), point, gap, 1.0, out);
         }
-        for &v in &side_b.vertices {
-            let point = b_in_a.get(v);
-            let gap = distance_along(a, &point, &-self.normal, self.tolerance);
+        for &v in &b.vertices {
+            let point = pair.corner_of_b(v);
+            let gap = a.distance_along(&point, self.tolerance);
             self.vertex(feature::vertex_of_b(v), &point, gap, -1.0, out);
         }
-        self.crossings(side_a, side_b, &[t, s, self.normal], out);
+        self.crossings(a, b, &axes, out);
     }
 
     /// Appends the vertex at `point` if the other body is near; `side` is the axis's sign towards it.
@@ -107,6 +107,16 @@ impl Axis {
             }
         }
     }
+}
+
+/// Coordinates across and along the axis, for points of one body's frame.
+struct Frame {
+    /// Two across the axis, and the axis.
+    axes: [Vec3; 3],
+    /// Coordinates of the body's origin.
+    origin: [f64; 3],
+    /// Sign of the axis into the body, from the other one.
+    into: f64,
 }
 
 /// A rectangle across the axis.
@@ -178,29 +188,98 @@ impl Edge {
 /// The facing surface of one body in the slab.
 #[derive(Debug, Default)]
 struct Side {
-    /// Of the body's vertices over the slab.
-    heights: Vec<f64>,
+    /// Corners in the coordinates of the axis, by number; those not listed are of old.
+    places: Vec<[f64; 3]>,
+    /// Slopes of faces, by number.
+    slopes: Vec<f64>,
+    planes: Vec<Plane>,
     edges: Vec<Edge>,
     /// Around all edges' parts in the slab.
     area: Area,
+    /// Thickness coordinate up to which a corner is in the slab.
+    limit: f64,
+    into: f64,
     vertices: Vec<usize>,
     seen: Vec<bool>,
+}
+
+/// A face's plane, and its slope along the axis into the body.
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    normal: Vec3,
+    offset: f64,
+    slope: f64,
 }
 
 impl Side {
     /// Finds the edges in the slab that have a face towards the other body. An edge of the far side
     /// is never a corner: the body's own surface is between it and the other one.
-    fn gather(&mut self, shape: &Polyhedron, towards: &Vec3, place: impl Fn(usize) -> [f64; 3]) {
+    fn gather(
+        &mut self,
+        shape: &Polyhedron,
+        frame: &Frame,
+        slab: f64,
+        cap: &mut Cap,
+        marks: &mut Marks,
+    ) {
+        let outward = frame.axes[2] * -frame.into;
+        if !cap.holds(shape, &outward, slab) {
+            cap.make(shape, &outward, slab, marks);
+        }
+        self.places.resize(shape.vertices.len().max(self.places.len()), [0.0; 3]);
+        self.slopes.resize(shape.face_count().max(self.slopes.len()), 0.0);
+        self.seen.resize(self.places.len(), false);
+        self.into = frame.into;
+        if cap.holds(shape, &outward, slab) {
+            self.place(shape, frame, slab, cap.corners.iter(), cap.faces.iter());
+            self.facing(shape, cap.edges.iter());
+        } else {
+            self.place(shape, frame, slab, 0..shape.vertices.len(), 0..shape.face_count());
+            self.facing(shape, 0..shape.edges.len());
+        }
+    }
+
+    fn place(
+        &mut self,
+        shape: &Polyhedron,
+        frame: &Frame,
+        slab: f64,
+        corners: impl Iterator<Item = usize>,
+        faces: impl Iterator<Item = usize>,
+    ) {
+        let [t, s, n] = &frame.axes;
+        let [x, y, z] = frame.origin;
+        let mut lowest = f64::INFINITY;
+        for v in corners {
+            let corner = &shape.vertices[v];
+            let place = [t.dot(corner) + x, s.dot(corner) + y, n.dot(corner) + z];
+            lowest = lowest.min(frame.into * place[2]);
+            self.places[v] = place;
+            self.seen[v] = false;
+        }
+        self.limit = lowest + slab;
+        let into = n * frame.into;
+        self.planes.clear();
+        for f in faces {
+            let normal = shape.face_normals[f];
+            let slope = normal.dot(&into);
+            self.slopes[f] = slope;
+            self.planes.push(Plane { normal, offset: shape.face_offsets[f], slope });
+        }
+    }
+
+    /// Lists those of the given edges that face the other body, placed before.
+    fn facing(&mut self, shape: &Polyhedron, edges: impl Iterator<Item = usize>) {
         self.edges.clear();
         self.area = Area::default();
-        for (index, edge) in shape.edges.iter().enumerate() {
-            let [h0, h1] = edge.vertices.map(|v| self.heights[v as usize]);
+        for index in edges {
+            let edge = &shape.edges[index];
+            let [start, end] = edge.vertices.map(|v| self.places[v as usize]);
+            let [h0, h1] = [start, end].map(|p| self.into * p[2] - self.limit);
             let near = h0 <= 0.0 || h1 <= 0.0;
-            let faces = |f: &u16| shape.face_normals[*f as usize].dot(towards) > STEEP;
-            if !near || !edge.faces.iter().any(faces) {
+            if !near || !edge.faces.iter().any(|f| self.slopes[*f as usize] < -STEEP) {
                 continue;
             }
-            let [start, end] = edge.vertices.map(|v| place(v as usize));
             let along = [0, 1, 2].map(|k| end[k] - start[k]);
             let mut edge = Edge {
                 index: index as u32,
@@ -218,22 +297,35 @@ impl Side {
     }
 
     /// Drops edges beside `area`, and lists the vertices in it.
-    fn trim(&mut self, shape: &Polyhedron, area: &Area) {
-        let Self { heights, edges, vertices, seen, .. } = self;
+    fn trim(&mut self, area: &Area) {
+        let Self { places, edges, vertices, seen, limit, into, .. } = self;
         edges.retain(|e| e.area.meets(area));
         vertices.clear();
-        seen.clear();
-        seen.resize(shape.vertices.len(), false);
-        for e in edges.iter() {
-            let end = [0, 1, 2].map(|k| e.start[k] + e.along[k]);
-            for (v, p) in e.vertices.iter().zip([e.start, end]) {
-                let v = *v as usize;
-                if !seen[v] && heights[v] <= 0.0 && area.holds(&p) {
-                    seen[v] = true;
-                    vertices.push(v);
-                }
+        for v in edges.iter().flat_map(|e| e.vertices) {
+            let v = v as usize;
+            let place = &places[v];
+            if !seen[v] && *into * place[2] <= *limit && area.holds(place) {
+                seen[v] = true;
+                vertices.push(v);
             }
         }
+    }
+
+    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`;
+    /// `None` if the line passes by more than `tolerance` beside it, in the slab.
+    fn distance_along(&self, x: &Vec3, tolerance: f64) -> Option<f64> {
+        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+        for Plane { normal, offset, slope } in &self.planes {
+            let depth = offset - (normal.x * x.x + normal.y * x.y + normal.z * x.z);
+            if *slope < -STEEP {
+                enter = enter.max(depth / slope);
+            } else if *slope > STEEP {
+                leave = leave.min((depth + tolerance) / slope);
+            } else if depth < -tolerance {
+                return None;
+            }
+        }
+        (enter <= leave + tolerance).then_some(enter)
     }
 }
 
@@ -251,22 +343,4 @@ fn crossing(a: &Edge, b: &Edge) -> Option<[f64; 2]> {
     let length_squared = a.along[0] * a.along[0] + a.along[1] * a.along[1];
     let s = (a.along[0] * over[0] + a.along[1] * over[1]) / length_squared;
     (s > 0.0 && s < 1.0).then_some([s, t])
-}
-
-/// Distance from `x` along the unit vector `n` to where the line enters the body, negative behind
-/// `x`; `None` if the line passes by more than `tolerance` beside it.
-fn distance_along(body: &Polyhedron, x: &Vec3, n: &Vec3, tolerance: f64) -> Option<f64> {
-    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
-    for (normal, offset) in body.face_normals.iter().zip(&body.face_offsets) {
-        let slope = normal.x * n.x + normal.y * n.y + normal.z * n.z;
-        let depth = offset - (normal.x * x.x + normal.y * x.y + normal.z * x.z);
-        if slope < -STEEP {
-            enter = enter.max(depth / slope);
-        } else if slope > STEEP {
-            leave = leave.min((depth + tolerance) / slope);
-        } else if depth < -tolerance {
-            return None;
-        }
-    }
-    (enter <= leave + tolerance).then_some(enter)
 }

@@ -26,7 +26,7 @@ const TIE: f64 = 2.5e-10;
 /// from the deepest point, one at the alert distance has moved all the way to it. What touches now
 /// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its
 /// side.
-pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64) {
+pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, hull: &mut Hull) {
     points.sort_unstable_by_key(|c| c.feature);
     merge_repeated(points, APART * size);
     if points.len() <= MAX_POINTS {
@@ -41,16 +41,17 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64) {
         let p = (c.point - deepest.point) * weight;
         [t.dot(&p), s.dot(&p)]
     };
-    let mut corners: Vec<([f64; 2], Candidate)> = points.iter().map(|c| (flat(c), *c)).collect();
-    hull(&mut corners);
+    hull.points.clear();
+    hull.points.extend(points.iter().map(|c| (flat(c), *c)));
+    let corners = hull.corners();
     points.clear();
     if let Some(k) = corners.iter().position(|(_, c)| c.feature == deepest.feature) {
         corners.rotate_left(k);
-        let kept = widest_with_first(&corners);
+        let kept = widest_with_first(corners);
         points.extend(kept.into_iter().take(corners.len()).map(|k| corners[k].1));
     } else {
         points.push(deepest);
-        let kept = widest_around(&corners);
+        let kept = widest_around(corners);
         points.extend(kept.into_iter().take(corners.len()).map(|k| corners[k].1));
     }
 }
@@ -78,27 +79,37 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Reduces points of the plane to the corners of their convex hull, in order (monotone chain).
-fn hull(points: &mut Vec<([f64; 2], Candidate)>) {
-    points.sort_by(|(a, c), (b, d)| {
-        a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(c.feature.cmp(&d.feature))
-    });
-    let count = points.len();
-    let mut chain: Vec<([f64; 2], Candidate)> = Vec::with_capacity(count + 1);
-    for pass in 0..2 {
-        let base = chain.len();
-        for k in 0..count {
-            let p = points[if pass == 0 { k } else { count - 1 - k }];
-            while chain.len() >= base + 2
-                && cross(chain[chain.len() - 2].0, chain[chain.len() - 1].0, p.0) <= 0.0
-            {
-                chain.pop();
+/// Points of the plane, and buffers for their convex hull.
+#[derive(Debug, Default)]
+pub struct Hull {
+    points: Vec<([f64; 2], Candidate)>,
+    chain: Vec<([f64; 2], Candidate)>,
+}
+
+impl Hull {
+    /// The corners of the points' convex hull, in order (monotone chain).
+    fn corners(&mut self) -> &mut [([f64; 2], Candidate)] {
+        let Self { points, chain } = self;
+        points.sort_unstable_by(|(a, c), (b, d)| {
+            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(c.feature.cmp(&d.feature))
+        });
+        let count = points.len();
+        chain.clear();
+        for pass in 0..2 {
+            let base = chain.len();
+            for k in 0..count {
+                let p = points[if pass == 0 { k } else { count - 1 - k }];
+                while chain.len() >= base + 2
+                    && cross(chain[chain.len() - 2].0, chain[chain.len() - 1].0, p.0) <= 0.0
+                {
+                    chain.pop();
+                }
+                chain.push(p);
             }
-            chain.push(p);
+            chain.pop();
         }
-        chain.pop();
+        chain
     }
-    *points = chain;
 }
 
 /// Numbers of the first corner and the three that span the largest area with it; the first four

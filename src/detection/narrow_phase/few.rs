@@ -1,0 +1,46 @@
+//! Short lists of features by number, without memory of their own.
+
+/// At most `N` numbers below 256, or the note that they were too many.
+#[derive(Debug, Clone, Copy)]
+pub struct Few<const N: usize> {
+    /// Above N: too many.
+    count: u8,
+    items: [u8; N],
+}
+
+impl<const N: usize> Default for Few<N> {
+    fn default() -> Self {
+        Self { count: 0, items: [0; N] }
+    }
+}
+
+impl<const N: usize> Few<N> {
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Notes that there are more than the list can hold.
+    pub fn overflow(&mut self) {
+        self.count = u8::MAX;
+    }
+
+    pub fn push(&mut self, item: usize) {
+        match u8::try_from(item) {
+            Ok(item) if usize::from(self.count) < N => {
+                self.items[usize::from(self.count)] = item;
+                self.count += 1;
+            }
+            _ => self.overflow(),
+        }
+    }
+
+    /// Whether all that were pushed are here.
+    pub fn is_whole(&self) -> bool {
+        usize::from(self.count) <= N
+    }
+
+    /// What was pushed, in order; of a list that is not whole, some.
+    pub fn iter(&self) -> impl Iterator<Item = usize> + Clone {
+        self.items.iter().take(usize::from(self.count)).map(|i| usize::from(*i))
+    }
+}

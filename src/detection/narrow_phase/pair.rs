@@ -1,0 +1,157 @@
+//! Two bodies seen from the frame of the first: places, directions, supports, separations.
+
+use super::{PairMemory, Solid};
+use crate::geometry::Polyhedron;
+use crate::math::{Mat3, Pose, Quat, Vec3};
+
+/// Two bodies whose spheres come within the alert distance of each other.
+pub struct Pair<'a> {
+    pub a: &'a Polyhedron,
+    pub b: &'a Polyhedron,
+    /// Of A.
+    pub pose: Pose,
+    /// From the frame of B to that of A.
+    pub turn: Quat,
+    /// The same.
+    pub rotation: Mat3,
+    /// Origin of B in the frame of A.
+    pub offset: Vec3,
+    /// Origin of A in the frame of B.
+    pub back: Vec3,
+    /// Sum of the radii: the length that tolerances refer to.
+    pub size: f64,
+    pub alert: f64,
+}
+
+impl<'a> Pair<'a> {
+    /// Both bodies, or how far their spheres are beyond the alert distance.
+    pub fn new(a: Solid<'a>, b: Solid<'a>, alert: f64) -> Result<Self, f64> {
+        let apart = b.pose.position - a.pose.position;
+        let size = a.shape.radius + b.shape.radius;
+        let reach = size * (1.0 + super::TIE) + alert;
+        let distance_squared = apart.norm_squared();
+        if distance_squared > reach * reach {
+            return Err(distance_squared.sqrt() - reach);
+        }
+        let to_a = a.pose.orientation.inverse();
+        let offset = to_a * apart;
+        let turn = to_a * b.pose.orientation;
+        let rotation = turn.to_rotation_matrix().into_inner();
+        let back = -rotation.tr_mul(&offset);
+        let (a, b, pose) = (a.shape, b.shape, a.pose);
+        Ok(Self { a, b, pose, turn, rotation, offset, back, size, alert })
+    }
+
+    /// A direction of A's frame in that of B.
+    pub fn in_b(&self, n: &Vec3) -> Vec3 {
+        self.rotation.tr_mul(n)
+    }
+
+    /// Corner `v` of B in the frame of A.
+    pub fn corner_of_b(&self, v: usize) -> Vec3 {
+        self.rotation * self.b.vertices[v] + self.offset
+    }
+
+    /// A point of A's frame in that of B.
+    pub fn point_in_b(&self, x: &Vec3) -> Vec3 {
+        self.rotation.tr_mul(x) + self.back
+    }
+
+    /// How far B is from A along the direction `n` from A to B; negative if they overlap along it.
+    pub fn separation(&self, n: &Vec3) -> f64 {
+        lowest(&self.b.vertices, &self.in_b(n)) + n.dot(&self.offset) - highest(&self.a.vertices, n)
+    }
+
+    /// How much an old axis still separates beyond the alert distance, all rounding taken off.
+    pub fn still_apart(&self, memory: &PairMemory) -> Option<f64> {
+        if memory.axis == [0.0; 3] {
+            return None;
+        }
+        let n = Vec3::from(memory.axis.map(f64::from));
+        // The axis is of length 1 to the precision of f32 only.
+        let beyond = self.separation(&n) / 1.000_001 - (self.alert + 1e-9 * self.size);
+        (beyond > 0.0).then_some(beyond)
+    }
+
+    /// The faces of A and the corners of B.
+    pub fn faces_of_a(&self) -> Faces<'a> {
+        let to_own = self.rotation;
+        Faces { own: self.a, other: self.b, to_own, offset: self.offset }
+    }
+
+    /// The faces of B and the corners of A.
+    pub fn faces_of_b(&self) -> Faces<'a> {
+        let to_own = self.rotation.transpose();
+        Faces { own: self.b, other: self.a, to_own, offset: self.back }
+    }
+}
+
+/// The faces of one body as axes of separation from the other.
+pub struct Faces<'a> {
+    pub own: &'a Polyhedron,
+    other: &'a Polyhedron,
+    /// From the other body's frame.
+    to_own: Mat3,
+    /// The other body's origin.
+    offset: Vec3,
+}
+
+impl Faces<'_> {
+    /// Distance of the other body's lowest corner above face `f`; negative below.
+    pub fn separation(&self, f: usize) -> f64 {
+        let n = &self.own.face_normals[f];
+        let low = lowest(&self.other.vertices, &self.to_own.tr_mul(n));
+        low + n.dot(&self.offset) - self.own.face_offsets[f]
+    }
+
+    /// The lowest of the other body's corners above face `f`.
+    pub fn lowest_corner(&self, f: usize) -> Vec3 {
+        let n = self.to_own.tr_mul(&self.own.face_normals[f]);
+        self.to_own * self.other.vertices[first_lowest(&self.other.vertices, &n)] + self.offset
+    }
+
+    /// The face that lies most towards the other body.
+    pub fn most_aligned(&self) -> usize {
+        first_lowest(&self.own.face_normals, &-self.offset)
+    }
+}
+
+/// Largest `n · v`.
+pub fn highest(points: &[Vec3], n: &Vec3) -> f64 {
+    -lowest(points, &-n)
+}
+
+/// Smallest `n · v`.
+///
+/// The minimum of numbers does not depend on their order: four at a time.
+pub fn lowest(points: &[Vec3], n: &Vec3) -> f64 {
+    let height = |v: &Vec3| n.x * v.x + n.y * v.y + n.z * v.z;
+    let mut low = [f64::INFINITY; 4];
+    let mut blocks = points.chunks_exact(4);
+    for block in &mut blocks {
+        for k in 0..4 {
+            low[k] = smaller(height(&block[k]), low[k]);
+        }
+    }
+    for (k, v) in blocks.remainder().iter().enumerate() {
+        low[k] = smaller(height(v), low[k]);
+    }
+    smaller(smaller(low[0], low[1]), smaller(low[2], low[3]))
+}
+
+/// Number of the first point of smallest `n · v`.
+pub fn first_lowest(points: &[Vec3], n: &Vec3) -> usize {
+    let mut best = (f64::INFINITY, 0);
+    for (k, v) in points.iter().enumerate() {
+        let height = n.x * v.x + n.y * v.y + n.z * v.z;
+        if height < best.0 {
+            best = (height, k);
+        }
+    }
+    best.1
+}
+
+/// `f64::min` minds NaN and does not become one instruction; positions are finite here.
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}

@@ -1,0 +1,395 @@
+//! The axis of largest separation, and what is reported along it.
+
+use super::closest::{self, ClosestPoints};
+use super::edges::{self, EdgeAxis, NearEdge};
+use super::faces::{self, FACES, FaceAxis};
+use super::few::Few;
+use super::nearby::Nearby;
+use super::pair::Pair;
+use super::reduce::{self, Candidate};
+use super::{PairMemory, Point, Scratch, TIE, feature, pair, patch};
+use crate::geometry::Polyhedron;
+use crate::math::Vec3;
+
+/// How far from both ends of its edges, over their lengths, a closest point is safely unique.
+const INTERIOR: f64 = 1e-6;
+/// Points of a patch closer than this, over the radii, count as one.
+const LOOSE: f64 = 1e-7;
+/// What is added to the slab of near edges, over the radii: faces are flat to 1e-7 only.
+const SLAB: f64 = 1e-6;
+
+/// The best face of either body.
+#[derive(Debug, Clone, Copy)]
+struct BestFace {
+    of_b: bool,
+    /// From A to B, in the frame of A.
+    normal: Vec3,
+    separation: f64,
+}
+
+/// `Err` holds a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
+type Found<T> = Result<T, Vec3>;
+
+impl Pair<'_> {
+    /// Finds the best axis and reports the contact points along it.
+    pub fn search(&self, memory: &mut PairMemory, scratch: &mut Scratch) -> Found<()> {
+        let face = self.best_face(memory)?;
+        let floor = face.separation + TIE * self.size;
+        let known = self.known_edges(&memory.edges);
+        memory.edges = [0; 2];
+        if let Some(e) = &known {
+            if e.separation > self.alert {
+                return Err(e.normal);
+            }
+            if e.separation > floor.max(0.0) && self.are_closest(e) {
+                self.push_edges(e, memory, scratch);
+                return Ok(());
+            }
+        }
+        if face.separation > 0.0 {
+            return self.points_of_face_apart(&face, memory, scratch);
+        }
+        let known = known.filter(|e| e.separation > floor && e.separation <= 0.0);
+        match self.best_edges(&face, known, memory, scratch) {
+            Some(e) if e.separation > self.alert => Err(e.normal),
+            Some(e) if e.separation <= 0.0 || self.are_closest(&e) => {
+                self.push_edges(&e, memory, scratch);
+                Ok(())
+            }
+            Some(e) => self.closest_points(&e.normal, e.separation, memory, scratch),
+            None => {
+                // The patch along the face's axis is what decided for it.
+                self.push_face(&face, scratch);
+                Ok(())
+            }
+        }
+    }
+
+    /// Contact points of bodies that a face separates by no more than the alert distance.
+    fn points_of_face_apart(
+        &self,
+        face: &BestFace,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) -> Found<()> {
+        self.find_patch(&face.normal, face.separation, memory, scratch);
+        // Points of both surfaces that are as close as the axis says: nothing is closer.
+        if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
+            self.push_face(face, scratch);
+            return Ok(());
+        }
+        self.closest_points(&face.normal, face.separation, memory, scratch)
+    }
+
+    /// The contact of bodies that are further apart than the best axis shows: edges or vertices are
+    /// closest. `normal` and `separation` are those of the best axis.
+    fn closest_points(
+        &self,
+        normal: &Vec3,
+        separation: f64,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) -> Found<()> {
+        self.gather(normal, [self.alert - separation; 2], scratch);
+        let (near_a, near_b) = (&scratch.near_a, &scratch.near_b);
+        let Some(c) = closest::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
+            // Apart. The next step asks again unless this direction happens to tell.
+            let any = closest::closest_points(near_a, near_b, f64::INFINITY);
+            return Err(any.map_or(*normal, |c| (c.on_b - c.on_a).normalize()));
+        };
+        let distance = c.distance_squared.sqrt();
+        if distance > self.alert {
+            return Err((c.on_b - c.on_a) / distance);
+        }
+        match edges::axis_of(self, c.edges, f64::NEG_INFINITY) {
+            Some(e) if e.separation > separation && self.are_closest(&e) => {
+                self.push_edges(&e, memory, scratch);
+            }
+            _ if distance > separation + TIE * self.size => {
+                let normal = (c.on_b - c.on_a) / distance;
+                self.push_closest(&c, &normal, distance, memory, scratch);
+            }
+            // Rounding alone leads here.
+            _ => self.push_closest(&c, normal, separation, memory, scratch),
+        }
+        Ok(())
+    }
+
+    fn best_face(&self, memory: &mut PairMemory) -> Found<BestFace> {
+        let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
+        let apart_a = |f: usize| self.a.face_normals[f];
+        let apart_b = |f: usize| -(self.rotation * self.b.face_normals[f]);
+        let near = &mut memory.nearby;
+        let (on_a, on_b): (FaceAxis, Option<FaceAxis>) = if near.holds(self) {
+            let [list_a, list_b] = &near.faces;
+            let on_a = faces::best_of(&of_a, list_a, self.alert).map_err(apart_a)?;
+            let Some(on_a) = on_a else { return Err(self.offset) };
+            (on_a, faces::best_of(&of_b, list_b, self.alert).map_err(apart_b)?)
+        } else {
+            near.restart();
+            let margin = Nearby::face_margin(self);
+            let [list_a, list_b] = &mut near.faces;
+            let start = |list: &Few<FACES>, faces: &pair::Faces| {
+                let known = list.iter().next().filter(|f| *f < faces.own.face_count());
+                known.unwrap_or_else(|| faces.most_aligned())
+            };
+            let (alert, none) = (self.alert, f64::NEG_INFINITY);
+            let from = start(list_a, &of_a);
+            let on_a =
+                faces::best_of_all(&of_a, from, none, alert, margin, list_a).map_err(apart_a)?;
+            let from = start(list_b, &of_b);
+            let floor = on_a.separation;
+            let on_b =
+                faces::best_of_all(&of_b, from, floor, alert, margin, list_b).map_err(apart_b)?;
+            (on_a, Some(on_b))
+        };
+        Ok(match on_b.filter(|b| b.separation > on_a.separation + TIE * self.size) {
+            Some(b) => BestFace { of_b: true, normal: apart_b(b.face), separation: b.separation },
+            None => {
+                BestFace { of_b: false, normal: apart_a(on_a.face), separation: on_a.separation }
+            }
+        })
+    }
+
+    /// Fills the lists of edges with an end at most `slabs` off the support planes along `n`.
+    fn gather(&self, n: &Vec3, slabs: [f64; 2], scratch: &mut Scratch) {
+        // Finite, so that heights are numbers when all edges are asked for.
+        let [slab_a, slab_b] = slabs.map(|s| (s + SLAB * self.size).min(10.0 * self.size));
+        let Scratch { heights, near_a, near_b, .. } = scratch;
+        heights_over(self.a, &-n, slab_a, heights);
+        near_edges(self.a, heights, near_a, |e, h| {
+            let normals = self.a.edges[e].faces.map(|f| self.a.face_normals[f as usize]);
+            NearEdge::below(edges::edge_of_a(self, e), normals, h)
+        });
+        heights_over(self.b, &self.in_b(n), slab_b, heights);
+        near_edges(self.b, heights, near_b, |e, h| {
+            let turned = |f| self.rotation * self.b.face_normals[usize::from(f)];
+            let normals = self.b.edges[e].faces.map(turned);
+            NearEdge::below(edges::edge_of_b(self, e), normals, h)
+        });
+    }
+
+    /// The axis of the edges that were closest before, if they still make one.
+    fn known_edges(&self, edges: &[u32; 2]) -> Option<EdgeAxis> {
+        let [ea, eb] = edges.map(|e| e as usize);
+        if ea == 0 || eb == 0 || ea > self.a.edges.len() || eb > self.b.edges.len() {
+            return None;
+        }
+        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY)
+    }
+
+    /// Whether the closest points of two edges are strictly inside both and as far apart as their
+    /// axis says: then they are the closest points of the bodies, and there are no others.
+    fn are_closest(&self, e: &EdgeAxis) -> bool {
+        let a = edges::edge_of_a(self, e.edges[0]);
+        let b = edges::edge_of_b(self, e.edges[1]);
+        let c = closest::closest_on_segments(&a, &b);
+        c.parameter.iter().all(|t| *t > INTERIOR && *t < 1.0 - INTERIOR)
+            && !edges::nearly_parallel(&a, &b)
+            && c.distance_squared.sqrt() <= e.separation + TIE * self.size
+    }
+
+    /// The axis perpendicular to two edges that is better than the best face of bodies that no face
+    /// separates. `known` is a better axis, if one is known.
+    ///
+    /// The edges near the face decide ([`edges`]) as soon as the bodies are known to overlap or to be
+    /// at most `reach` apart, the larger of the depth and the alert distance. Bodies that far
+    /// apart show it: of the facets that hold the closest point, one separates, and it is no face's.
+    fn best_edges(
+        &self,
+        face: &BestFace,
+        known: Option<EdgeAxis>,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) -> Option<EdgeAxis> {
+        let floor = face.separation + TIE * self.size;
+        if memory.nearby.edge_pairs().is_none() {
+            self.list_edge_pairs(face, memory, scratch);
+        }
+        let best = match memory.nearby.edge_pairs().flatten() {
+            Some(pairs) => edges::best_edge_axis(self, pairs, known, floor),
+            None => {
+                let depth = -face.separation;
+                let reach = depth.max(self.alert);
+                self.best_near_edges(&face.normal, depth + reach, reach, known, floor, scratch)
+            }
+        };
+        let reach = self.alert.max(-face.separation);
+        if let Some(e) = &best
+            && (e.separation > 0.0 || self.closest_on(e).distance_squared <= reach * reach)
+        {
+            return best;
+        }
+        self.find_patch(&face.normal, face.separation, memory, scratch);
+        if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
+            return best;
+        }
+        // Neither a separating axis nor points of both that are near is at hand: ask all edges.
+        let all = f64::INFINITY;
+        self.best_near_edges(&face.normal, all, all, known, floor, scratch)
+    }
+
+    /// The best axis over edges with an end in `slab` off the support planes along `n` whose parts in
+    /// it come within `reach` of each other.
+    fn best_near_edges(
+        &self,
+        n: &Vec3,
+        slab: f64,
+        reach: f64,
+        known: Option<EdgeAxis>,
+        floor: f64,
+        scratch: &mut Scratch,
+    ) -> Option<EdgeAxis> {
+        self.gather(n, [slab; 2], scratch);
+        let reach = reach + SLAB * self.size;
+        let Scratch { near_a, near_b, .. } = scratch;
+        let pairs = near_a.iter().flat_map(|a| {
+            let near = near_b.iter().filter(move |b| a.may_reach(b, reach));
+            near.map(|b| [a.index, b.index])
+        });
+        edges::best_edge_axis(self, pairs, known, floor)
+    }
+
+    /// Lists the pairs of edges that may be the best axis while the lists of `memory` hold.
+    ///
+    /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
+    /// `path`; heights of A along it do not change, those of B by twice `path`.
+    fn list_edge_pairs(&self, face: &BestFace, memory: &mut PairMemory, scratch: &mut Scratch) {
+        let [path, turn] = Nearby::moved(self);
+        let depth = path - face.separation;
+        let reach = depth.max(self.alert);
+        self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
+        memory.nearby.start_edges();
+        let reach = reach + path + SLAB * self.size;
+        for a in &scratch.near_a {
+            for b in &scratch.near_b {
+                if a.may_reach(b, reach) && a.may_cross(b, turn) {
+                    memory.nearby.push_edges([a.index, b.index]);
+                }
+            }
+        }
+    }
+
+    fn closest_on(&self, e: &EdgeAxis) -> ClosestPoints {
+        let [a, b] = e.edges;
+        closest::closest_on_segments(&edges::edge_of_a(self, a), &edges::edge_of_b(self, b))
+    }
+
+    /// Reports the contact of two edges and remembers them.
+    fn push_edges(&self, e: &EdgeAxis, memory: &mut PairMemory, scratch: &mut Scratch) {
+        memory.edges = e.edges.map(|e| e as u32 + 1);
+        let c = self.closest_on(e);
+        self.push_closest(&c, &e.normal, e.separation, memory, scratch);
+    }
+
+    fn push_closest(
+        &self,
+        c: &ClosestPoints,
+        normal: &Vec3,
+        gap: f64,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) {
+        let [ea, eb] = c.edges;
+        let feature = feature::edges(
+            (ea as u32, self.a.edges[ea].vertices, c.parameter[0]),
+            (eb as u32, self.b.edges[eb].vertices, c.parameter[1]),
+        );
+        let point = (c.on_a + c.on_b) * 0.5;
+        self.find_patch(normal, gap, memory, scratch);
+        self.push_patch(normal, Candidate { point, gap, feature }, scratch);
+    }
+
+    /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
+    fn push_face(&self, face: &BestFace, scratch: &mut Scratch) {
+        let BestFace { of_b, normal, separation: gap } = face;
+        let (vertex, feature, side) = if *of_b {
+            let v = pair::first_lowest(&self.a.vertices, &-normal);
+            (self.a.vertices[v], feature::vertex(v), 1.0)
+        } else {
+            let v = pair::first_lowest(&self.b.vertices, &self.in_b(normal));
+            (self.corner_of_b(v), feature::vertex_of_b(v), -1.0)
+        };
+        let point = vertex + normal * (0.5 * side * gap);
+        self.push_patch(normal, Candidate { point, gap: *gap, feature }, scratch);
+    }
+
+    /// Reports the four of `scratch.candidates`, the patch along `normal`, that best stand for it.
+    ///
+    /// `closest` is where the gap is the axis's separation, which no corner's is below but for
+    /// rounding; it is reported if rounding hides it from the patch.
+    fn push_patch(&self, normal: &Vec3, closest: Candidate, scratch: &mut Scratch) {
+        let Scratch { candidates, hull, .. } = scratch;
+        if lowest_gap(candidates) > closest.gap + LOOSE * self.size {
+            candidates.retain(|c| c.feature != closest.feature);
+            candidates.push(closest);
+        }
+        reduce::keep_four(candidates, normal, self.alert, self.size, hull);
+        if let Some(d) = candidates.iter_mut().min_by(|c, d| c.gap.total_cmp(&d.gap)) {
+            d.gap = closest.gap;
+        }
+        candidates.iter_mut().for_each(|c| c.gap = c.gap.max(closest.gap));
+        self.report(normal, scratch);
+    }
+
+    /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
+    fn find_patch(
+        &self,
+        n: &Vec3,
+        separation: f64,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) {
+        let axis = patch::Axis {
+            normal: *n,
+            alert: self.alert,
+            slab: (self.alert - separation).max(0.0) + SLAB * self.size,
+            tolerance: TIE * self.size,
+        };
+        axis.corners(self, &mut memory.caps, &mut scratch.sides, &mut scratch.candidates);
+    }
+
+    /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
+    fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
+        let pose = &self.pose;
+        let normal = -(pose.orientation * normal);
+        scratch.points.extend(scratch.candidates.iter().map(|c| Point {
+            feature: c.feature,
+            point: pose.point(&c.point),
+            normal,
+            gap: c.gap,
+        }));
+    }
+}
+
+/// Height of each corner over the plane `slab` above the lowest one along `n`.
+fn heights_over(shape: &Polyhedron, n: &Vec3, slab: f64, heights: &mut Vec<f64>) {
+    let limit = pair::lowest(&shape.vertices, n) + slab;
+    heights.clear();
+    heights.extend(shape.vertices.iter().map(|v| n.x * v.x + n.y * v.y + n.z * v.z - limit));
+}
+
+/// Fills `out` with the edges that have an end where `heights <= 0`.
+fn near_edges(
+    shape: &Polyhedron,
+    heights: &[f64],
+    out: &mut Vec<NearEdge>,
+    load: impl Fn(usize, [f64; 2]) -> NearEdge,
+) {
+    out.clear();
+    for (index, edge) in shape.edges.iter().enumerate() {
+        let ends = edge.vertices.map(|v| heights[v as usize]);
+        if ends[0] <= 0.0 || ends[1] <= 0.0 {
+            out.push(load(index, ends));
+        }
+    }
+}
+
+/// The first of the candidates of lowest gap.
+fn deepest(candidates: &[Candidate]) -> Option<&Candidate> {
+    candidates.iter().reduce(|d, c| if c.gap < d.gap { c } else { d })
+}
+
+fn lowest_gap(candidates: &[Candidate]) -> f64 {
+    deepest(candidates).map_or(f64::INFINITY, |c| c.gap)
+}

@@ -1,0 +1,56 @@
+//! How far bodies have moved in all: pairs that are apart by some distance are not looked at again
+//! before both bodies together have moved that far.
+//!
+//! Reads: motion. Writes: [`Travel`]. Cost: two roots per body and step.
+//! Contract: between two updates, the length of a body grows by at least what any of its points has
+//! moved; so does the difference of two later lengths, whatever rounding does.
+
+use crate::math::{Quat, Vec3};
+use crate::motion::Motion;
+use rayon::prelude::*;
+
+/// Length of the way of each body, m `[nb]`.
+#[derive(Debug, Default)]
+pub(super) struct Travel {
+    pub length: Vec<f64>,
+    position: Vec<Vec3>,
+    orientation: Vec<Quat>,
+}
+
+impl Travel {
+    /// Starts again: lengths of before mean nothing any more.
+    pub fn clear(&mut self) {
+        self.length.clear();
+    }
+
+    /// Adds the way from the last configuration to this one; `reach` is the largest distance of a
+    /// point of each body from its origin `[nb]`, m.
+    pub fn update(&mut self, motion: &Motion, reach: &[f64]) {
+        let count = motion.position.len();
+        if self.length.len() != count {
+            self.length.clear();
+            self.length.resize(count, 0.0);
+            self.position.clone_from(&motion.position);
+            self.orientation.clone_from(&motion.orientation);
+            return;
+        }
+        let places = (&mut self.position, &mut self.orientation);
+        (&mut self.length, places, &motion.position, &motion.orientation, reach)
+            .into_par_iter()
+            .with_min_len(1024)
+            .for_each(|(length, (x0, q0), x, q, reach)| {
+                let way = (x - *x0).norm() + reach * turn(q, q0);
+                // Two roundings, and those of `way`.
+                *length = (*length + way * (1.0 + 1e-12)) * (1.0 + 4.0 * f64::EPSILON);
+                *x0 = *x;
+                *q0 = *q;
+            });
+    }
+}
+
+/// How far a turn from `q0` to `q` moves a point at distance 1, at most: a turn by θ moves it by
+/// 2 sin(θ/2) <= 2 · 2 sin(θ/4) = 2 |Δq|.
+pub(super) fn turn(q: &Quat, q0: &Quat) -> f64 {
+    let (q, q0) = (q.coords, q0.coords);
+    2.0 * (q - q0).norm_squared().min((q + q0).norm_squared()).sqrt()
+}
