@@ -13,7 +13,7 @@
 //!    also tells where the bodies are closest or overlap, and so which edges step 2 has to ask.
 //!
 //! Each stage asks lists of those features that can matter, kept from earlier steps while they hold
-//! ([`nearby`], [`cap`]).
+//! ([`nearby`], [`patch`]).
 //!
 //! Contract: the result depends on shapes and poses alone, not on [`PairMemory`]. Two bodies at a
 //! distance of at most `alert` have a contact, others have none; the lowest gap is that distance or,
@@ -21,10 +21,11 @@
 //! the common normal, are on the surfaces that face each other; feet of wide gaps may be a
 //! little beside the overlap.
 
-mod cap;
+mod anchor;
 mod closest;
 mod edges;
 mod faces;
+mod facing;
 mod feature;
 mod few;
 mod half_space;
@@ -36,11 +37,11 @@ mod search;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
-use cap::Cap;
 use edges::NearEdge;
+use facing::Sides;
 use nearby::Nearby;
 use pair::Pair;
-use patch::Sides;
+use patch::PatchList;
 use reduce::{Candidate, Hull};
 
 pub use feature::on_part;
@@ -49,6 +50,10 @@ pub use half_space::touch_half_space;
 /// Separations closer than this fraction of the bodies' radii count as equal: then faces of A are
 /// preferred to those of B, and faces to edges.
 const TIE: f64 = 2.5e-10;
+
+/// What is added to slabs and distances that only choose features, over the radii: faces are flat to
+/// 1e-7 only.
+const SLAB: f64 = 1e-6;
 
 /// A convex body of the configuration.
 #[derive(Debug, Clone, Copy)]
@@ -68,8 +73,7 @@ pub struct PairMemory {
     /// One above the edges of A and of B that were closest; zero if none.
     edges: [u32; 2],
     nearby: Nearby,
-    /// Of A and of B.
-    caps: [Cap; 2],
+    patch: PatchList,
 }
 
 impl PairMemory {
@@ -129,6 +133,7 @@ pub fn touch(
     let apart = pair.search(memory, scratch).err();
     memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
     match scratch.candidates.first() {
+        Some(_) if apart.is_none() && memory.nearby.holds(&pair) => {}
         Some(c) if apart.is_none() => memory.nearby.keep(&pair, &c.point),
         _ => memory.nearby.restart(),
     }

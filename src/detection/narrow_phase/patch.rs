@@ -8,17 +8,28 @@
 //!
 //! A corner with gap g <= alert has its feet on A and B at most `alert - s` off the support planes,
 //! s being the separation along the axis. So the edges with an end in that slab decide, and of
-//! them the parts in the slab: where they do not overlap, seen along the axis, there is no corner.
+//! them the parts in the slab ([`facing`](super::facing)).
+//!
+//! Which corners of the bodies and which pairs of edges may make corners of the gap changes little
+//! from step to step: they are listed with a margin, and the list serves while the bodies and the axis
+//! have moved by less. What a list holds too much makes no corner, so results do not depend on it.
 
-use super::cap::{Cap, Marks};
-use super::feature;
+use super::anchor::Anchor;
+use super::facing::{Frame, Plane, Segment, Sides, Slack};
+use super::few::Few;
 use super::pair::Pair;
 use super::reduce::Candidate;
-use crate::geometry::Polyhedron;
+use super::{SLAB, feature};
 use crate::math::{Vec3, frame};
 
+/// How far bodies may move against each other before a list is made again, over the radii.
+const PATH: f64 = 2e-3;
+/// How far the axis may turn in the frame of A before that.
+const TURN: f64 = 5e-3;
+/// How much thicker than asked for the slab of a list is, over the radii.
+const THICKER: f64 = 4e-3;
 /// Faces steeper than this along the axis count as its sides.
-const STEEP: f64 = 1e-9;
+pub const STEEP: f64 = 1e-9;
 
 /// The axis and the bounds of the search.
 #[derive(Debug, Clone, Copy)]
@@ -33,12 +44,66 @@ pub struct Axis {
     pub tolerance: f64,
 }
 
-/// Buffers of the search.
-#[derive(Debug, Default)]
-pub struct Sides {
-    a: Side,
-    b: Side,
-    marks: Marks,
+/// Features of both bodies that may make corners of the gap, and for which configurations.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PatchList {
+    anchor: Anchor,
+    axis: [f32; 3],
+    slab: f32,
+    /// Corners of A and of B that may be over the other body.
+    vertices: [Few<8>; 2],
+    /// Faces of A and of B that reach into the slab.
+    faces: [Few<20>; 2],
+    /// Edges of A and of B that may cross, pair by pair.
+    edges: [Few<24>; 2],
+}
+
+impl PatchList {
+    /// Whether the list has all that `axis` can find.
+    fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
+        let Some(moved) = self.anchor.moved(pair) else { return false };
+        let turn = (Vec3::from(self.axis.map(f64::from)) - axis.normal).norm() + 1e-6;
+        // A height over the support plane changes by at most 2 r per turn of the axis in the body.
+        let thicker = 2.0 * pair.a.radius.max(pair.b.radius) * (turn + moved.turn);
+        moved.path <= PATH * pair.size
+            && turn <= TURN
+            && moved.turn <= TURN
+            && axis.slab + thicker <= self.slab.into()
+    }
+
+    /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
+    fn make(&mut self, pair: &Pair, axis: &Axis, sides: &mut Sides) -> bool {
+        let slab = axis.slab + THICKER * pair.size;
+        let slack = Slack {
+            // A corner's feet are at most the slab apart.
+            path: PATH * pair.size + TURN * axis.slab.max(axis.alert) + SLAB * pair.size,
+            turn: 2.0 * TURN,
+        };
+        sides.list(pair, axis, slab, slack);
+        self.anchor = Anchor::default();
+        let (Some(c), false) = (sides.middle(pair), sides.unsure) else { return false };
+        fill(&mut self.vertices[0], sides.vertices[0].iter().copied());
+        fill(&mut self.vertices[1], sides.vertices[1].iter().copied());
+        fill(&mut self.faces[0], sides.faces(0));
+        fill(&mut self.faces[1], sides.faces(1));
+        fill(&mut self.edges[0], sides.pairs.iter().map(|p| p[0]));
+        fill(&mut self.edges[1], sides.pairs.iter().map(|p| p[1]));
+        let whole = self.vertices.iter().all(Few::is_whole)
+            && self.faces.iter().all(Few::is_whole)
+            && self.edges.iter().all(Few::is_whole);
+        if whole {
+            let n = axis.normal;
+            self.anchor = Anchor::new(pair, &c);
+            self.axis = [n.x as f32, n.y as f32, n.z as f32];
+            self.slab = slab as f32;
+        }
+        whole
+    }
+}
+
+fn fill<const N: usize>(list: &mut Few<N>, items: impl Iterator<Item = usize>) {
+    list.clear();
+    items.for_each(|i| list.push(i));
 }
 
 impl Axis {
@@ -46,34 +111,79 @@ impl Axis {
     pub fn corners(
         &self,
         pair: &Pair,
-        caps: &mut [Cap; 2],
+        list: &mut PatchList,
         sides: &mut Sides,
         out: &mut Vec<Candidate>,
     ) {
         out.clear();
+        let frames = self.frames(pair);
+        if list.holds(pair, self) || list.make(pair, self, sides) {
+            let [a, b] = &list.edges;
+            let pairs = a.iter().zip(b.iter()).map(|(a, b)| [a, b]);
+            self.crossings(pair, &frames, pairs, out);
+            let [a, b] = &list.vertices;
+            let [faces_a, faces_b] = &list.faces;
+            let planes = &mut sides.planes;
+            self.vertices_of_a(pair, &frames[1], a.iter(), faces_b.iter(), planes, out);
+            self.vertices_of_b(pair, &frames[0], b.iter(), faces_a.iter(), planes, out);
+        } else {
+            let slack = Slack { path: SLAB * pair.size, turn: 0.0 };
+            sides.list(pair, self, self.slab, slack);
+            let Sides { pairs, vertices: [a, b], planes, .. } = sides;
+            self.crossings(pair, &frames, pairs.iter().copied(), out);
+            let (a, b) = (a.iter().copied(), b.iter().copied());
+            self.vertices_of_a(pair, &frames[1], a, 0..pair.b.face_count(), planes, out);
+            self.vertices_of_b(pair, &frames[0], b, 0..pair.a.face_count(), planes, out);
+        }
+    }
+
+    /// The coordinates of the axis for points of A and of B.
+    pub fn frames(&self, pair: &Pair) -> [Frame; 2] {
         let (t, s) = frame::tangents(&self.normal);
         let axes = [t, s, self.normal];
-        let axes_in_b = axes.map(|n| pair.in_b(&n));
-        let origin_of_b = axes.map(|n| n.dot(&pair.offset));
-        let Sides { a, b, marks } = sides;
-        let frame_a = Frame { axes, origin: [0.0; 3], into: -1.0 };
-        let frame_b = Frame { axes: axes_in_b, origin: origin_of_b, into: 1.0 };
-        a.gather(pair.a, &frame_a, self.slab, &mut caps[0], marks);
-        b.gather(pair.b, &frame_b, self.slab, &mut caps[1], marks);
-        let common = a.area.common(&b.area).widened(self.tolerance);
-        a.trim(&common);
-        b.trim(&common);
-        for &v in &a.vertices {
+        let origin = axes.map(|n| n.dot(&pair.offset));
+        let of_b = Frame { axes: axes.map(|n| pair.in_b(&n)), origin, into: 1.0 };
+        [Frame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
+    }
+
+    /// Appends vertices of A over B; `into` is the frame of B.
+    fn vertices_of_a(
+        &self,
+        pair: &Pair,
+        into: &Frame,
+        vertices: impl Iterator<Item = usize>,
+        faces: impl Iterator<Item = usize> + Clone,
+        planes: &mut Vec<Plane>,
+        out: &mut Vec<Candidate>,
+    ) {
+        for (k, v) in vertices.enumerate() {
+            if k == 0 {
+                into.planes(pair.b, faces.clone(), planes);
+            }
             let point = &pair.a.vertices[v];
-            let gap = b.distance_along(&pair.point_in_b(point), self.tolerance);
+            let gap = distance_along(planes, &pair.point_in_b(point), self.tolerance);
             self.vertex(feature::vertex(v), point, gap, 1.0, out);
         }
-        for &v in &b.vertices {
+    }
+
+    /// Appends vertices of B over A; `into` is the frame of A.
+    fn vertices_of_b(
+        &self,
+        pair: &Pair,
+        into: &Frame,
+        vertices: impl Iterator<Item = usize>,
+        faces: impl Iterator<Item = usize> + Clone,
+        planes: &mut Vec<Plane>,
+        out: &mut Vec<Candidate>,
+    ) {
+        for (k, v) in vertices.enumerate() {
+            if k == 0 {
+                into.planes(pair.a, faces.clone(), planes);
+            }
             let point = pair.corner_of_b(v);
-            let gap = a.distance_along(&point, self.tolerance);
+            let gap = distance_along(planes, &point, self.tolerance);
             self.vertex(feature::vertex_of_b(v), &point, gap, -1.0, out);
         }
-        self.crossings(a, b, &axes, out);
     }
 
     /// Appends the vertex at `point` if the other body is near; `side` is the axis's sign towards it.
@@ -90,247 +200,55 @@ impl Axis {
         }
     }
 
-    /// Appends the crossings of edges of both sides.
-    fn crossings(&self, a: &Side, b: &Side, frame: &[Vec3; 3], out: &mut Vec<Candidate>) {
-        for ea in &a.edges {
-            for eb in b.edges.iter().filter(|eb| ea.area.meets(&eb.area)) {
-                let Some([s, t]) = crossing(ea, eb) else { continue };
-                let (x, y) = (ea.at(s), eb.at(t));
-                let gap = y[2] - x[2];
-                if gap <= self.alert {
-                    let feature =
-                        feature::edges((ea.index, ea.vertices, s), (eb.index, eb.vertices, t));
-                    let height = x[2] + 0.5 * gap;
-                    let point = frame[0] * x[0] + frame[1] * x[1] + frame[2] * height;
-                    out.push(Candidate { point, gap, feature });
-                }
-            }
-        }
-    }
-}
-
-/// Coordinates across and along the axis, for points of one body's frame.
-struct Frame {
-    /// Two across the axis, and the axis.
-    axes: [Vec3; 3],
-    /// Coordinates of the body's origin.
-    origin: [f64; 3],
-    /// Sign of the axis into the body, from the other one.
-    into: f64,
-}
-
-/// A rectangle across the axis.
-#[derive(Debug, Clone, Copy)]
-struct Area {
-    low: [f64; 2],
-    high: [f64; 2],
-}
-
-impl Default for Area {
-    /// Nothing.
-    fn default() -> Self {
-        Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] }
-    }
-}
-
-impl Area {
-    fn around(p: &[f64; 3], q: &[f64; 3]) -> Self {
-        Self { low: [p[0].min(q[0]), p[1].min(q[1])], high: [p[0].max(q[0]), p[1].max(q[1])] }
-    }
-
-    fn with(&self, other: &Area) -> Self {
-        Self {
-            low: [0, 1].map(|k| self.low[k].min(other.low[k])),
-            high: [0, 1].map(|k| self.high[k].max(other.high[k])),
-        }
-    }
-
-    fn common(&self, other: &Area) -> Self {
-        Self {
-            low: [0, 1].map(|k| self.low[k].max(other.low[k])),
-            high: [0, 1].map(|k| self.high[k].min(other.high[k])),
-        }
-    }
-
-    fn widened(&self, margin: f64) -> Self {
-        Self { low: self.low.map(|x| x - margin), high: self.high.map(|x| x + margin) }
-    }
-
-    fn meets(&self, other: &Area) -> bool {
-        (self.low[0] <= other.high[0])
-            & (other.low[0] <= self.high[0])
-            & (self.low[1] <= other.high[1])
-            & (other.low[1] <= self.high[1])
-    }
-
-    fn holds(&self, p: &[f64; 3]) -> bool {
-        self.meets(&Area::around(p, p))
-    }
-}
-
-/// An edge of the facing surface; coordinates are two across the axis and one along it.
-#[derive(Debug, Clone, Copy)]
-struct Edge {
-    index: u32,
-    vertices: [u16; 2],
-    start: [f64; 3],
-    along: [f64; 3],
-    /// Around its part in the slab.
-    area: Area,
-}
-
-impl Edge {
-    fn at(&self, parameter: f64) -> [f64; 3] {
-        [0, 1, 2].map(|k| self.start[k] + self.along[k] * parameter)
-    }
-}
-
-/// The facing surface of one body in the slab.
-#[derive(Debug, Default)]
-struct Side {
-    /// Corners in the coordinates of the axis, by number; those not listed are of old.
-    places: Vec<[f64; 3]>,
-    /// Slopes of faces, by number.
-    slopes: Vec<f64>,
-    planes: Vec<Plane>,
-    edges: Vec<Edge>,
-    /// Around all edges' parts in the slab.
-    area: Area,
-    /// Thickness coordinate up to which a corner is in the slab.
-    limit: f64,
-    into: f64,
-    vertices: Vec<usize>,
-    seen: Vec<bool>,
-}
-
-/// A face's plane, and its slope along the axis into the body.
-#[derive(Debug, Clone, Copy)]
-struct Plane {
-    normal: Vec3,
-    offset: f64,
-    slope: f64,
-}
-
-impl Side {
-    /// Finds the edges in the slab that have a face towards the other body. An edge of the far side
-    /// is never a corner: the body's own surface is between it and the other one.
-    fn gather(
-        &mut self,
-        shape: &Polyhedron,
-        frame: &Frame,
-        slab: f64,
-        cap: &mut Cap,
-        marks: &mut Marks,
+    /// Appends the crossings of pairs of edges.
+    fn crossings(
+        &self,
+        pair: &Pair,
+        [of_a, of_b]: &[Frame; 2],
+        pairs: impl Iterator<Item = [usize; 2]>,
+        out: &mut Vec<Candidate>,
     ) {
-        let outward = frame.axes[2] * -frame.into;
-        if !cap.holds(shape, &outward, slab) {
-            cap.make(shape, &outward, slab, marks);
-        }
-        self.places.resize(shape.vertices.len().max(self.places.len()), [0.0; 3]);
-        self.slopes.resize(shape.face_count().max(self.slopes.len()), 0.0);
-        self.seen.resize(self.places.len(), false);
-        self.into = frame.into;
-        if cap.holds(shape, &outward, slab) {
-            self.place(shape, frame, slab, cap.corners.iter(), cap.faces.iter());
-            self.facing(shape, cap.edges.iter());
-        } else {
-            self.place(shape, frame, slab, 0..shape.vertices.len(), 0..shape.face_count());
-            self.facing(shape, 0..shape.edges.len());
-        }
-    }
-
-    fn place(
-        &mut self,
-        shape: &Polyhedron,
-        frame: &Frame,
-        slab: f64,
-        corners: impl Iterator<Item = usize>,
-        faces: impl Iterator<Item = usize>,
-    ) {
-        let [t, s, n] = &frame.axes;
-        let [x, y, z] = frame.origin;
-        let mut lowest = f64::INFINITY;
-        for v in corners {
-            let corner = &shape.vertices[v];
-            let place = [t.dot(corner) + x, s.dot(corner) + y, n.dot(corner) + z];
-            lowest = lowest.min(frame.into * place[2]);
-            self.places[v] = place;
-            self.seen[v] = false;
-        }
-        self.limit = lowest + slab;
-        let into = n * frame.into;
-        self.planes.clear();
-        for f in faces {
-            let normal = shape.face_normals[f];
-            let slope = normal.dot(&into);
-            self.slopes[f] = slope;
-            self.planes.push(Plane { normal, offset: shape.face_offsets[f], slope });
-        }
-    }
-
-    /// Lists those of the given edges that face the other body, placed before.
-    fn facing(&mut self, shape: &Polyhedron, edges: impl Iterator<Item = usize>) {
-        self.edges.clear();
-        self.area = Area::default();
-        for index in edges {
-            let edge = &shape.edges[index];
-            let [start, end] = edge.vertices.map(|v| self.places[v as usize]);
-            let [h0, h1] = [start, end].map(|p| self.into * p[2] - self.limit);
-            let near = h0 <= 0.0 || h1 <= 0.0;
-            if !near || !edge.faces.iter().any(|f| self.slopes[*f as usize] < -STEEP) {
-                continue;
-            }
-            let along = [0, 1, 2].map(|k| end[k] - start[k]);
-            let mut edge = Edge {
-                index: index as u32,
-                vertices: edge.vertices,
-                start,
-                along,
-                area: self.area,
+        let mut last: Option<(usize, Segment)> = None;
+        for [a, b] in pairs {
+            let ea = match last {
+                Some((index, edge)) if index == a => edge,
+                _ => of_a.segment(pair.a, a),
             };
-            let from = if h0 <= 0.0 { start } else { edge.at(h0 / (h0 - h1)) };
-            let to = if h1 <= 0.0 { end } else { edge.at(h0 / (h0 - h1)) };
-            edge.area = Area::around(&from, &to);
-            self.area = self.area.with(&edge.area);
-            self.edges.push(edge);
-        }
-    }
-
-    /// Drops edges beside `area`, and lists the vertices in it.
-    fn trim(&mut self, area: &Area) {
-        let Self { places, edges, vertices, seen, limit, into, .. } = self;
-        edges.retain(|e| e.area.meets(area));
-        vertices.clear();
-        for v in edges.iter().flat_map(|e| e.vertices) {
-            let v = v as usize;
-            let place = &places[v];
-            if !seen[v] && *into * place[2] <= *limit && area.holds(place) {
-                seen[v] = true;
-                vertices.push(v);
+            last = Some((a, ea));
+            let eb = of_b.segment(pair.b, b);
+            let Some([s, t]) = crossing(&ea, &eb) else { continue };
+            let (x, y) = (ea.at(s), eb.at(t));
+            let gap = y[2] - x[2];
+            if gap <= self.alert {
+                let ends = [pair.a.edges[a].vertices, pair.b.edges[b].vertices];
+                let feature = feature::edges((a as u32, ends[0], s), (b as u32, ends[1], t));
+                let [e0, e1, e2] = &of_a.axes;
+                let point = e0 * x[0] + e1 * x[1] + e2 * (x[2] + 0.5 * gap);
+                out.push(Candidate { point, gap, feature });
             }
         }
     }
+}
 
-    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`;
-    /// `None` if the line passes by more than `tolerance` beside it, in the slab.
-    fn distance_along(&self, x: &Vec3, tolerance: f64) -> Option<f64> {
-        let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
-        for Plane { normal, offset, slope } in &self.planes {
-            let depth = offset - (normal.x * x.x + normal.y * x.y + normal.z * x.z);
-            if *slope < -STEEP {
-                enter = enter.max(depth / slope);
-            } else if *slope > STEEP {
-                leave = leave.min((depth + tolerance) / slope);
-            } else if depth < -tolerance {
-                return None;
-            }
+/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+/// if the line passes by more than `tolerance` beside it.
+fn distance_along(planes: &[Plane], x: &Vec3, tolerance: f64) -> Option<f64> {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for plane in planes {
+        let depth = plane.depth(x);
+        if plane.slope < -STEEP {
+            enter = enter.max(depth / plane.slope);
+        } else if plane.slope > STEEP {
+            leave = leave.min((depth + tolerance) / plane.slope);
+        } else if depth < -tolerance {
+            return None;
         }
-        (enter <= leave + tolerance).then_some(enter)
     }
+    (enter <= leave + tolerance).then_some(enter)
 }
 
 /// Where two edges cross, seen along the axis: positions on both, strictly between their ends.
-fn crossing(a: &Edge, b: &Edge) -> Option<[f64; 2]> {
+fn crossing(a: &Segment, b: &Segment) -> Option<[f64; 2]> {
     let beside = |d: &[f64; 3], x: [f64; 2]| d[0] * x[1] - d[1] * x[0];
     let between = [b.start[0] - a.start[0], b.start[1] - a.start[1]];
     let far = [between[0] + b.along[0], between[1] + b.along[1]];

@@ -1,5 +1,6 @@
 //! The axis of largest separation, and what is reported along it.
 
+use super::anchor::Moved;
 use super::closest::{self, ClosestPoints};
 use super::edges::{self, EdgeAxis, NearEdge};
 use super::faces::{self, FACES, FaceAxis};
@@ -7,7 +8,7 @@ use super::few::Few;
 use super::nearby::Nearby;
 use super::pair::Pair;
 use super::reduce::{self, Candidate};
-use super::{PairMemory, Point, Scratch, TIE, feature, pair, patch};
+use super::{PairMemory, Point, SLAB, Scratch, TIE, feature, pair, patch};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
@@ -15,8 +16,6 @@ use crate::math::Vec3;
 const INTERIOR: f64 = 1e-6;
 /// Points of a patch closer than this, over the radii, count as one.
 const LOOSE: f64 = 1e-7;
-/// What is added to the slab of near edges, over the radii: faces are flat to 1e-7 only.
-const SLAB: f64 = 1e-6;
 
 /// The best face of either body.
 #[derive(Debug, Clone, Copy)]
@@ -255,7 +254,7 @@ impl Pair<'_> {
     /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
     /// `path`; heights of A along it do not change, those of B by twice `path`.
     fn list_edge_pairs(&self, face: &BestFace, memory: &mut PairMemory, scratch: &mut Scratch) {
-        let [path, turn] = Nearby::moved(self);
+        let Moved { path, turn } = Nearby::moved(self);
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
         self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
@@ -346,7 +345,7 @@ impl Pair<'_> {
             slab: (self.alert - separation).max(0.0) + SLAB * self.size,
             tolerance: TIE * self.size,
         };
-        axis.corners(self, &mut memory.caps, &mut scratch.sides, &mut scratch.candidates);
+        axis.corners(self, &mut memory.patch, &mut scratch.sides, &mut scratch.candidates);
     }
 
     /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
