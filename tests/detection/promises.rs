@@ -91,6 +91,46 @@ fn contacts_bear_no_trace_of_the_past() {
     assert_same(&contacts, &scene::fresh(&model, &motion), "other model");
 }
 
+/// Bodies that drift and roll slowly, for longer than anything kept from earlier steps may serve.
+#[test]
+fn slow_drift_wears_out_what_is_kept_but_changes_nothing() {
+    for (seed, stride) in [(11, 3e-6), (12, 2e-5), (13, 1e-4)] {
+        let (model, mut motion) = heap(seed, 250);
+        let mut rng = Pcg64::seed_from_u64(seed);
+        let count = motion.position.len();
+        let drift: Vec<_> = (0..count).map(|_| scene::random_unit(&mut rng) * stride).collect();
+        let roll: Vec<_> =
+            (0..count).map(|_| scene::random_unit(&mut rng) * (50.0 * stride)).collect();
+        let mut detector = Detector::default();
+        for step in 0..80 {
+            let contacts = scene::detect(&mut detector, &model, &motion);
+            let fresh = scene::fresh(&model, &motion);
+            assert!(fresh.len() > 400, "{}", fresh.len());
+            assert_same(&contacts, &fresh, &format!("stride {stride}, step {step}"));
+            for b in 0..count {
+                motion.position[b] += drift[b];
+                let turn = Quat::from_scaled_axis(roll[b]);
+                motion.orientation[b] = turn * motion.orientation[b];
+            }
+        }
+    }
+}
+
+/// Other shapes for the same bodies, in the same places.
+#[test]
+fn other_shapes_are_not_mistaken_for_old_ones() {
+    let (mut model, motion) = heap(14, 200);
+    let mut detector = Detector::default();
+    scene::detect(&mut detector, &model, &motion);
+    let (other, _) = heap(15, 200);
+    model.shapes = other.shapes;
+    let contacts = scene::detect(&mut detector, &model, &motion);
+    assert_same(&contacts, &scene::fresh(&model, &motion), "other shapes");
+    model.driven[1].parts.swap(0, 2);
+    let contacts = scene::detect(&mut detector, &model, &motion);
+    assert_same(&contacts, &scene::fresh(&model, &motion), "other parts");
+}
+
 #[test]
 fn threads_do_not_change_a_byte() {
     let (model, mut motion) = heap(4, 400);
