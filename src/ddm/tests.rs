@@ -26,6 +26,7 @@ fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contacts) {
         role: Role::Boundary,
         friction: 0.8,
         parts: vec![Part::HalfSpace { normal: Vec3::z(), offset: 0.0 }],
+        mount: None,
     };
     let mut contacts = Contacts::default();
     for k in 0..m {

@@ -23,8 +23,13 @@ pub fn model() -> Model {
     }
     let part =
         |shape, position, orientation| Part::Convex { shape, pose: Pose { position, orientation } };
-    let driven =
-        |name: &str, role, friction, parts| DrivenBody { name: name.into(), role, friction, parts };
+    let driven = |name: &str, role, friction, parts| DrivenBody {
+        name: name.into(),
+        role,
+        friction,
+        parts,
+        mount: None,
+    };
     let driven = vec![
         driven(
             "floor",
