@@ -50,8 +50,7 @@ pub fn step(
     ws.decomposition.pack(&ws.problem);
     watch.lap(Phase::ContactGraph);
 
-    ws.decomposition.apply_impulses();
-    let outcome = ddm::solve(&mut ws.decomposition, &model.solver);
+    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
     collect(model, state, ws)?;
     watch.lap(Phase::Solve);
 
