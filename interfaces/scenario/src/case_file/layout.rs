@@ -116,11 +116,11 @@ pub struct Mount {
     /// Whether the tine does not give way at all.
     #[serde(default)]
     pub rigid: bool,
-    /// N/m; by default that of the shaft as a steel beam held at its top, in its weaker direction.
+    /// N/m. Absent: that of the shaft as a steel beam held at its top, in its weaker direction.
     #[serde(default, rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub stiffness: Option<f64>,
-    /// Mass that moves with the blade, kg; by default that of such a beam with the blade at its end.
+    /// Mass that moves with the blade, kg. Absent: that of such a beam with the blade at its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub mass_kg: Option<f64>,
