@@ -162,7 +162,7 @@ fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
 }
 
 #[test]
-fn a_fixed_number_of_iterations_leaves_no_visits_that_answered_the_same_approach_twice() {
+fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
     let fixed = Solver { tolerance: None, iterations: 100, ..solver(Schedule::Asynchronous, 9) };
     let case = Case::new(fixed);
     let expected = case.expected.outcome;
@@ -179,4 +179,69 @@ fn a_fixed_number_of_iterations_leaves_no_visits_that_answered_the_same_approach
             );
         }
     }
+}
+
+/// Calls `check` with a run of a wall in four subdomains, tested after every visit.
+fn with_run(check: impl Fn(&Run)) {
+    let case = Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, 4) });
+    run_with(&case.model, &case.state, &case.contacts, &[], |d, _| {
+        check(&Run::new(d, &case.model.solver));
+        Outcome::default()
+    });
+}
+
+/// What a set reports after `visits` when a visit changed velocities by `change` m/s, with 1 m/s
+/// borne by impulses or none.
+fn report(run: &Run, s: usize, visits: u32, change: f64, borne: bool) {
+    let borne = f64::from(u8::from(borne));
+    let norms = VisitNorms {
+        active: 1.0,
+        dv_squared: change * change,
+        max_dv_squared: change * change,
+        wr_squared: borne,
+        r_wr: borne,
+        speed_squared: 1e-4,
+        ..VisitNorms::default()
+    };
+    run.report(s, &Set { visits, norms, ..Set::default() });
+}
+
+fn stopped(run: &Run) -> (bool, bool) {
+    (run.stop.load(Ordering::Relaxed), enter(&run.tests).diverged)
+}
+
+#[test]
+fn a_test_waits_for_every_set_however_often_the_others_report() {
+    with_run(|run| {
+        let sets = run.decomposition.sets();
+        for visits in 1..=3 * sets as u32 {
+            for s in 1..sets {
+                report(run, s, visits, 0.0, true);
+            }
+            assert_eq!(stopped(run), (false, false));
+        }
+        // The last set has news: not solved. Without: solved.
+        report(run, 0, 1, 1.0, true);
+        assert_eq!(stopped(run), (false, false));
+        report(run, 0, 2, 0.0, true);
+        assert_eq!(stopped(run), (true, false));
+    });
+}
+
+#[test]
+fn vanishing_impulses_are_no_divergence_but_growing_changes_are() {
+    with_run(|run| {
+        let all = |visits, change, borne| {
+            (0..run.decomposition.sets()).for_each(|s| report(run, s, visits, change, borne));
+            stopped(run)
+        };
+        assert_eq!(all(1, 1e-5, true), (false, false));
+        // No impulse left to compare with, and larger changes than before: the residual is infinite.
+        assert_eq!(all(2, 1e-2, false), (false, false));
+        assert_eq!(all(3, 0.9, true), (false, false));
+        // Grains moved at 1e-2 m/s at the first test.
+        assert_eq!(all(4, 1.1, true), (true, true));
+        // Whatever is reported while the threads leave.
+        assert_eq!(all(5, 0.0, true), (true, true));
+    });
 }
