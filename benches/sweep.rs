@@ -25,7 +25,7 @@ fn main() {
         let scene = Scene::grid(size, 1, 0.0, 13);
         let problem = &scene.problem;
         let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
-        let grains: Vec<u32> = (0..problem.grain_count() as u32).collect();
+        let grains: Vec<u32> = (0..problem.body_count() as u32).collect();
         for arithmetic in Arithmetic::available() {
             let mut set = ContactSet::default();
             set.set_arithmetic(arithmetic);

@@ -43,9 +43,9 @@ pub fn configurations(
     targets: &[Pose],
     state: &mut State,
 ) {
-    let ng = model.grains.len();
+    let (ng, mobile) = (model.grains.len(), model.mobile_count());
     let after = model.stepping.h() * model.stepping.theta;
-    (&mut state.position[..ng], &mut state.orientation[..ng])
+    (&mut state.position[..mobile], &mut state.orientation[..mobile])
         .into_par_iter()
         .enumerate()
         .with_min_len(1024)
@@ -53,14 +53,44 @@ pub fn configurations(
             *x = motion.position[i] + velocity[i] * after;
             *q = rotation::advance(&motion.orientation[i], &(spin[i] * after));
         });
-    state.velocity[..ng].copy_from_slice(velocity);
-    state.spin[..ng].copy_from_slice(spin);
-    state.velocity[ng..].copy_from_slice(&motion.velocity[ng..]);
-    state.spin[ng..].copy_from_slice(&motion.spin[ng..]);
-    for (d, target) in targets.iter().enumerate() {
+    state.velocity[..mobile].copy_from_slice(velocity);
+    state.spin[..mobile].copy_from_slice(spin);
+    state.velocity[mobile..].copy_from_slice(&motion.velocity[mobile..]);
+    state.spin[mobile..].copy_from_slice(&motion.spin[mobile..]);
+    let (mounts, imposed) = targets.split_at(mobile - ng);
+    for (mount, target) in state.mount.iter_mut().zip(mounts) {
+        *mount = target.position;
+    }
+    for (b, target) in (mobile..).zip(imposed) {
         // The target itself, not what the velocity leads to: rounding must not add up over steps.
-        state.position[ng + d] = target.position;
-        state.orientation[ng + d] = target.orientation;
+        state.position[b] = target.position;
+        state.orientation[b] = target.orientation;
+    }
+}
+
+/// How bodies move through a step: the state it starts from, its prediction, and the solved
+/// velocities of the mobile bodies at its end.
+pub struct Course<'a> {
+    pub state: &'a State,
+    pub motion: &'a Motion,
+    pub velocity: &'a [Vec3],
+    pub spin: &'a [Vec3],
+}
+
+impl Course<'_> {
+    /// Mean velocity over the step of the point of body `b` that is at `point`: the one that
+    /// impulses do work on. A body of imposed motion keeps its velocity over the whole step.
+    fn mean_velocity(&self, b: usize, point: &Vec3) -> Vec3 {
+        let lever = point - self.motion.position[b];
+        let (v, w) = if b < self.velocity.len() {
+            (
+                0.5 * (self.state.velocity[b] + self.velocity[b]),
+                0.5 * (self.state.spin[b] + self.spin[b]),
+            )
+        } else {
+            (self.motion.velocity[b], self.motion.spin[b])
+        };
+        v + w.cross(&lever)
     }
 }
 
@@ -68,7 +98,7 @@ pub fn configurations(
 /// configuration m, where the contacts were found.
 pub fn reactions(
     model: &Model,
-    motion: &Motion,
+    course: &Course,
     contacts: &Contacts,
     impulse: &[Vec3],
 ) -> Vec<Reaction> {
@@ -80,10 +110,10 @@ pub fn reactions(
             continue;
         }
         let reaction = &mut reactions[b - ng];
-        let lever = contacts.point[c] - motion.position[b];
+        let lever = contacts.point[c] - course.motion.position[b];
         reaction.impulse -= impulse[c];
         reaction.angular_impulse -= lever.cross(&impulse[c]);
-        reaction.work += impulse[c].dot(&(motion.velocity[b] + motion.spin[b].cross(&lever)));
+        reaction.work += impulse[c].dot(&course.mean_velocity(b, &contacts.point[c]));
         reaction.contacts += 1;
     }
     reactions
@@ -91,27 +121,7 @@ pub fn reactions(
 
 /// Energy that the contacts took during the step, J: minus the impulses times the mean of the
 /// relative velocities before and after.
-///
-/// `start` and `end` are (velocity, spin) of the grains `[ng]`; a driven body keeps its imposed
-/// velocity over the whole step.
-pub fn dissipation(
-    motion: &Motion,
-    contacts: &Contacts,
-    impulse: &[Vec3],
-    start: (&[Vec3], &[Vec3]),
-    end: (&[Vec3], &[Vec3]),
-) -> f64 {
-    let ng = end.0.len();
-    let velocity_at = |b: u32, point: &Vec3| {
-        let b = b as usize;
-        let lever = point - motion.position[b];
-        if b < ng {
-            let mean_spin = 0.5 * (start.1[b] + end.1[b]);
-            0.5 * (start.0[b] + end.0[b]) + mean_spin.cross(&lever)
-        } else {
-            motion.velocity[b] + motion.spin[b].cross(&lever)
-        }
-    };
+pub fn dissipation(course: &Course, contacts: &Contacts, impulse: &[Vec3]) -> f64 {
     let chunks: Vec<f64> = impulse
         .par_chunks(CHUNK)
         .enumerate()
@@ -119,8 +129,8 @@ pub fn dissipation(
             let mut sum = 0.0;
             for (c, f) in (k * CHUNK..).zip(chunk) {
                 let [candidate, antagonist] = contacts.bodies[c];
-                let point = &contacts.point[c];
-                sum -= f.dot(&(velocity_at(candidate, point) - velocity_at(antagonist, point)));
+                let velocity = |b: u32| course.mean_velocity(b as usize, &contacts.point[c]);
+                sum -= f.dot(&(velocity(candidate) - velocity(antagonist)));
             }
             sum
         })

@@ -5,8 +5,8 @@
 
 use crate::drive::Inputs;
 use crate::error::{Error, Result};
-use crate::math::{Quat, Vec3, rotation};
-use crate::model::Model;
+use crate::math::{Pose, Quat, Vec3, rotation};
+use crate::model::{Model, Mount};
 use crate::state::State;
 use rayon::prelude::*;
 
@@ -17,7 +17,7 @@ pub struct Motion {
     pub position: Vec<Vec3>,
     /// Orientations at configuration m, body to world.
     pub orientation: Vec<Quat>,
-    /// Free velocity of grains, imposed velocity of driven bodies, m/s.
+    /// Free velocity of mobile bodies, imposed velocity of the others, m/s.
     pub velocity: Vec<Vec3>,
     /// Free and imposed angular velocity, world axes, rad/s.
     pub spin: Vec<Vec3>,
@@ -98,6 +98,10 @@ impl Motion {
                     found: format!("{target:?}"),
                 });
             }
+            if let Some(mount) = &model.driven[d].mount {
+                self.predict_mounted(model, state, d, mount, target)?;
+                continue;
+            }
             let turn = target.orientation * state.orientation[b].inverse();
             self.velocity[b] = (target.position - state.position[b]) / h;
             self.spin[b] = rotation::log(&turn) / h;
@@ -105,6 +109,36 @@ impl Motion {
             self.orientation[b] =
                 rotation::advance(&state.orientation[b], &(self.spin[b] * before));
         }
+        Ok(())
+    }
+
+    /// The mount is where `target` says at the end of the step; spring and damper act on the body
+    /// with the deflection and its rate at the end of the step (T-28).
+    fn predict_mounted(
+        &mut self,
+        model: &Model,
+        state: &State,
+        d: usize,
+        mount: &Mount,
+        target: &Pose,
+    ) -> Result<()> {
+        let b = model.grains.len() + d;
+        if target.orientation != state.orientation[b] {
+            return Err(Error::Input {
+                place: format!("target of {:?}", model.driven[d].name),
+                expected: format!("the orientation {:?}: it is mounted", state.orientation[b]),
+                found: format!("{:?}", target.orientation),
+            });
+        }
+        let h = model.stepping.h();
+        let x = state.position[b] + state.velocity[b] * (h * (1.0 - model.stepping.theta));
+        let shift = target.position - state.mount[d];
+        let pull = (target.position - x) * (h * mount.stiffness) + shift * mount.damping;
+        let momentum = state.velocity[b] * mount.mass + pull;
+        self.position[b] = x;
+        self.orientation[b] = target.orientation;
+        self.velocity[b] = momentum / mount.effective_mass(&model.stepping);
+        self.spin[b] = Vec3::zeros();
         Ok(())
     }
 }

@@ -23,6 +23,8 @@ pub struct State {
     pub spin: Vec<Vec3>,
     /// Contacts of the last step with their impulses: where the next solve starts from.
     pub contacts: ContactMemory,
+    /// Where the mounts of mounted bodies are `[nm]`, m.
+    pub mount: Vec<Vec3>,
     /// Memory of the drive (for example how far each tine pair has closed) `[drive's own]`.
     pub drive: Vec<f64>,
     pub energy: EnergyLedger,
@@ -74,6 +76,12 @@ impl State {
         Pose { position: self.position[b], orientation: self.orientation[b] }
     }
 
+    /// Pose that was last imposed on driven body `d`, or on its mount.
+    pub fn imposed(&self, model: &Model, d: usize) -> Pose {
+        let pose = self.pose(model.grains.len() + d);
+        Pose { position: self.mount.get(d).copied().unwrap_or(pose.position), ..pose }
+    }
+
     /// Appends a body at rest.
     pub fn push(&mut self, pose: Pose) {
         self.position.push(pose.position);
@@ -112,6 +120,11 @@ impl State {
                     format!("{:?}", self.pose(b)),
                 );
             }
+        }
+        let mounted = model.mounted();
+        if self.mount.len() != mounted || !self.mount.iter().flatten().all(|x| x.is_finite()) {
+            let expected = format!("{mounted} finite positions, one per mounted body");
+            return refuse("mounts".into(), expected, format!("{:?}", self.mount));
         }
         self.contacts.check(model)
     }

@@ -8,8 +8,8 @@ use crate::ddm::{self, Outcome};
 use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Error, Result};
-use crate::integrate;
 pub use crate::integrate::Reaction;
+use crate::integrate::{self, Course};
 use crate::math::Vec3;
 use crate::model::{Model, Schedule};
 pub use crate::nlgs::Residuals;
@@ -50,9 +50,8 @@ pub fn step(
     ws.decomposition.pack(&ws.problem);
     watch.lap(Phase::ContactGraph);
 
-    ws.decomposition.apply_impulses();
-    let outcome = ddm::solve(&mut ws.decomposition, &model.solver);
-    collect(state, ws)?;
+    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
+    collect(model, state, ws)?;
     watch.lap(Phase::Solve);
 
     let report = integrate_and_report(model, state, inputs, ws, &outcome);
@@ -65,18 +64,18 @@ pub fn step(
 
 /// Distributes grains and contacts as the schedule asks for.
 fn divide(model: &Model, ws: &mut Workspace) {
-    let grains = model.grains.len();
+    let mobile = model.mobile_count();
     let partition = ws.decomposition.partition_mut();
     match model.solver.schedule {
-        Schedule::Sequential => partition.whole(grains, &ws.contacts),
+        Schedule::Sequential => partition.whole(mobile, &ws.contacts),
         Schedule::Synchronous | Schedule::Asynchronous => {
-            partition.divide(model.solver.partition, &ws.motion.position[..grains], &ws.contacts)
+            partition.divide(model.solver.partition, &ws.motion.position[..mobile], &ws.contacts)
         }
     }
 }
 
 /// Takes impulses and velocities out of the sets of contacts, and refuses what is not finite.
-fn collect(state: &State, ws: &mut Workspace) -> Result<()> {
+fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
     let Workspace { decomposition, problem, impulse, velocity, spin, .. } = ws;
     impulse.resize(problem.contacts.len(), Vec3::zeros());
     decomposition.unpack(problem, impulse, velocity, spin);
@@ -84,11 +83,14 @@ fn collect(state: &State, ws: &mut Workspace) -> Result<()> {
         .find(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
     match bad {
         None => Ok(()),
-        Some(grain) => Err(Error::Step {
+        Some(body) => Err(Error::Step {
             time_s: state.time(),
-            place: format!("grain {grain}"),
+            place: match body.checked_sub(model.grains.len()) {
+                None => format!("grain {body}"),
+                Some(d) => format!("driven body {:?}", model.driven[d].name),
+            },
             expected: "finite velocity".into(),
-            found: format!("v = {:?} m/s, w = {:?} rad/s", velocity[grain], spin[grain]),
+            found: format!("v = {:?} m/s, w = {:?} rad/s", velocity[body], spin[body]),
         }),
     }
 }
@@ -101,17 +103,15 @@ fn integrate_and_report(
     ws: &Workspace,
     outcome: &Outcome,
 ) -> StepReport {
-    let ng = model.grains.len();
     let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
-    let start = (&state.velocity[..ng], &state.spin[..ng]);
-    let dissipated =
-        integrate::dissipation(motion, contacts, impulse, start, (&ws.velocity, &ws.spin));
+    let course = Course { state, motion, velocity: &ws.velocity, spin: &ws.spin };
+    let dissipated = integrate::dissipation(&course, contacts, impulse);
+    let reactions = integrate::reactions(model, &course, contacts, impulse);
     if state.step == 0 {
         state.energy = integrate::open_ledger(model, state);
     }
     let targets = inputs.targets;
     integrate::configurations(model, motion, &ws.velocity, &ws.spin, targets, state);
-    let reactions = integrate::reactions(model, motion, contacts, impulse);
     let (kinetic, potential) = integrate::energies(model, state);
     state.energy.kinetic = kinetic;
     state.energy.potential = potential;

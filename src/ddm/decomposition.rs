@@ -1,9 +1,11 @@
 //! The sets of contacts of a step: one per subdomain, one per group of the interface.
 //!
-//! Velocities live in the subdomains' lines during the solve. A group of the interface works on
+//! Sets are numbered subdomains first. Between the iterations of the synchronous schedule velocities
+//! live in the subdomains' lines. A group of the interface works on
 //! copies of the lines of its grains, gathered before and scattered after: groups of one colour
 //! share no subdomain, so locks are never waited for and the order of threads has no effect.
 
+use super::boundary::{Boundary, BoundaryLine};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::model::Solver;
@@ -12,14 +14,25 @@ use crate::partition::Partition;
 use rayon::prelude::*;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A set of contacts and the norms of its last measured sweep.
+/// A set of contacts.
 #[derive(Debug, Default)]
 pub(super) struct Set {
     pub contacts: ContactSet,
+    /// Of the last measured sweep.
     pub norms: VisitNorms,
+    /// For the asynchronous schedule: visits since the velocities were split into parts, and the
+    /// lines that are sums of parts.
+    pub visits: u32,
+    pub boundary: Vec<BoundaryLine>,
 }
 
 impl Set {
+    /// Forgets visits and parts.
+    pub fn restart(&mut self) {
+        self.visits = 0;
+        self.boundary.clear();
+    }
+
     /// Sweeps `n` times; the last sweep is measured if asked.
     pub fn sweeps(&mut self, n: u32, relaxation: f64, measured: bool) {
         for sweep in 1..=n {
@@ -50,10 +63,8 @@ pub struct Decomposition {
     pub(super) partition: Partition,
     /// Line of each grain in its subdomain `[ng]`.
     pub(super) line_of: Vec<u32>,
+    pub(super) boundary: Boundary,
 }
-
-/// What [`Decomposition::load`] goes back to.
-pub(super) struct Saved(Vec<ContactSet>, Vec<ContactSet>);
 
 /// Access to a lock that no panic leaves in a state to fear: lines hold plain numbers.
 pub(super) fn open<T>(lock: &mut Mutex<T>) -> &mut T {
@@ -100,7 +111,7 @@ impl Decomposition {
     }
 
     /// Starts from the impulses that the sets hold: `V = V_free + M⁻¹ H r`.
-    pub fn apply_impulses(&mut self) {
+    pub(super) fn apply_impulses(&mut self) {
         self.on_subdomains(|set| set.contacts.apply_impulses());
         self.on_interface(|set| set.contacts.apply_impulses());
     }
@@ -125,6 +136,47 @@ impl Decomposition {
                 }
             });
         }
+    }
+
+    /// Number of sets.
+    pub(super) fn sets(&self) -> usize {
+        self.subdomains.len() + self.groups.len()
+    }
+
+    /// Number of the set whose turn is `k`-th in the synchronous schedule: subdomains, then groups
+    /// colour by colour.
+    pub(super) fn in_order(&self, k: usize) -> usize {
+        let first = self.subdomains.len();
+        if k < first {
+            k
+        } else {
+            first + self.partition.interface.colours.items[k - first] as usize
+        }
+    }
+
+    /// Does `work` on set number `s`, alone.
+    pub(super) fn with_set<T>(&self, s: usize, work: impl FnOnce(&mut Set) -> T) -> T {
+        match s.checked_sub(self.subdomains.len()) {
+            None => work(&mut enter(&self.subdomains[s])),
+            Some(g) => work(&mut enter(&self.groups[g]).set),
+        }
+    }
+
+    /// Sweeps over set number `s` per DDM iteration.
+    pub(super) fn sweeps(&self, s: usize, solver: &Solver) -> u32 {
+        if s < self.subdomains.len() { solver.subdomain_sweeps } else { solver.interface_sweeps }
+    }
+
+    /// Iterations begun, and contact visits made, since the velocities were split into parts.
+    pub(super) fn visited(&self, solver: &Solver) -> (u32, u64) {
+        let mut sum = (0, 0);
+        for s in 0..self.sets() {
+            let (visits, contacts) =
+                self.with_set(s, |set| (set.visits, set.contacts.contact_count()));
+            sum.0 = visits.max(sum.0);
+            sum.1 += u64::from(visits) * u64::from(self.sweeps(s, solver)) * contacts as u64;
+        }
+        sum
     }
 
     /// Contact visits of one DDM iteration.
@@ -176,7 +228,7 @@ impl Decomposition {
         velocity: &mut Vec<Vec3>,
         spin: &mut Vec<Vec3>,
     ) {
-        let Self { subdomains, groups, partition, line_of } = self;
+        let Self { subdomains, groups, partition, line_of, .. } = self;
         for group in groups {
             open(group).set.contacts.unpack(problem, impulse);
         }
@@ -190,22 +242,6 @@ impl Decomposition {
             .with_min_len(1024)
             .map(|(g, (&s, &line))| problem.velocity(g, &sets[s as usize].lines[line as usize]))
             .unzip_into_vecs(velocity, spin);
-    }
-
-    pub(super) fn save(&mut self) -> Saved {
-        Saved(
-            self.subdomains.iter_mut().map(|set| open(set).contacts.clone()).collect(),
-            self.groups.iter_mut().map(|group| open(group).set.contacts.clone()).collect(),
-        )
-    }
-
-    pub(super) fn load(&mut self, saved: &Saved) {
-        for (set, from) in self.subdomains.iter_mut().zip(&saved.0) {
-            open(set).contacts.clone_from(from);
-        }
-        for (group, from) in self.groups.iter_mut().zip(&saved.1) {
-            open(group).set.contacts.clone_from(from);
-        }
     }
 }
 

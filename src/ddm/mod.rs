@@ -5,9 +5,11 @@
 //! the same bytes for any number of threads; with one subdomain all three schedules do.
 
 mod asynchronous;
+mod boundary;
 mod decomposition;
 mod synchronous;
 
+use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
 use crate::nlgs::Residuals;
 
@@ -27,21 +29,23 @@ pub struct Outcome {
     pub guarded: bool,
 }
 
-/// Iterates the decomposed problem in the order that `solver` asks for.
-pub fn solve(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
+/// Iterates `problem`, which was packed into `decomposition`, in the order that `solver` asks for.
+pub fn solve(
+    decomposition: &mut Decomposition,
+    problem: &LocalProblem,
+    solver: &Solver,
+) -> Outcome {
+    decomposition.apply_impulses();
     if solver.schedule != Schedule::Asynchronous {
         return synchronous::iterate(decomposition, solver);
     }
-    let start = decomposition.save();
-    let outcome = asynchronous::iterate(decomposition, solver);
-    if let Some(outcome) = outcome {
+    if let Some(outcome) = asynchronous::iterate(decomposition, solver) {
         return outcome;
     }
-    decomposition.load(&start);
+    decomposition.pack(problem);
+    decomposition.apply_impulses();
     let relaxed = Solver { relaxation: solver.relaxation.min(1.0), ..*solver };
-    let mut outcome = synchronous::iterate(decomposition, &relaxed);
-    outcome.guarded = true;
-    outcome
+    Outcome { guarded: true, ..synchronous::iterate(decomposition, &relaxed) }
 }
 
 /// Whether iteration `done` (counted from 1) ends with a convergence test.

@@ -10,7 +10,7 @@ use crate::state::State;
 const EDGE: f64 = 0.04;
 
 /// A wall of cubes, `n` wide and `m` high, on a floor; four contact points per face.
-fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contacts) {
+pub(super) fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contacts) {
     let cube = cuboid(Vec3::repeat(EDGE / 2.0));
     let mut grains = Grains::default();
     let mut state = State::default();
@@ -26,6 +26,7 @@ fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contacts) {
         role: Role::Boundary,
         friction: 0.8,
         parts: vec![Part::HalfSpace { normal: Vec3::z(), offset: 0.0 }],
+        mount: None,
     };
     let mut contacts = Contacts::default();
     for k in 0..m {
@@ -67,18 +68,31 @@ fn face(contacts: &mut Contacts, bodies: [u32; 2], centre: Vec3, out: Vec3, a: V
     }
 }
 
-struct Solved {
-    outcome: Outcome,
-    velocity: Vec<Vec3>,
-    impulse: Vec<Vec3>,
+pub(super) struct Solved {
+    pub outcome: Outcome,
+    pub velocity: Vec<Vec3>,
+    pub impulse: Vec<Vec3>,
 }
 
 fn run(model: &Model, state: &State, contacts: &Contacts, threads: usize) -> Solved {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let work = |d: &mut Decomposition, problem: &LocalProblem| solve(d, problem, &model.solver);
+    pool.install(|| run_with(model, state, contacts, &[], work))
+}
+
+/// One step of a scene from the impulses `start`, solved by `work`.
+pub(super) fn run_with(
+    model: &Model,
+    state: &State,
+    contacts: &Contacts,
+    start: &[Vec3],
+    work: impl FnOnce(&mut Decomposition, &LocalProblem) -> Outcome,
+) -> Solved {
     let targets = vec![Pose::identity(); model.driven.len()];
     let mut motion = Motion::default();
     motion.predict(model, state, &crate::drive::Inputs { targets: &targets }).unwrap();
     let mut problem = LocalProblem::default();
-    problem.build(model, state, &motion, contacts, &[]);
+    problem.build(model, state, &motion, contacts, start);
     let mut decomposition = Decomposition::default();
     let grains = model.grains.len();
     let partition = decomposition.partition_mut();
@@ -88,18 +102,14 @@ fn run(model: &Model, state: &State, contacts: &Contacts, threads: usize) -> Sol
         partition.divide(model.solver.partition, &motion.position[..grains], contacts);
     }
     decomposition.pack(&problem);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let outcome = pool.install(|| {
-        decomposition.apply_impulses();
-        solve(&mut decomposition, &model.solver)
-    });
+    let outcome = work(&mut decomposition, &problem);
     let mut impulse = vec![Vec3::zeros(); contacts.len()];
     let (mut velocity, mut spin) = (Vec::new(), Vec::new());
     decomposition.unpack(&problem, &mut impulse, &mut velocity, &mut spin);
     Solved { outcome, velocity, impulse }
 }
 
-fn solver(schedule: Schedule, subdomains: u32) -> Solver {
+pub(super) fn solver(schedule: Schedule, subdomains: u32) -> Solver {
     Solver {
         schedule,
         partition: PartitionRule::Balanced(subdomains),
@@ -110,7 +120,7 @@ fn solver(schedule: Schedule, subdomains: u32) -> Solver {
 }
 
 /// Momentum of the grains = momentum at the start + weight + impulses of the floor.
-fn momentum_error(model: &Model, contacts: &Contacts, solved: &Solved) -> f64 {
+pub(super) fn momentum_error(model: &Model, contacts: &Contacts, solved: &Solved) -> f64 {
     let grains = model.grains.len();
     let h = model.stepping.h();
     let mut error = Vec3::zeros();

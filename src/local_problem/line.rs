@@ -27,6 +27,11 @@ impl Line {
         Vec3::new(self.0[3], self.0[4], self.0[5])
     }
 
+    /// Twice the kinetic energy over the mass, (m/s)².
+    pub fn speed_squared(&self) -> f64 {
+        self.velocity().norm_squared() + self.inverse_mass() * self.whitened_spin().norm_squared()
+    }
+
     /// 1/kg.
     pub fn inverse_mass(&self) -> f64 {
         self.0[6]

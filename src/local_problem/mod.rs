@@ -28,9 +28,10 @@ use rayon::prelude::*;
 pub struct LocalProblem {
     /// `[nc]`, in the order of [`Contacts`].
     pub contacts: Vec<LocalContact>,
-    /// Free velocities of the grains `[ng]`.
+    /// Free velocities of the mobile bodies `[nm]`.
     pub lines: Vec<Line>,
-    /// `B = R D^(-1/2)` per grain `[ng]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
+    /// `B = R D^(-1/2)` per mobile body `[nm]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
+    /// Zero for mounted bodies, which no impulse turns.
     pub whitening: Vec<Mat3>,
 }
 
@@ -45,10 +46,10 @@ impl LocalProblem {
         contacts: &Contacts,
         warm: &[Vec3],
     ) {
-        self.build_grains(model, motion);
-        let ng = model.grains.len();
+        self.build_lines(model, motion);
+        let (ng, mobile) = (model.grains.len(), self.lines.len());
         let h = model.stepping.h();
-        let whitening = &self.whitening;
+        let (lines, whitening) = (&self.lines, &self.whitening);
         (0..contacts.len())
             .into_par_iter()
             .with_min_len(256)
@@ -56,15 +57,15 @@ impl LocalProblem {
                 let [c, a] = contacts.bodies[i];
                 let (c, a) = (c as usize, a as usize);
                 let point = contacts.point[i];
-                let grain = |b: usize| Side {
+                let side = |b: usize| Side {
                     lever: point - motion.position[b],
-                    inverse_mass: 1.0 / model.grains.mass[b],
+                    inverse_mass: lines[b].inverse_mass(),
                     whitening: whitening[b],
                 };
-                let mut contact = if a < ng {
-                    LocalContact::pair(&contacts.normal[i], &grain(c), &grain(a))
+                let mut contact = if a < mobile {
+                    LocalContact::pair(&contacts.normal[i], &side(c), &side(a))
                 } else {
-                    LocalContact::single(&contacts.normal[i], &grain(c))
+                    LocalContact::single(&contacts.normal[i], &side(c))
                 };
                 contact.bodies = contacts.bodies[i];
                 let gap = contacts.gap[i];
@@ -83,16 +84,16 @@ impl LocalProblem {
                 } else {
                     gap.max(0.0) / h
                 };
-                contact.friction = if a < ng {
+                let body = a.checked_sub(ng).map(|d| &model.driven[d]);
+                contact.friction = body.map_or(model.grain_friction, |b| b.friction) as f32;
+                if a < mobile {
                     // Blocks of pairs keep it in f32: 6e-8 of the gap.
                     contact.offset.x = contact.offset.x as f32 as f64;
-                    model.grain_friction as f32
                 } else {
                     let lever = point - motion.position[a];
                     let surface = motion.velocity[a] + motion.spin[a].cross(&lever);
                     contact.offset -= contact.components(&surface);
-                    model.driven[a - ng].friction as f32
-                };
+                }
                 if let Some(world) = warm.get(i) {
                     contact.impulse = contact.components(world);
                 }
@@ -101,7 +102,7 @@ impl LocalProblem {
             .collect_into_vec(&mut self.contacts);
     }
 
-    fn build_grains(&mut self, model: &Model, motion: &Motion) {
+    fn build_lines(&mut self, model: &Model, motion: &Motion) {
         let ng = model.grains.len();
         (0..ng)
             .into_par_iter()
@@ -116,15 +117,21 @@ impl LocalProblem {
                 (line, rotation.matrix() * Mat3::from_diagonal(&inverse_root))
             })
             .unzip_into_vecs(&mut self.lines, &mut self.whitening);
+        let mounts = model.driven.iter().map_while(|body| body.mount);
+        for (mount, velocity) in mounts.zip(&motion.velocity[ng..]) {
+            let mass = mount.effective_mass(&model.stepping);
+            self.lines.push(Line::new(velocity, &Vec3::zeros(), 1.0 / mass));
+            self.whitening.push(Mat3::zeros());
+        }
     }
 
-    /// Velocity (m/s) and angular velocity (world axes, rad/s) of a grain whose line is `line`.
-    pub fn velocity(&self, grain: usize, line: &Line) -> (Vec3, Vec3) {
-        (line.velocity(), self.whitening[grain] * line.whitened_spin())
+    /// Velocity (m/s) and angular velocity (world axes, rad/s) of a body whose line is `line`.
+    pub fn velocity(&self, body: usize, line: &Line) -> (Vec3, Vec3) {
+        (line.velocity(), self.whitening[body] * line.whitened_spin())
     }
 
-    /// Number of grains.
-    pub fn grain_count(&self) -> usize {
+    /// Number of mobile bodies.
+    pub fn body_count(&self) -> usize {
         self.lines.len()
     }
 

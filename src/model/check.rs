@@ -126,6 +126,14 @@ impl Model {
                 "a finite friction of at least 0",
                 body.friction,
             )?;
+            if let Some(mount) = body.mount {
+                expect(d < self.mounted(), &place, "mounted bodies before all others", d)?;
+                let numbers = [mount.mass, mount.stiffness, mount.damping];
+                let good = numbers.iter().all(|x| x.is_finite() && *x >= 0.0) && mount.mass > 0.0;
+                let expected =
+                    "a mount of finite mass above 0, stiffness and damping of at least 0";
+                expect(good, &place, expected, mount)?;
+            }
             expect(!body.parts.is_empty(), &place, "at least one part", 0)?;
             for part in &body.parts {
                 let good = match part {

@@ -1,8 +1,9 @@
 //! Everything constant during a run.
 //!
-//! Bodies are numbered grains first, `0..grains.len()`, then driven bodies. A grain is one convex
-//! polyhedron; a driven body (tine, sleeper, wall) is composed of convex parts and half-spaces and
-//! its motion is imposed.
+//! Bodies are numbered grains first, `0..grains.len()`, then driven bodies, and among these the
+//! mounted ones first. A grain is one convex polyhedron; a driven body (tine, sleeper, wall) is
+//! composed of convex parts and half-spaces. Its motion is imposed, or follows an imposed one through
+//! an elastic mount. Grains and mounted bodies are *mobile*: contacts change their velocities.
 
 mod check;
 
@@ -66,7 +67,7 @@ pub enum Role {
     Tine,
 }
 
-/// A rigid body whose motion is imposed.
+/// A rigid body whose motion is imposed, on itself or on its mount.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivenBody {
     /// Unique name, for people and messages.
@@ -76,6 +77,31 @@ pub struct DrivenBody {
     pub friction: f64,
     /// The body frame's origin is the reference point of its impulses and wrenches.
     pub parts: Vec<Part>,
+    /// `None`: the motion is imposed on the body itself, whatever pushes back.
+    pub mount: Option<Mount>,
+}
+
+/// Spring and damper between a driven body and its imposed motion, equal in all directions (T-28).
+///
+/// The body does not turn against its mount, nor does the mount turn. Gravity on the body is carried by
+/// the machine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mount {
+    /// Mass that moves with the body, kg.
+    pub mass: f64,
+    /// N/m.
+    pub stiffness: f64,
+    /// N s/m.
+    pub damping: f64,
+}
+
+impl Mount {
+    /// Mass with which the body resists an impulse during a step, kg: its own, and what spring and
+    /// damper add because they answer within the step (T-28).
+    pub fn effective_mass(&self, stepping: &Stepping) -> f64 {
+        let h = stepping.h();
+        self.mass + h * (self.damping + h * stepping.theta * self.stiffness)
+    }
 }
 
 /// A convex part of a driven body, in the body's frame.
@@ -184,6 +210,16 @@ impl Model {
     /// Number of bodies, grains and driven.
     pub fn body_count(&self) -> usize {
         self.grains.len() + self.driven.len()
+    }
+
+    /// Number of driven bodies that are mounted: the first ones.
+    pub fn mounted(&self) -> usize {
+        self.driven.iter().take_while(|d| d.mount.is_some()).count()
+    }
+
+    /// Number of bodies whose velocities contacts change: grains and mounted bodies.
+    pub fn mobile_count(&self) -> usize {
+        self.grains.len() + self.mounted()
     }
 
     /// Index of the driven body called `name`, among the driven bodies.

@@ -137,7 +137,9 @@ impl ContactSet {
 
     /// [`ContactSet::sweep`] with the same bits, and the norms of its visits.
     pub fn measured_sweep(&mut self, relaxation: f64) -> VisitNorms {
-        self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation)
+        let norms = self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation);
+        let speed_squared = self.lines.iter().map(Line::speed_squared).fold(0.0, f64::max);
+        VisitNorms { speed_squared, ..norms }
     }
 
     /// Sums of the natural map at the present impulses and velocities.

@@ -169,7 +169,7 @@ impl Assembled {
         let nc = problem.contacts.len();
         let mut free = MatrixFree::new(problem);
         free.lines.clone_from(&problem.lines);
-        let mut touching: Vec<Vec<u32>> = vec![Vec::new(); problem.grain_count()];
+        let mut touching: Vec<Vec<u32>> = vec![Vec::new(); problem.body_count()];
         for i in 0..nc {
             for (grain, ..) in free.sides(i) {
                 touching[grain].push(i as u32);

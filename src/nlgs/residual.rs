@@ -5,6 +5,10 @@
 
 use std::ops::AddAssign;
 
+/// Relative size of the velocity changes that rounding alone keeps alive: a visit adds up two dozen
+/// products, and coupled axes stretch their errors.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
 /// How well a step is solved; what [`crate::model::Solver::tolerance`] is compared with.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Residuals {
@@ -47,6 +51,8 @@ pub struct VisitNorms {
     pub r_squared_dv_squared: f64,
     /// `max ‖Δv‖²`, (m/s)².
     pub max_dv_squared: f64,
+    /// Largest square of a grain's speed, (m/s)²: what the rounding of the visits is relative to.
+    pub speed_squared: f64,
 }
 
 impl AddAssign for VisitNorms {
@@ -58,6 +64,7 @@ impl AddAssign for VisitNorms {
         self.r_dv += other.r_dv;
         self.r_squared_dv_squared += other.r_squared_dv_squared;
         self.max_dv_squared = self.max_dv_squared.max(other.max_dv_squared);
+        self.speed_squared = self.speed_squared.max(other.speed_squared);
     }
 }
 
@@ -67,8 +74,12 @@ impl VisitNorms {
     /// With rms over the active visits: `quad = rms ‖Δv‖ / rms ‖W r‖` (its QuadDV),
     /// `max16 = max ‖Δv‖ / (16.666 rms ‖W r‖)` (MaxDV), `weighted` the larger of
     /// `|Σ r·Δv| / Σ r·W r` (MeanDVoR) and `rms(‖r‖ ‖Δv‖) / mean(r·W r)` (QuadDVoR).
-    /// All zero when nothing acts: there is nothing left to solve.
+    /// All zero when nothing acts, or nothing changes but by rounding: there is nothing left to
+    /// solve. The norms do not show it where the impulses fade away, for they are relative to them.
     pub fn residuals(&self) -> Residuals {
+        if self.dv_squared <= self.active * ROUNDING * ROUNDING * self.speed_squared {
+            return Residuals::default();
+        }
         if self.active == 0.0 || self.wr_squared <= 0.0 || self.r_wr <= 0.0 {
             // Only openings happen: they are exact, unless something still changes.
             let unsolved = if self.dv_squared > 0.0 { f64::INFINITY } else { 0.0 };

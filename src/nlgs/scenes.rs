@@ -29,8 +29,13 @@ pub fn unit(rng: &mut Pcg64) -> Vec3 {
 }
 
 fn empty_model(restitution: f64) -> Model {
-    let floor =
-        DrivenBody { name: "floor".into(), role: Role::Boundary, friction: 0.4, parts: Vec::new() };
+    let floor = DrivenBody {
+        name: "floor".into(),
+        role: Role::Boundary,
+        friction: 0.4,
+        parts: Vec::new(),
+        mount: None,
+    };
     Model {
         shapes: Vec::new(),
         grains: Default::default(),

@@ -8,7 +8,7 @@ use crate::math::Vec3;
 
 fn whole(problem: &LocalProblem) -> ContactSet {
     let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
-    let lines: Vec<u32> = (0..problem.grain_count() as u32).collect();
+    let lines: Vec<u32> = (0..problem.body_count() as u32).collect();
     let mut set = ContactSet::default();
     set.pack(problem, &contacts, lines.len(), |grain| lines[grain as usize]);
     set.lines[..lines.len()].copy_from_slice(&problem.lines);
@@ -197,7 +197,7 @@ fn any_split_of_the_contacts_reaches_the_same_velocities() {
     let mut set = whole(&scene.problem);
     let reversed: Vec<u32> = (0..scene.problem.contacts.len() as u32).rev().collect();
     // Lines in another order, too.
-    let ng = scene.problem.grain_count();
+    let ng = scene.problem.body_count();
     let lines: Vec<u32> = (0..ng as u32).map(|g| (g * 7 + 3) % ng as u32).collect();
     let mut other = ContactSet::default();
     other.pack(&scene.problem, &reversed, ng, |grain| lines[grain as usize]);

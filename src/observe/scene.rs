@@ -26,7 +26,7 @@ pub fn cubes(count: usize) -> Model {
 }
 
 pub fn driven(name: &str, role: Role, parts: Vec<Part>) -> DrivenBody {
-    DrivenBody { name: name.into(), role, friction: 0.5, parts }
+    DrivenBody { name: name.into(), role, friction: 0.5, parts, mount: None }
 }
 
 /// All bodies at rest at the given places.

@@ -14,6 +14,7 @@ pub fn boundaries(size: &Vec3, friction: f64) -> Vec<DrivenBody> {
         role: Role::Boundary,
         friction,
         parts: vec![Part::HalfSpace { normal, offset }],
+        mount: None,
     };
     vec![
         wall("floor", Vec3::z(), 0.0),

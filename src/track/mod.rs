@@ -23,4 +23,5 @@ pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use squeeze_control::TinePair;
 pub use tamping_cycle::{TampingCycle, TampingPhase};
+pub use tine::steel_cantilever;
 pub use zones::zones;

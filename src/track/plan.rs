@@ -4,7 +4,7 @@
 //! `[0, box[0]] × [0, box[1]]`, its floor is z = 0.
 
 use crate::math::Vec3;
-use crate::model::{Solver, Stepping};
+use crate::model::{Mount, Solver, Stepping};
 
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,6 +116,8 @@ pub struct TinePlan {
     /// Blade and shaft: sizes in x (thickness), y (width), z (height), m.
     pub blade: Vec3,
     pub shaft: Vec3,
+    /// How the blade gives way; `None`: not at all.
+    pub mount: Option<Mount>,
 }
 
 /// The motion of the machine: lift, insertion, squeeze, hold, withdrawal.

@@ -8,7 +8,7 @@ use super::tine::tine;
 use crate::error::{Error, Result};
 use crate::integrate;
 use crate::math::{Pose, Vec3};
-use crate::model::{Model, Role};
+use crate::model::{DrivenBody, Model, Role};
 use crate::state::State;
 use crate::track::plan::{Plan, SleeperPlan};
 
@@ -30,8 +30,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
             });
         }
         let body = tine(t, plan.bed.friction.tine, &mut model.shapes)?;
-        model.driven.push(body);
-        state.push(Pose::at(start_position(plan, t)));
+        add(&mut model, &mut state, body, Pose::at(start_position(plan, t)));
     }
     run_settings(plan, &mut model);
     state.step = 0;
@@ -39,6 +38,25 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     state.drive.clear();
     state.energy = integrate::open_ledger(&model, &state);
     Ok((model, state))
+}
+
+/// Adds a driven body at rest: behind all others, or behind the other mounted ones.
+fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
+    if body.mount.is_none() {
+        model.driven.push(body);
+        state.push(pose);
+        return;
+    }
+    let (d, b) = (model.mounted(), model.mobile_count());
+    model.driven.insert(d, body);
+    state.position.insert(b, pose.position);
+    state.orientation.insert(b, pose.orientation);
+    state.velocity.insert(b, Vec3::zeros());
+    state.spin.insert(b, Vec3::zeros());
+    state.mount.push(pose.position);
+    for [_, antagonist] in &mut state.contacts.bodies {
+        *antagonist += u32::from(*antagonist as usize >= b);
+    }
 }
 
 /// Gives the model what the plan says about the run.

@@ -32,7 +32,7 @@ pub fn sleeper(
         let centre = Vec3::new(0.0, block.offset_y, 0.5 * size.z);
         parts.push(cuboid(shapes, &size, centre)?);
     }
-    Ok(DrivenBody { name: plan.name.clone(), role: Role::Sleeper, friction, parts })
+    Ok(DrivenBody { name: plan.name.clone(), role: Role::Sleeper, friction, parts, mount: None })
 }
 
 #[cfg(test)]

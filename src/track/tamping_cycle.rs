@@ -116,9 +116,8 @@ impl TampingCycle {
     ///
     /// `out` is overwritten `[nd]`.
     pub fn targets(&self, model: &Model, state: &State, out: &mut Vec<Pose>) {
-        let ng = model.grains.len();
         out.clear();
-        out.extend((0..model.driven.len()).map(|d| state.pose(ng + d)));
+        out.extend((0..model.driven.len()).map(|d| state.imposed(model, d)));
         let Some(machine) = &self.machine else { return };
         let end = (state.time_ns + model.stepping.step_ns) as f64 * 1e-9;
         let lift = machine.lift(end);

@@ -13,6 +13,7 @@ pub fn small_plan() -> Plan {
         pair: 7,
         blade: Vec3::new(0.022, 0.12, 0.07),
         shaft: Vec3::new(0.03, 0.06, 0.45),
+        mount: None,
     };
     Plan {
         name: "cycle".into(),

@@ -7,7 +7,7 @@ use super::shape::{cuboid, solid};
 use crate::error::Result;
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
-use crate::model::{DrivenBody, Role};
+use crate::model::{DrivenBody, Mount, Role};
 use crate::track::plan::TinePlan;
 
 /// The driven body of a tine; its shapes are appended to `shapes` unless they are there already.
@@ -24,7 +24,24 @@ pub fn tine(plan: &TinePlan, friction: f64, shapes: &mut Vec<Polyhedron>) -> Res
         role: Role::Tine,
         friction,
         parts: vec![cuboid(shapes, &blade, below)?, cuboid(shapes, &shaft, above)?],
+        mount: plan.mount,
     })
+}
+
+/// Undamped mount of a blade at the end of its shaft, a steel beam held at the top: `3 E I / l³` in
+/// the weaker direction, l to the middle of the blade, and the blade's mass with 33/140 of the
+/// shaft's (Rayleigh).
+pub fn steel_cantilever(blade: &Vec3, shaft: &Vec3) -> Mount {
+    /// Young's modulus of steel, Pa, and its density, kg/m³.
+    const STEEL: (f64, f64) = (210e9, 7850.0);
+    let (thin, wide) = (shaft.x.min(shaft.y), shaft.x.max(shaft.y));
+    let second_moment = wide * thin.powi(3) / 12.0;
+    let length = shaft.z + 0.5 * blade.z;
+    Mount {
+        mass: STEEL.1 * (blade.product() + 33.0 / 140.0 * shaft.product()),
+        stiffness: 3.0 * STEEL.0 * second_moment / length.powi(3),
+        damping: 0.0,
+    }
 }
 
 #[cfg(test)]
@@ -40,6 +57,7 @@ mod tests {
             pair: 0,
             blade: Vec3::new(0.022, 0.12, 0.07),
             shaft: Vec3::new(0.03, 0.06, 0.45),
+            mount: None,
         }
     }
 
@@ -62,6 +80,15 @@ mod tests {
         let second = tine(&plan(), 1.0, &mut shapes).unwrap();
         assert_eq!(first.parts, second.parts);
         assert_eq!(shapes.len(), 2);
+    }
+
+    #[test]
+    fn a_steel_tine_gives_way_by_millimetres_under_kilonewtons() {
+        let TinePlan { blade, shaft, .. } = plan();
+        let mount = steel_cantilever(&blade, &shaft);
+        // 3 · 210 GPa · 1.35e-7 m⁴ / (0.485 m)³.
+        assert!((mount.stiffness - 7.455e5).abs() < 1e2, "{}", mount.stiffness);
+        assert!((mount.mass - 2.949).abs() < 1e-3, "{}", mount.mass);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use ballast::error::Result;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Grains, Model, Norm, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+    DrivenBody, Grains, Model, Mount, Norm, Part, PartitionRule, Role, Schedule, Solver, Stepping,
 };
 use ballast::state::State;
 use ballast::step::{StepReport, step};
@@ -71,10 +71,18 @@ impl Scene {
             role: Role::Boundary,
             friction,
             parts: vec![part],
+            mount: None,
         });
         self.state.push(pose);
         self.targets.push(pose);
         self.targets.len() - 1
+    }
+
+    /// Gives the body that was added last, before any that is not mounted, a mount.
+    pub fn mount(&mut self, mount: Mount) {
+        let body = self.model.driven.last_mut().expect("a driven body");
+        body.mount = Some(mount);
+        self.state.mount.extend(self.state.position.last());
     }
 
     /// An open box on the floor z = 0 with inner size `size`, its corner at the origin.

@@ -183,6 +183,7 @@ fn on_plane(shape: &Polyhedron, pose: Pose, driven: Pose, alert: f64) -> Contact
         role: Role::Boundary,
         friction: 0.5,
         parts: vec![Part::HalfSpace { normal: Vec3::z(), offset: 0.5 }],
+        mount: None,
     };
     let model = scene::model(vec![shape.clone()], vec![floor], alert);
     scene::fresh(&model, &scene::at_rest(&[pose, driven]))

@@ -33,6 +33,7 @@ fn heap(seed: u64, count: usize) -> (Model, Motion) {
         role: Role::Boundary,
         friction: 0.5,
         parts,
+        mount: None,
     };
     let plane = |normal, offset| Part::HalfSpace { normal, offset };
     let convex = |shape, x, y, z| Part::Convex { shape, pose: Pose::at(Vec3::new(x, y, z)) };

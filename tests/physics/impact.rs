@@ -21,7 +21,6 @@ fn cubes(count: usize, step_ns: u64, schedule: Schedule) -> Scene {
 }
 
 #[test]
-#[ignore = "known fault: the asynchronous schedule fails it now and then with several threads"]
 fn cubes_fall_and_rest_without_rebound_nor_penetration() {
     let fall = (2.0 * HEIGHT / GRAVITY).sqrt();
     for schedule in SCHEDULES {

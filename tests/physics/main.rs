@@ -8,5 +8,6 @@ mod balance;
 mod flight;
 mod impact;
 mod incline;
+mod mount;
 mod rolling;
 mod stack;

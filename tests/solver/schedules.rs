@@ -1,7 +1,7 @@
 //! What the schedules must have in common.
 
 use crate::common::heap;
-use crate::common::scene::{SCHEDULES, Scene, tight};
+use crate::common::scene::{Random, SCHEDULES, Scene, tight};
 use crate::{bits, on_threads};
 use ballast::geometry::hull::cuboid;
 use ballast::math::{Pose, Vec3};
@@ -74,28 +74,43 @@ fn schedules_agree_on_the_physics() {
     }
 }
 
+/// Two cubes at rest on a floor, in a subdomain each.
+fn two_cubes(schedule: Schedule) -> Scene {
+    let mut scene = Scene::new(1_000_000, 0.5).scheduled(schedule, [1, 1, 2]);
+    let cube = scene.shape(cuboid(Vec3::repeat(0.05)));
+    for k in 0..2 {
+        scene.grain(cube, Pose::at(Vec3::new(0.0, 0.0, 0.05 + 0.1 * k as f64)));
+    }
+    scene.plane("floor", Pose::identity(), 0.5);
+    scene.model.solver.check_every = 1;
+    scene.run(0.05);
+    scene
+}
+
 #[test]
-#[ignore = "known fault: the asynchronous schedule fails it now and then with several threads"]
 fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
     for schedule in SCHEDULES {
-        let mut scene = Scene::new(1_000_000, 0.5).scheduled(schedule, [1, 1, 2]);
-        let cube = scene.shape(cuboid(Vec3::repeat(0.05)));
-        for k in 0..2 {
-            scene.grain(cube, Pose::at(Vec3::new(0.0, 0.0, 0.05 + 0.1 * k as f64)));
-        }
-        scene.plane("floor", Pose::identity(), 0.5);
-        scene.model.solver.check_every = 1;
-        scene.run(0.05);
+        let mut scene = two_cubes(schedule);
         assert_eq!(scene.step().active_contacts, 8, "{schedule:?}");
-        // Floor and warm-start impulses go: the cubes fall freely.
-        scene.targets[0].position.z -= 1e-3;
-        let before = scene.state.velocity[0].z;
-        let report = scene.step();
-        assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
-        let left: f64 = scene.workspace.impulse.iter().map(|f| f.norm()).sum();
-        assert!(left < 1e-9, "{schedule:?}: {left} N s between falling cubes");
-        let gained = scene.state.velocity[0].z - before + 9.81e-3;
-        assert!(gained.abs() < 1e-8, "{schedule:?}: {gained}");
+        let (rest, floor) = (scene.state.clone(), scene.targets[0].position.z);
+        // The last digits of what the step starts from decide whether impulses end at zero after a
+        // few sweeps or fade for ever: try many.
+        for seed in 0..100 {
+            let mut random = Random(seed);
+            scene.state.clone_from(&rest);
+            for impulse in &mut scene.state.contacts.impulse {
+                *impulse *= 1.0 + 1e-6 * random.next();
+            }
+            // Floor and warm-start impulses go: the cubes fall freely.
+            scene.targets[0].position.z = floor - 1e-3;
+            let before = scene.state.velocity[0].z;
+            let report = scene.step();
+            assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
+            let left: f64 = scene.workspace.impulse.iter().map(|f| f.norm()).sum();
+            assert!(left < 1e-9, "{schedule:?}: {left} N s between falling cubes");
+            let gained = scene.state.velocity[0].z - before + 9.81e-3;
+            assert!(gained.abs() < 1e-8, "{schedule:?}: {gained}");
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Version of the format that this program writes and reads.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 pub(crate) const FORMAT: seal::Format =
     seal::Format { name: "ballast-checkpoint", version: VERSION };
@@ -101,7 +101,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let source = Source { path, file: &file, size };
     check_version(&source)?;
     let model = decode::model(&source)?;
-    let state = decode::state(&source, model.body_count())?;
+    let state = decode::state(&source, model.body_count(), model.mounted())?;
     validate::check(&model, &state).map_err(|f| f.in_file(path))?;
     check_fingerprint(&source, &model, &state)?;
     let names = source.texts("about/extra_names", None)?;

@@ -134,6 +134,8 @@ fn shapes(shapes: &[Polyhedron]) -> Vec<Column> {
 fn bodies(model: &Model) -> Vec<Column> {
     let driven: &[DrivenBody] = &model.driven;
     let parts = || driven.iter().flat_map(|d| &d.parts);
+    let mounts = driven.iter().map_while(|d| d.mount);
+    let mounts = mounts.flat_map(|m| [m.mass, m.stiffness, m.damping]).collect();
     let kind = |p: &Part| match p {
         Part::Convex { .. } => CONVEX,
         Part::HalfSpace { .. } => HALF_SPACE,
@@ -149,6 +151,8 @@ fn bodies(model: &Model) -> Vec<Column> {
         text("driven/name", driven.iter().map(|d| d.name.clone()).collect()),
         text("driven/role", driven.iter().map(|d| name_of(&ROLES, d.role).into()).collect()),
         f64s("driven/friction", driven.iter().map(|d| d.friction).collect()),
+        // Of the mounted bodies alone, which come first.
+        Column { name: "driven/mount", width: 3, data: Data::F64(mounts) },
         starts("driven/first_part", driven, |d| d.parts.len()),
         Column { name: "parts/kind", width: 1, data: Data::U8(parts().map(kind).collect()) },
         u32s("parts/shape", parts().map(shape).collect()),
@@ -229,6 +233,7 @@ fn of_state(state: &State) -> Vec<Column> {
         u64s("contacts/feature", memory.feature.clone()),
         vectors("contacts/local_point", &memory.local_point),
         vectors("contacts/impulse", &memory.impulse),
+        vectors("state/mount", &state.mount),
         f64s("state/drive", state.drive.clone()),
         f64s(
             "state/energy",

@@ -8,7 +8,7 @@ use crate::error::{Fault, Result};
 use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Grains, Model, Part, PartitionRule, Solver, Stepping};
+use ballast::model::{DrivenBody, Grains, Model, Mount, Part, PartitionRule, Solver, Stepping};
 use ballast::state::{ContactMemory, EnergyLedger, State};
 use std::ops::Range;
 
@@ -36,7 +36,7 @@ pub(crate) fn model(source: &Source) -> Result<Model> {
     })
 }
 
-pub(crate) fn state(source: &Source, bodies: usize) -> Result<State> {
+pub(crate) fn state(source: &Source, bodies: usize, mounted: usize) -> Result<State> {
     let nb = Some(bodies);
     let orientation = source.reals("state/orientation", nb, 4)?;
     let energy = source.reals("state/energy", Some(6), 1)?;
@@ -48,6 +48,7 @@ pub(crate) fn state(source: &Source, bodies: usize) -> Result<State> {
         velocity: vectors(source, "state/velocity", nb)?,
         spin: vectors(source, "state/spin", nb)?,
         contacts: contacts(source)?,
+        mount: vectors(source, "state/mount", Some(mounted))?,
         drive: source.reals("state/drive", None, 1)?,
         energy: EnergyLedger {
             initial_kinetic: energy[0],
@@ -142,6 +143,9 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
     let nd = Some(names.len());
     let roles = source.texts("driven/role", nd)?;
     let friction = source.reals("driven/friction", nd, 1)?;
+    let mounts = source.reals("driven/mount", None, 3)?;
+    let (mounts, _) = mounts.as_chunks();
+    let mount = |&[mass, stiffness, damping]: &[f64; 3]| Mount { mass, stiffness, damping };
     let of_parts = ranges(source, "driven/first_part", nd)?;
     let parts = parts(source, total(&of_parts))?;
     let body = |(d, name): (usize, String)| {
@@ -150,6 +154,7 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
             role: source.choose("driven/role", &roles[d], &ROLES)?,
             friction: friction[d],
             parts: parts[of_parts[d].clone()].to_vec(),
+            mount: mounts.get(d).map(mount),
         })
     };
     names.into_iter().enumerate().map(body).collect()

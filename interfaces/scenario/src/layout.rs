@@ -1,9 +1,11 @@
 //! Writes rows of sleepers and tines out as single ones, each with the keys it came from.
 
-use crate::case_file::{Block, CaseFile, Sleeper, Tine, Tines, Towards};
+use crate::case_file::{self, Block, CaseFile, Sleeper, Tine, Tines, Towards};
 use crate::report::{Finding, Report};
 use ballast::math::Vec3;
+use ballast::model::Mount;
 use ballast::track::plan::{BlockPlan, SleeperPlan, TinePlan};
+use ballast::track::steel_cantilever;
 
 /// Sleepers and tines of a case, written out.
 #[derive(Default)]
@@ -163,6 +165,7 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
                         pair,
                         blade: Vec3::from(tines.blade_m),
                         shaft: Vec3::from(tines.shaft_m),
+                        mount: mount(&tines.mount, tines.blade_m, tines.shaft_m),
                     },
                     key: "tines".into(),
                     key_x: "tines.gap_to_sleeper_m".into(),
@@ -197,6 +200,15 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
     report.error(key, finding);
 }
 
+/// What the case leaves open is that of a steel tine of these sizes.
+fn mount(case: &case_file::Mount, blade: [f64; 3], shaft: [f64; 3]) -> Option<Mount> {
+    let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
+    let stiffness = case.stiffness.unwrap_or(steel.stiffness);
+    let mass = case.mass_kg.unwrap_or(steel.mass);
+    let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
+    (!case.rigid).then_some(Mount { mass, stiffness, damping })
+}
+
 fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {
     Placed {
         plan: TinePlan {
@@ -209,6 +221,7 @@ fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {
             pair: tine.pair,
             blade: Vec3::from(tine.blade_m),
             shaft: Vec3::from(tine.shaft_m),
+            mount: mount(&tine.mount, tine.blade_m, tine.shaft_m),
         },
         key: format!("tine[{i}]"),
         key_x: format!("tine[{i}].x_m"),

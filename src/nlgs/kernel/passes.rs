@@ -33,7 +33,7 @@ impl<L: Lanes> Record<L> for () {
     }
 }
 
-/// Lane by lane sums of a measured sweep, in the order of [`VisitNorms`]' fields.
+/// Lane by lane sums of a measured sweep, in the order of [`VisitNorms`]' fields but the last.
 #[derive(Clone, Copy)]
 struct Sums<L>([L; 7]);
 
@@ -78,6 +78,7 @@ impl<L: Lanes> Record<L> for Sums<L> {
             r_dv: sum(4),
             r_squared_dv_squared: sum(5),
             max_dv_squared: rows[6].iter().copied().fold(0.0, f64::max),
+            speed_squared: 0.0,
         }
     }
 }

@@ -23,9 +23,14 @@ pub fn model() -> Model {
     }
     let part =
         |shape, position, orientation| Part::Convex { shape, pose: Pose { position, orientation } };
-    let driven =
-        |name: &str, role, friction, parts| DrivenBody { name: name.into(), role, friction, parts };
-    let driven = vec![
+    let driven = |name: &str, role, friction, parts| DrivenBody {
+        name: name.into(),
+        role,
+        friction,
+        parts,
+        mount: None,
+    };
+    let mut driven = vec![
         driven(
             "floor",
             Role::Boundary,
@@ -49,6 +54,8 @@ pub fn model() -> Model {
         ),
         driven("tine Ä/1", Role::Tine, 0.2, vec![part(3, Vec3::zeros(), turn(0.1, 0.2, 0.3))]),
     ];
+    let mount = Mount { mass: 1.0 / 3.0, stiffness: 1e6, damping: 0.1 + 0.2 };
+    driven[0].mount = Some(mount);
     Model {
         shapes,
         grains,
@@ -77,6 +84,7 @@ pub fn state(model: &Model) -> State {
     {
         state.push(Pose::at(position));
     }
+    state.mount.push(Vec3::new(0.1 + 0.2, -0.0, 1e-300));
     for (c, a) in [(0, 1), (0, 1), (0, 27), (3, 29), (25, 26)] {
         let memory = &mut state.contacts;
         memory.feature.push(u64::MAX - memory.bodies.len() as u64);

@@ -88,6 +88,9 @@ pub struct Tines {
     #[serde(default = "default_shaft")]
     #[schemars(with = "[Positive; 3]")]
     pub shaft_m: [f64; 3],
+    /// How the blade gives way to the ballast.
+    #[serde(default)]
+    pub mount: Mount,
 }
 
 fn default_gap() -> f64 {
@@ -100,6 +103,46 @@ fn default_blade() -> [f64; 3] {
 
 fn default_shaft() -> [f64; 3] {
     [0.03, 0.06, 0.45]
+}
+
+/// How a blade gives way: a spring and a damper between it and the motion of the machine, equal in
+/// all directions.
+///
+/// A rigid tine between rigid stones has no bounded force: what jams between it and a sleeper cannot
+/// yield.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mount {
+    /// Whether the tine does not give way at all.
+    #[serde(default)]
+    pub rigid: bool,
+    /// N/m. Absent: that of the shaft as a steel beam held at its top, in its weaker direction.
+    #[serde(default, rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Positive>")]
+    pub stiffness: Option<f64>,
+    /// Mass that moves with the blade, kg. Absent: that of such a beam with the blade at its end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Positive>")]
+    pub mass_kg: Option<f64>,
+    /// Damping, as a share of the critical one.
+    #[serde(default = "default_damping_ratio")]
+    #[schemars(with = "NonNegative")]
+    pub damping_ratio: f64,
+}
+
+impl Default for Mount {
+    fn default() -> Self {
+        Self {
+            rigid: false,
+            stiffness: None,
+            mass_kg: None,
+            damping_ratio: default_damping_ratio(),
+        }
+    }
+}
+
+fn default_damping_ratio() -> f64 {
+    0.1
 }
 
 /// One tine with its own numbers.
@@ -128,6 +171,9 @@ pub struct Tine {
     #[serde(default = "default_shaft")]
     #[schemars(with = "[Positive; 3]")]
     pub shaft_m: [f64; 3],
+    /// How the blade gives way to the ballast.
+    #[serde(default)]
+    pub mount: Mount,
 }
 
 /// Direction of a squeeze.

@@ -105,7 +105,7 @@ impl Default for Solver {
             norm: Norm::Qm16,
             check_every: 10,
             relaxation: 1.0,
-            warm_start: 0.5,
+            warm_start: 1.0,
         }
     }
 }

@@ -165,7 +165,7 @@ fn fixed_body(
     let part = Part::Convex { shape: shapes.len() as u32, pose: local };
     shapes.push(polyhedron);
     let name = fixed.name.clone().unwrap_or_else(|| format!("fixed_{}", i + 1));
-    Ok(DrivenBody { name, role: Role::Boundary, friction, parts: vec![part] })
+    Ok(DrivenBody { name, role: Role::Boundary, friction, parts: vec![part], mount: None })
 }
 
 fn hull(vertices: &[[f64; 3]], place: &Place) -> Result<(Polyhedron, Pose), SampleError> {

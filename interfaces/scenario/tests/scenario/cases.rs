@@ -160,12 +160,11 @@ fn what_looks_like_a_slip_is_a_warning() {
 /// A model with the driven bodies of `plan` and no grains.
 fn machine(plan: &Plan) -> Model {
     let mut shapes = Vec::new();
-    let mut driven = boundaries(&plan.bed.size, plan.bed.friction.boundary);
+    let mut driven: Vec<_> =
+        plan.tines.iter().map(|t| tine(t, plan.bed.friction.tine, &mut shapes).unwrap()).collect();
+    driven.extend(boundaries(&plan.bed.size, plan.bed.friction.boundary));
     for s in &plan.sleepers {
         driven.push(sleeper(s, plan.bed.friction.sleeper, &mut shapes).unwrap());
-    }
-    for t in &plan.tines {
-        driven.push(tine(t, plan.bed.friction.tine, &mut shapes).unwrap());
     }
     Model {
         shapes,

@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the second version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "2b11bf8dfb0f9c0b21f7e2fc409ccf2e");
+    assert_eq!(key(BASE), "2b11bfb57b0f9c0b21f7e2fc40b5301e");
 }
 
 #[test]

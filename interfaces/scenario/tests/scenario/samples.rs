@@ -112,6 +112,7 @@ fn half_spaces_are_written_as_blocks_below_their_plane() {
         role: Role::Boundary,
         friction: 0.8,
         parts: vec![Part::HalfSpace { normal: Vec3::new(0.6, 0.0, 0.8), offset: 0.25 }],
+        mount: None,
     });
     state.push(ballast::math::Pose::at(Vec3::new(0.0, 0.0, -1.0)));
     let text = sample::write(&model, &state, steps, &meta);

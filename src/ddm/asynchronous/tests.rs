@@ -1,0 +1,247 @@
+//! Threads of the asynchronous schedule played by one, so that overlaps come from a seed.
+
+use super::*;
+use crate::ddm::tests::{Solved, momentum_error, run_with, solver, wall};
+use crate::detection::Contacts;
+use crate::math::Vec3;
+use crate::model::{Model, Schedule};
+use crate::state::State;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::cell::Cell;
+
+/// What a played thread is about to do.
+#[derive(Clone, Copy, PartialEq)]
+enum Next {
+    Draw,
+    Begin(usize),
+    End(usize),
+    Leave,
+}
+
+/// Plays `threads` threads; `pick` says which of those that can go on does.
+fn play(run: &Run, threads: usize, mut pick: impl FnMut(&[(usize, Next)]) -> usize) {
+    let mut next = vec![Next::Draw; threads];
+    loop {
+        let can: Vec<(usize, Next)> = (0..threads)
+            .map(|t| (t, next[t]))
+            .filter(|&(_, n)| match n {
+                Next::Begin(s) => !next.contains(&Next::End(s)),
+                n => n != Next::Leave,
+            })
+            .collect();
+        if can.is_empty() {
+            return;
+        }
+        let (t, now) = can[pick(&can)];
+        next[t] = match now {
+            Next::Draw => run.draw().map_or(Next::Leave, Next::Begin),
+            Next::Begin(s) => {
+                run.decomposition.with_set(s, |set| run.begin(set));
+                Next::End(s)
+            }
+            Next::End(s) => {
+                run.decomposition.with_set(s, |set| run.end(s, set));
+                Next::Draw
+            }
+            Next::Leave => Next::Leave,
+        };
+    }
+}
+
+/// Threads of very different, random speeds.
+fn at_random(run: &Run, threads: usize, seed: u64) {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let speed: Vec<f64> = (0..threads).map(|_| 10_f64.powf(rng.random_range(-3.0..0.0))).collect();
+    play(run, threads, |can| {
+        let mut left = rng.random_range(0.0..can.iter().map(|&(t, _)| speed[t]).sum());
+        let chosen = can.iter().position(|&(t, _)| {
+            left -= speed[t];
+            left < 0.0
+        });
+        chosen.unwrap_or(can.len() - 1)
+    });
+}
+
+/// All threads in step: as many visits as there are threads answer the same velocities.
+fn in_step(run: &Run, threads: usize) {
+    play(run, threads, |can| {
+        let rank = |n: Next| match n {
+            Next::Draw => 0,
+            Next::Begin(_) => 1,
+            Next::End(_) | Next::Leave => 2,
+        };
+        (0..can.len()).min_by_key(|&i| rank(can[i].1)).unwrap_or(0)
+    });
+}
+
+/// Number of a way to play: in step, or a seed.
+fn play_numbered(run: &Run, threads: u32, number: u64) {
+    match number {
+        0 => in_step(run, threads as usize),
+        seed => at_random(run, threads as usize, seed),
+    }
+}
+
+/// A scene of the wall, and its solution by the synchronous schedule.
+struct Case {
+    model: Model,
+    state: State,
+    contacts: Contacts,
+    expected: Solved,
+}
+
+impl Case {
+    fn new(solver: Solver) -> Self {
+        let (model, state, contacts) = wall(6, 5, solver);
+        let expected = run_with(&model, &state, &contacts, &[], |d, _| {
+            d.apply_impulses();
+            synchronous::iterate(d, &model.solver)
+        });
+        Self { model, state, contacts, expected }
+    }
+
+    /// The asynchronous schedule from the impulses `start`, and how often it ran freely.
+    fn play(&self, start: &[Vec3], threads: u32, number: u64) -> (Solved, u32) {
+        let runs = Cell::new(0);
+        let solved = run_with(&self.model, &self.state, &self.contacts, start, |d, _| {
+            d.apply_impulses();
+            let work = |run: &Run| {
+                runs.set(runs.get() + 1);
+                play_numbered(run, threads, number);
+            };
+            iterate_with(d, &self.model.solver, work).expect("no false alarm")
+        });
+        (solved, runs.get())
+    }
+}
+
+#[test]
+fn however_visits_overlap_a_step_is_solved_in_about_as_many_iterations() {
+    for (subdomains, check_every) in [(2, 1), (4, 10), (9, 1)] {
+        let case = Case::new(Solver { check_every, ..solver(Schedule::Asynchronous, subdomains) });
+        assert!(case.expected.outcome.converged);
+        let most = case.expected.outcome.iterations * 13 / 10;
+        for threads in [2, 4, 8].into_iter().filter(|&t| t <= subdomains) {
+            for number in 0..3 {
+                let (solved, runs) = case.play(&[], threads, number);
+                let place = format!("{subdomains} {threads} {number}: {:?}", solved.outcome);
+                assert!(solved.outcome.converged, "{place}");
+                assert!(solved.outcome.iterations < most, "{place}, expected {most}");
+                // A run that ends too early costs a pass, and should be rare.
+                assert!(runs <= 10, "{place}: {runs}");
+                assert!(momentum_error(&case.model, &case.contacts, &solved) < 1e-12, "{place}");
+                for (a, b) in case.expected.velocity.iter().zip(&solved.velocity) {
+                    // Free fall gains 1e-2 m/s in this step.
+                    assert!((a - b).norm() < 1e-7, "{place}: {a:?} {b:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
+    for subdomains in [2, 9] {
+        let mut case =
+            Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, subdomains) });
+        let rest = case.expected.impulse.clone();
+        // Every cube starts from the impulses that carried it, and flies off.
+        case.model.gravity = Vec3::new(0.0, 0.0, 9.81);
+        for threads in [2, 8] {
+            for number in 0..5 {
+                let (solved, _) = case.play(&rest, threads, number);
+                let place = format!("{subdomains} {threads} {number}: {:?}", solved.outcome);
+                assert!(solved.outcome.converged, "{place}");
+                for v in &solved.velocity {
+                    assert!((v.z - 9.81e-3).abs() < 1e-8, "{place}: {v:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
+    let fixed = Solver { tolerance: None, iterations: 100, ..solver(Schedule::Asynchronous, 9) };
+    let case = Case::new(fixed);
+    let expected = case.expected.outcome;
+    for threads in [1, 2, 4, 8] {
+        for number in 0..10 {
+            let (solved, runs) = case.play(&[], threads, number);
+            let place = format!("{threads} {number}: {:?}", solved.outcome);
+            assert_eq!((solved.outcome.iterations, runs), (100, 1), "{place}");
+            assert_eq!(solved.outcome.visits, expected.visits, "{place}");
+            assert!(solved.outcome.residuals.qm16() < 2.0 * expected.residuals.qm16(), "{place}");
+            assert!(
+                solved.outcome.residuals.natural_map < 2.0 * expected.residuals.natural_map,
+                "{place}"
+            );
+        }
+    }
+}
+
+/// Calls `check` with a run of a wall in four subdomains, tested after every visit.
+fn with_run(check: impl Fn(&Run)) {
+    let case = Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, 4) });
+    run_with(&case.model, &case.state, &case.contacts, &[], |d, _| {
+        check(&Run::new(d, &case.model.solver));
+        Outcome::default()
+    });
+}
+
+/// What a set reports after `visits` when a visit changed velocities by `change` m/s, with 1 m/s
+/// borne by impulses or none.
+fn report(run: &Run, s: usize, visits: u32, change: f64, borne: bool) {
+    let borne = f64::from(u8::from(borne));
+    let norms = VisitNorms {
+        active: 1.0,
+        dv_squared: change * change,
+        max_dv_squared: change * change,
+        wr_squared: borne,
+        r_wr: borne,
+        speed_squared: 1e-4,
+        ..VisitNorms::default()
+    };
+    run.report(s, &Set { visits, norms, ..Set::default() });
+}
+
+fn stopped(run: &Run) -> (bool, bool) {
+    (run.stop.load(Ordering::Relaxed), enter(&run.tests).diverged)
+}
+
+#[test]
+fn a_test_waits_for_every_set_however_often_the_others_report() {
+    with_run(|run| {
+        let sets = run.decomposition.sets();
+        for visits in 1..=3 * sets as u32 {
+            for s in 1..sets {
+                report(run, s, visits, 0.0, true);
+            }
+            assert_eq!(stopped(run), (false, false));
+        }
+        // The last set has news: not solved. Without: solved.
+        report(run, 0, 1, 1.0, true);
+        assert_eq!(stopped(run), (false, false));
+        report(run, 0, 2, 0.0, true);
+        assert_eq!(stopped(run), (true, false));
+    });
+}
+
+#[test]
+fn vanishing_impulses_are_no_divergence_but_growing_changes_are() {
+    with_run(|run| {
+        let all = |visits, change, borne| {
+            (0..run.decomposition.sets()).for_each(|s| report(run, s, visits, change, borne));
+            stopped(run)
+        };
+        assert_eq!(all(1, 1e-5, true), (false, false));
+        // No impulse left to compare with, and larger changes than before: the residual is infinite.
+        assert_eq!(all(2, 1e-2, false), (false, false));
+        assert_eq!(all(3, 0.9, true), (false, false));
+        // Grains moved at 1e-2 m/s at the first test.
+        assert_eq!(all(4, 1.1, true), (true, true));
+        // Whatever is reported while the threads leave.
+        assert_eq!(all(5, 0.0, true), (true, true));
+    });
+}
