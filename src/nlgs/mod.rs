@@ -7,6 +7,7 @@
 pub mod block;
 pub mod contact_law;
 pub mod contact_set;
+pub mod global_form;
 mod kernel;
 pub mod reference;
 pub mod residual;

@@ -123,10 +123,10 @@ impl Assembled {
         if friction.len() != nc {
             return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
         }
-        let usable = |c: usize| q[c].iter().all(|x| x.is_finite()) && friction[c] >= 0.0;
+        let usable = |c: usize| q[c].iter().all(|x| x.is_finite()) && friction[c] >= 0.0 && friction[c].is_finite();
         if let Some(c) = (0..nc).find(|&c| !usable(c)) {
             let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
-            return Err(unusable("q and mu", "finite q, mu not negative".into(), found));
+            return Err(unusable("q and mu", "finite q, mu finite and not negative", found));
         }
         let mut scalars = Vec::new();
         for (row, column, value) in entries {
@@ -159,7 +159,7 @@ impl Assembled {
         assembled.row_starts.push(assembled.columns.len());
         if let Some(c) = assembled.diagonal.iter().position(|w| w.m11.is_nan() || w.m11 <= 0.0) {
             let found = format!("{} at contact {c}", assembled.diagonal[c].m11);
-            return Err(unusable("W", "W_nn above zero".into(), found));
+            return Err(unusable("W", "W_nn above zero", found));
         }
         Ok(assembled)
     }
@@ -243,7 +243,7 @@ impl Assembled {
         }
     }
 
-    /// Natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings.
+    /// Natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings (T-30).
     pub fn natural_map(&self, impulse: &[Vec3]) -> NaturalMapErrors {
         let mut sums = [0.0_f64; 5];
         for i in 0..self.contact_count() {
@@ -262,17 +262,20 @@ impl Assembled {
             }
         }
         let [f, f_unit_free, q, r, u] = sums.map(f64::sqrt);
+        // Nothing is nothing, whatever it is compared with.
+        let share = |f: f64, whole: f64| if f == 0.0 { 0.0 } else { f / whole };
         NaturalMapErrors {
-            abh: f / q,
-            siconos: f / q.max(r).max(u),
+            abh: share(f, q),
+            siconos: share(f, q.max(r).max(u)),
             fclib: f / (1.0 + q.sqrt()),
-            unit_free: if f_unit_free == 0.0 { 0.0 } else { f_unit_free / r },
+            unit_free: share(f_unit_free, r),
         }
     }
 }
 
-fn unusable(place: &str, expected: String, found: String) -> Error {
-    Error::Model { place: format!("friction problem, {place}"), expected, found }
+/// What is wrong with a given problem.
+pub(super) fn unusable(place: &str, expected: impl Into<String>, found: String) -> Error {
+    Error::Model { place: format!("friction problem, {place}"), expected: expected.into(), found }
 }
 
 #[cfg(test)]

@@ -2,10 +2,11 @@
 //!
 //! [`checkpoint`]: model and state, sealed, to go on from bit for bit. [`results`]: frames and tables
 //! of a run, for viewers and programs. [`export`](mod@export): results as VTK XML and CSV.
-//! [`inspect`](mod@inspect): what a file is.
+//! [`inspect`](mod@inspect): what a file is. [`fclib`]: published friction-contact problems.
 
 pub mod checkpoint;
 pub mod export;
+pub mod fclib;
 pub mod inspect;
 pub mod results;
 

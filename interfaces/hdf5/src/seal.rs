@@ -35,18 +35,28 @@ pub(crate) fn write(path: &Path, format: &Format, image: &[u8]) -> Result<()> {
     replace(path, &[&header, image])
 }
 
-fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
-    let folder = folder_of(path);
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".");
-    let mut file = builder(&name).tempfile_in(&folder).map_err(io(path, "create a file beside"))?;
+/// Replaces `path` by a file with this content, under the same promise.
+pub(crate) fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
+    let mut file = beside(path)?;
     for bytes in content {
         file.write_all(bytes).map_err(io(path, "write"))?;
     }
+    settle(file, path)
+}
+
+/// A new file beside `path`, gone when dropped.
+pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".");
+    builder(&name).tempfile_in(folder_of(path)).map_err(io(path, "create a file beside"))
+}
+
+/// Gives a file from [`beside`] the place of `path`, once it is on the disk.
+pub(crate) fn settle(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
     file.as_file().sync_all().map_err(io(path, "bring to the disk"))?;
     file.persist(path).map_err(|e| io(path, "replace")(e.error))?;
     // The rename itself is only safe once the folder is; not every file system can tell.
-    if let Ok(folder) = File::open(&folder) {
+    if let Ok(folder) = File::open(folder_of(path)) {
         let _ = folder.sync_all();
     }
     Ok(())

@@ -1,0 +1,122 @@
+//! Reading a friction-contact problem.
+
+use super::matrix;
+use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
+use crate::image::{self, Source};
+use crate::seal;
+use ballast::Error as CoreError;
+use ballast::math::Vec3;
+use ballast::nlgs::global_form::{Given, GlobalForm};
+use ballast::nlgs::reference::Assembled;
+use std::path::Path;
+
+/// A friction-contact problem, and where its file says that a solution is or may be.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// The problem in impulses alone.
+    pub local: Assembled,
+    /// The problem with the bodies' velocities, where the file gives that.
+    pub global: Option<GlobalForm>,
+    /// Impulses `[nc]` of the solution that the file holds; they may be all zero.
+    pub solution: Option<Vec<Vec3>>,
+    /// Impulses `[nc]` of the first guess that the file holds.
+    pub guess: Option<Vec<Vec3>>,
+}
+
+/// Reads the problem in `path`, in its local or global form.
+///
+/// Errors: [`crate::Error::Damaged`], with dataset, expected and found, for a file that is no such
+/// problem, and for problems in two dimensions or with joints, which are not solved here.
+pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
+    let path = path.as_ref();
+    let size = std::fs::metadata(path).map_err(io(path, "read"))?.len();
+    if !seal::start_of(path)?.starts_with(b"\x89HDF") {
+        return Err(Fault::new("header", "an HDF5 file", "another").in_file(path));
+    }
+    let file = image::open(path).map_err(hdf5_error(path, "content"))?;
+    let source = Source { path, file: &file, size };
+    let form = ["fclib_local", "fclib_global"].into_iter().find(|form| file.link_exists(form));
+    let Some(form) = form else {
+        let fault = Fault::new("/", "a group fclib_local or fclib_global", "neither");
+        return Err(fault.in_file(path));
+    };
+    let dimension = matrix::integer(&source, &format!("{form}/spacedim"))?;
+    if dimension != 3 {
+        return Err(Fault::new(format!("{form}/spacedim"), "3", dimension).in_file(path));
+    }
+    let (local, global) = match form {
+        "fclib_local" => (local(&source)?, None),
+        _ => global(&source).map(|(local, global)| (local, Some(global)))?,
+    };
+    let impulses = |name: &str| {
+        let held = has(&source, name);
+        held.then(|| vectors(&source, name, Some(local.contact_count()))).transpose()
+    };
+    Ok(Problem {
+        solution: impulses("solution/r")?,
+        guess: impulses("guesses/1/r")?,
+        local,
+        global,
+    })
+}
+
+fn local(source: &Source) -> Result<Assembled> {
+    refuse_joints(source, &["fclib_local/V", "fclib_local/R", "fclib_local/vectors/s"])?;
+    let q = vectors(source, "fclib_local/vectors/q", None)?;
+    let friction = source.reals("fclib_local/vectors/mu", Some(q.len()), 1)?;
+    let entries = matrix::read(source, "fclib_local/W", 3 * q.len(), 3 * q.len())?;
+    Assembled::from_entries(entries, q, friction).map_err(|e| refused(source, "fclib_local", e))
+}
+
+fn global(source: &Source) -> Result<(Assembled, GlobalForm)> {
+    refuse_joints(source, &["fclib_global/G", "fclib_global/vectors/b"])?;
+    let f = source.reals("fclib_global/vectors/f", None, 1)?;
+    let w = vectors(source, "fclib_global/vectors/w", None)?;
+    let given = Given {
+        mass: matrix::read(source, "fclib_global/M", f.len(), f.len())?,
+        h: matrix::read(source, "fclib_global/H", f.len(), 3 * w.len())?,
+        friction: source.reals("fclib_global/vectors/mu", Some(w.len()), 1)?,
+        f,
+        w,
+    };
+    let form = GlobalForm::new(given).map_err(|e| refused(source, "fclib_global", e))?;
+    let local = form.assembled().map_err(|e| refused(source, "fclib_global", e))?;
+    Ok((local, form))
+}
+
+/// Equality constraints beside the contacts: the problem without them would be another one.
+fn refuse_joints(source: &Source, names: &[&'static str]) -> Result<()> {
+    match names.iter().find(|name| has(source, name)) {
+        None => Ok(()),
+        Some(name) => {
+            let expected = "contacts alone: problems with joints are not solved here";
+            Err(Fault::new(*name, expected, "joints").in_file(source.path))
+        }
+    }
+}
+
+/// Whether there is such an object; link by link, for the library does not look behind missing ones.
+fn has(source: &Source, name: &str) -> bool {
+    let ends = name.match_indices('/').map(|(at, _)| at).chain([name.len()]);
+    ends.into_iter().all(|end| source.file.link_exists(&name[..end]))
+}
+
+/// Vectors (n, t, s) `[contacts]`, stored flat.
+fn vectors(source: &Source, name: &str, contacts: Option<usize>) -> Result<Vec<Vec3>> {
+    let flat = source.reals(name, contacts.map(|n| 3 * n), 1)?;
+    let (vectors, rest) = flat.as_chunks::<3>();
+    if !rest.is_empty() {
+        let fault = Fault::new(name, "three values for each contact", flat.len());
+        return Err(fault.in_file(source.path));
+    }
+    Ok(vectors.iter().map(|v| Vec3::from(*v)).collect())
+}
+
+fn refused(source: &Source, form: &str, error: CoreError) -> crate::Error {
+    match error {
+        CoreError::Model { place, expected, found } => {
+            Fault { place: format!("{form}: {place}"), expected, found }.in_file(source.path)
+        }
+        other => Fault::new(form, "a friction problem", other).in_file(source.path),
+    }
+}

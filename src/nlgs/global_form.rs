@@ -1,0 +1,223 @@
+//! Friction-contact problems with the bodies' velocities kept: `M v = H r + f`, `u = Hᵀ v + w`.
+//!
+//! Reads: entries of `M` and `H`. Writes: the problem in impulses alone, [`Assembled`]. Cost: one dense
+//! inverse per set of coupled degrees of freedom (a rigid body: six), one product per pair of contacts
+//! on the same body. Contract: refuses, before it allocates, what claims more than [`MOST_ENTRIES`].
+
+use super::reference::{Assembled, unusable};
+use crate::error::Result;
+use crate::math::Vec3;
+use nalgebra::{DMatrix, DVector};
+
+/// Degrees of freedom that `M` may couple with each other; a dense inverse is made of them.
+const LARGEST_BODY: usize = 600;
+/// Scalar entries of `W` before those of the same place are added up.
+const MOST_ENTRIES: usize = 1 << 25;
+
+/// What a global problem is given by; `H` is `[ndof, 3 nc]`.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Given {
+    /// Entries (row, column, value) of `M` `[ndof, ndof]`; those of the same place add up.
+    pub mass: Vec<(usize, usize, f64)>,
+    /// Entries of `H`; column `3 contact + (n, t, s)`.
+    pub h: Vec<(usize, usize, f64)>,
+    /// Impulses on the bodies `[ndof]`.
+    pub f: Vec<f64>,
+    /// Relative velocities of resting bodies `[nc]`.
+    pub w: Vec<Vec3>,
+    /// Coulomb's μ `[nc]`.
+    pub friction: Vec<f64>,
+}
+
+/// A global problem, its mass matrix inverted.
+#[derive(Debug, Clone)]
+pub struct GlobalForm {
+    bodies: Vec<Body>,
+    given: Given,
+}
+
+/// Degrees of freedom that the mass matrix couples.
+#[derive(Debug, Clone)]
+struct Body {
+    dofs: Vec<usize>,
+    inverse: DMatrix<f64>,
+    /// Columns of `H` on these degrees of freedom, with their parts `[dofs]`.
+    columns: Vec<(usize, DVector<f64>)>,
+}
+
+impl GlobalForm {
+    /// Inverts the mass matrix, body by body.
+    ///
+    /// Refuses indices out of range, values that are not finite, and a mass matrix that is singular or
+    /// couples more than 600 degrees of freedom.
+    pub fn new(given: Given) -> Result<Self> {
+        let (ndof, columns) = (given.f.len(), 3 * given.w.len());
+        in_range("M", &given.mass, ndof, ndof)?;
+        in_range("H", &given.h, ndof, columns)?;
+        if let Some(i) = given.f.iter().position(|x| !x.is_finite()) {
+            return Err(unusable("f", "finite values", format!("{} at {i}", given.f[i])));
+        }
+        let (mut bodies, place) = bodies(&given)?;
+        let mut touching: Vec<_> = given.h.iter().filter(|e| e.2 != 0.0).collect();
+        touching.sort_by_key(|e| (place[e.0].0, e.1));
+        for &&(row, column, value) in &touching {
+            let (body, k) = place[row];
+            let body = &mut bodies[body];
+            if body.columns.last().is_none_or(|c| c.0 != column) {
+                body.columns.push((column, DVector::zeros(body.dofs.len())));
+            }
+            if let Some((_, part)) = body.columns.last_mut() {
+                part[k] += value;
+            }
+        }
+        Ok(Self { bodies, given })
+    }
+
+    /// `W = Hᵀ M⁻¹ H`, `q = Hᵀ M⁻¹ f + w` (T-29).
+    pub fn assembled(&self) -> Result<Assembled> {
+        let count: usize = self.bodies.iter().map(|b| b.columns.len().pow(2)).sum();
+        if count > MOST_ENTRIES {
+            let expected = format!("at most {MOST_ENTRIES} entries");
+            return Err(unusable("W = Hᵀ M⁻¹ H", expected, count.to_string()));
+        }
+        let mut entries = Vec::with_capacity(count);
+        let mut q: Vec<f64> = self.given.w.iter().flat_map(|w| [w.x, w.y, w.z]).collect();
+        for body in &self.bodies {
+            let free = &body.inverse * body.of(&self.given.f);
+            for (column, part) in &body.columns {
+                q[*column] += part.dot(&free);
+                let answer = &body.inverse * part;
+                entries.extend(body.columns.iter().map(|(row, p)| (*row, *column, p.dot(&answer))));
+            }
+        }
+        let q = q.as_chunks::<3>().0.iter().map(|c| Vec3::from(*c)).collect();
+        Assembled::from_entries(entries, q, self.given.friction.clone())
+    }
+
+    /// Velocities of the bodies `v = M⁻¹ (H r + f)` `[ndof]`.
+    pub fn velocity(&self, impulse: &[Vec3]) -> Vec<f64> {
+        let mut v = vec![0.0; self.given.f.len()];
+        for body in &self.bodies {
+            let load = (body.columns.iter()).fold(body.of(&self.given.f), |load, (c, part)| {
+                load + part * impulse[c / 3][c % 3]
+            });
+            for (dof, value) in body.dofs.iter().zip((&body.inverse * load).iter()) {
+                v[*dof] = *value;
+            }
+        }
+        v
+    }
+}
+
+impl Body {
+    fn of(&self, whole: &[f64]) -> DVector<f64> {
+        DVector::from_iterator(self.dofs.len(), self.dofs.iter().map(|&d| whole[d]))
+    }
+}
+
+fn in_range(name: &str, entries: &[(usize, usize, f64)], rows: usize, columns: usize) -> Result<()> {
+    let good = |&(i, j, x): &(usize, usize, f64)| i < rows && j < columns && x.is_finite();
+    match entries.iter().find(|e| !good(e)) {
+        None => Ok(()),
+        Some((i, j, x)) => {
+            let found = format!("{x} at ({i}, {j})");
+            Err(unusable(name, format!("finite, {rows} x {columns}"), found))
+        }
+    }
+}
+
+/// Splits the degrees of freedom by the coupling of `M`; for each of them its body and place there.
+fn bodies(given: &Given) -> Result<(Vec<Body>, Vec<(usize, usize)>)> {
+    let ndof = given.f.len();
+    let mut parent: Vec<usize> = (0..ndof).collect();
+    for &(i, j, _) in given.mass.iter().filter(|e| e.2 != 0.0) {
+        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+        parent[a.max(b)] = a.min(b);
+    }
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); ndof];
+    for i in 0..ndof {
+        members[root(&mut parent, i)].push(i);
+    }
+    members.retain(|m| !m.is_empty());
+    let mut place = vec![(0, 0); ndof];
+    for (b, dofs) in members.iter().enumerate() {
+        if dofs.len() > LARGEST_BODY {
+            let expected = format!("at most {LARGEST_BODY} coupled degrees of freedom");
+            return Err(unusable("M", expected, dofs.len().to_string()));
+        }
+        for (k, &dof) in dofs.iter().enumerate() {
+            place[dof] = (b, k);
+        }
+    }
+    let zero = |m: &Vec<usize>| DMatrix::zeros(m.len(), m.len());
+    let mut masses: Vec<DMatrix<f64>> = members.iter().map(zero).collect();
+    for &(i, j, value) in given.mass.iter().filter(|e| e.2 != 0.0) {
+        masses[place[i].0][(place[i].1, place[j].1)] += value;
+    }
+    let body = |(dofs, mass): (Vec<usize>, DMatrix<f64>)| {
+        let first = dofs[0];
+        let inverse = mass.try_inverse().filter(|m| m.iter().all(|x| x.is_finite()));
+        let singular = || unusable("M", "a regular matrix", format!("a singular one at {first}"));
+        Ok(Body { dofs, inverse: inverse.ok_or_else(singular)?, columns: Vec::new() })
+    };
+    let bodies: Result<Vec<_>> = members.into_iter().zip(masses).map(body).collect();
+    Ok((bodies?, place))
+}
+
+fn root(parent: &mut [usize], mut i: usize) -> usize {
+    while parent[i] != i {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
+    }
+    i
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two masses of one degree of freedom each, coupled, and one alone; one contact between them.
+    fn given() -> Given {
+        Given {
+            mass: vec![(0, 0, 2.0), (1, 1, 1.0), (0, 1, 0.5), (1, 0, 0.5), (2, 2, 4.0)],
+            h: vec![(0, 0, 1.0), (2, 0, -1.0), (1, 1, 1.0), (2, 2, 1.0), (2, 2, 1.0)],
+            f: vec![-1.0, 0.0, 2.0],
+            w: vec![Vec3::new(0.25, 0.0, 0.0)],
+            friction: vec![0.5],
+        }
+    }
+
+    #[test]
+    fn the_local_problem_is_the_schur_complement() {
+        let form = GlobalForm::new(given()).unwrap();
+        let local = form.assembled().unwrap();
+        // Inverse of [[2, 0.5], [0.5, 1]] is [[1, -0.5], [-0.5, 2]] / 1.75.
+        let w = local.blocks[0];
+        assert!((w.m11 - (1.0 / 1.75 + 0.25)).abs() < 1e-15);
+        assert!((w.m12 + 0.5 / 1.75).abs() < 1e-15 && (w.m33 - 1.0).abs() < 1e-15);
+        assert!((local.q[0] - Vec3::new(-1.0 / 1.75 - 0.5 + 0.25, 0.5 / 1.75, 1.0)).norm() < 1e-15);
+        // u = Hᵀ v + w, with v from the same impulses.
+        let r = [Vec3::new(0.3, -0.1, 0.2)];
+        let v = form.velocity(&r);
+        let u = Vec3::new(v[0] - v[2] + 0.25, v[1], 2.0 * v[2]);
+        assert!((u - local.relative_velocity(0, &r)).norm() < 1e-15);
+    }
+
+    #[test]
+    fn unusable_bodies_are_refused_with_their_place() {
+        let told = |change: fn(&mut Given)| {
+            let mut bad = given();
+            change(&mut bad);
+            GlobalForm::new(bad).unwrap_err().to_string()
+        };
+        assert!(told(|g| g.mass.truncate(4)).contains("singular one at 2"));
+        assert!(told(|g| g.h.push((3, 0, 1.0))).contains("1 at (3, 0)"));
+        assert!(told(|g| g.mass.push((0, 0, f64::NAN))).contains("NaN at (0, 0)"));
+        assert!(told(|g| g.f[1] = f64::INFINITY).contains("inf at 1"));
+        let chain = told(|g| {
+            g.f = vec![0.0; 700];
+            g.mass = (0..700).flat_map(|i| [(i, i, 1.0), (i, i / 2, 0.1)]).collect();
+        });
+        assert!(chain.contains("700"), "{chain}");
+    }
+}
