@@ -11,6 +11,7 @@ pub mod global_form;
 mod kernel;
 pub mod reference;
 pub mod residual;
+pub mod solution;
 #[cfg(test)]
 mod scenes;
 #[cfg(test)]

@@ -98,7 +98,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let path = path.as_ref();
     let size = seal::check(path, &FORMAT)?;
     let file = image::open(path).map_err(hdf5_error(path, "content"))?;
-    let source = Source { path, file: &file, size };
+    let source = Source { path, file: &file, size, packed: false };
     check_version(&source)?;
     let model = decode::model(&source)?;
     let state = decode::state(&source, model.body_count(), model.mounted())?;

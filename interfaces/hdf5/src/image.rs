@@ -11,6 +11,11 @@ use hdf5::types::{TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, H5Type};
 use std::path::Path;
 
+/// Bytes that one byte of deflated data can stand for.
+const DEFLATE_AT_BEST: u64 = 1032;
+/// Largest compressed dataset that is read, bytes.
+const MOST_UNPACKED: u64 = 1 << 30;
+
 /// A file in memory, in the oldest format: later ones carry a checksum of their first block, which
 /// the library does not bring up to date in the image that it gives.
 pub(crate) fn new_image(path: &Path) -> Result<File> {
@@ -87,6 +92,8 @@ pub(crate) struct Source<'a> {
     pub file: &'a File,
     /// Size of the file, bytes: an uncompressed dataset cannot be larger.
     pub size: u64,
+    /// Whether datasets may be compressed, as those of other programs are.
+    pub packed: bool,
 }
 
 impl Source<'_> {
@@ -207,11 +214,23 @@ impl Source<'_> {
             shape.iter().try_fold(dataset.dtype().map_or(1, |t| t.size()) as u64, |b, &n| {
                 b.checked_mul(n as u64)
             });
-        if bytes.is_none_or(|b| b > self.size) || dataset.is_chunked() {
+        let packed = self.packed && dataset.is_chunked();
+        let most = if packed { self.most_unpacked(dataset) } else { self.size };
+        if bytes.is_none_or(|b| b > most) || (dataset.is_chunked() && !packed) {
             let expected = format!("plain data of at most the file's {} bytes", self.size);
             let found = format!("shape {shape:?}, chunked: {}", dataset.is_chunked());
+            let expected = if packed { format!("at most {most} bytes") } else { expected };
             return Err(Fault::new(name, expected, found).in_file(self.path));
         }
         Ok(())
+    }
+
+    /// The most bytes that a compressed dataset of this file can hold, chunk buffers included.
+    fn most_unpacked(&self, dataset: &Dataset) -> u64 {
+        let stored = dataset.storage_size().min(self.size).saturating_mul(DEFLATE_AT_BEST);
+        let chunk = dataset.chunk().unwrap_or_default().into_iter();
+        // A dataset of one chunk may be smaller than the chunk, whose buffer is made all the same.
+        let fits = chunk.fold(8_u64, |bytes, n| bytes.saturating_mul(n as u64)) <= MOST_UNPACKED;
+        if fits { stored.min(MOST_UNPACKED) } else { 0 }
     }
 }

@@ -34,7 +34,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
         return Err(Fault::new("header", "an HDF5 file", "another").in_file(path));
     }
     let file = image::open(path).map_err(hdf5_error(path, "content"))?;
-    let source = Source { path, file: &file, size };
+    let source = Source { path, file: &file, size, packed: true };
     let form = ["fclib_local", "fclib_global"].into_iter().find(|form| file.link_exists(form));
     let Some(form) = form else {
         let fault = Fault::new("/", "a group fclib_local or fclib_global", "neither");
