@@ -1,6 +1,7 @@
 //! The command line.
 
 use ballast::model::Schedule;
+use ballast::nlgs::solution::Method;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
@@ -36,6 +37,8 @@ pub enum Command {
     Inspect(Inspect),
     /// Write a results file as plain tables (CSV) and shapes that other programs open
     Export(Export),
+    /// Solve published friction-contact problems (FCLIB form, HDF5) and measure the errors
+    Solve(Solve),
     /// Print the JSON Schema of case files
     Schema,
     /// Print the completion script of a shell
@@ -136,6 +139,62 @@ pub struct Export {
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub struct Solve {
+    /// A problem (.hdf5), or a folder of problems, all of which are solved
+    pub file: PathBuf,
+    /// Error ‖F‖/‖q‖ to reach; by default 1e-6, in folders 1e-4, 1e-6 and 1e-8
+    #[arg(long, value_name = "T")]
+    pub tolerance: Option<f64>,
+    /// Most sweeps over all contacts
+    #[arg(long, value_name = "N", default_value_t = 200_000)]
+    pub max_sweeps: u64,
+    /// How to solve; several, separated by commas, are compared
+    #[arg(long, value_name = "METHOD", value_delimiter = ',', default_value = "auto")]
+    pub method: Vec<MethodName>,
+    /// Write a copy of the problem that holds the solution
+    #[arg(long, value_name = "OUT")]
+    pub write_solution: Option<PathBuf>,
+    /// Write the table as CSV
+    #[arg(long, value_name = "OUT")]
+    pub csv: Option<PathBuf>,
+    /// Write the performance profile of the methods as CSV: the share of problems that each solves
+    /// within a factor of the time of the fastest
+    #[arg(long, value_name = "OUT")]
+    pub profile: Option<PathBuf>,
+}
+
+/// The methods for given problems by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MethodName {
+    /// Sweeps; when they do not get on, accelerated sweeps and Newton's method in turns
+    Auto,
+    /// Non-linear Gauss-Seidel alone
+    Nlgs,
+    /// Non-linear Gauss-Seidel with Anderson's acceleration
+    Anderson,
+    /// A few sweeps and Newton's method in turns
+    Newton,
+}
+
+impl MethodName {
+    /// The name as it is typed.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or(String::new(), |value| value.get_name().to_string())
+    }
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Auto => Method::Auto,
+            MethodName::Nlgs => Method::Nlgs,
+            MethodName::Anderson => Method::Anderson,
+            MethodName::Newton => Method::Newton,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]

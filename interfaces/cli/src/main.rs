@@ -49,6 +49,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Export(args) => commands::export::export(args, console),
+        Command::Solve(args) => commands::solve::solve(args, console),
         Command::Schema => commands::schema::schema(),
         Command::Completions { shell } => commands::completions::completions(shell),
         Command::Bench { scene: Bench::Sample(args) } => commands::bench::sample(args),

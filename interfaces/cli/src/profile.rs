@@ -95,7 +95,7 @@ impl Stopwatch for Profile {
 }
 
 /// CPU time of this process, all threads. Systems without that clock report zero.
-fn cpu_time() -> Duration {
+pub fn cpu_time() -> Duration {
     clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).map(Duration::from).unwrap_or_default()
 }
 

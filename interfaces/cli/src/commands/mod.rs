@@ -9,3 +9,5 @@ pub mod prepare;
 pub mod resume;
 pub mod run;
 pub mod schema;
+pub mod solve;
+mod solve_table;

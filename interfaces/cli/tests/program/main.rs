@@ -4,3 +4,4 @@ mod commands;
 mod endings;
 mod restart;
 mod setup;
+mod solve;

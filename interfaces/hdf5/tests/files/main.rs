@@ -2,6 +2,8 @@
 
 mod checkpoint;
 mod damage;
+mod fclib;
+mod fclib_broken;
 mod inspect;
 mod results;
 mod scene;

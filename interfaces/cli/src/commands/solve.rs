@@ -1,0 +1,121 @@
+//! `ballast solve FILE`: solves published friction-contact problems and measures the errors.
+//!
+//! Time is that of the solution: reading a file and making `W` out of bodies is outside the clock.
+
+use super::solve_table::{Row, csv, performance_profile, report, table};
+use crate::args::Solve;
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::files::replace_text;
+use crate::profile::cpu_time;
+use ballast::nlgs::solution::{self, Settings};
+use ballast_hdf5::fclib;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// What a folder of problems is solved to.
+const TOLERANCES: [f64; 3] = [1e-4, 1e-6, 1e-8];
+
+pub fn solve(args: Solve, console: Console) -> Outcome {
+    if let Some(tolerance) = args.tolerance.filter(|t| !(*t > 0.0 && t.is_finite())) {
+        return Err(Failure::Usage(format!("--tolerance {tolerance}: expected a number above 0")));
+    }
+    let folder = args.file.is_dir();
+    if args.write_solution.is_some() && (folder || args.method.len() > 1) {
+        return Err(Failure::Usage("--write-solution needs one problem and one method".into()));
+    }
+    let single = [args.tolerance.unwrap_or(1e-6)];
+    let tolerances = if folder && args.tolerance.is_none() { &TOLERANCES[..] } else { &single };
+    let files = if folder { problems_in(&args.file)? } else { vec![args.file.clone()] };
+    let mut rows = Vec::new();
+    let mut unread = 0;
+    for file in &files {
+        match solve_file(file, tolerances, &args, console) {
+            Ok(of_file) => rows.extend(of_file),
+            Err(failure) if folder => {
+                unread += 1;
+                console.warning(&failure.to_string());
+            }
+            Err(failure) => return Err(failure),
+        }
+    }
+    finish(&args, &rows, console)?;
+    if unread > 0 {
+        let message = format!("{unread} of {} files could not be read", files.len());
+        return Err(Failure::at(&args.file, message));
+    }
+    match rows.iter().find(|row| !folder && !row.solution.converged) {
+        None => Ok(()),
+        Some(row) => Err(Failure::at(
+            &args.file,
+            format!(
+                "not solved: error {:.2e} after {} sweeps, {:e} was asked for",
+                row.solution.errors.abh, row.solution.sweeps, row.tolerance
+            ),
+        )),
+    }
+}
+
+/// The HDF5 files of a folder, by name.
+fn problems_in(folder: &Path) -> Outcome<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Failure::at(folder, e))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(|e| Failure::at(folder, e))?.path();
+        if path.extension().is_some_and(|e| e == "hdf5" || e == "h5") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        return Err(Failure::at(folder, "no problem (.hdf5 or .h5) in this folder"));
+    }
+    Ok(files)
+}
+
+/// Solves one problem to each tolerance with each method.
+fn solve_file(
+    file: &Path,
+    tolerances: &[f64],
+    args: &Solve,
+    console: Console,
+) -> Outcome<Vec<Row>> {
+    let problem = fclib::read(file)?;
+    let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut rows = Vec::new();
+    for &tolerance in tolerances {
+        for &method in &args.method {
+            let settings =
+                Settings { method: method.into(), tolerance, max_sweeps: args.max_sweeps };
+            let start = cpu_time();
+            let solution = solution::solve(&problem.local, None, &settings);
+            let seconds = cpu_time().saturating_sub(start).as_secs_f64();
+            if let Some(out) = &args.write_solution {
+                fclib::write_solution(file, out, &problem, &solution.impulse)?;
+            }
+            let (problem, contacts) = (name.clone(), problem.local.contact_count());
+            let row =
+                Row { problem, contacts, method: method.name(), tolerance, solution, seconds };
+            console.event("solution", row.json());
+            rows.push(row);
+        }
+    }
+    Ok(rows)
+}
+
+/// Says what came out, and writes the tables that were asked for.
+fn finish(args: &Solve, rows: &[Row], console: Console) -> Outcome {
+    match rows {
+        [row] if !args.file.is_dir() => console.result(&report(row)),
+        _ => console.result(&table(rows)),
+    }
+    if let Some(path) = &args.csv {
+        replace_text(path, &csv(rows))?;
+    }
+    if let Some(path) = &args.profile {
+        replace_text(path, &performance_profile(rows))?;
+    }
+    let solved = rows.iter().filter(|row| row.solution.converged).count();
+    console.event("done", json!({ "solutions": rows.len(), "converged": solved }));
+    Ok(())
+}

@@ -1,0 +1,194 @@
+//! What solving problems gave, as text and tables.
+
+use crate::table::{Table, figure};
+use ballast::nlgs::solution::Solution;
+use serde_json::{Value, json};
+use std::fmt::Write;
+
+/// One problem, solved to one tolerance with one method.
+#[derive(Debug, Clone)]
+pub struct Row {
+    pub problem: String,
+    pub contacts: usize,
+    pub method: String,
+    /// Of the error ‖F‖/‖q‖.
+    pub tolerance: f64,
+    pub solution: Solution,
+    /// CPU time of the solution, s.
+    pub seconds: f64,
+}
+
+impl Row {
+    /// The row as the fields of an event.
+    pub fn json(&self) -> Value {
+        let errors = &self.solution.errors;
+        json!({
+            "problem": self.problem,
+            "contacts": self.contacts,
+            "method": self.method,
+            "tolerance": self.tolerance,
+            "converged": self.solution.converged,
+            "sweeps": self.solution.sweeps,
+            "newton_steps": self.solution.newton_steps,
+            "cpu_s": self.seconds,
+            "errors": {
+                "abh": errors.abh, "siconos": errors.siconos, "fclib": errors.fclib,
+                "unit_free": errors.unit_free,
+            },
+        })
+    }
+}
+
+/// Everything about one solution.
+pub fn report(row: &Row) -> String {
+    let Solution { errors, sweeps, newton_steps, converged, .. } = &row.solution;
+    let said = if *converged { "solved" } else { "NOT solved" };
+    let mut text = format!("{}: {} contacts, {said}\n", row.problem, row.contacts);
+    let mut line = |label: &str, value: String, note: &str| {
+        let _ = writeln!(text, "  {}", format!("{label:<14}{value:>10}  {note}").trim_end());
+    };
+    line("sweeps", sweeps.to_string(), &format!("method {}", row.method));
+    line("Newton steps", newton_steps.to_string(), "");
+    line("CPU time", figure(row.seconds, 3), "s");
+    let asked = format!("‖F‖/‖q‖ (Acary, Brémond, Huber); asked for: {:e}", row.tolerance);
+    line("error ABH", exponent(errors.abh), &asked);
+    line("error Siconos", exponent(errors.siconos), "‖F‖/max(‖q‖, ‖r‖, ‖u‖)");
+    line("error FCLIB", exponent(errors.fclib), "‖F‖/(1 + sqrt ‖q‖)");
+    line("unit-free", exponent(errors.unit_free), "‖F‖/‖r‖ with ρ = 3/tr W_cc");
+    text.trim_end().to_string()
+}
+
+fn exponent(value: f64) -> String {
+    format!("{value:.2e}")
+}
+
+/// One line for each solution.
+pub fn table(rows: &[Row]) -> String {
+    let header = [
+        "contacts", "method", "tolerance", "solved", "sweeps", "Newton", "CPU s", "ABH", "Siconos",
+        "FCLIB", "unit-free",
+    ];
+    let mut table = Table::new("problem", header);
+    for row in rows {
+        let Solution { errors, .. } = &row.solution;
+        table.row([
+            row.problem.clone(),
+            row.contacts.to_string(),
+            row.method.clone(),
+            format!("{:e}", row.tolerance),
+            if row.solution.converged { "yes" } else { "no" }.to_string(),
+            row.solution.sweeps.to_string(),
+            row.solution.newton_steps.to_string(),
+            format!("{:.4}", row.seconds),
+            exponent(errors.abh),
+            exponent(errors.siconos),
+            exponent(errors.fclib),
+            exponent(errors.unit_free),
+        ]);
+    }
+    table.text().trim_end().to_string()
+}
+
+/// The table for programs.
+pub fn csv(rows: &[Row]) -> String {
+    let mut text = String::from(
+        "problem,contacts,method,tolerance,solved,sweeps,newton_steps,cpu_s,abh,siconos,fclib,unit_free\n",
+    );
+    for row in rows {
+        let Solution { errors: e, converged, sweeps, newton_steps, .. } = &row.solution;
+        // A name with a comma would shift the columns.
+        let problem = row.problem.replace(['"', ',', '\n'], "_");
+        let _ = writeln!(
+            text,
+            "{problem},{},{},{:e},{converged},{sweeps},{newton_steps},{:.6},{:e},{:e},{:e},{:e}",
+            row.contacts, row.method, row.tolerance, row.seconds, e.abh, e.siconos, e.fclib,
+            e.unit_free
+        );
+    }
+    text
+}
+
+/// Performance profile after Dolan and Moré: for each tolerance and method, the share of problems that
+/// the method solves within `factor` times the CPU time of the fastest method.
+pub fn performance_profile(rows: &[Row]) -> String {
+    let mut text = String::from("tolerance,method,factor,share\n");
+    for tolerance in distinct(rows.iter().map(|r| r.tolerance)) {
+        let of_tolerance: Vec<&Row> = rows.iter().filter(|r| r.tolerance == tolerance).collect();
+        let problems = distinct(of_tolerance.iter().map(|r| r.problem.as_str()));
+        for method in distinct(of_tolerance.iter().map(|r| r.method.as_str())) {
+            let mut factors: Vec<f64> = (problems.iter())
+                .filter_map(|&problem| factor(&of_tolerance, problem, method))
+                .collect();
+            factors.sort_by(f64::total_cmp);
+            for (k, factor) in factors.iter().enumerate() {
+                let share = (k + 1) as f64 / problems.len() as f64;
+                let _ = writeln!(text, "{tolerance:e},{method},{factor:.4},{share:.4}");
+            }
+        }
+    }
+    text
+}
+
+/// How many times longer than the fastest `method` takes; none where it does not solve the problem.
+fn factor(rows: &[&Row], problem: &str, method: &str) -> Option<f64> {
+    let solved = || rows.iter().filter(|r| r.problem == problem && r.solution.converged);
+    // Below a microsecond the clock says nothing.
+    let seconds = |r: &&Row| r.seconds.max(1e-6);
+    let own = solved().find(|r| r.method == method).map(seconds)?;
+    let best = solved().map(seconds).fold(own, f64::min);
+    Some(own / best)
+}
+
+/// The values in the order in which they first come.
+fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut out = Vec::new();
+    for value in values {
+        if !out.contains(&value) {
+            out.push(value);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ballast::nlgs::reference::NaturalMapErrors;
+
+    fn row(problem: &str, method: &str, seconds: f64, converged: bool) -> Row {
+        let errors = NaturalMapErrors { abh: 5e-7, siconos: 4e-7, fclib: 3e-7, unit_free: 2e-7 };
+        let solution =
+            Solution { impulse: vec![], errors, converged, sweeps: 12, newton_steps: 3 };
+        let (problem, method) = (problem.to_string(), method.to_string());
+        Row { problem, contacts: 7, method, tolerance: 1e-6, solution, seconds }
+    }
+
+    #[test]
+    fn the_profile_counts_the_problems_solved_within_a_factor() {
+        let rows = [
+            row("a", "nlgs", 3.0, true),
+            row("a", "auto", 1.0, true),
+            row("b", "nlgs", 2.0, false),
+            row("b", "auto", 4.0, true),
+        ];
+        assert_eq!(
+            performance_profile(&rows),
+            "tolerance,method,factor,share\n\
+             1e-6,nlgs,3.0000,0.5000\n\
+             1e-6,auto,1.0000,0.5000\n\
+             1e-6,auto,1.0000,1.0000\n"
+        );
+    }
+
+    #[test]
+    fn tables_have_one_line_for_each_solution() {
+        let rows = [row("a,b", "auto", 1.0, true), row("c", "auto", 0.5, false)];
+        let lines: Vec<String> = csv(&rows).lines().map(str::to_string).collect();
+        assert_eq!(lines.len(), 3);
+        assert_eq!(lines[1], "a_b,7,auto,1e-6,true,12,3,1.000000,5e-7,4e-7,3e-7,2e-7");
+        assert!(lines.iter().all(|l| l.matches(',').count() == 11));
+        let text = table(&rows);
+        assert!(text.contains("Siconos") && text.lines().count() == 3, "{text}");
+        assert!(report(&rows[1]).contains("NOT solved") && report(&rows[0]).contains("5.00e-7"));
+    }
+}
