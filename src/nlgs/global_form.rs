@@ -115,7 +115,12 @@ impl Body {
     }
 }
 
-fn in_range(name: &str, entries: &[(usize, usize, f64)], rows: usize, columns: usize) -> Result<()> {
+fn in_range(
+    name: &str,
+    entries: &[(usize, usize, f64)],
+    rows: usize,
+    columns: usize,
+) -> Result<()> {
     let good = |&(i, j, x): &(usize, usize, f64)| i < rows && j < columns && x.is_finite();
     match entries.iter().find(|e| !good(e)) {
         None => Ok(()),

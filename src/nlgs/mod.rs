@@ -11,9 +11,9 @@ pub mod global_form;
 mod kernel;
 pub mod reference;
 pub mod residual;
-pub mod solution;
 #[cfg(test)]
 mod scenes;
+pub mod solution;
 #[cfg(test)]
 mod tests;
 mod visit;

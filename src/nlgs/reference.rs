@@ -123,7 +123,9 @@ impl Assembled {
         if friction.len() != nc {
             return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
         }
-        let usable = |c: usize| q[c].iter().all(|x| x.is_finite()) && friction[c] >= 0.0 && friction[c].is_finite();
+        let usable = |c: usize| {
+            q[c].iter().all(|x| x.is_finite()) && friction[c] >= 0.0 && friction[c].is_finite()
+        };
         if let Some(c) = (0..nc).find(|&c| !usable(c)) {
             let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
             return Err(unusable("q and mu", "finite q, mu finite and not negative", found));

@@ -71,7 +71,12 @@ pub(crate) fn put(file: &File, path: &Path, column: &Column) -> Result<()> {
 }
 
 /// Writes an array as a dataset; its group is made when needed.
-pub(crate) fn put_array<T: H5Type>(file: &File, name: &str, width: usize, values: &[T]) -> hdf5::Result<()> {
+pub(crate) fn put_array<T: H5Type>(
+    file: &File,
+    name: &str,
+    width: usize,
+    values: &[T],
+) -> hdf5::Result<()> {
     // Without times, so that equal content makes equal bytes.
     let builder = file
         .new_dataset::<T>()

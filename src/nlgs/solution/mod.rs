@@ -6,6 +6,7 @@
 //! back, with the errors of the whole problem; the same problem gives the same bytes.
 
 mod anderson;
+mod guard;
 mod newton;
 mod search;
 

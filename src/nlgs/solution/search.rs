@@ -1,6 +1,7 @@
 //! The course of a solution: sweeps, accelerated sweeps, Newton steps, and tests of the error.
 
 use super::anderson::Memory;
+use super::guard::Guard;
 use super::newton;
 use super::{Settings, Solution};
 use crate::math::{Vec3, cone};
@@ -11,10 +12,6 @@ use crate::nlgs::reference::Assembled;
 const PERIOD: u64 = 3;
 /// Steps that an accelerated point is made of.
 const WINDOW: usize = 10;
-/// Growth of a sweep's changes after which the acceleration is taken back.
-const ASTRAY: f64 = 10.0;
-/// Plain sweeps after that.
-const REST: u64 = 20;
 /// Least share of a Newton step that is tried.
 const SHORTEST: f64 = 0.1;
 /// Bounds of the regularisation, relative to the contacts' own W.
@@ -74,25 +71,15 @@ impl<'a> Search<'a> {
     pub fn sweep_accelerated(&mut self, count: u64) {
         let weight = self.problem.diagonal.iter().map(|w| (w.trace() / 3.0).sqrt()).collect();
         let mut memory = Memory::new(WINDOW, weight);
+        let mut guard = Guard::new(&self.impulse, self.sweeps);
         let mut before = self.impulse.clone();
-        let mut safe = self.impulse.clone();
-        let mut least = f64::INFINITY;
-        let mut resting = 0;
         self.sweep_with(count, |search| {
             let (point, change) = memory.next_point(&before, &search.impulse);
-            if change > ASTRAY * least {
+            if !guard.accepts(change, &search.impulse, search.sweeps) {
                 memory.forget();
-                search.impulse.clone_from(&safe);
-                least = f64::INFINITY;
-                resting = search.sweeps + REST;
-            } else {
-                if change < least {
-                    least = change;
-                    safe.clone_from(&search.impulse);
-                }
-                if search.sweeps.is_multiple_of(PERIOD) && search.sweeps >= resting {
-                    search.impulse = search.admissible(point);
-                }
+                search.impulse.clone_from(&guard.safe);
+            } else if search.sweeps.is_multiple_of(PERIOD) && !guard.rests(search.sweeps) {
+                search.impulse = search.admissible(point);
             }
             before.clone_from(&search.impulse);
         });

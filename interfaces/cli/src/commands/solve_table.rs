@@ -65,8 +65,17 @@ fn exponent(value: f64) -> String {
 /// One line for each solution.
 pub fn table(rows: &[Row]) -> String {
     let header = [
-        "contacts", "method", "tolerance", "solved", "sweeps", "Newton", "CPU s", "ABH", "Siconos",
-        "FCLIB", "unit-free",
+        "contacts",
+        "method",
+        "tolerance",
+        "solved",
+        "sweeps",
+        "Newton",
+        "CPU s",
+        "ABH",
+        "Siconos",
+        "FCLIB",
+        "unit-free",
     ];
     let mut table = Table::new("problem", header);
     for row in rows {
@@ -101,7 +110,13 @@ pub fn csv(rows: &[Row]) -> String {
         let _ = writeln!(
             text,
             "{problem},{},{},{:e},{converged},{sweeps},{newton_steps},{:.6},{:e},{:e},{:e},{:e}",
-            row.contacts, row.method, row.tolerance, row.seconds, e.abh, e.siconos, e.fclib,
+            row.contacts,
+            row.method,
+            row.tolerance,
+            row.seconds,
+            e.abh,
+            e.siconos,
+            e.fclib,
             e.unit_free
         );
     }
@@ -157,8 +172,7 @@ mod tests {
 
     fn row(problem: &str, method: &str, seconds: f64, converged: bool) -> Row {
         let errors = NaturalMapErrors { abh: 5e-7, siconos: 4e-7, fclib: 3e-7, unit_free: 2e-7 };
-        let solution =
-            Solution { impulse: vec![], errors, converged, sweeps: 12, newton_steps: 3 };
+        let solution = Solution { impulse: vec![], errors, converged, sweeps: 12, newton_steps: 3 };
         let (problem, method) = (problem.to_string(), method.to_string());
         Row { problem, contacts: 7, method, tolerance: 1e-6, solution, seconds }
     }

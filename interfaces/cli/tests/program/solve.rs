@@ -26,7 +26,8 @@ fn one_problem_is_reported_with_all_errors_by_name() {
     let place = place(false);
     let call = "solve problems/pile.hdf5 --tolerance 1e-4 --write-solution solved.hdf5";
     let text = place.call(call).with_code(0).stdout();
-    for word in ["pile: 818 contacts", "ABH", "Siconos", "FCLIB", "unit-free", "sweeps", "CPU time"] {
+    for word in ["pile: 818 contacts", "ABH", "Siconos", "FCLIB", "unit-free", "sweeps", "CPU time"]
+    {
         assert!(text.contains(word), "{word} in\n{text}");
     }
     // The copy is a problem like the first one.

@@ -61,7 +61,8 @@ pub(crate) fn read(source: &Source, name: &str, rows: usize, columns: usize) -> 
             return Err(fault("x, i, p", format!("{count} values, as nz says"), found));
         }
         // The format's header says it the other way round; its files have the column in p.
-        let entry = |k: usize| Ok((inside("i", k, i[k], rows)?, inside("p", k, p[k], columns)?, x[k]));
+        let entry =
+            |k: usize| Ok((inside("i", k, i[k], rows)?, inside("p", k, p[k], columns)?, x[k]));
         return (0..count).map(entry).collect();
     }
     let (lines, along) = match nz {

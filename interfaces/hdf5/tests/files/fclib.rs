@@ -118,7 +118,9 @@ fn the_global_form_gives_the_local_one() {
     let problem = read(&path).unwrap();
     // One contact of a grain of mass 2 on one of mass 4: W = 1/2 + 1/4.
     let w = problem.local.diagonal[0];
-    assert!((0..9).all(|k| (w[(k / 3, k % 3)] - if k % 4 == 0 { 0.75 } else { 0.0 }).abs() < 1e-15));
+    assert!(
+        (0..9).all(|k| (w[(k / 3, k % 3)] - if k % 4 == 0 { 0.75 } else { 0.0 }).abs() < 1e-15)
+    );
     // Impulses f of weight on the upper grain, and w.
     assert!((problem.local.q[0] - Vec3::new(-0.5, 0.25, 0.1)).norm() < 1e-15);
     let solution = solved(&problem.local, Method::Auto, 1e-10);

@@ -39,7 +39,10 @@ fn missing_parts_are_named() {
     }
     let gone = told(Storage::Rows, |f| f.unlink("fclib_local/W").unwrap());
     has(&gone, &["fclib_local/W", "nothing"]);
-    has(&told(Storage::Rows, |f| f.unlink("fclib_local").unwrap()), &["fclib_local or fclib_global"]);
+    has(
+        &told(Storage::Rows, |f| f.unlink("fclib_local").unwrap()),
+        &["fclib_local or fclib_global"],
+    );
     let instead = told(Storage::Rows, |f| {
         f.unlink("fclib_local/W").unwrap();
         put(f, "fclib_local/W", &[1_i32]);
@@ -103,7 +106,10 @@ fn values_that_make_no_sense_are_refused() {
 
 #[test]
 fn joints_are_refused_not_left_out() {
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/R/m", &[1_i32])), &["fclib_local/R", "joints"]);
+    has(
+        &told(Storage::Rows, |f| put(f, "fclib_local/R/m", &[1_i32])),
+        &["fclib_local/R", "joints"],
+    );
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("global.hdf5");
     global_file(&path);
