@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Degrees of freedom that `M` may couple with each other; a dense inverse is made of them.
 const LARGEST_BODY: usize = 600;
-/// Scalar entries of `W` before those of the same place are added up.
+/// Scalar entries of `W` before those of the same place are added up; also of all inverses together.
 const MOST_ENTRIES: usize = 1 << 25;
 
 /// What a global problem is given by; `H` is `[ndof, 3 nc]`.
@@ -154,6 +154,11 @@ fn bodies(given: &Given) -> Result<(Vec<Body>, Vec<(usize, usize)>)> {
             place[dof] = (b, k);
         }
     }
+    let inverses: usize = members.iter().map(|m| m.len().pow(2)).sum();
+    if inverses > MOST_ENTRIES {
+        let expected = format!("inverses of at most {MOST_ENTRIES} entries");
+        return Err(unusable("M", expected, inverses.to_string()));
+    }
     let zero = |m: &Vec<usize>| DMatrix::zeros(m.len(), m.len());
     let mut masses: Vec<DMatrix<f64>> = members.iter().map(zero).collect();
     for &(i, j, value) in given.mass.iter().filter(|e| e.2 != 0.0) {
@@ -224,5 +229,11 @@ mod tests {
             g.mass = (0..700).flat_map(|i| [(i, i, 1.0), (i, i / 2, 0.1)]).collect();
         });
         assert!(chain.contains("700"), "{chain}");
+        // Many large bodies: each is allowed, their inverses together are not.
+        let many = told(|g| {
+            g.f = vec![0.0; 60_000];
+            g.mass = (0..60_000).flat_map(|i| [(i, i, 1.0), (i, i - i % 600, 0.1)]).collect();
+        });
+        assert!(many.contains("36000000"), "{many}");
     }
 }

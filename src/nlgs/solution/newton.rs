@@ -4,7 +4,7 @@ use crate::math::{Mat3, Vec3};
 use crate::nlgs::reference::Assembled;
 use nalgebra::{DMatrix, DVector};
 
-/// Most unknowns of a dense system: 3 GiB would be too much for a second method.
+/// Most unknowns of a dense system: larger ones take minutes.
 const MOST_UNKNOWNS: usize = 4500;
 
 /// Products in the solution of a dense system.
