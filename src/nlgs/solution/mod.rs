@@ -55,9 +55,6 @@ pub struct Solution {
 const PLAIN_SWEEPS: u64 = 50;
 /// Fewest accelerated sweeps between two calls of Newton's method.
 const FEWEST_BETWEEN: u64 = 100;
-/// Rounds without any gain after which Newton's method alone gives up.
-const FRUITLESS_ROUNDS: u32 = 40;
-
 /// Solves a problem, starting from the impulses `start` `[nc]`, or from none.
 pub fn solve(problem: &Assembled, start: Option<&[Vec3]>, settings: &Settings) -> Solution {
     let nothing = vec![Vec3::zeros(); problem.contact_count()];
@@ -85,18 +82,12 @@ pub fn solve(problem: &Assembled, start: Option<&[Vec3]>, settings: &Settings) -
 
 /// Sweeps and Newton's method in turns, until the problem is solved or the sweeps are spent.
 fn in_turns(search: &mut Search, mut sweep: impl FnMut(&mut Search, u32)) {
-    let mut fruitless = 0;
     for round in 0.. {
-        let before = search.best_error();
         sweep(search, round);
         if search.is_over() {
             return;
         }
         search.newton();
-        fruitless = if search.best_error() < before { 0 } else { fruitless + 1 };
-        if fruitless > FRUITLESS_ROUNDS {
-            return;
-        }
     }
 }
 

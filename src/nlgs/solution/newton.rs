@@ -7,9 +7,9 @@ use nalgebra::{DMatrix, DVector};
 /// Most unknowns of a dense system: larger ones take minutes.
 const MOST_UNKNOWNS: usize = 4500;
 
-/// Products in the solution of a dense system.
+/// Products in the solution of a dense system; without end for one that is not solved.
 pub(super) fn cost(unknowns: usize) -> f64 {
-    if unknowns > MOST_UNKNOWNS { 0.0 } else { 2.0 / 3.0 * (unknowns as f64).powi(3) }
+    if unknowns > MOST_UNKNOWNS { f64::INFINITY } else { 2.0 / 3.0 * (unknowns as f64).powi(3) }
 }
 
 /// What a contact does, as the present impulses and velocities say.

@@ -46,10 +46,6 @@ impl<'a> Search<'a> {
         }
     }
 
-    pub fn best_error(&self) -> f64 {
-        self.best_error
-    }
-
     /// Solved, or without sweeps left.
     pub fn is_over(&self) -> bool {
         self.best_error <= self.settings.tolerance || self.sweeps >= self.settings.max_sweeps

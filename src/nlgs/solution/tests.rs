@@ -119,6 +119,14 @@ fn sweeps_end_at_their_number_with_the_best_impulses() {
 }
 
 #[test]
+fn problems_too_large_for_newton_are_left_to_the_sweeps() {
+    let problem = tower(800);
+    let cap = Settings { max_sweeps: 400, ..settings(Method::Auto) };
+    let solution = solve(&problem, None, &cap);
+    assert_eq!((solution.sweeps, solution.newton_steps), (400, 0));
+}
+
+#[test]
 fn a_matrix_that_is_not_symmetric_is_taken_as_it_is() {
     // u_n = r_n + 0.5 r_t - 1 = 0, u_t = r_t - 0.25 r_n + 0.5 = 0 in the cone of μ = 2.
     let block = Mat3::new(1.0, 0.5, 0.0, -0.25, 1.0, 0.0, 0.0, 0.0, 1.0);
