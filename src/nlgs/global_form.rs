@@ -131,8 +131,11 @@ fn in_range(
     }
 }
 
+/// Body, and place among its degrees of freedom.
+type Place = (usize, usize);
+
 /// Splits the degrees of freedom by the coupling of `M`; for each of them its body and place there.
-fn bodies(given: &Given) -> Result<(Vec<Body>, Vec<(usize, usize)>)> {
+fn bodies(given: &Given) -> Result<(Vec<Body>, Vec<Place>)> {
     let ndof = given.f.len();
     let mut parent: Vec<usize> = (0..ndof).collect();
     for &(i, j, _) in given.mass.iter().filter(|e| e.2 != 0.0) {
