@@ -221,9 +221,11 @@ impl Machine {
     }
 
     fn tine_position(&self, tine: &Driven, t: f64, lowered: f64, squeezed: f64) -> Vec3 {
-        // The tines open while they are withdrawn, ready for the next sleeper.
-        let left = 1.0 - travel((t - self.ends[3]) / self.plan.withdrawal);
-        let (down, closed) = (self.depth(lowered) * left, self.closing(squeezed) * left);
+        // The tines open in the first half of the withdrawal: pressed together, they would tear at
+        // what they have just squeezed.
+        let leaving = (t - self.ends[3]) / self.plan.withdrawal;
+        let down = self.depth(lowered) * (1.0 - travel(leaving));
+        let closed = self.closing(squeezed) * (1.0 - travel(2.0 * leaving));
         let x = tine.start.x + tine.direction * (closed + self.vibration(t));
         let z = tine.start.z + (tine.deep - tine.start.z) * down;
         Vec3::new(x, tine.start.y, z)
