@@ -3,4 +3,5 @@
 mod commands;
 mod endings;
 mod restart;
+mod samples;
 mod setup;
