@@ -194,7 +194,7 @@ impl Component {
             ));
         }
         for (d, waveform) in drive.iter().enumerate() {
-            self.now.twist[d] = waveform.and_then(|w| w.twist_at_end(self.now_ns(), t1_ns));
+            self.now.twist[d] = waveform.and_then(|w| w.twist(self.now_ns()));
         }
         self.last = Some((before, t1_ns));
         let status = match (&trouble, stopped, account.is_sound()) {
@@ -325,7 +325,7 @@ impl Component {
             );
             return jump(within, format!("{distance:.3e} m and {angle:.3e} rad away"));
         }
-        let twists = (self.now.twist.get(d).copied().flatten(), waveform.twist_at_start(now));
+        let twists = (self.now.twist.get(d).copied().flatten(), waveform.twist(now));
         let (Some(was), Some(becomes)) = twists else { return Ok(()) };
         let speed = (becomes.velocity - was.velocity).norm();
         let spin = (becomes.spin - was.spin).norm();

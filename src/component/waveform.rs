@@ -117,17 +117,8 @@ impl Waveform {
         })
     }
 
-    /// Velocity and spin at the beginning of a window, where they are known.
-    pub(super) fn twist_at_start(&self, t0_ns: u64) -> Option<Twist> {
-        self.twist_of_knot(t0_ns)
-    }
-
-    /// The same at the end of a window that has reached `now_ns`; a body that is held rests.
-    pub(super) fn twist_at_end(&self, now_ns: u64, t1_ns: u64) -> Option<Twist> {
-        if now_ns < t1_ns { None } else { self.twist_of_knot(t1_ns) }
-    }
-
-    fn twist_of_knot(&self, time_ns: u64) -> Option<Twist> {
+    /// Velocity and spin at a time, where there is a knot that tells.
+    pub(super) fn twist(&self, time_ns: u64) -> Option<Twist> {
         if self.interpolation != Interpolation::Hermite {
             return None;
         }
