@@ -38,6 +38,8 @@ pub mod workspace;
 
 pub mod step;
 
+pub mod component;
+
 pub mod observe;
 pub mod track;
 

@@ -73,7 +73,7 @@ impl GlobalForm {
         Ok(Self { bodies, given })
     }
 
-    /// `W = Hᵀ M⁻¹ H`, `q = Hᵀ M⁻¹ f + w` (T-29).
+    /// `W = Hᵀ M⁻¹ H`, `q = Hᵀ M⁻¹ f + w` (T-30).
     pub fn assembled(&self) -> Result<Assembled> {
         let count: usize = self.bodies.iter().map(|b| b.columns.len().pow(2)).sum();
         if count > MOST_ENTRIES {

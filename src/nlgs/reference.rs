@@ -245,7 +245,7 @@ impl Assembled {
         }
     }
 
-    /// Natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings (T-30).
+    /// Natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings (T-31).
     pub fn natural_map(&self, impulse: &[Vec3]) -> NaturalMapErrors {
         let mut sums = [0.0_f64; 5];
         for i in 0..self.contact_count() {

@@ -7,7 +7,7 @@
 //! 1. *pour*: grains are laid up to a little above the sleepers' underside, and fall together;
 //! 2. *fill*: grains in the way of the sleepers are taken out, the voids that this leaves right
 //!    under the blocks are stuffed, the sleepers are put in, and the cribs fill around them;
-//! 3. *trim*: what lies above the fill level, or sits too deep in another grain, is taken off;
+//! 3. *trim*: what lies above the fill level or sticks far out of it, or sits too deep in another grain, is taken off;
 //!    friction becomes that of the run;
 //! 4. *rest*: the run's own step and tolerance.
 //!
@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
 use crate::geometry::clip::{AxisBox, Clipper};
 use crate::math::{Pose, Vec3};
-use crate::model::{Grains, Model, PartitionRule, Schedule, Solver, Stepping};
+use crate::model::{Grains, Model, Norm, PartitionRule, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
 use crate::track::plan::Plan;
 use crate::workspace::Workspace;
@@ -42,6 +42,11 @@ const LAST_STAGE: f64 = 0.02;
 const MOST_GRAINS: f64 = 2e7;
 /// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
 const DEEPEST: f64 = 0.05;
+/// How far a grain may stick out of the fill level, in mean grain sizes.
+const HIGHEST: f64 = 0.5;
+/// Cap and tolerance of the last settling: the tolerance that is usual in this field.
+const REST_ITERATIONS: u32 = 500;
+const REST_TOLERANCE: f64 = 1.666e-4;
 /// Overlap with a sleeper that counts as none, of the grain's volume.
 const TOUCH: f64 = 1e-9;
 
@@ -140,10 +145,12 @@ fn trim(
     watch: Watch,
 ) -> Result<ControlFlow<()>> {
     let level = plan.bed.preparation.fill_level;
-    let n = bench.model.grains.len();
-    let mut keep: Vec<bool> = bench.state.position[..n].iter().map(|p| p.z <= level).collect();
-    let deepest = DEEPEST * plan.bed.grains.classes.iter().map(|c| c.share * c.size).sum::<f64>();
-    bench.deny_deep(deepest, &mut keep);
+    let mean_size = plan.bed.grains.classes.iter().map(|c| c.share * c.size).sum::<f64>();
+    let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
+    let top = |g: usize| top(&shapes[grains.shape[g] as usize], &state.pose(g));
+    let within = |g: usize| state.position[g].z <= level && top(g) <= level + HIGHEST * mean_size;
+    let mut keep: Vec<bool> = (0..grains.len()).map(within).collect();
+    bench.deny_deep(DEEPEST * mean_size, &mut keep);
     bench.retain(&keep);
     run_settings(plan, &mut bench.model);
     let poses = bench.driven_poses();
@@ -153,7 +160,7 @@ fn trim(
     bench.settle(&settling, watch)
 }
 
-/// Stage 4: the run's step and tolerance.
+/// Stage 4: the run's time step.
 fn rest(
     plan: &Plan,
     _: &Templates,
@@ -167,7 +174,7 @@ fn rest(
     let settling = Settling {
         stage: DepositStage::Rest,
         stepping: plan.run.stepping,
-        solver: plan.run.solver,
+        solver: solver(REST_ITERATIONS, Some(REST_TOLERANCE)),
         grain_friction: plan.bed.friction.grain,
         fall_speed: None,
         steps: [most.min(10), most],
@@ -193,23 +200,29 @@ fn pouring<'a>(
             // Grains that meet at full speed must be seen a step ahead.
             alert: plan.run.stepping.alert.max(2.0 * FALL_SPEED * h),
         },
-        solver: Solver {
-            // Preparing with another schedule would make another bed of the same plan.
-            schedule: Schedule::Synchronous,
-            partition: PartitionRule::ContactsPer(4000),
-            iterations: preparation.iterations,
-            subdomain_sweeps: 1,
-            interface_sweeps: 1,
-            tolerance: None,
-            relaxation: 1.0,
-            warm_start: 1.0,
-            ..plan.run.solver
-        },
+        solver: solver(preparation.iterations, None),
         grain_friction: preparation.friction,
         fall_speed: Some(FALL_SPEED),
         steps: [LEAST_STEPS, (preparation.max_settling / h).ceil().max(1.0) as u64],
         rest_speed: preparation.rest_speed,
         drive,
+    }
+}
+
+/// The solver of the preparation. It is not the run's: one bed serves runs of all solvers, and an
+/// asynchronous one would prepare another bed each time.
+fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
+    Solver {
+        schedule: Schedule::Synchronous,
+        partition: PartitionRule::ContactsPer(4000),
+        iterations,
+        subdomain_sweeps: 1,
+        interface_sweeps: 1,
+        tolerance,
+        norm: Norm::Qm16,
+        check_every: 10,
+        relaxation: 1.0,
+        warm_start: 1.0,
     }
 }
 
@@ -257,6 +270,11 @@ fn make_room(plan: &Plan, bench: &mut Bench, level: f64) {
         })
         .collect();
     bench.retain(&keep);
+}
+
+/// Height of a grain's highest point, m.
+pub(super) fn top(shape: &Polyhedron, pose: &Pose) -> f64 {
+    shape.vertices.iter().map(|v| pose.point(v).z).fold(f64::NEG_INFINITY, f64::max)
 }
 
 fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &AxisBox) -> bool {

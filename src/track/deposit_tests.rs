@@ -39,6 +39,9 @@ fn a_prepared_bed_is_the_same_for_the_same_plan_and_is_at_rest_at_its_levels() {
     let sleeper = bench.state.position[n + 5];
     assert_eq!(sleeper, Vec3::new(0.13, 0.1, 0.06));
     assert!(bench.state.position[..n].iter().all(|p| p.z < 0.1 + 0.005), "trimmed");
+    let shape = |g: usize| &bench.model.shapes[bench.model.grains.shape[g] as usize];
+    let tops = (0..n).map(|g| top(shape(g), &bench.state.pose(g)));
+    assert!(tops.fold(0.0, f64::max) < 0.1 + 0.5 * 0.03 + 0.005, "nothing sticks far out");
     // Contacts kept for the warm start are those of the bodies as numbered now.
     let contacts = &bench.state.contacts.bodies;
     assert!(contacts.iter().all(|p| (p[0] as usize) < n && (p[1] as usize) < n + 6));
@@ -66,6 +69,11 @@ fn a_scene_is_the_bed_with_the_tines_clear_above_it() {
     other.sleepers[0].centre[0] += 0.01;
     let message = scene(&other, bed.clone()).unwrap_err().to_string();
     assert!(message.contains("\"sleeper\""), "{message}");
+    let mut heaped = bed.clone();
+    let tine = &plan.tines[0];
+    heaped.state.position[0] = Vec3::new(tine.position[0], tine.position[1], 0.13);
+    let message = scene(&plan, heaped).unwrap_err().to_string();
+    assert!(message.contains(&tine.name) && message.contains("clearance"), "{message}");
     let (model, state) = scene(&plan, bed.clone()).unwrap();
     assert_eq!(model.driven.len(), 8);
     assert_eq!(state.position.len(), n + 8);

@@ -3,7 +3,9 @@
 pub mod boundary;
 mod clearance;
 pub mod deposit;
+mod machine_control;
 pub mod motion_law;
+mod paced_clock;
 pub mod plan;
 mod pour;
 mod relief;
@@ -11,7 +13,6 @@ pub mod scene;
 mod settle;
 mod shape;
 pub mod sleeper;
-mod squeeze_control;
 pub mod tamping_cycle;
 #[cfg(test)]
 mod test_plan;
@@ -19,9 +20,9 @@ pub mod tine;
 pub mod zones;
 
 pub use deposit::{Bed, deposit};
+pub use machine_control::TinePair;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
-pub use squeeze_control::TinePair;
 pub use tamping_cycle::{TampingCycle, TampingPhase};
 pub use tine::steel_cantilever;
 pub use zones::zones;

@@ -151,6 +151,8 @@ pub struct InsertionPlan {
     pub depth: f64,
     /// Clearance of the blade's lower edge above the fill level at the start, m.
     pub clearance: f64,
+    /// Lowering stops while the bed carries more than this, N per tine over a vibration period; infinite: never.
+    pub force_limit: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,7 @@
 //!
 //! Reads: the plan, a bed. Writes: model and state at the start of the run.
 
-use super::deposit::Bed;
+use super::deposit::{Bed, top};
 use super::tamping_cycle::start_position;
 use super::tine::tine;
 use crate::error::{Error, Result};
@@ -10,12 +10,13 @@ use crate::integrate;
 use crate::math::{Pose, Vec3};
 use crate::model::{DrivenBody, Model, Role};
 use crate::state::State;
-use crate::track::plan::{Plan, SleeperPlan};
+use crate::track::plan::{Plan, SleeperPlan, TinePlan};
 
 /// The model of a run and its start: the bed, and the tines clear above it.
 ///
 /// # Errors
-/// A bed that was prepared for other sleepers than the plan's, or that holds the tines already.
+/// A bed that was prepared for other sleepers than the plan's, that holds the tines already, or that
+/// reaches up to them.
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     let Bed { mut model, mut state } = bed;
     for s in &plan.sleepers {
@@ -29,6 +30,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
                 found: "a body of this name".into(),
             });
         }
+        check_clear(t, start_position(plan, t), &model, &state)?;
         let body = tine(t, plan.bed.friction.tine, &mut model.shapes)?;
         add(&mut model, &mut state, body, Pose::at(start_position(plan, t)));
     }
@@ -78,6 +80,31 @@ pub(super) fn run_settings(plan: &Plan, model: &mut Model) {
 /// Where a sleeper stands.
 pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
     Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
+}
+
+/// Refuses a tine whose blade starts among grains, `at` being the middle of its upper edge.
+fn check_clear(tine: &TinePlan, at: Vec3, model: &Model, state: &State) -> Result<()> {
+    let lower_edge = at.z - tine.blade.z;
+    let beside = |p: &Vec3, radius: f64| {
+        let (half, d) = (tine.blade * 0.5, p - at);
+        d.x.abs() > half.x + radius || d.y.abs() > half.y + radius
+    };
+    let tops = (0..model.grains.len()).filter_map(|g| {
+        let shape = &model.shapes[model.grains.shape[g] as usize];
+        let pose = state.pose(g);
+        (!beside(&pose.position, shape.radius)).then(|| top(shape, &pose))
+    });
+    let highest = tops.fold(f64::NEG_INFINITY, f64::max);
+    if highest < lower_edge {
+        return Ok(());
+    }
+    Err(Error::Model {
+        place: format!("start of tine {:?}", tine.name),
+        expected: format!(
+            "a clearance that keeps its lower edge above the grains ({highest:.4} m)"
+        ),
+        found: format!("lower edge at {lower_edge:.4} m"),
+    })
 }
 
 fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<()> {

@@ -1,13 +1,13 @@
-//! The machine's motion: lift, insertion, squeeze, hold, withdrawal.
+//! The machine's motion: lift, insertion, squeeze, hold, withdrawal with release.
 //!
 //! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
-//! drive's memory (see [`squeeze_control`](super::squeeze_control)).
+//! drive's memory (see [`machine_control`](super::machine_control)).
 //! Contract: positions and velocities are continuous through the whole cycle. Tines move as rigid
 //! translations, so the amplitude at the tip is that of every point.
 
 use super::clearance;
+use super::machine_control::{MachineControl, TinePair, tine_index};
 use super::motion_law::{smooth_step, travel};
-use super::squeeze_control::{SqueezeControl, TinePair, tine_index};
 use crate::error::{Error, Result};
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
@@ -61,7 +61,7 @@ struct Machine {
     ends: [f64; 5],
     sleepers: Vec<Lifted>,
     tines: Vec<Driven>,
-    control: SqueezeControl,
+    control: MachineControl,
 }
 
 /// A tamped sleeper: its index among the driven bodies, and where it stands before the lift.
@@ -92,7 +92,7 @@ impl TampingCycle {
         let Some(tamping) = plan.tamping else { return Ok(Self { machine: None }) };
         check_numbers(&tamping, model)?;
         clearance::check(plan, &tamping)?;
-        let control = SqueezeControl::new(&tamping, &plan.tines, model)?;
+        let control = MachineControl::new(&tamping, &plan.tines, model)?;
         let mut ends = [0.0; 5];
         let mut end = tamping.start;
         let durations = [
@@ -125,17 +125,18 @@ impl TampingCycle {
             out[sleeper.body].position = sleeper.rest + Vec3::z() * lift;
         }
         let h = model.stepping.h();
+        let [inserting, squeezing] = machine.since(end);
+        let lowered = machine.control.lowered_next(&state.drive, inserting, h);
         for tine in &machine.tines {
-            let since = end - machine.ends[1];
-            let (squeezed, _) = machine.control.advanced(&state.drive, tine.pair, since, h);
-            out[tine.body].position = machine.tine_position(tine, end, squeezed);
+            let squeezed = machine.control.squeezed_next(&state.drive, tine.pair, squeezing, h);
+            out[tine.body].position = machine.tine_position(tine, end, lowered, squeezed);
         }
     }
 
     /// Takes the reactions of the step that has just led to `state` into the drive's memory.
     pub fn observe(&self, model: &Model, report: &StepReport, state: &mut State) {
         let Some(machine) = &self.machine else { return };
-        let since = state.time() - machine.ends[1];
+        let since = machine.since(state.time());
         let h = model.stepping.h();
         machine.control.observe(&mut state.drive, report, state.step, since, h);
     }
@@ -167,9 +168,14 @@ impl TampingCycle {
         self.machine.as_ref().map_or(&[], |m| &m.control.pairs)
     }
 
-    /// How far each side of pair `p` (index into [`Self::pairs`]) has closed, m.
+    /// How far each side of pair `p` (index into [`Self::pairs`]) has closed before the withdrawal, m.
     pub fn closing(&self, state: &State, p: usize) -> f64 {
         self.machine.as_ref().map_or(0.0, |m| m.closing(m.control.squeezed(&state.drive, p)))
+    }
+
+    /// How far the tines have been lowered towards their full depth before the withdrawal, 0 to 1.
+    pub fn insertion(&self, state: &State) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.depth(m.control.lowered(&state.drive)))
     }
 
     /// Mean force of pair `p` over the last vibration period, N.
@@ -204,11 +210,23 @@ impl Machine {
         self.plan.squeeze.stroke * travel(squeezed / self.plan.squeeze.duration)
     }
 
-    fn tine_position(&self, tine: &Driven, t: f64, squeezed: f64) -> Vec3 {
-        let [lifted, inserted, _, held, _] = self.ends;
-        let down =
-            travel((t - lifted) / (inserted - lifted)) - travel((t - held) / self.plan.withdrawal);
-        let x = tine.start.x + tine.direction * (self.closing(squeezed) + self.vibration(t));
+    /// Share of the way down after `lowered` seconds of lowering.
+    fn depth(&self, lowered: f64) -> f64 {
+        travel(lowered / self.plan.insertion.duration)
+    }
+
+    /// Seconds since the beginnings of insertion and squeeze.
+    fn since(&self, t: f64) -> [f64; 2] {
+        [t - self.ends[0], t - self.ends[1]]
+    }
+
+    fn tine_position(&self, tine: &Driven, t: f64, lowered: f64, squeezed: f64) -> Vec3 {
+        // The tines open in the first half of the withdrawal: pressed together, they would tear at
+        // what they have just squeezed.
+        let leaving = (t - self.ends[3]) / self.plan.withdrawal;
+        let down = self.depth(lowered) * (1.0 - travel(leaving));
+        let closed = self.closing(squeezed) * (1.0 - travel(2.0 * leaving));
+        let x = tine.start.x + tine.direction * (closed + self.vibration(t));
         let z = tine.start.z + (tine.deep - tine.start.z) * down;
         Vec3::new(x, tine.start.y, z)
     }
@@ -245,7 +263,7 @@ fn driven_tines(
     plan: &Plan,
     tamping: &TampingPlan,
     model: &Model,
-    control: &SqueezeControl,
+    control: &MachineControl,
 ) -> Result<Vec<Driven>> {
     let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
     let tine = |tine: &crate::track::plan::TinePlan| {
@@ -304,12 +322,15 @@ fn check_numbers(plan: &TampingPlan, model: &Model) -> Result<()> {
     at_least("withdrawal", plan.withdrawal, 0.0, true)?;
     at_least("vibration.frequency", plan.vibration.frequency, 0.0, false)?;
     at_least("vibration.amplitude", plan.vibration.amplitude, 0.0, false)?;
-    if !(plan.squeeze.force_limit > 0.0) {
-        return Err(Error::Model {
-            place: "tamping.squeeze.force_limit".into(),
-            expected: "more than 0 N, or infinite".into(),
-            found: plan.squeeze.force_limit.to_string(),
-        });
+    let limits = [("insertion", plan.insertion.force_limit), ("squeeze", plan.squeeze.force_limit)];
+    for (phase, limit) in limits {
+        if !(limit > 0.0) {
+            return Err(Error::Model {
+                place: format!("tamping.{phase}.force_limit"),
+                expected: "more than 0 N, or infinite".into(),
+                found: limit.to_string(),
+            });
+        }
     }
     // Fewer steps than these would alias the sine into another motion.
     let per_period = 1.0 / (plan.vibration.frequency * model.stepping.h());

@@ -33,11 +33,11 @@ fn model(plan: &Plan) -> (Model, State) {
     (model, state)
 }
 
-/// Runs the cycle against a given resistance (N, against the direction of each tine) and hands
-/// each new state to `look`.
+/// Runs the cycle against a given resistance (N: against the closing of each tine, and upwards) and
+/// hands each new state to `look`.
 fn run(
     plan: &Plan,
-    resistance: impl Fn(f64) -> f64,
+    resistance: impl Fn(f64) -> [f64; 2],
     mut look: impl FnMut(&TampingCycle, &State),
 ) -> State {
     let (model, mut state) = model(plan);
@@ -55,7 +55,7 @@ fn one_step(
     model: &Model,
     state: &mut State,
     targets: &mut Vec<Pose>,
-    resistance: &impl Fn(f64) -> f64,
+    resistance: &impl Fn(f64) -> [f64; 2],
 ) {
     let h = model.stepping.h();
     cycle.targets(model, state, targets);
@@ -66,9 +66,9 @@ fn one_step(
     state.step += 1;
     state.time_ns += model.stepping.step_ns;
     let mut reactions = vec![Reaction::default(); model.driven.len()];
-    let force = resistance(state.time());
-    reactions[2].impulse.x = -force * h;
-    reactions[3].impulse.x = force * h;
+    let [closing, upwards] = resistance(state.time()).map(|f| f * h);
+    reactions[2].impulse = Vec3::new(-closing, 0.0, upwards);
+    reactions[3].impulse = Vec3::new(closing, 0.0, upwards);
     let report = StepReport { reactions, ..Default::default() };
     cycle.observe(model, &report, state);
 }
@@ -82,7 +82,7 @@ fn vibration_of_35_hz_and_5_mm_peaks_at_1_10_m_per_s_and_24_6_g() {
     let (mut fastest, mut strongest, mut before) = (0.0_f64, 0.0_f64, 0.0);
     run(
         &plan,
-        |_| 0.0,
+        |_| [0.0; 2],
         |cycle, state| {
             let v = state.velocity[2].x;
             fastest = fastest.max(v.abs());
@@ -102,7 +102,7 @@ fn facing_rows_move_in_opposition() {
     let mut apart = 0.0_f64;
     run(
         &plan(),
-        |_| 0.0,
+        |_| [0.0; 2],
         |_, state| {
             apart = apart.max((state.position[2].x + state.position[3].x - 0.6).abs());
             assert_eq!(state.position[2].y, 0.35);
@@ -114,11 +114,12 @@ fn facing_rows_move_in_opposition() {
 #[test]
 fn positions_and_velocities_never_jump() {
     // Accelerations bound the change of velocity: vibration (a little more while it grows), the
-    // ramps of insertion and withdrawal (0.27 m in 0.4 s at most), squeeze and brakes.
+    // ramps of insertion and withdrawal (0.27 m in 0.4 s at most), squeeze and brakes (within a period).
     let bound_x = 1.1 * 0.005 * (std::f64::consts::TAU * 35.0_f64).powi(2) + 10.0;
-    let bound_z = 1.25 * 1.5 * 0.27 / (0.2 * 0.4 * 0.4);
-    // The force switches the closing off and on again.
-    let resistance = |t: f64| if t > 1.0 && t < 1.2 { 2e4 } else { 0.0 };
+    let bound_z = 1.25 * 1.5 * 0.27 / (0.2 * 0.4 * 0.4) + 35.0 * 1.25 * 0.27 / 0.4;
+    // The forces switch closing and lowering off and on again.
+    let between = |t: f64, from: f64, to: f64| if t > from && t < to { 2e4 } else { 0.0 };
+    let resistance = |t: f64| [between(t, 1.0, 1.2), between(t, 0.4, 0.5)];
     let mut before: Option<Vec<Vec3>> = None;
     run(&plan(), resistance, |_, state| {
         let speeds = &state.velocity;
@@ -136,7 +137,7 @@ fn positions_and_velocities_never_jump() {
 fn the_cycle_goes_where_the_plan_says() {
     let end = run(
         &plan(),
-        |_| 0.0,
+        |_| [0.0; 2],
         |cycle, state| {
             let t = state.time();
             let phase = cycle.phase(t);
@@ -161,7 +162,7 @@ fn the_cycle_goes_where_the_plan_says() {
             }
         },
     );
-    assert!((end.position[2].x - 0.11).abs() < 1e-9, "no vibration is left");
+    assert!((end.position[2].x - 0.05).abs() < 1e-9, "open again, and no vibration is left");
     assert!((end.position[2].z - 0.53).abs() < 1e-12, "back at the start height");
     assert_eq!(end.position[0], Vec3::zeros());
 }
@@ -169,7 +170,7 @@ fn the_cycle_goes_where_the_plan_says() {
 #[test]
 fn a_pair_stops_above_its_force_limit_and_goes_on_below() {
     let mut closings = Vec::new();
-    let resistance = |t: f64| if t > 1.0 && t < 1.2 { 9000.0 } else { 5000.0 };
+    let resistance = |t: f64| [if t > 1.0 && t < 1.2 { 9000.0 } else { 5000.0 }, 0.0];
     run(&plan(), resistance, |cycle, state| {
         closings.push((state.time(), cycle.closing(state, 0), cycle.mean_force(state, 0)));
     });
@@ -184,9 +185,25 @@ fn a_pair_stops_above_its_force_limit_and_goes_on_below() {
 }
 
 #[test]
+fn the_unit_goes_down_no_further_while_the_bed_carries_it() {
+    let mut depths = Vec::new();
+    let resistance = |t: f64| [0.0, if t > 0.4 && t < 0.6 { 8500.0 } else { 5000.0 }];
+    let end = run(&plan(), resistance, |cycle, state| {
+        depths.push((state.time(), cycle.insertion(state), state.position[2].z));
+    });
+    let at = |t: f64| depths.iter().find(|d| d.0 >= t - 1e-9).unwrap();
+    // The mean passes 8 kN after 86 % of a period; one period more to brake.
+    assert!(at(0.6).1 - at(0.46).1 < 1e-12 && at(0.6).2 == at(0.46).2, "held");
+    assert!(at(0.42).1 > at(0.4).1, "still going down while the mean rises");
+    assert!(at(0.7).1 < 0.9, "short of the depth at the end of the insertion: {}", at(0.7).1);
+    assert!((at(1.5).1 - 1.0).abs() < 1e-12, "the rest of the way during the squeeze");
+    assert!((end.position[2].z - 0.53).abs() < 1e-12, "back at the start height");
+}
+
+#[test]
 fn a_restored_run_continues_bit_for_bit() {
     let plan = plan();
-    let resistance = |t: f64| 7800.0 + 3000.0 * (50.0 * t).sin();
+    let resistance = |t: f64| [7800.0, 8000.0].map(|f| f + 3000.0 * (50.0 * t).sin());
     let mut kept = None;
     let end = run(&plan, resistance, |_, state| {
         if state.step == 6000 {

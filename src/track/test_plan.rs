@@ -51,7 +51,12 @@ pub fn small_plan() -> Plan {
         tamping: Some(TampingPlan {
             start: 0.05,
             lift: LiftPlan { height: 0.02, duration: 0.2 },
-            insertion: InsertionPlan { duration: 0.45, depth: 0.02, clearance: 0.03 },
+            insertion: InsertionPlan {
+                duration: 0.45,
+                depth: 0.02,
+                clearance: 0.03,
+                force_limit: 8000.0,
+            },
             squeeze: SqueezePlan { duration: 0.8, stroke: 0.06, force_limit: 7800.0 },
             hold: 0.1,
             withdrawal: 0.4,

@@ -72,7 +72,9 @@ fn make(case: &Case, path: &Path, console: Console) -> Outcome<Bed> {
         create_folder(folder)?;
     }
     let mut progress = Progress::start(console, "bed", 0.0);
+    let mut last = None;
     let mut watch = |done: &DepositProgress| {
+        last = Some(*done);
         progress.advance(share(done), &PrepareMark(*done));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
@@ -93,6 +95,14 @@ fn make(case: &Case, path: &Path, console: Console) -> Outcome<Bed> {
         extra: BTreeMap::new(),
     };
     checkpoint::write(path, &checkpoint)?;
+    let rest_speed = case.plan.bed.preparation.rest_speed;
+    if let Some(moving) = last.filter(|l| l.mean_speed >= rest_speed) {
+        console.note(&format!(
+            "the bed is not at rest: its grains move at {:.1e} m/s in the mean, {rest_speed:.1e} m/s count \
+             as rest",
+            moving.mean_speed
+        ));
+    }
     console.note(&format!(
         "bed of {} grains prepared in {}",
         bed.model.grains.len(),

@@ -72,9 +72,17 @@ const PHASE: [TampingPhase; 7] = [
     TampingPhase::Done,
 ];
 
-/// Per tine and sleeper: mean force of the step on the body, and the body's work on the ballast.
-const PER_BODY: [(&str, &str); 4] =
-    [("force_x", "N"), ("force_y", "N"), ("force_z", "N"), ("work", "J")];
+/// Per tine and sleeper: mean force of the step on the body, the body's work on the ballast, and where
+/// its reference point is.
+const PER_BODY: [(&str, &str); 7] = [
+    ("force_x", "N"),
+    ("force_y", "N"),
+    ("force_z", "N"),
+    ("work", "J"),
+    ("x", "m"),
+    ("y", "m"),
+    ("z", "m"),
+];
 
 /// A row of the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,10 +149,13 @@ pub fn row(
         energy.dissipated,
         energy.balance_error(),
     ];
+    // Driven bodies come last.
+    let first = state.position.len() - report.reactions.len();
     for body in followed {
         let reaction = &report.reactions[body.driven];
         values.extend((reaction.impulse / h).iter());
         values.push(reaction.work);
+        values.extend(state.position[first + body.driven].iter());
     }
     Row(values)
 }
@@ -175,6 +186,11 @@ impl Row {
     pub fn work(&self, i: usize) -> f64 {
         self.0[NAMES.len() + i * PER_BODY.len() + 3]
     }
+
+    /// Height of the `i`-th followed body, m.
+    pub fn height(&self, i: usize) -> f64 {
+        self.0[NAMES.len() + i * PER_BODY.len() + 6]
+    }
 }
 
 #[cfg(test)]
@@ -196,6 +212,7 @@ mod tests {
         let state = State {
             step: 7,
             time_ns: 1_400_000,
+            position: vec![Vec3::zeros(), Vec3::zeros(), Vec3::new(0.1, 0.2, 0.3)],
             energy: EnergyLedger { kinetic: 1.0, work_in: 3.0, ..Default::default() },
             ..Default::default()
         };
@@ -234,5 +251,6 @@ mod tests {
         assert_eq!(row.force(0), [0.2 / 2e-4, 0.0, -0.4 / 2e-4]);
         assert_eq!(row.work(0), 0.5);
         assert_eq!(named("left_work"), 0.5);
+        assert_eq!((named("left_x"), named("left_y"), row.height(0)), (0.1, 0.2, 0.3));
     }
 }

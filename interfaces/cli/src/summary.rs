@@ -63,12 +63,36 @@ pub struct BodyFigures {
     pub peak: Option<Moment>,
     /// Largest mean over a vibration period.
     pub period_peak: f64,
-    /// Force of single steps while the tines close.
-    pub squeeze: Statistics,
-    /// Largest mean over a vibration period while the tines close.
-    pub squeeze_period_peak: f64,
+    /// While the tines go down, and while they close.
+    pub insertion: PhaseForce,
+    pub squeeze: PhaseForce,
     pub work: f64,
+    /// Lowest place of the reference point so far, m.
+    pub lowest: f64,
     recent: MovingMean,
+}
+
+/// Force in one phase of the cycle, N.
+#[derive(Debug, Clone, Default)]
+pub struct PhaseForce {
+    /// Of single steps.
+    pub single: Statistics,
+    /// Largest mean over a vibration period.
+    pub period_peak: f64,
+}
+
+impl PhaseForce {
+    fn take(&mut self, force: f64, period_mean: f64) {
+        self.single.take(force);
+        self.period_peak = self.period_peak.max(period_mean);
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "mean_force_n": self.single.mean(), "peak_force_n": self.single.max(),
+            "peak_period_mean_n": self.period_peak,
+        })
+    }
 }
 
 impl Summary {
@@ -77,9 +101,10 @@ impl Summary {
         let body = BodyFigures {
             peak: None,
             period_peak: 0.0,
-            squeeze: Statistics::default(),
-            squeeze_period_peak: 0.0,
+            insertion: PhaseForce::default(),
+            squeeze: PhaseForce::default(),
             work: 0.0,
+            lowest: f64::INFINITY,
             recent: MovingMean::new(setting.period),
         };
         Self {
@@ -126,6 +151,7 @@ impl Summary {
         self.take_coordination(row);
         for (i, body) in self.bodies.iter_mut().enumerate() {
             body.take(row, row.force(i), row.work(i));
+            body.lowest = body.lowest.min(row.height(i));
         }
         self.last = Some(row.clone());
     }
@@ -219,9 +245,10 @@ impl BodyFigures {
         self.work += work;
         let mean = self.recent.take(force).map_or(0.0, norm);
         self.period_peak = self.period_peak.max(mean);
-        if row.phase() == TampingPhase::Squeeze {
-            self.squeeze.take(size);
-            self.squeeze_period_peak = self.squeeze_period_peak.max(mean);
+        match row.phase() {
+            TampingPhase::Insertion => self.insertion.take(size, mean),
+            TampingPhase::Squeeze => self.squeeze.take(size, mean),
+            _ => {}
         }
     }
 
@@ -229,11 +256,10 @@ impl BodyFigures {
         json!({
             "peak_force_n": self.peak.as_ref().map(Moment::json),
             "peak_period_mean_n": self.period_peak,
-            "squeeze": {
-                "mean_force_n": self.squeeze.mean(), "peak_force_n": self.squeeze.max(),
-                "peak_period_mean_n": self.squeeze_period_peak,
-            },
+            "insertion": self.insertion.json(),
+            "squeeze": self.squeeze.json(),
             "work_j": self.work,
+            "lowest_m": self.lowest,
         })
     }
 }
@@ -276,6 +302,7 @@ mod tests {
         set("max_penetration", 0.001 * time);
         set("left_force_x", force);
         set("left_work", 2.0);
+        set("left_z", 1.0 - 0.1 * time);
         row
     }
 
@@ -299,6 +326,8 @@ mod tests {
         assert_eq!(tine["squeeze"]["mean_force_n"], 400.0);
         assert_eq!(tine["squeeze"]["peak_force_n"], 500.0);
         assert_eq!(tine["work_j"], 6.0);
+        assert_eq!(tine["insertion"]["mean_force_n"], 900.0);
+        assert_eq!(tine["lowest_m"], 1.0 - 0.1 * 3.0);
         assert_eq!(json["compactness"]["under"]["before"], 0.58);
         assert_eq!(json["compactness"]["under"]["after"], 0.61);
         assert_eq!(json["penetration_over_d"]["max"], 0.15);

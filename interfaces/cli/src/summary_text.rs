@@ -58,15 +58,16 @@ fn forces(summary: &Summary, role: Role, title: &str) -> Table {
             "at (s)",
             "phase",
             "peak, period mean",
+            "insertion: mean",
             "squeeze: mean",
-            "peak",
             "peak, period mean",
             "work (J)",
+            "lowest (m)",
         ],
     );
     let bodies = summary.setting().followed.iter().zip(&summary.bodies);
     for (followed, body) in bodies.filter(|(followed, _)| followed.role == role) {
-        let BodyFigures { peak, period_peak, squeeze, squeeze_period_peak, work, .. } = body;
+        let BodyFigures { peak, period_peak, insertion, squeeze, work, lowest, .. } = body;
         let Some(Moment { value, time, phase }) = peak else { continue };
         table.row([
             followed.name.clone(),
@@ -74,10 +75,11 @@ fn forces(summary: &Summary, role: Role, title: &str) -> Table {
             format!("{time:.4}"),
             phase.name().into(),
             figure(*period_peak, 4),
-            figure(squeeze.mean(), 4),
-            figure(squeeze.max(), 4),
-            figure(*squeeze_period_peak, 4),
+            figure(insertion.single.mean(), 4),
+            figure(squeeze.single.mean(), 4),
+            figure(squeeze.period_peak, 4),
             figure(*work, 4),
+            format!("{lowest:.4}"),
         ]);
     }
     table

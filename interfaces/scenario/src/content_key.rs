@@ -1,22 +1,22 @@
 //! The key under which a prepared bed is kept: equal keys, equal beds.
 //!
 //! A hash of everything that preparing reads: the bed and its preparation, the sleepers, and the
-//! run's time step and solver, at which the last settling runs. The bytes that are hashed are
+//! run's time step, at which the last settling runs. The bytes that are hashed are
 //! written out field by field, so the key survives changes of other formats.
 
-use ballast::model::{Norm, PartitionRule, Schedule, Solver, Stepping};
+use ballast::model::Stepping;
 use ballast::track::plan::{
     BedPlan, BlockPlan, FrictionPlan, GrainPlan, Plan, PreparationPlan, RunPlan, SizeClass,
     SleeperPlan,
 };
 
 /// Raised when the same plan is prepared into another bed: old keys then match nothing.
-const VERSION: u64 = 2;
+const VERSION: u64 = 3;
 
 /// 128-bit key of the bed that `plan` prepares, as 32 hexadecimal digits.
 ///
-/// Tines, tamping, duration and output do not change it, nor does which sleeper is tamped. Time
-/// step and solver do: the last settling runs at those of the run.
+/// Tines, tamping, duration, solver and output do not change it, nor does which sleeper is tamped.
+/// The time step does: the last settling runs at that of the run.
 pub fn content_key(plan: &Plan) -> String {
     let mut key = Key::new();
     key.integer(VERSION);
@@ -104,7 +104,7 @@ impl Key {
     fn run(&mut self, run: &RunPlan) {
         let RunPlan {
             stepping: Stepping { step_ns, theta, alert },
-            solver,
+            solver: _,
             restitution,
             duration_ns: _,
             output_ns: _,
@@ -112,46 +112,6 @@ impl Key {
         } = run;
         self.integer(*step_ns);
         self.numbers([theta, alert, restitution]);
-        self.solver(solver);
-    }
-
-    fn solver(&mut self, solver: &Solver) {
-        let Solver {
-            schedule,
-            partition,
-            iterations,
-            subdomain_sweeps,
-            interface_sweeps,
-            tolerance,
-            norm,
-            check_every,
-            relaxation,
-            warm_start,
-        } = solver;
-        self.integer(match schedule {
-            Schedule::Sequential => 0,
-            Schedule::Synchronous => 1,
-            Schedule::Asynchronous => 2,
-        });
-        let (rule, numbers) = match partition {
-            PartitionRule::Boxes(n) => (0, *n),
-            PartitionRule::Balanced(n) => (1, [*n, 0, 0]),
-            PartitionRule::ContactsPer(n) => (2, [*n, 0, 0]),
-        };
-        self.integer(rule);
-        for n in numbers.iter().chain([iterations, subdomain_sweeps, interface_sweeps, check_every])
-        {
-            self.integer(u64::from(*n));
-        }
-        // No tolerance is a tolerance that nothing meets.
-        self.number(tolerance.unwrap_or(-1.0));
-        self.integer(match norm {
-            Norm::Qm16 => 0,
-            Norm::Quad => 1,
-            Norm::NaturalMap => 2,
-        });
-        self.number(*relaxation);
-        self.number(*warm_start);
     }
 
     fn sleeper(&mut self, sleeper: &SleeperPlan) {

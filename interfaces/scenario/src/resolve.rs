@@ -92,6 +92,7 @@ fn tamping(tamping: &case_file::Tamping, run: &RunPlan) -> TampingPlan {
             duration: tamping.insertion.duration_s,
             depth: tamping.insertion.depth_m,
             clearance: tamping.insertion.clearance_m,
+            force_limit: tamping.insertion.force_limit,
         },
         squeeze: SqueezePlan {
             duration: tamping.squeeze.duration_s,

@@ -1,4 +1,4 @@
-//! Anderson's acceleration of a sweep `r → g(r)` (T-31).
+//! Anderson's acceleration of a sweep `r → g(r)` (T-32).
 
 use crate::math::Vec3;
 use nalgebra::{Cholesky, DMatrix, DVector};

@@ -1,4 +1,4 @@
-//! What keeps the acceleration (T-31) from doing harm: it notices when changes grow or do not fall.
+//! What keeps the acceleration (T-32) from doing harm: it notices when changes grow or do not fall.
 
 use crate::math::Vec3;
 

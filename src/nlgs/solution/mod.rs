@@ -1,4 +1,4 @@
-//! Solving an assembled friction-contact problem to a tolerance (T-30).
+//! Solving an assembled friction-contact problem to a tolerance (T-31).
 //!
 //! Reads: [`Assembled`]. Writes: impulses and how they were found. Cost: sweeps, tests that cost an
 //! eighth of them at most, and, where sweeps do not get on, dense systems of linear equations whose
@@ -21,9 +21,9 @@ pub enum Method {
     Auto,
     /// Non-linear Gauss-Seidel alone (T-17).
     Nlgs,
-    /// Non-linear Gauss-Seidel with Anderson's acceleration (T-31).
+    /// Non-linear Gauss-Seidel with Anderson's acceleration (T-32).
     Anderson,
-    /// A few sweeps and Newton's method (T-32) in turns.
+    /// A few sweeps and Newton's method (T-33) in turns.
     Newton,
 }
 

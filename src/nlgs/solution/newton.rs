@@ -1,4 +1,4 @@
-//! Semismooth Newton method for the function of Alart and Curnier (T-32), regularised.
+//! Semismooth Newton method for the function of Alart and Curnier (T-33), regularised.
 
 use crate::math::{Mat3, Vec3};
 use crate::nlgs::reference::Assembled;

@@ -63,7 +63,7 @@ impl<'a> Search<'a> {
         self.sweep_with(count, |_| {});
     }
 
-    /// Sweeps at most `count` times more, with Anderson's acceleration (T-31).
+    /// Sweeps at most `count` times more, with Anderson's acceleration (T-32).
     pub fn sweep_accelerated(&mut self, count: u64) {
         let weight = self.problem.diagonal.iter().map(|w| (w.trace() / 3.0).sqrt()).collect();
         let mut memory = Memory::new(WINDOW, weight);
@@ -96,7 +96,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Newton steps (T-32) as long as they bring the impulses nearer to a solution.
+    /// Newton steps (T-33) as long as they bring the impulses nearer to a solution.
     pub fn newton(&mut self) {
         let mut here = self.problem.natural_map(&self.impulse).unit_free;
         while self.best_error > self.settings.tolerance {

@@ -3,5 +3,6 @@
 mod commands;
 mod endings;
 mod restart;
+mod samples;
 mod setup;
 mod solve;

@@ -72,11 +72,16 @@ pub struct Insertion {
     /// Height of the blade's lower edge above the filled bed at the start, m.
     #[schemars(with = "NonNegative")]
     pub clearance_m: f64,
+    /// Lowering stops while the bed carries more than this, N per tine over a vibration period, and
+    /// goes on until the withdrawal. `inf`: never.
+    #[serde(rename = "force_limit_N")]
+    #[schemars(with = "PositiveOrInfinite")]
+    pub force_limit: f64,
 }
 
 impl Default for Insertion {
     fn default() -> Self {
-        Self { duration_s: 0.45, depth_m: 0.018, clearance_m: 0.02 }
+        Self { duration_s: 0.45, depth_m: 0.018, clearance_m: 0.02, force_limit: 5000.0 }
     }
 }
 

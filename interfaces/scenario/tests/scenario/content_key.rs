@@ -10,8 +10,8 @@ fn key(text: &str) -> String {
 
 #[test]
 fn the_key_is_the_same_on_every_machine() {
-    // Obtained from the second version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "2b11bfb57b0f9c0b21f7e2fc40b5301e");
+    // Obtained from the third version of the key; changes with it, and with the base case.
+    assert_eq!(key(BASE), "fb2865127e956b389309636dc5316a6f");
 }
 
 #[test]
@@ -22,6 +22,9 @@ fn what_is_not_prepared_does_not_change_the_key() {
         ("stroke_m = 0.05", "stroke_m = 0.04"),
         ("[-0.1, 0.1]", "[-0.1]"),
         ("restitution = 0", "output_every_s = 0"),
+        ("[2, 1, 1]", "[1, 2, 1]"),
+        ("tolerance = 1.666e-4", ""),
+        ("iterations = 300", "iterations = 301"),
         ("density_kg_per_m3 = 2700", "density_kg_per_m3 = 2_700.0 # the same"),
     ] {
         assert_eq!(key(&changed(from, to)), key(BASE), "{to}");
@@ -42,9 +45,6 @@ fn what_is_prepared_changes_the_key() {
         ("[sleepers]", "[sleepers]\nfirst_x_m = 0.301"),
         ("0.40, 0.15]", "0.41, 0.15]"),
         ("step_s = 8e-4", "step_s = 4e-4"),
-        ("iterations = 300", "iterations = 301"),
-        ("tolerance = 1.666e-4", ""),
-        ("[2, 1, 1]", "[1, 2, 1]"),
         ("restitution = 0", "theta = 0.6"),
     ] {
         assert!(keys.insert(key(&changed(from, to))), "{to}");

@@ -1,0 +1,167 @@
+//! What a window did, summed over its steps.
+
+use crate::error::Error;
+use crate::math::Vec3;
+use crate::model::Model;
+use crate::state::{EnergyLedger, State};
+use crate::step::StepReport;
+
+/// How a window went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Status {
+    /// Computed to its end, every step solved.
+    Ok,
+    /// Computed to its end; some step stopped at the cap of iterations.
+    Warn,
+    /// Ended before its end, in a valid state.
+    Early,
+    /// Nothing was kept: the state is exactly that of its beginning.
+    Discard,
+}
+
+impl Status {
+    /// The status's name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Ok => "ok",
+            Status::Warn => "warn",
+            Status::Early => "early",
+            Status::Discard => "discard",
+        }
+    }
+}
+
+/// The result of a window.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    pub status: Status,
+    /// What ended the window, where something did.
+    pub trouble: Option<Error>,
+    /// The window as far as it was computed, ns.
+    pub t0_ns: u64,
+    pub t1_ns: u64,
+    pub steps: u64,
+    /// What the ballast did to each driven body `[nd]`.
+    pub bodies: Vec<BodyOutcome>,
+    pub solver: SolverOutcome,
+    /// Since the start of the run.
+    pub energy: EnergyLedger,
+}
+
+/// What the ballast did to a driven body during a window, about its reference point, world axes (T-27).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyOutcome {
+    /// N s.
+    pub impulse: Vec3,
+    /// N m s.
+    pub angular_impulse: Vec3,
+    /// Impulses over the length of the window: N, N m; zero for a window of no steps.
+    pub mean_force: Vec3,
+    pub mean_torque: Vec3,
+    /// Largest mean force of a step, N, and the end of that step, ns.
+    pub peak_force: Vec3,
+    pub peak_time_ns: u64,
+    /// Work of the body on the ballast, J.
+    pub work: f64,
+    /// Contact points that carried an impulse in the last step.
+    pub contacts: u32,
+}
+
+/// How the window was solved.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SolverOutcome {
+    /// Over all steps.
+    pub iterations: u64,
+    pub visits: u64,
+    pub steps_not_converged: u64,
+    /// Largest residuals of a step.
+    pub residual_qm16: f64,
+    pub residual_natural_map: f64,
+    /// In the last step.
+    pub contacts: usize,
+    pub active_contacts: usize,
+    /// Mean of the last step, largest of all steps, m.
+    pub mean_penetration: f64,
+    pub max_penetration: f64,
+}
+
+/// The sums of a window so far.
+pub(super) struct Account {
+    t0_ns: u64,
+    steps: u64,
+    bodies: Vec<BodyOutcome>,
+    solver: SolverOutcome,
+}
+
+impl Account {
+    pub fn new(model: &Model, t0_ns: u64) -> Self {
+        let zero = Vec3::zeros();
+        let body = BodyOutcome {
+            impulse: zero,
+            angular_impulse: zero,
+            mean_force: zero,
+            mean_torque: zero,
+            peak_force: zero,
+            peak_time_ns: t0_ns,
+            work: 0.0,
+            contacts: 0,
+        };
+        let bodies = vec![body; model.driven.len()];
+        Self { t0_ns, steps: 0, bodies, solver: SolverOutcome::default() }
+    }
+
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// Whether every step was solved.
+    pub fn is_sound(&self) -> bool {
+        self.solver.steps_not_converged == 0
+    }
+
+    /// Takes a step of length `h` (s) that has led to `state`.
+    pub fn take(&mut self, report: &StepReport, state: &State, h: f64) {
+        self.steps += 1;
+        for (body, reaction) in self.bodies.iter_mut().zip(&report.reactions) {
+            body.impulse += reaction.impulse;
+            body.angular_impulse += reaction.angular_impulse;
+            body.work += reaction.work;
+            body.contacts = reaction.contacts;
+            let force = reaction.impulse / h;
+            if force.norm() > body.peak_force.norm() {
+                body.peak_force = force;
+                body.peak_time_ns = state.time_ns;
+            }
+        }
+        let solver = &mut self.solver;
+        solver.iterations += u64::from(report.iterations);
+        solver.visits += report.visits;
+        solver.steps_not_converged += u64::from(!report.converged);
+        solver.residual_qm16 = solver.residual_qm16.max(report.residuals.qm16());
+        solver.residual_natural_map = solver.residual_natural_map.max(report.residuals.natural_map);
+        solver.contacts = report.contacts;
+        solver.active_contacts = report.active_contacts;
+        solver.mean_penetration = report.mean_penetration;
+        solver.max_penetration = solver.max_penetration.max(report.max_penetration);
+    }
+
+    pub fn close(mut self, status: Status, trouble: Option<Error>, state: &State) -> Outcome {
+        let seconds = (state.time_ns - self.t0_ns) as f64 * 1e-9;
+        if seconds > 0.0 {
+            for body in &mut self.bodies {
+                body.mean_force = body.impulse / seconds;
+                body.mean_torque = body.angular_impulse / seconds;
+            }
+        }
+        Outcome {
+            status,
+            trouble,
+            t0_ns: self.t0_ns,
+            t1_ns: state.time_ns,
+            steps: self.steps,
+            bodies: self.bodies,
+            solver: self.solver,
+            energy: state.energy,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Why a request was not computed.
+
+use crate::error::Error;
+
+/// A request that was refused; nothing has changed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    /// The end of the window is not a later time on the grid of steps.
+    #[error(
+        "time: expected a whole number of steps of {step_ns} ns after {now_ns} ns (next to it: \
+         {} and {} ns), found {found_ns} ns",
+        nearest_ns[0],
+        nearest_ns[1]
+    )]
+    Time { now_ns: u64, step_ns: u64, nearest_ns: [u64; 2], found_ns: u64 },
+    /// Nothing is known of a body at some time of the window.
+    #[error("input of {body:?}: expected {expected}, found {found}")]
+    Gap { body: String, expected: String, found: String },
+    /// The window does not join the one before.
+    #[error("input of {body:?}: expected {expected}, found {found}")]
+    Jump { body: String, expected: String, found: String },
+    /// The input cannot be used.
+    #[error("input of {body:?}: expected {expected}, found {found}")]
+    Input { body: String, expected: String, found: String },
+    /// No driven body has this name.
+    #[error("input: expected one of {known:?}, found {found:?}")]
+    UnknownBody { known: Vec<String>, found: String },
+    /// No window has been computed since the start or the last restore.
+    #[error("redo: expected a window before this one, found none")]
+    NothingToRedo,
+    /// The model or the state cannot be used.
+    #[error(transparent)]
+    Core(#[from] Error),
+}
+
+impl Refusal {
+    /// The code of the refusal in messages.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Refusal::Time { .. } => "time_grid",
+            Refusal::Gap { .. } => "input_gap",
+            Refusal::Jump { .. } => "input_jump",
+            Refusal::Input { .. } => "input_invalid",
+            Refusal::UnknownBody { .. } => "unknown_body",
+            Refusal::NothingToRedo => "nothing_to_redo",
+            Refusal::Core(_) => "state_invalid",
+        }
+    }
+
+    pub(super) fn input(body: &str, expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self::Input { body: body.into(), expected: expected.into(), found: found.into() }
+    }
+}

@@ -1,0 +1,181 @@
+//! The motion of a body through a window: knots, and what lies between them (T-29).
+//!
+//! Contract: at a knot the pose is that knot's, to the bit; between two knots it depends on these two
+//! alone. So a stretch of time may be cut at any knot without changing a pose. Nothing is extrapolated.
+
+use super::refusal::Refusal;
+use crate::math::{Pose, Vec3, rotation};
+
+/// Widest turn between two knots, rad: beyond half a turn the way round is a guess.
+const WIDEST: f64 = 2.0;
+
+/// Where a body is at a time, and how it moves then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Knot {
+    /// Since the start of the run, ns.
+    pub time_ns: u64,
+    pub pose: Pose,
+    /// Velocity of the reference point, m/s, and spin, rad/s, world axes; read by
+    /// [`Interpolation::Hermite`] only.
+    pub velocity: Vec3,
+    pub spin: Vec3,
+}
+
+/// What lies between knots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Interpolation {
+    /// The last knot: poses jump within a step. For slow switches, not for vibration.
+    Hold,
+    /// Constant velocity and spin.
+    Linear,
+    /// Cubic, with the knots' velocities and spins at its ends.
+    #[default]
+    Hermite,
+}
+
+/// A motion.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Waveform {
+    pub interpolation: Interpolation,
+    /// In order of time.
+    pub knots: Vec<Knot>,
+}
+
+/// Velocity and spin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Twist {
+    pub velocity: Vec3,
+    pub spin: Vec3,
+}
+
+impl Twist {
+    pub fn text(&self) -> String {
+        let [v, w] = [self.velocity, self.spin];
+        format!(
+            "({:.3e}, {:.3e}, {:.3e}) m/s, ({:.3e}, {:.3e}, {:.3e}) rad/s",
+            v.x, v.y, v.z, w.x, w.y, w.z
+        )
+    }
+}
+
+impl Waveform {
+    /// Pose at a time for which there are knots.
+    pub fn pose(&self, time_ns: u64) -> Pose {
+        let after = self.knots.partition_point(|k| k.time_ns <= time_ns);
+        let Some(a) = after.checked_sub(1).map(|k| &self.knots[k]) else {
+            return self.knots.first().map_or_else(Pose::identity, |k| k.pose);
+        };
+        match self.knots.get(after) {
+            Some(b) if a.time_ns < time_ns => match self.interpolation {
+                Interpolation::Hold => a.pose,
+                Interpolation::Linear => linear(a, b, time_ns),
+                Interpolation::Hermite => hermite(a, b, time_ns),
+            },
+            _ => a.pose,
+        }
+    }
+
+    /// Refuses what is no motion through the whole window.
+    pub(super) fn check(&self, body: &str, t0_ns: u64, t1_ns: u64) -> Result<(), Refusal> {
+        let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else {
+            return Err(Refusal::input(body, "at least one knot", "none"));
+        };
+        for (i, knot) in self.knots.iter().enumerate() {
+            let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+            if !(knot.pose.is_finite() && finite(&knot.velocity) && finite(&knot.spin)) {
+                return Err(Refusal::input(body, "finite numbers", format!("{knot:?} (knot {i})")));
+            }
+            if (knot.pose.orientation.norm() - 1.0).abs() > 1e-6 {
+                let found = format!("a norm of {} (knot {i})", knot.pose.orientation.norm());
+                return Err(Refusal::input(body, "unit quaternions", found));
+            }
+        }
+        for (i, pair) in self.knots.windows(2).enumerate() {
+            if pair[0].time_ns >= pair[1].time_ns {
+                let found =
+                    format!("{} ns before {} ns (knot {i})", pair[0].time_ns, pair[1].time_ns);
+                return Err(Refusal::input(body, "knots in order of time", found));
+            }
+            let turn = between(&pair[0], &pair[1]).norm();
+            if self.interpolation != Interpolation::Hold && turn > WIDEST {
+                let expected = format!("knots that turn by at most {WIDEST} rad");
+                return Err(Refusal::input(
+                    body,
+                    expected,
+                    format!("{turn:.3} rad after knot {i}"),
+                ));
+            }
+        }
+        let ends = self.interpolation == Interpolation::Hold || last.time_ns >= t1_ns;
+        if first.time_ns <= t0_ns && ends {
+            return Ok(());
+        }
+        Err(Refusal::Gap {
+            body: body.into(),
+            expected: format!("knots from {t0_ns} to {t1_ns} ns"),
+            found: format!("from {} to {} ns", first.time_ns, last.time_ns),
+        })
+    }
+
+    /// Velocity and spin at a time, where there is a knot that tells.
+    pub(super) fn twist(&self, time_ns: u64) -> Option<Twist> {
+        if self.interpolation != Interpolation::Hermite {
+            return None;
+        }
+        let knot = self.knots.iter().find(|k| k.time_ns == time_ns)?;
+        Some(Twist { velocity: knot.velocity, spin: knot.spin })
+    }
+}
+
+/// Rotation vector from one knot to the next, world axes.
+fn between(a: &Knot, b: &Knot) -> Vec3 {
+    rotation::log(&(b.pose.orientation * a.pose.orientation.inverse()))
+}
+
+/// Share of the way from `a` to `b`, and the time between them, s.
+fn share(a: &Knot, b: &Knot, time_ns: u64) -> (f64, f64) {
+    let whole = (b.time_ns - a.time_ns) as f64;
+    ((time_ns - a.time_ns) as f64 / whole, whole * 1e-9)
+}
+
+fn linear(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
+    let (s, _) = share(a, b, time_ns);
+    Pose {
+        position: a.pose.position + (b.pose.position - a.pose.position) * s,
+        orientation: rotation::advance(&a.pose.orientation, &(between(a, b) * s)),
+    }
+}
+
+/// Cubic through both knots with their velocities; orientations by the rotation vector from `a`, whose
+/// rate at `b` is `J⁻¹(φ) ω` (T-29).
+fn hermite(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
+    let (s, seconds) = share(a, b, time_ns);
+    let (s2, s3) = (s * s, s * s * s);
+    // Differences first: positions far from the origin lose no digits.
+    let blend = |way: &Vec3, rate_a: &Vec3, rate_b: &Vec3| {
+        way * (3.0 * s2 - 2.0 * s3) + (rate_a * (s3 - 2.0 * s2 + s) + rate_b * (s3 - s2)) * seconds
+    };
+    let way = b.pose.position - a.pose.position;
+    let angle = between(a, b);
+    let turn = blend(&angle, &a.spin, &rate_of_vector(&angle, &b.spin));
+    Pose {
+        position: a.pose.position + blend(&way, &a.velocity, &b.velocity),
+        orientation: rotation::advance(&a.pose.orientation, &turn),
+    }
+}
+
+/// Rate of the rotation vector `phi` of a body that turns with `spin` (world axes).
+///
+/// The inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro
+/// Lie theory for state estimation in robotics*, 2018, equation 146.
+fn rate_of_vector(phi: &Vec3, spin: &Vec3) -> Vec3 {
+    let squared = phi.norm_squared();
+    let factor = if squared < 1e-6 {
+        1.0 / 12.0 + squared / 720.0
+    } else {
+        let angle = squared.sqrt();
+        1.0 / squared - 0.5 / (angle * (0.5 * angle).tan())
+    };
+    let once = phi.cross(spin);
+    spin - once * 0.5 + phi.cross(&once) * factor
+}

@@ -1,0 +1,112 @@
+//! What lies between knots.
+
+use crate::MS;
+use ballast::component::{Interpolation, Knot, Waveform};
+use ballast::math::{Pose, Quat, Vec3, rotation};
+use std::f64::consts::TAU;
+
+/// 35 Hz and 5 mm, a knot every millisecond: what a machine's controller sends.
+fn vibration(interpolation: Interpolation) -> (Waveform, impl Fn(f64) -> f64) {
+    let w = TAU * 35.0;
+    let place = move |t: f64| 5e-3 * (w * t).sin();
+    let knots = (0..=60).map(|k| {
+        let t = 1e-3 * f64::from(k);
+        Knot {
+            time_ns: u64::from(k as u32) * MS,
+            pose: Pose::at(Vec3::x() * place(t)),
+            velocity: Vec3::x() * (5e-3 * w * (w * t).cos()),
+            spin: Vec3::zeros(),
+        }
+    });
+    (Waveform { interpolation, knots: knots.collect() }, place)
+}
+
+fn largest_error(interpolation: Interpolation) -> f64 {
+    let (waveform, place) = vibration(interpolation);
+    (0..60_000)
+        .map(|us: u64| (waveform.pose(us * 1000).position.x - place(1e-6 * us as f64)).abs())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn errors_of_a_vibration_are_those_of_the_theory() {
+    // a ω⁴ Δ⁴ / 384, a ω² Δ² / 8, a ω Δ.
+    let w = TAU * 35.0 * 1e-3;
+    let expected = [5e-3 * w.powi(4) / 384.0, 5e-3 * w.powi(2) / 8.0, 5e-3 * w];
+    for (interpolation, expected) in
+        [Interpolation::Hermite, Interpolation::Linear, Interpolation::Hold]
+            .into_iter()
+            .zip(expected)
+    {
+        let found = largest_error(interpolation);
+        assert!((0.9..1.01).contains(&(found / expected)), "{interpolation:?}: {found:e}");
+    }
+}
+
+#[test]
+fn a_held_vibration_jumps_and_a_cubic_one_does_not() {
+    let steepest = |interpolation| {
+        let (waveform, _) = vibration(interpolation);
+        // The velocity that steps of 0.1 ms see, and its largest change.
+        let speed = |k: u64| {
+            let [a, b] = [k, k + 1].map(|k| waveform.pose(k * MS / 10).position.x);
+            (b - a) / 1e-4
+        };
+        (0..598).map(|k| (speed(k + 1) - speed(k)).abs()).fold(0.0, f64::max)
+    };
+    assert!(steepest(Interpolation::Hold) > 10.0);
+    // a ω² of a step of 0.1 ms.
+    assert!(steepest(Interpolation::Hermite) < 1.01 * 5e-3 * (TAU * 35.0).powi(2) * 1e-4);
+}
+
+#[test]
+fn a_steady_turn_stays_one() {
+    let spin = Vec3::new(3.0, -2.0, 1.0);
+    let start = Quat::from_scaled_axis(Vec3::new(0.3, 0.1, -0.4));
+    let at = |t: f64| rotation::advance(&start, &(spin * t));
+    let knot = |ms: u64| Knot {
+        time_ns: ms * MS,
+        pose: Pose { position: Vec3::zeros(), orientation: at(1e-3 * ms as f64) },
+        velocity: Vec3::zeros(),
+        spin,
+    };
+    for interpolation in [Interpolation::Linear, Interpolation::Hermite] {
+        let waveform = Waveform { interpolation, knots: vec![knot(0), knot(200), knot(500)] };
+        for ms in 0..=500 {
+            let found = waveform.pose(ms * MS).orientation;
+            assert!(found.angle_to(&at(1e-3 * ms as f64)) < 1e-14, "{interpolation:?} {ms}");
+        }
+    }
+}
+
+#[test]
+fn a_turn_ends_with_the_spins_it_was_given() {
+    let knot = |time_ns, angle: Vec3, spin| Knot {
+        time_ns,
+        pose: Pose { position: Vec3::zeros(), orientation: Quat::from_scaled_axis(angle) },
+        velocity: Vec3::zeros(),
+        spin,
+    };
+    for turn in [1e-5, 0.3, 1.9] {
+        let (w0, w1) = (Vec3::new(1.0, 5.0, -2.0), Vec3::new(-4.0, 0.5, 3.0));
+        let knots = vec![
+            knot(0, Vec3::zeros(), w0),
+            knot(100 * MS, Vec3::new(0.48, -0.6, 0.64) * turn, w1),
+        ];
+        let waveform = Waveform { interpolation: Interpolation::Hermite, knots };
+        let spin = |from: u64, to: u64| {
+            let turn = waveform.pose(to).orientation * waveform.pose(from).orientation.inverse();
+            rotation::log(&turn) / (1e-9 * (to - from) as f64)
+        };
+        assert!((spin(0, 1000) - w0).norm() < 1e-2, "{turn}");
+        assert!((spin(100 * MS - 1000, 100 * MS) - w1).norm() < 1e-2, "{turn}");
+    }
+}
+
+#[test]
+fn at_a_knot_the_pose_is_the_knot() {
+    let (waveform, _) = vibration(Interpolation::Hermite);
+    for knot in &waveform.knots {
+        assert_eq!(waveform.pose(knot.time_ns), knot.pose);
+    }
+}

@@ -1,0 +1,187 @@
+//! A window is a function of state and inputs.
+
+use crate::common::scene::Scene;
+use crate::{FLOOR, MS, floor, heap, same, shaken};
+use ballast::component::{Component, Limits, OnTrouble, Snapshot, Status};
+use ballast::drive::Inputs;
+use ballast::math::Vec3;
+use ballast::step::step;
+use ballast::workspace::Workspace;
+use std::ops::ControlFlow;
+use std::slice::from_ref;
+
+/// The heap shaken from `now` to `t1`, in windows of `window` ms.
+fn shake(component: &mut Component, rest: ballast::math::Pose, t1_ms: u64, window: u64) {
+    while component.now_ns() < t1_ms * MS {
+        let t0 = component.now_ns();
+        let t1 = t0 + window * MS;
+        let outcome = component.advance_to(t1, &[shaken(rest, t0, t1)]).expect("a good window");
+        assert!(matches!(outcome.status, Status::Ok | Status::Warn), "{outcome:?}");
+    }
+}
+
+#[test]
+fn how_time_is_cut_into_windows_changes_nothing() {
+    let ends: Vec<_> = [100, 50, 10, 5]
+        .map(|window| {
+            let mut component = heap(Limits::default());
+            let rest = floor(&component);
+            shake(&mut component, rest, 100, window);
+            component.save().state
+        })
+        .into();
+    for end in &ends[1..] {
+        assert!(same(end, &ends[0]));
+    }
+}
+
+#[test]
+fn a_window_is_its_steps() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    let input = shaken(rest, 0, 50 * MS);
+    let mut state = component.save().state;
+    let model = component.model().clone();
+    let outcome = component.advance_to(50 * MS, from_ref(&input)).expect("a good window");
+
+    let floor_index = model.driven_index(FLOOR).expect("the floor");
+    let mut workspace = Workspace::default();
+    let (mut impulse, mut work, mut peak) = (Vec3::zeros(), 0.0, 0.0_f64);
+    for k in 1..=50 {
+        let mut targets: Vec<_> =
+            (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
+        targets[floor_index] = input.waveform.pose(k * MS);
+        let inputs = Inputs { targets: &targets };
+        let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).expect("a step");
+        impulse += report.reactions[floor_index].impulse;
+        work += report.reactions[floor_index].work;
+        peak = peak.max(report.reactions[floor_index].impulse.norm() / 1e-3);
+    }
+    assert!(same(&state, component.state()));
+    let body = &outcome.bodies[floor_index];
+    assert!(impulse.norm() > 0.0, "the floor shakes the stones");
+    assert_eq!((body.impulse, body.work), (impulse, work));
+    assert!((body.peak_force.norm() - peak).abs() < 1e-12 * peak);
+    assert!((body.mean_force * 0.05 - impulse).norm() < 1e-12 * impulse.norm());
+    assert_eq!((outcome.t0_ns, outcome.t1_ns, outcome.steps), (0, 50 * MS, 50));
+    assert_eq!(outcome.energy, state.energy);
+}
+
+#[test]
+fn a_window_can_be_redone() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    shake(&mut component, rest, 40, 40);
+    let input = shaken(rest, 40 * MS, 90 * MS);
+    let first = component.advance_to(90 * MS, from_ref(&input)).expect("a good window");
+    let end = component.save();
+    for _ in 0..3 {
+        assert_eq!(component.redo(from_ref(&input)).expect("a redo"), first);
+        assert!(same(component.state(), &end.state));
+    }
+    let mut other = input.clone();
+    for knot in &mut other.waveform.knots[1..] {
+        knot.pose.position.z += 1e-4;
+    }
+    let changed = component.redo(&[other]).expect("a redo");
+    assert_ne!(changed.bodies, first.bodies);
+    // A redo that is refused leaves the end of the last one.
+    let before = component.save();
+    assert_eq!(component.redo(&[]).expect_err("the floor moves").code(), "input_jump");
+    assert_eq!(component.save(), before);
+    assert_eq!(component.redo(&[input]).expect("a redo"), first);
+    assert_eq!(component.save(), end);
+}
+
+#[test]
+fn restored_and_forked_are_never_interrupted() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    shake(&mut component, rest, 40, 20);
+    let kept = component.save();
+    let mut fork = component.fork();
+    shake(&mut component, rest, 100, 20);
+    let end = component.save();
+    shake(&mut fork, rest, 100, 10);
+    assert_eq!(fork.save(), end, "forked");
+    component.restore(&kept).expect("its own snapshot");
+    assert_eq!(component.redo(&[]).expect_err("nothing yet").code(), "nothing_to_redo");
+    shake(&mut component, rest, 100, 60);
+    assert_eq!(component.save(), end, "restored");
+    // A checkpoint knows no velocities of the last window; the motion goes on all the same.
+    let mut other = heap(Limits::default());
+    other.restore(&Snapshot::of(kept.state)).expect("a state of this model");
+    shake(&mut other, rest, 100, 60);
+    assert!(same(other.state(), &end.state), "from a state alone");
+}
+
+#[test]
+fn a_watcher_ends_a_window_in_a_valid_state() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    let mut watch = |state: &ballast::state::State, _: &_| {
+        if state.time_ns == 20 * MS { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let input = shaken(rest, 0, 50 * MS);
+    let outcome = component.advance_watched(50 * MS, &[input], &mut watch).expect("a window");
+    assert_eq!((outcome.status, outcome.t1_ns, outcome.steps), (Status::Early, 20 * MS, 20));
+    assert!(outcome.trouble.is_none());
+    let mut straight = heap(Limits::default());
+    shake(&mut straight, rest, 20, 20);
+    assert!(same(component.state(), straight.state()));
+}
+
+#[test]
+fn trouble_is_discarded_or_cut_off() {
+    for on_trouble in [OnTrouble::Discard, OnTrouble::Early] {
+        let mut component = heap(Limits { on_trouble, ..Limits::default() });
+        let rest = floor(&component);
+        let start = component.save();
+        let mut input = shaken(rest, 0, 50 * MS);
+        // From 30 ms on the floor runs away, far beyond half a grain in a step.
+        for knot in &mut input.waveform.knots[7..] {
+            knot.pose.position.x -= 1.0;
+        }
+        let outcome = component.advance_to(50 * MS, &[input]).expect("a request in good form");
+        let trouble = outcome.trouble.clone().expect("a word on it").to_string();
+        assert!(trouble.contains("half of the smallest grain"), "{trouble}");
+        if on_trouble == OnTrouble::Discard {
+            assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
+            assert_eq!(component.save(), start);
+        } else {
+            assert_eq!(outcome.status, Status::Early);
+            assert_eq!(
+                (outcome.t1_ns, outcome.steps),
+                (component.now_ns(), component.now_ns() / MS)
+            );
+            assert!((30..50).contains(&outcome.steps), "{}", outcome.steps);
+            component.state().check(component.model()).expect("a valid state");
+        }
+    }
+}
+
+#[test]
+fn a_step_that_penetrates_too_deep_is_trouble() {
+    let mut component = heap(Limits { penetration: 1e-12, ..Limits::default() });
+    let start = component.save();
+    let outcome = component.advance_to(50 * MS, &[]).expect("a request in good form");
+    assert_eq!(outcome.status, Status::Discard);
+    assert!(outcome.trouble.expect("a word").to_string().contains("penetration"));
+    assert_eq!(component.save(), start);
+}
+
+#[test]
+fn a_step_that_stops_at_the_cap_is_a_warning() {
+    let mut scene = Scene::new(MS, 0.5);
+    let stone = scene.shape(ballast::geometry::hull::cuboid(Vec3::repeat(0.05)));
+    for k in 0..6 {
+        scene.grain(stone, ballast::math::Pose::at(Vec3::z() * (0.05 + 0.1 * f64::from(k))));
+    }
+    scene.plane("floor", ballast::math::Pose::identity(), 0.5);
+    scene.model.solver.iterations = 1;
+    let mut component =
+        Component::new(scene.model.into(), scene.state, Limits::default()).expect("a stack");
+    let outcome = component.advance_to(10 * MS, &[]).expect("a window");
+    assert_eq!(outcome.status, Status::Warn);
+    assert!(outcome.solver.steps_not_converged > 0 && outcome.solver.residual_qm16 > 1e-8);
+}
