@@ -2,7 +2,8 @@
 //!
 //! With any point c, displaced by Δc, and a rotation that moves unit vectors by at most φ,
 //! no point of B has moved by more than |Δc| + φ l in the frame of A, and no point of A in that of B, l
-//! being the largest distance of a point of either body from c.
+//! being the largest distance of a point of either body from c. For points near c the bound is tighter:
+//! l is then their distance from it.
 
 use super::pair::Pair;
 use crate::math::Vec3;

@@ -1,8 +1,8 @@
 //! The facing surfaces of two bodies in a slab along an axis: which corners and edges may meet.
 //!
 //! Contract: with a slack, all that may meet after the bodies have moved against each other by `path`
-//! and the axis has turned by `turn` in either body, for a slab that is thinner by what turns
-//! change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
+//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, for a
+//! slab that is thinner by what turns change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
 //! A point of the slab outside a body is outside one of the faces that reach into the slab.
 
 use super::pair::{Pair, larger, smaller};
@@ -50,6 +50,8 @@ impl Sides {
         let [x, y] = near.centre();
         let [t, s, n] = &frame_a.axes;
         self.middle = t * x + s * y + n * (b.limit - 0.5 * slab);
+        // A foot moves by the turn times its distance from the middle; seen along an axis that has
+        // turned, the other foot is beside it by the turn times their distance.
         let lever = 0.5 * near.diagonal() + slab + feet;
         let slack = Slack { path: slack.path + slack.turn * lever, ..slack };
         let planes = &mut self.planes;

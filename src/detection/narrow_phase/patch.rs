@@ -13,6 +13,12 @@
 //! Which corners of the bodies and which pairs of edges may make corners of the gap changes little
 //! from step to step: they are listed with a margin, and the list serves while the bodies and the axis
 //! have moved by less. What a list holds too much makes no corner, so results do not depend on it.
+//!
+//! Only what is near the contact has to be bounded. Let S be the part of a body in the list's slab of
+//! thickness t, s0 its support, and let the axis turn by α in the body. A point x outside S is still
+//! out of a slab of thickness t - α |S|, |S| being the extent of S: the line from s0 to x leaves S at a
+//! point z of height t, which is at least t - α |S| above s0 along the new axis; x is higher still,
+//! and the new support is no higher than s0. So the feet of corners stay in S, and their motion is that of points near the anchor's.
 
 use super::anchor::{Anchor, wide};
 use super::facing::{Frame, Plane, Segment, Sides, Slack};
@@ -67,6 +73,7 @@ impl PatchList {
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
         let turn = (wide(&self.axis) - axis.normal).norm() + 1e-6;
+        // The axis turns in A, and in B by the bodies' turn besides.
         let thicker = f64::from(self.extent) * (turn + moved.turn);
         moved.at_point <= PATH * pair.size
             && turn <= TURN
