@@ -2,7 +2,8 @@
 //!
 //! With any point c, displaced by Δc, and a rotation that moves unit vectors by at most φ,
 //! no point of B has moved by more than |Δc| + φ l in the frame of A, and no point of A in that of B, l
-//! being the largest distance of a point of either body from c.
+//! being the largest distance of a point of either body from c. For points near c the bound is tighter:
+//! l is then their distance from it.
 
 use super::pair::Pair;
 use crate::math::Vec3;
@@ -18,12 +19,15 @@ pub struct Anchor {
     point: [[f32; 3]; 2],
     /// From B to A.
     turn: [f32; 4],
+    /// The length l, m.
+    lever: f32,
 }
 
-/// Bounds on a motion: of points (μ) in m, and of unit vectors (φ).
+/// Bounds on a motion: of all points (μ) and of the anchor's point (Δc) in m, and of unit vectors (φ).
 #[derive(Debug, Clone, Copy)]
 pub struct Moved {
     pub path: f64,
+    pub at_point: f64,
     pub turn: f64,
 }
 
@@ -32,7 +36,14 @@ impl Anchor {
     pub fn new(pair: &Pair, c: &Vec3) -> Self {
         let point = [*c, pair.point_in_b(c)].map(|x| [x.x as f32, x.y as f32, x.z as f32]);
         let q = pair.turn.coords;
-        Self { set: true, point, turn: [q.x as f32, q.y as f32, q.z as f32, q.w as f32] }
+        let turn = [q.x as f32, q.y as f32, q.z as f32, q.w as f32];
+        let lever = (pair.a.radius + c.norm()).max(pair.b.radius + pair.point_in_b(c).norm());
+        Self { set: true, point, turn, lever: (lever * 1.000_001) as f32 }
+    }
+
+    /// Whether a configuration is known.
+    pub fn is_set(&self) -> bool {
+        self.set
     }
 
     /// How far the bodies have moved, if a configuration is known.
@@ -40,11 +51,19 @@ impl Anchor {
         if !self.set {
             return None;
         }
-        let [a, b] = self.point.map(|x| Vec3::from(x.map(f64::from)));
-        let lever = (pair.a.radius + a.norm()).max(pair.b.radius + b.norm());
-        let path = (pair.rotation * b + pair.offset - a).norm();
-        let (turn, old) = (pair.turn.coords, nalgebra::Vector4::from(self.turn.map(f64::from)));
+        let [a, b] = &self.point;
+        let (a, b) = (wide(a), wide(b));
+        let at_point = (pair.rotation * b + pair.offset - a).norm() + ROUNDING * pair.size;
+        let [x, y, z, w] = self.turn;
+        let old = nalgebra::Vector4::new(x.into(), y.into(), z.into(), w.into());
+        let turn = pair.turn.coords;
         let turn = 2.0 * (turn - old).norm_squared().min((turn + old).norm_squared()).sqrt();
-        Some(Moved { path: path + lever * turn + ROUNDING * pair.size, turn })
+        Some(Moved { path: at_point + f64::from(self.lever) * turn, at_point, turn })
     }
+}
+
+/// A vector kept in single precision.
+#[inline]
+pub fn wide(x: &[f32; 3]) -> Vec3 {
+    Vec3::new(x[0].into(), x[1].into(), x[2].into())
 }

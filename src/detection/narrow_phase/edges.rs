@@ -153,13 +153,15 @@ pub fn axis_of(pair: &Pair, edges: [usize; 2], limit: f64) -> Option<EdgeAxis> {
 
 /// Edge `index` of A.
 pub fn edge_of_a(pair: &Pair, index: usize) -> LoneEdge {
-    let [start, end] = pair.a.edges[index].vertices.map(|v| pair.a.vertices[v as usize]);
+    let [start, end] = pair.a.edges[index].vertices;
+    let (start, end) = (pair.a.vertices[start as usize], pair.a.vertices[end as usize]);
     LoneEdge { index, start, along: end - start }
 }
 
 /// Edge `index` of B, in the frame of A.
 pub fn edge_of_b(pair: &Pair, index: usize) -> LoneEdge {
-    let [start, end] = pair.b.edges[index].vertices.map(|v| pair.corner_of_b(v as usize));
+    let [start, end] = pair.b.edges[index].vertices;
+    let (start, end) = (pair.corner_of_b(start as usize), pair.corner_of_b(end as usize));
     LoneEdge { index, start, along: end - start }
 }
 
@@ -172,13 +174,15 @@ pub fn nearly_parallel(a: &LoneEdge, b: &LoneEdge) -> bool {
 /// Whether the arc of the normals of A's edge crosses that of the reversed normals of B's; `a` and
 /// `b` are the edges' directions in the frame of A.
 fn arcs_cross(pair: &Pair, [on_a, on_b]: [&Edge; 2], a: &Vec3, b: &Vec3) -> bool {
-    let [a_left, a_right] = on_a.faces.map(|f| pair.a.face_normals[f as usize].dot(b));
+    let along_b = |f: u16| pair.a.face_normals[usize::from(f)].dot(b);
+    let (a_left, a_right) = (along_b(on_a.faces[0]), along_b(on_a.faces[1]));
     if a_left * a_right >= 0.0 {
         return false;
     }
     // Ends of the arc of b on different sides of the great circle of a, and the other way round.
     let in_b = pair.in_b(a);
-    let [left, right] = on_b.faces.map(|f| -pair.b.face_normals[f as usize].dot(&in_b));
+    let along_a = |f: u16| -pair.b.face_normals[usize::from(f)].dot(&in_b);
+    let (left, right) = (along_a(on_b.faces[0]), along_a(on_b.faces[1]));
     // Both on the same hemisphere: otherwise one arc crosses the other's antipode.
     left * right < 0.0 && right * a_left > 0.0
 }

@@ -1,16 +1,17 @@
 //! The facing surfaces of two bodies in a slab along an axis: which corners and edges may meet.
 //!
 //! Contract: with a slack, all that may meet after the bodies have moved against each other by `path`
-//! and the axis has turned by `turn` in either body, for a slab that is thinner by what turns
-//! change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
+//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, for a
+//! slab that is thinner by what turns change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
 //! A point of the slab outside a body is outside one of the faces that reach into the slab.
 
-use super::pair::Pair;
+use super::pair::{Pair, larger, smaller};
 use super::patch::{Axis, STEEP};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
-/// How far bodies may move, m, and how much the axis may turn in either of them.
+/// How far bodies may move where they face each other, m, how much they may turn against each other
+/// and how much the axis may turn in A.
 #[derive(Debug, Clone, Copy)]
 pub struct Slack {
     pub path: f64,
@@ -27,29 +28,49 @@ pub struct Sides {
     pub vertices: [Vec<usize>; 2],
     /// Whether it depends on the turn if something listed faces the other body.
     pub unsure: bool,
-    pub planes: Vec<Plane>,
+    /// Where the bodies face each other, in the frame of A.
+    pub middle: Vec3,
+    /// No part of a body in the slab is larger, m.
+    pub extent: f64,
+    planes: Vec<Plane>,
 }
 
 impl Sides {
     /// Lists what may meet.
     pub fn list(&mut self, pair: &Pair, axis: &Axis, slab: f64, slack: Slack) {
         let [frame_a, frame_b] = axis.frames(pair);
-        let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, planes } = self;
-        a.gather(pair.a, &frame_a, slab, slack.turn);
-        b.gather(pair.b, &frame_b, slab, slack.turn);
+        let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, .. } = self;
+        a.gather(pair.a, &frame_a, slab, 2.0 * slack.turn);
+        b.gather(pair.b, &frame_b, slab, 2.0 * slack.turn);
+        self.extent = a.whole.diagonal().max(b.whole.diagonal()).hypot(slab);
+        // What may meet is near parts of both bodies, so it is not far from the middle between them.
+        let feet = axis.slab.max(axis.alert);
+        let most = slack.path + slack.turn * 3.0 * (pair.size + slab + feet);
+        let near = a.whole.common(&b.whole.widened(most)).widened(most);
+        let [x, y] = near.centre();
+        let [t, s, n] = &frame_a.axes;
+        self.middle = t * x + s * y + n * (b.limit - 0.5 * slab);
+        // A foot moves by the turn times its distance from the middle; seen along an axis that has
+        // turned, the other foot is beside it by the turn times their distance.
+        let lever = 0.5 * near.diagonal() + slab + feet;
+        let slack = Slack { path: slack.path + slack.turn * lever, ..slack };
+        let planes = &mut self.planes;
         let common = a.area.common(&b.area.widened(slack.path));
         let common = common.widened(slack.path);
         *unsure = a.trim(&common) | b.trim(&common);
-        frame_b.planes(pair.b, 0..pair.b.face_count(), planes);
+        planes.clear();
+        planes.extend(frame_b.planes(pair.b, 0..pair.b.face_count()));
         on_a.clear();
         on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), planes, axis, slack));
-        frame_a.planes(pair.a, 0..pair.a.face_count(), planes);
+        planes.clear();
+        planes.extend(frame_a.planes(pair.a, 0..pair.a.face_count()));
         on_b.clear();
         on_b.extend(b.over(|v| pair.corner_of_b(v), planes, axis, slack));
         pairs.clear();
         for ea in &a.edges {
+            let area = ea.area.widened(slack.path);
             for eb in &b.edges {
-                if ea.area.meets(&eb.area.widened(slack.path)) && ea.comes_near(eb, slack.path) {
+                if area.meets(&eb.area) && ea.comes_near(eb, slack.path) {
                     pairs.push([ea.index, eb.index]);
                 }
             }
@@ -59,14 +80,6 @@ impl Sides {
     /// Faces of A (0) or B (1) that reach into the slab.
     pub fn faces(&self, side: usize) -> impl Iterator<Item = usize> {
         self.sides[side].reaches.iter().enumerate().filter(|(_, r)| **r).map(|(f, _)| f)
-    }
-
-    /// A point of A or of B where they are near, in the frame of A.
-    pub fn middle(&self, pair: &Pair) -> Option<Vec3> {
-        let of_a = self.sides[0].edges.first().map(|e| pair.a.edges[e.index].vertices);
-        let ends = of_a?.map(|v| pair.a.vertices[v as usize]);
-        let low = self.sides[0].edges.first()?.low;
-        Some(ends[usize::from(low)])
     }
 }
 
@@ -81,30 +94,51 @@ pub struct Frame {
 }
 
 impl Frame {
+    #[inline]
     fn place(&self, x: &Vec3) -> [f64; 3] {
-        [0, 1, 2].map(|k| self.axes[k].dot(x) + self.origin[k])
+        let ([t, s, n], [o, p, q]) = (&self.axes, &self.origin);
+        [t.dot(x) + o, s.dot(x) + p, n.dot(x) + q]
     }
 
     /// Edge `index` in these coordinates.
+    #[inline]
     pub fn segment(&self, shape: &Polyhedron, index: usize) -> Segment {
-        let [start, end] =
-            shape.edges[index].vertices.map(|v| self.place(&shape.vertices[v as usize]));
-        Segment { start, along: [0, 1, 2].map(|k| end[k] - start[k]) }
+        let [start, end] = shape.edges[index].vertices;
+        Segment::between(
+            self.place(&shape.vertices[start as usize]),
+            self.place(&shape.vertices[end as usize]),
+        )
     }
 
-    /// Fills `out` with planes of the body.
+    /// Whether a face of edge `index` is towards the other body. An edge of the far side is never a
+    /// corner: the body's own surface is between it and the other one.
+    pub fn is_facing(&self, shape: &Polyhedron, index: usize) -> bool {
+        let into = self.axes[2] * self.into;
+        let [left, right] = shape.edges[index].faces;
+        let slope = |f: u16| shape.face_normals[usize::from(f)].dot(&into);
+        smaller(slope(left), slope(right)) < -STEEP
+    }
+
+    /// Whether an edge of corner `v` is facing.
+    pub fn has_facing_edge(&self, shape: &Polyhedron, v: usize) -> bool {
+        let mut edges = shape.edges.iter().enumerate();
+        edges.any(|(e, edge)| {
+            edge.vertices.iter().any(|w| usize::from(*w) == v) && self.is_facing(shape, e)
+        })
+    }
+
+    /// Planes of the body.
+    #[inline]
     pub fn planes(
         &self,
         shape: &Polyhedron,
         faces: impl Iterator<Item = usize>,
-        out: &mut Vec<Plane>,
-    ) {
+    ) -> impl Iterator<Item = Plane> {
         let into = self.axes[2] * self.into;
-        out.clear();
-        out.extend(faces.map(|f| {
+        faces.map(move |f| {
             let normal = shape.face_normals[f];
             Plane { normal, offset: shape.face_offsets[f], slope: normal.dot(&into) }
-        }));
+        })
     }
 }
 
@@ -118,6 +152,7 @@ pub struct Plane {
 
 impl Plane {
     /// Of a point below the plane.
+    #[inline]
     pub fn depth(&self, x: &Vec3) -> f64 {
         let n = &self.normal;
         self.offset - (n.x * x.x + n.y * x.y + n.z * x.z)
@@ -131,9 +166,9 @@ fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> bool {
     for plane in planes {
         let depth = plane.depth(x) + slack;
         if plane.slope < -STEEP {
-            enter = enter.max(depth / plane.slope);
+            enter = larger(depth / plane.slope, enter);
         } else if plane.slope > STEEP {
-            leave = leave.min(depth / plane.slope);
+            leave = smaller(depth / plane.slope, leave);
         } else if depth < 0.0 {
             return false;
         }
@@ -149,8 +184,15 @@ pub struct Segment {
 }
 
 impl Segment {
+    #[inline]
+    fn between(start: [f64; 3], end: [f64; 3]) -> Self {
+        Self { start, along: [end[0] - start[0], end[1] - start[1], end[2] - start[2]] }
+    }
+
+    #[inline]
     pub fn at(&self, parameter: f64) -> [f64; 3] {
-        [0, 1, 2].map(|k| self.start[k] + self.along[k] * parameter)
+        let Self { start: [x, y, z], along: [u, v, w] } = self;
+        [x + u * parameter, y + v * parameter, z + w * parameter]
     }
 }
 
@@ -170,25 +212,37 @@ impl Default for Area {
 
 impl Area {
     fn around(p: &[f64; 3], q: &[f64; 3]) -> Self {
-        Self { low: [p[0].min(q[0]), p[1].min(q[1])], high: [p[0].max(q[0]), p[1].max(q[1])] }
+        Self {
+            low: [smaller(p[0], q[0]), smaller(p[1], q[1])],
+            high: [larger(p[0], q[0]), larger(p[1], q[1])],
+        }
     }
 
     fn with(&self, other: &Area) -> Self {
         Self {
-            low: [0, 1].map(|k| self.low[k].min(other.low[k])),
-            high: [0, 1].map(|k| self.high[k].max(other.high[k])),
+            low: [smaller(self.low[0], other.low[0]), smaller(self.low[1], other.low[1])],
+            high: [larger(self.high[0], other.high[0]), larger(self.high[1], other.high[1])],
         }
     }
 
     fn common(&self, other: &Area) -> Self {
         Self {
-            low: [0, 1].map(|k| self.low[k].max(other.low[k])),
-            high: [0, 1].map(|k| self.high[k].min(other.high[k])),
+            low: [larger(self.low[0], other.low[0]), larger(self.low[1], other.low[1])],
+            high: [smaller(self.high[0], other.high[0]), smaller(self.high[1], other.high[1])],
         }
     }
 
     fn widened(&self, margin: f64) -> Self {
-        Self { low: self.low.map(|x| x - margin), high: self.high.map(|x| x + margin) }
+        let ([a, b], [c, d]) = (self.low, self.high);
+        Self { low: [a - margin, b - margin], high: [c + margin, d + margin] }
+    }
+
+    fn centre(&self) -> [f64; 2] {
+        [0.5 * (self.low[0] + self.high[0]), 0.5 * (self.low[1] + self.high[1])]
+    }
+
+    fn diagonal(&self) -> f64 {
+        (self.high[0] - self.low[0]).hypot(self.high[1] - self.low[1])
     }
 
     fn meets(&self, other: &Area) -> bool {
@@ -211,8 +265,6 @@ struct Edge {
     from: [f64; 3],
     to: [f64; 3],
     area: Area,
-    /// Whether the end that is surely in the slab is the second one.
-    low: bool,
     unsure: bool,
 }
 
@@ -251,8 +303,10 @@ struct Side {
     /// Whether a face reaches into the slab.
     reaches: Vec<bool>,
     edges: Vec<Edge>,
-    /// Around all edges' parts in the slab.
+    /// Around the edges' parts in the slab.
     area: Area,
+    /// Around the body's part in the slab.
+    whole: Area,
     /// Corners in the slab, beside no listed edge and listed already.
     seen: Vec<bool>,
     vertices: Vec<usize>,
@@ -262,13 +316,12 @@ struct Side {
 }
 
 impl Side {
-    /// Finds the edges in the slab that have a face towards the other body. An edge of the far side
-    /// is never a corner: the body's own surface is between it and the other one.
+    /// Finds the edges in the slab that are facing, or may be once the axis has turned by `turn`.
     fn gather(&mut self, shape: &Polyhedron, frame: &Frame, slab: f64, turn: f64) {
         self.into = frame.into;
         self.places.clear();
         self.places.extend(shape.vertices.iter().map(|v| frame.place(v)));
-        let lowest = self.places.iter().fold(f64::INFINITY, |l, p| l.min(frame.into * p[2]));
+        let lowest = self.places.iter().fold(f64::INFINITY, |l, p| smaller(frame.into * p[2], l));
         self.limit = lowest + slab;
         let into = frame.axes[2] * frame.into;
         self.slopes.clear();
@@ -277,25 +330,30 @@ impl Side {
         self.reaches.resize(shape.face_count(), false);
         self.edges.clear();
         self.area = Area::default();
+        self.whole = Area::default();
         for (index, edge) in shape.edges.iter().enumerate() {
-            let [start, end] = edge.vertices.map(|v| self.places[v as usize]);
-            let [h0, h1] = [start, end].map(|p| frame.into * p[2] - self.limit);
+            let [start, end] = edge.vertices;
+            let (start, end) = (&self.places[start as usize], &self.places[end as usize]);
+            let h0 = frame.into * start[2] - self.limit;
+            let h1 = frame.into * end[2] - self.limit;
             if h0 > 0.0 && h1 > 0.0 {
                 continue;
             }
-            edge.faces.iter().for_each(|f| self.reaches[*f as usize] = true);
-            let [left, right] = edge.faces.map(|f| self.slopes[f as usize]);
-            let slope = left.min(right);
+            let [left, right] = edge.faces;
+            self.reaches[left as usize] = true;
+            self.reaches[right as usize] = true;
+            let segment = Segment::between(*start, *end);
+            let from = if h0 <= 0.0 { *start } else { segment.at(h0 / (h0 - h1)) };
+            let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
+            let area = Area::around(&from, &to);
+            self.whole = self.whole.with(&area);
+            let slope = smaller(self.slopes[left as usize], self.slopes[right as usize]);
             if slope >= -STEEP + turn {
                 continue;
             }
-            let segment = Segment { start, along: [0, 1, 2].map(|k| end[k] - start[k]) };
-            let from = if h0 <= 0.0 { start } else { segment.at(h0 / (h0 - h1)) };
-            let to = if h1 <= 0.0 { end } else { segment.at(h0 / (h0 - h1)) };
-            let area = Area::around(&from, &to);
             self.area = self.area.with(&area);
-            let (vertices, low, unsure) = (edge.vertices, h0 > 0.0, slope >= -STEEP - turn);
-            self.edges.push(Edge { index, vertices, from, to, area, low, unsure });
+            let (vertices, unsure) = (edge.vertices, slope >= -STEEP - turn);
+            self.edges.push(Edge { index, vertices, from, to, area, unsure });
         }
     }
 

@@ -8,10 +8,11 @@
 //! Let μ bound how far any point of B has moved in the frame of A, and any point of A in that of B,
 //! since the lists were made ([`Anchor`]); they hold while μ <= M. Then a separation along a face has
 //! changed by at most M, so all faces within 2 M of the best one are listed. Edges:
-//! [`Nearby::moved`] again.
+//! [`Nearby::slack`] again.
 
-use super::anchor::{Anchor, Moved};
+use super::anchor::Anchor;
 use super::faces::FACES;
+use super::facing::Slack;
 use super::few::Few;
 use super::pair::Pair;
 use crate::math::Vec3;
@@ -39,6 +40,11 @@ impl Nearby {
         self.anchor.moved(pair).is_some_and(|m| m.path <= MARGIN * pair.size && m.turn <= TURN)
     }
 
+    /// Whether there are lists that held when they were asked for last.
+    pub fn is_kept(&self) -> bool {
+        self.anchor.is_set()
+    }
+
     /// Forgets that the lists hold.
     pub fn restart(&mut self) {
         self.anchor = Anchor::default();
@@ -58,9 +64,8 @@ impl Nearby {
     }
 
     /// How far bodies may move against each other between two configurations for which lists hold.
-    pub fn moved(pair: &Pair) -> Moved {
-        let path = 2.0 * MARGIN * pair.size;
-        Moved { path, turn: 2.0 * TURN }
+    pub fn slack(pair: &Pair) -> Slack {
+        Slack { path: 2.0 * MARGIN * pair.size, turn: 2.0 * TURN }
     }
 
     /// Pairs of edges that may be the best axis, if they are known; `None` inside if they are too many.

@@ -1,5 +1,6 @@
 //! Two bodies seen from the frame of the first: places, directions, supports, separations.
 
+use super::anchor::wide;
 use super::{PairMemory, Solid};
 use crate::geometry::Polyhedron;
 use crate::math::{Mat3, Pose, Quat, Vec3};
@@ -67,7 +68,7 @@ impl<'a> Pair<'a> {
         if memory.axis == [0.0; 3] {
             return None;
         }
-        let n = Vec3::from(memory.axis.map(f64::from));
+        let n = wide(&memory.axis);
         // The axis is of length 1 to the precision of f32 only.
         let beyond = self.separation(&n) / 1.000_001 - (self.alert + 1e-9 * self.size);
         (beyond > 0.0).then_some(beyond)
@@ -152,6 +153,13 @@ pub fn first_lowest(points: &[Vec3], n: &Vec3) -> usize {
 }
 
 /// `f64::min` minds NaN and does not become one instruction; positions are finite here.
-fn smaller(a: f64, b: f64) -> f64 {
+#[inline]
+pub fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
+}
+
+/// As [`smaller`].
+#[inline]
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }

@@ -13,11 +13,17 @@
 //! Which corners of the bodies and which pairs of edges may make corners of the gap changes little
 //! from step to step: they are listed with a margin, and the list serves while the bodies and the axis
 //! have moved by less. What a list holds too much makes no corner, so results do not depend on it.
+//!
+//! Only what is near the contact has to be bounded. Let S be the part of a body in the list's slab of
+//! thickness t, s0 its support, and let the axis turn by α in the body. A point x outside S is still
+//! out of a slab of thickness t - α |S|, |S| being the extent of S: the line from s0 to x leaves S at a
+//! point z of height t, which is at least t - α |S| above s0 along the new axis; x is higher still,
+//! and the new support is no higher than s0. So the feet of corners stay in S, and their motion is that of points near the anchor's.
 
-use super::anchor::Anchor;
+use super::anchor::{Anchor, wide};
 use super::facing::{Frame, Plane, Segment, Sides, Slack};
 use super::few::Few;
-use super::pair::Pair;
+use super::pair::{Pair, larger, smaller};
 use super::reduce::Candidate;
 use super::{SLAB, feature};
 use crate::math::{Vec3, frame};
@@ -50,6 +56,10 @@ pub struct PatchList {
     anchor: Anchor,
     axis: [f32; 3],
     slab: f32,
+    /// No part of a body in the slab is larger, m.
+    extent: f32,
+    /// Whether some of the edges may turn away from the other body.
+    unsure: bool,
     /// Corners of A and of B that may be over the other body.
     vertices: [Few<8>; 2],
     /// Faces of A and of B that reach into the slab.
@@ -62,10 +72,10 @@ impl PatchList {
     /// Whether the list has all that `axis` can find.
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
-        let turn = (Vec3::from(self.axis.map(f64::from)) - axis.normal).norm() + 1e-6;
-        // A height over the support plane changes by at most 2 r per turn of the axis in the body.
-        let thicker = 2.0 * pair.a.radius.max(pair.b.radius) * (turn + moved.turn);
-        moved.path <= PATH * pair.size
+        let turn = (wide(&self.axis) - axis.normal).norm() + 1e-6;
+        // The axis turns in A, and in B by the bodies' turn besides.
+        let thicker = f64::from(self.extent) * (turn + moved.turn);
+        moved.at_point <= PATH * pair.size
             && turn <= TURN
             && moved.turn <= TURN
             && axis.slab + thicker <= self.slab.into()
@@ -74,14 +84,9 @@ impl PatchList {
     /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
     fn make(&mut self, pair: &Pair, axis: &Axis, sides: &mut Sides) -> bool {
         let slab = axis.slab + THICKER * pair.size;
-        let slack = Slack {
-            // A corner's feet are at most the slab apart.
-            path: PATH * pair.size + TURN * axis.slab.max(axis.alert) + SLAB * pair.size,
-            turn: 2.0 * TURN,
-        };
+        let slack = Slack { path: (PATH + SLAB) * pair.size, turn: TURN };
         sides.list(pair, axis, slab, slack);
         self.anchor = Anchor::default();
-        let (Some(c), false) = (sides.middle(pair), sides.unsure) else { return false };
         fill(&mut self.vertices[0], sides.vertices[0].iter().copied());
         fill(&mut self.vertices[1], sides.vertices[1].iter().copied());
         fill(&mut self.faces[0], sides.faces(0));
@@ -93,9 +98,11 @@ impl PatchList {
             && self.edges.iter().all(Few::is_whole);
         if whole {
             let n = axis.normal;
-            self.anchor = Anchor::new(pair, &c);
+            self.anchor = Anchor::new(pair, &sides.middle);
             self.axis = [n.x as f32, n.y as f32, n.z as f32];
             self.slab = slab as f32;
+            self.unsure = sides.unsure;
+            self.extent = (sides.extent * 1.000_001) as f32;
         }
         whole
     }
@@ -119,21 +126,26 @@ impl Axis {
         let frames = self.frames(pair);
         if list.holds(pair, self) || list.make(pair, self, sides) {
             let [a, b] = &list.edges;
-            let pairs = a.iter().zip(b.iter()).map(|(a, b)| [a, b]);
+            let [of_a, of_b] = &frames;
+            let sure = !list.unsure;
+            let pairs = a.iter().zip(b.iter()).map(|(a, b)| [a, b]).filter(|[a, b]| {
+                sure || (of_a.is_facing(pair.a, *a) && of_b.is_facing(pair.b, *b))
+            });
             self.crossings(pair, &frames, pairs, out);
             let [a, b] = &list.vertices;
+            let a = a.iter().filter(|v| sure || of_a.has_facing_edge(pair.a, *v));
+            let b = b.iter().filter(|v| sure || of_b.has_facing_edge(pair.b, *v));
             let [faces_a, faces_b] = &list.faces;
-            let planes = &mut sides.planes;
-            self.vertices_of_a(pair, &frames[1], a.iter(), faces_b.iter(), planes, out);
-            self.vertices_of_b(pair, &frames[0], b.iter(), faces_a.iter(), planes, out);
+            self.vertices_of_a(pair, of_b, a, faces_b.iter(), out);
+            self.vertices_of_b(pair, of_a, b, faces_a.iter(), out);
         } else {
             let slack = Slack { path: SLAB * pair.size, turn: 0.0 };
             sides.list(pair, self, self.slab, slack);
-            let Sides { pairs, vertices: [a, b], planes, .. } = sides;
+            let Sides { pairs, vertices: [a, b], .. } = sides;
             self.crossings(pair, &frames, pairs.iter().copied(), out);
             let (a, b) = (a.iter().copied(), b.iter().copied());
-            self.vertices_of_a(pair, &frames[1], a, 0..pair.b.face_count(), planes, out);
-            self.vertices_of_b(pair, &frames[0], b, 0..pair.a.face_count(), planes, out);
+            self.vertices_of_a(pair, &frames[1], a, 0..pair.b.face_count(), out);
+            self.vertices_of_b(pair, &frames[0], b, 0..pair.a.face_count(), out);
         }
     }
 
@@ -141,8 +153,11 @@ impl Axis {
     pub fn frames(&self, pair: &Pair) -> [Frame; 2] {
         let (t, s) = frame::tangents(&self.normal);
         let axes = [t, s, self.normal];
-        let origin = axes.map(|n| n.dot(&pair.offset));
-        let of_b = Frame { axes: axes.map(|n| pair.in_b(&n)), origin, into: 1.0 };
+        let of_b = Frame {
+            axes: [pair.in_b(&t), pair.in_b(&s), pair.in_b(&self.normal)],
+            origin: [t.dot(&pair.offset), s.dot(&pair.offset), self.normal.dot(&pair.offset)],
+            into: 1.0,
+        };
         [Frame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
     }
 
@@ -153,14 +168,11 @@ impl Axis {
         into: &Frame,
         vertices: impl Iterator<Item = usize>,
         faces: impl Iterator<Item = usize> + Clone,
-        planes: &mut Vec<Plane>,
         out: &mut Vec<Candidate>,
     ) {
-        for (k, v) in vertices.enumerate() {
-            if k == 0 {
-                into.planes(pair.b, faces.clone(), planes);
-            }
+        for v in vertices {
             let point = &pair.a.vertices[v];
+            let planes = into.planes(pair.b, faces.clone());
             let gap = distance_along(planes, &pair.point_in_b(point), self.tolerance);
             self.vertex(feature::vertex(v), point, gap, 1.0, out);
         }
@@ -173,14 +185,11 @@ impl Axis {
         into: &Frame,
         vertices: impl Iterator<Item = usize>,
         faces: impl Iterator<Item = usize> + Clone,
-        planes: &mut Vec<Plane>,
         out: &mut Vec<Candidate>,
     ) {
-        for (k, v) in vertices.enumerate() {
-            if k == 0 {
-                into.planes(pair.a, faces.clone(), planes);
-            }
+        for v in vertices {
             let point = pair.corner_of_b(v);
+            let planes = into.planes(pair.a, faces.clone());
             let gap = distance_along(planes, &point, self.tolerance);
             self.vertex(feature::vertex_of_b(v), &point, gap, -1.0, out);
         }
@@ -232,14 +241,14 @@ impl Axis {
 
 /// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
 /// if the line passes by more than `tolerance` beside it.
-fn distance_along(planes: &[Plane], x: &Vec3, tolerance: f64) -> Option<f64> {
+fn distance_along(planes: impl Iterator<Item = Plane>, x: &Vec3, tolerance: f64) -> Option<f64> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for plane in planes {
         let depth = plane.depth(x);
         if plane.slope < -STEEP {
-            enter = enter.max(depth / plane.slope);
+            enter = larger(depth / plane.slope, enter);
         } else if plane.slope > STEEP {
-            leave = leave.min((depth + tolerance) / plane.slope);
+            leave = smaller((depth + tolerance) / plane.slope, leave);
         } else if depth < -tolerance {
             return None;
         }

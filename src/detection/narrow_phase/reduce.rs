@@ -42,18 +42,26 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, h
         [t.dot(&p), s.dot(&p)]
     };
     hull.points.clear();
-    hull.points.extend(points.iter().map(|c| (flat(c), *c)));
+    hull.points.extend(points.iter().enumerate().map(|(k, c)| (flat(c), k)));
     let corners = hull.corners();
-    points.clear();
-    if let Some(k) = corners.iter().position(|(_, c)| c.feature == deepest.feature) {
-        corners.rotate_left(k);
-        let kept = widest_with_first(corners);
-        points.extend(kept.into_iter().take(corners.len()).map(|k| corners[k].1));
+    let first = corners.iter().position(|(_, k)| points[*k].feature == deepest.feature);
+    let mut kept = [deepest; MAX_POINTS];
+    let mut count = 0;
+    let mut keep = |c: Candidate| {
+        kept[count] = c;
+        count += 1;
+    };
+    if let Some(first) = first {
+        corners.rotate_left(first);
+        let widest = widest_with_first(corners);
+        widest.iter().take(corners.len()).for_each(|k| keep(points[corners[*k].1]));
     } else {
-        points.push(deepest);
-        let kept = widest_around(corners);
-        points.extend(kept.into_iter().take(corners.len()).map(|k| corners[k].1));
+        keep(deepest);
+        let widest = widest_around(corners);
+        widest.iter().take(corners.len()).for_each(|k| keep(points[corners[*k].1]));
     }
+    points.clear();
+    points.extend_from_slice(&kept[..count]);
 }
 
 /// Merges points that stand in the same place: the lowest number, for a lasting identity, at the
@@ -79,19 +87,22 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
+/// A point of the plane, and the candidate's place in their order.
+type Corner = ([f64; 2], usize);
+
 /// Points of the plane, and buffers for their convex hull.
 #[derive(Debug, Default)]
 pub struct Hull {
-    points: Vec<([f64; 2], Candidate)>,
-    chain: Vec<([f64; 2], Candidate)>,
+    points: Vec<Corner>,
+    chain: Vec<Corner>,
 }
 
 impl Hull {
     /// The corners of the points' convex hull, in order (monotone chain).
-    fn corners(&mut self) -> &mut [([f64; 2], Candidate)] {
+    fn corners(&mut self) -> &mut [Corner] {
         let Self { points, chain } = self;
         points.sort_unstable_by(|(a, c), (b, d)| {
-            a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])).then(c.feature.cmp(&d.feature))
+            a[0].total_cmp(&b[0]).then_with(|| a[1].total_cmp(&b[1])).then_with(|| c.cmp(d))
         });
         let count = points.len();
         chain.clear();
@@ -117,7 +128,7 @@ impl Hull {
 ///
 /// With D first in the order, the area of D b c e is that of D b c plus that of D c e: for each c
 /// the best b before it and the best e after it are independent, so O(p²) finds the largest area.
-fn widest_with_first(corners: &[([f64; 2], Candidate)]) -> [usize; 4] {
+fn widest_with_first(corners: &[Corner]) -> [usize; 4] {
     let count = corners.len();
     let area = |i: usize, j: usize| cross(corners[0].0, corners[i].0, corners[j].0).abs();
     let widest = |range: std::ops::Range<usize>, c: usize| {
@@ -139,7 +150,7 @@ fn widest_with_first(corners: &[([f64; 2], Candidate)]) -> [usize; 4] {
 
 /// Numbers of the three corners whose hull with the origin, which is inside the corners' hull, is
 /// largest; the first three numbers where there are no more.
-fn widest_around(corners: &[([f64; 2], Candidate)]) -> [usize; 3] {
+fn widest_around(corners: &[Corner]) -> [usize; 3] {
     let count = corners.len();
     // Turning left around the origin; a triangle that turns right is no part of the hull.
     let area = |i: usize, j: usize| cross([0.0; 2], corners[i].0, corners[j].0).max(0.0);

@@ -1,9 +1,9 @@
 //! The axis of largest separation, and what is reported along it.
 
-use super::anchor::Moved;
 use super::closest::{self, ClosestPoints};
 use super::edges::{self, EdgeAxis, NearEdge};
 use super::faces::{self, FACES, FaceAxis};
+use super::facing::Slack;
 use super::few::Few;
 use super::nearby::Nearby;
 use super::pair::Pair;
@@ -157,14 +157,15 @@ impl Pair<'_> {
         let Scratch { heights, near_a, near_b, .. } = scratch;
         heights_over(self.a, &-n, slab_a, heights);
         near_edges(self.a, heights, near_a, |e, h| {
-            let normals = self.a.edges[e].faces.map(|f| self.a.face_normals[f as usize]);
-            NearEdge::below(edges::edge_of_a(self, e), normals, h)
+            let [left, right] = self.a.edges[e].faces;
+            let normal = |f| self.a.face_normals[usize::from(f)];
+            NearEdge::below(edges::edge_of_a(self, e), [normal(left), normal(right)], h)
         });
         heights_over(self.b, &self.in_b(n), slab_b, heights);
         near_edges(self.b, heights, near_b, |e, h| {
-            let turned = |f| self.rotation * self.b.face_normals[usize::from(f)];
-            let normals = self.b.edges[e].faces.map(turned);
-            NearEdge::below(edges::edge_of_b(self, e), normals, h)
+            let [left, right] = self.b.edges[e].faces;
+            let normal = |f| self.rotation * self.b.face_normals[usize::from(f)];
+            NearEdge::below(edges::edge_of_b(self, e), [normal(left), normal(right)], h)
         });
     }
 
@@ -254,7 +255,7 @@ impl Pair<'_> {
     /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
     /// `path`; heights of A along it do not change, those of B by twice `path`.
     fn list_edge_pairs(&self, face: &BestFace, memory: &mut PairMemory, scratch: &mut Scratch) {
-        let Moved { path, turn } = Nearby::moved(self);
+        let Slack { path, turn } = Nearby::slack(self);
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
         self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
@@ -377,7 +378,8 @@ fn near_edges(
 ) {
     out.clear();
     for (index, edge) in shape.edges.iter().enumerate() {
-        let ends = edge.vertices.map(|v| heights[v as usize]);
+        let [start, end] = edge.vertices;
+        let ends = [heights[start as usize], heights[end as usize]];
         if ends[0] <= 0.0 || ends[1] <= 0.0 {
             out.push(load(index, ends));
         }
