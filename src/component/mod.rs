@@ -16,7 +16,7 @@ pub use waveform::{Interpolation, Knot, Waveform};
 
 use crate::drive::Inputs;
 use crate::error::Error;
-use crate::math::{Pose, Vec3, rotation};
+use crate::math::{Pose, rotation};
 use crate::model::{Model, Part};
 use crate::state::State;
 use crate::step::{StepReport, step};
@@ -256,11 +256,11 @@ impl Component {
         if ahead > 0 && ahead % step == 0 {
             return Ok(ahead / step);
         }
-        let below = now + (ahead / step).max(1) * step;
+        let below = now.saturating_add((ahead / step).max(1) * step);
         Err(Refusal::Time {
             now_ns: now,
             step_ns: step,
-            nearest_ns: [below, below + step],
+            nearest_ns: [below, below.saturating_add(step)],
             found_ns: t1_ns,
         })
     }
@@ -388,10 +388,4 @@ fn reach(model: &Model, parts: &[Part]) -> f64 {
         Part::HalfSpace { .. } => Vec::new(),
     });
     corners.fold(0.0, f64::max)
-}
-
-impl Default for Twist {
-    fn default() -> Self {
-        Self { velocity: Vec3::zeros(), spin: Vec3::zeros() }
-    }
 }

@@ -42,7 +42,7 @@ pub struct Waveform {
 }
 
 /// Velocity and spin.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Twist {
     pub velocity: Vec3,
     pub spin: Vec3,

@@ -55,6 +55,7 @@ pub struct Solution {
 const PLAIN_SWEEPS: u64 = 50;
 /// Fewest accelerated sweeps between two calls of Newton's method.
 const FEWEST_BETWEEN: u64 = 100;
+
 /// Solves a problem, starting from the impulses `start` `[nc]`, or from none.
 pub fn solve(problem: &Assembled, start: Option<&[Vec3]>, settings: &Settings) -> Solution {
     let nothing = vec![Vec3::zeros(); problem.contact_count()];
