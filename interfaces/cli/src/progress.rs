@@ -1,4 +1,5 @@
-//! How far the work is: a bar on a terminal, elsewhere a line per tenth, events per hundredth.
+//! How far the work is: a bar on a terminal, elsewhere a line per tenth and at least one in half a
+//! minute, events per hundredth.
 
 use crate::console::Console;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -7,6 +8,8 @@ use std::time::{Duration, Instant};
 
 /// Parts of the whole that the bar distinguishes.
 const PARTS: u64 = 1000;
+/// Longest time without a line where there is no bar.
+const SILENCE: Duration = Duration::from_secs(30);
 
 /// Where the work stands, in its own words.
 pub trait Mark {
@@ -26,6 +29,7 @@ pub struct Progress {
     /// Share of the whole done before this process.
     start: f64,
     next_line: u64,
+    last_line: Instant,
     next_event: u64,
 }
 
@@ -45,6 +49,7 @@ impl Progress {
             began: Instant::now(),
             start,
             next_line: whole(start, 10) + 1,
+            last_line: Instant::now(),
             next_event: whole(start, 100) + 1,
         }
     }
@@ -55,8 +60,9 @@ impl Progress {
         if let Some(bar) = &self.bar {
             bar.set_position(whole(share, PARTS));
             bar.set_message(format!("{} · {}", mark.text(), left_text(left)));
-        } else if !self.console.json && whole(share, 10) >= self.next_line {
+        } else if !self.console.json && self.line_is_due(share) {
             self.next_line = whole(share, 10) + 1;
+            self.last_line = Instant::now();
             let percent = whole(share, 100);
             self.console.note(&format!(
                 "{} {percent:>3} % · {} · {}",
@@ -75,6 +81,10 @@ impl Progress {
             }
             self.console.event("progress", fields);
         }
+    }
+
+    fn line_is_due(&self, share: f64) -> bool {
+        whole(share, 10) >= self.next_line || self.last_line.elapsed() >= SILENCE
     }
 
     /// Wall time since this piece of work began here.
