@@ -112,9 +112,8 @@ impl Component {
         state.check(&model)?;
         let reach = model.driven.iter().map(|d| reach(&model, &d.parts)).collect();
         // Half of the smallest grain: a faster tool would pass through grains unseen.
-        let volume = |s: &u32| model.shapes[*s as usize].volume;
-        let smallest = model.grains.shape.iter().map(volume).fold(f64::INFINITY, f64::min);
-        let farthest = 0.5 * (6.0 / std::f64::consts::PI * smallest).cbrt();
+        let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
+        let farthest = 0.5 * model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min);
         let mut now = Snapshot::of(state);
         now.twist.resize(model.driven.len(), None);
         Ok(Self {

@@ -38,6 +38,11 @@ pub struct Polyhedron {
 }
 
 impl Polyhedron {
+    /// Nominal diameter, m: that of the sphere of the same volume.
+    pub fn nominal_diameter(&self) -> f64 {
+        (6.0 / std::f64::consts::PI * self.volume).cbrt()
+    }
+
     /// Number of faces.
     pub fn face_count(&self) -> usize {
         self.face_normals.len()

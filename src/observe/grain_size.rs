@@ -8,8 +8,7 @@ pub fn mean_diameter(model: &Model) -> f64 {
     if model.grains.is_empty() {
         return 0.0;
     }
-    let diameters: Vec<f64> =
-        model.shapes.iter().map(|s| (6.0 / std::f64::consts::PI * s.volume).cbrt()).collect();
+    let diameters: Vec<f64> = model.shapes.iter().map(|s| s.nominal_diameter()).collect();
     let grains = &model.grains;
     let sum = sum::in_chunks(grains.len(), 0.0, |range| {
         grains.shape[range].iter().map(|&s| diameters[s as usize]).sum()

@@ -148,7 +148,7 @@ fn sides(pair: &PairTines) -> f64 {
 }
 
 /// Resistance along the closing, N: summed over the tines of a side, averaged over the sides.
-fn side_force(pair: &PairTines, report: &StepReport, h: f64) -> f64 {
+pub(crate) fn side_force(pair: &PairTines, report: &StepReport, h: f64) -> f64 {
     let resistance: f64 = pair.iter().map(|t| -t.1 * report.reactions[t.0].impulse.x).sum();
     resistance / (h * sides(pair))
 }

@@ -7,9 +7,9 @@
 //! 1. *pour*: grains are laid up to a little above the sleepers' underside, and fall together;
 //! 2. *fill*: grains in the way of the sleepers are taken out, the voids that this leaves right
 //!    under the blocks are stuffed, the sleepers are put in, and the cribs fill around them;
-//! 3. *trim*: what lies above the fill level or sticks far out of it, or sits too deep in another grain, is taken off;
-//!    friction becomes that of the run;
-//! 4. *rest*: the run's own step and tolerance.
+//! 3. *trim*: what lies above the fill level or sticks far out of it, or sits too deep in another
+//!    grain, is taken off; friction becomes that of the run;
+//! 4. *rest*: the run's own step.
 //!
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
 
@@ -145,7 +145,7 @@ fn trim(
     watch: Watch,
 ) -> Result<ControlFlow<()>> {
     let level = plan.bed.preparation.fill_level;
-    let mean_size = plan.bed.grains.classes.iter().map(|c| c.share * c.size).sum::<f64>();
+    let mean_size = plan.bed.grains.mean_size();
     let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
     let top = |g: usize| top(&shapes[grains.shape[g] as usize], &state.pose(g));
     let within = |g: usize| state.position[g].z <= level && top(g) <= level + HIGHEST * mean_size;

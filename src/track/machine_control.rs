@@ -10,6 +10,7 @@
 use super::paced_clock::PacedClock;
 use crate::error::{Error, Result};
 use crate::model::Model;
+use crate::observe::squeeze::{PairTines, side_force};
 use crate::step::StepReport;
 use crate::track::plan::{TampingPlan, TinePlan};
 
@@ -22,20 +23,14 @@ pub struct TinePair {
     /// Number in the plan.
     pub number: u32,
     /// Index among the driven bodies, and the direction it squeezes towards, +1 or -1 along x.
-    pub tines: Vec<(usize, f64)>,
+    pub tines: PairTines,
 }
 
 impl TinePair {
     /// The force with which one side of the pair closes, N, in a step of `h` seconds: the
     /// ballast's resistance along the closing, summed over the tines, over the number of sides.
     pub fn force(&self, report: &StepReport, h: f64) -> f64 {
-        let side = |d: f64| f64::from(u8::from(self.tines.iter().any(|t| t.1 == d)));
-        let resistance: f64 = self
-            .tines
-            .iter()
-            .map(|&(body, direction)| -direction * report.reactions[body].impulse.x)
-            .sum();
-        resistance / (h * (side(1.0) + side(-1.0)))
+        side_force(&self.tines, report, h)
     }
 }
 

@@ -49,6 +49,14 @@ pub struct GrainPlan {
     pub templates: u32,
 }
 
+impl GrainPlan {
+    /// Mean size of the grains by number, m.
+    pub fn mean_size(&self) -> f64 {
+        let shares: f64 = self.classes.iter().map(|c| c.share).sum();
+        self.classes.iter().map(|c| c.share * c.size).sum::<f64>() / shares
+    }
+}
+
 /// One size class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeClass {

@@ -70,9 +70,7 @@ impl Case {
 
     /// Mean size of the grains by number: what penetrations are compared with, m.
     pub fn grain_size(&self) -> f64 {
-        let classes = &self.plan.bed.grains.classes;
-        let shares: f64 = classes.iter().map(|c| c.share).sum();
-        classes.iter().map(|c| c.share * c.size).sum::<f64>() / shares
+        self.plan.bed.grains.mean_size()
     }
 
     /// Steps per period of the vibration; 1 without one.

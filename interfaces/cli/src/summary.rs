@@ -150,8 +150,7 @@ impl Summary {
         }
         self.take_coordination(row);
         for (i, body) in self.bodies.iter_mut().enumerate() {
-            body.take(row, row.force(i), row.work(i));
-            body.lowest = body.lowest.min(row.height(i));
+            body.take(row, i);
         }
         self.last = Some(row.clone());
     }
@@ -237,12 +236,15 @@ impl Summary {
 }
 
 impl BodyFigures {
-    fn take(&mut self, row: &Row, force: [f64; 3], work: f64) {
+    /// Takes what the row says of the `i`-th followed body.
+    fn take(&mut self, row: &Row, i: usize) {
+        let force = row.force(i);
         let size = norm(force);
         if self.peak.as_ref().is_none_or(|peak| size > peak.value) {
             self.peak = Some(moment(row, size));
         }
-        self.work += work;
+        self.work += row.work(i);
+        self.lowest = self.lowest.min(row.height(i));
         let mean = self.recent.take(force).map_or(0.0, norm);
         self.period_peak = self.period_peak.max(mean);
         match row.phase() {
