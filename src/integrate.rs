@@ -5,9 +5,9 @@
 //! Cost: O(bodies + contacts).
 
 use crate::detection::Contacts;
-use crate::math::{Pose, Vec3, rotation};
-use crate::model::Model;
-use crate::motion::Motion;
+use crate::math::{Pose, Quat, Vec3, rotation};
+use crate::model::{Freedom, Model, Mount};
+use crate::motion::{Motion, only};
 use crate::state::{EnergyLedger, State};
 use rayon::prelude::*;
 
@@ -58,14 +58,34 @@ pub fn configurations(
     state.velocity[mobile..].copy_from_slice(&motion.velocity[mobile..]);
     state.spin[mobile..].copy_from_slice(&motion.spin[mobile..]);
     let (mounts, imposed) = targets.split_at(mobile - ng);
-    for (mount, target) in state.mount.iter_mut().zip(mounts) {
-        *mount = target.position;
+    for (d, target) in mounts.iter().enumerate() {
+        let (x, q) = (&mut state.position[ng + d], &mut state.orientation[ng + d]);
+        if let Some(mount) = &model.driven[d].mount {
+            hold(mount, target, x, q);
+        }
+        state.mount[d] = *target;
     }
     for (b, target) in (mobile..).zip(imposed) {
         // The target itself, not what the velocity leads to: rounding must not add up over steps.
         state.position[b] = target.position;
         state.orientation[b] = target.orientation;
     }
+}
+
+/// Puts held degrees of freedom where the target says: rounding must not add up over steps.
+fn hold(mount: &Mount, target: &Pose, position: &mut Vec3, orientation: &mut Quat) {
+    for (k, mode) in mount.translations().iter().enumerate() {
+        if mode.is_held() {
+            position[k] = target.position[k];
+        }
+    }
+    if !mount.turns() {
+        *orientation = target.orientation;
+        return;
+    }
+    let off = rotation::log(&(target.orientation * orientation.inverse()));
+    let held = only(mount.rotations(), Freedom::is_held, &off);
+    *orientation = rotation::advance(orientation, &held);
 }
 
 /// How bodies move through a step: the state it starts from, its prediction, and the solved

@@ -38,9 +38,9 @@ pub mod workspace;
 
 pub mod step;
 
-pub mod component;
-
 pub mod observe;
 pub mod track;
+
+pub mod component;
 
 pub use error::{Error, Result};

@@ -23,8 +23,8 @@ pub struct State {
     pub spin: Vec<Vec3>,
     /// Contacts of the last step with their impulses: where the next solve starts from.
     pub contacts: ContactMemory,
-    /// Where the mounts of mounted bodies are `[nm]`, m.
-    pub mount: Vec<Vec3>,
+    /// Where the mounts of mounted bodies are `[nm]`.
+    pub mount: Vec<Pose>,
     /// Memory of the drive (for example how far each tine pair has closed) `[drive's own]`.
     pub drive: Vec<f64>,
     pub energy: EnergyLedger,
@@ -78,8 +78,7 @@ impl State {
 
     /// Pose that was last imposed on driven body `d`, or on its mount.
     pub fn imposed(&self, model: &Model, d: usize) -> Pose {
-        let pose = self.pose(model.grains.len() + d);
-        Pose { position: self.mount.get(d).copied().unwrap_or(pose.position), ..pose }
+        self.mount.get(d).copied().unwrap_or_else(|| self.pose(model.grains.len() + d))
     }
 
     /// Appends a body at rest.
@@ -122,8 +121,9 @@ impl State {
             }
         }
         let mounted = model.mounted();
-        if self.mount.len() != mounted || !self.mount.iter().flatten().all(|x| x.is_finite()) {
-            let expected = format!("{mounted} finite positions, one per mounted body");
+        let sound = |p: &Pose| p.is_finite() && (p.orientation.norm() - 1.0).abs() < 1e-6;
+        if self.mount.len() != mounted || !self.mount.iter().all(sound) {
+            let expected = format!("{mounted} finite poses, one per mounted body");
             return refuse("mounts".into(), expected, format!("{:?}", self.mount));
         }
         self.contacts.check(model)

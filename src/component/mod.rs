@@ -6,35 +6,32 @@
 //!
 //! Every face of the program (library, network, recordings, Python) is to drive this one thing.
 
+mod load;
+mod memory;
 mod outcome;
 mod refusal;
 mod waveform;
+mod window;
 
-pub use outcome::{BodyOutcome, Outcome, SolverOutcome, Status};
+pub use load::{LoadKnot, LoadWaveform};
+pub use outcome::{BodyOutcome, Outcome, SolverOutcome, Status, ZoneOutcome};
 pub use refusal::Refusal;
 pub use waveform::{Interpolation, Knot, Waveform};
+pub use window::{Input, LoadInput, Window};
 
 use crate::drive::Inputs;
 use crate::error::Error;
-use crate::math::{Pose, rotation};
+use crate::math::rotation;
 use crate::model::{Model, Part};
+use crate::observe::Zone;
 use crate::state::State;
 use crate::step::{StepReport, step};
 use crate::workspace::Workspace;
+use memory::Memory;
 use outcome::Account;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use waveform::Twist;
-
-/// The motion of one driven body, or of its mount, through a window.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Input {
-    /// The body's name.
-    pub body: String,
-    pub waveform: Waveform,
-    /// The window need not join the one before: the body is moved there within the first step.
-    pub rebase: bool,
-}
+use window::Plan;
 
 /// What to do when a window cannot be computed to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -72,29 +69,18 @@ impl Default for Limits {
     }
 }
 
-/// Everything that the next window depends on.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Snapshot {
-    pub state: State,
-    /// With what velocity and spin each driven body left the last window, where it said so `[nd]`.
-    twist: Vec<Option<Twist>>,
-}
-
-impl Snapshot {
-    /// A snapshot of a state that comes from elsewhere: how its bodies move is not known.
-    pub fn of(state: State) -> Self {
-        Self { state, twist: Vec::new() }
-    }
-}
+/// What looks at every step of a window, and may end it.
+pub type Watch<'a> = &'a mut dyn FnMut(&State, &StepReport) -> ControlFlow<OnTrouble>;
 
 /// A model that is stepped in windows.
 #[derive(Debug)]
 pub struct Component {
     model: Arc<Model>,
     limits: Limits,
-    now: Snapshot,
+    zones: Arc<[Zone]>,
+    state: State,
     /// The beginning of the last window, and its end, ns.
-    last: Option<(Snapshot, u64)>,
+    last: Option<(State, u64)>,
     workspace: Workspace,
     /// Largest distance of a point of each driven body from its reference point `[nd]`, m.
     reach: Vec<f64>,
@@ -114,12 +100,11 @@ impl Component {
         // Half of the smallest grain: a faster tool would pass through grains unseen.
         let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
         let farthest = 0.5 * model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min);
-        let mut now = Snapshot::of(state);
-        now.twist.resize(model.driven.len(), None);
         Ok(Self {
             model,
             limits,
-            now,
+            zones: Arc::new([]),
+            state,
             last: None,
             workspace: Workspace::default(),
             reach,
@@ -127,12 +112,18 @@ impl Component {
         })
     }
 
+    /// The same, measuring `zones` at the end of each window.
+    pub fn with_zones(mut self, zones: Vec<Zone>) -> Self {
+        self.zones = zones.into();
+        self
+    }
+
     pub fn model(&self) -> &Model {
         &self.model
     }
 
     pub fn state(&self) -> &State {
-        &self.now.state
+        &self.state
     }
 
     /// Contacts of the last step, and what observables read.
@@ -142,95 +133,119 @@ impl Component {
 
     /// Simulated time, ns.
     pub fn now_ns(&self) -> u64 {
-        self.now.state.time_ns
+        self.state.time_ns
     }
 
-    /// Advances to `t1_ns`. A body without input stays where it is.
+    /// Advances to `t1_ns`.
     ///
     /// # Errors
     /// What is wrong with the request; the state is as before. What goes wrong while computing is told
     /// by the outcome's status.
-    pub fn advance_to(&mut self, t1_ns: u64, inputs: &[Input]) -> Result<Outcome, Refusal> {
+    pub fn advance_to<'a>(
+        &mut self,
+        t1_ns: u64,
+        inputs: impl Into<Window<'a>>,
+    ) -> Result<Outcome, Refusal> {
         self.advance_watched(t1_ns, inputs, &mut |_, _| ControlFlow::Continue(()))
     }
 
-    /// The same; `watch` sees every step and may end the window after it.
-    pub fn advance_watched(
+    /// The same; `watch` sees every step and may end the window after it, keeping what is done or not.
+    pub fn advance_watched<'a>(
         &mut self,
         t1_ns: u64,
-        inputs: &[Input],
-        watch: &mut dyn FnMut(&State, &StepReport) -> ControlFlow<()>,
+        inputs: impl Into<Window<'a>>,
+        watch: Watch,
     ) -> Result<Outcome, Refusal> {
         let steps = self.steps_to(t1_ns)?;
-        let drive = self.drive(t1_ns, inputs)?;
-        let before = self.now.clone();
-        let mut account = Account::new(&self.model, before.state.time_ns);
+        let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
+        let mut memory = Memory::read(&self.state.drive, model.driven.len());
+        let plan = Plan::check(&model, &self.state, &memory, &limits, t1_ns, &window)?;
+        let before = self.state.clone();
+        let mut account = Account::new(&model, before.time_ns);
         let mut trouble = None;
-        let mut stopped = false;
+        let mut stopped = None;
         for _ in 0..steps {
-            match self.one_step(&drive) {
+            match self.one_step(&plan) {
                 Ok(report) => {
-                    account.take(&report, &self.now.state, self.model.stepping.h());
-                    if watch(&self.now.state, &report).is_break() {
-                        stopped = self.now_ns() < t1_ns;
+                    account.take(&report, &self.state, model.stepping.h());
+                    memory.take(&report.reactions, model.stepping.step_ns);
+                    if let ControlFlow::Break(kept) = watch(&self.state, &report)
+                        && self.now_ns() < t1_ns
+                    {
+                        stopped = Some(kept);
                         break;
                     }
                 }
                 Err(error) => {
                     trouble = Some(error);
+                    stopped = Some(limits.on_trouble);
                     break;
                 }
             }
         }
-        let discarded = trouble.is_some()
-            && (self.limits.on_trouble == OnTrouble::Discard || account.steps() == 0);
-        if discarded {
-            self.now = before;
-            return Ok(Account::new(&self.model, self.now_ns()).close(
-                Status::Discard,
-                trouble,
-                &self.now.state,
-            ));
-        }
-        for (d, waveform) in drive.iter().enumerate() {
-            self.now.twist[d] = waveform.and_then(|w| w.twist(self.now_ns()));
+        let status = match stopped {
+            Some(OnTrouble::Discard) => Status::Discard,
+            Some(OnTrouble::Early) if account.steps() == 0 => Status::Discard,
+            Some(OnTrouble::Early) => Status::Early,
+            None if account.is_sound() => Status::Ok,
+            None => Status::Warn,
+        };
+        if status == Status::Discard {
+            self.state.clone_from(&before);
+            account = Account::new(&model, self.now_ns());
+            memory = Memory::read(&self.state.drive, model.driven.len());
+        } else {
+            memory.twist = plan.twists(self.now_ns());
+            memory.write(&mut self.state.drive);
         }
         self.last = Some((before, t1_ns));
-        let status = match (&trouble, stopped, account.is_sound()) {
-            (Some(_), ..) | (None, true, _) => Status::Early,
-            (None, false, true) => Status::Ok,
-            (None, false, false) => Status::Warn,
+        let end = outcome::End {
+            model: &model,
+            state: &self.state,
+            workspace: &self.workspace,
+            // After a step that failed, the contacts are not those of the state.
+            zones: if status == Status::Discard { &[] } else { &self.zones },
+            memory: &memory,
+            farthest: self.farthest,
         };
-        Ok(account.close(status, trouble, &self.now.state))
+        Ok(account.close(status, trouble, &end))
     }
 
-    /// Computes the last window again from its beginning, with other inputs.
+    /// Computes the last window again from its beginning, with other inputs; also one that was discarded.
     ///
     /// # Errors
     /// There is no window to redo, or as for [`Component::advance_to`]; the state is as before.
-    pub fn redo(&mut self, inputs: &[Input]) -> Result<Outcome, Refusal> {
+    pub fn redo<'a>(&mut self, inputs: impl Into<Window<'a>>) -> Result<Outcome, Refusal> {
+        self.redo_watched(inputs, &mut |_, _| ControlFlow::Continue(()))
+    }
+
+    /// The same; `watch` as in [`Component::advance_watched`].
+    pub fn redo_watched<'a>(
+        &mut self,
+        inputs: impl Into<Window<'a>>,
+        watch: Watch,
+    ) -> Result<Outcome, Refusal> {
         let (before, t1) = self.last.clone().ok_or(Refusal::NothingToRedo)?;
-        let after = std::mem::replace(&mut self.now, before);
-        let result = self.advance_to(t1, inputs);
+        let after = std::mem::replace(&mut self.state, before);
+        let result = self.advance_watched(t1, inputs, watch);
         if result.is_err() {
-            self.now = after;
+            self.state = after;
         }
         result
     }
 
-    /// What [`Component::restore`] needs to go on from here.
-    pub fn save(&self) -> Snapshot {
-        self.now.clone()
+    /// Everything that the next window depends on: what [`Component::restore`] needs to go on from here.
+    pub fn save(&self) -> State {
+        self.state.clone()
     }
 
-    /// Goes back, or on, to a snapshot of the same model.
+    /// Goes back, or on, to a state of the same model.
     ///
     /// # Errors
-    /// A snapshot that does not fit the model; the state is as before.
-    pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), Refusal> {
-        snapshot.state.check(&self.model)?;
-        self.now = snapshot.clone();
-        self.now.twist.resize(self.model.driven.len(), None);
+    /// A state that does not fit the model; the component is as before.
+    pub fn restore(&mut self, state: &State) -> Result<(), Refusal> {
+        state.check(&self.model)?;
+        self.state = state.clone();
         self.last = None;
         Ok(())
     }
@@ -240,7 +255,8 @@ impl Component {
         Self {
             model: Arc::clone(&self.model),
             limits: self.limits,
-            now: self.now.clone(),
+            zones: Arc::clone(&self.zones),
+            state: self.state.clone(),
             last: self.last.clone(),
             workspace: Workspace::default(),
             reach: self.reach.clone(),
@@ -264,92 +280,17 @@ impl Component {
         })
     }
 
-    /// The waveform of each driven body `[nd]`, all checked.
-    fn drive<'a>(
-        &self,
-        t1_ns: u64,
-        inputs: &'a [Input],
-    ) -> Result<Vec<Option<&'a Waveform>>, Refusal> {
-        let mut drive = vec![None; self.model.driven.len()];
-        for Input { body, waveform, rebase } in inputs {
-            let Some(d) = self.model.driven_index(body) else {
-                let known = self.model.driven.iter().map(|d| d.name.clone()).collect();
-                return Err(Refusal::UnknownBody { known, found: body.clone() });
-            };
-            if drive[d].is_some() {
-                return Err(Refusal::input(body, "one waveform", "two"));
-            }
-            waveform.check(body, self.now_ns(), t1_ns)?;
-            if !rebase {
-                self.check_join(d, waveform)?;
-            }
-            drive[d] = Some(waveform);
-        }
-        for (d, input) in drive.iter().enumerate() {
-            if input.is_none() {
-                self.check_still(d)?;
-            }
-        }
-        Ok(drive)
-    }
-
-    /// A body without input stays; one that has left the last window moving cannot.
-    fn check_still(&self, d: usize) -> Result<(), Refusal> {
-        let twist = self.now.twist.get(d).copied().flatten().unwrap_or_default();
-        if twist.velocity.norm() <= self.limits.join_speed
-            && twist.spin.norm() <= self.limits.join_spin
-        {
-            return Ok(());
-        }
-        Err(Refusal::Jump {
-            body: self.model.driven[d].name.clone(),
-            expected: "an input: it left the last window moving".into(),
-            found: format!("none, at {}", twist.text()),
-        })
-    }
-
-    /// Whether a waveform begins where its body, or the body's mount, is.
-    fn check_join(&self, d: usize, waveform: &Waveform) -> Result<(), Refusal> {
-        let (limits, now) = (&self.limits, self.now_ns());
-        let jump = |expected: String, found: String| {
-            Err(Refusal::Jump { body: self.model.driven[d].name.clone(), expected, found })
-        };
-        let (is, starts) = (self.now.state.imposed(&self.model, d), waveform.pose(now));
-        let distance = (starts.position - is.position).norm();
-        let angle = rotation::log(&(starts.orientation * is.orientation.inverse())).norm();
-        if !(distance <= limits.join_distance && angle <= limits.join_angle) {
-            let within = format!(
-                "a start within {:.1e} m and {:.1e} rad of where it is",
-                limits.join_distance, limits.join_angle
-            );
-            return jump(within, format!("{distance:.3e} m and {angle:.3e} rad away"));
-        }
-        let twists = (self.now.twist.get(d).copied().flatten(), waveform.twist(now));
-        let (Some(was), Some(becomes)) = twists else { return Ok(()) };
-        let speed = (becomes.velocity - was.velocity).norm();
-        let spin = (becomes.spin - was.spin).norm();
-        if speed <= limits.join_speed && spin <= limits.join_spin {
-            return Ok(());
-        }
-        jump(format!("{} as at the end of the last window", was.text()), becomes.text())
-    }
-
     /// One step along the waveforms.
-    fn one_step(&mut self, drive: &[Option<&Waveform>]) -> Result<StepReport, Error> {
-        let end = self.now_ns() + self.model.stepping.step_ns;
-        let imposed = |d: usize| self.now.state.imposed(&self.model, d);
-        let targets: Vec<Pose> = drive
-            .iter()
-            .enumerate()
-            .map(|(d, waveform)| waveform.map_or_else(|| imposed(d), |w| w.pose(end)))
-            .collect();
+    fn one_step(&mut self, plan: &Plan) -> Result<StepReport, Error> {
+        let targets = plan.targets(&self.model, &self.state);
+        let loads = plan.loads(&self.model, &self.state);
         for (d, target) in targets.iter().enumerate() {
-            let from = imposed(d);
+            let from = self.state.imposed(&self.model, d);
             let turn = rotation::log(&(target.orientation * from.orientation.inverse())).norm();
             let way = (target.position - from.position).norm() + turn * self.reach[d];
             if way > self.farthest {
                 return Err(Error::Step {
-                    time_s: self.now.state.time(),
+                    time_s: self.state.time(),
                     place: format!("{:?}", self.model.driven[d].name),
                     expected: format!(
                         "at most {:.3e} m in a step, half of the smallest grain",
@@ -360,12 +301,12 @@ impl Component {
             }
         }
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
-        let before = self.limits.penetration.is_finite().then(|| self.now.state.clone());
-        let inputs = Inputs { targets: &targets };
-        let report = step(&self.model, &mut self.now.state, &inputs, &mut self.workspace, &mut ())?;
+        let before = self.limits.penetration.is_finite().then(|| self.state.clone());
+        let inputs = Inputs { targets: &targets, loads: &loads };
+        let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;
         if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
             let time_s = before.time();
-            self.now.state = before;
+            self.state = before;
             return Err(Error::Step {
                 time_s,
                 place: "penetration".into(),

@@ -1,10 +1,13 @@
 //! What a window did, summed over its steps.
 
+use super::memory::Memory;
 use crate::error::Error;
-use crate::math::Vec3;
+use crate::math::{Pose, Vec3};
 use crate::model::Model;
+use crate::observe::{self, Zone};
 use crate::state::{EnergyLedger, State};
 use crate::step::StepReport;
+use crate::workspace::Workspace;
 
 /// How a window went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -43,9 +46,27 @@ pub struct Outcome {
     pub steps: u64,
     /// What the ballast did to each driven body `[nd]`.
     pub bodies: Vec<BodyOutcome>,
+    /// Of the component's zones, at the end of the window.
+    pub zones: Vec<ZoneOutcome>,
     pub solver: SolverOutcome,
     /// Since the start of the run.
     pub energy: EnergyLedger,
+    /// How far apart knots may be, ns, for no body to move too far between them at its speed now.
+    pub hint_max_step_ns: u64,
+}
+
+/// A zone at the end of a window; what cannot be measured there is `None`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ZoneOutcome {
+    pub name: String,
+    /// Solid over accessible volume (T-21).
+    pub compactness: Option<f64>,
+    /// Mean number of touching neighbours of the grains whose centre is in the zone (T-25).
+    pub coordination: Option<f64>,
+    /// (T-22).
+    pub inertial_number: Option<f64>,
+    /// Mean over the last step, Pa (T-23).
+    pub pressure: f64,
 }
 
 /// What the ballast did to a driven body during a window, about its reference point, world axes (T-27).
@@ -58,6 +79,9 @@ pub struct BodyOutcome {
     /// Impulses over the length of the window: N, N m; zero for a window of no steps.
     pub mean_force: Vec3,
     pub mean_torque: Vec3,
+    /// Mean over the last 4 ms, which may have begun before the window: N, N m.
+    pub moving_force: Vec3,
+    pub moving_torque: Vec3,
     /// Largest mean force of a step, N, and the end of that step, ns.
     pub peak_force: Vec3,
     pub peak_time_ns: u64,
@@ -65,6 +89,11 @@ pub struct BodyOutcome {
     pub work: f64,
     /// Contact points that carried an impulse in the last step.
     pub contacts: u32,
+    /// At the end of the window: of the body itself, where it has a mount.
+    pub pose: Pose,
+    /// m/s, rad/s.
+    pub velocity: Vec3,
+    pub spin: Vec3,
 }
 
 /// How the window was solved.
@@ -85,6 +114,17 @@ pub struct SolverOutcome {
     pub max_penetration: f64,
 }
 
+/// What is looked at when a window is over.
+pub(super) struct End<'a> {
+    pub model: &'a Model,
+    pub state: &'a State,
+    pub workspace: &'a Workspace,
+    pub zones: &'a [Zone],
+    pub memory: &'a Memory,
+    /// Farthest that a point of a body may move in a step, m.
+    pub farthest: f64,
+}
+
 /// The sums of a window so far.
 pub(super) struct Account {
     t0_ns: u64,
@@ -101,10 +141,15 @@ impl Account {
             angular_impulse: zero,
             mean_force: zero,
             mean_torque: zero,
+            moving_force: zero,
+            moving_torque: zero,
             peak_force: zero,
             peak_time_ns: t0_ns,
             work: 0.0,
             contacts: 0,
+            pose: Pose::identity(),
+            velocity: zero,
+            spin: zero,
         };
         let bodies = vec![body; model.driven.len()];
         Self { t0_ns, steps: 0, bodies, solver: SolverOutcome::default() }
@@ -145,13 +190,20 @@ impl Account {
         solver.max_penetration = solver.max_penetration.max(report.max_penetration);
     }
 
-    pub fn close(mut self, status: Status, trouble: Option<Error>, state: &State) -> Outcome {
+    pub fn close(mut self, status: Status, trouble: Option<Error>, end: &End) -> Outcome {
+        let state = end.state;
         let seconds = (state.time_ns - self.t0_ns) as f64 * 1e-9;
-        if seconds > 0.0 {
-            for body in &mut self.bodies {
+        let ng = end.model.grains.len();
+        for (d, body) in self.bodies.iter_mut().enumerate() {
+            if seconds > 0.0 {
                 body.mean_force = body.impulse / seconds;
                 body.mean_torque = body.angular_impulse / seconds;
             }
+            let [force, torque] = end.memory.mean_wrench(d, end.model.stepping.h());
+            (body.moving_force, body.moving_torque) = (force, torque);
+            body.pose = state.pose(ng + d);
+            body.velocity = state.velocity[ng + d];
+            body.spin = state.spin[ng + d];
         }
         Outcome {
             status,
@@ -159,9 +211,39 @@ impl Account {
             t0_ns: self.t0_ns,
             t1_ns: state.time_ns,
             steps: self.steps,
+            hint_max_step_ns: end.hint(&self.bodies),
             bodies: self.bodies,
+            zones: end.measure(),
             solver: self.solver,
             energy: state.energy,
         }
+    }
+}
+
+impl End<'_> {
+    fn measure(&self) -> Vec<ZoneOutcome> {
+        if self.zones.is_empty() {
+            return Vec::new();
+        }
+        let touching = observe::coordination(self.model, self.workspace);
+        let measure = |zone: &Zone| {
+            let flow = observe::inertial_number(self.model, self.state, self.workspace, zone);
+            let compactness = observe::compactness(self.model, self.state, zone);
+            ZoneOutcome {
+                name: zone.name.clone(),
+                compactness: compactness.ok().map(|c| c.compactness),
+                coordination: touching.mean_within(self.state, zone),
+                inertial_number: flow.value,
+                pressure: flow.pressure,
+            }
+        };
+        self.zones.iter().map(measure).collect()
+    }
+
+    /// At least a step: no finer motion is of use.
+    fn hint(&self, bodies: &[BodyOutcome]) -> u64 {
+        let fastest = bodies.iter().map(|b| b.velocity.norm()).fold(0.0, f64::max);
+        // Saturates where nothing moves.
+        ((self.farthest / fastest * 1e9) as u64).max(self.model.stepping.step_ns)
     }
 }

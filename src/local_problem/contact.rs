@@ -2,14 +2,16 @@
 
 use crate::math::{Mat3, Vec3, frame};
 
-/// What a contact needs of one of its grains.
+/// What a contact needs of one of its mobile bodies.
 pub struct Side {
-    /// Contact point minus centre of mass, m.
+    /// Contact point minus centre of mass, or what takes its place in a mounted body, m.
     pub lever: Vec3,
     /// 1/kg.
     pub inverse_mass: f64,
     /// `B = R D^(-1/2)`.
     pub whitening: Mat3,
+    /// Velocity that the whitened coordinates stand for besides, in a mounted body.
+    pub shift: Option<Mat3>,
 }
 
 /// A contact of the local problem (T-5 to T-9). Components are (n, t, s).
@@ -149,7 +151,8 @@ fn axes(normal: &[f32; 3], tangent: &[f32; 3]) -> [Vec3; 3] {
 }
 
 fn arm(side: &Side, axis: &Vec3) -> Vec3 {
-    side.whitening.tr_mul(&side.lever.cross(axis))
+    let turning = side.whitening.tr_mul(&side.lever.cross(axis));
+    side.shift.map_or(turning, |shift| turning + shift.tr_mul(axis))
 }
 
 fn delassus(axes: &[Vec3; 3], candidate: &Side, antagonist: Option<&Side>) -> Mat3 {
@@ -205,6 +208,7 @@ mod tests {
             lever: vector(rng) * 0.03,
             inverse_mass: 10_f64.powf(rng.random_range(-1.0..3.0)),
             whitening: rotation * Mat3::from_diagonal(&inertia.map(|x| 1.0 / x.sqrt())),
+            shift: None,
         };
         (side, inertia, rotation)
     }

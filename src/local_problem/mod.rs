@@ -18,7 +18,7 @@ pub use line::Line;
 use crate::detection::Contacts;
 use crate::math::{Mat3, Vec3};
 use crate::model::Model;
-use crate::motion::Motion;
+use crate::motion::{Motion, Response};
 use crate::state::State;
 use contact::Side;
 use rayon::prelude::*;
@@ -31,8 +31,9 @@ pub struct LocalProblem {
     /// Free velocities of the mobile bodies `[nm]`.
     pub lines: Vec<Line>,
     /// `B = R D^(-1/2)` per mobile body `[nm]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
-    /// Zero for mounted bodies, which no impulse turns.
     pub whitening: Vec<Mat3>,
+    /// Of the mounted bodies, which come after the grains.
+    pub responses: Vec<Response>,
 }
 
 impl LocalProblem {
@@ -49,7 +50,7 @@ impl LocalProblem {
         self.build_lines(model, motion);
         let (ng, mobile) = (model.grains.len(), self.lines.len());
         let h = model.stepping.h();
-        let (lines, whitening) = (&self.lines, &self.whitening);
+        let (lines, whitening, responses) = (&self.lines, &self.whitening, &self.responses);
         (0..contacts.len())
             .into_par_iter()
             .with_min_len(256)
@@ -57,10 +58,15 @@ impl LocalProblem {
                 let [c, a] = contacts.bodies[i];
                 let (c, a) = (c as usize, a as usize);
                 let point = contacts.point[i];
-                let side = |b: usize| Side {
-                    lever: point - motion.position[b],
-                    inverse_mass: lines[b].inverse_mass(),
-                    whitening: whitening[b],
+                let side = |b: usize| {
+                    let response = b.checked_sub(ng).map(|d| &responses[d]);
+                    let lever = point - motion.position[b];
+                    Side {
+                        lever: response.map_or(lever, |r| lever - r.centre),
+                        inverse_mass: lines[b].inverse_mass(),
+                        whitening: whitening[b],
+                        shift: response.map(|r| r.shift),
+                    }
                 };
                 let mut contact = if a < mobile {
                     LocalContact::pair(&contacts.normal[i], &side(c), &side(a))
@@ -117,17 +123,20 @@ impl LocalProblem {
                 (line, rotation.matrix() * Mat3::from_diagonal(&inverse_root))
             })
             .unzip_into_vecs(&mut self.lines, &mut self.whitening);
-        let mounts = model.driven.iter().map_while(|body| body.mount);
-        for (mount, velocity) in mounts.zip(&motion.velocity[ng..]) {
-            let mass = mount.effective_mass(&model.stepping);
-            self.lines.push(Line::new(velocity, &Vec3::zeros(), 1.0 / mass));
-            self.whitening.push(Mat3::zeros());
+        self.responses.clone_from(&motion.responses);
+        for r in &self.responses {
+            self.lines.push(Line::new(&r.velocity, &r.whitened, r.inverse_mass));
+            self.whitening.push(r.turn);
         }
     }
 
     /// Velocity (m/s) and angular velocity (world axes, rad/s) of a body whose line is `line`.
     pub fn velocity(&self, body: usize, line: &Line) -> (Vec3, Vec3) {
-        (line.velocity(), self.whitening[body] * line.whitened_spin())
+        let (velocity, whitened) = (line.velocity(), line.whitened_spin());
+        match body.checked_sub(self.lines.len() - self.responses.len()) {
+            Some(d) => self.responses[d].twist(&velocity, &whitened),
+            None => (velocity, self.whitening[body] * whitened),
+        }
     }
 
     /// Number of mobile bodies.

@@ -1,6 +1,6 @@
 //! What a usable model is.
 
-use super::{Model, Part};
+use super::{Freedom, Model, Mount, Part};
 use crate::error::{Error, Result};
 
 /// Refuses `found` unless `good`.
@@ -126,13 +126,9 @@ impl Model {
                 "a finite friction of at least 0",
                 body.friction,
             )?;
-            if let Some(mount) = body.mount {
+            if let Some(mount) = &body.mount {
                 expect(d < self.mounted(), &place, "mounted bodies before all others", d)?;
-                let numbers = [mount.mass, mount.stiffness, mount.damping];
-                let good = numbers.iter().all(|x| x.is_finite() && *x >= 0.0) && mount.mass > 0.0;
-                let expected =
-                    "a mount of finite mass above 0, stiffness and damping of at least 0";
-                expect(good, &place, expected, mount)?;
+                mount.check(&place)?;
             }
             expect(!body.parts.is_empty(), &place, "at least one part", 0)?;
             for part in &body.parts {
@@ -148,5 +144,49 @@ impl Model {
             }
         }
         Ok(())
+    }
+}
+
+impl Mount {
+    fn check(&self, place: &str) -> Result<()> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        expect(positive(self.mass), place, "a mount of finite mass above 0 kg", self.mass)?;
+        expect(
+            self.inertia.iter().all(|j| j.is_finite() && *j >= 0.0),
+            place,
+            "finite moments of inertia of at least 0 kg m²",
+            self.inertia,
+        )?;
+        let known = !self.turns() || self.inertia.iter().all(|j| positive(*j));
+        expect(known, place, "moments of inertia above 0, as the mount can turn", self.inertia)?;
+        let centre = self.centre.iter().all(|x| x.is_finite());
+        expect(centre, place, "a finite centre of mass", self.centre)?;
+        for freedom in self.freedoms {
+            let good = freedom.spring().iter().all(|x| x.is_finite() && *x >= 0.0);
+            expect(good, place, "stiffness and damping, finite and of at least 0", freedom)?;
+        }
+        let free = self.free().count();
+        expect(
+            free > 0,
+            place,
+            "a degree of freedom that is not held, or no mount",
+            self.freedoms,
+        )?;
+        expect(
+            self.moves_alike() || free <= 3,
+            place,
+            "all translations loaded or sprung alike, or at most three degrees of freedom not held",
+            self.freedoms.iter().map(Freedom::name).collect::<Vec<_>>(),
+        )
+    }
+}
+
+impl Freedom {
+    fn name(&self) -> &'static str {
+        match self {
+            Freedom::Held => "held",
+            Freedom::Loaded => "loaded",
+            Freedom::Sprung { .. } => "sprung",
+        }
     }
 }

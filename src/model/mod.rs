@@ -2,10 +2,13 @@
 //!
 //! Bodies are numbered grains first, `0..grains.len()`, then driven bodies, and among these the
 //! mounted ones first. A grain is one convex polyhedron; a driven body (tine, sleeper, wall) is
-//! composed of convex parts and half-spaces. Its motion is imposed, or follows an imposed one through
-//! an elastic mount. Grains and mounted bodies are *mobile*: contacts change their velocities.
+//! composed of convex parts and half-spaces. Its motion is imposed, or it has a mount: then contacts move
+//! it, against springs or loads. Grains and mounted bodies are *mobile*: contacts change their velocities.
 
 mod check;
+mod mount;
+
+pub use mount::{Freedom, Mount};
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
@@ -67,7 +70,7 @@ pub enum Role {
     Tine,
 }
 
-/// A rigid body whose motion is imposed, on itself or on its mount.
+/// A rigid body of imposed motion, or one that its mount lets contacts move.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivenBody {
     /// Unique name, for people and messages.
@@ -79,29 +82,6 @@ pub struct DrivenBody {
     pub parts: Vec<Part>,
     /// `None`: the motion is imposed on the body itself, whatever pushes back.
     pub mount: Option<Mount>,
-}
-
-/// Spring and damper between a driven body and its imposed motion, equal in all directions (T-28).
-///
-/// The body does not turn against its mount, nor does the mount turn. Gravity on the body is carried by
-/// the machine.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Mount {
-    /// Mass that moves with the body, kg.
-    pub mass: f64,
-    /// N/m.
-    pub stiffness: f64,
-    /// N s/m.
-    pub damping: f64,
-}
-
-impl Mount {
-    /// Mass with which the body resists an impulse during a step, kg: its own, and what spring and
-    /// damper add because they answer within the step (T-28).
-    pub fn effective_mass(&self, stepping: &Stepping) -> f64 {
-        let h = stepping.h();
-        self.mass + h * (self.damping + h * stepping.theta * self.stiffness)
-    }
 }
 
 /// A convex part of a driven body, in the body's frame.

@@ -88,6 +88,7 @@ impl Scene {
             orientation: state.orientation.clone(),
             velocity: state.velocity.clone(),
             spin: state.spin.clone(),
+            responses: vec![],
         };
         for b in 0..ng {
             motion.velocity[b] += model.gravity * model.stepping.h();

@@ -1,6 +1,8 @@
 //! Coordination of the grains (T-25).
 
+use super::zone::Zone;
 use crate::model::Model;
+use crate::state::State;
 use crate::workspace::Workspace;
 
 /// Contacts that carry an impulse, counted by grain.
@@ -16,6 +18,16 @@ pub struct Coordination {
     pub mean_neighbours: [f64; 2],
     /// Contact points per grain, over all grains and over those that are no rattlers.
     pub mean_points: [f64; 2],
+}
+
+impl Coordination {
+    /// Mean number of touching neighbours of the grains whose centre is in `zone`; `None` without grains.
+    pub fn mean_within(&self, state: &State, zone: &Zone) -> Option<f64> {
+        let inside = |(g, _): &(usize, &u32)| zone.region.contains(&state.position[*g]);
+        let counts = self.neighbours.iter().enumerate().filter(inside);
+        let (sum, grains) = counts.fold((0, 0), |(s, n), (_, c)| (s + u64::from(*c), n + 1));
+        (grains > 0).then(|| sum as f64 / f64::from(grains))
+    }
 }
 
 /// Counts the active contacts of each grain (T-25); means are zero where there is no grain.
@@ -68,6 +80,12 @@ mod tests {
         assert_eq!(found.points, [2, 3, 0]);
         assert_eq!(found.rattlers, 1);
         assert_eq!(found.mean_neighbours, [1.0, 1.5]);
+        let state = scene::at(&[[0.5; 3], [2.0; 3], [0.1; 3], [0.0; 3]]);
+        let zone = |high: f64| {
+            Zone::new("zone", crate::math::Vec3::zeros(), crate::math::Vec3::repeat(high)).unwrap()
+        };
+        assert_eq!(found.mean_within(&state, &zone(1.0)), Some(0.5));
+        assert_eq!(found.mean_within(&state, &zone(0.05)), None);
         assert_eq!(found.mean_points, [5.0 / 3.0, 2.5]);
     }
 

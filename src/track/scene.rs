@@ -55,7 +55,7 @@ fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
     state.orientation.insert(b, pose.orientation);
     state.velocity.insert(b, Vec3::zeros());
     state.spin.insert(b, Vec3::zeros());
-    state.mount.push(pose.position);
+    state.mount.push(pose);
     for [_, antagonist] in &mut state.contacts.bodies {
         *antagonist += u32::from(*antagonist as usize >= b);
     }

@@ -90,7 +90,7 @@ impl Bench {
         for done in 1..=most {
             targets.clear();
             (settling.drive)(done, &mut targets);
-            let inputs = Inputs { targets: &targets };
+            let inputs = Inputs { targets: &targets, loads: &[] };
             let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;
             let speed = self.mean_speed();
             let progress = self.progress(settling, done, speed, &report);

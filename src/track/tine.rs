@@ -37,11 +37,8 @@ pub fn steel_cantilever(blade: &Vec3, shaft: &Vec3) -> Mount {
     let (thin, wide) = (shaft.x.min(shaft.y), shaft.x.max(shaft.y));
     let second_moment = wide * thin.powi(3) / 12.0;
     let length = shaft.z + 0.5 * blade.z;
-    Mount {
-        mass: STEEL.1 * (blade.product() + 33.0 / 140.0 * shaft.product()),
-        stiffness: 3.0 * STEEL.0 * second_moment / length.powi(3),
-        damping: 0.0,
-    }
+    let mass = STEEL.1 * (blade.product() + 33.0 / 140.0 * shaft.product());
+    Mount::spring(mass, 3.0 * STEEL.0 * second_moment / length.powi(3), 0.0)
 }
 
 #[cfg(test)]
@@ -87,7 +84,8 @@ mod tests {
         let TinePlan { blade, shaft, .. } = plan();
         let mount = steel_cantilever(&blade, &shaft);
         // 3 · 210 GPa · 1.35e-7 m⁴ / (0.485 m)³.
-        assert!((mount.stiffness - 7.455e5).abs() < 1e2, "{}", mount.stiffness);
+        let [stiffness, _] = mount.freedoms[0].spring();
+        assert!((stiffness - 7.455e5).abs() < 1e2, "{stiffness}");
         assert!((mount.mass - 2.949).abs() < 1e-3, "{}", mount.mass);
     }
 

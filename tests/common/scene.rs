@@ -1,6 +1,6 @@
 //! Small scenes built by hand: grains, half-spaces, moved bodies, and a tight solver.
 
-use ballast::drive::Inputs;
+use ballast::drive::{Inputs, Load};
 use ballast::error::Result;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
@@ -22,6 +22,8 @@ pub struct Scene {
     pub state: State,
     pub workspace: Workspace,
     pub targets: Vec<Pose>,
+    /// Loads on the mounted bodies; none if empty.
+    pub loads: Vec<Load>,
 }
 
 impl Scene {
@@ -37,7 +39,13 @@ impl Scene {
             stepping: Stepping { step_ns, theta: 0.5, alert: 2e-3 },
             solver: tight(Schedule::Sequential, PartitionRule::Balanced(1)),
         };
-        Self { model, state: State::default(), workspace: Workspace::default(), targets: vec![] }
+        Self {
+            model,
+            state: State::default(),
+            workspace: Workspace::default(),
+            targets: vec![],
+            loads: vec![],
+        }
     }
 
     /// Solves with `schedule` on boxes `[nx, ny, nz]`.
@@ -82,7 +90,7 @@ impl Scene {
     pub fn mount(&mut self, mount: Mount) {
         let body = self.model.driven.last_mut().expect("a driven body");
         body.mount = Some(mount);
-        self.state.mount.extend(self.state.position.last());
+        self.state.mount.extend(self.targets.last());
     }
 
     /// An open box on the floor z = 0 with inner size `size`, its corner at the origin.
@@ -106,7 +114,7 @@ impl Scene {
     }
 
     pub fn try_step(&mut self) -> Result<StepReport> {
-        let inputs = Inputs { targets: &self.targets };
+        let inputs = Inputs { targets: &self.targets, loads: &self.loads };
         step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())
     }
 

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod modes;
 mod refusals;
 mod waveforms;
 mod windows;

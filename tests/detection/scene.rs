@@ -34,6 +34,7 @@ pub fn at_rest(poses: &[Pose]) -> Motion {
         orientation: poses.iter().map(|p| p.orientation).collect(),
         velocity: zeros.clone(),
         spin: zeros,
+        responses: vec![],
     }
 }
 

@@ -120,7 +120,7 @@ impl Session {
 
     fn step(&mut self, targets: &mut Vec<ballast::math::Pose>) -> Outcome<StepReport> {
         self.cycle.targets(&self.model, &self.state, targets);
-        let inputs = Inputs { targets };
+        let inputs = Inputs { targets, loads: &[] };
         let watch = &mut self.profile;
         let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, watch)
             .map_err(|e| {

@@ -5,8 +5,10 @@
 //! stored as starts `[n + 1]` into flat arrays.
 
 use ballast::geometry::Polyhedron;
-use ballast::math::{Quat, Vec3};
-use ballast::model::{DrivenBody, Model, Norm, Part, PartitionRule, Role, Schedule, Solver};
+use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::{
+    DrivenBody, Freedom, Model, Mount, Norm, Part, PartitionRule, Role, Schedule, Solver,
+};
 use ballast::state::State;
 
 /// A named array `[rows]` or, where `width` is above 1, `[rows, width]`.
@@ -135,7 +137,7 @@ fn bodies(model: &Model) -> Vec<Column> {
     let driven: &[DrivenBody] = &model.driven;
     let parts = || driven.iter().flat_map(|d| &d.parts);
     let mounts = driven.iter().map_while(|d| d.mount);
-    let mounts = mounts.flat_map(|m| [m.mass, m.stiffness, m.damping]).collect();
+    let mounts = mounts.flat_map(|m| mount_row(&m)).collect();
     let kind = |p: &Part| match p {
         Part::Convex { .. } => CONVEX,
         Part::HalfSpace { .. } => HALF_SPACE,
@@ -152,7 +154,7 @@ fn bodies(model: &Model) -> Vec<Column> {
         text("driven/role", driven.iter().map(|d| name_of(&ROLES, d.role).into()).collect()),
         f64s("driven/friction", driven.iter().map(|d| d.friction).collect()),
         // Of the mounted bodies alone, which come first.
-        Column { name: "driven/mount", width: 3, data: Data::F64(mounts) },
+        Column { name: "driven/mount", width: MOUNT, data: Data::F64(mounts) },
         starts("driven/first_part", driven, |d| d.parts.len()),
         Column { name: "parts/kind", width: 1, data: Data::U8(parts().map(kind).collect()) },
         u32s("parts/shape", parts().map(shape).collect()),
@@ -164,13 +166,40 @@ fn bodies(model: &Model) -> Vec<Column> {
     ]
 }
 
+/// Numbers of a mount.
+pub(crate) const MOUNT: usize = 25;
+/// Modes of degrees of freedom, as numbers.
+pub(crate) const HELD: f64 = 0.0;
+pub(crate) const LOADED: f64 = 1.0;
+pub(crate) const SPRUNG: f64 = 2.0;
+
+/// Mass, inertia x y z, centre x y z, then mode, stiffness and damping of each degree of freedom.
+fn mount_row(mount: &Mount) -> [f64; MOUNT] {
+    let (j, c) = (&mount.inertia, &mount.centre);
+    let mut row = [0.0; MOUNT];
+    row[..7].copy_from_slice(&[mount.mass, j.x, j.y, j.z, c.x, c.y, c.z]);
+    for (freedom, place) in mount.freedoms.iter().zip(row[7..].as_chunks_mut::<3>().0) {
+        let mode = match freedom {
+            Freedom::Held => HELD,
+            Freedom::Loaded => LOADED,
+            Freedom::Sprung { .. } => SPRUNG,
+        };
+        let [stiffness, damping] = freedom.spring();
+        *place = [mode, stiffness, damping];
+    }
+    row
+}
+
+/// Position, orientation w x y z.
+fn pose_row(pose: &Pose) -> [f64; 7] {
+    let (p, q) = (&pose.position, &pose.orientation);
+    [p.x, p.y, p.z, q.w, q.i, q.j, q.k]
+}
+
 /// Convex part: position, orientation w x y z. Half-space: normal, offset, zeros.
 fn placement(part: &Part) -> [f64; 7] {
     match part {
-        Part::Convex { pose, .. } => {
-            let (p, q) = (&pose.position, &pose.orientation);
-            [p.x, p.y, p.z, q.w, q.i, q.j, q.k]
-        }
+        Part::Convex { pose, .. } => pose_row(pose),
         Part::HalfSpace { normal, offset } => [normal.x, normal.y, normal.z, *offset, 0., 0., 0.],
     }
 }
@@ -233,7 +262,11 @@ fn of_state(state: &State) -> Vec<Column> {
         u64s("contacts/feature", memory.feature.clone()),
         vectors("contacts/local_point", &memory.local_point),
         vectors("contacts/impulse", &memory.impulse),
-        vectors("state/mount", &state.mount),
+        Column {
+            name: "state/mount",
+            width: 7,
+            data: Data::F64(state.mount.iter().flat_map(pose_row).collect()),
+        },
         f64s("state/drive", state.drive.clone()),
         f64s(
             "state/energy",

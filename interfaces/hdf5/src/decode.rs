@@ -3,12 +3,14 @@
 //! Reads: a [`Source`]. Contract: what comes back has consistent lengths; that its values make sense
 //! is [`crate::validate`]'s task.
 
-use crate::columns::{CONVEX, HALF_SPACE, NORMS, ROLES, SCHEDULES};
+use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, NORMS, ROLES, SCHEDULES, SPRUNG};
 use crate::error::{Fault, Result};
 use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Grains, Model, Mount, Part, PartitionRule, Solver, Stepping};
+use ballast::model::{
+    DrivenBody, Freedom, Grains, Model, Mount, Part, PartitionRule, Solver, Stepping,
+};
 use ballast::state::{ContactMemory, EnergyLedger, State};
 use std::ops::Range;
 
@@ -48,7 +50,13 @@ pub(crate) fn state(source: &Source, bodies: usize, mounted: usize) -> Result<St
         velocity: vectors(source, "state/velocity", nb)?,
         spin: vectors(source, "state/spin", nb)?,
         contacts: contacts(source)?,
-        mount: vectors(source, "state/mount", Some(mounted))?,
+        mount: source
+            .reals("state/mount", Some(mounted), 7)?
+            .as_chunks()
+            .0
+            .iter()
+            .map(pose)
+            .collect(),
         drive: source.reals("state/drive", None, 1)?,
         energy: EnergyLedger {
             initial_kinetic: energy[0],
@@ -76,6 +84,14 @@ fn contacts(source: &Source) -> Result<ContactMemory> {
 /// The components as they were written: normalising again would change the last bits.
 fn quaternion(c: &[f64; 4]) -> Quat {
     Quat::new_unchecked(nalgebra::Quaternion::new(c[0], c[1], c[2], c[3]))
+}
+
+/// Position, orientation w x y z.
+fn pose(p: &[f64; 7]) -> Pose {
+    Pose {
+        position: Vec3::new(p[0], p[1], p[2]),
+        orientation: quaternion(&[p[3], p[4], p[5], p[6]]),
+    }
 }
 
 fn vectors(source: &Source, name: &str, rows: Option<usize>) -> Result<Vec<Vec3>> {
@@ -143,9 +159,9 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
     let nd = Some(names.len());
     let roles = source.texts("driven/role", nd)?;
     let friction = source.reals("driven/friction", nd, 1)?;
-    let mounts = source.reals("driven/mount", None, 3)?;
-    let (mounts, _) = mounts.as_chunks();
-    let mount = |&[mass, stiffness, damping]: &[f64; 3]| Mount { mass, stiffness, damping };
+    let rows = source.reals("driven/mount", None, MOUNT)?;
+    let mounts: Vec<Mount> =
+        rows.as_chunks().0.iter().map(|row| mount(source, row)).collect::<Result<_>>()?;
     let of_parts = ranges(source, "driven/first_part", nd)?;
     let parts = parts(source, total(&of_parts))?;
     let body = |(d, name): (usize, String)| {
@@ -154,10 +170,29 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
             role: source.choose("driven/role", &roles[d], &ROLES)?,
             friction: friction[d],
             parts: parts[of_parts[d].clone()].to_vec(),
-            mount: mounts.get(d).map(mount),
+            mount: mounts.get(d).copied(),
         })
     };
     names.into_iter().enumerate().map(body).collect()
+}
+
+fn mount(source: &Source, row: &[f64; MOUNT]) -> Result<Mount> {
+    let freedom = |&[mode, stiffness, damping]: &[f64; 3]| match mode {
+        HELD => Ok(Freedom::Held),
+        LOADED => Ok(Freedom::Loaded),
+        SPRUNG => Ok(Freedom::Sprung { stiffness, damping }),
+        _ => {
+            let expected = format!("modes {HELD}, {LOADED} or {SPRUNG}");
+            Err(Fault::new("driven/mount", expected, mode.to_string()).in_file(source.path))
+        }
+    };
+    let modes: Vec<Freedom> = row[7..].as_chunks().0.iter().map(freedom).collect::<Result<_>>()?;
+    Ok(Mount {
+        mass: row[0],
+        inertia: Vec3::new(row[1], row[2], row[3]),
+        centre: Vec3::new(row[4], row[5], row[6]),
+        freedoms: std::array::from_fn(|k| modes[k]),
+    })
 }
 
 fn parts(source: &Source, count: Option<usize>) -> Result<Vec<Part>> {
@@ -166,13 +201,7 @@ fn parts(source: &Source, count: Option<usize>) -> Result<Vec<Part>> {
     let placements = source.reals("parts/placement", count, 7)?;
     let part =
         |((kind, shape), p): ((u8, u32), &[f64; 7])| match kind {
-            CONVEX => Ok(Part::Convex {
-                shape,
-                pose: Pose {
-                    position: Vec3::new(p[0], p[1], p[2]),
-                    orientation: quaternion(&[p[3], p[4], p[5], p[6]]),
-                },
-            }),
+            CONVEX => Ok(Part::Convex { shape, pose: pose(p) }),
             HALF_SPACE => Ok(Part::HalfSpace { normal: Vec3::new(p[0], p[1], p[2]), offset: p[3] }),
             found => Err(Fault::new("parts/kind", "0 (convex) or 1 (half-space)", found)
                 .in_file(source.path)),

@@ -203,10 +203,11 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
 /// What the case leaves open is that of a steel tine of these sizes.
 fn mount(case: &case_file::Mount, blade: [f64; 3], shaft: [f64; 3]) -> Option<Mount> {
     let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
-    let stiffness = case.stiffness.unwrap_or(steel.stiffness);
+    let [steel_stiffness, _] = steel.freedoms[0].spring();
+    let stiffness = case.stiffness.unwrap_or(steel_stiffness);
     let mass = case.mass_kg.unwrap_or(steel.mass);
     let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
-    (!case.rigid).then_some(Mount { mass, stiffness, damping })
+    (!case.rigid).then_some(Mount::spring(mass, stiffness, damping))
 }
 
 fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {

@@ -94,7 +94,7 @@ fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile
     let mut workspace = Workspace::default();
     for _ in 0..steps {
         profile.output();
-        let inputs = Inputs { targets: &still };
+        let inputs = Inputs { targets: &still, loads: &[] };
         let report = step(model, state, &inputs, &mut workspace, profile)
             .map_err(|e| Failure::Failed(e.to_string()))?;
         trial.take(report);

@@ -56,7 +56,7 @@ fn other_files_are_told_apart() {
         (b"\x89HDF\r\n\x1a\n and more", "HDF5 file without"),
         (b"ballast-checkpoint 1\nbytes 0\n", "ballast-checkpoint 1"),
         (b"ballast-checkpointer 1\n", "ballast-checkpointer"),
-        (b"ballast-checkpoint 2\n", "21 bytes"),
+        (b"ballast-checkpoint 3\n", "21 bytes"),
     ] {
         std::fs::write(&path, content).unwrap();
         let told = read(&path).unwrap_err().to_string();
@@ -126,8 +126,9 @@ fn senseless_values_are_refused_with_their_place() {
         ("expected a known shape", |f| set(f, "parts/shape", 2, 99_u32)),
         ("driven/role: expected", |f| set(f, "driven/role", 0, text("king"))),
         ("a name of its own", |f| set(f, "driven/name", 1, text("floor"))),
+        ("driven/mount: expected modes 0, 1 or 2, found 7", |f| set(f, "driven/mount", 7, 7.0)),
         ("solver/schedule: expected", |f| set(f, "solver/schedule", 0, text("fast"))),
-        ("format: expected ballast-checkpoint 2, found ballast-checkpoint 9", |f| {
+        ("format: expected ballast-checkpoint 3, found ballast-checkpoint 9", |f| {
             set(f, "about/version", 0, 9_u32)
         }),
         ("about/state_hash: expected", |f| set(f, "state/velocity", 0, 0.25)),

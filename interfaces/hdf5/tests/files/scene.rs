@@ -54,7 +54,10 @@ pub fn model() -> Model {
         ),
         driven("tine Ä/1", Role::Tine, 0.2, vec![part(3, Vec3::zeros(), turn(0.1, 0.2, 0.3))]),
     ];
-    let mount = Mount { mass: 1.0 / 3.0, stiffness: 1e6, damping: 0.1 + 0.2 };
+    let mut mount = Mount::spring(1.0 / 3.0, 1e6, 0.1 + 0.2);
+    mount.inertia = Vec3::new(0.1, 0.2, 0.3);
+    mount.centre = Vec3::new(0.0, -0.0, 0.7);
+    mount.freedoms[4] = Freedom::Loaded;
     driven[0].mount = Some(mount);
     Model {
         shapes,
@@ -84,7 +87,7 @@ pub fn state(model: &Model) -> State {
     {
         state.push(Pose::at(position));
     }
-    state.mount.push(Vec3::new(0.1 + 0.2, -0.0, 1e-300));
+    state.mount.push(Pose::at(Vec3::new(0.1 + 0.2, -0.0, 1e-300)));
     for (c, a) in [(0, 1), (0, 1), (0, 27), (3, 29), (25, 26)] {
         let memory = &mut state.contacts;
         memory.feature.push(u64::MAX - memory.bodies.len() as u64);

@@ -3,10 +3,15 @@
 //!
 //! Reads: model, state, inputs. Writes: [`Motion`]. Cost: O(bodies).
 
-use crate::drive::Inputs;
+mod mounted;
+
+pub use mounted::Response;
+pub(crate) use mounted::only;
+
+use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};
-use crate::math::{Pose, Quat, Vec3, rotation};
-use crate::model::{Model, Mount};
+use crate::math::{Quat, Vec3, rotation};
+use crate::model::Model;
 use crate::state::State;
 use rayon::prelude::*;
 
@@ -21,6 +26,8 @@ pub struct Motion {
     pub velocity: Vec<Vec3>,
     /// Free and imposed angular velocity, world axes, rad/s.
     pub spin: Vec<Vec3>,
+    /// How the mounted bodies answer to impulses `[nm]`.
+    pub responses: Vec<Response>,
 }
 
 impl Motion {
@@ -36,6 +43,15 @@ impl Motion {
                 found: inputs.targets.len().to_string(),
             });
         }
+        let mounted = model.mounted();
+        if !inputs.loads.is_empty() && inputs.loads.len() != mounted {
+            return Err(Error::Input {
+                place: "loads".into(),
+                expected: format!("{mounted}, one per mounted body, or none"),
+                found: inputs.loads.len().to_string(),
+            });
+        }
+        self.responses.clear();
         self.position.resize(ng + nd, Vec3::zeros());
         self.orientation.resize(ng + nd, Quat::identity());
         self.velocity.resize(ng + nd, Vec3::zeros());
@@ -99,7 +115,8 @@ impl Motion {
                 });
             }
             if let Some(mount) = &model.driven[d].mount {
-                self.predict_mounted(model, state, d, mount, target)?;
+                let load = inputs.loads.get(d).copied().unwrap_or_else(Load::zero);
+                self.predict_mounted(model, state, d, mount, target, load)?;
                 continue;
             }
             let turn = target.orientation * state.orientation[b].inverse();
@@ -109,36 +126,6 @@ impl Motion {
             self.orientation[b] =
                 rotation::advance(&state.orientation[b], &(self.spin[b] * before));
         }
-        Ok(())
-    }
-
-    /// The mount is where `target` says at the end of the step; spring and damper act on the body
-    /// with the deflection and its rate at the end of the step (T-28).
-    fn predict_mounted(
-        &mut self,
-        model: &Model,
-        state: &State,
-        d: usize,
-        mount: &Mount,
-        target: &Pose,
-    ) -> Result<()> {
-        let b = model.grains.len() + d;
-        if target.orientation != state.orientation[b] {
-            return Err(Error::Input {
-                place: format!("target of {:?}", model.driven[d].name),
-                expected: format!("the orientation {:?}: it is mounted", state.orientation[b]),
-                found: format!("{:?}", target.orientation),
-            });
-        }
-        let h = model.stepping.h();
-        let x = state.position[b] + state.velocity[b] * (h * (1.0 - model.stepping.theta));
-        let shift = target.position - state.mount[d];
-        let pull = (target.position - x) * (h * mount.stiffness) + shift * mount.damping;
-        let momentum = state.velocity[b] * mount.mass + pull;
-        self.position[b] = x;
-        self.orientation[b] = target.orientation;
-        self.velocity[b] = momentum / mount.effective_mass(&model.stepping);
-        self.spin[b] = Vec3::zeros();
         Ok(())
     }
 }

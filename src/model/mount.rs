@@ -1,0 +1,95 @@
+//! Driven bodies that contacts can move: which degrees of freedom, against what (T-28).
+
+use super::Stepping;
+use crate::math::Vec3;
+
+/// How a driven body answers to its contacts.
+///
+/// Its degrees of freedom are the three translations of its reference point along the world's axes and
+/// the three rotations about them, each in one mode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mount {
+    /// Mass that moves with the body, kg.
+    pub mass: f64,
+    /// Moments of inertia about the centre of mass, along the body's axes, kg m²; above zero if the body
+    /// can turn.
+    pub inertia: Vec3,
+    /// Centre of mass, in the body's frame, m.
+    pub centre: Vec3,
+    pub freedoms: [Freedom; 6],
+}
+
+/// What a degree of freedom follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Freedom {
+    /// The imposed motion, whatever pushes back.
+    Held,
+    /// Loads and gravity alone.
+    Loaded,
+    /// The imposed motion, through a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad). Gravity is
+    /// carried by the machine.
+    Sprung { stiffness: f64, damping: f64 },
+}
+
+impl Freedom {
+    /// Stiffness and damping; none where there is no spring.
+    pub fn spring(self) -> [f64; 2] {
+        match self {
+            Freedom::Sprung { stiffness, damping } => [stiffness, damping],
+            Freedom::Held | Freedom::Loaded => [0.0; 2],
+        }
+    }
+
+    pub fn is_held(self) -> bool {
+        self == Freedom::Held
+    }
+
+    /// What spring and damper add to the inertia because they answer within the step (T-28).
+    pub fn added_inertia(self, stepping: &Stepping) -> f64 {
+        let h = stepping.h();
+        let [stiffness, damping] = self.spring();
+        h * (damping + h * stepping.theta * stiffness)
+    }
+}
+
+impl Mount {
+    /// A mass on a spring (N/m) and damper (N s/m) that are equal in all directions; it does not turn.
+    pub fn spring(mass: f64, stiffness: f64, damping: f64) -> Self {
+        let sprung = Freedom::Sprung { stiffness, damping };
+        let held = Freedom::Held;
+        Self {
+            mass,
+            inertia: Vec3::zeros(),
+            centre: Vec3::zeros(),
+            freedoms: [sprung, sprung, sprung, held, held, held],
+        }
+    }
+
+    /// Modes of the three translations.
+    pub fn translations(&self) -> [Freedom; 3] {
+        [self.freedoms[0], self.freedoms[1], self.freedoms[2]]
+    }
+
+    /// Modes of the three rotations.
+    pub fn rotations(&self) -> [Freedom; 3] {
+        [self.freedoms[3], self.freedoms[4], self.freedoms[5]]
+    }
+
+    /// Whether an impulse moves the body's mass alike in all directions.
+    pub fn moves_alike(&self) -> bool {
+        let [x, y, z] = self.translations();
+        !(x.is_held() || y.is_held() || z.is_held())
+            && x.spring() == y.spring()
+            && y.spring() == z.spring()
+    }
+
+    /// Whether contacts can turn the body.
+    pub fn turns(&self) -> bool {
+        self.rotations().iter().any(|r| !r.is_held())
+    }
+
+    /// Numbers of the degrees of freedom that are not held.
+    pub fn free(&self) -> impl Iterator<Item = usize> {
+        (0..6).filter(|k| !self.freedoms[*k].is_held())
+    }
+}

@@ -1,0 +1,244 @@
+//! Mounted bodies by their degrees of freedom (T-28): loaded, sprung and held, beside grains that are the
+//! same bodies.
+
+use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
+use ballast::drive::Load;
+use ballast::geometry::hull::cuboid;
+use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::{Freedom, Mount, Part, Schedule};
+use std::f64::consts::TAU;
+
+const HALF: Vec3 = Vec3::new(0.06, 0.05, 0.04);
+const LOADED: [Freedom; 6] = [Freedom::Loaded; 6];
+
+fn mount(freedoms: [Freedom; 6]) -> Mount {
+    Mount { mass: 5.0, inertia: Vec3::new(0.01, 0.02, 0.03), centre: Vec3::zeros(), freedoms }
+}
+
+/// A block alone, hanging on a mount.
+fn alone(mount: Mount) -> Scene {
+    let mut scene = Scene::new(100_000, 0.5);
+    let shape = scene.shape(cuboid(HALF));
+    let part = Part::Convex { shape, pose: Pose::identity() };
+    scene.driven("block", part, Pose::identity(), 0.5);
+    scene.mount(mount);
+    scene
+}
+
+fn held_but(free: &[(usize, Freedom)]) -> [Freedom; 6] {
+    let mut freedoms = [Freedom::Held; 6];
+    free.iter().for_each(|&(k, f)| freedoms[k] = f);
+    freedoms
+}
+
+#[test]
+fn a_loaded_body_falls_and_is_accelerated_by_its_load() {
+    let mut scene = alone(mount(LOADED));
+    scene.loads = vec![Load { force: Vec3::new(10.0, 0.0, 0.0), torque: Vec3::new(0.0, 0.0, 0.6) }];
+    scene.run(0.1);
+    let (v, w) = (scene.state.velocity[0], scene.state.spin[0]);
+    assert!((v - Vec3::new(10.0 / 5.0, 0.0, -GRAVITY) * 0.1).norm() < 1e-12, "{v}");
+    assert!((w - Vec3::z() * (0.6 / 0.03 * 0.1)).norm() < 1e-12, "{w}");
+    // Springs carry the weight, and what is held does not move.
+    let spring = Freedom::Sprung { stiffness: 0.0, damping: 0.0 };
+    for freedoms in [[spring; 6], held_but(&[(0, Freedom::Loaded), (4, Freedom::Loaded)])] {
+        let mut scene = alone(mount(freedoms));
+        scene.loads = vec![Load { force: Vec3::x() * 10.0, torque: Vec3::zeros() }];
+        scene.run(0.1);
+        let v = scene.state.velocity[0];
+        assert!((v - Vec3::x() * (10.0 / 5.0 * 0.1)).norm() < 1e-12, "{v}");
+    }
+}
+
+#[test]
+fn a_force_beside_the_centre_of_mass_turns_the_body() {
+    let centre = Vec3::new(0.03, -0.02, 0.1);
+    let force = Vec3::new(20.0, -7.0, 3.0);
+    let load = Load { force, torque: Vec3::new(0.1, 0.2, -0.3) };
+    // About the centre of mass: J dw/dt = torque + (-c) × force, and m dv/dt = force at the centre.
+    let h = 1e-4;
+    let inertia = mount(LOADED).inertia;
+    let spin = (load.torque - centre.cross(&force)).component_div(&inertia) * h;
+    let of_centre = (force / 5.0 - Vec3::z() * GRAVITY) * h;
+    let of_reference = of_centre - spin.cross(&centre);
+    let mut scene = alone(Mount { centre, ..mount(LOADED) });
+    scene.loads = vec![load];
+    scene.step();
+    let (v, w) = (scene.state.velocity[0], scene.state.spin[0]);
+    assert!((w - spin).norm() < 1e-12 * spin.norm(), "{w} {spin}");
+    assert!((v - of_reference).norm() < 1e-12 * v.norm(), "{v} {of_reference}");
+    // Of three freedoms, the same body accelerates as the rows and columns of its mass matrix say.
+    let freedoms = held_but(&[(0, Freedom::Loaded), (2, Freedom::Loaded), (4, Freedom::Loaded)]);
+    let mut scene = alone(Mount { centre, ..mount(freedoms) });
+    scene.loads = vec![load];
+    scene.step();
+    let (v, w) = (scene.state.velocity[0], scene.state.spin[0]);
+    let about = inertia.y + 5.0 * (centre.x * centre.x + centre.z * centre.z);
+    let weight = Vec3::z() * (-5.0 * GRAVITY);
+    let given = [force.x, force.z + weight.z, load.torque.y + centre.cross(&weight).y];
+    let taken = [
+        5.0 * (v.x + w.y * centre.z) / h,
+        5.0 * (v.z - w.y * centre.x) / h,
+        (about * w.y + 5.0 * (centre.z * v.x - centre.x * v.z)) / h,
+    ];
+    for (given, taken) in given.iter().zip(taken) {
+        assert!((given - taken).abs() < 1e-9 * given.abs(), "{given} {taken}");
+    }
+    assert_eq!((v.y, w.x, w.z), (0.0, 0.0, 0.0));
+}
+
+/// A block flies at another one without gravity; the second is a grain, or a driven body that is the same
+/// solid. Velocities of the second one's centre of mass, and spins, of both in the end.
+fn collision(schedule: Schedule, offset: Option<Vec3>) -> [Vec3; 4] {
+    let mut scene = Scene::new(100_000, 0.5).scheduled(schedule, [2, 1, 1]);
+    scene.model.gravity = Vec3::zeros();
+    let shape = scene.shape(cuboid(HALF));
+    let first = Pose {
+        position: Vec3::new(-0.2, 0.02, 0.015),
+        orientation: Quat::from_scaled_axis(Vec3::new(0.3, -0.5, 0.7)),
+    };
+    scene.grain(shape, first);
+    let turn = Quat::from_scaled_axis(Vec3::new(-0.2, 0.4, 0.1));
+    let solid = &scene.model.shapes[shape as usize];
+    let mass = crate::common::scene::DENSITY * solid.volume;
+    let inertia = solid.unit_inertia * crate::common::scene::DENSITY;
+    match offset {
+        None => {
+            scene.grain(shape, Pose { position: Vec3::zeros(), orientation: turn });
+        }
+        Some(centre) => {
+            let part = Part::Convex { shape, pose: Pose::at(centre) };
+            let pose = Pose { position: -(turn * centre), orientation: turn };
+            scene.driven("block", part, pose, 0.5);
+            scene.mount(Mount { mass, inertia, centre, freedoms: LOADED });
+        }
+    }
+    scene.state.velocity[0] = Vec3::new(2.0, 0.0, 0.0);
+    scene.state.spin[0] = Vec3::new(1.0, 2.0, 3.0);
+    scene.run(0.08);
+    let lever = scene.state.orientation[1] * offset.unwrap_or_else(Vec3::zeros);
+    let (v, w) = (&scene.state.velocity, &scene.state.spin);
+    [v[0], v[1] + w[1].cross(&lever), w[0], w[1]]
+}
+
+#[test]
+fn a_free_driven_body_takes_a_blow_like_the_grain_that_it_is() {
+    for schedule in SCHEDULES {
+        let grain = collision(schedule, None);
+        assert!(grain[1].norm() > 0.5 && grain[3].norm() > 1.0, "there was a blow: {grain:?}");
+        for centre in [Vec3::zeros(), Vec3::new(0.02, -0.01, 0.05)] {
+            let body = collision(schedule, Some(centre));
+            // A reference point beside the centre of mass moves on a curve: its steps are not the same.
+            let close = if centre == Vec3::zeros() { 1e-5 } else { 2e-2 };
+            for (a, b) in grain.iter().zip(&body) {
+                assert!((a - b).norm() < close * (1.0 + a.norm()), "{schedule:?}: {a} {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sleeper_that_may_settle_carries_its_load_to_the_ground() {
+    for freedoms in [
+        held_but(&[(2, Freedom::Loaded)]),
+        held_but(&[(2, Freedom::Loaded), (3, Freedom::Loaded), (4, Freedom::Loaded)]),
+        LOADED,
+    ] {
+        for schedule in SCHEDULES {
+            let mut scene = Scene::new(500_000, 0.5).scheduled(schedule, [2, 1, 1]);
+            let cube = scene.shape(cuboid(Vec3::repeat(0.03)));
+            for (x, y) in [(-0.1, -0.05), (0.1, -0.05), (-0.1, 0.05), (0.1, 0.05)] {
+                scene.grain(cube, Pose::at(Vec3::new(x, y, 0.03)));
+            }
+            let block = scene.shape(cuboid(Vec3::new(0.15, 0.1, 0.05)));
+            let part = Part::Convex { shape: block, pose: Pose::at(Vec3::z() * 0.05) };
+            scene.driven("sleeper", part, Pose::at(Vec3::z() * 0.0605), 0.7);
+            let inertia = Vec3::new(0.5, 0.8, 1.2);
+            let centre = Vec3::z() * 0.05;
+            scene.mount(Mount { mass: 60.0, inertia, centre, freedoms });
+            let floor = scene.plane("floor", Pose::identity(), 0.5);
+            scene.loads = vec![Load { force: Vec3::z() * -2000.0, torque: Vec3::zeros() }];
+            let report = scene.run(0.5);
+            let grains: f64 = scene.model.grains.mass.iter().sum();
+            let expected = 2000.0 + (60.0 + grains) * GRAVITY;
+            let force = -report.reactions[floor].impulse.z / scene.h();
+            let what = format!("{schedule:?}, {freedoms:?}");
+            assert!((force - expected).abs() < 1e-4 * expected, "{what}: {force}, not {expected}");
+            let p = scene.state.position[4];
+            assert!((p.z - 0.06).abs() < 2e-6, "{what}: {p}");
+            assert!(scene.state.velocity[4].norm() < 1e-5, "{what}");
+            assert!(scene.state.orientation[4].angle() < 1e-4, "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_sprung_rotation_swings_with_its_own_period() {
+    let (stiffness, inertia) = (300.0_f64, 0.02);
+    let swing = Freedom::Sprung { stiffness, damping: 0.0 };
+    // Held beside it, or free beside it: no difference.
+    let soft = Freedom::Sprung { stiffness: 1e5, damping: 0.0 };
+    let held = Freedom::Held;
+    for freedoms in [held_but(&[(4, swing)]), [soft, soft, soft, held, swing, held]] {
+        let mut scene = alone(mount(freedoms));
+        scene.state.orientation[0] = Quat::from_scaled_axis(Vec3::y() * 0.05);
+        let period = TAU * (inertia / stiffness).sqrt();
+        let mut crossings = vec![];
+        let mut before = 0.05;
+        while crossings.len() < 3 {
+            scene.step();
+            let angle = scene.state.orientation[0].scaled_axis().y;
+            if before > 0.0 && angle <= 0.0 || before < 0.0 && angle >= 0.0 {
+                crossings.push(scene.state.time() - scene.h() * angle / (angle - before));
+            }
+            before = angle;
+        }
+        let measured = crossings[2] - crossings[0];
+        assert!((measured - period).abs() < 1e-3 * period, "{measured} s, not {period} s");
+    }
+}
+
+#[test]
+fn held_rotations_follow_the_machine_beside_springs() {
+    let sprung = Freedom::Sprung { stiffness: 1e6, damping: 1e3 };
+    let held = Freedom::Held;
+    let mut scene = alone(mount([sprung, sprung, sprung, held, held, held]));
+    for k in 1..=200 {
+        let angle = 0.3 * (0.5 - 0.5 * (TAU * f64::from(k) / 400.0).cos());
+        scene.targets[0].orientation = Quat::from_scaled_axis(Vec3::y() * angle);
+        scene.step();
+        assert_eq!(scene.state.orientation[0], scene.targets[0].orientation);
+    }
+    assert!(
+        scene.state.position[0].norm() < 1e-9,
+        "nothing pushes it: {}",
+        scene.state.position[0]
+    );
+    // Other mounts cannot be turned where they are held.
+    let mut scene = alone(mount(held_but(&[(2, Freedom::Loaded)])));
+    scene.targets[0].orientation = Quat::from_scaled_axis(Vec3::y() * 0.01);
+    let message = scene.try_step().expect_err("held").to_string();
+    assert!(message.contains("block") && message.contains("held rotation"), "{message}");
+}
+
+#[test]
+fn mounts_and_loads_that_cannot_be_are_refused() {
+    let loaded = Freedom::Loaded;
+    let soft = Freedom::Sprung { stiffness: 1.0, damping: 0.0 };
+    let four = held_but(&[(0, soft), (1, loaded), (2, loaded), (3, loaded)]);
+    for (bad, words) in [
+        (mount([Freedom::Held; 6]), "not held"),
+        (mount(four), "at most three"),
+        (Mount { inertia: Vec3::zeros(), ..mount(LOADED) }, "moments of inertia"),
+        (Mount { centre: Vec3::repeat(f64::NAN), ..mount(LOADED) }, "centre of mass"),
+    ] {
+        let message = alone(bad).model.check().expect_err("refused").to_string();
+        assert!(message.contains("block") && message.contains(words), "{message}");
+    }
+    let mut scene = alone(mount(LOADED));
+    let nan = Load { force: Vec3::repeat(f64::NAN), torque: Vec3::zeros() };
+    scene.loads = vec![nan];
+    assert!(scene.try_step().expect_err("not finite").to_string().contains("load on"));
+    scene.loads = vec![Load::zero(); 2];
+    assert!(scene.try_step().expect_err("too many").to_string().contains("loads"));
+}
