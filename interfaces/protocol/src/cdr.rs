@@ -1,0 +1,59 @@
+//! Messages as CDR, version 1 (XCDR1), the encoding of ROS 2.
+//!
+//! Reads and writes: bytes. Contract: four bytes of encapsulation header, then the fields in order,
+//! numbers aligned to their size relative to the first byte after the header, strings and sequences
+//! with a 32-bit length in front, strings with a closing zero that counts. Written little endian; both
+//! orders are read. Decoding never reserves more memory than the bytes at hand can fill.
+
+mod read;
+mod write;
+
+use crate::Malformed;
+use crate::messages::Message;
+
+/// Encapsulation headers: plain CDR, big and little endian.
+const BIG: [u8; 2] = [0, 0];
+const LITTLE: [u8; 2] = [0, 1];
+
+/// A message as CDR with its encapsulation header.
+///
+/// # Errors
+/// A text with a zero inside, or a list with more than 2³² entries: neither can be expressed.
+pub fn to_cdr<T: Message>(message: &T) -> Result<Vec<u8>, Malformed> {
+    let mut writer = write::Writer::new();
+    message.serialize(&mut writer).map_err(|e| e.inside(T::NAME))?;
+    Ok(writer.finish())
+}
+
+/// A message from CDR with its encapsulation header.
+///
+/// Up to three zero bytes may follow that fill the last word, as some writers leave them.
+///
+/// # Errors
+/// Bytes that are no message of this type: another encapsulation, an end too early or too late, text
+/// that is not UTF-8, a value that the type does not know. With the field and its byte.
+pub fn from_cdr<T: Message>(bytes: &[u8]) -> Result<T, Malformed> {
+    read(bytes).map_err(|e| e.inside(T::NAME))
+}
+
+fn read<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, Malformed> {
+    let Some((header, body)) = bytes.split_first_chunk::<4>() else {
+        let found = format!("{} bytes", bytes.len());
+        return Err(Malformed::new("", "an encapsulation header of 4 bytes", found));
+    };
+    let little = match [header[0], header[1]] {
+        LITTLE => true,
+        BIG => false,
+        other => {
+            let expected = "the header of plain CDR, 00 00 or 00 01";
+            return Err(Malformed::new("", expected, format!("{:02x} {:02x}", other[0], other[1])));
+        }
+    };
+    let mut reader = read::Reader::new(body, little);
+    let message = T::deserialize(&mut reader).map_err(|e| reader.located(e))?;
+    reader.end()?;
+    Ok(message)
+}
+
+#[cfg(test)]
+mod tests;

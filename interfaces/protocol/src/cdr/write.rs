@@ -1,0 +1,230 @@
+//! serde's data model as CDR, as far as ROS 2 messages go.
+
+use super::LITTLE;
+use crate::Malformed;
+use serde::Serialize;
+use serde::ser::{Impossible, SerializeSeq, SerializeStruct, SerializeTuple, Serializer};
+
+pub(super) struct Writer {
+    out: Vec<u8>,
+}
+
+/// Length of the encapsulation header, which alignment does not count.
+const HEADER: usize = 4;
+
+impl Writer {
+    pub fn new() -> Self {
+        let mut out = vec![0; HEADER];
+        out[..2].copy_from_slice(&LITTLE);
+        Self { out }
+    }
+
+    pub fn finish(self) -> Vec<u8> {
+        self.out
+    }
+
+    fn number<const N: usize>(&mut self, bytes: [u8; N]) -> Result<(), Malformed> {
+        let end = (self.out.len() - HEADER).next_multiple_of(N) + HEADER;
+        self.out.resize(end, 0);
+        self.out.extend_from_slice(&bytes);
+        Ok(())
+    }
+
+    fn length(&mut self, length: usize) -> Result<(), Malformed> {
+        let length = u32::try_from(length)
+            .map_err(|_| Malformed::new("", format!("at most {} entries", u32::MAX), length))?;
+        self.number(length.to_le_bytes())
+    }
+}
+
+/// What ROS 2 messages have no word for.
+fn foreign<T>(what: &str) -> Result<T, Malformed> {
+    Err(Malformed::new("", "a type of ROS 2 messages", what))
+}
+
+type Never = Impossible<(), Malformed>;
+
+impl Serializer for &mut Writer {
+    type Ok = ();
+    type Error = Malformed;
+    type SerializeSeq = Self;
+    type SerializeTuple = Self;
+    type SerializeTupleStruct = Never;
+    type SerializeTupleVariant = Never;
+    type SerializeMap = Never;
+    type SerializeStruct = Self;
+    type SerializeStructVariant = Never;
+
+    fn is_human_readable(&self) -> bool {
+        false
+    }
+
+    fn serialize_bool(self, v: bool) -> Result<(), Malformed> {
+        self.number([u8::from(v)])
+    }
+    fn serialize_i8(self, v: i8) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_i16(self, v: i16) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_i32(self, v: i32) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_i64(self, v: i64) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_u8(self, v: u8) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_u16(self, v: u16) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_u32(self, v: u32) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_u64(self, v: u64) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_f32(self, v: f32) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+    fn serialize_f64(self, v: f64) -> Result<(), Malformed> {
+        self.number(v.to_le_bytes())
+    }
+
+    fn serialize_str(self, v: &str) -> Result<(), Malformed> {
+        if let Some(at) = v.bytes().position(|b| b == 0) {
+            return Err(Malformed::new("", "a text without zeros", format!("one at byte {at}")));
+        }
+        self.length(v.len().saturating_add(1))?;
+        self.out.extend_from_slice(v.as_bytes());
+        self.out.push(0);
+        Ok(())
+    }
+
+    fn serialize_bytes(self, v: &[u8]) -> Result<(), Malformed> {
+        self.length(v.len())?;
+        self.out.extend_from_slice(v);
+        Ok(())
+    }
+
+    fn serialize_seq(self, length: Option<usize>) -> Result<Self, Malformed> {
+        let Some(length) = length else { return foreign("a sequence of unknown length") };
+        self.length(length)?;
+        Ok(self)
+    }
+
+    fn serialize_tuple(self, _: usize) -> Result<Self, Malformed> {
+        Ok(self)
+    }
+
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Self, Malformed> {
+        Ok(self)
+    }
+
+    fn serialize_newtype_struct<T: ?Sized + Serialize>(
+        self,
+        _: &'static str,
+        value: &T,
+    ) -> Result<(), Malformed> {
+        value.serialize(self)
+    }
+
+    fn serialize_char(self, _: char) -> Result<(), Malformed> {
+        foreign("a character")
+    }
+    fn serialize_none(self) -> Result<(), Malformed> {
+        foreign("an option")
+    }
+    fn serialize_some<T: ?Sized + Serialize>(self, _: &T) -> Result<(), Malformed> {
+        foreign("an option")
+    }
+    fn serialize_unit(self) -> Result<(), Malformed> {
+        foreign("nothing")
+    }
+    fn serialize_unit_struct(self, name: &'static str) -> Result<(), Malformed> {
+        foreign(name)
+    }
+    fn serialize_unit_variant(
+        self,
+        name: &'static str,
+        _: u32,
+        _: &'static str,
+    ) -> Result<(), Malformed> {
+        foreign(name)
+    }
+    fn serialize_newtype_variant<T: ?Sized + Serialize>(
+        self,
+        name: &'static str,
+        _: u32,
+        _: &'static str,
+        _: &T,
+    ) -> Result<(), Malformed> {
+        foreign(name)
+    }
+    fn serialize_tuple_struct(self, name: &'static str, _: usize) -> Result<Never, Malformed> {
+        foreign(name)
+    }
+    fn serialize_tuple_variant(
+        self,
+        name: &'static str,
+        _: u32,
+        _: &'static str,
+        _: usize,
+    ) -> Result<Never, Malformed> {
+        foreign(name)
+    }
+    fn serialize_map(self, _: Option<usize>) -> Result<Never, Malformed> {
+        foreign("a map")
+    }
+    fn serialize_struct_variant(
+        self,
+        name: &'static str,
+        _: u32,
+        _: &'static str,
+        _: usize,
+    ) -> Result<Never, Malformed> {
+        foreign(name)
+    }
+}
+
+impl SerializeSeq for &mut Writer {
+    type Ok = ();
+    type Error = Malformed;
+
+    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Malformed> {
+        value.serialize(&mut **self)
+    }
+    fn end(self) -> Result<(), Malformed> {
+        Ok(())
+    }
+}
+
+impl SerializeTuple for &mut Writer {
+    type Ok = ();
+    type Error = Malformed;
+
+    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Malformed> {
+        value.serialize(&mut **self)
+    }
+    fn end(self) -> Result<(), Malformed> {
+        Ok(())
+    }
+}
+
+impl SerializeStruct for &mut Writer {
+    type Ok = ();
+    type Error = Malformed;
+
+    fn serialize_field<T: ?Sized + Serialize>(
+        &mut self,
+        name: &'static str,
+        value: &T,
+    ) -> Result<(), Malformed> {
+        value.serialize(&mut **self).map_err(|e| e.inside(name))
+    }
+    fn end(self) -> Result<(), Malformed> {
+        Ok(())
+    }
+}

@@ -1,0 +1,14 @@
+//! The words of Ballast on every wire and in every recording: messages, and how they become bytes.
+//!
+//! [`messages`]: the types, their ROS 2 definitions, and conversions from and to the core.
+//! [`cdr`]: messages as CDR. [`json`]: messages as JSON. No I/O here.
+
+pub mod cdr;
+pub mod json;
+pub mod messages;
+
+mod malformed;
+
+pub use cdr::{from_cdr, to_cdr};
+pub use json::{from_json, to_json};
+pub use malformed::Malformed;

@@ -1,0 +1,128 @@
+//! Every type with its name and its ROS 2 definition.
+
+use super::*;
+use crate::{Malformed, from_cdr};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::collections::BTreeSet;
+
+/// A type with a ROS 2 definition.
+pub trait Message: Serialize + DeserializeOwned {
+    /// Package, `msg`, type: `geometry_msgs/msg/Pose`.
+    const NAME: &'static str;
+}
+
+macro_rules! catalogue {
+    ($($package:literal $name:ident),* $(,)?) => {
+        $(impl Message for $name {
+            const NAME: &'static str = concat!($package, "/msg/", stringify!($name));
+        })*
+
+        /// Names as definitions use them, and the definitions.
+        const DEFINITIONS: &[(&str, &str)] = &[$((
+            concat!($package, "/", stringify!($name)),
+            include_str!(concat!("../../msg/", $package, "/", stringify!($name), ".msg")),
+        )),*];
+
+        /// A message of the named type (`geometry_msgs/msg/Pose`), from CDR, as a JSON value.
+        ///
+        /// # Errors
+        /// A type that is not of this crate; bytes that are no such message.
+        pub fn decode_to_json(name: &str, bytes: &[u8]) -> Result<serde_json::Value, Malformed> {
+            match name {
+                $(<$name as Message>::NAME => value::<$name>(bytes),)*
+                _ => Err(Malformed::new("schema", "a type of this program", format!("{name:?}"))),
+            }
+        }
+
+        #[cfg(test)]
+        pub(super) fn for_each(visitor: &mut impl super::tests::ForEach) {
+            $(visitor.visit::<$name>();)*
+        }
+    };
+}
+
+fn value<T: Message>(bytes: &[u8]) -> Result<serde_json::Value, Malformed> {
+    serde_json::to_value(from_cdr::<T>(bytes)?)
+        .map_err(|e| Malformed::new(T::NAME, "a value that can be written", e))
+}
+
+catalogue!(
+    "builtin_interfaces" Time,
+    "builtin_interfaces" Duration,
+    "std_msgs" Header,
+    "geometry_msgs" Vector3,
+    "geometry_msgs" Point,
+    "geometry_msgs" Quaternion,
+    "geometry_msgs" Pose,
+    "geometry_msgs" Twist,
+    "geometry_msgs" Wrench,
+    "geometry_msgs" PoseStamped,
+    "geometry_msgs" TwistStamped,
+    "geometry_msgs" WrenchStamped,
+    "geometry_msgs" Transform,
+    "geometry_msgs" TransformStamped,
+    "tf2_msgs" TFMessage,
+    "rosgraph_msgs" Clock,
+    "sensor_msgs" PointField,
+    "sensor_msgs" PointCloud2,
+    "rcl_interfaces" Log,
+    "foxglove_msgs" Color,
+    "foxglove_msgs" KeyValuePair,
+    "foxglove_msgs" ArrowPrimitive,
+    "foxglove_msgs" CubePrimitive,
+    "foxglove_msgs" SpherePrimitive,
+    "foxglove_msgs" CylinderPrimitive,
+    "foxglove_msgs" LinePrimitive,
+    "foxglove_msgs" TriangleListPrimitive,
+    "foxglove_msgs" TextPrimitive,
+    "foxglove_msgs" ModelPrimitive,
+    "foxglove_msgs" SceneEntity,
+    "foxglove_msgs" SceneEntityDeletion,
+    "foxglove_msgs" SceneUpdate,
+    "ballast_msgs" Knot,
+    "ballast_msgs" BodyInput,
+    "ballast_msgs" LoadKnot,
+    "ballast_msgs" LoadInput,
+    "ballast_msgs" AdvanceRequest,
+    "ballast_msgs" WrenchImpulse,
+    "ballast_msgs" Compactness,
+    "ballast_msgs" Squeeze,
+    "ballast_msgs" SolverStats,
+    "ballast_msgs" EnergyLedger,
+    "ballast_msgs" StateHash,
+    "ballast_msgs" AdvanceReply,
+    "ballast_msgs" StepRecord,
+);
+
+/// The definition of one type, by either form of its name.
+pub fn definition(name: &str) -> Option<&'static str> {
+    let short = name.replacen("/msg/", "/", 1);
+    DEFINITIONS.iter().find(|(known, _)| *known == short).map(|(_, text)| *text)
+}
+
+/// The definition of a type and of all types it is made of, as recordings embed it (`ros2msg`).
+pub fn schema<T: Message>() -> String {
+    let short = T::NAME.replacen("/msg/", "/", 1);
+    let mut text = definition(&short).unwrap_or_default().to_string();
+    let mut done = BTreeSet::from([short.clone()]);
+    let mut open = needs(&short);
+    open.reverse();
+    while let Some(name) = open.pop() {
+        if !done.insert(name.clone()) {
+            continue;
+        }
+        text += &"=".repeat(80);
+        text += &format!("\nMSG: {name}\n{}", definition(&name).unwrap_or_default());
+        open.extend(needs(&name).into_iter().rev());
+    }
+    text
+}
+
+/// Types that the fields of a type have, in order, primitives left out.
+fn needs(name: &str) -> Vec<String> {
+    let lines = definition(name).unwrap_or_default().lines();
+    let types = lines.filter_map(|line| line.split_whitespace().next());
+    let composite = types.filter(|t| t.contains('/') && !t.starts_with('#'));
+    composite.map(|t| t.split('[').next().unwrap_or(t).to_string()).collect()
+}

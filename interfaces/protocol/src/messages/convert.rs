@@ -1,0 +1,315 @@
+//! Messages from and to the core's types.
+//!
+//! Contract: numbers go through unchanged, bit for bit.
+
+use super::*;
+use crate::Malformed;
+use ballast::component::{self, Outcome, Refusal};
+use ballast::math::{self, Quat, Vec3};
+use ballast::model::Model;
+use ballast::state::{self, State};
+
+/// How far the norm of a quaternion may be from 1.
+const UNIT: f64 = 1e-6;
+
+impl From<Vec3> for Vector3 {
+    fn from(v: Vec3) -> Self {
+        Self { x: v.x, y: v.y, z: v.z }
+    }
+}
+
+impl From<Vector3> for Vec3 {
+    fn from(v: Vector3) -> Self {
+        Vec3::new(v.x, v.y, v.z)
+    }
+}
+
+impl From<Vec3> for Point {
+    fn from(v: Vec3) -> Self {
+        Self { x: v.x, y: v.y, z: v.z }
+    }
+}
+
+impl From<Point> for Vec3 {
+    fn from(p: Point) -> Self {
+        Vec3::new(p.x, p.y, p.z)
+    }
+}
+
+impl From<Quat> for Quaternion {
+    fn from(q: Quat) -> Self {
+        Self { x: q.i, y: q.j, z: q.k, w: q.w }
+    }
+}
+
+/// Refused unless its norm is 1 within 1e-6; not normalised, which would change bits.
+impl TryFrom<Quaternion> for Quat {
+    type Error = Malformed;
+
+    fn try_from(q: Quaternion) -> Result<Self, Malformed> {
+        let plain = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
+        let norm = plain.norm();
+        if (norm - 1.0).abs() <= UNIT {
+            return Ok(Quat::new_unchecked(plain));
+        }
+        Err(Malformed::new("orientation", "a unit quaternion (x, y, z, w)", format!("{q:?}")))
+    }
+}
+
+impl From<math::Pose> for Pose {
+    fn from(pose: math::Pose) -> Self {
+        Self { position: pose.position.into(), orientation: pose.orientation.into() }
+    }
+}
+
+impl TryFrom<Pose> for math::Pose {
+    type Error = Malformed;
+
+    fn try_from(pose: Pose) -> Result<Self, Malformed> {
+        Ok(Self { position: pose.position.into(), orientation: pose.orientation.try_into()? })
+    }
+}
+
+impl From<component::Interpolation> for Interpolation {
+    fn from(between: component::Interpolation) -> Self {
+        match between {
+            component::Interpolation::Hold => Interpolation::Hold,
+            component::Interpolation::Linear => Interpolation::Linear,
+            component::Interpolation::Hermite => Interpolation::Hermite,
+        }
+    }
+}
+
+impl From<Interpolation> for component::Interpolation {
+    fn from(between: Interpolation) -> Self {
+        match between {
+            Interpolation::Hold => component::Interpolation::Hold,
+            Interpolation::Linear => component::Interpolation::Linear,
+            Interpolation::Hermite => component::Interpolation::Hermite,
+        }
+    }
+}
+
+/// A time of the wire as one of the core.
+fn time(place: &str, ns: i64) -> Result<u64, Malformed> {
+    u64::try_from(ns).map_err(|_| Malformed::new(place, "a time from 0 ns on", ns))
+}
+
+/// A time of the core on the wire; beyond 292 years: the last one.
+fn ns(time_ns: u64) -> i64 {
+    i64::try_from(time_ns).unwrap_or(i64::MAX)
+}
+
+impl From<component::Knot> for Knot {
+    fn from(knot: component::Knot) -> Self {
+        let twist = Twist { linear: knot.velocity.into(), angular: knot.spin.into() };
+        Self { time_ns: ns(knot.time_ns), pose: knot.pose.into(), twist }
+    }
+}
+
+impl TryFrom<Knot> for component::Knot {
+    type Error = Malformed;
+
+    fn try_from(knot: Knot) -> Result<Self, Malformed> {
+        Ok(Self {
+            time_ns: time("time_ns", knot.time_ns)?,
+            pose: math::Pose::try_from(knot.pose).map_err(|e| e.inside("pose"))?,
+            velocity: knot.twist.linear.into(),
+            spin: knot.twist.angular.into(),
+        })
+    }
+}
+
+impl From<&component::Input> for BodyInput {
+    fn from(input: &component::Input) -> Self {
+        Self {
+            body: input.body.clone(),
+            interpolation: input.waveform.interpolation.into(),
+            rebase: input.rebase,
+            knots: input.waveform.knots.iter().map(|k| Knot::from(*k)).collect(),
+        }
+    }
+}
+
+impl TryFrom<&BodyInput> for component::Input {
+    type Error = Malformed;
+
+    fn try_from(input: &BodyInput) -> Result<Self, Malformed> {
+        let knot = |(i, knot): (usize, &Knot)| {
+            component::Knot::try_from(*knot).map_err(|e| e.inside(&format!("knots[{i}]")))
+        };
+        let knots = input.knots.iter().enumerate().map(knot).collect::<Result<_, _>>();
+        let knots = knots.map_err(|e| e.inside(&format!("input of {:?}", input.body)))?;
+        let waveform = component::Waveform { interpolation: input.interpolation.into(), knots };
+        Ok(Self { body: input.body.clone(), waveform, rebase: input.rebase })
+    }
+}
+
+impl AdvanceRequest {
+    /// The window's end and inputs as [`component::Component::advance_to`] takes them.
+    ///
+    /// # Errors
+    /// Times before the start of the run, quaternions that are none, loads (no body of this version
+    /// takes any).
+    pub fn inputs(&self) -> Result<(u64, Vec<component::Input>), Malformed> {
+        let t1 = time("t1_ns", self.t1_ns)?;
+        if let Some(load) = self.loads.first() {
+            let found = format!("a load on {:?}", load.body);
+            return Err(Malformed::new("loads", "none: no body takes loads", found));
+        }
+        let inputs = self.motions.iter().map(component::Input::try_from);
+        Ok((t1, inputs.collect::<Result<_, _>>()?))
+    }
+}
+
+impl From<state::EnergyLedger> for EnergyLedger {
+    fn from(e: state::EnergyLedger) -> Self {
+        Self {
+            initial_kinetic: e.initial_kinetic,
+            initial_potential: e.initial_potential,
+            kinetic: e.kinetic,
+            potential: e.potential,
+            work_in: e.work_in,
+            dissipated: e.dissipated,
+        }
+    }
+}
+
+impl From<EnergyLedger> for state::EnergyLedger {
+    fn from(e: EnergyLedger) -> Self {
+        Self {
+            initial_kinetic: e.initial_kinetic,
+            initial_potential: e.initial_potential,
+            kinetic: e.kinetic,
+            potential: e.potential,
+            work_in: e.work_in,
+            dissipated: e.dissipated,
+        }
+    }
+}
+
+impl From<component::SolverOutcome> for SolverStats {
+    fn from(s: component::SolverOutcome) -> Self {
+        Self {
+            iterations: s.iterations,
+            visits: s.visits,
+            steps_not_converged: s.steps_not_converged,
+            residual_qm16: s.residual_qm16,
+            residual_natural_map: s.residual_natural_map,
+            contacts: s.contacts as u64,
+            active_contacts: s.active_contacts as u64,
+            mean_penetration: s.mean_penetration,
+            max_penetration: s.max_penetration,
+        }
+    }
+}
+
+impl From<component::Status> for Status {
+    fn from(status: component::Status) -> Self {
+        match status {
+            component::Status::Ok => Status::Ok,
+            component::Status::Warn => Status::Warn,
+            component::Status::Early => Status::Early,
+            component::Status::Discard => Status::Discard,
+        }
+    }
+}
+
+impl WrenchImpulse {
+    /// What the ballast did to driven body `d` in the window that led to `state`.
+    pub fn of(model: &Model, state: &State, d: usize, outcome: &component::BodyOutcome) -> Self {
+        let b = model.grains.len() + d;
+        Self {
+            header: Header::world(state.time_ns),
+            body: model.driven[d].name.clone(),
+            impulse: outcome.impulse.into(),
+            angular_impulse: outcome.angular_impulse.into(),
+            mean: Wrench { force: outcome.mean_force.into(), torque: outcome.mean_torque.into() },
+            peak_force: outcome.peak_force.into(),
+            peak_time_ns: ns(outcome.peak_time_ns),
+            work: outcome.work,
+            contacts: outcome.contacts,
+            pose: state.pose(b).into(),
+            twist: Twist { linear: state.velocity[b].into(), angular: state.spin[b].into() },
+        }
+    }
+}
+
+/// The way back; pose and twist are the state's, not the outcome's.
+impl From<&WrenchImpulse> for component::BodyOutcome {
+    fn from(message: &WrenchImpulse) -> Self {
+        Self {
+            impulse: message.impulse.into(),
+            angular_impulse: message.angular_impulse.into(),
+            mean_force: message.mean.force.into(),
+            mean_torque: message.mean.torque.into(),
+            peak_force: message.peak_force.into(),
+            peak_time_ns: message.peak_time_ns.max(0).unsigned_abs(),
+            work: message.work,
+            contacts: message.contacts,
+        }
+    }
+}
+
+impl AdvanceReply {
+    /// The reply to a window that led to `state`, with all driven bodies. Zones, squeezes, hash and
+    /// hint are the caller's to add.
+    pub fn of_outcome(
+        request: &AdvanceRequest,
+        model: &Model,
+        state: &State,
+        outcome: &Outcome,
+    ) -> Self {
+        let trouble = outcome.trouble.as_ref();
+        let bodies = outcome.bodies.iter().enumerate();
+        Self {
+            run_id: request.run_id.clone(),
+            seq: request.seq,
+            status: outcome.status.into(),
+            code: trouble.map_or("", |_| "step_failed").into(),
+            message: trouble.map_or(String::new(), ToString::to_string),
+            t0_ns: ns(outcome.t0_ns),
+            t1_ns: ns(outcome.t1_ns),
+            steps: outcome.steps,
+            bodies: bodies.map(|(d, b)| WrenchImpulse::of(model, state, d, b)).collect(),
+            solver: outcome.solver.into(),
+            energy: outcome.energy.into(),
+            ..Self::default()
+        }
+    }
+
+    /// The reply to a window that was refused: `discard`, nothing was computed.
+    pub fn of_refusal(request: &AdvanceRequest, now_ns: u64, refusal: &Refusal) -> Self {
+        Self {
+            run_id: request.run_id.clone(),
+            seq: request.seq,
+            status: Status::Discard,
+            code: refusal.code().into(),
+            message: refusal.to_string(),
+            t0_ns: ns(now_ns),
+            t1_ns: ns(now_ns),
+            ..Self::default()
+        }
+    }
+}
+
+impl Squeeze {
+    /// What is known of the squeeze of a pair at a time of the run, ns; its meter began at `began_ns`.
+    pub fn of(
+        pair: &str,
+        time_ns: u64,
+        began_ns: u64,
+        record: &ballast::observe::SqueezeRecord,
+    ) -> Self {
+        let onset =
+            record.onset.map_or(-1, |s| ns(began_ns).saturating_add((s * 1e9).round() as i64));
+        Self {
+            header: Header::world(time_ns),
+            pair: pair.into(),
+            onset_ns: onset,
+            closing_m: record.closing,
+            peak_force: record.peak_force,
+            compaction_energy: record.compaction_energy,
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Fingerprints: 16 bytes on the wire, hexadecimal for people.
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+
+/// Fingerprint of everything that the next step depends on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct StateHash {
+    pub bytes: [u8; 16],
+}
+
+/// Fingerprint of a message.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Digest(pub [u8; 16]);
+
+impl From<u128> for StateHash {
+    fn from(hash: u128) -> Self {
+        Self { bytes: hash.to_be_bytes() }
+    }
+}
+
+impl fmt::Display for StateHash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:032x}", u128::from_be_bytes(self.bytes))
+    }
+}
+
+impl fmt::Display for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:032x}", u128::from_be_bytes(self.0))
+    }
+}
+
+/// 32 hexadecimal digits as bytes.
+fn bytes(text: &str) -> Result<[u8; 16], String> {
+    let hexadecimal = text.len() == 32 && text.bytes().all(|b| b.is_ascii_hexdigit());
+    match u128::from_str_radix(text, 16) {
+        Ok(number) if hexadecimal => Ok(number.to_be_bytes()),
+        _ => Err(format!("expected 32 hexadecimal digits, found {text:?}")),
+    }
+}
+
+impl std::str::FromStr for StateHash {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        bytes(text).map(|bytes| Self { bytes })
+    }
+}
+
+/// The structure as CDR knows it.
+#[derive(Serialize, Deserialize)]
+#[serde(rename = "StateHash")]
+struct Plain {
+    bytes: [u8; 16],
+}
+
+impl Serialize for StateHash {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() {
+            serializer.collect_str(self)
+        } else {
+            Plain { bytes: self.bytes }.serialize(serializer)
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for StateHash {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        if deserializer.is_human_readable() {
+            String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+        } else {
+            Plain::deserialize(deserializer).map(|plain| Self { bytes: plain.bytes })
+        }
+    }
+}
+
+impl Serialize for Digest {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() {
+            serializer.collect_str(self)
+        } else {
+            self.0.serialize(serializer)
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Digest {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        if deserializer.is_human_readable() {
+            bytes(&String::deserialize(deserializer)?).map(Self).map_err(D::Error::custom)
+        } else {
+            <[u8; 16]>::deserialize(deserializer).map(Self)
+        }
+    }
+}

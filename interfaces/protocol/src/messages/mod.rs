@@ -1,0 +1,39 @@
+//! The types of messages, one Rust structure per ROS 2 definition in `msg`.
+//!
+//! Contract: fields stand in the order of the definition, which is what CDR relies on; a test compares
+//! them. SI units, world frame with z up, quaternions x, y, z, w, wrenches and impulses *by the ballast
+//! on the body*.
+
+mod catalogue;
+mod convert;
+mod hash;
+mod input;
+mod measure;
+mod reply;
+mod scene;
+mod stock;
+mod words;
+
+pub use catalogue::{Message, decode_to_json, definition, schema};
+pub use hash::{Digest, StateHash};
+pub use input::{AdvanceRequest, BodyInput, Knot, LoadInput, LoadKnot};
+pub use reply::{
+    AdvanceReply, Compactness, EnergyLedger, SolverStats, Squeeze, StepRecord, WrenchImpulse,
+};
+pub use scene::{
+    ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, KeyValuePair, LinePrimitive,
+    ModelPrimitive, SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, TextPrimitive,
+    TriangleListPrimitive,
+};
+pub use stock::{
+    Clock, Duration, Header, Log, Point, PointCloud2, PointField, Pose, PoseStamped, Quaternion,
+    TFMessage, Time, Transform, TransformStamped, Twist, TwistStamped, Vector3, Wrench,
+    WrenchStamped,
+};
+pub use words::{DeadlinePolicy, Interpolation, Status};
+
+/// The frame that all positions of this program are given in.
+pub const WORLD: &str = "world";
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,179 @@
+//! What a window is answered with, and the record of both.
+
+use super::hash::{Digest, StateHash};
+use super::input::AdvanceRequest;
+use super::stock::{Header, Point, Pose, Twist, Vector3, Wrench, message};
+use super::words::Status;
+use crate::{Malformed, to_cdr};
+use serde::{Deserialize, Deserializer, Serialize};
+
+message!(
+    /// What the ballast did to a body during a window, about its reference point, world axes.
+    WrenchImpulse {
+        /// The end of the window.
+        header: Header,
+        body: String,
+        /// N s, N m s.
+        impulse: Vector3,
+        angular_impulse: Vector3,
+        /// Impulses over the length of the window: N, N m.
+        mean: Wrench,
+        /// Largest mean force of a step, N, and the end of that step, ns.
+        peak_force: Vector3,
+        peak_time_ns: i64,
+        /// Of the body on the ballast, J.
+        work: f64,
+        /// Contact points that carried an impulse in the last step.
+        contacts: u32,
+        /// Of the body at the end of the window.
+        pose: Pose,
+        twist: Twist,
+    }
+);
+
+/// How densely a zone is filled, and how its grains press and flow.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Compactness {
+    pub header: Header,
+    pub zone: String,
+    /// Solid over accessible volume.
+    pub compactness: f64,
+    /// Mean number of touching neighbours of the grains whose centre is in the zone.
+    pub coordination: f64,
+    /// NaN (in JSON `null`) where grains do not press on each other.
+    #[serde(deserialize_with = "number_or_null")]
+    pub inertial_number: f64,
+    /// Pa.
+    pub mean_pressure: f64,
+    /// Corners of the zone, m.
+    pub low: Point,
+    pub high: Point,
+}
+
+/// JSON has no NaN: it is written as `null`.
+fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    if deserializer.is_human_readable() {
+        Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
+    } else {
+        f64::deserialize(deserializer)
+    }
+}
+
+message!(
+    /// What a pair of tines has done in a squeeze so far.
+    Squeeze {
+        header: Header,
+        pair: String,
+        /// When the ballast first resisted, ns; -1: not yet.
+        onset_ns: i64,
+        /// Of a side, m.
+        closing_m: f64,
+        /// Largest mean over a vibration period, N.
+        peak_force: f64,
+        /// J.
+        compaction_energy: f64,
+    }
+);
+
+message!(
+    /// How a window was solved.
+    #[derive(Copy)]
+    SolverStats {
+        /// Over all steps.
+        iterations: u64,
+        visits: u64,
+        steps_not_converged: u64,
+        /// Largest of all steps.
+        residual_qm16: f64,
+        residual_natural_map: f64,
+        /// In the last step.
+        contacts: u64,
+        active_contacts: u64,
+        /// Mean of the last step, largest of all steps, m.
+        mean_penetration: f64,
+        max_penetration: f64,
+    }
+);
+
+message!(
+    /// Energies of the grains since the start of the run, J.
+    #[derive(Copy)]
+    EnergyLedger {
+        initial_kinetic: f64,
+        initial_potential: f64,
+        kinetic: f64,
+        potential: f64,
+        work_in: f64,
+        dissipated: f64,
+    }
+);
+
+message!(
+    /// What became of a window.
+    AdvanceReply {
+        run_id: String,
+        seq: u64,
+        status: Status,
+        /// Why it is not ok, for programs and for people; empty where it is.
+        code: String,
+        message: String,
+        /// The window as far as it was computed, ns.
+        t0_ns: i64,
+        t1_ns: i64,
+        steps: u64,
+        bodies: Vec<WrenchImpulse>,
+        zones: Vec<Compactness>,
+        squeezes: Vec<Squeeze>,
+        solver: SolverStats,
+        energy: EnergyLedger,
+        /// Of the state at `t1_ns`.
+        hash: StateHash,
+        /// Longest sensible time step of a partner, ns; 0: no advice.
+        hint_max_step_ns: u64,
+    }
+);
+
+message!(
+    /// A window as it was asked for, and what its answer was.
+    StepRecord {
+        seq: u64,
+        t0_ns: i64,
+        t1_ns: i64,
+        request: AdvanceRequest,
+        hash: StateHash,
+        /// See [`AdvanceReply::digest`].
+        reply_digest: Digest,
+    }
+);
+
+impl AdvanceReply {
+    /// Fingerprint of the reply: the first 128 bits of BLAKE3 over its CDR with an empty `run_id`,
+    /// which is fresh for every run and says nothing about what was computed.
+    ///
+    /// # Errors
+    /// A reply that cannot be written as CDR.
+    pub fn digest(&self) -> Result<Digest, Malformed> {
+        let bytes = to_cdr(&Self { run_id: String::new(), ..self.clone() })?;
+        let mut first = [0; 16];
+        first.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..16]);
+        Ok(Digest(first))
+    }
+}
+
+impl StepRecord {
+    /// The record of a window.
+    ///
+    /// # Errors
+    /// A reply that cannot be written as CDR.
+    pub fn of(request: AdvanceRequest, reply: &AdvanceReply) -> Result<Self, Malformed> {
+        Ok(Self {
+            seq: request.seq,
+            t0_ns: reply.t0_ns,
+            t1_ns: reply.t1_ns,
+            request,
+            hash: reply.hash,
+            reply_digest: reply.digest()?,
+        })
+    }
+}

@@ -1,0 +1,125 @@
+//! The stock types of ROS 2 that every tool knows.
+
+use serde::{Deserialize, Serialize};
+
+macro_rules! message {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty),* $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $type),* }
+    };
+}
+pub(super) use message;
+
+message!(
+    /// A moment: whole seconds and the rest, which is positive.
+    #[derive(Copy, Eq)]
+    Time { sec: i32, nanosec: u32 }
+);
+message!(
+    #[derive(Copy, Eq)]
+    Duration { sec: i32, nanosec: u32 }
+);
+message!(Header { stamp: Time, frame_id: String });
+message!(
+    #[derive(Copy)]
+    Vector3 { x: f64, y: f64, z: f64 }
+);
+message!(
+    #[derive(Copy)]
+    Point { x: f64, y: f64, z: f64 }
+);
+
+/// A rotation, body to world, scalar last.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quaternion {
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+    pub w: f64,
+}
+
+impl Default for Quaternion {
+    fn default() -> Self {
+        Self { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
+    }
+}
+
+message!(
+    #[derive(Copy)]
+    Pose { position: Point, orientation: Quaternion }
+);
+message!(
+    /// Velocity, m/s, and spin, rad/s.
+    #[derive(Copy)]
+    Twist { linear: Vector3, angular: Vector3 }
+);
+message!(
+    /// N, N m.
+    #[derive(Copy)]
+    Wrench { force: Vector3, torque: Vector3 }
+);
+message!(PoseStamped { header: Header, pose: Pose });
+message!(TwistStamped { header: Header, twist: Twist });
+message!(WrenchStamped { header: Header, wrench: Wrench });
+message!(
+    #[derive(Copy)]
+    Transform { translation: Vector3, rotation: Quaternion }
+);
+message!(TransformStamped { header: Header, child_frame_id: String, transform: Transform });
+message!(TFMessage { transforms: Vec<TransformStamped> });
+message!(
+    #[derive(Copy, Eq)]
+    Clock { clock: Time }
+);
+message!(
+    /// A column of a point cloud; `datatype` 7 is a 32-bit float.
+    PointField { name: String, offset: u32, datatype: u8, count: u32 }
+);
+message!(PointCloud2 {
+    header: Header,
+    height: u32,
+    width: u32,
+    fields: Vec<PointField>,
+    is_bigendian: bool,
+    point_step: u32,
+    row_step: u32,
+    data: Vec<u8>,
+    is_dense: bool,
+});
+message!(
+    /// `level`: 10 debug, 20 info, 30 warning, 40 error, 50 fatal.
+    Log {
+        stamp: Time,
+        level: u8,
+        name: String,
+        msg: String,
+        file: String,
+        function: String,
+        line: u32,
+    }
+);
+
+impl Time {
+    /// A moment of simulated time, ns since the start of the run. Beyond 68 years: the last one.
+    pub fn from_ns(ns: u64) -> Self {
+        match i32::try_from(ns / 1_000_000_000) {
+            Ok(sec) => Self { sec, nanosec: (ns % 1_000_000_000) as u32 },
+            Err(_) => Self { sec: i32::MAX, nanosec: 999_999_999 },
+        }
+    }
+
+    /// ns.
+    pub fn ns(self) -> i64 {
+        i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec)
+    }
+}
+
+impl Header {
+    /// Something in the world's frame at a moment of simulated time, ns.
+    pub fn world(time_ns: u64) -> Self {
+        Self { stamp: Time::from_ns(time_ns), frame_id: super::WORLD.into() }
+    }
+}
