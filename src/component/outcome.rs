@@ -2,6 +2,7 @@
 
 use super::memory::Memory;
 use crate::error::Error;
+use crate::geometry::AxisBox;
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
 use crate::observe::{self, Zone};
@@ -59,6 +60,7 @@ pub struct Outcome {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZoneOutcome {
     pub name: String,
+    pub region: AxisBox,
     /// Solid over accessible volume (T-21).
     pub compactness: Option<f64>,
     /// Mean number of touching neighbours of the grains whose centre is in the zone (T-25).
@@ -231,6 +233,7 @@ impl End<'_> {
             let compactness = observe::compactness(self.model, self.state, zone);
             ZoneOutcome {
                 name: zone.name.clone(),
+                region: zone.region,
                 compactness: compactness.ok().map(|c| c.compactness),
                 coordination: touching.mean_within(self.state, zone),
                 inertial_number: flow.value,

@@ -1,10 +1,12 @@
 //! The words of Ballast on every wire and in every recording: messages, and how they become bytes.
 //!
+//! [`lockstep`]: who may ask for what, in which order, and what is answered to a retry.
 //! [`messages`]: the types, their ROS 2 definitions, and conversions from and to the core.
 //! [`cdr`]: messages as CDR. [`json`]: messages as JSON. No I/O here.
 
 pub mod cdr;
 pub mod json;
+pub mod lockstep;
 pub mod messages;
 
 mod malformed;

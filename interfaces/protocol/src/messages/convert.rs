@@ -4,10 +4,11 @@
 
 use super::*;
 use crate::Malformed;
-use ballast::component::{self, Outcome, Refusal};
+use ballast::component::{self, Outcome};
+use ballast::drive::Load;
 use ballast::math::{self, Quat, Vec3};
 use ballast::model::Model;
-use ballast::state::{self, State};
+use ballast::state;
 
 /// How far the norm of a quaternion may be from 1.
 const UNIT: f64 = 1e-6;
@@ -145,20 +146,66 @@ impl TryFrom<&BodyInput> for component::Input {
     }
 }
 
+impl From<&component::LoadInput> for LoadInput {
+    fn from(input: &component::LoadInput) -> Self {
+        let wave = &input.waveform;
+        let interpolation = if wave.is_held { Interpolation::Hold } else { Interpolation::Linear };
+        let knot = |k: &component::LoadKnot| LoadKnot {
+            time_ns: ns(k.time_ns),
+            wrench: Wrench { force: k.load.force.into(), torque: k.load.torque.into() },
+        };
+        let knots = wave.knots.iter().map(knot).collect();
+        Self { body: input.body.clone(), interpolation, knots }
+    }
+}
+
+impl TryFrom<&LoadInput> for component::LoadInput {
+    type Error = Malformed;
+
+    fn try_from(input: &LoadInput) -> Result<Self, Malformed> {
+        let place = format!("load on {:?}", input.body);
+        let is_held = match input.interpolation {
+            Interpolation::Hold => true,
+            Interpolation::Linear => false,
+            Interpolation::Hermite => {
+                let expected = "hold or linear: loads have no rates";
+                let e = Malformed::new("interpolation", expected, "hermite");
+                return Err(e.inside(&place));
+            }
+        };
+        let knot = |(i, knot): (usize, &LoadKnot)| {
+            let time_ns = time(&format!("knots[{i}].time_ns"), knot.time_ns)?;
+            let load = Load { force: knot.wrench.force.into(), torque: knot.wrench.torque.into() };
+            Ok(component::LoadKnot { time_ns, load })
+        };
+        let knots: Result<_, Malformed> = input.knots.iter().enumerate().map(knot).collect();
+        let knots = knots.map_err(|e| e.inside(&place))?;
+        Ok(Self { body: input.body.clone(), waveform: component::LoadWaveform { is_held, knots } })
+    }
+}
+
+/// What a request asks of a component.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    pub t1_ns: u64,
+    pub motions: Vec<component::Input>,
+    pub loads: Vec<component::LoadInput>,
+}
+
 impl AdvanceRequest {
     /// The window's end and inputs as [`component::Component::advance_to`] takes them.
     ///
     /// # Errors
-    /// Times before the start of the run, quaternions that are none, loads (no body of this version
-    /// takes any).
-    pub fn inputs(&self) -> Result<(u64, Vec<component::Input>), Malformed> {
-        let t1 = time("t1_ns", self.t1_ns)?;
-        if let Some(load) = self.loads.first() {
-            let found = format!("a load on {:?}", load.body);
-            return Err(Malformed::new("loads", "none: no body takes loads", found));
-        }
-        let inputs = self.motions.iter().map(component::Input::try_from);
-        Ok((t1, inputs.collect::<Result<_, _>>()?))
+    /// Times before the start of the run, quaternions that are none, loads between whose knots nothing is
+    /// defined.
+    pub fn inputs(&self) -> Result<Asked, Malformed> {
+        let motions = self.motions.iter().map(component::Input::try_from);
+        let loads = self.loads.iter().map(component::LoadInput::try_from);
+        Ok(Asked {
+            t1_ns: time("t1_ns", self.t1_ns)?,
+            motions: motions.collect::<Result<_, _>>()?,
+            loads: loads.collect::<Result<_, _>>()?,
+        })
     }
 }
 
@@ -216,52 +263,71 @@ impl From<component::Status> for Status {
 }
 
 impl WrenchImpulse {
-    /// What the ballast did to driven body `d` in the window that led to `state`.
-    pub fn of(model: &Model, state: &State, d: usize, outcome: &component::BodyOutcome) -> Self {
-        let b = model.grains.len() + d;
+    /// What the ballast did to the body called `name` in a window that ended at `time_ns`.
+    pub fn of(name: &str, time_ns: u64, outcome: &component::BodyOutcome) -> Self {
+        let wrench =
+            |force: Vec3, torque: Vec3| Wrench { force: force.into(), torque: torque.into() };
         Self {
-            header: Header::world(state.time_ns),
-            body: model.driven[d].name.clone(),
+            header: Header::world(time_ns),
+            body: name.into(),
             impulse: outcome.impulse.into(),
             angular_impulse: outcome.angular_impulse.into(),
-            mean: Wrench { force: outcome.mean_force.into(), torque: outcome.mean_torque.into() },
+            mean: wrench(outcome.mean_force, outcome.mean_torque),
+            moving_mean: wrench(outcome.moving_force, outcome.moving_torque),
             peak_force: outcome.peak_force.into(),
             peak_time_ns: ns(outcome.peak_time_ns),
             work: outcome.work,
             contacts: outcome.contacts,
-            pose: state.pose(b).into(),
-            twist: Twist { linear: state.velocity[b].into(), angular: state.spin[b].into() },
+            pose: outcome.pose.into(),
+            twist: Twist { linear: outcome.velocity.into(), angular: outcome.spin.into() },
         }
     }
 }
 
-/// The way back; pose and twist are the state's, not the outcome's.
-impl From<&WrenchImpulse> for component::BodyOutcome {
-    fn from(message: &WrenchImpulse) -> Self {
-        Self {
+impl TryFrom<&WrenchImpulse> for component::BodyOutcome {
+    type Error = Malformed;
+
+    fn try_from(message: &WrenchImpulse) -> Result<Self, Malformed> {
+        Ok(Self {
             impulse: message.impulse.into(),
             angular_impulse: message.angular_impulse.into(),
             mean_force: message.mean.force.into(),
             mean_torque: message.mean.torque.into(),
+            moving_force: message.moving_mean.force.into(),
+            moving_torque: message.moving_mean.torque.into(),
             peak_force: message.peak_force.into(),
-            peak_time_ns: message.peak_time_ns.max(0).unsigned_abs(),
+            peak_time_ns: time("peak_time_ns", message.peak_time_ns)?,
             work: message.work,
             contacts: message.contacts,
+            pose: message.pose.try_into()?,
+            velocity: message.twist.linear.into(),
+            spin: message.twist.angular.into(),
+        })
+    }
+}
+
+impl Compactness {
+    /// What was measured in a zone at a time, ns; NaN where it cannot be measured.
+    pub fn of(time_ns: u64, zone: &component::ZoneOutcome) -> Self {
+        Self {
+            header: Header::world(time_ns),
+            zone: zone.name.clone(),
+            compactness: zone.compactness.unwrap_or(f64::NAN),
+            coordination: zone.coordination.unwrap_or(f64::NAN),
+            inertial_number: zone.inertial_number.unwrap_or(f64::NAN),
+            mean_pressure: zone.pressure,
+            low: zone.region.low.into(),
+            high: zone.region.high.into(),
         }
     }
 }
 
 impl AdvanceReply {
-    /// The reply to a window that led to `state`, with all driven bodies. Zones, squeezes, hash and
-    /// hint are the caller's to add.
-    pub fn of_outcome(
-        request: &AdvanceRequest,
-        model: &Model,
-        state: &State,
-        outcome: &Outcome,
-    ) -> Self {
+    /// The reply to a window of `model`; squeezes are the caller's to add.
+    pub fn of(request: &AdvanceRequest, model: &Model, outcome: &Outcome, hash: StateHash) -> Self {
         let trouble = outcome.trouble.as_ref();
-        let bodies = outcome.bodies.iter().enumerate();
+        let bodies = model.driven.iter().zip(&outcome.bodies);
+        let zones = outcome.zones.iter();
         Self {
             run_id: request.run_id.clone(),
             seq: request.seq,
@@ -271,24 +337,13 @@ impl AdvanceReply {
             t0_ns: ns(outcome.t0_ns),
             t1_ns: ns(outcome.t1_ns),
             steps: outcome.steps,
-            bodies: bodies.map(|(d, b)| WrenchImpulse::of(model, state, d, b)).collect(),
+            bodies: bodies.map(|(d, b)| WrenchImpulse::of(&d.name, outcome.t1_ns, b)).collect(),
+            zones: zones.map(|zone| Compactness::of(outcome.t1_ns, zone)).collect(),
+            squeezes: Vec::new(),
             solver: outcome.solver.into(),
             energy: outcome.energy.into(),
-            ..Self::default()
-        }
-    }
-
-    /// The reply to a window that was refused: `discard`, nothing was computed.
-    pub fn of_refusal(request: &AdvanceRequest, now_ns: u64, refusal: &Refusal) -> Self {
-        Self {
-            run_id: request.run_id.clone(),
-            seq: request.seq,
-            status: Status::Discard,
-            code: refusal.code().into(),
-            message: refusal.to_string(),
-            t0_ns: ns(now_ns),
-            t1_ns: ns(now_ns),
-            ..Self::default()
+            hash,
+            hint_max_step_ns: outcome.hint_max_step_ns,
         }
     }
 }

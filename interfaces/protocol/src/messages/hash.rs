@@ -14,6 +14,15 @@ pub struct StateHash {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Digest(pub [u8; 16]);
 
+impl Digest {
+    /// The first 128 bits of BLAKE3.
+    pub fn of(bytes: &[u8]) -> Self {
+        let mut first = [0; 16];
+        first.copy_from_slice(&blake3::hash(bytes).as_bytes()[..16]);
+        Self(first)
+    }
+}
+
 impl From<u128> for StateHash {
     fn from(hash: u128) -> Self {
         Self { bytes: hash.to_be_bytes() }

@@ -1,7 +1,9 @@
 //! What a window is asked with.
 
+use super::hash::Digest;
 use super::stock::{Pose, Twist, Wrench};
 use super::words::{DeadlinePolicy, Interpolation};
+use crate::{Malformed, to_cdr};
 use serde::{Deserialize, Serialize};
 
 /// Where a body is at a time, and how it moves then.
@@ -42,9 +44,14 @@ pub struct LoadKnot {
 #[serde(deny_unknown_fields)]
 pub struct LoadInput {
     pub body: String,
-    #[serde(default)]
+    /// `hold` or `linear`.
+    #[serde(default = "linear")]
     pub interpolation: Interpolation,
     pub knots: Vec<LoadKnot>,
+}
+
+fn linear() -> Interpolation {
+    Interpolation::Linear
 }
 
 /// Compute the window from `t0_ns` to `t1_ns`.
@@ -65,4 +72,14 @@ pub struct AdvanceRequest {
     pub deadline_ms: u32,
     #[serde(default)]
     pub deadline_policy: DeadlinePolicy,
+}
+
+impl AdvanceRequest {
+    /// Fingerprint of the request, whatever it was written in: a retry is known by it.
+    ///
+    /// # Errors
+    /// A request that cannot be written as CDR.
+    pub fn digest(&self) -> Result<Digest, Malformed> {
+        Ok(Digest::of(&to_cdr(self)?))
+    }
 }

@@ -8,13 +8,13 @@ mod catalogue;
 mod convert;
 mod hash;
 mod input;
-mod measure;
 mod reply;
 mod scene;
 mod stock;
 mod words;
 
 pub use catalogue::{Message, decode_to_json, definition, schema};
+pub use convert::Asked;
 pub use hash::{Digest, StateHash};
 pub use input::{AdvanceRequest, BodyInput, Knot, LoadInput, LoadKnot};
 pub use reply::{

@@ -18,6 +18,8 @@ message!(
         angular_impulse: Vector3,
         /// Impulses over the length of the window: N, N m.
         mean: Wrench,
+        /// Over the last 4 ms, which may have begun before the window: N, N m.
+        moving_mean: Wrench,
         /// Largest mean force of a step, N, and the end of that step, ns.
         peak_force: Vector3,
         peak_time_ns: i64,
@@ -37,11 +39,13 @@ message!(
 pub struct Compactness {
     pub header: Header,
     pub zone: String,
-    /// Solid over accessible volume.
+    /// Solid over accessible volume; NaN (in JSON `null`) where nothing is accessible.
+    #[serde(deserialize_with = "number_or_null")]
     pub compactness: f64,
-    /// Mean number of touching neighbours of the grains whose centre is in the zone.
+    /// Mean number of touching neighbours of the grains whose centre is in the zone; NaN without grains.
+    #[serde(deserialize_with = "number_or_null")]
     pub coordination: f64,
-    /// NaN (in JSON `null`) where grains do not press on each other.
+    /// NaN where grains do not press on each other.
     #[serde(deserialize_with = "number_or_null")]
     pub inertial_number: f64,
     /// Pa.
@@ -154,10 +158,7 @@ impl AdvanceReply {
     /// # Errors
     /// A reply that cannot be written as CDR.
     pub fn digest(&self) -> Result<Digest, Malformed> {
-        let bytes = to_cdr(&Self { run_id: String::new(), ..self.clone() })?;
-        let mut first = [0; 16];
-        first.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..16]);
-        Ok(Digest(first))
+        Ok(Digest::of(&to_cdr(&Self { run_id: String::new(), ..self.clone() })?))
     }
 }
 

@@ -44,19 +44,41 @@ fn inputs_that_make_no_sense_are_refused_with_their_place() {
         change(&mut request);
         request.inputs()
     };
-    assert_eq!(request(&|_| {}).unwrap(), (800_000, vec![input()]));
+    let asked = request(&|_| {}).unwrap();
+    assert_eq!((asked.t1_ns, asked.motions), (800_000, vec![input()]));
     type Change<'a> = &'a dyn Fn(&mut AdvanceRequest);
-    let wrong: [(Change, &str); 5] = [
+    let wrong: [(Change, &str); 6] = [
         (&|r| r.t1_ns = -1, "t1_ns"),
         (&|r| r.motions[0].knots[2].time_ns = -5, "input of \"tine_1\".knots[2].time_ns"),
         (&|r| r.motions[0].knots[1].pose.orientation.w = 3.0, "knots[1].pose.orientation"),
         (&|r| r.motions[0].knots[1].pose.orientation.w = f64::NAN, "knots[1].pose.orientation"),
-        (&|r| r.loads.push(LoadInput::default()), "loads"),
+        (&|r| r.loads.push(load(Interpolation::Hermite, 0)), "load on \"sleeper\".interpolation"),
+        (&|r| r.loads.push(load(Interpolation::Hold, -1)), "load on \"sleeper\".knots[0].time_ns"),
     ];
     for (change, place) in wrong {
         let error = request(change).unwrap_err();
         assert!(error.place.contains(place), "{error}");
     }
+}
+
+fn load(interpolation: Interpolation, time_ns: i64) -> LoadInput {
+    let wrench = Wrench {
+        force: Vector3 { x: 0.1, y: -0.0, z: 1e-300 },
+        torque: Vector3 { x: 1.0, y: 2.0, z: 3.0 },
+    };
+    LoadInput { body: "sleeper".into(), interpolation, knots: vec![LoadKnot { time_ns, wrench }] }
+}
+
+#[test]
+fn loads_come_back_to_the_bit() {
+    for interpolation in [Interpolation::Hold, Interpolation::Linear] {
+        let message = load(interpolation, 77);
+        let core = component::LoadInput::try_from(&message).unwrap();
+        assert_eq!(LoadInput::from(&core), message);
+        assert_eq!(from_json::<LoadInput>(to_json(&message).unwrap().as_bytes()).unwrap(), message);
+    }
+    let short = from_json::<LoadInput>(br#"{"body": "sleeper", "knots": []}"#).unwrap();
+    assert_eq!(short.interpolation, Interpolation::Linear);
 }
 
 #[test]
@@ -70,32 +92,18 @@ fn outcomes_come_back_to_the_bit() {
         mean_torque: Vec3::new(0.1, 0.2, 0.3),
         peak_force: Vec3::new(10.0, 11.0, 12.0),
         peak_time_ns: 77,
+        moving_force: Vec3::new(7.5, 8.5, 9.5),
+        moving_torque: Vec3::new(0.4, 0.5, 0.6),
         work: -0.5,
         contacts: 3,
+        pose: math::Pose::at(Vec3::new(0.5, -0.0, 0.1)),
+        velocity: Vec3::new(1e-3, 2e-3, 3e-3),
+        spin: Vec3::new(-1.0, 0.0, 1.0),
     };
-    let model = ballast::model::Model {
-        shapes: vec![],
-        grains: Default::default(),
-        driven: vec![ballast::model::DrivenBody {
-            name: "plate".into(),
-            role: ballast::model::Role::Tine,
-            friction: 0.5,
-            parts: vec![],
-            mount: None,
-        }],
-        gravity: Vec3::zeros(),
-        grain_friction: 0.5,
-        restitution: 0.0,
-        stepping: ballast::model::Stepping { step_ns: 1000, theta: 0.5, alert: 1e-3 },
-        solver: ballast::model::Solver::default(),
-    };
-    let mut state = ballast::state::State { time_ns: 2_000_000_001, ..Default::default() };
-    state.push(math::Pose::at(Vec3::new(0.5, 0.0, 0.0)));
-    let message = WrenchImpulse::of(&model, &state, 0, &body);
-    assert_eq!(component::BodyOutcome::from(&message), body);
+    let message = WrenchImpulse::of("plate", 2_000_000_001, &body);
+    assert_eq!(component::BodyOutcome::try_from(&message).unwrap(), body);
     assert_eq!(message.header.stamp, Time { sec: 2, nanosec: 1 });
     assert_eq!(message.header.stamp.ns(), 2_000_000_001);
-    assert_eq!(message.pose.position.x, 0.5);
     assert_eq!(Time::from_ns(u64::MAX).sec, i32::MAX);
 }
 

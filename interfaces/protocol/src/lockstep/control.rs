@@ -1,0 +1,100 @@
+//! The control plane's messages, JSON all of them. What changes a state goes with the owner's ticket, which
+//! the transport carries beside the message.
+
+use serde::{Deserialize, Serialize};
+
+/// Asks to drive.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Attach {
+    /// The client's name, under which it is alive.
+    pub client: String,
+    /// Refuse any other run than this one.
+    #[serde(default)]
+    pub resume: Option<String>,
+    /// An owner that has lost its connection shows its ticket.
+    #[serde(default)]
+    pub ticket: Option<String>,
+}
+
+/// The caller drives now.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Attached {
+    /// To be shown with everything that changes the state; nobody else knows it.
+    pub ticket: String,
+    #[serde(flatten)]
+    pub place: Place,
+}
+
+/// Where a run stands.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Place {
+    pub run_id: String,
+    /// Of the last window.
+    pub seq: u64,
+    /// Simulated time, ns.
+    pub now_ns: u64,
+    /// State hash.
+    pub hash: String,
+}
+
+/// Keeps the state, takes it up again, or forgets it.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Named {
+    pub name: String,
+}
+
+/// What a component is doing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum Activity {
+    /// The bed is being prepared.
+    Settling,
+    /// Waits for a window.
+    #[default]
+    Paused,
+    /// Computes a window.
+    Playing,
+    /// Something failed; waits for restore, reset or detach.
+    Error,
+    Quitting,
+}
+
+/// What a component is doing, for its status and its heartbeat.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct StatusReport {
+    pub activity: Activity,
+    #[serde(flatten)]
+    pub place: Place,
+    /// Who drives, and for how long, wall ms.
+    pub owner: Option<String>,
+    pub owner_since_ms: Option<u64>,
+    /// What it waits for and for how long, wall ms.
+    pub waiting_for: Option<String>,
+    pub waiting_since_ms: Option<u64>,
+    /// The window in work.
+    pub progress: Option<Progress>,
+    /// What failed, in error.
+    pub trouble: Option<String>,
+    /// Windows up to this one survive a crash: they are in a checkpoint.
+    pub durable_seq: u64,
+    /// Since the component started, wall ms.
+    #[serde(default)]
+    pub uptime_ms: u64,
+}
+
+/// How far a window is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    pub seq: u64,
+    /// Steps done, of all.
+    pub step: u64,
+    pub steps: u64,
+    /// Of the last step.
+    pub iterations: u32,
+    pub residual_qm16: f64,
+    /// Wall ms since the window's start, and left as it looks.
+    pub elapsed_ms: u64,
+    pub left_ms: u64,
+}

@@ -1,0 +1,108 @@
+//! Why a request was not accepted: a code for programs, a sentence for people, numbers where they help.
+
+use crate::Malformed;
+use ballast::component::Refusal;
+use serde::{Deserialize, Serialize};
+
+/// A request that was refused. The state is untouched.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[error("{message}")]
+pub struct Fault {
+    pub code: Code,
+    pub message: String,
+    /// The number that a window must have now.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expected_seq: Option<u64>,
+    /// Simulated time, ns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub now_ns: Option<u64>,
+    /// Who drives, and for how long.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub owner: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub since_ms: Option<u64>,
+}
+
+/// What kind of refusal it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Code {
+    /// The bytes are no such message.
+    Malformed,
+    /// The message is larger than this component accepts.
+    TooLarge,
+    /// No request of this name.
+    UnknownRequest,
+    /// More requests wait than this component keeps.
+    TooManyRequests,
+    /// Someone else drives.
+    Busy,
+    /// The client has no liveliness token, so its loss would not be noticed.
+    NotAlive,
+    /// The ticket is not that of the owner.
+    NotOwner,
+    /// This component has another run.
+    WrongRun,
+    /// Neither the next window nor the last one again.
+    OutOfSequence,
+    /// No state was kept under this name.
+    UnknownState,
+    /// No more states can be kept.
+    TooManyStates,
+    /// Something failed inside; only restore, reset and detach are possible.
+    InError,
+    /// The component is being shut down.
+    Quitting,
+    /// No step of this grid.
+    TimeGrid,
+    InputGap,
+    InputJump,
+    InputInvalid,
+    UnknownBody,
+    NothingToRedo,
+    StateInvalid,
+}
+
+impl Fault {
+    pub fn new(code: Code, message: impl Into<String>) -> Self {
+        Self {
+            code,
+            message: message.into(),
+            expected_seq: None,
+            now_ns: None,
+            owner: None,
+            since_ms: None,
+        }
+    }
+
+    /// The usual form: what, where, expected and found.
+    pub fn expected(
+        code: Code,
+        place: &str,
+        expected: impl std::fmt::Display,
+        found: impl std::fmt::Display,
+    ) -> Self {
+        Self::new(code, format!("{place}: expected {expected}, found {found}"))
+    }
+}
+
+impl From<Malformed> for Fault {
+    fn from(e: Malformed) -> Self {
+        Self::new(Code::Malformed, e.to_string())
+    }
+}
+
+impl From<Refusal> for Fault {
+    fn from(refusal: Refusal) -> Self {
+        let code = match refusal {
+            Refusal::Time { .. } => Code::TimeGrid,
+            Refusal::Gap { .. } => Code::InputGap,
+            Refusal::Jump { .. } => Code::InputJump,
+            Refusal::Input { .. } => Code::InputInvalid,
+            Refusal::UnknownBody { .. } => Code::UnknownBody,
+            Refusal::NothingToRedo => Code::NothingToRedo,
+            Refusal::Core(_) => Code::StateInvalid,
+        };
+        Self::new(code, refusal.to_string())
+    }
+}

@@ -1,0 +1,159 @@
+//! One window: in its turn, computed, answered, and its answer kept.
+
+use super::{Code, Fault, Lockstep, Progress};
+use crate::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, Status};
+use ballast::component::{OnTrouble, Outcome, Window};
+use ballast::state::State;
+use ballast::step::StepReport;
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// Whether a window is new or the last one again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Kind {
+    Advance,
+    Redo,
+}
+
+/// What is asked between the steps of a window: whether its time is up.
+pub type Watch<'a> = &'a mut dyn FnMut(&Progress) -> bool;
+
+impl Lockstep {
+    /// Computes a window, or the last one again; `clock` tells the wall time in ms.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
+    /// [`Code::Quitting`], and what [`Component::advance_to`] refuses. What goes wrong while computing is
+    /// told by the reply.
+    pub fn window(
+        &mut self,
+        kind: Kind,
+        request: &AdvanceRequest,
+        ticket: &str,
+        clock: &dyn Fn() -> u64,
+        watch: Watch,
+    ) -> Result<AdvanceReply, Fault> {
+        self.check_owner(ticket)?;
+        if request.run_id != self.run_id {
+            return Err(self.wrong_run(&request.run_id));
+        }
+        let content = request.digest()?;
+        let is_last = request.seq == self.seq;
+        if let Some((known, reply)) = &self.answered
+            && is_last
+            && *known == content
+        {
+            return Ok(reply.clone());
+        }
+        self.check_ready(ticket)?;
+        let in_order = match kind {
+            Kind::Advance => {
+                Some(request.seq) == self.seq.checked_add(1)
+                    && u64::try_from(request.t0_ns) == Ok(self.component.now_ns())
+            }
+            Kind::Redo => is_last && self.answered.is_some(),
+        };
+        if !in_order {
+            return Err(self.out_of_sequence(kind, request));
+        }
+        let before = self.component.save();
+        let result = self.compute(kind, request, clock, watch);
+        self.idle_since_ms = clock();
+        let reply = match result {
+            Ok(outcome) => {
+                let (outcome, hash) = (outcome?, self.state_hash());
+                AdvanceReply::of(request, self.component.model(), &outcome, hash)
+            }
+            Err(panic) => {
+                // Buffers that a panic has left half written are left behind.
+                self.component = self.component.fork();
+                self.component.restore(&before)?;
+                self.trouble = Some(panic.clone());
+                self.failed(request, panic)
+            }
+        };
+        self.seq = request.seq;
+        self.answered_count += 1;
+        self.answered = Some((content, reply.clone()));
+        Ok(reply)
+    }
+
+    /// The outcome or its refusal; or what a panic said.
+    fn compute(
+        &mut self,
+        kind: Kind,
+        request: &AdvanceRequest,
+        clock: &dyn Fn() -> u64,
+        watch: Watch,
+    ) -> Result<Result<Outcome, Fault>, String> {
+        let inputs = match request.inputs() {
+            Ok(inputs) => inputs,
+            Err(e) => return Ok(Err(e.into())),
+        };
+        let window = Window { motions: &inputs.motions, loads: &inputs.loads };
+        let ahead = request.t1_ns.saturating_sub(request.t0_ns).max(0) as u64;
+        let steps = ahead / self.component.model().stepping.step_ns;
+        let mut progress = Progress { seq: request.seq, steps, ..Progress::default() };
+        let begin = clock();
+        let mut each = |_: &State, report: &StepReport| {
+            progress.step += 1;
+            progress.iterations = report.iterations;
+            progress.residual_qm16 = report.residuals.qm16();
+            progress.elapsed_ms = clock().saturating_sub(begin);
+            progress.left_ms =
+                progress.elapsed_ms * steps.saturating_sub(progress.step) / progress.step;
+            match (watch(&progress), request.deadline_policy) {
+                (true, DeadlinePolicy::Early) => ControlFlow::Break(OnTrouble::Early),
+                (true, DeadlinePolicy::Discard) => ControlFlow::Break(OnTrouble::Discard),
+                (true, DeadlinePolicy::Finish) | (false, _) => ControlFlow::Continue(()),
+            }
+        };
+        let component = &mut self.component;
+        let result = catch_unwind(AssertUnwindSafe(|| match kind {
+            Kind::Advance => component.advance_watched(inputs.t1_ns, window, &mut each),
+            Kind::Redo => component.redo_watched(window, &mut each),
+        }));
+        match result {
+            Ok(outcome) => Ok(outcome.map_err(Fault::from)),
+            Err(panic) => Err(said(panic.as_ref())),
+        }
+    }
+
+    /// The reply to a window in which the program failed; the state is that of its beginning.
+    fn failed(&self, request: &AdvanceRequest, panic: String) -> AdvanceReply {
+        let now = i64::try_from(self.component.now_ns()).unwrap_or(i64::MAX);
+        AdvanceReply {
+            run_id: request.run_id.clone(),
+            seq: request.seq,
+            status: Status::Error,
+            code: "failed_inside".into(),
+            message: panic,
+            t0_ns: now,
+            t1_ns: now,
+            hash: self.state_hash(),
+            ..AdvanceReply::default()
+        }
+    }
+
+    fn out_of_sequence(&self, kind: Kind, request: &AdvanceRequest) -> Fault {
+        let (seq, now) = (self.seq, self.component.now_ns());
+        let expected = match (kind, self.answered.is_some()) {
+            (Kind::Advance, _) => format!("window {} from {now} ns", seq.saturating_add(1)),
+            (Kind::Redo, true) => format!("window {seq} again"),
+            (Kind::Redo, false) => "a window before it".into(),
+        };
+        let found = format!("window {} from {} ns", request.seq, request.t0_ns);
+        Fault {
+            expected_seq: Some(if kind == Kind::Redo { seq } else { seq.saturating_add(1) }),
+            now_ns: Some(now),
+            ..Fault::expected(Code::OutOfSequence, "seq", expected, found)
+        }
+    }
+}
+
+/// What a panic said.
+fn said(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
+    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+    format!("the program failed inside: {}", text.unwrap_or_else(|| "no reason given".into()))
+}

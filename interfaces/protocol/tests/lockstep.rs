@@ -1,0 +1,357 @@
+//! Lockstep without a network: owners, sequences, retries, deadlines, failures, and a line that loses and
+//! repeats.
+
+#[path = "../../../tests/common/mod.rs"]
+mod common;
+
+use ballast::component::{Component, Limits};
+use ballast::model::{Model, Schedule};
+use ballast::state::State;
+use ballast_protocol::lockstep::{Activity, Attach, Code, Fault, Kind, Lockstep, Named};
+use ballast_protocol::messages::{
+    AdvanceReply, AdvanceRequest, BodyInput, DeadlinePolicy, Digest, Interpolation, Knot, Point,
+    Pose, Quaternion, Status, Twist, Vector3,
+};
+use common::scene::Random;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+const MS: i64 = 1_000_000;
+
+fn hash(_: &Model, state: &State) -> u128 {
+    u128::from_be_bytes(Digest::of(format!("{state:?}").as_bytes()).0)
+}
+
+/// A heap on a floor that can be shaken, and the ticket of its owner.
+fn lockstep() -> (Lockstep, String) {
+    let mut scene = common::heap::falling(2, MS as u64).scheduled(Schedule::Synchronous, [2, 1, 1]);
+    scene.model.solver.iterations = 50;
+    scene.model.solver.tolerance = Some(1e-4);
+    let component =
+        Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene");
+    let mut lockstep = Lockstep::new(component, "run-1", hash);
+    let ticket = attach(&mut lockstep, "driver").expect("nobody drives yet");
+    (lockstep, ticket)
+}
+
+fn attach(lockstep: &mut Lockstep, client: &str) -> Result<String, Fault> {
+    let ask = Attach { client: client.into(), ..Attach::default() };
+    lockstep.attach(&ask, format!("ticket of {client}"), 1000).map(|a| a.ticket)
+}
+
+fn knot(time_ns: i64) -> Knot {
+    let (t, w) = (time_ns as f64 * 1e-9, TAU * 10.0);
+    Knot {
+        time_ns,
+        pose: Pose {
+            position: Point { x: 0.0, y: 0.0, z: -2e-3 * (1.0 - (w * t).cos()) },
+            orientation: Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
+        },
+        twist: Twist {
+            linear: Vector3 { x: 0.0, y: 0.0, z: -2e-3 * w * (w * t).sin() },
+            ..Twist::default()
+        },
+    }
+}
+
+/// Window `seq` of 5 ms, one after the other from 0.
+fn window(seq: u64) -> AdvanceRequest {
+    let t0_ns = (seq as i64 - 1) * 5 * MS;
+    let t1_ns = t0_ns + 5 * MS;
+    let floor = BodyInput {
+        body: "floor".into(),
+        interpolation: Interpolation::Hermite,
+        rebase: false,
+        knots: vec![knot(t0_ns), knot(t1_ns)],
+    };
+    let motions = vec![floor];
+    AdvanceRequest {
+        run_id: "run-1".into(),
+        seq,
+        t0_ns,
+        t1_ns,
+        motions,
+        ..AdvanceRequest::default()
+    }
+}
+
+fn ask(
+    lockstep: &mut Lockstep,
+    kind: Kind,
+    request: &AdvanceRequest,
+    ticket: &str,
+) -> Result<AdvanceReply, Fault> {
+    lockstep.window(kind, request, ticket, &|| 0, &mut |_| false)
+}
+
+/// The reply to windows 1 to `last`, one after the other.
+fn straight(last: u64) -> AdvanceReply {
+    let (mut lockstep, ticket) = lockstep();
+    let replies = (1..=last).map(|seq| ask(&mut lockstep, Kind::Advance, &window(seq), &ticket));
+    replies.last().expect("a window").expect("good windows")
+}
+
+#[test]
+fn a_retry_is_answered_from_memory_and_computes_nothing() {
+    let (mut lockstep, ticket) = lockstep();
+    let first = ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    assert!(matches!(first.status, Status::Ok | Status::Warn) && first.steps == 5, "{first:?}");
+    let mut steps = 0;
+    let again = lockstep.window(Kind::Advance, &window(1), &ticket, &|| 0, &mut |_| {
+        steps += 1;
+        false
+    });
+    assert_eq!((again.unwrap(), steps), (first.clone(), 0));
+    assert_eq!(lockstep.answered_count(), 1);
+    assert_eq!(lockstep.place().hash, first.hash.to_string());
+    assert_eq!(lockstep.component().now_ns(), 5 * MS as u64);
+}
+
+#[test]
+fn what_is_out_of_sequence_is_told_the_number_and_changes_nothing() {
+    let (mut lockstep, ticket) = lockstep();
+    let redo = ask(&mut lockstep, Kind::Redo, &window(0), &ticket).unwrap_err();
+    assert_eq!((redo.code, redo.expected_seq), (Code::OutOfSequence, Some(0)));
+    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    let before = lockstep.place();
+    let late = AdvanceRequest { t0_ns: 4 * MS, ..window(2) };
+    let other = AdvanceRequest { t1_ns: 4 * MS, ..window(1) };
+    for wrong in [window(3), window(0), late, other, AdvanceRequest { seq: u64::MAX, ..window(2) }]
+    {
+        let fault = ask(&mut lockstep, Kind::Advance, &wrong, &ticket).unwrap_err();
+        assert_eq!(fault.code, Code::OutOfSequence, "{fault}");
+        assert_eq!((fault.expected_seq, fault.now_ns), (Some(2), Some(5 * MS as u64)));
+        assert!(fault.message.contains("window 2 from 5000000 ns"), "{fault}");
+        assert_eq!(lockstep.place(), before);
+    }
+    let run = AdvanceRequest { run_id: "run-0".into(), ..window(2) };
+    let fault = ask(&mut lockstep, Kind::Advance, &run, &ticket).unwrap_err();
+    assert!(fault.code == Code::WrongRun && fault.message.contains("run-0"), "{fault}");
+}
+
+#[test]
+fn bad_inputs_keep_the_number() {
+    let (mut lockstep, ticket) = lockstep();
+    let before = lockstep.place();
+    let mut jump = window(1);
+    jump.motions[0].knots[0].pose.position.x += 0.01;
+    let mut unknown = window(1);
+    unknown.motions[0].body = "flor".into();
+    let mut turned = window(1);
+    turned.motions[0].knots[1].pose.orientation.w = 2.0;
+    let grid = AdvanceRequest { t1_ns: 5 * MS + 1, ..window(1) };
+    let past = AdvanceRequest { t1_ns: -1, ..window(1) };
+    for (bad, code) in [
+        (jump, Code::InputJump),
+        (unknown, Code::UnknownBody),
+        (turned, Code::Malformed),
+        (grid, Code::TimeGrid),
+        (past, Code::Malformed),
+    ] {
+        let fault = ask(&mut lockstep, Kind::Advance, &bad, &ticket).unwrap_err();
+        assert_eq!(fault.code, code, "{fault}");
+        assert_eq!(lockstep.place(), before);
+    }
+    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+}
+
+#[test]
+fn a_redo_takes_the_place_of_the_window() {
+    let (mut lockstep, ticket) = lockstep();
+    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    let first = ask(&mut lockstep, Kind::Advance, &window(2), &ticket).unwrap();
+    let mut other = window(2);
+    other.motions[0].knots[1].pose.position.z += 1e-4;
+    let changed = ask(&mut lockstep, Kind::Redo, &other, &ticket).unwrap();
+    assert_ne!(changed.hash, first.hash);
+    assert_eq!((changed.seq, changed.t1_ns), (2, 10 * MS));
+    // A retry of the redo is answered; the window itself is not the last one any more.
+    assert_eq!(ask(&mut lockstep, Kind::Redo, &other, &ticket).unwrap(), changed);
+    assert_eq!(
+        ask(&mut lockstep, Kind::Advance, &window(2), &ticket).unwrap_err().code,
+        Code::OutOfSequence
+    );
+    assert_eq!(ask(&mut lockstep, Kind::Redo, &window(2), &ticket).unwrap(), first);
+    assert_eq!(ask(&mut lockstep, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));
+}
+
+#[test]
+fn one_drives_and_others_cannot() {
+    let (mut lockstep, ticket) = lockstep();
+    let busy = attach(&mut lockstep, "other").unwrap_err();
+    assert_eq!((busy.code, busy.owner.as_deref()), (Code::Busy, Some("driver")));
+    let before = lockstep.place();
+    let name = Named { name: "here".into() };
+    for wrong in ["", "ticket", "ticket of other"] {
+        let faults = [
+            ask(&mut lockstep, Kind::Advance, &window(1), wrong).unwrap_err(),
+            lockstep.reset("run-2".into(), wrong, 0).unwrap_err(),
+            lockstep.save(&name, wrong).unwrap_err(),
+            lockstep.restore(&name, wrong).unwrap_err(),
+            lockstep.drop_state(&name, wrong).unwrap_err(),
+            lockstep.detach(wrong).unwrap_err(),
+            lockstep.shut_down(wrong).unwrap_err(),
+        ];
+        assert!(faults.iter().all(|f| f.code == Code::NotOwner), "{faults:?}");
+        assert!(!format!("{faults:?}").contains("ticket of driver"), "the ticket stays secret");
+    }
+    assert_eq!(lockstep.place(), before);
+    // The owner's own client that has lost its line shows its ticket and gets a new one.
+    let again = Attach { client: "driver".into(), resume: None, ticket: Some(ticket.clone()) };
+    let fresh = lockstep.attach(&again, "fresh".into(), 2000).unwrap().ticket;
+    assert_eq!(lockstep.detach(&ticket).unwrap_err().code, Code::NotOwner);
+    ask(&mut lockstep, Kind::Advance, &window(1), &fresh).unwrap();
+    // Gone, and another one goes on with the run.
+    assert!(!lockstep.lost("other") && lockstep.lost("driver"));
+    assert_eq!(
+        ask(&mut lockstep, Kind::Advance, &window(2), &fresh).unwrap_err().code,
+        Code::NotOwner
+    );
+    let wrong = Attach { client: "other".into(), resume: Some("run-9".into()), ticket: None };
+    assert_eq!(lockstep.attach(&wrong, "t".into(), 0).unwrap_err().code, Code::WrongRun);
+    let right = Attach { resume: Some("run-1".into()), ..wrong };
+    let attached = lockstep.attach(&right, "t".into(), 0).unwrap();
+    assert_eq!((attached.place.seq, attached.place.now_ns), (1, 5 * MS as u64));
+    assert_eq!(ask(&mut lockstep, Kind::Advance, &window(2), "t").unwrap(), straight(2));
+}
+
+#[test]
+fn states_are_kept_by_name() {
+    let (mut lockstep, ticket) = lockstep();
+    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    let name = Named { name: "after-1".into() };
+    let kept = lockstep.save(&name, &ticket).unwrap();
+    let second = ask(&mut lockstep, Kind::Advance, &window(2), &ticket).unwrap();
+    let back = lockstep.restore(&name, &ticket).unwrap();
+    assert_eq!((back.now_ns, &back.hash, back.seq), (kept.now_ns, &kept.hash, 2));
+    // Numbers go on; the last window is not there to be redone or asked for again.
+    assert_eq!(
+        ask(&mut lockstep, Kind::Redo, &window(2), &ticket).unwrap_err().code,
+        Code::OutOfSequence
+    );
+    let again = AdvanceRequest { seq: 3, ..window(2) };
+    let reply = ask(&mut lockstep, Kind::Advance, &again, &ticket).unwrap();
+    assert_eq!((reply.hash, reply.seq), (second.hash, 3));
+    lockstep.drop_state(&name, &ticket).unwrap();
+    let fault = lockstep.restore(&name, &ticket).unwrap_err();
+    assert!(fault.code == Code::UnknownState && fault.message.contains("after-1"), "{fault}");
+    for bad in ["", "a/b", "ü", &"x".repeat(201)] {
+        let fault = lockstep.save(&Named { name: bad.into() }, &ticket).unwrap_err();
+        assert_eq!(fault.code, Code::Malformed, "{fault}");
+    }
+    for k in 0..64 {
+        lockstep.save(&Named { name: format!("s{k}") }, &ticket).unwrap();
+    }
+    assert_eq!(lockstep.save(&name, &ticket).unwrap_err().code, Code::TooManyStates);
+    lockstep.save(&Named { name: "s3".into() }, &ticket).unwrap();
+    let fresh = lockstep.reset("run-2".into(), &ticket, 0).unwrap();
+    assert_eq!((fresh.run_id.as_str(), fresh.seq, fresh.now_ns), ("run-2", 0, 0));
+    assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, Code::UnknownState);
+    let first = AdvanceRequest { run_id: "run-2".into(), ..window(1) };
+    assert_eq!(ask(&mut lockstep, Kind::Advance, &first, &ticket).unwrap().hash, straight(1).hash);
+}
+
+#[test]
+fn a_deadline_ends_a_window_as_it_asks() {
+    for (policy, status, steps) in [
+        (DeadlinePolicy::Finish, Status::Ok, 5),
+        (DeadlinePolicy::Early, Status::Early, 2),
+        (DeadlinePolicy::Discard, Status::Discard, 0),
+    ] {
+        let (mut lockstep, ticket) = lockstep();
+        let start = lockstep.place().hash;
+        let request = AdvanceRequest { deadline_policy: policy, ..window(1) };
+        let mut late = |p: &ballast_protocol::lockstep::Progress| p.step >= 2;
+        let reply = lockstep.window(Kind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+        let same = reply.status == status || (status == Status::Ok && reply.status == Status::Warn);
+        assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");
+        assert_eq!(reply.t1_ns, steps as i64 * MS);
+        assert_eq!(reply.hash.to_string() == start, policy == DeadlinePolicy::Discard);
+        // It is answered: a retry gets the same, and a redo makes it whole.
+        assert_eq!(ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap(), reply);
+        let whole = ask(&mut lockstep, Kind::Redo, &window(1), &ticket).unwrap();
+        assert_eq!(whole, straight(1), "{policy:?}");
+    }
+}
+
+#[test]
+fn a_failure_inside_is_told_and_got_over() {
+    let (mut lockstep, ticket) = lockstep();
+    let name = Named { name: "before".into() };
+    lockstep.save(&name, &ticket).unwrap();
+    let mut fail = |_: &ballast_protocol::lockstep::Progress| panic!("a fault in the program");
+    let reply = lockstep.window(Kind::Advance, &window(1), &ticket, &|| 0, &mut fail).unwrap();
+    assert_eq!((reply.status, reply.code.as_str()), (Status::Error, "failed_inside"));
+    assert!(reply.message.contains("a fault in the program"), "{}", reply.message);
+    let status = lockstep.status(0);
+    assert_eq!(status.activity, Activity::Error);
+    assert!(status.trouble.unwrap().contains("a fault"));
+    let fault = ask(&mut lockstep, Kind::Advance, &AdvanceRequest { seq: 2, ..window(1) }, &ticket);
+    assert_eq!(fault.unwrap_err().code, Code::InError);
+    assert_eq!(lockstep.save(&name, &ticket).unwrap_err().code, Code::InError);
+    lockstep.restore(&name, &ticket).unwrap();
+    let again = AdvanceRequest { seq: 2, ..window(1) };
+    let reply = ask(&mut lockstep, Kind::Advance, &again, &ticket).unwrap();
+    assert_eq!(reply.hash, straight(1).hash);
+}
+
+#[test]
+fn a_component_that_quits_computes_nothing_more() {
+    let (mut lockstep, ticket) = lockstep();
+    lockstep.shut_down(&ticket).unwrap();
+    assert_eq!(lockstep.status(0).activity, Activity::Quitting);
+    assert_eq!(
+        ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap_err().code,
+        Code::Quitting
+    );
+    assert_eq!(attach(&mut lockstep, "other").unwrap_err().code, Code::Quitting);
+}
+
+#[test]
+fn a_run_is_taken_up_from_its_checkpoint() {
+    let (mut first, ticket) = lockstep();
+    for seq in 1..=3 {
+        ask(&mut first, Kind::Advance, &window(seq), &ticket).unwrap();
+    }
+    first.is_durable();
+    assert_eq!(first.status(0).durable_seq, 3);
+    let state = first.component().save();
+    let (mut second, ticket) = lockstep();
+    second.resume("run-1", 3, &state).unwrap();
+    assert_eq!(second.place(), first.place());
+    assert_eq!(ask(&mut second, Kind::Advance, &window(4), &ticket).unwrap(), straight(4));
+}
+
+#[test]
+fn a_line_that_loses_and_repeats_changes_nothing() {
+    let last = 12;
+    let undisturbed = straight(last);
+    for seed in 0..20 {
+        let mut random = Random(seed);
+        let (mut lockstep, ticket) = lockstep();
+        let mut old: Vec<AdvanceRequest> = vec![];
+        let mut seq = 1;
+        let mut reply = None;
+        while seq <= last {
+            // Something that was sent long ago arrives now.
+            if !old.is_empty() && random.next() < 0.3 {
+                let k = (random.next() * old.len() as f64) as usize;
+                let _ = ask(&mut lockstep, Kind::Advance, &old[k], &ticket);
+            }
+            if random.next() < 0.2 {
+                let _ = ask(&mut lockstep, Kind::Advance, &window(seq), "ticket of a stranger");
+            }
+            if random.next() < 0.3 {
+                continue; // the request is lost
+            }
+            let answer = ask(&mut lockstep, Kind::Advance, &window(seq), &ticket);
+            if random.next() < 0.3 {
+                continue; // the reply is lost
+            }
+            reply = Some(answer.expect("the next window, or the last one again"));
+            old.push(window(seq));
+            seq += 1;
+        }
+        assert_eq!(reply.as_ref(), Some(&undisturbed), "seed {seed}");
+    }
+}
