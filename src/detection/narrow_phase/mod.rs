@@ -12,8 +12,8 @@
 //!    which the four that best stand for it are reported ([`reduce`]). The patch of a face's axis
 //!    also tells where the bodies are closest or overlap, and so which edges step 2 has to ask.
 //!
-//! Each stage asks lists of those features that can matter, kept from earlier steps while they hold
-//! ([`nearby`], [`patch`]).
+//! Stages 2 and 4 ask lists of those features that can matter, kept from earlier steps while they hold
+//! ([`contenders`], [`patch`]).
 //!
 //! Contract: the result depends on shapes and poses alone, not on [`PairMemory`]. Two bodies at a
 //! distance of at most `alert` have a contact, others have none; the lowest gap is that distance or,
@@ -23,13 +23,13 @@
 
 mod anchor;
 mod closest;
+mod contenders;
 mod edges;
 mod faces;
 mod facing;
 mod feature;
 mod few;
 mod half_space;
-mod nearby;
 mod pair;
 mod patch;
 mod reduce;
@@ -37,9 +37,9 @@ mod search;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
+use contenders::Contenders;
 use edges::NearEdge;
 use facing::Sides;
-use nearby::Nearby;
 use pair::Pair;
 use patch::PatchList;
 use reduce::{Candidate, Hull};
@@ -72,7 +72,7 @@ pub struct PairMemory {
     apart_until: f64,
     /// One above the edges of A and of B that were closest; zero if none.
     edges: [u32; 2],
-    nearby: Nearby,
+    contenders: Contenders,
     patch: PatchList,
 }
 
@@ -107,6 +107,8 @@ pub struct Scratch {
     near_b: Vec<NearEdge>,
     /// Heights of vertices over the slab.
     heights: Vec<f64>,
+    /// Pairs of edges that may hold the deepest points.
+    edge_pairs: Vec<[usize; 2]>,
     sides: Sides,
     candidates: Vec<Candidate>,
     hull: Hull,
@@ -132,10 +134,5 @@ pub fn touch(
     }
     let apart = pair.search(memory, scratch).err();
     memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
-    match scratch.candidates.first() {
-        Some(_) if apart.is_none() && memory.nearby.is_kept() => {}
-        Some(c) if apart.is_none() => memory.nearby.keep(&pair, &c.point),
-        _ => memory.nearby.restart(),
-    }
     scratch.points.sort_unstable_by_key(|p| p.feature);
 }

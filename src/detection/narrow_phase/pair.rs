@@ -107,7 +107,12 @@ impl Faces<'_> {
 
     /// The lowest of the other body's corners above face `f`.
     pub fn lowest_corner(&self, f: usize) -> Vec3 {
-        let n = self.to_own.tr_mul(&self.own.face_normals[f]);
+        self.lowest_corner_along(&self.own.face_normals[f])
+    }
+
+    /// The lowest of the other body's corners along `n`, in the frame of the faces.
+    pub fn lowest_corner_along(&self, n: &Vec3) -> Vec3 {
+        let n = self.to_own.tr_mul(n);
         self.to_own * self.other.vertices[first_lowest(&self.other.vertices, &n)] + self.offset
     }
 
