@@ -3,8 +3,8 @@
 //! Contract: with a slack, all that may meet after the bodies have moved against each other by `path`
 //! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, for a
 //! slab that is thinner by what turns change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
-//! A point of the slab outside a body is outside one of the faces that reach into the slab.
 
+use super::few::Few;
 use super::pair::{Pair, larger, smaller};
 use super::patch::{Axis, STEEP};
 use crate::geometry::Polyhedron;
@@ -25,7 +25,7 @@ pub struct Sides {
     /// Pairs of edges of A and B.
     pub pairs: Vec<[usize; 2]>,
     /// Corners of A and of B.
-    pub vertices: [Vec<usize>; 2],
+    pub vertices: [Vec<Over>; 2],
     /// Whether it depends on the turn if something listed faces the other body.
     pub unsure: bool,
     /// Where the bodies face each other, in the frame of A.
@@ -76,11 +76,6 @@ impl Sides {
             }
         }
     }
-
-    /// Faces of A (0) or B (1) that reach into the slab.
-    pub fn faces(&self, side: usize) -> impl Iterator<Item = usize> {
-        self.sides[side].reaches.iter().enumerate().filter(|(_, r)| **r).map(|(f, _)| f)
-    }
 }
 
 /// Coordinates across and along the axis, for points of one body's frame.
@@ -127,6 +122,23 @@ impl Frame {
         })
     }
 
+    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+    /// if the line passes by more than `tolerance` beside it. The faces `below` decide.
+    #[inline]
+    pub fn distance(
+        &self,
+        shape: &Polyhedron,
+        below: &Below,
+        x: &Vec3,
+        tolerance: f64,
+    ) -> Option<f64> {
+        if below.is_whole() {
+            distance_along(self.planes(shape, below.iter()), x, tolerance)
+        } else {
+            distance_along(self.planes(shape, 0..shape.face_count()), x, tolerance)
+        }
+    }
+
     /// Planes of the body.
     #[inline]
     pub fn planes(
@@ -159,10 +171,42 @@ impl Plane {
     }
 }
 
-/// Whether the line from `x` along the axis may come within `slack` of the body at a gap up to
-/// `alert`: all planes moved out by so much.
-fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> bool {
+/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+/// if the line passes by more than `tolerance` beside it.
+#[inline]
+fn distance_along(planes: impl Iterator<Item = Plane>, x: &Vec3, tolerance: f64) -> Option<f64> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for plane in planes {
+        let depth = plane.depth(x);
+        if plane.slope < -STEEP {
+            enter = larger(depth / plane.slope, enter);
+        } else if plane.slope > STEEP {
+            leave = smaller((depth + tolerance) / plane.slope, leave);
+        } else if depth < -tolerance {
+            return None;
+        }
+    }
+    (enter <= leave + tolerance).then_some(enter)
+}
+
+/// The faces that decide where a line along the axis enters the body: some, or too many to list.
+pub type Below = Few<5>;
+
+/// A corner that may be over the other body.
+#[derive(Debug, Clone, Copy)]
+pub struct Over {
+    pub vertex: usize,
+    /// Faces of the other body that decide about it.
+    pub below: Below,
+}
+
+/// The faces that decide about `x` while the line along the axis moves by up to `slack` where it meets the
+/// body at a gap up to `alert`; `None` if it stays beside the body.
+///
+/// All planes moved out by the slack hold a piece of the line. What is deeper than the slack below a
+/// plane on all of this piece stays below it.
+fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> Option<Below> {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, alert);
     for plane in planes {
         let depth = plane.depth(x) + slack;
         if plane.slope < -STEEP {
@@ -170,10 +214,20 @@ fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> bool {
         } else if plane.slope > STEEP {
             leave = smaller(depth / plane.slope, leave);
         } else if depth < 0.0 {
-            return false;
+            return None;
         }
     }
-    enter <= leave && enter <= alert
+    if enter > leave {
+        return None;
+    }
+    let mut below = Below::default();
+    for (f, plane) in planes.iter().enumerate() {
+        let lowest = plane.depth(x) - plane.slope * if plane.slope < 0.0 { enter } else { leave };
+        if lowest <= slack {
+            below.push(f);
+        }
+    }
+    Some(below)
 }
 
 /// An edge; coordinates are two across the axis and one along it.
@@ -300,8 +354,6 @@ struct Side {
     /// Corners in the coordinates of the axis.
     places: Vec<[f64; 3]>,
     slopes: Vec<f64>,
-    /// Whether a face reaches into the slab.
-    reaches: Vec<bool>,
     edges: Vec<Edge>,
     /// Around the edges' parts in the slab.
     area: Area,
@@ -326,8 +378,6 @@ impl Side {
         let into = frame.axes[2] * frame.into;
         self.slopes.clear();
         self.slopes.extend(shape.face_normals.iter().map(|n| n.dot(&into)));
-        self.reaches.clear();
-        self.reaches.resize(shape.face_count(), false);
         self.edges.clear();
         self.area = Area::default();
         self.whole = Area::default();
@@ -340,8 +390,6 @@ impl Side {
                 continue;
             }
             let [left, right] = edge.faces;
-            self.reaches[left as usize] = true;
-            self.reaches[right as usize] = true;
             let segment = Segment::between(*start, *end);
             let from = if h0 <= 0.0 { *start } else { segment.at(h0 / (h0 - h1)) };
             let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
@@ -382,9 +430,11 @@ impl Side {
         planes: &[Plane],
         axis: &Axis,
         slack: Slack,
-    ) -> impl Iterator<Item = usize> {
-        let over =
-            move |v: &usize| may_be_over(planes, &point(*v), axis.alert + slack.path, slack.path);
-        self.vertices.iter().copied().filter(over)
+    ) -> impl Iterator<Item = Over> {
+        let (alert, path) = (axis.alert + slack.path, slack.path);
+        self.vertices.iter().filter_map(move |v| {
+            let below = may_be_over(planes, &point(*v), alert, path)?;
+            Some(Over { vertex: *v, below })
+        })
     }
 }

@@ -21,9 +21,9 @@
 //! and the new support is no higher than s0. So the feet of corners stay in S, and their motion is that of points near the anchor's.
 
 use super::anchor::{Anchor, wide};
-use super::facing::{Frame, Plane, Segment, Sides, Slack};
+use super::facing::{Below, Frame, Segment, Sides, Slack};
 use super::few::Few;
-use super::pair::{Pair, larger, smaller};
+use super::pair::Pair;
 use super::reduce::Candidate;
 use super::{SLAB, feature};
 use crate::math::{Vec3, frame};
@@ -62,8 +62,8 @@ pub struct PatchList {
     unsure: bool,
     /// Corners of A and of B that may be over the other body.
     vertices: [Few<8>; 2],
-    /// Faces of A and of B that reach into the slab.
-    faces: [Few<20>; 2],
+    /// Faces of the other body that decide about each of them.
+    below: [[Below; 8]; 2],
     /// Edges of A and of B that may cross, pair by pair.
     edges: [Few<24>; 2],
 }
@@ -87,14 +87,13 @@ impl PatchList {
         let slack = Slack { path: (PATH + SLAB) * pair.size, turn: TURN };
         sides.list(pair, axis, slab, slack);
         self.anchor = Anchor::default();
-        fill(&mut self.vertices[0], sides.vertices[0].iter().copied());
-        fill(&mut self.vertices[1], sides.vertices[1].iter().copied());
-        fill(&mut self.faces[0], sides.faces(0));
-        fill(&mut self.faces[1], sides.faces(1));
+        for (side, over) in sides.vertices.iter().enumerate() {
+            fill(&mut self.vertices[side], over.iter().map(|o| o.vertex));
+            self.below[side].iter_mut().zip(over).for_each(|(below, o)| *below = o.below);
+        }
         fill(&mut self.edges[0], sides.pairs.iter().map(|p| p[0]));
         fill(&mut self.edges[1], sides.pairs.iter().map(|p| p[1]));
         let whole = self.vertices.iter().all(Few::is_whole)
-            && self.faces.iter().all(Few::is_whole)
             && self.edges.iter().all(Few::is_whole);
         if whole {
             let n = axis.normal;
@@ -132,20 +131,18 @@ impl Axis {
                 sure || (of_a.is_facing(pair.a, *a) && of_b.is_facing(pair.b, *b))
             });
             self.crossings(pair, &frames, pairs, out);
-            let [a, b] = &list.vertices;
-            let a = a.iter().filter(|v| sure || of_a.has_facing_edge(pair.a, *v));
-            let b = b.iter().filter(|v| sure || of_b.has_facing_edge(pair.b, *v));
-            let [faces_a, faces_b] = &list.faces;
-            self.vertices_of_a(pair, of_b, a, faces_b.iter(), out);
-            self.vertices_of_b(pair, of_a, b, faces_a.iter(), out);
+            let over = |side: usize| list.vertices[side].iter().zip(&list.below[side]);
+            let a = over(0).filter(|(v, _)| sure || of_a.has_facing_edge(pair.a, *v));
+            let b = over(1).filter(|(v, _)| sure || of_b.has_facing_edge(pair.b, *v));
+            self.vertices_of_a(pair, of_b, a, out);
+            self.vertices_of_b(pair, of_a, b, out);
         } else {
             let slack = Slack { path: SLAB * pair.size, turn: 0.0 };
             sides.list(pair, self, self.slab, slack);
             let Sides { pairs, vertices: [a, b], .. } = sides;
             self.crossings(pair, &frames, pairs.iter().copied(), out);
-            let (a, b) = (a.iter().copied(), b.iter().copied());
-            self.vertices_of_a(pair, &frames[1], a, 0..pair.b.face_count(), out);
-            self.vertices_of_b(pair, &frames[0], b, 0..pair.a.face_count(), out);
+            self.vertices_of_a(pair, &frames[1], a.iter().map(|o| (o.vertex, &o.below)), out);
+            self.vertices_of_b(pair, &frames[0], b.iter().map(|o| (o.vertex, &o.below)), out);
         }
     }
 
@@ -161,36 +158,32 @@ impl Axis {
         [Frame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
     }
 
-    /// Appends vertices of A over B; `into` is the frame of B.
-    fn vertices_of_a(
+    /// Appends vertices of A over B, with the faces that decide; `into` is the frame of B.
+    fn vertices_of_a<'a>(
         &self,
         pair: &Pair,
         into: &Frame,
-        vertices: impl Iterator<Item = usize>,
-        faces: impl Iterator<Item = usize> + Clone,
+        vertices: impl Iterator<Item = (usize, &'a Below)>,
         out: &mut Vec<Candidate>,
     ) {
-        for v in vertices {
+        for (v, below) in vertices {
             let point = &pair.a.vertices[v];
-            let planes = into.planes(pair.b, faces.clone());
-            let gap = distance_along(planes, &pair.point_in_b(point), self.tolerance);
+            let gap = into.distance(pair.b, below, &pair.point_in_b(point), self.tolerance);
             self.vertex(feature::vertex(v), point, gap, 1.0, out);
         }
     }
 
-    /// Appends vertices of B over A; `into` is the frame of A.
-    fn vertices_of_b(
+    /// Appends vertices of B over A, with the faces that decide; `into` is the frame of A.
+    fn vertices_of_b<'a>(
         &self,
         pair: &Pair,
         into: &Frame,
-        vertices: impl Iterator<Item = usize>,
-        faces: impl Iterator<Item = usize> + Clone,
+        vertices: impl Iterator<Item = (usize, &'a Below)>,
         out: &mut Vec<Candidate>,
     ) {
-        for v in vertices {
+        for (v, below) in vertices {
             let point = pair.corner_of_b(v);
-            let planes = into.planes(pair.a, faces.clone());
-            let gap = distance_along(planes, &point, self.tolerance);
+            let gap = into.distance(pair.a, below, &point, self.tolerance);
             self.vertex(feature::vertex_of_b(v), &point, gap, -1.0, out);
         }
     }
@@ -237,23 +230,6 @@ impl Axis {
             }
         }
     }
-}
-
-/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
-/// if the line passes by more than `tolerance` beside it.
-fn distance_along(planes: impl Iterator<Item = Plane>, x: &Vec3, tolerance: f64) -> Option<f64> {
-    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
-    for plane in planes {
-        let depth = plane.depth(x);
-        if plane.slope < -STEEP {
-            enter = larger(depth / plane.slope, enter);
-        } else if plane.slope > STEEP {
-            leave = smaller((depth + tolerance) / plane.slope, leave);
-        } else if depth < -tolerance {
-            return None;
-        }
-    }
-    (enter <= leave + tolerance).then_some(enter)
 }
 
 /// Where two edges cross, seen along the axis: positions on both, strictly between their ends.
