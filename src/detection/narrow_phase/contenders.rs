@@ -28,7 +28,7 @@ use crate::math::Vec3;
 /// P over the sum of the radii.
 const PATH: f64 = 4e-3;
 /// Φ.
-const TURN: f64 = 5e-3;
+const TURN: f64 = 8e-3;
 /// λ over the sum of the radii.
 const LEVER: f64 = 0.2;
 /// Axes that separate by less than the best by this, over the sum of the radii, are not listed.

@@ -1,8 +1,8 @@
 //! The facing surfaces of two bodies in a slab along an axis: which corners and edges may meet.
 //!
 //! Contract: with a slack, all that may meet after the bodies have moved against each other by `path`
-//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, for a
-//! slab that is thinner by what turns change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
+//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, if feet
+//! were in the slab. Where parts in the slab do not overlap, seen along the axis, there is no corner.
 
 use super::few::Few;
 use super::pair::{Pair, larger, smaller};
@@ -30,8 +30,8 @@ pub struct Sides {
     pub unsure: bool,
     /// Where the bodies face each other, in the frame of A.
     pub middle: Vec3,
-    /// No part of a body in the slab is larger, m.
-    pub extent: f64,
+    /// Nothing that may meet is further from the middle, m.
+    pub lever: f64,
     planes: Vec<Plane>,
 }
 
@@ -42,7 +42,6 @@ impl Sides {
         let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, .. } = self;
         a.gather(pair.a, &frame_a, slab, 2.0 * slack.turn);
         b.gather(pair.b, &frame_b, slab, 2.0 * slack.turn);
-        self.extent = a.whole.diagonal().max(b.whole.diagonal()).hypot(slab);
         // What may meet is near parts of both bodies, so it is not far from the middle between them.
         let feet = axis.slab.max(axis.alert);
         let most = slack.path + slack.turn * 3.0 * (pair.size + slab + feet);
@@ -53,6 +52,7 @@ impl Sides {
         // A foot moves by the turn times its distance from the middle; seen along an axis that has
         // turned, the other foot is beside it by the turn times their distance.
         let lever = 0.5 * near.diagonal() + slab + feet;
+        self.lever = lever;
         let slack = Slack { path: slack.path + slack.turn * lever, ..slack };
         let planes = &mut self.planes;
         let common = a.area.common(&b.area.widened(slack.path));

@@ -14,11 +14,11 @@
 //! from step to step: they are listed with a margin, and the list serves while the bodies and the axis
 //! have moved by less. What a list holds too much makes no corner, so results do not depend on it.
 //!
-//! Only what is near the contact has to be bounded. Let S be the part of a body in the list's slab of
-//! thickness t, s0 its support, and let the axis turn by α in the body. A point x outside S is still
-//! out of a slab of thickness t - α |S|, |S| being the extent of S: the line from s0 to x leaves S at a
-//! point z of height t, which is at least t - α |S| above s0 along the new axis; x is higher still,
-//! and the new support is no higher than s0. So the feet of corners stay in S, and their motion is that of points near the anchor's.
+//! Only what is near the contact has to be bounded. The feet of a corner are at most r = max(alert, -s)
+//! apart, whatever the axis is. Where the list was made they were less than r + Δ + φ l apart, Δ and φ
+//! being the bodies' motion since ([`Anchor`]) and l a foot's distance from the anchor's point. So there they
+//! were in a slab of r + Δ + φ l - s0, s0 being the separation then, and l is no more than the lever of
+//! what faces the other body in the list's slab.
 
 use super::anchor::{Anchor, wide};
 use super::facing::{Below, Frame, Segment, Sides, Slack};
@@ -29,11 +29,11 @@ use super::{SLAB, feature};
 use crate::math::{Vec3, frame};
 
 /// How far bodies may move against each other before a list is made again, over the radii.
-const PATH: f64 = 2e-3;
+const PATH: f64 = 3e-3;
 /// How far the axis may turn in the frame of A before that.
-const TURN: f64 = 5e-3;
+const TURN: f64 = 8e-3;
 /// How much thicker than asked for the slab of a list is, over the radii.
-const THICKER: f64 = 4e-3;
+const THICKER: f64 = 6e-3;
 /// Faces steeper than this along the axis count as its sides.
 pub const STEEP: f64 = 1e-9;
 
@@ -55,9 +55,10 @@ pub struct Axis {
 pub struct PatchList {
     anchor: Anchor,
     axis: [f32; 3],
-    slab: f32,
-    /// No part of a body in the slab is larger, m.
-    extent: f32,
+    /// How far feet may have moved apart, and their distance, m.
+    reach: f32,
+    /// No foot is further from the anchor's point, m.
+    lever: f32,
     /// Whether some of the edges may turn away from the other body.
     unsure: bool,
     /// Corners of A and of B that may be over the other body.
@@ -73,12 +74,11 @@ impl PatchList {
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
         let turn = (wide(&self.axis) - axis.normal).norm() + 1e-6;
-        // The axis turns in A, and in B by the bodies' turn besides.
-        let thicker = f64::from(self.extent) * (turn + moved.turn);
+        let reach = axis.reach() + moved.at_point + f64::from(self.lever) * moved.turn;
         moved.at_point <= PATH * pair.size
             && turn <= TURN
             && moved.turn <= TURN
-            && axis.slab + thicker <= self.slab.into()
+            && reach <= self.reach.into()
     }
 
     /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
@@ -99,9 +99,9 @@ impl PatchList {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
             self.axis = [n.x as f32, n.y as f32, n.z as f32];
-            self.slab = slab as f32;
+            self.reach = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
             self.unsure = sides.unsure;
-            self.extent = (sides.extent * 1.000_001) as f32;
+            self.lever = (sides.lever * 1.000_001) as f32;
         }
         whole
     }
@@ -113,6 +113,11 @@ fn fill<const N: usize>(list: &mut Few<N>, items: impl Iterator<Item = usize>) {
 }
 
 impl Axis {
+    /// Largest distance between the feet of a corner, m.
+    fn reach(&self) -> f64 {
+        self.alert.max(self.slab - self.alert)
+    }
+
     /// Fills `out` with the corners of gaps up to the alert distance, in the frame of A.
     pub fn corners(
         &self,
