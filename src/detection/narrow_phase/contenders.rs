@@ -5,7 +5,7 @@
 //! Contract: where the best of the listed axes beats the bounds, the full search finds the same axis,
 //! to the bit. Where it does not, the full search is asked.
 //!
-//! Let the anchor's point be displaced by at most Δ and unit vectors by φ ([`Anchor`]); lists hold while
+//! Φ is [`TURN`]. Let the anchor's point be displaced by at most Δ and unit vectors by φ ([`Anchor`]); lists hold while
 //! Δ <= P and φ <= Φ. A corner w of B bounds the separation along a face of A from above, and moves by
 //! at most Δ + φ l, l being its distance from the anchor's point. So with a common lever λ no
 //! separation that is bounded by s now exceeds s + Δ + φ λ, if Φ (l - λ) is added to s where l > λ.
@@ -22,13 +22,12 @@ use super::edges::{self, LoneEdge};
 use super::facing::Slack;
 use super::few::Few;
 use super::pair::{Faces, Pair, larger};
+use super::supports::{Supports, TURN};
 use super::{SLAB, TIE};
 use crate::math::Vec3;
 
 /// P over the sum of the radii.
 const PATH: f64 = 4e-3;
-/// Φ.
-const TURN: f64 = 8e-3;
 /// λ over the sum of the radii.
 const LEVER: f64 = 0.2;
 /// Axes that separate by less than the best by this, over the sum of the radii, are not listed.
@@ -43,6 +42,8 @@ pub struct Contenders {
     /// Faces of A and of B.
     pub faces: [Few<5>; 2],
     edges: [Few<6>; 2],
+    /// For axes near the best one.
+    pub supports: Supports,
 }
 
 /// What no axis that is not listed exceeds by now, m; ties are counted in.
@@ -121,6 +122,7 @@ impl Contenders {
         }
         self.bounds = [faces, bound].map(|b| b as f32);
         let whole = self.faces.iter().all(Few::is_whole) && self.edges.iter().all(Few::is_whole);
+        self.supports = Supports::new(pair, normal);
         self.anchor = if whole { Anchor::new(pair, c) } else { Anchor::default() };
     }
 }

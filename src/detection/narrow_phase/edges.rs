@@ -117,6 +117,7 @@ pub fn best_edge_axis(
     pairs: impl Iterator<Item = [usize; 2]>,
     known: Option<EdgeAxis>,
     floor: f64,
+    separation: impl Fn(&Vec3) -> f64,
 ) -> Option<EdgeAxis> {
     let mut best = known;
     for edges in pairs {
@@ -124,7 +125,7 @@ pub fn best_edge_axis(
         if best.is_some_and(|b| b.edges == edges) {
             continue;
         }
-        if let Some(axis) = axis_of(pair, edges, limit)
+        if let Some(axis) = axis_of(pair, edges, limit, &separation)
             && axis.separation > floor
             && best.is_none_or(|b| axis.beats(&b))
         {
@@ -135,8 +136,13 @@ pub fn best_edge_axis(
 }
 
 /// The axis perpendicular to two edges, if they make a facet of the Minkowski difference. It may be
-/// left out if it does not separate by `limit`.
-pub fn axis_of(pair: &Pair, edges: [usize; 2], limit: f64) -> Option<EdgeAxis> {
+/// left out if it does not separate by `limit`; `separation` is that of the bodies along an axis.
+pub fn axis_of(
+    pair: &Pair,
+    edges: [usize; 2],
+    limit: f64,
+    separation: impl Fn(&Vec3) -> f64,
+) -> Option<EdgeAxis> {
     let (on_a, on_b) = (&pair.a.edges[edges[0]], &pair.b.edges[edges[1]]);
     let [a, b] = [edge_of_a(pair, edges[0]), edge_of_b(pair, edges[1])];
     if !arcs_cross(pair, [on_a, on_b], &a.along, &b.along) {
@@ -147,7 +153,7 @@ pub fn axis_of(pair: &Pair, edges: [usize; 2], limit: f64) -> Option<EdgeAxis> {
     if normal.dot(&(b.start - a.start)) < limit - 1e-12 * pair.size {
         return None;
     }
-    let separation = pair.separation(&normal);
+    let separation = separation(&normal);
     Some(EdgeAxis { edges, normal, separation })
 }
 

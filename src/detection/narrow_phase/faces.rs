@@ -63,15 +63,15 @@ pub fn best_of_all(
     Ok(best)
 }
 
-/// The same among listed faces; `None` if there are none.
+/// The same among listed faces, their separations given; `None` if there are none.
 pub fn best_of<const N: usize>(
-    faces: &Faces,
     list: &Few<N>,
     alert: f64,
+    separation: impl Fn(usize) -> f64,
 ) -> Result<Option<FaceAxis>, usize> {
     let mut best: Option<FaceAxis> = None;
     for face in list.iter() {
-        let found = FaceAxis { face, separation: faces.separation(face) };
+        let found = FaceAxis { face, separation: separation(face) };
         if found.separation > alert {
             return Err(face);
         }

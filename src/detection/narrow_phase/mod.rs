@@ -34,6 +34,7 @@ mod pair;
 mod patch;
 mod reduce;
 mod search;
+mod supports;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
@@ -64,12 +65,19 @@ pub struct Solid<'a> {
 
 /// What earlier steps' searches tell the next one about a pair of shapes; it changes the cost, never
 /// the result.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct PairMemory {
     /// An axis from A to B, in the frame of A, that separated the pair; zero if none.
     axis: [f32; 3],
     /// The bodies are apart until they have travelled this far together, m.
     apart_until: f64,
+    /// Elsewhere, as most pairs that are listed do not touch.
+    touching: Option<Box<Touching>>,
+}
+
+/// The same about bodies that touch.
+#[derive(Debug, Clone, Default)]
+struct Touching {
     /// One above the edges of A and of B that were closest; zero if none.
     edges: [u32; 2],
     contenders: Contenders,
@@ -132,7 +140,11 @@ pub fn touch(
     if let Some(beyond) = pair.still_apart(memory) {
         return memory.sleep(travel, beyond);
     }
-    let apart = pair.search(memory, scratch).err();
+    let mut touching = memory.touching.take().unwrap_or_default();
+    let apart = pair.search(&mut touching, scratch).err();
+    if apart.is_none() {
+        memory.touching = Some(touching);
+    }
     memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
     scratch.points.sort_unstable_by_key(|p| p.feature);
 }

@@ -93,8 +93,7 @@ impl PatchList {
         }
         fill(&mut self.edges[0], sides.pairs.iter().map(|p| p[0]));
         fill(&mut self.edges[1], sides.pairs.iter().map(|p| p[1]));
-        let whole = self.vertices.iter().all(Few::is_whole)
-            && self.edges.iter().all(Few::is_whole);
+        let whole = self.vertices.iter().all(Few::is_whole) && self.edges.iter().all(Few::is_whole);
         if whole {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);

@@ -1,13 +1,13 @@
 //! The axis of largest separation, and what is reported along it.
 
 use super::closest::{self, ClosestPoints};
-use super::edges::{self, EdgeAxis, NearEdge};
 use super::contenders::Contenders;
+use super::edges::{self, EdgeAxis, NearEdge};
 use super::faces;
 use super::facing::Slack;
 use super::pair::Pair;
 use super::reduce::{self, Candidate};
-use super::{PairMemory, Point, SLAB, Scratch, TIE, feature, pair, patch};
+use super::{Point, SLAB, Scratch, TIE, Touching, feature, pair, patch};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
@@ -44,7 +44,7 @@ struct Chosen {
 
 impl Pair<'_> {
     /// Finds the best axis and reports the contact points along it.
-    pub fn search(&self, memory: &mut PairMemory, scratch: &mut Scratch) -> Found<()> {
+    pub fn search(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<()> {
         if let Some(found) = self.among_contenders(memory, scratch) {
             return found;
         }
@@ -62,11 +62,7 @@ impl Pair<'_> {
     }
 
     /// The same where one of the listed axes is the best for certain.
-    fn among_contenders(
-        &self,
-        memory: &mut PairMemory,
-        scratch: &mut Scratch,
-    ) -> Option<Found<()>> {
+    fn among_contenders(&self, memory: &mut Touching, scratch: &mut Scratch) -> Option<Found<()>> {
         let others = memory.contenders.bounds(self)?;
         let face = match self.best_listed_face(&memory.contenders) {
             Ok(face) => face,
@@ -74,11 +70,14 @@ impl Pair<'_> {
         };
         let floor = face.map_or(f64::NEG_INFINITY, |f| f.separation + TIE * self.size);
         let pairs = memory.contenders.edge_pairs();
-        if let Some(e) = edges::best_edge_axis(self, pairs, None, floor) {
+        let supports = &memory.contenders.supports;
+        let separation = |n: &Vec3| supports.separation(self, n);
+        if let Some(e) = edges::best_edge_axis(self, pairs, None, floor, separation) {
             if e.separation > self.alert {
                 return Some(Err(e.normal));
             }
-            let above = if e.separation > 0.0 { others.faces } else { others.faces.max(others.edges) };
+            let above =
+                if e.separation > 0.0 { others.faces } else { others.faces.max(others.edges) };
             let closest = self.closest_on(&e);
             let sure = if e.separation > 0.0 {
                 self.are_closest(&e, &closest)
@@ -115,7 +114,7 @@ impl Pair<'_> {
     }
 
     /// The same over all axes.
-    fn among_all(&self, memory: &mut PairMemory, scratch: &mut Scratch) -> Found<Option<Chosen>> {
+    fn among_all(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<Option<Chosen>> {
         let face = self.best_face()?;
         let floor = face.separation + TIE * self.size;
         let known = self.known_edges(&memory.edges);
@@ -157,7 +156,7 @@ impl Pair<'_> {
     fn points_of_face_apart(
         &self,
         face: &BestFace,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
     ) -> Found<Chosen> {
         self.find_patch(&face.normal, face.separation, memory, scratch);
@@ -176,7 +175,7 @@ impl Pair<'_> {
         &self,
         normal: &Vec3,
         separation: f64,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
     ) -> Found<Option<Chosen>> {
         self.gather(normal, [self.alert - separation; 2], scratch);
@@ -190,7 +189,7 @@ impl Pair<'_> {
         if distance > self.alert {
             return Err((c.on_b - c.on_a) / distance);
         }
-        match edges::axis_of(self, c.edges, f64::NEG_INFINITY) {
+        match edges::axis_of(self, c.edges, f64::NEG_INFINITY, |n| self.separation(n)) {
             Some(e) if e.separation > separation && self.are_closest(&e, &c) => {
                 return Ok(Some(self.push_edges(&e, &c, memory, scratch)));
             }
@@ -223,9 +222,17 @@ impl Pair<'_> {
     /// The best of the listed faces, if there are any.
     fn best_listed_face(&self, lists: &Contenders) -> Found<Option<BestFace>> {
         let [list_a, list_b] = &lists.faces;
-        let on_a = faces::best_of(&self.faces_of_a(), list_a, self.alert);
+        let of_a = self.faces_of_a();
+        let on_a = faces::best_of(list_a, self.alert, |f| {
+            let axis = self.face_of_a(f);
+            of_a.separation_by(f, |points, n| lists.supports.lowest_of_b(&axis, points, n))
+        });
         let on_a = on_a.map_err(|f| self.face_of_a(f))?;
-        let on_b = faces::best_of(&self.faces_of_b(), list_b, self.alert);
+        let of_b = self.faces_of_b();
+        let on_b = faces::best_of(list_b, self.alert, |f| {
+            let axis = self.face_of_b(f);
+            of_b.separation_by(f, |points, n| lists.supports.lowest_of_a(&axis, points, n))
+        });
         let on_b = on_b.map_err(|f| self.face_of_b(f))?;
         let floor = on_a.map_or(f64::NEG_INFINITY, |a| a.separation + TIE * self.size);
         let best = match on_b.filter(|b| b.separation > floor) {
@@ -270,7 +277,7 @@ impl Pair<'_> {
         if ea == 0 || eb == 0 || ea > self.a.edges.len() || eb > self.b.edges.len() {
             return None;
         }
-        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY)
+        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY, |n| self.separation(n))
     }
 
     /// Whether `c`, the closest points of two edges, are strictly inside both and as far apart as their
@@ -292,12 +299,15 @@ impl Pair<'_> {
         &self,
         face: &BestFace,
         known: Option<EdgeAxis>,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
     ) -> Option<EdgeAxis> {
         let floor = face.separation + TIE * self.size;
         self.list_edge_pairs(face, scratch);
-        let best = edges::best_edge_axis(self, scratch.edge_pairs.iter().copied(), known, floor);
+        let best =
+            edges::best_edge_axis(self, scratch.edge_pairs.iter().copied(), known, floor, |n| {
+                self.separation(n)
+            });
         let reach = self.alert.max(-face.separation);
         if let Some(e) = &best
             && (e.separation > 0.0 || self.closest_on(e).distance_squared <= reach * reach)
@@ -331,7 +341,7 @@ impl Pair<'_> {
             let near = near_b.iter().filter(move |b| a.may_reach(b, reach));
             near.map(|b| [a.index, b.index])
         });
-        edges::best_edge_axis(self, pairs, known, floor)
+        edges::best_edge_axis(self, pairs, known, floor, |n| self.separation(n))
     }
 
     /// Lists the pairs of edges that may be the best axis while the lists of `memory` hold.
@@ -361,7 +371,7 @@ impl Pair<'_> {
         &self,
         e: &EdgeAxis,
         c: &ClosestPoints,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
     ) -> Chosen {
         memory.edges = e.edges.map(|e| e as u32 + 1);
@@ -374,31 +384,36 @@ impl Pair<'_> {
         c: &ClosestPoints,
         normal: &Vec3,
         gap: f64,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
     ) {
         let [ea, eb] = c.edges;
-        let feature = feature::edges(
-            (ea as u32, self.a.edges[ea].vertices, c.parameter[0]),
-            (eb as u32, self.b.edges[eb].vertices, c.parameter[1]),
-        );
-        let point = (c.on_a + c.on_b) * 0.5;
+        let closest = || {
+            let feature = feature::edges(
+                (ea as u32, self.a.edges[ea].vertices, c.parameter[0]),
+                (eb as u32, self.b.edges[eb].vertices, c.parameter[1]),
+            );
+            Candidate { point: (c.on_a + c.on_b) * 0.5, gap, feature }
+        };
         self.find_patch(normal, gap, memory, scratch);
-        self.push_patch(normal, Candidate { point, gap, feature }, scratch);
+        self.push_patch(normal, gap, closest, scratch);
     }
 
     /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
     fn push_face(&self, face: &BestFace, scratch: &mut Scratch) -> Chosen {
         let BestFace { of_b, normal, separation: gap } = face;
-        let (vertex, feature, side) = if *of_b {
-            let v = pair::first_lowest(&self.a.vertices, &-normal);
-            (self.a.vertices[v], feature::vertex(v), 1.0)
-        } else {
-            let v = pair::first_lowest(&self.b.vertices, &self.in_b(normal));
-            (self.corner_of_b(v), feature::vertex_of_b(v), -1.0)
+        let closest = || {
+            let (vertex, feature, side) = if *of_b {
+                let v = pair::first_lowest(&self.a.vertices, &-normal);
+                (self.a.vertices[v], feature::vertex(v), 1.0)
+            } else {
+                let v = pair::first_lowest(&self.b.vertices, &self.in_b(normal));
+                (self.corner_of_b(v), feature::vertex_of_b(v), -1.0)
+            };
+            let point = vertex + normal * (0.5 * side * gap);
+            Candidate { point, gap: *gap, feature }
         };
-        let point = vertex + normal * (0.5 * side * gap);
-        self.push_patch(normal, Candidate { point, gap: *gap, feature }, scratch);
+        self.push_patch(normal, *gap, closest, scratch);
         face.chosen()
     }
 
@@ -406,28 +421,29 @@ impl Pair<'_> {
     ///
     /// `closest` is where the gap is the axis's separation, which no corner's is below but for
     /// rounding; it is reported if rounding hides it from the patch.
-    fn push_patch(&self, normal: &Vec3, closest: Candidate, scratch: &mut Scratch) {
+    fn push_patch(
+        &self,
+        normal: &Vec3,
+        separation: f64,
+        closest: impl Fn() -> Candidate,
+        scratch: &mut Scratch,
+    ) {
         let Scratch { candidates, hull, .. } = scratch;
-        if lowest_gap(candidates) > closest.gap + LOOSE * self.size {
+        if lowest_gap(candidates) > separation + LOOSE * self.size {
+            let closest = closest();
             candidates.retain(|c| c.feature != closest.feature);
             candidates.push(closest);
         }
         reduce::keep_four(candidates, normal, self.alert, self.size, hull);
         if let Some(d) = candidates.iter_mut().min_by(|c, d| c.gap.total_cmp(&d.gap)) {
-            d.gap = closest.gap;
+            d.gap = separation;
         }
-        candidates.iter_mut().for_each(|c| c.gap = c.gap.max(closest.gap));
+        candidates.iter_mut().for_each(|c| c.gap = c.gap.max(separation));
         self.report(normal, scratch);
     }
 
     /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
-    fn find_patch(
-        &self,
-        n: &Vec3,
-        separation: f64,
-        memory: &mut PairMemory,
-        scratch: &mut Scratch,
-    ) {
+    fn find_patch(&self, n: &Vec3, separation: f64, memory: &mut Touching, scratch: &mut Scratch) {
         let axis = patch::Axis {
             normal: *n,
             alert: self.alert,
