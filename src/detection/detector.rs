@@ -161,10 +161,12 @@ impl Search<'_> {
 }
 
 fn push(out: &mut Contacts, bodies: [u32; 2], part: usize, scratch: &Scratch) {
-    for p in &scratch.points {
-        let feature = narrow_phase::on_part(p.feature, part);
-        out.push(bodies, feature, p.point, p.normal, p.gap);
-    }
+    let points = &scratch.points;
+    out.bodies.resize(out.bodies.len() + points.len(), bodies);
+    out.feature.extend(points.iter().map(|p| narrow_phase::on_part(p.feature, part)));
+    out.point.extend(points.iter().map(|p| p.point));
+    out.normal.extend(points.iter().map(|p| p.normal));
+    out.gap.extend(points.iter().map(|p| p.gap));
 }
 
 /// Copies the chunks' contacts to `out`, one after the other.

@@ -90,7 +90,7 @@ pub struct Frame {
 
 impl Frame {
     #[inline]
-    fn place(&self, x: &Vec3) -> [f64; 3] {
+    pub fn place(&self, x: &Vec3) -> [f64; 3] {
         let ([t, s, n], [o, p, q]) = (&self.axes, &self.origin);
         [t.dot(x) + o, s.dot(x) + p, n.dot(x) + q]
     }
@@ -231,7 +231,7 @@ fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> Option<Bel
 }
 
 /// An edge; coordinates are two across the axis and one along it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Segment {
     pub start: [f64; 3],
     pub along: [f64; 3],
@@ -239,7 +239,7 @@ pub struct Segment {
 
 impl Segment {
     #[inline]
-    fn between(start: [f64; 3], end: [f64; 3]) -> Self {
+    pub fn between(start: [f64; 3], end: [f64; 3]) -> Self {
         Self { start, along: [end[0] - start[0], end[1] - start[1], end[2] - start[2]] }
     }
 
@@ -359,7 +359,7 @@ struct Side {
     area: Area,
     /// Around the body's part in the slab.
     whole: Area,
-    /// Corners in the slab, beside no listed edge and listed already.
+    /// Whether a corner is on a listed edge.
     seen: Vec<bool>,
     vertices: Vec<usize>,
     /// Up to where a coordinate along the axis into the body is in the slab.
@@ -409,17 +409,12 @@ impl Side {
     fn trim(&mut self, area: &Area) -> bool {
         let Self { places, edges, vertices, seen, limit, into, .. } = self;
         edges.retain(|e| e.area.meets(area));
-        vertices.clear();
         seen.clear();
         seen.resize(places.len(), false);
-        for v in edges.iter().flat_map(|e| e.vertices) {
-            let v = v as usize;
-            let place = &places[v];
-            if !seen[v] && *into * place[2] <= *limit && area.holds(place) {
-                seen[v] = true;
-                vertices.push(v);
-            }
-        }
+        edges.iter().flat_map(|e| e.vertices).for_each(|v| seen[v as usize] = true);
+        let inside = |place: &[f64; 3]| *into * place[2] <= *limit && area.holds(place);
+        vertices.clear();
+        vertices.extend((0..places.len()).filter(|v| seen[*v] && inside(&places[*v])));
         edges.iter().any(|e| e.unsure)
     }
 

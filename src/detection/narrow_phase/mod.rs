@@ -33,6 +33,7 @@ mod half_space;
 mod pair;
 mod patch;
 mod reduce;
+mod rim;
 mod search;
 mod supports;
 

@@ -25,6 +25,7 @@ use super::facing::{Below, Frame, Segment, Sides, Slack};
 use super::few::Few;
 use super::pair::Pair;
 use super::reduce::Candidate;
+use super::rim::{EDGES, Rim};
 use super::{SLAB, feature};
 use crate::math::{Vec3, frame};
 
@@ -65,8 +66,10 @@ pub struct PatchList {
     vertices: [Few<8>; 2],
     /// Faces of the other body that decide about each of them.
     below: [[Below; 8]; 2],
-    /// Edges of A and of B that may cross, pair by pair.
-    edges: [Few<24>; 2],
+    /// Edges of A and of B that may cross.
+    rims: [Rim; 2],
+    /// Pairs of them, by their places on the rims: that of A times [`EDGES`] plus that of B.
+    pairs: Few<24>,
 }
 
 impl PatchList {
@@ -91,9 +94,15 @@ impl PatchList {
             fill(&mut self.vertices[side], over.iter().map(|o| o.vertex));
             self.below[side].iter_mut().zip(over).for_each(|(below, o)| *below = o.below);
         }
-        fill(&mut self.edges[0], sides.pairs.iter().map(|p| p[0]));
-        fill(&mut self.edges[1], sides.pairs.iter().map(|p| p[1]));
-        let whole = self.vertices.iter().all(Few::is_whole) && self.edges.iter().all(Few::is_whole);
+        self.pairs.clear();
+        self.rims.iter_mut().for_each(Rim::clear);
+        for [a, b] in &sides.pairs {
+            let [on_a, on_b] = &mut self.rims;
+            self.pairs.push(on_a.add(pair.a, *a) * EDGES + on_b.add(pair.b, *b));
+        }
+        let whole = self.vertices.iter().all(Few::is_whole)
+            && self.rims.iter().all(Rim::is_whole)
+            && self.pairs.is_whole();
         if whole {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
@@ -128,13 +137,17 @@ impl Axis {
         out.clear();
         let frames = self.frames(pair);
         if list.holds(pair, self) || list.make(pair, self, sides) {
-            let [a, b] = &list.edges;
             let [of_a, of_b] = &frames;
             let sure = !list.unsure;
-            let pairs = a.iter().zip(b.iter()).map(|(a, b)| [a, b]).filter(|[a, b]| {
-                sure || (of_a.is_facing(pair.a, *a) && of_b.is_facing(pair.b, *b))
-            });
-            self.crossings(pair, &frames, pairs, out);
+            let [on_a, on_b] = &list.rims;
+            let segments = (on_a.segments(pair.a, of_a), on_b.segments(pair.b, of_b));
+            for both in list.pairs.iter() {
+                let (a, b) = (both / EDGES, both % EDGES);
+                let edges = [on_a.edges.item(a), on_b.edges.item(b)];
+                if sure || (of_a.is_facing(pair.a, edges[0]) && of_b.is_facing(pair.b, edges[1])) {
+                    self.crossing(pair, of_a, edges, &segments.0[a], &segments.1[b], out);
+                }
+            }
             let over = |side: usize| list.vertices[side].iter().zip(&list.below[side]);
             let a = over(0).filter(|(v, _)| sure || of_a.has_facing_edge(pair.a, *v));
             let b = over(1).filter(|(v, _)| sure || of_b.has_facing_edge(pair.b, *v));
@@ -144,7 +157,11 @@ impl Axis {
             let slack = Slack { path: SLAB * pair.size, turn: 0.0 };
             sides.list(pair, self, self.slab, slack);
             let Sides { pairs, vertices: [a, b], .. } = sides;
-            self.crossings(pair, &frames, pairs.iter().copied(), out);
+            for edges in pairs {
+                let [a, b] =
+                    [(pair.a, 0), (pair.b, 1)].map(|(s, k)| frames[k].segment(s, edges[k]));
+                self.crossing(pair, &frames[0], *edges, &a, &b, out);
+            }
             self.vertices_of_a(pair, &frames[1], a.iter().map(|o| (o.vertex, &o.below)), out);
             self.vertices_of_b(pair, &frames[0], b.iter().map(|o| (o.vertex, &o.below)), out);
         }
@@ -206,32 +223,28 @@ impl Axis {
         }
     }
 
-    /// Appends the crossings of pairs of edges.
-    fn crossings(
+    /// Appends the crossing of an edge of A with one of B; `of_a` is the frame of A.
+    #[inline]
+    fn crossing(
         &self,
         pair: &Pair,
-        [of_a, of_b]: &[Frame; 2],
-        pairs: impl Iterator<Item = [usize; 2]>,
+        of_a: &Frame,
+        edges: [usize; 2],
+        on_a: &Segment,
+        on_b: &Segment,
         out: &mut Vec<Candidate>,
     ) {
-        let mut last: Option<(usize, Segment)> = None;
-        for [a, b] in pairs {
-            let ea = match last {
-                Some((index, edge)) if index == a => edge,
-                _ => of_a.segment(pair.a, a),
-            };
-            last = Some((a, ea));
-            let eb = of_b.segment(pair.b, b);
-            let Some([s, t]) = crossing(&ea, &eb) else { continue };
-            let (x, y) = (ea.at(s), eb.at(t));
-            let gap = y[2] - x[2];
-            if gap <= self.alert {
-                let ends = [pair.a.edges[a].vertices, pair.b.edges[b].vertices];
-                let feature = feature::edges((a as u32, ends[0], s), (b as u32, ends[1], t));
-                let [e0, e1, e2] = &of_a.axes;
-                let point = e0 * x[0] + e1 * x[1] + e2 * (x[2] + 0.5 * gap);
-                out.push(Candidate { point, gap, feature });
-            }
+        let Some([s, t]) = crossing(on_a, on_b) else { return };
+        let (x, y) = (on_a.at(s), on_b.at(t));
+        let gap = y[2] - x[2];
+        if gap <= self.alert {
+            let [e0, e1, e2] = &of_a.axes;
+            let point = e0 * x[0] + e1 * x[1] + e2 * (x[2] + 0.5 * gap);
+            out.push(Candidate {
+                point,
+                gap,
+                feature: feature::edges([pair.a, pair.b], edges, [s, t]),
+            });
         }
     }
 }

@@ -387,12 +387,8 @@ impl Pair<'_> {
         memory: &mut Touching,
         scratch: &mut Scratch,
     ) {
-        let [ea, eb] = c.edges;
         let closest = || {
-            let feature = feature::edges(
-                (ea as u32, self.a.edges[ea].vertices, c.parameter[0]),
-                (eb as u32, self.b.edges[eb].vertices, c.parameter[1]),
-            );
+            let feature = feature::edges([self.a, self.b], c.edges, c.parameter);
             Candidate { point: (c.on_a + c.on_b) * 0.5, gap, feature }
         };
         self.find_patch(normal, gap, memory, scratch);
