@@ -100,17 +100,27 @@ impl Search<'_> {
     fn chunk(&self, grains: std::ops::Range<usize>, memory: &mut [PairMemory], out: &mut Chunk) {
         out.contacts.clear();
         let first = self.starts[grains.start];
+        let mut awake: Vec<usize> = Vec::new();
         for i in grains {
             let pairs = self.starts[i]..self.starts[i + 1];
             let antagonists = &self.antagonists[pairs.clone()];
             let memory = &mut memory[pairs.start - first..pairs.end - first];
             let of_grains =
                 antagonists.partition_point(|j| (*j as usize) < self.model.grains.len());
-            for (j, memory) in antagonists[..of_grains].iter().zip(&mut *memory) {
-                let travel = self.travel[i] + self.travel[*j as usize];
-                if memory.sleeps(travel) {
-                    continue;
+            let sleeps = |j: &u32, memory: &PairMemory| {
+                memory.sleeps(self.travel[i] + self.travel[*j as usize])
+            };
+            awake.clear();
+            let pairs = antagonists[..of_grains].iter().zip(&*memory).enumerate();
+            awake.extend(pairs.filter(|(_, (j, m))| !sleeps(j, m)).map(|(k, _)| k));
+            for (n, k) in awake.iter().enumerate() {
+                if let Some(next) = awake.get(n + 1) {
+                    let shape = &self.model.shapes
+                        [self.model.grains.shape[antagonists[*next] as usize] as usize];
+                    narrow_phase::read_ahead(shape, &memory[*next]);
                 }
+                let (j, memory) = (&antagonists[*k], &mut memory[*k]);
+                let travel = self.travel[i] + self.travel[*j as usize];
                 let (a, b) = (self.grain(i), self.grain(*j as usize));
                 narrow_phase::touch(a, b, self.alert(), travel, memory, &mut out.scratch);
                 push(&mut out.contacts, [i as u32, *j], 0, &out.scratch);

@@ -42,6 +42,8 @@ pub struct Contenders {
     /// Faces of A and of B.
     pub faces: [Few<5>; 2],
     edges: [Few<6>; 2],
+    /// Whether all listed pairs of edges make an axis while the lists hold.
+    pub crossing: bool,
     /// For axes near the best one.
     pub supports: Supports,
 }
@@ -66,6 +68,11 @@ impl Contenders {
         Some(Bounds { faces, edges })
     }
 
+    pub fn mix(&self) -> u64 {
+        u64::from(self.bounds[0].to_bits())
+            ^ (self.edges[0].is_whole() as u64)
+            ^ (self.supports.mix())
+    }
     /// Forgets all.
     pub fn clear(&mut self) {
         self.anchor = Anchor::default();
@@ -122,6 +129,11 @@ impl Contenders {
         }
         self.bounds = [faces, bound].map(|b| b as f32);
         let whole = self.faces.iter().all(Few::is_whole) && self.edges.iter().all(Few::is_whole);
+        let crossing = self.edge_pairs().all(|edges| {
+            let [a, b] = [edges::edge_of_a(pair, edges[0]), edges::edge_of_b(pair, edges[1])];
+            edges::arcs_cross(pair, edges, [&a.along, &b.along], 1.001 * TURN)
+        });
+        self.crossing = crossing;
         self.supports = Supports::new(pair, normal);
         self.anchor = if whole { Anchor::new(pair, c) } else { Anchor::default() };
     }

@@ -7,6 +7,7 @@
 use super::few::Few;
 use super::pair::{Pair, larger, smaller};
 use super::patch::{Axis, STEEP};
+use super::rim::Placed;
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
@@ -33,6 +34,8 @@ pub struct Sides {
     /// Nothing that may meet is further from the middle, m.
     pub lever: f64,
     planes: Vec<Plane>,
+    /// Of the listed edges of A and of B.
+    pub rims: [Placed; 2],
 }
 
 impl Sides {

@@ -81,8 +81,16 @@ pub struct PairMemory {
 struct Touching {
     /// One above the edges of A and of B that were closest; zero if none.
     edges: [u32; 2],
+    /// One above the best faces of A and of B; zero if none.
+    faces: [u32; 2],
     contenders: Contenders,
     patch: PatchList,
+}
+
+impl Touching {
+    fn mix(&self) -> u64 {
+        u64::from(self.edges[0]) ^ self.contenders.mix() ^ self.patch.mix()
+    }
 }
 
 impl PairMemory {
@@ -97,6 +105,27 @@ impl PairMemory {
         // A sum this large has lost too many digits to be compared.
         self.apart_until = travel + (beyond - 1e-12 * travel);
     }
+}
+
+/// Reads what the search of a pair will need, all at once: then the processor waits once.
+pub fn read_ahead(shape: &Polyhedron, memory: &PairMemory) {
+    let mut mix = 0u64;
+    for v in shape.vertices.iter().step_by(2) {
+        mix ^= v.x.to_bits();
+    }
+    for e in shape.edges.iter().step_by(8) {
+        mix ^= u64::from(e.vertices[0]);
+    }
+    for v in shape.face_normals.iter().step_by(2) {
+        mix ^= v.x.to_bits();
+    }
+    for v in shape.face_offsets.iter().step_by(8) {
+        mix ^= v.to_bits();
+    }
+    if let Some(t) = &memory.touching {
+        mix ^= t.mix();
+    }
+    std::hint::black_box(mix);
 }
 
 /// A contact point in world coordinates; the normal points from B to A.

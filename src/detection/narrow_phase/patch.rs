@@ -73,6 +73,14 @@ pub struct PatchList {
 }
 
 impl PatchList {
+    pub fn mix(&self) -> u64 {
+        u64::from(self.reach.to_bits())
+            ^ (self.vertices[0].is_whole() as u64)
+            ^ (self.below[0][0].is_whole() as u64)
+            ^ (self.below[1][0].is_whole() as u64)
+            ^ (self.pairs.is_whole() as u64)
+            ^ (self.rims[1].edges.is_whole() as u64)
+    }
     /// Whether the list has all that `axis` can find.
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
@@ -140,12 +148,14 @@ impl Axis {
             let [of_a, of_b] = &frames;
             let sure = !list.unsure;
             let [on_a, on_b] = &list.rims;
-            let segments = (on_a.segments(pair.a, of_a), on_b.segments(pair.b, of_b));
+            let Sides { rims: [placed_a, placed_b], .. } = sides;
+            let on_a_placed = on_a.place(pair.a, of_a, placed_a);
+            let on_b_placed = on_b.place(pair.b, of_b, placed_b);
             for both in list.pairs.iter() {
                 let (a, b) = (both / EDGES, both % EDGES);
                 let edges = [on_a.edges.item(a), on_b.edges.item(b)];
                 if sure || (of_a.is_facing(pair.a, edges[0]) && of_b.is_facing(pair.b, edges[1])) {
-                    self.crossing(pair, of_a, edges, &segments.0[a], &segments.1[b], out);
+                    self.crossing(pair, of_a, edges, &on_a_placed[a], &on_b_placed[b], out);
                 }
             }
             let over = |side: usize| list.vertices[side].iter().zip(&list.below[side]);

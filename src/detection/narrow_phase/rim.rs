@@ -5,9 +5,9 @@ use super::few::Few;
 use crate::geometry::Polyhedron;
 
 /// How many edges are kept in mind.
-pub const EDGES: usize = 8;
+pub const EDGES: usize = 12;
 /// How many of their ends.
-const ENDS: usize = 12;
+const ENDS: usize = 18;
 
 /// Edges, and their ends by place in the list of corners.
 #[derive(Debug, Clone, Copy, Default)]
@@ -37,17 +37,25 @@ impl Rim {
 
     /// The edges in the coordinates of the axis.
     #[inline]
-    pub fn segments(&self, shape: &Polyhedron, frame: &Frame) -> [Segment; EDGES] {
-        let mut places = [[0.0; 3]; ENDS];
-        for (place, v) in places.iter_mut().zip(self.corners.iter()) {
-            *place = frame.place(&shape.vertices[v]);
-        }
-        let mut segments = [Segment::default(); EDGES];
-        for ((segment, _), [start, end]) in
-            segments.iter_mut().zip(self.edges.iter()).zip(self.ends)
-        {
-            *segment = Segment::between(places[usize::from(start)], places[usize::from(end)]);
-        }
+    pub fn place<'a>(
+        &self,
+        shape: &Polyhedron,
+        frame: &Frame,
+        Placed { corners, segments }: &'a mut Placed,
+    ) -> &'a [Segment] {
+        corners.clear();
+        corners.extend(self.corners.iter().map(|v| frame.place(&shape.vertices[v])));
+        segments.clear();
+        segments.extend(self.ends[..self.edges.len()].iter().map(|[start, end]| {
+            Segment::between(corners[usize::from(*start)], corners[usize::from(*end)])
+        }));
         segments
     }
+}
+
+/// Buffers for a rim in the coordinates of the axis.
+#[derive(Debug, Default)]
+pub struct Placed {
+    corners: Vec<[f64; 3]>,
+    segments: Vec<Segment>,
 }

@@ -5,7 +5,7 @@ use super::contenders::Contenders;
 use super::edges::{self, EdgeAxis, NearEdge};
 use super::faces;
 use super::facing::Slack;
-use super::pair::Pair;
+use super::pair::{Faces, Pair};
 use super::reduce::{self, Candidate};
 use super::{Point, SLAB, Scratch, TIE, Touching, feature, pair, patch};
 use crate::geometry::Polyhedron;
@@ -70,15 +70,16 @@ impl Pair<'_> {
         };
         let floor = face.map_or(f64::NEG_INFINITY, |f| f.separation + TIE * self.size);
         let pairs = memory.contenders.edge_pairs();
+        let crossing = memory.contenders.crossing;
         let supports = &memory.contenders.supports;
         let separation = |n: &Vec3| supports.separation(self, n);
-        if let Some(e) = edges::best_edge_axis(self, pairs, None, floor, separation) {
+        if let Some(e) = edges::best_edge_axis(self, pairs, None, floor, crossing, separation) {
             if e.separation > self.alert {
                 return Some(Err(e.normal));
             }
             let above =
                 if e.separation > 0.0 { others.faces } else { others.faces.max(others.edges) };
-            let closest = self.closest_on(&e);
+            let closest = e.closest();
             let sure = if e.separation > 0.0 {
                 self.are_closest(&e, &closest)
             } else {
@@ -115,7 +116,7 @@ impl Pair<'_> {
 
     /// The same over all axes.
     fn among_all(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<Option<Chosen>> {
-        let face = self.best_face()?;
+        let face = self.best_face(&mut memory.faces)?;
         let floor = face.separation + TIE * self.size;
         let known = self.known_edges(&memory.edges);
         memory.edges = [0; 2];
@@ -124,7 +125,7 @@ impl Pair<'_> {
                 return Err(e.normal);
             }
             if e.separation > floor.max(0.0) {
-                let closest = self.closest_on(e);
+                let closest = e.closest();
                 if self.are_closest(e, &closest) {
                     return Ok(Some(self.push_edges(e, &closest, memory, scratch)));
                 }
@@ -137,7 +138,7 @@ impl Pair<'_> {
         match self.best_edges(&face, known, memory, scratch) {
             Some(e) if e.separation > self.alert => Err(e.normal),
             Some(e) => {
-                let closest = self.closest_on(&e);
+                let closest = e.closest();
                 if e.separation <= 0.0 || self.are_closest(&e, &closest) {
                     Ok(Some(self.push_edges(&e, &closest, memory, scratch)))
                 } else {
@@ -189,7 +190,7 @@ impl Pair<'_> {
         if distance > self.alert {
             return Err((c.on_b - c.on_a) / distance);
         }
-        match edges::axis_of(self, c.edges, f64::NEG_INFINITY, |n| self.separation(n)) {
+        match edges::axis_of(self, c.edges, f64::NEG_INFINITY, false, |n| self.separation(n)) {
             Some(e) if e.separation > separation && self.are_closest(&e, &c) => {
                 return Ok(Some(self.push_edges(&e, &c, memory, scratch)));
             }
@@ -203,15 +204,20 @@ impl Pair<'_> {
         Ok(None)
     }
 
-    /// The best of all faces.
-    fn best_face(&self) -> Found<BestFace> {
+    /// The best of all faces; `hint` is one above those that were the best of A and of B, or zero.
+    fn best_face(&self, hint: &mut [u32; 2]) -> Found<BestFace> {
         let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
         let (alert, none) = (self.alert, f64::NEG_INFINITY);
-        let on_a = faces::best_of_all(&of_a, of_a.most_aligned(), none, alert, self.size)
+        let start = |faces: &Faces, hint: u32| {
+            let known = (hint as usize).checked_sub(1).filter(|f| *f < faces.own.face_count());
+            known.unwrap_or_else(|| faces.most_aligned())
+        };
+        let on_a = faces::best_of_all(&of_a, start(&of_a, hint[0]), none, alert, self.size)
             .map_err(|f| self.face_of_a(f))?;
         let floor = on_a.separation;
-        let on_b = faces::best_of_all(&of_b, of_b.most_aligned(), floor, alert, self.size)
+        let on_b = faces::best_of_all(&of_b, start(&of_b, hint[1]), floor, alert, self.size)
             .map_err(|f| self.face_of_b(f))?;
+        *hint = [on_a.face, on_b.face].map(|f| f as u32 + 1);
         Ok(if on_b.separation > floor + TIE * self.size {
             BestFace { of_b: true, normal: self.face_of_b(on_b.face), separation: on_b.separation }
         } else {
@@ -277,15 +283,15 @@ impl Pair<'_> {
         if ea == 0 || eb == 0 || ea > self.a.edges.len() || eb > self.b.edges.len() {
             return None;
         }
-        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY, |n| self.separation(n))
+        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY, false, |n| self.separation(n))
     }
 
     /// Whether `c`, the closest points of two edges, are strictly inside both and as far apart as their
     /// axis says: then they are the closest points of the bodies, and there are no others.
     fn are_closest(&self, e: &EdgeAxis, c: &ClosestPoints) -> bool {
-        let [a, b] = e.edges;
+        let [a, b] = &e.on;
         c.parameter.iter().all(|t| *t > INTERIOR && *t < 1.0 - INTERIOR)
-            && !edges::nearly_parallel(&edges::edge_of_a(self, a), &edges::edge_of_b(self, b))
+            && !edges::nearly_parallel(a, b)
             && c.distance_squared.sqrt() <= e.separation + TIE * self.size
     }
 
@@ -304,13 +310,17 @@ impl Pair<'_> {
     ) -> Option<EdgeAxis> {
         let floor = face.separation + TIE * self.size;
         self.list_edge_pairs(face, scratch);
-        let best =
-            edges::best_edge_axis(self, scratch.edge_pairs.iter().copied(), known, floor, |n| {
-                self.separation(n)
-            });
+        let best = edges::best_edge_axis(
+            self,
+            scratch.edge_pairs.iter().copied(),
+            known,
+            floor,
+            false,
+            |n| self.separation(n),
+        );
         let reach = self.alert.max(-face.separation);
         if let Some(e) = &best
-            && (e.separation > 0.0 || self.closest_on(e).distance_squared <= reach * reach)
+            && (e.separation > 0.0 || e.closest().distance_squared <= reach * reach)
         {
             return best;
         }
@@ -341,7 +351,7 @@ impl Pair<'_> {
             let near = near_b.iter().filter(move |b| a.may_reach(b, reach));
             near.map(|b| [a.index, b.index])
         });
-        edges::best_edge_axis(self, pairs, known, floor, |n| self.separation(n))
+        edges::best_edge_axis(self, pairs, known, floor, false, |n| self.separation(n))
     }
 
     /// Lists the pairs of edges that may be the best axis while the lists of `memory` hold.
@@ -359,11 +369,6 @@ impl Pair<'_> {
             let near = near_b.iter().filter(|b| a.may_reach(b, reach) && a.may_cross(b, turn));
             edge_pairs.extend(near.map(|b| [a.index, b.index]));
         }
-    }
-
-    fn closest_on(&self, e: &EdgeAxis) -> ClosestPoints {
-        let [a, b] = e.edges;
-        closest::closest_on_segments(&edges::edge_of_a(self, a), &edges::edge_of_b(self, b))
     }
 
     /// Reports the contact of two edges, `c` being their closest points, and remembers them.
