@@ -8,6 +8,7 @@
 use super::Contacts;
 use super::broad_phase::{CHUNK, PairList, PartRef, pose};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
+use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
@@ -33,6 +34,8 @@ enum Placed {
 struct Chunk {
     contacts: Contacts,
     scratch: Scratch,
+    /// Pairs of a grain that may touch.
+    awake: Vec<usize>,
 }
 
 impl Detector {
@@ -100,27 +103,22 @@ impl Search<'_> {
     fn chunk(&self, grains: std::ops::Range<usize>, memory: &mut [PairMemory], out: &mut Chunk) {
         out.contacts.clear();
         let first = self.starts[grains.start];
-        let mut awake: Vec<usize> = Vec::new();
         for i in grains {
             let pairs = self.starts[i]..self.starts[i + 1];
             let antagonists = &self.antagonists[pairs.clone()];
             let memory = &mut memory[pairs.start - first..pairs.end - first];
             let of_grains =
                 antagonists.partition_point(|j| (*j as usize) < self.model.grains.len());
-            let sleeps = |j: &u32, memory: &PairMemory| {
-                memory.sleeps(self.travel[i] + self.travel[*j as usize])
-            };
-            awake.clear();
+            out.awake.clear();
             let pairs = antagonists[..of_grains].iter().zip(&*memory).enumerate();
-            awake.extend(pairs.filter(|(_, (j, m))| !sleeps(j, m)).map(|(k, _)| k));
-            for (n, k) in awake.iter().enumerate() {
-                if let Some(next) = awake.get(n + 1) {
-                    let shape = &self.model.shapes
-                        [self.model.grains.shape[antagonists[*next] as usize] as usize];
-                    narrow_phase::read_ahead(shape, &memory[*next]);
+            let awake = pairs.filter(|(_, (j, m))| !m.sleeps(self.travel_of(i, **j)));
+            out.awake.extend(awake.map(|(k, _)| k));
+            for (n, k) in out.awake.iter().enumerate() {
+                if let Some(next) = out.awake.get(n + 1) {
+                    narrow_phase::read_ahead(self.shape(antagonists[*next]), &memory[*next]);
                 }
                 let (j, memory) = (&antagonists[*k], &mut memory[*k]);
-                let travel = self.travel[i] + self.travel[*j as usize];
+                let travel = self.travel_of(i, *j);
                 let (a, b) = (self.grain(i), self.grain(*j as usize));
                 narrow_phase::touch(a, b, self.alert(), travel, memory, &mut out.scratch);
                 push(&mut out.contacts, [i as u32, *j], 0, &out.scratch);
@@ -161,8 +159,17 @@ impl Search<'_> {
     }
 
     fn grain(&self, i: usize) -> Solid<'_> {
-        let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
-        Solid { shape, pose: pose(self.motion, i) }
+        Solid { shape: self.shape(i as u32), pose: pose(self.motion, i) }
+    }
+
+    /// Shape of grain `i`.
+    fn shape(&self, i: u32) -> &Polyhedron {
+        &self.model.shapes[self.model.grains.shape[i as usize] as usize]
+    }
+
+    /// How far grains `i` and `j` have travelled, m.
+    fn travel_of(&self, i: usize, j: u32) -> f64 {
+        self.travel[i] + self.travel[j as usize]
     }
 
     fn alert(&self) -> f64 {

@@ -68,11 +68,6 @@ impl Contenders {
         Some(Bounds { faces, edges })
     }
 
-    pub fn mix(&self) -> u64 {
-        u64::from(self.bounds[0].to_bits())
-            ^ (self.edges[0].is_whole() as u64)
-            ^ (self.supports.mix())
-    }
     /// Forgets all.
     pub fn clear(&mut self) {
         self.anchor = Anchor::default();

@@ -77,7 +77,7 @@ pub struct PairMemory {
 }
 
 /// The same about bodies that touch.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Touching {
     /// One above the edges of A and of B that were closest; zero if none.
     edges: [u32; 2],
@@ -85,12 +85,6 @@ struct Touching {
     faces: [u32; 2],
     contenders: Contenders,
     patch: PatchList,
-}
-
-impl Touching {
-    fn mix(&self) -> u64 {
-        u64::from(self.edges[0]) ^ self.contenders.mix() ^ self.patch.mix()
-    }
 }
 
 impl PairMemory {
@@ -107,25 +101,15 @@ impl PairMemory {
     }
 }
 
-/// Reads what the search of a pair will need, all at once: then the processor waits once.
-pub fn read_ahead(shape: &Polyhedron, memory: &PairMemory) {
-    let mut mix = 0u64;
-    for v in shape.vertices.iter().step_by(2) {
-        mix ^= v.x.to_bits();
-    }
-    for e in shape.edges.iter().step_by(8) {
-        mix ^= u64::from(e.vertices[0]);
-    }
-    for v in shape.face_normals.iter().step_by(2) {
-        mix ^= v.x.to_bits();
-    }
-    for v in shape.face_offsets.iter().step_by(8) {
-        mix ^= v.to_bits();
-    }
-    if let Some(t) = &memory.touching {
-        mix ^= t.mix();
-    }
-    std::hint::black_box(mix);
+/// Reads what [`touch`] will need of a pair, `b` being the shape of B: the processor then waits for all
+/// of it at once, and meanwhile goes on with the pair before.
+pub fn read_ahead(b: &Polyhedron, memory: &PairMemory) {
+    let Some(touching) = &memory.touching else { return };
+    std::hint::black_box(**touching);
+    // One word of each cache line.
+    let vertices = b.vertices.iter().step_by(2).map(|v| v.x.to_bits());
+    let edges = b.edges.iter().step_by(8).map(|e| u64::from(e.vertices[0]));
+    std::hint::black_box(vertices.chain(edges).fold(0, |all, word| all ^ word));
 }
 
 /// A contact point in world coordinates; the normal points from B to A.

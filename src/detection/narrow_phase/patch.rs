@@ -73,14 +73,6 @@ pub struct PatchList {
 }
 
 impl PatchList {
-    pub fn mix(&self) -> u64 {
-        u64::from(self.reach.to_bits())
-            ^ (self.vertices[0].is_whole() as u64)
-            ^ (self.below[0][0].is_whole() as u64)
-            ^ (self.below[1][0].is_whole() as u64)
-            ^ (self.pairs.is_whole() as u64)
-            ^ (self.rims[1].edges.is_whole() as u64)
-    }
     /// Whether the list has all that `axis` can find.
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };

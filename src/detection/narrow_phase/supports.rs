@@ -25,9 +25,6 @@ pub struct Supports {
 }
 
 impl Supports {
-    pub fn mix(&self) -> u64 {
-        self.corners[1].is_whole() as u64
-    }
     /// The corners for axes near `n`.
     pub fn new(pair: &Pair, n: &Vec3) -> Self {
         let corners =
