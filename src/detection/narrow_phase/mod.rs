@@ -33,6 +33,7 @@ mod half_space;
 mod pair;
 mod patch;
 mod reduce;
+mod report;
 mod rim;
 mod search;
 mod supports;
@@ -131,6 +132,7 @@ pub struct Scratch {
     heights: Vec<f64>,
     /// Pairs of edges that may hold the deepest points.
     edge_pairs: Vec<[usize; 2]>,
+    pairs_are_known: bool,
     sides: Sides,
     candidates: Vec<Candidate>,
     hull: Hull,

@@ -1,4 +1,4 @@
-//! The axis of largest separation, and what is reported along it.
+//! The axis of largest separation.
 
 use super::closest::{self, ClosestPoints};
 use super::contenders::Contenders;
@@ -6,41 +6,16 @@ use super::edges::{self, EdgeAxis, NearEdge};
 use super::faces;
 use super::facing::Slack;
 use super::pair::{Faces, Pair};
-use super::reduce::{self, Candidate};
-use super::{Point, SLAB, Scratch, TIE, Touching, feature, pair, patch};
+use super::report::{BestFace, Chosen, deepest, lowest_gap};
+use super::{SLAB, Scratch, TIE, Touching, pair};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
 /// How far from both ends of its edges, over their lengths, a closest point is safely unique.
 const INTERIOR: f64 = 1e-6;
-/// Points of a patch closer than this, over the radii, count as one.
-const LOOSE: f64 = 1e-7;
-
-/// The best face of either body.
-#[derive(Debug, Clone, Copy)]
-struct BestFace {
-    of_b: bool,
-    /// From A to B, in the frame of A.
-    normal: Vec3,
-    separation: f64,
-}
-
-impl BestFace {
-    fn chosen(&self) -> Chosen {
-        Chosen { normal: self.normal, separation: self.separation, edges: None }
-    }
-}
 
 /// `Err` holds a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
 type Found<T> = Result<T, Vec3>;
-
-/// The axis that was chosen, for the next steps.
-#[derive(Debug, Clone, Copy)]
-struct Chosen {
-    normal: Vec3,
-    separation: f64,
-    edges: Option<[usize; 2]>,
-}
 
 impl Pair<'_> {
     /// Finds the best axis and reports the contact points along it.
@@ -50,12 +25,13 @@ impl Pair<'_> {
         }
         memory.contenders.clear();
         scratch.edge_pairs.clear();
+        scratch.pairs_are_known = false;
         let chosen = self.among_all(memory, scratch)?;
         if let Some(Chosen { normal, separation, edges }) = chosen {
             let points = &scratch.candidates;
             let sum = points.iter().fold(Vec3::zeros(), |sum, c| sum + c.point);
             let middle = sum / points.len() as f64;
-            let pairs = (separation <= 0.0).then_some(&*scratch.edge_pairs);
+            let pairs = scratch.pairs_are_known.then_some(&*scratch.edge_pairs);
             memory.contenders.make(self, &normal, separation, &middle, edges, pairs);
         }
         Ok(())
@@ -328,6 +304,7 @@ impl Pair<'_> {
         if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
             return best;
         }
+        scratch.pairs_are_known = false;
         // Neither a separating axis nor points of both that are near is at hand: ask all edges.
         let all = f64::INFINITY;
         self.best_near_edges(&face.normal, all, all, known, floor, scratch)
@@ -364,106 +341,12 @@ impl Pair<'_> {
         let reach = depth.max(self.alert);
         self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
         let reach = reach + path + SLAB * self.size;
+        scratch.pairs_are_known = true;
         let Scratch { near_a, near_b, edge_pairs, .. } = scratch;
         for a in near_a {
             let near = near_b.iter().filter(|b| a.may_reach(b, reach) && a.may_cross(b, turn));
             edge_pairs.extend(near.map(|b| [a.index, b.index]));
         }
-    }
-
-    /// Reports the contact of two edges, `c` being their closest points, and remembers them.
-    fn push_edges(
-        &self,
-        e: &EdgeAxis,
-        c: &ClosestPoints,
-        memory: &mut Touching,
-        scratch: &mut Scratch,
-    ) -> Chosen {
-        memory.edges = e.edges.map(|e| e as u32 + 1);
-        self.push_closest(c, &e.normal, e.separation, memory, scratch);
-        Chosen { normal: e.normal, separation: e.separation, edges: Some(e.edges) }
-    }
-
-    fn push_closest(
-        &self,
-        c: &ClosestPoints,
-        normal: &Vec3,
-        gap: f64,
-        memory: &mut Touching,
-        scratch: &mut Scratch,
-    ) {
-        let closest = || {
-            let feature = feature::edges([self.a, self.b], c.edges, c.parameter);
-            Candidate { point: (c.on_a + c.on_b) * 0.5, gap, feature }
-        };
-        self.find_patch(normal, gap, memory, scratch);
-        self.push_patch(normal, gap, closest, scratch);
-    }
-
-    /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
-    fn push_face(&self, face: &BestFace, scratch: &mut Scratch) -> Chosen {
-        let BestFace { of_b, normal, separation: gap } = face;
-        let closest = || {
-            let (vertex, feature, side) = if *of_b {
-                let v = pair::first_lowest(&self.a.vertices, &-normal);
-                (self.a.vertices[v], feature::vertex(v), 1.0)
-            } else {
-                let v = pair::first_lowest(&self.b.vertices, &self.in_b(normal));
-                (self.corner_of_b(v), feature::vertex_of_b(v), -1.0)
-            };
-            let point = vertex + normal * (0.5 * side * gap);
-            Candidate { point, gap: *gap, feature }
-        };
-        self.push_patch(normal, *gap, closest, scratch);
-        face.chosen()
-    }
-
-    /// Reports the four of `scratch.candidates`, the patch along `normal`, that best stand for it.
-    ///
-    /// `closest` is where the gap is the axis's separation, which no corner's is below but for
-    /// rounding; it is reported if rounding hides it from the patch.
-    fn push_patch(
-        &self,
-        normal: &Vec3,
-        separation: f64,
-        closest: impl Fn() -> Candidate,
-        scratch: &mut Scratch,
-    ) {
-        let Scratch { candidates, hull, .. } = scratch;
-        if lowest_gap(candidates) > separation + LOOSE * self.size {
-            let closest = closest();
-            candidates.retain(|c| c.feature != closest.feature);
-            candidates.push(closest);
-        }
-        reduce::keep_four(candidates, normal, self.alert, self.size, hull);
-        if let Some(d) = candidates.iter_mut().min_by(|c, d| c.gap.total_cmp(&d.gap)) {
-            d.gap = separation;
-        }
-        candidates.iter_mut().for_each(|c| c.gap = c.gap.max(separation));
-        self.report(normal, scratch);
-    }
-
-    /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
-    fn find_patch(&self, n: &Vec3, separation: f64, memory: &mut Touching, scratch: &mut Scratch) {
-        let axis = patch::Axis {
-            normal: *n,
-            alert: self.alert,
-            slab: (self.alert - separation).max(0.0) + SLAB * self.size,
-            tolerance: TIE * self.size,
-        };
-        axis.corners(self, &mut memory.patch, &mut scratch.sides, &mut scratch.candidates);
-    }
-
-    /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
-    fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
-        let pose = &self.pose;
-        let normal = -(pose.orientation * normal);
-        scratch.points.extend(scratch.candidates.iter().map(|c| Point {
-            feature: c.feature,
-            point: pose.point(&c.point),
-            normal,
-            gap: c.gap,
-        }));
     }
 }
 
@@ -489,13 +372,4 @@ fn near_edges(
             out.push(load(index, ends));
         }
     }
-}
-
-/// The first of the candidates of lowest gap.
-fn deepest(candidates: &[Candidate]) -> Option<&Candidate> {
-    candidates.iter().reduce(|d, c| if c.gap < d.gap { c } else { d })
-}
-
-fn lowest_gap(candidates: &[Candidate]) -> f64 {
-    deepest(candidates).map_or(f64::INFINITY, |c| c.gap)
 }
