@@ -5,16 +5,16 @@
 //! Contract: where the best of the listed axes beats the bounds, the full search finds the same axis,
 //! to the bit. Where it does not, the full search is asked.
 //!
-//! Φ is [`TURN`]. Let the anchor's point be displaced by at most Δ and unit vectors by φ ([`Anchor`]); lists hold while
-//! Δ <= P and φ <= Φ. A corner w of B bounds the separation along a face of A from above, and moves by
-//! at most Δ + φ l, l being its distance from the anchor's point. So with a common lever λ no
-//! separation that is bounded by s now exceeds s + Δ + φ λ, if Φ (l - λ) is added to s where l > λ.
-//! The same holds for faces of B and corners of A.
+//! Let the anchor's point be displaced by Δ and unit vectors by φ at most ([`Anchor`]); lists hold while
+//! Δ <= P and φ <= Φ, which is [`TURN`]. A corner w of B bounds the separation along a face of A from
+//! above, and moves by at most Δ + φ l, l being its distance from the anchor's point. So with a
+//! common lever λ no separation that was bounded by s exceeds s + Δ + φ λ, if Φ (l - λ) is added to s
+//! where l > λ. The same holds for faces of B and corners of A.
 //!
-//! For two edges let p and q be their closest points. Their axis n turns by an angle of a sine of at most
-//! x = Φ / sin θ, θ being the angle between them, so n' · (q' - p') is at most
-//! n · (q - p) (1 - x²) + x |q - p - n n · (q - p)| + Δ + φ l where n · (q - p) is negative. Only
-//! pairs of edges that may hold the deepest points have to be bounded ([`super::edges`]).
+//! For two edges at an angle θ let d join their closest points. Their axis n turns by an angle with a sine
+//! of at most x = Φ / sin θ, which takes at most x² |n · d| from n · d and adds at most x times
+//! the part of d across n. Motion of the edges adds Δ + φ l. Only pairs of edges that may hold the
+//! deepest points have to be bounded ([`super::edges`]).
 
 use super::anchor::{Anchor, Moved};
 use super::closest;
@@ -170,14 +170,14 @@ fn edges_bound(a: &LoneEdge, b: &LoneEdge, excess: impl Fn(&Vec3) -> f64) -> Opt
     let cross = a.along.cross(&b.along);
     let lengths = a.along.norm_squared() * b.along.norm_squared();
     let cross_squared = cross.norm_squared();
-    // 6 degrees: then x <= 0.05.
+    // 6 degrees: then x <= 0.08.
     if cross_squared <= 1e-2 * lengths {
         return None;
     }
     let n = cross / cross_squared.sqrt();
     let out = n.dot(&a.start);
-    // The side on which the origin is may change.
-    if out * out <= 4e-3 * a.start.norm_squared() {
+    // The axis turns by less than 0.1: the origin stays on its side.
+    if out * out <= 1e-2 * a.start.norm_squared() {
         return None;
     }
     let x = TURN * (lengths / cross_squared).sqrt();
