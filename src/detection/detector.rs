@@ -1,7 +1,7 @@
 //! Detection of a step: pair list, then contact points of each pair, in parallel over fixed chunks.
 //!
-//! Reads: model, motion. Writes: [`Contacts`]. Cost: about ten microseconds per grain of
-//! a settled bed that creeps, about seven where it hardly moves.
+//! Reads: model, motion. Writes: [`Contacts`]. Cost: eight to ten microseconds per grain
+//! of a settled bed that creeps.
 //! Contract: contacts are a function of model and motion; neither earlier steps nor the number of
 //! threads change a bit.
 
