@@ -48,6 +48,20 @@ pub struct Outcome {
     pub energy: EnergyLedger,
 }
 
+impl Outcome {
+    /// The outcome of a window of the one step that has just led to `state`: what a [`Component`]
+    /// says of it, for callers of [`step`] who keep the same records.
+    ///
+    /// [`Component`]: super::Component
+    /// [`step`]: crate::step::step
+    pub fn of_step(model: &Model, state: &State, report: &StepReport) -> Self {
+        let mut account = Account::new(model, state.time_ns - model.stepping.step_ns);
+        account.take(report, state, model.stepping.h());
+        let status = if account.is_sound() { Status::Ok } else { Status::Warn };
+        account.close(status, None, state)
+    }
+}
+
 /// What the ballast did to a driven body during a window, about its reference point, world axes (T-27).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyOutcome {
