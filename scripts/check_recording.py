@@ -8,7 +8,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 
-def leaves(value, path=""):
+def leaves(value, store, path=""):
     """Path and value of everything in a message of either decoder that is not a message itself."""
     if isinstance(value, numpy.ndarray):
         value = value.tolist()
@@ -16,13 +16,16 @@ def leaves(value, path=""):
         value = list(value)
     if isinstance(value, (list, tuple)):
         for i, item in enumerate(value):
-            yield from leaves(item, f"{path}[{i}]")
+            yield from leaves(item, store, f"{path}[{i}]")
         yield path + ".length", len(value)
-    elif hasattr(value, "__slots__") or hasattr(value, "__dataclass_fields__"):
-        names = getattr(value, "__dataclass_fields__", None) or value.__slots__
-        for name in names:
-            if not name.startswith("_"):
-                yield from leaves(getattr(value, name), f"{path}.{name}")
+    elif hasattr(value, "__msgtype__"):
+        # rosbags: constants of a definition are attributes, but no fields.
+        _, fields = store.fielddefs[value.__msgtype__]
+        for name, _ in fields:
+            yield from leaves(getattr(value, name), store, f"{path}.{name}")
+    elif hasattr(value, "__slots__"):
+        for name in value.__slots__:
+            yield from leaves(getattr(value, name), store, f"{path}.{name}")
     else:
         yield path, value
 
@@ -40,7 +43,7 @@ def check(path):
                 types = get_types_from_msg(schema.data.decode(), schema.name)
                 store.register({k: v for k, v in types.items() if k not in store.fielddefs})
             other = store.deserialize_cdr(message.data, schema.name)
-            a, b = dict(leaves(decoded)), dict(leaves(other))
+            a, b = dict(leaves(decoded, store)), dict(leaves(other, store))
             assert a and a.keys() == b.keys(), (channel.topic, a.keys() ^ b.keys())
             for key in a:
                 same = a[key] == b[key] or (a[key] != a[key] and b[key] != b[key])

@@ -19,7 +19,7 @@ use crate::error::Error;
 use crate::math::{Pose, rotation};
 use crate::model::{Model, Part};
 use crate::state::State;
-use crate::step::{StepReport, step};
+use crate::step::{StepReport, Stopwatch, step};
 use crate::workspace::Workspace;
 use outcome::Account;
 use std::ops::ControlFlow;
@@ -161,6 +161,17 @@ impl Component {
         inputs: &[Input],
         watch: &mut dyn FnMut(&State, &StepReport) -> ControlFlow<()>,
     ) -> Result<Outcome, Refusal> {
+        self.advance_timed(t1_ns, inputs, watch, &mut ())
+    }
+
+    /// The same, with the caller's stopwatch on the phases of the steps.
+    pub fn advance_timed(
+        &mut self,
+        t1_ns: u64,
+        inputs: &[Input],
+        watch: &mut dyn FnMut(&State, &StepReport) -> ControlFlow<()>,
+        stopwatch: &mut impl Stopwatch,
+    ) -> Result<Outcome, Refusal> {
         let steps = self.steps_to(t1_ns)?;
         let drive = self.drive(t1_ns, inputs)?;
         let before = self.now.clone();
@@ -168,7 +179,7 @@ impl Component {
         let mut trouble = None;
         let mut stopped = false;
         for _ in 0..steps {
-            match self.one_step(&drive) {
+            match self.one_step(&drive, stopwatch) {
                 Ok(report) => {
                     account.take(&report, &self.now.state, self.model.stepping.h());
                     if watch(&self.now.state, &report).is_break() {
@@ -335,7 +346,11 @@ impl Component {
     }
 
     /// One step along the waveforms.
-    fn one_step(&mut self, drive: &[Option<&Waveform>]) -> Result<StepReport, Error> {
+    fn one_step(
+        &mut self,
+        drive: &[Option<&Waveform>],
+        stopwatch: &mut impl Stopwatch,
+    ) -> Result<StepReport, Error> {
         let end = self.now_ns() + self.model.stepping.step_ns;
         let imposed = |d: usize| self.now.state.imposed(&self.model, d);
         let targets: Vec<Pose> = drive
@@ -362,7 +377,8 @@ impl Component {
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
         let before = self.limits.penetration.is_finite().then(|| self.now.state.clone());
         let inputs = Inputs { targets: &targets };
-        let report = step(&self.model, &mut self.now.state, &inputs, &mut self.workspace, &mut ())?;
+        let report =
+            step(&self.model, &mut self.now.state, &inputs, &mut self.workspace, stopwatch)?;
         if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
             let time_s = before.time();
             self.now.state = before;

@@ -96,8 +96,12 @@ impl Engine {
         ballast_hdf5::state_hash(&self.model, &self.whole_state())
     }
 
+    /// The phase of the machine's cycle; `Done` where something else moves the bodies.
     pub fn phase(&self) -> TampingPhase {
-        self.cycle.phase(self.state().time())
+        match self.playback() {
+            Some(playback) if !playback.is_of_the_machine() => TampingPhase::Done,
+            _ => self.cycle.phase(self.state().time()),
+        }
     }
 
     /// The recording, where there is one.
@@ -135,7 +139,7 @@ impl Engine {
                     ControlFlow::Continue(())
                 };
                 let outcome = component
-                    .advance_watched(t1_ns, inputs, &mut take)
+                    .advance_timed(t1_ns, inputs, &mut take, watch)
                     .map_err(|e| Failure::at(playback.path(), e))?;
                 let (Some(report), false) = (taken, outcome.status == Status::Discard) else {
                     let why = outcome.trouble.map_or(String::new(), |e| e.to_string());

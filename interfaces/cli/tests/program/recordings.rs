@@ -5,6 +5,8 @@ use ballast_mcap::messages::Messages;
 use ballast_mcap::{Entry, Writer};
 use ballast_protocol::messages::{AdvanceReply, Header, PoseStamped, StepRecord};
 use ballast_protocol::{from_cdr, to_cdr};
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
 
 /// Steps that these tests record: into the insertion, where tines have met grains.
 const STEPS: u64 = 60;
@@ -201,6 +203,7 @@ fn poses_of_any_file_move_a_body() {
         replay(&place, &format!("rising.mcap {map} --out up --record up.mcap")).with_code(0);
     assert!(ended.stderr().contains("linear"), "{}", ended.stderr());
     assert_eq!(place.summary("up")["steps"], 20);
+    assert_eq!(place.summary("up")["coordination"]["end"]["phase"], "done");
     let (_, records) = contents(&place, "up.mcap");
     let input = records[19].request.motions.iter().find(|m| m.body == body).unwrap();
     assert!((input.knots[1].pose.position.z - start.pose.position.z - 20e-6).abs() < 1e-12);
@@ -221,6 +224,42 @@ fn poses_of_any_file_move_a_body() {
     assert!(ended.stderr().contains("/machine/arm"), "{}", ended.stderr());
     let ended = replay(&place, "rising.mcap --out none --map /machine/arm=crane").with_code(1);
     assert!(ended.stderr().contains("crane"), "{}", ended.stderr());
+}
+
+#[test]
+fn a_killed_run_leaves_a_recording_that_is_true_as_far_as_it_goes() {
+    // Slow enough that the run is still going when it is killed.
+    let place =
+        Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000"));
+    let mut child = place
+        .run_command("--out killed --record killed.mcap --json --threads 1")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let far = lines.any(|line| {
+        let event: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        event["event"] == "progress" && event["share"].as_f64().unwrap() > 0.2
+    });
+    assert!(far, "the run ended before it could be killed");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let ended = verify(&place, "killed.mcap").with_code(0);
+    assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
+    assert!(ended.stdout().contains("all equal"), "{}", ended.stdout());
+    assert!(!ended.stdout().contains(" 0 windows"), "{}", ended.stdout());
+}
+
+#[test]
+fn the_recorded_machine_moves_the_first_example() {
+    let place = Place::new();
+    let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples");
+    let file = format!("{examples}/recorded_tamping.mcap");
+    let command = format!("replay {file} --case {examples}/first.toml --out here --steps 5");
+    let ended = place.with_beds(&command).with_code(0);
+    assert_eq!(ended.stderr().matches("601 poses, cubic").count(), 3, "{}", ended.stderr());
+    assert_eq!(place.summary("here")["steps"], 5);
 }
 
 #[test]
