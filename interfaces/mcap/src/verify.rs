@@ -203,9 +203,12 @@ fn first_difference(a: &Value, b: &Value, path: String) -> Option<[String; 3]> {
             .zip(y)
             .enumerate()
             .find_map(|(i, (v, w))| first_difference(v, w, format!("{path}[{i}]"))),
-        // By their texts: numbers of opposite sign are equal at zero.
-        _ if a.to_string() == b.to_string() => None,
-        _ => Some([path, a.to_string(), b.to_string()]),
+        _ => {
+            // By their texts: numbers of opposite sign are equal at zero.
+            let texts = [a.to_string(), b.to_string()];
+            let [recorded, computed] = &texts;
+            (recorded != computed).then(|| [path, recorded.clone(), computed.clone()])
+        }
     }
 }
 
