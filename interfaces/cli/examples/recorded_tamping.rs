@@ -53,6 +53,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// Name of a body, and its reference point.
+type Placed = (String, [Moving; 3]);
+
 /// A coordinate, m, and its rate, m/s.
 #[derive(Clone, Copy)]
 struct Moving {
@@ -68,8 +71,8 @@ fn travel(t: f64, [from, to]: [f64; 2]) -> Moving {
     Moving { value, rate: 30.0 * u * u * (1.0 - u) * (1.0 - u) / span }
 }
 
-/// Name and reference point of each moving body.
-fn machine(plan: &Plan, t: f64) -> Result<Vec<(String, [Moving; 3])>, Box<dyn Error>> {
+/// Each moving body at a time, s.
+fn machine(plan: &Plan, t: f64) -> Result<Vec<Placed>, Box<dyn Error>> {
     let tamping = plan.tamping.ok_or("the case has no tamping")?;
     let still = |value: f64| Moving { value, rate: 0.0 };
     let lift = travel(t, LIFT);
