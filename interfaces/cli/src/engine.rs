@@ -29,7 +29,7 @@ pub struct Engine {
 
 enum Source {
     Machine { state: Box<State>, workspace: Box<Workspace>, targets: Vec<Pose> },
-    Recording { component: Box<Component>, playback: Playback, memory: Memory },
+    Recording { component: Box<Component>, playback: Box<Playback>, memory: Box<Memory> },
 }
 
 /// A step that was taken.
@@ -57,10 +57,11 @@ impl Engine {
         playback: Playback,
     ) -> Outcome<Self> {
         let model = Arc::new(model);
-        let memory = Memory::new(&cycle, &state, playback.is_of_the_machine());
+        let memory = Box::new(Memory::new(&cycle, &state, playback.is_of_the_machine()));
         let component = Component::new(Arc::clone(&model), state, Limits::default())
             .map_err(|e| Failure::InvalidCase(e.to_string()))?;
-        let source = Source::Recording { component: Box::new(component), playback, memory };
+        let (component, playback) = (Box::new(component), Box::new(playback));
+        let source = Source::Recording { component, playback, memory };
         Ok(Self { model, cycle, source })
     }
 
