@@ -185,7 +185,7 @@ impl TryFrom<&LoadInput> for component::LoadInput {
 }
 
 /// What a request asks of a component.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Asked {
     pub t1_ns: u64,
     pub motions: Vec<component::Input>,
