@@ -303,6 +303,16 @@ impl ScheduleName {
     }
 }
 
+impl From<Schedule> for ScheduleName {
+    fn from(schedule: Schedule) -> Self {
+        match schedule {
+            Schedule::Sequential => ScheduleName::Sequential,
+            Schedule::Synchronous => ScheduleName::Synchronous,
+            Schedule::Asynchronous => ScheduleName::Asynchronous,
+        }
+    }
+}
+
 impl From<ScheduleName> for Schedule {
     fn from(name: ScheduleName) -> Self {
         match name {

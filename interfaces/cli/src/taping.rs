@@ -1,5 +1,6 @@
 //! The recording of a session, in an MCAP file.
 
+use crate::args::ScheduleName;
 use crate::case::Case;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
@@ -9,8 +10,7 @@ use ballast::observe::Zone;
 use ballast::track::TampingPhase;
 use ballast_mcap::{Drive, Meta, Tape, scene};
 use ballast_protocol::Malformed;
-use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist};
-use clap::ValueEnum;
+use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
 use std::path::Path;
 
 /// An open recording.
@@ -28,10 +28,6 @@ pub struct Taping {
 impl Taping {
     /// Starts a recording of the session that `engine` begins.
     pub fn create(path: &Path, case: &Case, engine: &Engine) -> Outcome<Self> {
-        let schedule = engine.model().solver.schedule;
-        let name = crate::args::ScheduleName::value_variants()
-            .iter()
-            .find(|name| ballast::model::Schedule::from(**name) == schedule);
         let drive = match engine.playback() {
             Some(playback) if !playback.is_of_the_machine() => Drive::Inputs,
             _ => Drive::Case,
@@ -41,7 +37,7 @@ impl Taping {
             case_name: case.plan.name.clone(),
             case_key: case.bed_key(),
             step_ns: engine.model().stepping.step_ns,
-            schedule: name.map_or(String::new(), |name| name.name()),
+            schedule: ScheduleName::from(engine.model().solver.schedule).name(),
             drive,
             choices: case.choices.notes(),
             initial_hash: engine.hash().into(),
@@ -112,7 +108,7 @@ fn motions(engine: &Engine, stepped: &Stepped) -> Vec<BodyInput> {
         .filter(|(body, [from, to])| body.role != Role::Boundary || from != to)
         .map(|(body, poses)| {
             let knot = |i: usize| Knot {
-                time_ns: i64::try_from(times[i]).unwrap_or(i64::MAX),
+                time_ns: ns(times[i]),
                 pose: poses[i].into(),
                 twist: Twist::default(),
             };

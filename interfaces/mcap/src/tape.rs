@@ -8,7 +8,7 @@ use crate::writer::Writer;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_protocol::Malformed;
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Log, Time};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Log, Time, ns};
 use std::path::{Path, PathBuf};
 
 /// A recording that windows are added to.
@@ -36,7 +36,6 @@ impl Tape {
 
     /// The request of the window that comes next.
     pub fn request(&self, t0_ns: u64, t1_ns: u64, motions: Vec<BodyInput>) -> AdvanceRequest {
-        let ns = |t| i64::try_from(t).unwrap_or(i64::MAX);
         AdvanceRequest {
             run_id: self.run_id.clone(),
             seq: self.seq + 1,

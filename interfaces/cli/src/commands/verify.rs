@@ -1,6 +1,6 @@
 //! `ballast verify FILE --case CASE`: computes a recording again and compares.
 
-use crate::args::Verify;
+use crate::args::{ScheduleName, Verify};
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::engine::Memory;
@@ -76,7 +76,7 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
         (
             "schedule",
             meta.schedule.clone(),
-            format!("{:?}", case.plan.run.solver.schedule).to_lowercase(),
+            ScheduleName::from(case.plan.run.solver.schedule).name(),
         ),
         ("program", meta.program.clone(), concat!("ballast ", env!("CARGO_PKG_VERSION")).into()),
     ];

@@ -91,7 +91,7 @@ fn time(place: &str, ns: i64) -> Result<u64, Malformed> {
 }
 
 /// A time of the core on the wire; beyond 292 years: the last one.
-fn ns(time_ns: u64) -> i64 {
+pub fn ns(time_ns: u64) -> i64 {
     i64::try_from(time_ns).unwrap_or(i64::MAX)
 }
 
