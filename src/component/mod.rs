@@ -81,9 +81,10 @@ pub struct Component {
     model: Arc<Model>,
     limits: Limits,
     zones: Arc<[Zone]>,
-    state: State,
+    /// Copied on writing: whoever was given a state keeps what it was, and pays for no copy.
+    state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
-    last: Option<(State, u64)>,
+    last: Option<(Arc<State>, u64)>,
     workspace: Workspace,
     /// Largest distance of a point of each driven body from its reference point `[nd]`, m.
     reach: Vec<f64>,
@@ -96,7 +97,12 @@ impl Component {
     ///
     /// # Errors
     /// A model or a state that cannot be stepped.
-    pub fn new(model: Arc<Model>, state: State, limits: Limits) -> Result<Self, Refusal> {
+    pub fn new(
+        model: Arc<Model>,
+        state: impl Into<Arc<State>>,
+        limits: Limits,
+    ) -> Result<Self, Refusal> {
+        let state = state.into();
         model.check()?;
         state.check(&model)?;
         let reach = model.driven.iter().map(|d| reach(&model, &d.parts)).collect();
@@ -175,7 +181,7 @@ impl Component {
         let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
         let mut memory = Memory::read(&self.state.drive, model.driven.len());
         let plan = Plan::check(&model, &self.state, &memory, &limits, t1_ns, &window)?;
-        let before = self.state.clone();
+        let before = Arc::clone(&self.state);
         let mut account = Account::new(&model, before.time_ns);
         let mut trouble = None;
         let mut stopped = None;
@@ -206,12 +212,12 @@ impl Component {
             None => Status::Warn,
         };
         if status == Status::Discard {
-            self.state.clone_from(&before);
+            self.state = Arc::clone(&before);
             account = Account::new(&model, self.now_ns());
             memory = Memory::read(&self.state.drive, model.driven.len());
         } else {
             memory.twist = plan.twists(self.now_ns());
-            memory.write(&mut self.state.drive);
+            memory.write(&mut Arc::make_mut(&mut self.state).drive);
         }
         self.last = Some((before, t1_ns));
         let end = End {
@@ -250,17 +256,19 @@ impl Component {
     }
 
     /// Everything that the next window depends on: what [`Component::restore`] needs to go on from here.
-    pub fn save(&self) -> State {
-        self.state.clone()
+    /// It is shared, not copied; the component goes on in another.
+    pub fn save(&self) -> Arc<State> {
+        Arc::clone(&self.state)
     }
 
     /// Goes back, or on, to a state of the same model.
     ///
     /// # Errors
     /// A state that does not fit the model; the component is as before.
-    pub fn restore(&mut self, state: &State) -> Result<(), Refusal> {
+    pub fn restore(&mut self, state: impl Into<Arc<State>>) -> Result<(), Refusal> {
+        let state = state.into();
         state.check(&self.model)?;
-        self.state = state.clone();
+        self.state = state;
         self.last = None;
         Ok(())
     }
@@ -271,7 +279,7 @@ impl Component {
             model: Arc::clone(&self.model),
             limits: self.limits,
             zones: Arc::clone(&self.zones),
-            state: self.state.clone(),
+            state: Arc::clone(&self.state),
             last: self.last.clone(),
             workspace: Workspace::default(),
             reach: self.reach.clone(),
@@ -320,9 +328,10 @@ impl Component {
             }
         }
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
-        let before = self.limits.penetration.is_finite().then(|| self.state.clone());
+        let before = self.limits.penetration.is_finite().then(|| Arc::clone(&self.state));
         let inputs = Inputs { targets: &targets, loads: &loads };
-        let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, stopwatch)?;
+        let state = Arc::make_mut(&mut self.state);
+        let report = step(&self.model, state, &inputs, &mut self.workspace, stopwatch)?;
         if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
             let time_s = before.time();
             self.state = before;

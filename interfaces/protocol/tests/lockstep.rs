@@ -317,7 +317,7 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     assert_eq!(first.status(0).durable_seq, 3);
     let state = first.component().save();
     let (mut second, ticket) = lockstep();
-    second.resume("run-1", 3, &state).unwrap();
+    second.resume("run-1", 3, state).unwrap();
     assert_eq!(second.place(), first.place());
     assert_eq!(ask(&mut second, Kind::Advance, &window(4), &ticket).unwrap(), straight(4));
 }

@@ -67,7 +67,7 @@ impl Lockstep {
             Err(panic) => {
                 // Buffers that a panic has left half written are left behind.
                 self.component = self.component.fork();
-                self.component.restore(&before)?;
+                self.component.restore(before)?;
                 self.trouble = Some(panic.clone());
                 self.failed(request, panic)
             }
