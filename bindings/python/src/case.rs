@@ -2,8 +2,9 @@
 
 use crate::compute::compute;
 use crate::errors::{self, CaseError};
+use crate::machine::Machine;
 use crate::simulation::Simulation;
-use crate::state::Notes;
+use crate::state::{Notes, State};
 use ballast::component::Limits;
 use ballast::model::Schedule;
 use ballast::track::plan::Plan;
@@ -249,9 +250,10 @@ fn make(
         })
     });
     match done? {
-        Ok(Some(bed)) => Ok(bed),
-        Ok(None) => Err(pyo3::exceptions::PyKeyboardInterrupt::new_err(())),
-        Err(failure) => Err(errors::beds(py, failure)),
+        (_, Some(raised)) => Err(raised),
+        (Ok(Some(bed)), None) => Ok(bed),
+        (Ok(None), None) => Err(pyo3::exceptions::PyKeyboardInterrupt::new_err(())),
+        (Err(failure), None) => Err(errors::beds(py, failure)),
     }
 }
 
@@ -274,9 +276,16 @@ pub fn begin(
         None => make(py, case, &beds, threads, progress)?,
     };
     let (model, state) = ballast_beds::scene(&case.plan, bed).map_err(|e| errors::beds(py, e))?;
-    let limits = limits(max_penetration, keep_early);
+    let machine =
+        Machine::new(&case.plan, &model).map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+    let start = State {
+        model: Arc::new(model),
+        state: Arc::new(state),
+        case: Arc::new(case.clone()),
+        machine,
+    };
     let pool = crate::compute::pool(py, threads)?;
-    Simulation::new(py, Arc::new(case.clone()), Arc::new(model), Arc::new(state), limits, pool)
+    Simulation::new(py, &start, limits(max_penetration, keep_early), pool)
 }
 
 pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {

@@ -49,8 +49,8 @@ pub fn pool(py: Python<'_>, threads: Option<usize>) -> PyResult<Arc<ThreadPool>>
 
 /// Runs `work` on the pool with the interpreter released.
 ///
-/// Ctrl-C, or an exception of `progress(share, text)`, asks the work to end and is raised once it has. What the
-/// work returns then is dropped, so that it must leave everything in a valid state by itself.
+/// Ctrl-C, or an exception of `progress(share, text)`, asks the work to end, and is given back beside what came of
+/// the work, for the caller to raise.
 ///
 /// # Errors
 /// [`Lost`] if the work panics.
@@ -59,7 +59,7 @@ pub fn compute<R: Send>(
     pool: &ThreadPool,
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Turn) -> R + Send,
-) -> PyResult<R> {
+) -> PyResult<(R, Option<PyErr>)> {
     let turn = Turn::default();
     let listen = || -> PyResult<()> {
         Python::attach(|py| {
@@ -92,11 +92,10 @@ pub fn compute<R: Send>(
             }
         })
     });
-    match (result, raised) {
-        (Some(Err(panic)), _) => Err(errors::error::<Lost>(py, "lost", said(panic.as_ref()))),
-        (None, _) => Err(errors::error::<Lost>(py, "lost", "the work ended without a word")),
-        (Some(Ok(_)), Some(raised)) => Err(raised),
-        (Some(Ok(result)), None) => Ok(result),
+    match result {
+        Some(Ok(result)) => Ok((result, raised)),
+        Some(Err(panic)) => Err(errors::error::<Lost>(py, "lost", said(panic.as_ref()))),
+        None => Err(errors::error::<Lost>(py, "lost", "the work ended without a word")),
     }
 }
 

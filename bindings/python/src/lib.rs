@@ -9,6 +9,7 @@ mod case;
 mod compute;
 mod errors;
 mod inputs;
+mod machine;
 mod outcome;
 mod recorder;
 mod results;
@@ -16,8 +17,6 @@ mod simulation;
 mod state;
 
 use pyo3::prelude::*;
-use std::path::PathBuf;
-use std::sync::Arc;
 
 /// A simulation that goes on from a saved state.
 #[pyfunction]
@@ -29,22 +28,14 @@ fn resume(
     max_penetration: Option<f64>,
     keep_early: bool,
 ) -> PyResult<simulation::Simulation> {
-    let (case, model) = (Arc::clone(&state.case), Arc::clone(&state.model));
-    let limits = case::limits(max_penetration, keep_early);
     let pool = compute::pool(py, threads)?;
-    simulation::Simulation::new(py, case, model, Arc::clone(&state.state), limits, pool)
+    simulation::Simulation::new(py, state, case::limits(max_penetration, keep_early), pool)
 }
 
 /// The JSON Schema of case files.
 #[pyfunction]
 fn schema(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     case::as_dict(py, &ballast_scenario::schema())
-}
-
-/// Whether a file is a recording of ours.
-#[pyfunction]
-fn is_recording(path: PathBuf) -> bool {
-    ballast_mcap::recording::is_ours(&path).unwrap_or(false)
 }
 
 #[pymodule]
@@ -63,10 +54,10 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<results::Recording>()?;
     module.add_class::<results::Results>()?;
     module.add_class::<simulation::Simulation>()?;
+    module.add_class::<simulation::Tine>()?;
     module.add_class::<state::State>()?;
     module.add_function(wrap_pyfunction!(case::begin, module)?)?;
     module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
-    module.add_function(wrap_pyfunction!(is_recording, module)?)?;
     module.add_function(wrap_pyfunction!(resume, module)?)?;
     module.add_function(wrap_pyfunction!(schema, module)?)
 }

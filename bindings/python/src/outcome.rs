@@ -224,7 +224,8 @@ impl ZoneMeasure {
     }
 
     fn __repr__(&self) -> String {
-        format!("ZoneOutcome({:?}, compactness={:?})", self.0.name, self.0.compactness)
+        let compactness = self.0.compactness.map_or("None".into(), |c| format!("{c:.4}"));
+        format!("ZoneOutcome({:?}, compactness={compactness})", self.0.name)
     }
 }
 

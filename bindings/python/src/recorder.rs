@@ -3,6 +3,8 @@
 use crate::case::{Case, name_of};
 use crate::errors;
 use ballast::component::{Component, Input, LoadInput, Outcome, Status};
+use ballast::model::Model;
+use ballast::state::State;
 use ballast_mcap::{Drive, Meta, Tape};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use pyo3::prelude::*;
@@ -37,16 +39,8 @@ impl Recorder {
     }
 
     /// Keeps a window that may still be redone; one that nothing came of is forgotten.
-    pub fn keep(
-        &mut self,
-        is_redone: bool,
-        motions: &[Input],
-        loads: &[LoadInput],
-        outcome: &Outcome,
-    ) {
-        if is_redone {
-            self.last = None;
-        }
+    pub fn keep(&mut self, motions: &[Input], loads: &[LoadInput], outcome: &Outcome) {
+        self.last = None;
         if outcome.status == Status::Discard {
             return;
         }
@@ -56,10 +50,9 @@ impl Recorder {
         self.last = Some((request, outcome.clone()));
     }
 
-    /// Writes the last window; `component` is at its end.
-    pub fn commit(&mut self, py: Python<'_>, component: &Component) -> PyResult<()> {
+    /// Writes the last window, which has led to `state`.
+    pub fn commit(&mut self, py: Python<'_>, model: &Model, state: &State) -> PyResult<()> {
         let Some((request, outcome)) = self.last.take() else { return Ok(()) };
-        let (model, state) = (component.model(), component.state());
         let hash = ballast_hdf5::state_hash(model, state).into();
         let reply = AdvanceReply::of(&request, model, &outcome, hash);
         self.tape.window(model, state, &request, &reply).map_err(|e| errors::file(py, e))

@@ -5,6 +5,7 @@ use crate::case::{Case, name_of};
 use crate::compute::compute;
 use crate::errors::{self, Lost};
 use crate::inputs::{Load, Motion};
+use crate::machine::Machine;
 use crate::outcome::{Outcome, Series};
 use crate::recorder::Recorder;
 use crate::state::State;
@@ -12,16 +13,17 @@ use ballast::component::{self, Component, Input, Limits, LoadInput, OnTrouble, R
 use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
+use ballast::track::TinePath;
 use ballast::track::zones::zones;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use rayon::ThreadPool;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 /// A model that is stepped in windows.
-#[pyclass(frozen, module = "ballast._ballast", name = "Simulation")]
+#[pyclass(frozen, module = "ballast", name = "Simulation")]
 pub struct Simulation {
     inner: Mutex<Inner>,
     case: Arc<Case>,
@@ -34,6 +36,9 @@ struct Inner {
     /// `None` once closed.
     component: Option<Component>,
     recorder: Option<Recorder>,
+    machine: Machine,
+    /// As it was before the last window.
+    machine_before: Option<Machine>,
     /// What the program failed with inside.
     lost: Option<String>,
     /// The next step panics: so that tests can see what becomes of it.
@@ -46,26 +51,41 @@ struct Asked {
     loads: Vec<LoadInput>,
     /// `None`: the last window again.
     t1_ns: Option<u64>,
+    /// The motions are those of the machine.
+    by_machine: bool,
 }
 
 impl Simulation {
+    /// A simulation that goes on from `start`.
     pub fn new(
         py: Python<'_>,
-        case: Arc<Case>,
-        model: Arc<Model>,
-        state: Arc<state::State>,
+        start: &State,
         limits: Limits,
         pool: Arc<ThreadPool>,
     ) -> PyResult<Self> {
-        let component = Component::new(Arc::clone(&model), state, limits)
+        let State { model, state, case, machine } = start;
+        let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refused(py, e.code(), e))?
             .with_zones(zones(&case.plan));
-        Ok(Self::of(case, model, component, pool))
+        Ok(Self::of(Arc::clone(case), Arc::clone(model), component, machine.clone(), pool))
     }
 
-    fn of(case: Arc<Case>, model: Arc<Model>, component: Component, pool: Arc<ThreadPool>) -> Self {
+    fn of(
+        case: Arc<Case>,
+        model: Arc<Model>,
+        component: Component,
+        machine: Machine,
+        pool: Arc<ThreadPool>,
+    ) -> Self {
         let names = model.driven.iter().map(|d| d.name.clone()).collect();
-        let inner = Inner { component: Some(component), recorder: None, lost: None, panics: false };
+        let inner = Inner {
+            component: Some(component),
+            recorder: None,
+            machine,
+            machine_before: None,
+            lost: None,
+            panics: false,
+        };
         Self { inner: Mutex::new(inner), case, model, names, pool }
     }
 
@@ -86,17 +106,21 @@ impl Simulation {
         inner.check_sound(py)?;
         let before = inner.component(py)?.save();
         let mut series = with_series.then(|| Series::new(&self.names));
-        let Inner { component, panics, recorder, .. } = &mut *inner;
-        let component = component.as_mut().ok_or_else(|| closed(py))?;
-        if let (Some(recorder), Some(_)) = (recorder.as_mut(), asked.t1_ns) {
-            recorder.commit(py, component)?;
-        }
-        let panics = std::mem::take(panics);
-        let result = compute(py, &self.pool, None, |turn| {
+        let mut machine = match (&asked.t1_ns, &inner.machine_before) {
+            (None, Some(machine)) => machine.clone(),
+            _ => inner.machine.clone(),
+        };
+        let machine_before = machine.clone();
+        let panics = std::mem::take(&mut inner.panics);
+        let component = inner.component.as_mut().ok_or_else(|| closed(py))?;
+        let computed = compute(py, &self.pool, None, |turn| {
             let mut watch = |state: &state::State, report: &StepReport| {
                 assert!(!panics, "a failure that was asked for");
                 if let Some(series) = &mut series {
                     series.take(state, report);
+                }
+                if asked.by_machine {
+                    machine.observe(&self.model, state, report);
                 }
                 if turn.is_over() {
                     ControlFlow::Break(OnTrouble::Early)
@@ -110,17 +134,20 @@ impl Simulation {
                 None => component.redo_watched(window, &mut watch),
             }
         });
-        let outcome = match result {
-            Ok(result) => result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?,
-            Err(raised) => {
-                if raised.is_instance_of::<Lost>(py) {
-                    inner.lose(py, &raised, before);
-                }
-                return Err(raised);
-            }
-        };
+        let (result, raised) = computed.inspect_err(|lost| inner.lose(py, lost, &before))?;
+        let outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
+        let is_discarded = outcome.status == component::Status::Discard;
+        inner.machine = if is_discarded { machine_before.clone() } else { machine };
+        inner.machine_before = Some(machine_before);
         if let Some(recorder) = &mut inner.recorder {
-            recorder.keep(asked.t1_ns.is_none(), &asked.motions, &asked.loads, &outcome);
+            if asked.t1_ns.is_some() {
+                // The window before can no longer be redone.
+                recorder.commit(py, &self.model, &before)?;
+            }
+            recorder.keep(&asked.motions, &asked.loads, &outcome);
+        }
+        if let Some(raised) = raised {
+            return Err(raised);
         }
         let series = series.map(|s| Py::new(py, s)).transpose()?;
         Ok(Outcome { inner: outcome, names: Arc::clone(&self.names), series })
@@ -144,13 +171,13 @@ impl Inner {
     }
 
     /// The program failed inside: buffers that it has left half written are left behind.
-    fn lose(&mut self, py: Python<'_>, why: &PyErr, before: Arc<state::State>) {
+    fn lose(&mut self, py: Python<'_>, why: &PyErr, before: &Arc<state::State>) {
         self.lost = Some(why.value(py).to_string());
         self.recorder = None;
         if let Some(component) = &mut self.component {
             *component = component.fork();
             // It was the state of this model a moment ago.
-            let _ = component.restore(before);
+            let _ = component.restore(Arc::clone(before));
         }
     }
 }
@@ -188,7 +215,12 @@ impl Simulation {
         loads: Option<&Bound<'_, PyDict>>,
         series: bool,
     ) -> PyResult<Outcome> {
-        let asked = Asked { motions: motions(tools)?, loads: forces(loads)?, t1_ns: Some(t1_ns) };
+        let asked = Asked {
+            motions: motions(tools)?,
+            loads: forces(loads)?,
+            t1_ns: Some(t1_ns),
+            by_machine: false,
+        };
         self.window(py, &asked, series)
     }
 
@@ -201,14 +233,51 @@ impl Simulation {
         loads: Option<&Bound<'_, PyDict>>,
         series: bool,
     ) -> PyResult<Outcome> {
-        let asked = Asked { motions: motions(tools)?, loads: forces(loads)?, t1_ns: None };
+        let asked = Asked {
+            motions: motions(tools)?,
+            loads: forces(loads)?,
+            t1_ns: None,
+            by_machine: false,
+        };
         self.window(py, &asked, series)
+    }
+
+    /// A window of one step, in which the machine of the case moves tines and sleepers.
+    #[pyo3(signature = (*, series=false))]
+    fn step_by_machine(&self, py: Python<'_>, series: bool) -> PyResult<Outcome> {
+        let (motions, t1_ns) = {
+            let inner = self.lock(py)?;
+            let state = inner.component(py)?.state();
+            let motions = inner.machine.motions(&self.model, state);
+            (motions, Some(state.time_ns + self.model.stepping.step_ns))
+        };
+        self.window(py, &Asked { motions, loads: Vec::new(), t1_ns, by_machine: true }, series)
+    }
+
+    /// The phase of the case's tamping cycle at this time.
+    #[getter]
+    fn phase(&self, py: Python<'_>) -> PyResult<&'static str> {
+        let inner = self.lock(py)?;
+        Ok(inner.machine.phase(inner.component(py)?.state().time()).name())
+    }
+
+    /// The ways of the tines through the case's tamping cycle.
+    #[getter]
+    fn tines(&self, py: Python<'_>) -> PyResult<Vec<Tine>> {
+        let tine =
+            |path: &TinePath| Tine { name: self.names[path.body].clone(), path: path.clone() };
+        Ok(self.lock(py)?.machine.cycle().tines().iter().map(tine).collect())
     }
 
     /// Everything that the next window depends on; shared, not copied.
     fn save(&self, py: Python<'_>) -> PyResult<State> {
         let state = self.lock(py)?.component(py)?.save();
-        Ok(State { model: Arc::clone(&self.model), state, case: Arc::clone(&self.case) })
+        Ok(State {
+            model: Arc::clone(&self.model),
+            state,
+            case: Arc::clone(&self.case),
+            machine: self.lock(py)?.machine.clone(),
+        })
     }
 
     /// Goes back, or on, to a saved state of the same case.
@@ -228,6 +297,7 @@ impl Simulation {
             .restore(Arc::clone(&state.state))
             .map_err(|e| errors::refused(py, e.code(), e))?;
         inner.lost = None;
+        (inner.machine, inner.machine_before) = (state.machine.clone(), None);
         Ok(())
     }
 
@@ -237,7 +307,7 @@ impl Simulation {
         inner.check_sound(py)?;
         let fork = inner.component(py)?.fork();
         let (case, model) = (Arc::clone(&self.case), Arc::clone(&self.model));
-        Ok(Self::of(case, model, fork, Arc::clone(&self.pool)))
+        Ok(Self::of(case, model, fork, inner.machine.clone(), Arc::clone(&self.pool)))
     }
 
     /// Records the windows from now on in an MCAP file, which is replaced.
@@ -257,7 +327,7 @@ impl Simulation {
     fn stop_recording(&self, py: Python<'_>) -> PyResult<()> {
         let mut inner = self.lock(py)?;
         let Some(mut recorder) = inner.recorder.take() else { return Ok(()) };
-        recorder.commit(py, inner.component(py)?)?;
+        recorder.commit(py, &self.model, inner.component(py)?.state())?;
         recorder.finish(py)
     }
 
@@ -269,6 +339,15 @@ impl Simulation {
         let result = self.stop_recording(py);
         self.lock(py)?.component = None;
         result
+    }
+
+    fn __enter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        this
+    }
+
+    #[pyo3(signature = (*_error))]
+    fn __exit__(&self, py: Python<'_>, _error: &Bound<'_, PyTuple>) -> PyResult<()> {
+        self.close(py)
     }
 
     #[getter]
@@ -363,5 +442,49 @@ impl Simulation {
     fn __repr__(&self, py: Python<'_>) -> String {
         let now = self.now_ns(py).map_or("closed".into(), |t| format!("{t} ns"));
         format!("Simulation({:?}, {} grains, {now})", self.case.plan.name, self.model.grains.len())
+    }
+}
+
+/// The way of a tine through the tamping cycle of its case.
+#[pyclass(frozen, module = "ballast")]
+pub struct Tine {
+    name: String,
+    path: TinePath,
+}
+
+#[pymethods]
+impl Tine {
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    #[getter]
+    fn pair(&self) -> usize {
+        self.path.pair
+    }
+
+    #[getter]
+    fn direction(&self) -> f64 {
+        self.path.direction
+    }
+
+    #[getter]
+    fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        crate::arrays::vector(py, &self.path.start)
+    }
+
+    #[getter]
+    fn deep(&self) -> f64 {
+        self.path.deep
+    }
+
+    #[getter]
+    fn stroke(&self) -> f64 {
+        self.path.stroke
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Tine({:?}, pair {})", self.name, self.path.pair)
     }
 }

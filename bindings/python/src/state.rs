@@ -3,6 +3,7 @@
 use crate::arrays::{self, Matrix, Vector};
 use crate::case::Case;
 use crate::errors;
+use crate::machine::Machine;
 use ballast::model::Model;
 use ballast::state;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
@@ -17,7 +18,12 @@ pub struct State {
     pub model: Arc<Model>,
     pub state: Arc<state::State>,
     pub case: Arc<Case>,
+    pub machine: Machine,
 }
+
+/// The note of a checkpoint that holds what the machine remembers: numbers as text that reads back to the
+/// same bits.
+const MACHINE: &str = "machine";
 
 impl State {
     fn grains(&self) -> usize {
@@ -33,11 +39,26 @@ impl State {
         let kept = py.detach(|| checkpoint::read(&path)).map_err(|e| errors::file(py, e))?;
         let name = path.display().to_string();
         let case = Case::restored(py, kept.case_text, &name, &kept.extra)?;
-        Ok(Self { model: Arc::new(kept.model), state: Arc::new(kept.state), case: Arc::new(case) })
+        let machine = Machine::of(&case.plan, &kept.model, &kept.state);
+        let machine = match kept.extra.get(MACHINE) {
+            None => machine,
+            Some(text) => {
+                let memory = serde_json::from_str(text)
+                    .map_err(|e| errors::file(py, format!("{name}: note {MACHINE:?}: {e}")))?;
+                machine.and_then(|machine| machine.with_memory(memory))
+            }
+        };
+        let machine = machine.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
+        let (model, state) = (Arc::new(kept.model), Arc::new(kept.state));
+        Ok(Self { model, state, case: Arc::new(case), machine })
     }
 
     /// Writes the state to a file from which it goes on to the same bytes, also in another process.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let mut notes = self.case.notes();
+        let memory = serde_json::to_string(self.machine.memory())
+            .map_err(|e| errors::file(py, format!("{}: {e}", path.display())))?;
+        notes.insert(MACHINE.into(), memory);
         let kept = Checkpoint {
             model: Model::clone(&self.model),
             state: state::State::clone(&self.state),
@@ -45,7 +66,7 @@ impl State {
             case_name: self.case.plan.name.clone(),
             case_text: self.case.text.clone(),
             key: ballast_scenario::content_key(&self.case.plan),
-            extra: self.case.notes(),
+            extra: notes,
         };
         py.detach(|| checkpoint::write(path, &kept)).map_err(|e| errors::file(py, e))
     }
