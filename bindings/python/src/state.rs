@@ -142,6 +142,13 @@ impl State {
         ])
     }
 
+    /// Pose that was last asked of a driven body, or of its mount: where its next motion begins.
+    fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 2]> {
+        let d = self.model.driven_index(name).ok_or_else(|| unknown(py, &self.model, name))?;
+        let pose = self.state.imposed(&self.model, d);
+        Ok([arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)])
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "State({:?}, step {}, {} ns)",

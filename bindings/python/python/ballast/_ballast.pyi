@@ -287,6 +287,10 @@ class State:
     def body(self, name: str) -> tuple[_Floats, _Floats, _Floats, _Floats]:
         """Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body."""
 
+    def target(self, name: str) -> tuple[_Floats, _Floats]:
+        """Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
+        holds it: where its next motion has to begin."""
+
     @property
     def time_ns(self) -> int: ...
     @property
