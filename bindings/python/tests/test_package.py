@@ -35,7 +35,7 @@ SETTINGS = str(ROOT / "bindings/python/pyproject.toml")
     "check",
     [
         ["mypy", "--config-file", SETTINGS, "-p", "ballast"],
-        ["mypy.stubtest", "--mypy-config-file", SETTINGS, "ballast", "--ignore-disjoint-bases"],
+        ["mypy.stubtest", "--mypy-config-file", SETTINGS, "ballast._ballast", "--ignore-disjoint-bases"],
     ],
     ids=["strict", "stubs"],
 )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
 
+__all__: list[str]
 __version__: str
 
 class Error(Exception):
@@ -331,7 +332,7 @@ class State:
 class Outcome:
     """The result of a window; `outcome[name]` is what the ballast did to a body."""
 
-    def __getitem__(self, name: str) -> BodyOutcome: ...
+    def __getitem__(self, name: str, /) -> BodyOutcome: ...
     @property
     def status(self) -> str:
         """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
