@@ -80,10 +80,8 @@ fn the_core_depends_on_little() {
 
 #[test]
 fn interfaces_do_not_see_each_other() {
-    let manifests: Vec<_> = tree::files("interfaces", &["toml"])
-        .into_iter()
-        .filter(|f| f.path.ends_with("/Cargo.toml"))
-        .collect();
+    let manifests: Vec<_> =
+        tree::around(&["toml"]).into_iter().filter(|f| f.path.ends_with("/Cargo.toml")).collect();
     assert!(manifests.len() >= 3, "the interfaces were not found");
     crate::none(manifests.iter().flat_map(|f| interface_objections(&parse(&f.text))).collect());
 }
