@@ -51,6 +51,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Resume(args) => commands::resume::resume(args, console),
         Command::Replay(args) => commands::replay::replay(args, console),
         Command::Verify(args) => commands::verify::verify(args, console),
+        Command::Sweep(args) => commands::sweep::sweep(args, console),
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Export(args) => commands::export::export(args, console),

@@ -7,3 +7,4 @@ mod restart;
 mod samples;
 mod setup;
 mod solve;
+mod sweeps;
