@@ -77,6 +77,29 @@ def test_points_fill_their_ranges() -> None:
     assert len(study.grid({"a": [1, 2], "b": [3, 4, 5]})) == 6
 
 
+def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    from conftest import ROOT
+
+    from ballast import study
+
+    program = ROOT / "target/release/ballast"
+    if not program.exists():
+        pytest.skip(f"{program} is not built")
+    case.write(tmp_path / "tiny.toml")
+    points = study.grid({"tamping.vibration.frequency_Hz": [30.0], "seed": [case.seed]})
+    study.plan("tiny.toml", points, tmp_path / "plan.toml")
+    called = [program, "sweep", tmp_path / "plan.toml", "--beds", beds]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = (tmp_path / "runs/plan/table.csv").read_text().splitlines()
+    names, values = (row.split(",") for row in rows)
+    row = dict(zip(names, values, strict=True))
+    assert float(row["tamping.vibration.frequency_Hz"]) == 30.0
+    figures = study.tamp(study.apply(case, points[0]), str(beds))
+    after = float(row["compactness.under sleeper_1.after"])
+    assert figures["under sleeper_1: after"] == pytest.approx(after, abs=1e-12)
+
+
 def fails(case: ballast.Case, beds: str) -> dict[str, float]:
     raise ValueError(f"no figures of {case.name}")
 

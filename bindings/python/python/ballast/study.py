@@ -176,6 +176,21 @@ def run(
     return _table(points, files, errors)
 
 
+def plan(
+    case: str | os.PathLike[str], points: Sequence[Point], path: str | os.PathLike[str]
+) -> None:
+    """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
+    each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
+    lines = [f"case = {json.dumps(os.fspath(case))}"]
+    for point in points:
+        lines.append("\n[[points]]")
+        for key, value in point.items():
+            name = "bed.seed" if key == "seed" else key
+            # Strings, numbers and lists of JSON are those of TOML.
+            lines.append(f"{json.dumps(name)} = {json.dumps(value)}")
+    Path(path).write_text("\n".join(lines) + "\n")
+
+
 def _told(case: ballast.Case) -> tuple[str, int, str]:
     """A case as what can be sent to another process."""
     return case.text, case.seed, case.schedule
