@@ -4,16 +4,20 @@ use crate::compute::compute;
 use crate::errors::{self, CaseError};
 use crate::machine::Machine;
 use crate::simulation::Simulation;
-use crate::state::{Notes, State};
+use crate::state::State;
 use ballast::component::Limits;
 use ballast::model::Schedule;
 use ballast::track::plan::Plan;
 use ballast_beds::Beds;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
+
+/// What differs from a case's text, as notes of a checkpoint or recording.
+type Notes = BTreeMap<String, String>;
 
 /// The schedules by name.
 const SCHEDULES: [(&str, Schedule); 3] = [

@@ -6,9 +6,15 @@ use crate::errors;
 use ballast_hdf5::results::Reader;
 use ballast_mcap::recording::Windows;
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Waits for another thread with the interpreter released: that thread may need it to get done.
+fn lock<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a, T> {
+    mutex.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A results file of `ballast run`.
 #[pyclass(frozen, module = "ballast")]
@@ -22,8 +28,7 @@ impl Results {
         py: Python<'_>,
         ask: impl FnOnce(&Reader) -> ballast_hdf5::Result<T>,
     ) -> PyResult<T> {
-        let reader = self.reader.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        ask(&reader).map_err(|e| errors::file(py, e))
+        ask(&lock(py, &self.reader)).map_err(|e| errors::file(py, e))
     }
 }
 
@@ -128,15 +133,13 @@ impl Recording {
 
     /// The record of the next window: what was asked, and what was answered.
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let mut windows = self.windows.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let next = windows.next().map_err(|e| errors::file(py, e))?;
+        let next = lock(py, &self.windows).next().map_err(|e| errors::file(py, e))?;
         next.map(|window| as_dict(py, &window.record)).transpose()
     }
 
     /// Why reading ended early, where it did.
     #[getter]
-    fn lost(&self) -> Option<String> {
-        let windows = self.windows.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        windows.lost().map(ToString::to_string)
+    fn lost(&self, py: Python<'_>) -> Option<String> {
+        lock(py, &self.windows).lost().map(ToString::to_string)
     }
 }

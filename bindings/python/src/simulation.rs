@@ -20,7 +20,7 @@ use pyo3::types::{PyDict, PyTuple};
 use rayon::ThreadPool;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 /// A model that is stepped in windows.
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
@@ -271,12 +271,12 @@ impl Simulation {
 
     /// Everything that the next window depends on; shared, not copied.
     fn save(&self, py: Python<'_>) -> PyResult<State> {
-        let state = self.lock(py)?.component(py)?.save();
+        let inner = self.lock(py)?;
         Ok(State {
             model: Arc::clone(&self.model),
-            state,
+            state: inner.component(py)?.save(),
             case: Arc::clone(&self.case),
-            machine: self.lock(py)?.machine.clone(),
+            machine: inner.machine.clone(),
         })
     }
 
@@ -377,12 +377,13 @@ impl Simulation {
 
     #[getter]
     fn is_lost(&self) -> bool {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner).lost.is_some()
+        // One that is being stepped is not lost yet. Waiting for it would keep the interpreter from its thread.
+        self.inner.try_lock().is_ok_and(|inner| inner.lost.is_some())
     }
 
     #[getter]
     fn is_closed(&self) -> bool {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner).component.is_none()
+        self.inner.try_lock().is_ok_and(|inner| inner.component.is_none())
     }
 
     /// Names of the driven bodies.

@@ -8,7 +8,6 @@ use ballast::model::Model;
 use ballast::state;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use pyo3::prelude::*;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -157,10 +156,7 @@ impl State {
     }
 }
 
-pub fn unknown(py: Python<'_>, model: &Model, name: &str) -> PyErr {
+fn unknown(py: Python<'_>, model: &Model, name: &str) -> PyErr {
     let known: Vec<_> = model.driven.iter().map(|d| d.name.as_str()).collect();
     errors::refused(py, "unknown_body", format!("body: expected one of {known:?}, found {name:?}"))
 }
-
-/// What [`Case::notes`] is read back from.
-pub type Notes = BTreeMap<String, String>;

@@ -162,6 +162,7 @@ def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> Non
     thread.start()
     codes = set()
     while thread.is_alive():
+        assert not sim.is_lost and not sim.is_closed
         try:
             sim.save()
         except ballast.Error as error:
