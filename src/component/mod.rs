@@ -15,17 +15,15 @@ mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
 pub use memory::Recent;
-pub use outcome::{
-    BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, farthest, measure,
-};
+pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use refusal::Refusal;
 pub use waveform::{Interpolation, Knot, Waveform};
 pub use window::{Input, LoadInput, Window};
 
 use crate::drive::Inputs;
 use crate::error::Error;
-use crate::math::rotation;
-use crate::model::{Model, Part};
+use crate::model::Model;
+use crate::motion::SpeedLimit;
 use crate::observe::Zone;
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, step};
@@ -86,10 +84,7 @@ pub struct Component {
     /// The beginning of the last window, and its end, ns.
     last: Option<(Arc<State>, u64)>,
     workspace: Workspace,
-    /// Largest distance of a point of each driven body from its reference point `[nd]`, m.
-    reach: Vec<f64>,
-    /// Farthest that a point of a driven body may move in a step, m.
-    farthest: f64,
+    speed_limit: SpeedLimit,
 }
 
 impl Component {
@@ -105,8 +100,7 @@ impl Component {
         let state = state.into();
         model.check()?;
         state.check(&model)?;
-        let reach = model.driven.iter().map(|d| reach(&model, &d.parts)).collect();
-        let farthest = farthest(&model);
+        let speed_limit = SpeedLimit::of(&model);
         Ok(Self {
             model,
             limits,
@@ -114,8 +108,7 @@ impl Component {
             state,
             last: None,
             workspace: Workspace::default(),
-            reach,
-            farthest,
+            speed_limit,
         })
     }
 
@@ -227,7 +220,7 @@ impl Component {
             // After a step that failed, the contacts are not those of the state.
             zones: if status == Status::Discard { &[] } else { &self.zones },
             recent: &memory.recent,
-            farthest: self.farthest,
+            farthest: self.speed_limit.way,
         };
         Ok(account.close(status, trouble, &end))
     }
@@ -282,8 +275,7 @@ impl Component {
             state: Arc::clone(&self.state),
             last: self.last.clone(),
             workspace: Workspace::default(),
-            reach: self.reach.clone(),
-            farthest: self.farthest,
+            speed_limit: self.speed_limit.clone(),
         }
     }
 
@@ -311,22 +303,7 @@ impl Component {
     ) -> Result<StepReport, Error> {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
-        for (d, target) in targets.iter().enumerate() {
-            let from = self.state.imposed(&self.model, d);
-            let turn = rotation::log(&(target.orientation * from.orientation.inverse())).norm();
-            let way = (target.position - from.position).norm() + turn * self.reach[d];
-            if way > self.farthest {
-                return Err(Error::Step {
-                    time_s: self.state.time(),
-                    place: format!("{:?}", self.model.driven[d].name),
-                    expected: format!(
-                        "at most {:.3e} m in a step, half of the smallest grain",
-                        self.farthest
-                    ),
-                    found: format!("{way:.3e} m"),
-                });
-            }
-        }
+        self.speed_limit.check(&self.model, &self.state, &targets)?;
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
         let before = self.limits.penetration.is_finite().then(|| Arc::clone(&self.state));
         let inputs = Inputs { targets: &targets, loads: &loads };
@@ -344,16 +321,4 @@ impl Component {
         }
         Ok(report)
     }
-}
-
-/// Largest distance of a point of a body's convex parts from its origin, m.
-fn reach(model: &Model, parts: &[Part]) -> f64 {
-    let corners = parts.iter().flat_map(|part| match part {
-        Part::Convex { shape, pose } => {
-            let vertices = &model.shapes[*shape as usize].vertices;
-            vertices.iter().map(|v| pose.point(v).norm()).collect::<Vec<_>>()
-        }
-        Part::HalfSpace { .. } => Vec::new(),
-    });
-    corners.fold(0.0, f64::max)
 }
