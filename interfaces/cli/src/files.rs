@@ -80,11 +80,16 @@ pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
     Ok(text)
 }
 
+/// A name beside `path` that no other process uses: several may replace one file, as array jobs of a scheduler do.
+fn partial(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{}.tmp", std::process::id()));
+    name.into()
+}
+
 /// Replaces a text file in one go: readers see the old text or the new one, never a part.
 pub fn replace_text(path: &Path, text: &str) -> Outcome {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".tmp");
-    let partial = PathBuf::from(partial);
+    let partial = partial(path);
     let write = || -> std::io::Result<()> {
         let mut file = std::fs::File::create(&partial)?;
         file.write_all(text.as_bytes())?;
@@ -112,7 +117,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("summary.json");
         replace_text(&path, "old").unwrap();
-        std::fs::create_dir(folder.path().join("summary.json.tmp")).unwrap();
+        std::fs::create_dir(partial(&path)).unwrap();
         assert!(replace_text(&path, "new").is_err());
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
     }
