@@ -10,27 +10,56 @@ use std::collections::VecDeque;
 /// How long the moving mean of forces looks back, ns: over half a vibration a single force says little,
 /// beyond it the mean comes too late.
 const LOOK_BACK_NS: u64 = 4_000_000;
+/// Begins the numbers, so that those of another drive are not taken for them: no quantity has this value.
+const MARK: f64 = f64::from_bits(0x0000_ba11_a57c_0de1);
 /// Numbers per body: whether its twist is known, and the twist.
 const TWIST: usize = 7;
 /// Numbers per body and step: impulse and angular impulse.
 const REACTION: usize = 6;
+
+/// What the ballast did to the driven bodies in the last 4 ms.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Recent {
+    /// Impulse and angular impulse on each body, oldest step first `[steps][nd]`.
+    steps: VecDeque<Vec<[Vec3; 2]>>,
+}
+
+impl Recent {
+    /// Takes what a step did to the bodies `[nd]`; `step_ns` is its length.
+    pub fn take(&mut self, reactions: &[Reaction], step_ns: u64) {
+        let most = (LOOK_BACK_NS / step_ns).max(1) as usize;
+        while self.steps.len() >= most {
+            self.steps.pop_front();
+        }
+        self.steps.push_back(reactions.iter().map(|r| [r.impulse, r.angular_impulse]).collect());
+    }
+
+    /// Mean force (N) and torque (N m) on body `d` over the last steps, of `h` seconds; zero without any.
+    pub fn mean_wrench(&self, d: usize, h: f64) -> [Vec3; 2] {
+        let sum = self.steps.iter().fold([Vec3::zeros(); 2], |[f, t], step| {
+            let [impulse, angular] = step[d];
+            [f + impulse, t + angular]
+        });
+        sum.map(|s| s / (h * self.steps.len().max(1) as f64))
+    }
+}
 
 /// Twists in which bodies left the last window, and what the ballast did to them in the last steps.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Memory {
     /// Where the last window said so `[nd]`.
     pub twist: Vec<Option<Twist>>,
-    /// Impulse and angular impulse on each body, oldest step first `[steps][nd]`.
-    recent: VecDeque<Vec<[Vec3; 2]>>,
+    pub recent: Recent,
 }
 
 impl Memory {
     /// Reads what [`Memory::write`] left for `bodies` driven bodies.
     pub fn read(drive: &[f64], bodies: usize) -> Self {
-        let nothing = Self { twist: vec![None; bodies], recent: VecDeque::new() };
+        let nothing = Self { twist: vec![None; bodies], recent: Recent::default() };
         let row = REACTION * bodies;
-        let Some((twists, steps)) = drive.split_at_checked(TWIST * bodies) else { return nothing };
-        if row == 0 || !steps.len().is_multiple_of(row) || twists.is_empty() {
+        let Some((mark, rest)) = drive.split_first() else { return nothing };
+        let Some((twists, steps)) = rest.split_at_checked(TWIST * bodies) else { return nothing };
+        if *mark != MARK || row == 0 || !steps.len().is_multiple_of(row) {
             return nothing;
         }
         let vector = |n: &[f64]| Vec3::new(n[0], n[1], n[2]);
@@ -40,40 +69,25 @@ impl Memory {
         let reaction = |n: &[f64; REACTION]| [vector(&n[..3]), vector(&n[3..])];
         Self {
             twist: twists.as_chunks().0.iter().map(twist).collect(),
-            recent: steps
-                .chunks_exact(row)
-                .map(|step| step.as_chunks().0.iter().map(reaction).collect())
-                .collect(),
+            recent: Recent {
+                steps: steps
+                    .chunks_exact(row)
+                    .map(|step| step.as_chunks().0.iter().map(reaction).collect())
+                    .collect(),
+            },
         }
     }
 
     pub fn write(&self, drive: &mut Vec<f64>) {
         drive.clear();
+        drive.push(MARK);
         for twist in &self.twist {
             drive.push(f64::from(u8::from(twist.is_some())));
             let Twist { velocity, spin } = twist.unwrap_or_default();
             drive.extend(velocity.iter().chain(&spin));
         }
-        for [impulse, angular] in self.recent.iter().flatten() {
+        for [impulse, angular] in self.recent.steps.iter().flatten() {
             drive.extend(impulse.iter().chain(angular));
         }
-    }
-
-    /// Takes what a step did; `step_ns` is its length.
-    pub fn take(&mut self, reactions: &[Reaction], step_ns: u64) {
-        let most = (LOOK_BACK_NS / step_ns).max(1) as usize;
-        while self.recent.len() >= most {
-            self.recent.pop_front();
-        }
-        self.recent.push_back(reactions.iter().map(|r| [r.impulse, r.angular_impulse]).collect());
-    }
-
-    /// Mean force (N) and torque (N m) on body `d` over the last steps, of `h` seconds.
-    pub fn mean_wrench(&self, d: usize, h: f64) -> [Vec3; 2] {
-        let sum = self.recent.iter().fold([Vec3::zeros(); 2], |[f, t], step| {
-            let [impulse, angular] = step[d];
-            [f + impulse, t + angular]
-        });
-        sum.map(|s| s / (h * self.recent.len().max(1) as f64))
     }
 }

@@ -14,7 +14,10 @@ mod waveform;
 mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
-pub use outcome::{BodyOutcome, Outcome, SolverOutcome, Status, ZoneOutcome};
+pub use memory::Recent;
+pub use outcome::{
+    BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, farthest, measure,
+};
 pub use refusal::Refusal;
 pub use waveform::{Interpolation, Knot, Waveform};
 pub use window::{Input, LoadInput, Window};
@@ -25,7 +28,7 @@ use crate::math::rotation;
 use crate::model::{Model, Part};
 use crate::observe::Zone;
 use crate::state::State;
-use crate::step::{StepReport, step};
+use crate::step::{StepReport, Stopwatch, step};
 use crate::workspace::Workspace;
 use memory::Memory;
 use outcome::Account;
@@ -97,9 +100,7 @@ impl Component {
         model.check()?;
         state.check(&model)?;
         let reach = model.driven.iter().map(|d| reach(&model, &d.parts)).collect();
-        // Half of the smallest grain: a faster tool would pass through grains unseen.
-        let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
-        let farthest = 0.5 * model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min);
+        let farthest = farthest(&model);
         Ok(Self {
             model,
             limits,
@@ -156,6 +157,20 @@ impl Component {
         inputs: impl Into<Window<'a>>,
         watch: Watch,
     ) -> Result<Outcome, Refusal> {
+        self.advance_timed(t1_ns, inputs, watch, &mut ())
+    }
+
+    /// The same, with the caller's stopwatch on the phases of the steps.
+    ///
+    /// # Errors
+    /// As for [`Component::advance_to`].
+    pub fn advance_timed<'a>(
+        &mut self,
+        t1_ns: u64,
+        inputs: impl Into<Window<'a>>,
+        watch: Watch,
+        stopwatch: &mut impl Stopwatch,
+    ) -> Result<Outcome, Refusal> {
         let steps = self.steps_to(t1_ns)?;
         let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
         let mut memory = Memory::read(&self.state.drive, model.driven.len());
@@ -165,10 +180,10 @@ impl Component {
         let mut trouble = None;
         let mut stopped = None;
         for _ in 0..steps {
-            match self.one_step(&plan) {
+            match self.one_step(&plan, stopwatch) {
                 Ok(report) => {
                     account.take(&report, &self.state, model.stepping.h());
-                    memory.take(&report.reactions, model.stepping.step_ns);
+                    memory.recent.take(&report.reactions, model.stepping.step_ns);
                     if let ControlFlow::Break(kept) = watch(&self.state, &report)
                         && self.now_ns() < t1_ns
                     {
@@ -199,13 +214,13 @@ impl Component {
             memory.write(&mut self.state.drive);
         }
         self.last = Some((before, t1_ns));
-        let end = outcome::End {
+        let end = End {
             model: &model,
             state: &self.state,
             workspace: &self.workspace,
             // After a step that failed, the contacts are not those of the state.
             zones: if status == Status::Discard { &[] } else { &self.zones },
-            memory: &memory,
+            recent: &memory.recent,
             farthest: self.farthest,
         };
         Ok(account.close(status, trouble, &end))
@@ -281,7 +296,11 @@ impl Component {
     }
 
     /// One step along the waveforms.
-    fn one_step(&mut self, plan: &Plan) -> Result<StepReport, Error> {
+    fn one_step(
+        &mut self,
+        plan: &Plan,
+        stopwatch: &mut impl Stopwatch,
+    ) -> Result<StepReport, Error> {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
         for (d, target) in targets.iter().enumerate() {
@@ -303,7 +322,7 @@ impl Component {
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
         let before = self.limits.penetration.is_finite().then(|| self.state.clone());
         let inputs = Inputs { targets: &targets, loads: &loads };
-        let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;
+        let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, stopwatch)?;
         if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
             let time_s = before.time();
             self.state = before;

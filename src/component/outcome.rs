@@ -1,6 +1,6 @@
 //! What a window did, summed over its steps.
 
-use super::memory::Memory;
+use super::memory::Recent;
 use crate::error::Error;
 use crate::geometry::AxisBox;
 use crate::math::{Pose, Vec3};
@@ -54,6 +54,21 @@ pub struct Outcome {
     pub energy: EnergyLedger,
     /// How far apart knots may be, ns, for no body to move too far between them at its speed now.
     pub hint_max_step_ns: u64,
+}
+
+impl Outcome {
+    /// The outcome of a window of the one step that has just led to `state`: what a [`Component`] says of
+    /// it, for those who call [`step`] themselves and keep the same records.
+    ///
+    /// [`Component`]: super::Component
+    /// [`step`]: crate::step::step
+    pub fn of_step(report: &StepReport, end: &End) -> Self {
+        let (model, state) = (end.model, end.state);
+        let mut account = Account::new(model, state.time_ns - model.stepping.step_ns);
+        account.take(report, state, model.stepping.h());
+        let status = if account.is_sound() { Status::Ok } else { Status::Warn };
+        account.close(status, None, end)
+    }
 }
 
 /// A zone at the end of a window; what cannot be measured there is `None`.
@@ -117,14 +132,23 @@ pub struct SolverOutcome {
 }
 
 /// What is looked at when a window is over.
-pub(super) struct End<'a> {
+pub struct End<'a> {
     pub model: &'a Model,
     pub state: &'a State,
+    /// Of the last step.
     pub workspace: &'a Workspace,
     pub zones: &'a [Zone],
-    pub memory: &'a Memory,
-    /// Farthest that a point of a body may move in a step, m.
+    /// Has taken the last step.
+    pub recent: &'a Recent,
+    /// [`farthest`].
     pub farthest: f64,
+}
+
+/// Farthest that a point of a driven body may move in a step, m: half of the smallest grain. A faster tool would
+/// pass through grains unseen.
+pub fn farthest(model: &Model) -> f64 {
+    let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
+    0.5 * model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min)
 }
 
 /// The sums of a window so far.
@@ -201,7 +225,7 @@ impl Account {
                 body.mean_force = body.impulse / seconds;
                 body.mean_torque = body.angular_impulse / seconds;
             }
-            let [force, torque] = end.memory.mean_wrench(d, end.model.stepping.h());
+            let [force, torque] = end.recent.mean_wrench(d, end.model.stepping.h());
             (body.moving_force, body.moving_torque) = (force, torque);
             body.pose = state.pose(ng + d);
             body.velocity = state.velocity[ng + d];
@@ -215,34 +239,40 @@ impl Account {
             steps: self.steps,
             hint_max_step_ns: end.hint(&self.bodies),
             bodies: self.bodies,
-            zones: end.measure(),
+            zones: measure(end.model, state, end.workspace, end.zones),
             solver: self.solver,
             energy: state.energy,
         }
     }
 }
 
-impl End<'_> {
-    fn measure(&self) -> Vec<ZoneOutcome> {
-        if self.zones.is_empty() {
-            return Vec::new();
-        }
-        let touching = observe::coordination(self.model, self.workspace);
-        let measure = |zone: &Zone| {
-            let flow = observe::inertial_number(self.model, self.state, self.workspace, zone);
-            let compactness = observe::compactness(self.model, self.state, zone);
-            ZoneOutcome {
-                name: zone.name.clone(),
-                region: zone.region,
-                compactness: compactness.ok().map(|c| c.compactness),
-                coordination: touching.mean_within(self.state, zone),
-                inertial_number: flow.value,
-                pressure: flow.pressure,
-            }
-        };
-        self.zones.iter().map(measure).collect()
+/// Measures zones on a state; `workspace` is that of the step which led to it.
+pub fn measure(
+    model: &Model,
+    state: &State,
+    workspace: &Workspace,
+    zones: &[Zone],
+) -> Vec<ZoneOutcome> {
+    if zones.is_empty() {
+        return Vec::new();
     }
+    let touching = observe::coordination(model, workspace);
+    let measure = |zone: &Zone| {
+        let flow = observe::inertial_number(model, state, workspace, zone);
+        let compactness = observe::compactness(model, state, zone);
+        ZoneOutcome {
+            name: zone.name.clone(),
+            region: zone.region,
+            compactness: compactness.ok().map(|c| c.compactness),
+            coordination: touching.mean_within(state, zone),
+            inertial_number: flow.value,
+            pressure: flow.pressure,
+        }
+    };
+    zones.iter().map(measure).collect()
+}
 
+impl End<'_> {
     /// At least a step: no finer motion is of use.
     fn hint(&self, bodies: &[BodyOutcome]) -> u64 {
         let fastest = bodies.iter().map(|b| b.velocity.norm()).fold(0.0, f64::max);

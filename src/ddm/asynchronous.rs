@@ -26,6 +26,10 @@ use std::sync::{Mutex, PoisonError};
 /// anything change or move. Sound ones pass a shock on, but do not raise it.
 const GROWTH: f64 = 1e2;
 
+/// Synchronous iterations at the end of a step that is not solved: at most this many, and this share of
+/// the cap.
+const CLOSING: (u32, u32) = (10, 10);
+
 /// A run without barriers, and what its threads share.
 struct Run<'a> {
     decomposition: &'a Decomposition,
@@ -74,8 +78,8 @@ fn iterate_with(
     let mut outcome = Outcome::default();
     loop {
         let before = outcome;
-        // The last iteration is the synchronous pass.
-        let free = Solver { iterations: solver.iterations.saturating_sub(1), ..solver };
+        let closing = CLOSING.0.min(solver.iterations.div_ceil(CLOSING.1));
+        let free = Solver { iterations: solver.iterations.saturating_sub(closing), ..solver };
         decomposition.split();
         let run = Run::new(decomposition, &free);
         work(&run);
@@ -86,8 +90,9 @@ fn iterate_with(
         let (iterations, visits) = decomposition.visited(&free);
         decomposition.settle();
         solver.relaxation = f64::from_bits(relaxation.into_inner());
-        outcome = synchronous::iterate(decomposition, &Solver { iterations: 1, ..solver });
-        solver.iterations = free.iterations - iterations;
+        let pass = if iterations < free.iterations { 1 } else { closing };
+        outcome = synchronous::iterate(decomposition, &Solver { iterations: pass, ..solver });
+        solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
         outcome.iterations += before.iterations + iterations;
         outcome.visits += before.visits + visits;
         if outcome.converged || solver.iterations == 0 {

@@ -218,12 +218,12 @@ impl PairList {
         self.antagonists.clear();
         self.memory.clear();
         self.starts.push(0);
-        for chunk in &fresh {
+        for chunk in &mut fresh {
             for count in &chunk.counts {
                 self.starts.push(self.starts[self.starts.len() - 1] + count);
             }
             self.antagonists.extend_from_slice(&chunk.antagonists);
-            self.memory.extend_from_slice(&chunk.memory);
+            self.memory.append(&mut chunk.memory);
         }
         self.fresh = fresh;
     }
@@ -270,7 +270,7 @@ impl Fresh {
                 k += 1;
             }
             let known = k < old.end && list.antagonists[k] == *j;
-            self.memory.push(if known { list.memory[k] } else { PairMemory::default() });
+            self.memory.push(if known { list.memory[k].clone() } else { PairMemory::default() });
         }
     }
 }

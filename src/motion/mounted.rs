@@ -124,7 +124,7 @@ fn free(modes: [Freedom; 3], v: &Vec3) -> Vec3 {
     only(modes, |m| !m.is_held(), v)
 }
 
-/// `[v]² `, such that a point mass at `v` has the moments of inertia `-m [v]²`.
+/// `-[v]²`: the moments of inertia of a point mass at `v`, over the mass.
 fn arm(v: &Vec3) -> Mat3 {
     Mat3::from_diagonal_element(v.norm_squared()) - v * v.transpose()
 }
@@ -211,25 +211,35 @@ impl Body<'_> {
         }
     }
 
+    /// What momentum and angular momentum about the reference point would be at the end of the step, but for
+    /// what springs and dampers add by the velocity of the end: of a body with the velocity `v` at its start.
+    fn momenta(&self, middle: &Pose, v: &Vec3, d: &Vec3, inertia: &Mat3) -> [Vec3; 2] {
+        let (m, w, h) = (self.mount.mass, self.spin, self.h());
+        let [load, torque] = self.loads(d);
+        let around = w.cross(d);
+        [
+            (v + around - w.cross(&around) * h) * m + self.pull(&middle.position) + load,
+            d.cross(v) * m + inertia * w - w.cross(&(inertia * w)) * h
+                + self.twist_pull(&middle.orientation)
+                + torque,
+        ]
+    }
+
     /// A body that turns and moves alike in all directions; `held` is the spin of held rotations.
     fn as_solid(&self, middle: &Pose, held: &Vec3) -> Response {
-        let (mount, h) = (self.mount, self.h());
+        let mount = self.mount;
         let (d, inertia) = self.inertia(&middle.orientation);
-        let (m, v, w) = (mount.mass, self.velocity, self.spin);
+        let m = mount.mass;
         let mass = m + mount.freedoms[0].added_inertia(self.stepping);
-        let [load, torque] = self.loads(&d);
-        let momentum =
-            (v + w.cross(&d) - w.cross(&w.cross(&d)) * h) * m + self.pull(&middle.position) + load;
-        let stiff = HELD * (inertia.trace() + m * 1.0);
+        let [momentum, angular] = self.momenta(middle, &self.velocity, &d, &inertia);
+        // The mass counts at 1 m.
+        let stiff = HELD * (inertia.trace() + m);
         let modes = mount.rotations();
         let added = Vec3::from_fn(|k, _| match modes[k] {
             Freedom::Held => stiff,
             mode => mode.added_inertia(self.stepping),
         });
-        let angular = d.cross(&v) * m + inertia * w - w.cross(&(inertia * w)) * h
-            + self.twist_pull(&middle.orientation)
-            + torque
-            + held * stiff;
+        let angular = angular + held * stiff;
         // The point where momentum and angular momentum part: there the mass counts with its springs.
         let centre = d * (m / mass);
         let about = inertia + Mat3::from_diagonal(&added) - arm(&centre) * mass;
@@ -246,53 +256,37 @@ impl Body<'_> {
 
     /// Up to three degrees of freedom of any kind.
     fn by_freedoms(&self, middle: &Pose) -> Response {
-        let (mount, h) = (self.mount, self.h());
+        let (mount, m) = (self.mount, self.mount.mass);
         let (d, inertia) = self.inertia(&middle.orientation);
-        let (m, w) = (mount.mass, self.spin);
         let held = self.held_velocity();
-        let v = self.velocity - held;
-        let [load, torque] = self.loads(&d);
-        let momentum =
-            (v + w.cross(&d) - w.cross(&w.cross(&d)) * h) * m + self.pull(&middle.position) + load;
-        let angular = d.cross(&v) * m + inertia * w - w.cross(&(inertia * w)) * h
-            + self.twist_pull(&middle.orientation)
-            + torque;
-        // Columns: unit twists of the degrees of freedom, as velocity and spin.
-        let (mut forward, mut turning) = (Mat3::zeros(), Mat3::zeros());
-        let mut mass = Mat3::identity();
-        let mut rate = Vec3::zeros();
-        let mut added = Vec3::zeros();
+        let [momentum, angular] = self.momenta(middle, &(self.velocity - held), &d, &inertia);
+        // Unit twists of the degrees of freedom: velocity and spin. One that is not there has none, and
+        // an inertia of 1.
+        let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
+        let mut added = Vec3::repeat(1.0);
         for (column, k) in mount.free().enumerate() {
+            let (velocity, spin) = &mut twists[column];
             if k < 3 {
-                forward[(k, column)] = 1.0;
-                rate[column] = momentum[k];
+                velocity[k] = 1.0
             } else {
-                turning[(k - 3, column)] = 1.0;
-                rate[column] = angular[k - 3];
+                spin[k - 3] = 1.0
             }
             added[column] = mount.freedoms[k].added_inertia(self.stepping);
-            mass[(column, column)] = 0.0;
         }
-        // Momentum of unit twists: m (v + w × d), and about the reference point m d × v + J w.
-        let turned = Mat3::from_columns(&[0, 1, 2].map(|c| {
-            let spin: Vec3 = turning.column(c).into();
-            spin.cross(&d)
-        }));
-        let carried = Mat3::from_columns(&[0, 1, 2].map(|c| {
-            let velocity: Vec3 = forward.column(c).into();
-            d.cross(&velocity)
-        }));
-        mass += forward.tr_mul(&((forward + turned) * m))
-            + turning.tr_mul(&(carried * m + inertia * turning))
-            + Mat3::from_diagonal(&added);
-        let (root, whitened) = whiten(&mass, &rate);
+        let mass = Mat3::from_fn(|i, j| {
+            let (v, w) = twists[j];
+            twists[i].0.dot(&((v + w.cross(&d)) * m))
+                + twists[i].1.dot(&(d.cross(&v) * m + inertia * w))
+        });
+        let rate = Vec3::from_fn(|i, _| twists[i].0.dot(&momentum) + twists[i].1.dot(&angular));
+        let (root, whitened) = whiten(&(mass + Mat3::from_diagonal(&added)), &rate);
         Response {
             velocity: held,
             whitened,
             inverse_mass: 0.0,
             centre: Vec3::zeros(),
-            turn: turning * root,
-            shift: forward * root,
+            turn: Mat3::from_columns(&twists.map(|t| t.1)) * root,
+            shift: Mat3::from_columns(&twists.map(|t| t.0)) * root,
         }
     }
 }

@@ -31,6 +31,10 @@ pub enum Command {
     Prepare(Prepare),
     /// Continue an interrupted run from its checkpoint, bit for bit
     Resume(Resume),
+    /// Move the bodies of a case as a recording (MCAP) says, instead of by its machine
+    Replay(Replay),
+    /// Compute a recording of `run --record` again and name the first difference
+    Verify(Verify),
     /// Read a case and say what it asks for, or what is wrong with it
     Check(Check),
     /// Say what a bed, checkpoint or results file holds
@@ -85,6 +89,60 @@ pub struct Run {
     /// Start over even if the folder holds an unfinished run
     #[arg(long)]
     pub force: bool,
+    /// Record the run in an MCAP file, which is replaced
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// Recording (MCAP): one of `run --record`, or any with poses of bodies
+    pub file: PathBuf,
+    /// Case file (TOML) that the bodies belong to
+    #[arg(long, value_name = "CASE")]
+    pub case: PathBuf,
+    /// Topic that moves a body, TOPIC=BODY, or TOPIC:FRAME=BODY for transforms; by default our own windows,
+    /// or the topics /<body>/pose and transforms to the frame <body>
+    #[arg(long, value_name = "MAP")]
+    pub map: Vec<ballast_mcap::motion::Map>,
+    /// Which time of a message counts
+    #[arg(long, default_value = "stamp")]
+    pub time: TimeName,
+    /// Let the bodies begin wherever the recording has them, not where the case has them
+    #[arg(long)]
+    pub rebase: bool,
+    /// Folder of the replay's files; by default runs/<name of the case>-replay
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Record the replay in another MCAP file
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    #[command(flatten)]
+    pub beds: Beds,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    #[command(flatten)]
+    pub until: Until,
+}
+
+#[derive(Debug, Args)]
+pub struct Verify {
+    /// Recording of `run --record` (MCAP)
+    pub file: PathBuf,
+    /// Case file (TOML) that was run
+    #[arg(long, value_name = "CASE")]
+    pub case: PathBuf,
+    #[command(flatten)]
+    pub beds: Beds,
+}
+
+/// The times of a message by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TimeName {
+    /// The stamp in the message: when the pose was true
+    Stamp,
+    /// When the message was recorded
+    Log,
 }
 
 /// How far to go, and what to find there.
@@ -242,6 +300,16 @@ impl ScheduleName {
     /// The name as it is typed.
     pub fn name(self) -> String {
         self.to_possible_value().map_or(String::new(), |value| value.get_name().to_string())
+    }
+}
+
+impl From<Schedule> for ScheduleName {
+    fn from(schedule: Schedule) -> Self {
+        match schedule {
+            Schedule::Sequential => ScheduleName::Sequential,
+            Schedule::Synchronous => ScheduleName::Synchronous,
+            Schedule::Asynchronous => ScheduleName::Asynchronous,
+        }
     }
 }
 

@@ -32,6 +32,18 @@ impl Failure {
         Failure::Failed(format!("{}: {what}", path.display()))
     }
 
+    /// The same with more to say.
+    pub fn with(mut self, more: &str) -> Self {
+        let (Failure::Failed(text)
+        | Failure::Usage(text)
+        | Failure::InvalidCase(text)
+        | Failure::Mismatch(text)
+        | Failure::Incompatible(text)
+        | Failure::Interrupted(text)) = &mut self;
+        *text += more;
+        self
+    }
+
     /// The process's exit code.
     pub fn code(&self) -> u8 {
         match self {
@@ -61,6 +73,15 @@ impl From<ballast_hdf5::Error> for Failure {
     fn from(error: ballast_hdf5::Error) -> Self {
         match error {
             ballast_hdf5::Error::Version { .. } => Failure::Incompatible(error.to_string()),
+            _ => Failure::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<ballast_mcap::Error> for Failure {
+    fn from(error: ballast_mcap::Error) -> Self {
+        match error {
+            ballast_mcap::Error::Version { .. } => Failure::Incompatible(error.to_string()),
             _ => Failure::Failed(error.to_string()),
         }
     }

@@ -7,9 +7,11 @@ mod beds;
 mod case;
 mod commands;
 mod console;
+mod engine;
 mod exit;
 mod files;
 mod interrupt;
+mod playback;
 mod profile;
 mod progress;
 mod record;
@@ -19,6 +21,7 @@ mod statistics;
 mod summary;
 mod summary_text;
 mod table;
+mod taping;
 
 use args::{Bench, Cli, Command};
 use clap::Parser;
@@ -46,6 +49,8 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Run(args) => commands::run::run(args, console),
         Command::Prepare(args) => commands::prepare::prepare(args, console),
         Command::Resume(args) => commands::resume::resume(args, console),
+        Command::Replay(args) => commands::replay::replay(args, console),
+        Command::Verify(args) => commands::verify::verify(args, console),
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Export(args) => commands::export::export(args, console),

@@ -1,5 +1,5 @@
-//! How far the work is: a bar on a terminal, elsewhere a line per tenth and at least one in half a
-//! minute, events per hundredth.
+//! How far the work is: a bar on a terminal, elsewhere a line per tenth, for programs an event per
+//! hundredth; at least one in half a minute.
 
 use crate::console::Console;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 /// Parts of the whole that the bar distinguishes.
 const PARTS: u64 = 1000;
-/// Longest time without a line where there is no bar.
+/// Longest time without a word where there is no bar.
 const SILENCE: Duration = Duration::from_secs(30);
 
 /// Where the work stands, in its own words.
@@ -28,9 +28,10 @@ pub struct Progress {
     began: Instant,
     /// Share of the whole done before this process.
     start: f64,
-    next_line: u64,
-    last_line: Instant,
-    next_event: u64,
+    /// Shares between two words, and the next one.
+    shares: u64,
+    next: u64,
+    last: Instant,
 }
 
 impl Progress {
@@ -42,15 +43,16 @@ impl Progress {
             bar.set_style(style.expect("the template is constant").progress_chars("=> "));
             bar
         });
+        let shares = if console.json { 100 } else { 10 };
         Self {
             console,
             label: label.to_string(),
             bar,
             began: Instant::now(),
             start,
-            next_line: whole(start, 10) + 1,
-            last_line: Instant::now(),
-            next_event: whole(start, 100) + 1,
+            shares,
+            next: whole(start, shares) + 1,
+            last: Instant::now(),
         }
     }
 
@@ -60,31 +62,29 @@ impl Progress {
         if let Some(bar) = &self.bar {
             bar.set_position(whole(share, PARTS));
             bar.set_message(format!("{} · {}", mark.text(), left_text(left)));
-        } else if !self.console.json && self.line_is_due(share) {
-            self.next_line = whole(share, 10) + 1;
-            self.last_line = Instant::now();
-            let percent = whole(share, 100);
-            self.console.note(&format!(
-                "{} {percent:>3} % · {} · {}",
-                self.label,
-                mark.text(),
-                left_text(left)
-            ));
         }
-        if self.console.json && whole(share, 100) >= self.next_event {
-            self.next_event = whole(share, 100) + 1;
-            let mut fields = json!({ "work": self.label, "share": share });
-            if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), mark.fields()) {
-                fields.extend(more);
-                let seconds = left.map(|left| left.as_secs_f64());
-                fields.insert("seconds_left".into(), json!(seconds));
+        let due = whole(share, self.shares) >= self.next || self.last.elapsed() >= SILENCE;
+        if due && (self.console.json || self.bar.is_none()) {
+            self.next = whole(share, self.shares) + 1;
+            self.last = Instant::now();
+            if self.console.json {
+                self.event(share, left, mark);
+            } else {
+                let (label, percent) = (&self.label, whole(share, 100));
+                let (text, left) = (mark.text(), left_text(left));
+                self.console.note(&format!("{label} {percent:>3} % · {text} · {left}"));
             }
-            self.console.event("progress", fields);
         }
     }
 
-    fn line_is_due(&self, share: f64) -> bool {
-        whole(share, 10) >= self.next_line || self.last_line.elapsed() >= SILENCE
+    fn event(&self, share: f64, left: Option<Duration>, mark: &dyn Mark) {
+        let mut fields = json!({ "work": self.label, "share": share });
+        if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), mark.fields()) {
+            fields.extend(more);
+            let seconds = left.map(|left| left.as_secs_f64());
+            fields.insert("seconds_left".into(), json!(seconds));
+        }
+        self.console.event("progress", fields);
     }
 
     /// Wall time since this piece of work began here.

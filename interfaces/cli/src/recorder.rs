@@ -125,6 +125,10 @@ impl Recorder {
         Ok(self.results.flush()?)
     }
 
+    pub fn zones(&self) -> &[Zone] {
+        &self.zones
+    }
+
     pub fn summary(&self) -> &Summary {
         &self.summary
     }
@@ -139,7 +143,7 @@ impl Recorder {
 }
 
 /// The case's zones; a crib that is not filled at all has no volume to measure.
-fn zones(case: &Case) -> Vec<Zone> {
+pub fn zones(case: &Case) -> Vec<Zone> {
     let has_volume =
         |zone: &Zone| zone.region.low.iter().zip(&zone.region.high).all(|(l, h)| l < h);
     track::zones(&case.plan).into_iter().filter(has_volume).collect()

@@ -1,10 +1,12 @@
-//! The run of a case from its bed or from a checkpoint: steps, records, checkpoints.
+//! The run of a case from its bed or from a checkpoint, or the replay of a recording: steps, records,
+//! checkpoints.
 //!
 //! Contract: what is written depends on the case and the step alone, never on where the run was
 //! interrupted; so a resumed run leaves the same records as one in a single go.
 
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
+use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, replace_text};
 use crate::interrupt;
@@ -12,10 +14,10 @@ use crate::profile::Profile;
 use crate::progress::{Mark, Progress};
 use crate::recorder::Recorder;
 use crate::summary_text;
-use ballast::drive::Inputs;
+use crate::taping::Taping;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::step::{StepReport, step};
+use ballast::step::StepReport;
 use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
@@ -27,31 +29,30 @@ pub struct Session {
     console: Console,
     case: Case,
     files: RunFiles,
-    model: Model,
-    state: State,
-    cycle: TampingCycle,
-    workspace: Workspace,
+    engine: Engine,
     recorder: Recorder,
+    taping: Option<Taping>,
     profile: Profile,
     /// Step at which this process took over.
     first: u64,
 }
 
 impl Session {
-    /// Starts a run: what an earlier one left in the folder is replaced.
+    /// Starts a run or a replay, recorded to the file `record` if there is one: what an earlier one left
+    /// in the folder is replaced.
     pub fn begin(
         case: Case,
-        model: Model,
-        state: State,
+        engine: Engine,
         files: RunFiles,
+        record: Option<&Path>,
         console: Console,
     ) -> Outcome<Self> {
-        let cycle = cycle(&case, &model, &state)?;
         files.create_folder()?;
         files.remove_all()?;
-        let mut recorder = Recorder::create(&files, &case, &model)?;
-        recorder.observe(&model, &state, &Workspace::default())?;
-        Ok(Self::assemble(case, model, state, cycle, files, recorder, console))
+        let mut recorder = Recorder::create(&files, &case, engine.model())?;
+        recorder.observe(engine.model(), engine.state(), &Workspace::default())?;
+        let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
+        Ok(Self::assemble(case, engine, files, recorder, taping, console))
     }
 
     /// Takes a run up at its checkpoint.
@@ -70,47 +71,42 @@ impl Session {
         let cycle = cycle(&case, &model, &state)?;
         let files = RunFiles::beside(path);
         let recorder = Recorder::reopen(&files, &case, &model, state.step)?;
-        Ok(Self::assemble(case, model, state, cycle, files, recorder, console))
+        let engine = Engine::machine(model, state, cycle);
+        Ok(Self::assemble(case, engine, files, recorder, None, console))
     }
 
     fn assemble(
         case: Case,
-        model: Model,
-        state: State,
-        cycle: TampingCycle,
+        engine: Engine,
         files: RunFiles,
         recorder: Recorder,
+        taping: Option<Taping>,
         console: Console,
     ) -> Self {
-        let (workspace, profile, first) = (Workspace::default(), Profile::start(), state.step);
-        Self { console, case, files, model, state, cycle, workspace, recorder, profile, first }
+        let (profile, first) = (Profile::start(), engine.state().step);
+        Self { console, case, files, engine, recorder, taping, profile, first }
     }
 
-    /// Runs up to step `last` of the run, or the case's end, and sums up.
+    /// Runs up to step `last` of the run, or the end of case or recording, and sums up.
     pub fn run(mut self, last: Option<u64>, expected: Option<&str>) -> Outcome {
-        let last = last.unwrap_or(u64::MAX).min(self.case.steps());
-        self.announce(last);
-        let whole = self.case.steps().max(1) as f64;
-        let start = self.state.step as f64 / whole;
+        let end = self.end();
+        let last = last.unwrap_or(u64::MAX).min(end.unwrap_or(u64::MAX));
+        self.announce(last.min(end.unwrap_or(self.case.steps())));
+        let whole = end.unwrap_or(self.case.steps()).max(1) as f64;
+        let start = self.engine.state().step as f64 / whole;
         let mut progress = Progress::start(self.console, &self.case.plan.name, start);
-        let mut targets = Vec::new();
-        while self.state.step < last {
+        while self.engine.state().step < last {
             self.profile.output();
-            let report = self.step(&mut targets)?;
-            let phase = self.cycle.phase(self.state.time());
-            self.recorder.step(&self.model, &self.state, &self.workspace, &report, phase)?;
-            if self.is_due(self.case.plan.run.output_ns) {
-                self.recorder.observe(&self.model, &self.state, &self.workspace)?;
-            }
-            progress.advance(
-                self.state.step as f64 / whole,
-                &self.mark(phase.name(), &report, &progress),
-            );
-            if interrupt::requested() && self.state.step < last {
+            let Some(report) = self.step()? else { break };
+            let step = self.engine.state().step;
+            let share = (step as f64 / whole).min(1.0);
+            progress.advance(share, &self.mark(&report, &progress));
+            if interrupt::requested() && step < last {
                 progress.finish();
                 return self.stop();
             }
-            if self.state.step < last && self.is_due(self.case.plan.run.checkpoint_ns) {
+            let due = self.is_due(self.case.plan.run.checkpoint_ns);
+            if step < last && due && self.engine.playback().is_none() {
                 self.checkpoint()?;
             }
         }
@@ -118,35 +114,50 @@ impl Session {
         self.finish(expected)
     }
 
-    fn step(&mut self, targets: &mut Vec<ballast::math::Pose>) -> Outcome<StepReport> {
-        self.cycle.targets(&self.model, &self.state, targets);
-        let inputs = Inputs { targets, loads: &[] };
-        let watch = &mut self.profile;
-        let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, watch)
-            .map_err(|e| {
-                Failure::Failed(format!(
-                    "{e}; the records up to step {} are kept in {}",
-                    self.state.step,
-                    self.files.folder.display()
-                ))
-            })?;
-        self.cycle.observe(&self.model, &report, &mut self.state);
-        Ok(report)
+    /// The last step of case or recording, where it is known.
+    fn end(&self) -> Option<u64> {
+        let Some(playback) = self.engine.playback() else { return Some(self.case.steps()) };
+        let (state, step_ns) = (self.engine.state(), self.engine.model().stepping.step_ns);
+        let left = playback.end_ns()?.saturating_sub(state.time_ns) / step_ns.max(1);
+        Some(state.step + left)
+    }
+
+    /// Takes a step and records it; `None` where the recording that is replayed ends.
+    fn step(&mut self) -> Outcome<Option<StepReport>> {
+        let stepped = self.engine.step(&mut self.profile).map_err(|e| {
+            let (step, folder) = (self.engine.state().step, self.files.folder.display());
+            e.with(&format!("; the records up to step {step} are kept in {folder}"))
+        })?;
+        let Some(stepped) = stepped else { return Ok(None) };
+        let engine = &self.engine;
+        let (model, state, workspace) = (engine.model(), engine.state(), engine.workspace());
+        self.recorder.step(model, state, workspace, &stepped.report, engine.phase())?;
+        let due = self.is_due(self.case.plan.run.output_ns);
+        if due {
+            self.recorder.observe(model, state, workspace)?;
+        }
+        if let Some(taping) = &mut self.taping {
+            let zones = due.then(|| self.recorder.zones());
+            taping.step(&self.engine, &stepped, zones)?;
+        }
+        Ok(Some(stepped.report))
     }
 
     /// Whether something that happens every `interval` (ns) of simulated time is due. The end of
     /// the case is always due: what it shows must not depend on the interval.
     fn is_due(&self, interval: u64) -> bool {
-        let ended = self.state.step == self.case.steps();
-        ended || (interval > 0 && self.state.time_ns.is_multiple_of(interval))
+        let state = self.engine.state();
+        let ended = state.step == self.case.steps();
+        ended || (interval > 0 && state.time_ns.is_multiple_of(interval))
     }
 
-    fn mark(&self, phase: &str, report: &StepReport, progress: &Progress) -> RunMark {
-        let simulated = (self.state.step - self.first) as f64 * self.model.stepping.h();
+    fn mark(&self, report: &StepReport, progress: &Progress) -> RunMark {
+        let state = self.engine.state();
+        let simulated = (state.step - self.first) as f64 * self.engine.model().stepping.h();
         RunMark {
-            step: self.state.step,
-            time: self.state.time(),
-            phase: phase.to_string(),
+            step: state.step,
+            time: state.time(),
+            phase: self.engine.phase().name().to_string(),
             contacts: report.contacts,
             iterations: report.iterations,
             residual: report.residuals.qm16(),
@@ -155,7 +166,7 @@ impl Session {
     }
 
     fn announce(&self, last: u64) {
-        let (name, grains) = (&self.case.plan.name, self.model.grains.len());
+        let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
         let threads = rayon::current_num_threads();
         self.console.note(&format!(
             "{name}: {grains} grains, steps {} to {last}, {threads} threads",
@@ -174,8 +185,8 @@ impl Session {
     fn checkpoint(&mut self) -> Outcome {
         self.recorder.flush()?;
         let kept = Checkpoint {
-            model: self.model.clone(),
-            state: self.state.clone(),
+            model: self.engine.model().clone(),
+            state: self.engine.state().clone(),
             kind: Kind::Run,
             case_name: self.case.plan.name.clone(),
             case_text: self.case.text.clone(),
@@ -184,26 +195,46 @@ impl Session {
         };
         let path = self.files.checkpoint();
         checkpoint::write(&path, &kept)?;
-        self.console.event("checkpoint", json!({ "step": self.state.step, "path": path }));
+        self.console.event("checkpoint", json!({ "step": self.engine.state().step, "path": path }));
         Ok(())
     }
 
     fn stop(mut self) -> Outcome {
+        if let Some(taping) = self.taping.take() {
+            taping.finish()?;
+        }
+        let (step, all) = (self.engine.state().step, self.case.steps());
+        if self.engine.playback().is_some() {
+            self.recorder.flush()?;
+            let text =
+                format!("stopped after step {step}; a replay starts from the beginning again");
+            return Err(Failure::Interrupted(text));
+        }
         self.checkpoint()?;
         let path = self.files.checkpoint();
         Err(Failure::Interrupted(format!(
-            "stopped cleanly after step {} of {}; go on with: ballast resume {}",
-            self.state.step,
-            self.case.steps(),
+            "stopped cleanly after step {step} of {all}; go on with: ballast resume {}",
             path.display()
         )))
     }
 
     fn finish(mut self, expected: Option<&str>) -> Outcome {
-        self.recorder.observe_end(&self.model, &self.state)?;
-        self.checkpoint()?;
+        self.recorder.observe_end(self.engine.model(), self.engine.state())?;
+        match self.engine.playback() {
+            None => self.checkpoint()?,
+            Some(playback) => {
+                // No checkpoint: `resume` would hand the bodies over to the machine of the case.
+                if let Some(lost) = playback.lost() {
+                    self.console.warning(&format!("{}: {lost}", playback.path().display()));
+                }
+                self.recorder.flush()?;
+            }
+        }
+        if let Some(taping) = self.taping.take() {
+            taping.finish()?;
+        }
         self.profile.output();
-        let hash = format!("{:032x}", ballast_hdf5::state_hash(&self.model, &self.state));
+        let hash = format!("{:032x}", self.engine.hash());
         let summary = self.summary(&hash);
         replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
         self.console.event("done", summary);
@@ -218,8 +249,8 @@ impl Session {
 
     fn summary(&self, hash: &str) -> Value {
         let mut summary = json!({
-            "case": self.case.plan.name, "grains": self.model.grains.len(),
-            "state_hash": hash, "complete": self.state.step == self.case.steps(),
+            "case": self.case.plan.name, "grains": self.engine.model().grains.len(),
+            "state_hash": hash, "complete": self.engine.state().step == self.case.steps(),
         });
         let timing = json!({
             "from_step": self.first, "threads": rayon::current_num_threads(),
@@ -237,10 +268,10 @@ impl Session {
 
     fn text(&self, hash: &str) -> String {
         let figures = summary_text::text(self.recorder.summary());
-        let profile = summary_text::profile(&self.profile, self.state.step - self.first);
-        let files = summary_text::pointers(&self.files);
-        let (name, grains, step) = (&self.case.plan.name, self.model.grains.len(), self.state.step);
-        let time = self.state.time();
+        let (step, time) = (self.engine.state().step, self.engine.state().time());
+        let profile = summary_text::profile(&self.profile, step - self.first);
+        let files = summary_text::pointers(&self.files, self.engine.playback().is_none());
+        let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
         format!(
             "{name}: {grains} grains, {step} of {} steps, {time:.4} s\n\n{figures}\n{profile}\n\
              state hash  {hash}\n\n{files}",
@@ -250,7 +281,7 @@ impl Session {
 }
 
 /// The case's cycle, and whether the state belongs to it.
-fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
+pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
     let invalid = |e: ballast::Error| Failure::InvalidCase(format!("{}: {e}", case.plan.name));
     let cycle = TampingCycle::new(&case.plan, model).map_err(invalid)?;
     cycle.check_memory(state).map_err(invalid)?;

@@ -152,13 +152,15 @@ pub fn profile(profile: &Profile, steps: u64) -> String {
 }
 
 /// Where the run's files are and what to look at.
-pub fn pointers(files: &RunFiles) -> String {
+pub fn pointers(files: &RunFiles, resumable: bool) -> String {
     let mut text = String::from("files\n");
-    for (path, what) in [
+    let checkpoint =
+        resumable.then(|| (files.checkpoint(), "the last state; `ballast resume` goes on from it"));
+    let always = [
         (files.results(), "open it in ParaView; `ballast export` makes tables and shapes of it"),
         (files.summary(), "these figures, for programs"),
-        (files.checkpoint(), "the last state; `ballast resume` goes on from it"),
-    ] {
+    ];
+    for (path, what) in always.into_iter().chain(checkpoint) {
         text += &format!("  {}\n      {what}\n", path.display());
     }
     text

@@ -2,8 +2,7 @@
 //!
 //! With any point c, displaced by Δc, and a rotation that moves unit vectors by at most φ,
 //! no point of B has moved by more than |Δc| + φ l in the frame of A, and no point of A in that of B, l
-//! being the largest distance of a point of either body from c. For points near c the bound is tighter:
-//! l is then their distance from it.
+//! being its distance from c.
 
 use super::pair::Pair;
 use crate::math::Vec3;
@@ -19,14 +18,11 @@ pub struct Anchor {
     point: [[f32; 3]; 2],
     /// From B to A.
     turn: [f32; 4],
-    /// The length l, m.
-    lever: f32,
 }
 
-/// Bounds on a motion: of all points (μ) and of the anchor's point (Δc) in m, and of unit vectors (φ).
+/// Bounds on a motion: of the anchor's point (Δc) in m, and of unit vectors (φ).
 #[derive(Debug, Clone, Copy)]
 pub struct Moved {
-    pub path: f64,
     pub at_point: f64,
     pub turn: f64,
 }
@@ -37,13 +33,7 @@ impl Anchor {
         let point = [*c, pair.point_in_b(c)].map(|x| [x.x as f32, x.y as f32, x.z as f32]);
         let q = pair.turn.coords;
         let turn = [q.x as f32, q.y as f32, q.z as f32, q.w as f32];
-        let lever = (pair.a.radius + c.norm()).max(pair.b.radius + pair.point_in_b(c).norm());
-        Self { set: true, point, turn, lever: (lever * 1.000_001) as f32 }
-    }
-
-    /// Whether a configuration is known.
-    pub fn is_set(&self) -> bool {
-        self.set
+        Self { set: true, point, turn }
     }
 
     /// How far the bodies have moved, if a configuration is known.
@@ -58,7 +48,7 @@ impl Anchor {
         let old = nalgebra::Vector4::new(x.into(), y.into(), z.into(), w.into());
         let turn = pair.turn.coords;
         let turn = 2.0 * (turn - old).norm_squared().min((turn + old).norm_squared()).sqrt();
-        Some(Moved { path: at_point + f64::from(self.lever) * turn, at_point, turn })
+        Some(Moved { at_point, turn })
     }
 }
 

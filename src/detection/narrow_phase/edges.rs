@@ -13,8 +13,8 @@
 //!
 //! So all edges with an end in a slab of `max(2 |s0|, reach - s0)` decide, usually a handful.
 
-use super::pair::Pair;
-use crate::geometry::Edge;
+use super::closest::{self, ClosestPoints};
+use super::pair::{Pair, smaller};
 use crate::math::Vec3;
 
 /// An edge in the frame of A, with the outward normals of its two faces.
@@ -92,12 +92,20 @@ pub struct LoneEdge {
 pub struct EdgeAxis {
     /// Numbers of the edges.
     pub edges: [usize; 2],
+    /// The edges.
+    pub on: [LoneEdge; 2],
     /// Unit vector from A to B.
     pub normal: Vec3,
     pub separation: f64,
 }
 
 impl EdgeAxis {
+    /// Closest points of the edges.
+    pub fn closest(&self) -> ClosestPoints {
+        let [a, b] = &self.on;
+        closest::closest_on_segments(a, b)
+    }
+
     /// Whether this one is the better: of larger separation, or of lower numbers among equals.
     fn beats(&self, other: &EdgeAxis) -> bool {
         self.separation > other.separation
@@ -106,7 +114,7 @@ impl EdgeAxis {
 }
 
 /// The axis of largest separation above `floor` over the given pairs of edges, that of the lowest
-/// numbers among equals; `known` is one of them.
+/// numbers among equals; `known` is one of them. The rest is as for [`axis_of`].
 ///
 /// A pair makes a facet of the Minkowski difference when the arcs of its faces' normals cross on
 /// the sphere (those of B reversed). Edges that are parallel to 1e-10 are left out: their facet
@@ -117,6 +125,8 @@ pub fn best_edge_axis(
     pairs: impl Iterator<Item = [usize; 2]>,
     known: Option<EdgeAxis>,
     floor: f64,
+    crossing: bool,
+    separation: impl Fn(&Vec3) -> f64,
 ) -> Option<EdgeAxis> {
     let mut best = known;
     for edges in pairs {
@@ -124,7 +134,7 @@ pub fn best_edge_axis(
         if best.is_some_and(|b| b.edges == edges) {
             continue;
         }
-        if let Some(axis) = axis_of(pair, edges, limit)
+        if let Some(axis) = axis_of(pair, edges, limit, crossing, &separation)
             && axis.separation > floor
             && best.is_none_or(|b| axis.beats(&b))
         {
@@ -135,11 +145,16 @@ pub fn best_edge_axis(
 }
 
 /// The axis perpendicular to two edges, if they make a facet of the Minkowski difference. It may be
-/// left out if it does not separate by `limit`.
-pub fn axis_of(pair: &Pair, edges: [usize; 2], limit: f64) -> Option<EdgeAxis> {
-    let (on_a, on_b) = (&pair.a.edges[edges[0]], &pair.b.edges[edges[1]]);
+/// left out if it does not separate by `limit`; `crossing` if they are known to make one, `separation` is that of the bodies along an axis.
+pub fn axis_of(
+    pair: &Pair,
+    edges: [usize; 2],
+    limit: f64,
+    crossing: bool,
+    separation: impl Fn(&Vec3) -> f64,
+) -> Option<EdgeAxis> {
     let [a, b] = [edge_of_a(pair, edges[0]), edge_of_b(pair, edges[1])];
-    if !arcs_cross(pair, [on_a, on_b], &a.along, &b.along) {
+    if !crossing && !arcs_cross(pair, edges, [&a.along, &b.along], 0.0) {
         return None;
     }
     let normal = common_perpendicular(&a, &b)?;
@@ -147,8 +162,8 @@ pub fn axis_of(pair: &Pair, edges: [usize; 2], limit: f64) -> Option<EdgeAxis> {
     if normal.dot(&(b.start - a.start)) < limit - 1e-12 * pair.size {
         return None;
     }
-    let separation = pair.separation(&normal);
-    Some(EdgeAxis { edges, normal, separation })
+    let separation = separation(&normal);
+    Some(EdgeAxis { edges, on: [a, b], normal, separation })
 }
 
 /// Edge `index` of A.
@@ -171,20 +186,22 @@ pub fn nearly_parallel(a: &LoneEdge, b: &LoneEdge) -> bool {
     c <= 1e-8 * a.along.norm_squared() * b.along.norm_squared()
 }
 
-/// Whether the arc of the normals of A's edge crosses that of the reversed normals of B's; `a` and
-/// `b` are the edges' directions in the frame of A.
-fn arcs_cross(pair: &Pair, [on_a, on_b]: [&Edge; 2], a: &Vec3, b: &Vec3) -> bool {
+/// Whether the arc of the normals of A's edge crosses that of the reversed normals of B's, also when the
+/// bodies have turned by up to `turn` against each other; `along` are the edges' directions in the frame of A.
+pub fn arcs_cross(pair: &Pair, edges: [usize; 2], [a, b]: [&Vec3; 2], turn: f64) -> bool {
     let along_b = |f: u16| pair.a.face_normals[usize::from(f)].dot(b);
-    let (a_left, a_right) = (along_b(on_a.faces[0]), along_b(on_a.faces[1]));
+    let [a_left, a_right] = pair.a.edges[edges[0]].faces.map(along_b);
     if a_left * a_right >= 0.0 {
         return false;
     }
     // Ends of the arc of b on different sides of the great circle of a, and the other way round.
     let in_b = pair.in_b(a);
     let along_a = |f: u16| -pair.b.face_normals[usize::from(f)].dot(&in_b);
-    let (left, right) = (along_a(on_b.faces[0]), along_a(on_b.faces[1]));
+    let [left, right] = pair.b.edges[edges[1]].faces.map(along_a);
     // Both on the same hemisphere: otherwise one arc crosses the other's antipode.
-    left * right < 0.0 && right * a_left > 0.0
+    let cross = left * right < 0.0 && right * a_left > 0.0;
+    let clear = |x: f64, y: f64, l: &Vec3| smaller(x.abs(), y.abs()) > turn * l.norm();
+    cross && (turn == 0.0 || (clear(a_left, a_right, b) && clear(left, right, a)))
 }
 
 /// Unit vector perpendicular to both edges, out of A.

@@ -3,8 +3,9 @@
 use super::few::Few;
 use super::pair::Faces;
 
-/// How many faces a pair keeps in mind of either body.
-pub const FACES: usize = 8;
+/// Faces whose bound is this far below the best one, over the sum of the radii, cannot be better: well
+/// above rounding, so that the result does not depend on where the search begins.
+const SURE: f64 = 1e-6;
 
 /// A face normal as separating axis.
 #[derive(Debug, Clone, Copy)]
@@ -25,33 +26,27 @@ impl FaceAxis {
 /// The face of largest separation, the lowest number among equals; `Err(face)` when a face separates
 /// by more than `alert`.
 ///
-/// Fills `list` with all faces that separate within `margin` of that face and of `floor`. If no face
-/// reaches `floor`, the result is some face below it.
+/// If no face reaches `floor`, the result is some face below it.
 ///
 /// For any corner w of the other body, `n · w - d` bounds the separation of a face from above,
 /// because the separation is the minimum of that expression over all corners. With w deep
-/// in the body one product discards a face; `margin` is to be well above rounding, so that the
-/// result does not depend on where the search begins.
+/// in the body one product discards a face.
 pub fn best_of_all(
     faces: &Faces,
     start: usize,
     floor: f64,
     alert: f64,
-    margin: f64,
-    list: &mut Few<FACES>,
+    size: f64,
 ) -> Result<FaceAxis, usize> {
-    list.clear();
     let mut best = FaceAxis { face: start, separation: faces.separation(start) };
     if best.separation > alert {
         return Err(start);
     }
-    let mut near = [best; 2 * FACES];
-    let mut count = 1;
     let mut witness = faces.lowest_corner(start);
     let planes = faces.own.face_normals.iter().zip(&faces.own.face_offsets);
     for (face, (n, d)) in planes.enumerate() {
         let bound = (n.x * witness.x + n.y * witness.y + n.z * witness.z) - d;
-        if bound < best.separation.max(floor) - margin || face == start {
+        if bound < best.separation.max(floor) - SURE * size || face == start {
             continue;
         }
         let found = FaceAxis { face, separation: faces.separation(face) };
@@ -64,25 +59,19 @@ pub fn best_of_all(
         if found.beats(&best) {
             best = found;
         }
-        if let Some(slot) = near.get_mut(count) {
-            *slot = found;
-        }
-        count += 1;
     }
-    if count > near.len() {
-        list.overflow();
-        return Ok(best);
-    }
-    let limit = best.separation.max(floor) - margin;
-    near[..count].iter().filter(|f| f.separation >= limit).for_each(|f| list.push(f.face));
     Ok(best)
 }
 
-/// The same among listed faces; `None` if there are none.
-pub fn best_of(faces: &Faces, list: &Few<FACES>, alert: f64) -> Result<Option<FaceAxis>, usize> {
+/// The same among listed faces, their separations given; `None` if there are none.
+pub fn best_of<const N: usize>(
+    list: &Few<N>,
+    alert: f64,
+    separation: impl Fn(usize) -> f64,
+) -> Result<Option<FaceAxis>, usize> {
     let mut best: Option<FaceAxis> = None;
     for face in list.iter() {
-        let found = FaceAxis { face, separation: faces.separation(face) };
+        let found = FaceAxis { face, separation: separation(face) };
         if found.separation > alert {
             return Err(face);
         }

@@ -1,12 +1,13 @@
 //! The facing surfaces of two bodies in a slab along an axis: which corners and edges may meet.
 //!
 //! Contract: with a slack, all that may meet after the bodies have moved against each other by `path`
-//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, for a
-//! slab that is thinner by what turns change heights. Where parts in the slab do not overlap, seen along the axis, there is no corner.
-//! A point of the slab outside a body is outside one of the faces that reach into the slab.
+//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, if feet
+//! were in the slab. Where parts in the slab do not overlap, seen along the axis, there is no corner.
 
+use super::few::Few;
 use super::pair::{Pair, larger, smaller};
 use super::patch::{Axis, STEEP};
+use super::rim::Placed;
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
@@ -25,14 +26,16 @@ pub struct Sides {
     /// Pairs of edges of A and B.
     pub pairs: Vec<[usize; 2]>,
     /// Corners of A and of B.
-    pub vertices: [Vec<usize>; 2],
+    pub vertices: [Vec<Over>; 2],
     /// Whether it depends on the turn if something listed faces the other body.
     pub unsure: bool,
     /// Where the bodies face each other, in the frame of A.
     pub middle: Vec3,
-    /// No part of a body in the slab is larger, m.
-    pub extent: f64,
+    /// Nothing that may meet is further from the middle, m.
+    pub lever: f64,
     planes: Vec<Plane>,
+    /// Of the listed edges of A and of B.
+    pub rims: [Placed; 2],
 }
 
 impl Sides {
@@ -42,7 +45,6 @@ impl Sides {
         let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, .. } = self;
         a.gather(pair.a, &frame_a, slab, 2.0 * slack.turn);
         b.gather(pair.b, &frame_b, slab, 2.0 * slack.turn);
-        self.extent = a.whole.diagonal().max(b.whole.diagonal()).hypot(slab);
         // What may meet is near parts of both bodies, so it is not far from the middle between them.
         let feet = axis.slab.max(axis.alert);
         let most = slack.path + slack.turn * 3.0 * (pair.size + slab + feet);
@@ -53,6 +55,7 @@ impl Sides {
         // A foot moves by the turn times its distance from the middle; seen along an axis that has
         // turned, the other foot is beside it by the turn times their distance.
         let lever = 0.5 * near.diagonal() + slab + feet;
+        self.lever = lever;
         let slack = Slack { path: slack.path + slack.turn * lever, ..slack };
         let planes = &mut self.planes;
         let common = a.area.common(&b.area.widened(slack.path));
@@ -76,11 +79,6 @@ impl Sides {
             }
         }
     }
-
-    /// Faces of A (0) or B (1) that reach into the slab.
-    pub fn faces(&self, side: usize) -> impl Iterator<Item = usize> {
-        self.sides[side].reaches.iter().enumerate().filter(|(_, r)| **r).map(|(f, _)| f)
-    }
 }
 
 /// Coordinates across and along the axis, for points of one body's frame.
@@ -95,7 +93,7 @@ pub struct Frame {
 
 impl Frame {
     #[inline]
-    fn place(&self, x: &Vec3) -> [f64; 3] {
+    pub fn place(&self, x: &Vec3) -> [f64; 3] {
         let ([t, s, n], [o, p, q]) = (&self.axes, &self.origin);
         [t.dot(x) + o, s.dot(x) + p, n.dot(x) + q]
     }
@@ -125,6 +123,23 @@ impl Frame {
         edges.any(|(e, edge)| {
             edge.vertices.iter().any(|w| usize::from(*w) == v) && self.is_facing(shape, e)
         })
+    }
+
+    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+    /// if the line passes by more than `tolerance` beside it. The faces `below` decide.
+    #[inline]
+    pub fn distance(
+        &self,
+        shape: &Polyhedron,
+        below: &Below,
+        x: &Vec3,
+        tolerance: f64,
+    ) -> Option<f64> {
+        if below.is_whole() {
+            distance_along(self.planes(shape, below.iter()), x, tolerance)
+        } else {
+            distance_along(self.planes(shape, 0..shape.face_count()), x, tolerance)
+        }
     }
 
     /// Planes of the body.
@@ -159,10 +174,42 @@ impl Plane {
     }
 }
 
-/// Whether the line from `x` along the axis may come within `slack` of the body at a gap up to
-/// `alert`: all planes moved out by so much.
-fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> bool {
+/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+/// if the line passes by more than `tolerance` beside it.
+#[inline]
+fn distance_along(planes: impl Iterator<Item = Plane>, x: &Vec3, tolerance: f64) -> Option<f64> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for plane in planes {
+        let depth = plane.depth(x);
+        if plane.slope < -STEEP {
+            enter = larger(depth / plane.slope, enter);
+        } else if plane.slope > STEEP {
+            leave = smaller((depth + tolerance) / plane.slope, leave);
+        } else if depth < -tolerance {
+            return None;
+        }
+    }
+    (enter <= leave + tolerance).then_some(enter)
+}
+
+/// The faces that decide where a line along the axis enters the body: some, or too many to list.
+pub type Below = Few<5>;
+
+/// A corner that may be over the other body.
+#[derive(Debug, Clone, Copy)]
+pub struct Over {
+    pub vertex: usize,
+    /// Faces of the other body that decide about it.
+    pub below: Below,
+}
+
+/// The faces that decide about `x` while the line along the axis moves by up to `slack` where it meets the
+/// body at a gap up to `alert`; `None` if it stays beside the body.
+///
+/// All planes moved out by the slack hold a piece of the line. What is deeper than the slack below a
+/// plane on all of this piece stays below it.
+fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> Option<Below> {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, alert);
     for plane in planes {
         let depth = plane.depth(x) + slack;
         if plane.slope < -STEEP {
@@ -170,14 +217,24 @@ fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> bool {
         } else if plane.slope > STEEP {
             leave = smaller(depth / plane.slope, leave);
         } else if depth < 0.0 {
-            return false;
+            return None;
         }
     }
-    enter <= leave && enter <= alert
+    if enter > leave {
+        return None;
+    }
+    let mut below = Below::default();
+    for (f, plane) in planes.iter().enumerate() {
+        let lowest = plane.depth(x) - plane.slope * if plane.slope < 0.0 { enter } else { leave };
+        if lowest <= slack {
+            below.push(f);
+        }
+    }
+    Some(below)
 }
 
 /// An edge; coordinates are two across the axis and one along it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Segment {
     pub start: [f64; 3],
     pub along: [f64; 3],
@@ -185,7 +242,7 @@ pub struct Segment {
 
 impl Segment {
     #[inline]
-    fn between(start: [f64; 3], end: [f64; 3]) -> Self {
+    pub fn between(start: [f64; 3], end: [f64; 3]) -> Self {
         Self { start, along: [end[0] - start[0], end[1] - start[1], end[2] - start[2]] }
     }
 
@@ -300,14 +357,12 @@ struct Side {
     /// Corners in the coordinates of the axis.
     places: Vec<[f64; 3]>,
     slopes: Vec<f64>,
-    /// Whether a face reaches into the slab.
-    reaches: Vec<bool>,
     edges: Vec<Edge>,
     /// Around the edges' parts in the slab.
     area: Area,
     /// Around the body's part in the slab.
     whole: Area,
-    /// Corners in the slab, beside no listed edge and listed already.
+    /// Whether a corner is on a listed edge.
     seen: Vec<bool>,
     vertices: Vec<usize>,
     /// Up to where a coordinate along the axis into the body is in the slab.
@@ -326,8 +381,6 @@ impl Side {
         let into = frame.axes[2] * frame.into;
         self.slopes.clear();
         self.slopes.extend(shape.face_normals.iter().map(|n| n.dot(&into)));
-        self.reaches.clear();
-        self.reaches.resize(shape.face_count(), false);
         self.edges.clear();
         self.area = Area::default();
         self.whole = Area::default();
@@ -340,8 +393,6 @@ impl Side {
                 continue;
             }
             let [left, right] = edge.faces;
-            self.reaches[left as usize] = true;
-            self.reaches[right as usize] = true;
             let segment = Segment::between(*start, *end);
             let from = if h0 <= 0.0 { *start } else { segment.at(h0 / (h0 - h1)) };
             let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
@@ -361,17 +412,12 @@ impl Side {
     fn trim(&mut self, area: &Area) -> bool {
         let Self { places, edges, vertices, seen, limit, into, .. } = self;
         edges.retain(|e| e.area.meets(area));
-        vertices.clear();
         seen.clear();
         seen.resize(places.len(), false);
-        for v in edges.iter().flat_map(|e| e.vertices) {
-            let v = v as usize;
-            let place = &places[v];
-            if !seen[v] && *into * place[2] <= *limit && area.holds(place) {
-                seen[v] = true;
-                vertices.push(v);
-            }
-        }
+        edges.iter().flat_map(|e| e.vertices).for_each(|v| seen[v as usize] = true);
+        let inside = |place: &[f64; 3]| *into * place[2] <= *limit && area.holds(place);
+        vertices.clear();
+        vertices.extend((0..places.len()).filter(|v| seen[*v] && inside(&places[*v])));
         edges.iter().any(|e| e.unsure)
     }
 
@@ -382,9 +428,11 @@ impl Side {
         planes: &[Plane],
         axis: &Axis,
         slack: Slack,
-    ) -> impl Iterator<Item = usize> {
-        let over =
-            move |v: &usize| may_be_over(planes, &point(*v), axis.alert + slack.path, slack.path);
-        self.vertices.iter().copied().filter(over)
+    ) -> impl Iterator<Item = Over> {
+        let (alert, path) = (axis.alert + slack.path, slack.path);
+        self.vertices.iter().filter_map(move |v| {
+            let below = may_be_over(planes, &point(*v), alert, path)?;
+            Some(Over { vertex: *v, below })
+        })
     }
 }

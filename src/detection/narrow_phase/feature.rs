@@ -2,24 +2,29 @@
 //!
 //! From the highest bit: part of the driven body (12), kind (2), then 50 bits by kind.
 
+use crate::geometry::Polyhedron;
+
 /// Bits of the antagonist's part number: parts up to 4096 are told apart.
 const PART_SHIFT: u32 = 52;
 const KIND_SHIFT: u32 = 50;
 
 /// An edge or, at one end of it, a vertex: 25 bits.
-fn edge_or_vertex(edge: u32, vertices: [u16; 2], parameter: f64) -> u64 {
+fn edge_or_vertex(edge: u32, vertices: impl Fn() -> [u16; 2], parameter: f64) -> u64 {
     if parameter <= 0.0 {
-        1 << 24 | u64::from(vertices[0])
+        1 << 24 | u64::from(vertices()[0])
     } else if parameter >= 1.0 {
-        1 << 24 | u64::from(vertices[1])
+        1 << 24 | u64::from(vertices()[1])
     } else {
         u64::from(edge & 0xff_ffff)
     }
 }
 
-/// Points on an edge (or its end) of A and one of B: (edge, its vertices, parameter).
-pub fn edges(a: (u32, [u16; 2], f64), b: (u32, [u16; 2], f64)) -> u64 {
-    2 << KIND_SHIFT | edge_or_vertex(a.0, a.1, a.2) << 25 | edge_or_vertex(b.0, b.1, b.2)
+/// Points on an edge (or its end) of A and one of B: numbers and parameters.
+#[inline]
+pub fn edges([a, b]: [&Polyhedron; 2], edges: [usize; 2], [s, t]: [f64; 2]) -> u64 {
+    let on_a = edge_or_vertex(edges[0] as u32, || a.edges[edges[0]].vertices, s);
+    let on_b = edge_or_vertex(edges[1] as u32, || b.edges[edges[1]].vertices, t);
+    2 << KIND_SHIFT | on_a << 25 | on_b
 }
 
 /// A vertex of A over the other body or a half-space.

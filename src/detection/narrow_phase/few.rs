@@ -34,6 +34,26 @@ impl<const N: usize> Few<N> {
         }
     }
 
+    /// The `k`-th.
+    #[inline]
+    pub fn item(&self, k: usize) -> usize {
+        usize::from(self.items[k])
+    }
+
+    /// How many items are here.
+    pub fn len(&self) -> usize {
+        usize::from(self.count).min(N)
+    }
+
+    /// Where an item is, which is pushed if it is new; any place if there are too many.
+    pub fn place_of(&mut self, item: usize) -> usize {
+        let known = self.iter().position(|i| i == item);
+        known.unwrap_or_else(|| {
+            self.push(item);
+            self.len() - 1
+        })
+    }
+
     /// Whether all that were pushed are here.
     pub fn is_whole(&self) -> bool {
         usize::from(self.count) <= N

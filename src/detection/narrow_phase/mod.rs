@@ -12,8 +12,8 @@
 //!    which the four that best stand for it are reported ([`reduce`]). The patch of a face's axis
 //!    also tells where the bodies are closest or overlap, and so which edges step 2 has to ask.
 //!
-//! Each stage asks lists of those features that can matter, kept from earlier steps while they hold
-//! ([`nearby`], [`patch`]).
+//! Stages 2 and 4 ask lists of those features that can matter, kept from earlier steps while they hold
+//! ([`contenders`], [`patch`]).
 //!
 //! Contract: the result depends on shapes and poses alone, not on [`PairMemory`]. Two bodies at a
 //! distance of at most `alert` have a contact, others have none; the lowest gap is that distance or,
@@ -23,23 +23,26 @@
 
 mod anchor;
 mod closest;
+mod contenders;
 mod edges;
 mod faces;
 mod facing;
 mod feature;
 mod few;
 mod half_space;
-mod nearby;
 mod pair;
 mod patch;
 mod reduce;
+mod report;
+mod rim;
 mod search;
+mod supports;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
+use contenders::Contenders;
 use edges::NearEdge;
 use facing::Sides;
-use nearby::Nearby;
 use pair::Pair;
 use patch::PatchList;
 use reduce::{Candidate, Hull};
@@ -64,15 +67,24 @@ pub struct Solid<'a> {
 
 /// What earlier steps' searches tell the next one about a pair of shapes; it changes the cost, never
 /// the result.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct PairMemory {
     /// An axis from A to B, in the frame of A, that separated the pair; zero if none.
     axis: [f32; 3],
     /// The bodies are apart until they have travelled this far together, m.
     apart_until: f64,
+    /// Elsewhere, as most pairs that are listed do not touch.
+    touching: Option<Box<Touching>>,
+}
+
+/// The same about bodies that touch.
+#[derive(Debug, Clone, Copy, Default)]
+struct Touching {
     /// One above the edges of A and of B that were closest; zero if none.
     edges: [u32; 2],
-    nearby: Nearby,
+    /// One above the best faces of A and of B; zero if none.
+    faces: [u32; 2],
+    contenders: Contenders,
     patch: PatchList,
 }
 
@@ -88,6 +100,17 @@ impl PairMemory {
         // A sum this large has lost too many digits to be compared.
         self.apart_until = travel + (beyond - 1e-12 * travel);
     }
+}
+
+/// Reads what [`touch`] will need of a pair, `b` being the shape of B: the processor then waits for all
+/// of it at once, and meanwhile goes on with the pair before.
+pub fn read_ahead(b: &Polyhedron, memory: &PairMemory) {
+    let Some(touching) = &memory.touching else { return };
+    std::hint::black_box(**touching);
+    // One word of each cache line.
+    let vertices = b.vertices.iter().step_by(2).map(|v| v.x.to_bits());
+    let edges = b.edges.iter().step_by(8).map(|e| u64::from(e.vertices[0]));
+    std::hint::black_box(vertices.chain(edges).fold(0, |all, word| all ^ word));
 }
 
 /// A contact point in world coordinates; the normal points from B to A.
@@ -107,6 +130,9 @@ pub struct Scratch {
     near_b: Vec<NearEdge>,
     /// Heights of vertices over the slab.
     heights: Vec<f64>,
+    /// Pairs of edges that may hold the deepest points.
+    edge_pairs: Vec<[usize; 2]>,
+    pairs_are_known: bool,
     sides: Sides,
     candidates: Vec<Candidate>,
     hull: Hull,
@@ -130,12 +156,11 @@ pub fn touch(
     if let Some(beyond) = pair.still_apart(memory) {
         return memory.sleep(travel, beyond);
     }
-    let apart = pair.search(memory, scratch).err();
-    memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
-    match scratch.candidates.first() {
-        Some(_) if apart.is_none() && memory.nearby.is_kept() => {}
-        Some(c) if apart.is_none() => memory.nearby.keep(&pair, &c.point),
-        _ => memory.nearby.restart(),
+    let mut touching = memory.touching.take().unwrap_or_default();
+    let apart = pair.search(&mut touching, scratch).err();
+    if apart.is_none() {
+        memory.touching = Some(touching);
     }
+    memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
     scratch.points.sort_unstable_by_key(|p| p.feature);
 }

@@ -14,26 +14,27 @@
 //! from step to step: they are listed with a margin, and the list serves while the bodies and the axis
 //! have moved by less. What a list holds too much makes no corner, so results do not depend on it.
 //!
-//! Only what is near the contact has to be bounded. Let S be the part of a body in the list's slab of
-//! thickness t, s0 its support, and let the axis turn by α in the body. A point x outside S is still
-//! out of a slab of thickness t - α |S|, |S| being the extent of S: the line from s0 to x leaves S at a
-//! point z of height t, which is at least t - α |S| above s0 along the new axis; x is higher still,
-//! and the new support is no higher than s0. So the feet of corners stay in S, and their motion is that of points near the anchor's.
+//! Only what is near the contact has to be bounded. The feet of a corner are at most r = max(alert, -s)
+//! apart, whatever the axis is. Where the list was made they were less than r + Δ + φ l apart, Δ and φ
+//! being the bodies' motion since ([`Anchor`]) and l a foot's distance from the anchor's point. So there they
+//! were in a slab of r + Δ + φ l - s0, s0 being the separation then, and l is no more than the lever of
+//! what faces the other body in the list's slab.
 
 use super::anchor::{Anchor, wide};
-use super::facing::{Frame, Plane, Segment, Sides, Slack};
+use super::facing::{Below, Frame, Segment, Sides, Slack};
 use super::few::Few;
-use super::pair::{Pair, larger, smaller};
+use super::pair::Pair;
 use super::reduce::Candidate;
+use super::rim::{EDGES, Rim};
 use super::{SLAB, feature};
 use crate::math::{Vec3, frame};
 
 /// How far bodies may move against each other before a list is made again, over the radii.
-const PATH: f64 = 2e-3;
+const PATH: f64 = 3e-3;
 /// How far the axis may turn in the frame of A before that.
-const TURN: f64 = 5e-3;
+const TURN: f64 = 8e-3;
 /// How much thicker than asked for the slab of a list is, over the radii.
-const THICKER: f64 = 4e-3;
+const THICKER: f64 = 6e-3;
 /// Faces steeper than this along the axis count as its sides.
 pub const STEEP: f64 = 1e-9;
 
@@ -55,17 +56,20 @@ pub struct Axis {
 pub struct PatchList {
     anchor: Anchor,
     axis: [f32; 3],
-    slab: f32,
-    /// No part of a body in the slab is larger, m.
-    extent: f32,
+    /// How far feet may have moved apart, and their distance, m.
+    reach: f32,
+    /// No foot is further from the anchor's point, m.
+    lever: f32,
     /// Whether some of the edges may turn away from the other body.
     unsure: bool,
     /// Corners of A and of B that may be over the other body.
     vertices: [Few<8>; 2],
-    /// Faces of A and of B that reach into the slab.
-    faces: [Few<20>; 2],
-    /// Edges of A and of B that may cross, pair by pair.
-    edges: [Few<24>; 2],
+    /// Faces of the other body that decide about each of them.
+    below: [[Below; 8]; 2],
+    /// Edges of A and of B that may cross.
+    rims: [Rim; 2],
+    /// Pairs of them, by their places on the rims: that of A times [`EDGES`] plus that of B.
+    pairs: Few<24>,
 }
 
 impl PatchList {
@@ -73,12 +77,11 @@ impl PatchList {
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
         let turn = (wide(&self.axis) - axis.normal).norm() + 1e-6;
-        // The axis turns in A, and in B by the bodies' turn besides.
-        let thicker = f64::from(self.extent) * (turn + moved.turn);
+        let reach = axis.reach() + moved.at_point + f64::from(self.lever) * moved.turn;
         moved.at_point <= PATH * pair.size
             && turn <= TURN
             && moved.turn <= TURN
-            && axis.slab + thicker <= self.slab.into()
+            && reach <= self.reach.into()
     }
 
     /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
@@ -87,22 +90,26 @@ impl PatchList {
         let slack = Slack { path: (PATH + SLAB) * pair.size, turn: TURN };
         sides.list(pair, axis, slab, slack);
         self.anchor = Anchor::default();
-        fill(&mut self.vertices[0], sides.vertices[0].iter().copied());
-        fill(&mut self.vertices[1], sides.vertices[1].iter().copied());
-        fill(&mut self.faces[0], sides.faces(0));
-        fill(&mut self.faces[1], sides.faces(1));
-        fill(&mut self.edges[0], sides.pairs.iter().map(|p| p[0]));
-        fill(&mut self.edges[1], sides.pairs.iter().map(|p| p[1]));
+        for (side, over) in sides.vertices.iter().enumerate() {
+            fill(&mut self.vertices[side], over.iter().map(|o| o.vertex));
+            self.below[side].iter_mut().zip(over).for_each(|(below, o)| *below = o.below);
+        }
+        self.pairs.clear();
+        self.rims.iter_mut().for_each(Rim::clear);
+        for [a, b] in &sides.pairs {
+            let [on_a, on_b] = &mut self.rims;
+            self.pairs.push(on_a.add(pair.a, *a) * EDGES + on_b.add(pair.b, *b));
+        }
         let whole = self.vertices.iter().all(Few::is_whole)
-            && self.faces.iter().all(Few::is_whole)
-            && self.edges.iter().all(Few::is_whole);
+            && self.rims.iter().all(Rim::is_whole)
+            && self.pairs.is_whole();
         if whole {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
             self.axis = [n.x as f32, n.y as f32, n.z as f32];
-            self.slab = slab as f32;
+            self.reach = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
             self.unsure = sides.unsure;
-            self.extent = (sides.extent * 1.000_001) as f32;
+            self.lever = (sides.lever * 1.000_001) as f32;
         }
         whole
     }
@@ -114,6 +121,11 @@ fn fill<const N: usize>(list: &mut Few<N>, items: impl Iterator<Item = usize>) {
 }
 
 impl Axis {
+    /// Largest distance between the feet of a corner, m.
+    fn reach(&self) -> f64 {
+        self.alert.max(self.slab - self.alert)
+    }
+
     /// Fills `out` with the corners of gaps up to the alert distance, in the frame of A.
     pub fn corners(
         &self,
@@ -125,27 +137,35 @@ impl Axis {
         out.clear();
         let frames = self.frames(pair);
         if list.holds(pair, self) || list.make(pair, self, sides) {
-            let [a, b] = &list.edges;
             let [of_a, of_b] = &frames;
             let sure = !list.unsure;
-            let pairs = a.iter().zip(b.iter()).map(|(a, b)| [a, b]).filter(|[a, b]| {
-                sure || (of_a.is_facing(pair.a, *a) && of_b.is_facing(pair.b, *b))
-            });
-            self.crossings(pair, &frames, pairs, out);
-            let [a, b] = &list.vertices;
-            let a = a.iter().filter(|v| sure || of_a.has_facing_edge(pair.a, *v));
-            let b = b.iter().filter(|v| sure || of_b.has_facing_edge(pair.b, *v));
-            let [faces_a, faces_b] = &list.faces;
-            self.vertices_of_a(pair, of_b, a, faces_b.iter(), out);
-            self.vertices_of_b(pair, of_a, b, faces_a.iter(), out);
+            let [on_a, on_b] = &list.rims;
+            let Sides { rims: [placed_a, placed_b], .. } = sides;
+            let on_a_placed = on_a.place(pair.a, of_a, placed_a);
+            let on_b_placed = on_b.place(pair.b, of_b, placed_b);
+            for both in list.pairs.iter() {
+                let (a, b) = (both / EDGES, both % EDGES);
+                let edges = [on_a.edges.item(a), on_b.edges.item(b)];
+                if sure || (of_a.is_facing(pair.a, edges[0]) && of_b.is_facing(pair.b, edges[1])) {
+                    self.crossing(pair, of_a, edges, &on_a_placed[a], &on_b_placed[b], out);
+                }
+            }
+            let over = |side: usize| list.vertices[side].iter().zip(&list.below[side]);
+            let a = over(0).filter(|(v, _)| sure || of_a.has_facing_edge(pair.a, *v));
+            let b = over(1).filter(|(v, _)| sure || of_b.has_facing_edge(pair.b, *v));
+            self.vertices_of_a(pair, of_b, a, out);
+            self.vertices_of_b(pair, of_a, b, out);
         } else {
             let slack = Slack { path: SLAB * pair.size, turn: 0.0 };
             sides.list(pair, self, self.slab, slack);
             let Sides { pairs, vertices: [a, b], .. } = sides;
-            self.crossings(pair, &frames, pairs.iter().copied(), out);
-            let (a, b) = (a.iter().copied(), b.iter().copied());
-            self.vertices_of_a(pair, &frames[1], a, 0..pair.b.face_count(), out);
-            self.vertices_of_b(pair, &frames[0], b, 0..pair.a.face_count(), out);
+            for edges in pairs {
+                let [a, b] =
+                    [(pair.a, 0), (pair.b, 1)].map(|(s, k)| frames[k].segment(s, edges[k]));
+                self.crossing(pair, &frames[0], *edges, &a, &b, out);
+            }
+            self.vertices_of_a(pair, &frames[1], a.iter().map(|o| (o.vertex, &o.below)), out);
+            self.vertices_of_b(pair, &frames[0], b.iter().map(|o| (o.vertex, &o.below)), out);
         }
     }
 
@@ -161,36 +181,32 @@ impl Axis {
         [Frame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
     }
 
-    /// Appends vertices of A over B; `into` is the frame of B.
-    fn vertices_of_a(
+    /// Appends vertices of A over B, with the faces that decide; `into` is the frame of B.
+    fn vertices_of_a<'a>(
         &self,
         pair: &Pair,
         into: &Frame,
-        vertices: impl Iterator<Item = usize>,
-        faces: impl Iterator<Item = usize> + Clone,
+        vertices: impl Iterator<Item = (usize, &'a Below)>,
         out: &mut Vec<Candidate>,
     ) {
-        for v in vertices {
+        for (v, below) in vertices {
             let point = &pair.a.vertices[v];
-            let planes = into.planes(pair.b, faces.clone());
-            let gap = distance_along(planes, &pair.point_in_b(point), self.tolerance);
+            let gap = into.distance(pair.b, below, &pair.point_in_b(point), self.tolerance);
             self.vertex(feature::vertex(v), point, gap, 1.0, out);
         }
     }
 
-    /// Appends vertices of B over A; `into` is the frame of A.
-    fn vertices_of_b(
+    /// Appends vertices of B over A, with the faces that decide; `into` is the frame of A.
+    fn vertices_of_b<'a>(
         &self,
         pair: &Pair,
         into: &Frame,
-        vertices: impl Iterator<Item = usize>,
-        faces: impl Iterator<Item = usize> + Clone,
+        vertices: impl Iterator<Item = (usize, &'a Below)>,
         out: &mut Vec<Candidate>,
     ) {
-        for v in vertices {
+        for (v, below) in vertices {
             let point = pair.corner_of_b(v);
-            let planes = into.planes(pair.a, faces.clone());
-            let gap = distance_along(planes, &point, self.tolerance);
+            let gap = into.distance(pair.a, below, &point, self.tolerance);
             self.vertex(feature::vertex_of_b(v), &point, gap, -1.0, out);
         }
     }
@@ -209,51 +225,30 @@ impl Axis {
         }
     }
 
-    /// Appends the crossings of pairs of edges.
-    fn crossings(
+    /// Appends the crossing of an edge of A with one of B; `of_a` is the frame of A.
+    #[inline]
+    fn crossing(
         &self,
         pair: &Pair,
-        [of_a, of_b]: &[Frame; 2],
-        pairs: impl Iterator<Item = [usize; 2]>,
+        of_a: &Frame,
+        edges: [usize; 2],
+        on_a: &Segment,
+        on_b: &Segment,
         out: &mut Vec<Candidate>,
     ) {
-        let mut last: Option<(usize, Segment)> = None;
-        for [a, b] in pairs {
-            let ea = match last {
-                Some((index, edge)) if index == a => edge,
-                _ => of_a.segment(pair.a, a),
-            };
-            last = Some((a, ea));
-            let eb = of_b.segment(pair.b, b);
-            let Some([s, t]) = crossing(&ea, &eb) else { continue };
-            let (x, y) = (ea.at(s), eb.at(t));
-            let gap = y[2] - x[2];
-            if gap <= self.alert {
-                let ends = [pair.a.edges[a].vertices, pair.b.edges[b].vertices];
-                let feature = feature::edges((a as u32, ends[0], s), (b as u32, ends[1], t));
-                let [e0, e1, e2] = &of_a.axes;
-                let point = e0 * x[0] + e1 * x[1] + e2 * (x[2] + 0.5 * gap);
-                out.push(Candidate { point, gap, feature });
-            }
+        let Some([s, t]) = crossing(on_a, on_b) else { return };
+        let (x, y) = (on_a.at(s), on_b.at(t));
+        let gap = y[2] - x[2];
+        if gap <= self.alert {
+            let [e0, e1, e2] = &of_a.axes;
+            let point = e0 * x[0] + e1 * x[1] + e2 * (x[2] + 0.5 * gap);
+            out.push(Candidate {
+                point,
+                gap,
+                feature: feature::edges([pair.a, pair.b], edges, [s, t]),
+            });
         }
     }
-}
-
-/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
-/// if the line passes by more than `tolerance` beside it.
-fn distance_along(planes: impl Iterator<Item = Plane>, x: &Vec3, tolerance: f64) -> Option<f64> {
-    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
-    for plane in planes {
-        let depth = plane.depth(x);
-        if plane.slope < -STEEP {
-            enter = larger(depth / plane.slope, enter);
-        } else if plane.slope > STEEP {
-            leave = smaller((depth + tolerance) / plane.slope, leave);
-        } else if depth < -tolerance {
-            return None;
-        }
-    }
-    (enter <= leave + tolerance).then_some(enter)
 }
 
 /// Where two edges cross, seen along the axis: positions on both, strictly between their ends.

@@ -1,38 +1,98 @@
-//! The axis of largest separation, and what is reported along it.
+//! The axis of largest separation.
 
 use super::closest::{self, ClosestPoints};
+use super::contenders::Contenders;
 use super::edges::{self, EdgeAxis, NearEdge};
-use super::faces::{self, FACES, FaceAxis};
+use super::faces;
 use super::facing::Slack;
-use super::few::Few;
-use super::nearby::Nearby;
-use super::pair::Pair;
-use super::reduce::{self, Candidate};
-use super::{PairMemory, Point, SLAB, Scratch, TIE, feature, pair, patch};
+use super::pair::{Faces, Pair};
+use super::report::{BestFace, Chosen, deepest, lowest_gap};
+use super::{SLAB, Scratch, TIE, Touching, pair};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
 /// How far from both ends of its edges, over their lengths, a closest point is safely unique.
 const INTERIOR: f64 = 1e-6;
-/// Points of a patch closer than this, over the radii, count as one.
-const LOOSE: f64 = 1e-7;
-
-/// The best face of either body.
-#[derive(Debug, Clone, Copy)]
-struct BestFace {
-    of_b: bool,
-    /// From A to B, in the frame of A.
-    normal: Vec3,
-    separation: f64,
-}
 
 /// `Err` holds a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
 type Found<T> = Result<T, Vec3>;
 
 impl Pair<'_> {
     /// Finds the best axis and reports the contact points along it.
-    pub fn search(&self, memory: &mut PairMemory, scratch: &mut Scratch) -> Found<()> {
-        let face = self.best_face(memory)?;
+    pub fn search(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<()> {
+        if let Some(found) = self.among_contenders(memory, scratch) {
+            return found;
+        }
+        memory.contenders.clear();
+        scratch.edge_pairs.clear();
+        scratch.pairs_are_known = false;
+        let chosen = self.among_all(memory, scratch)?;
+        if let Some(Chosen { normal, separation, edges }) = chosen {
+            let points = &scratch.candidates;
+            let sum = points.iter().fold(Vec3::zeros(), |sum, c| sum + c.point);
+            let middle = sum / points.len() as f64;
+            let pairs = scratch.pairs_are_known.then_some(&*scratch.edge_pairs);
+            memory.contenders.make(self, &normal, separation, &middle, edges, pairs);
+        }
+        Ok(())
+    }
+
+    /// The same where one of the listed axes is the best for certain.
+    fn among_contenders(&self, memory: &mut Touching, scratch: &mut Scratch) -> Option<Found<()>> {
+        let others = memory.contenders.bounds(self)?;
+        let face = match self.best_listed_face(&memory.contenders) {
+            Ok(face) => face,
+            Err(apart) => return Some(Err(apart)),
+        };
+        let floor = face.map_or(f64::NEG_INFINITY, |f| f.separation + TIE * self.size);
+        let pairs = memory.contenders.edge_pairs();
+        let crossing = memory.contenders.crossing;
+        let supports = &memory.contenders.supports;
+        let separation = |n: &Vec3| supports.separation(self, n);
+        if let Some(e) = edges::best_edge_axis(self, pairs, None, floor, crossing, separation) {
+            if e.separation > self.alert {
+                return Some(Err(e.normal));
+            }
+            let above =
+                if e.separation > 0.0 { others.faces } else { others.faces.max(others.edges) };
+            let closest = e.closest();
+            let sure = if e.separation > 0.0 {
+                self.are_closest(&e, &closest)
+            } else {
+                closest.distance_squared <= self.alert * self.alert
+            };
+            if sure && e.separation > above {
+                self.push_edges(&e, &closest, memory, scratch);
+                return Some(Ok(()));
+            }
+            if e.separation <= 0.0 || face.is_none_or(|f| f.separation <= 0.0) {
+                return None;
+            }
+        }
+        let face = face.filter(|f| f.separation > others.faces)?;
+        if face.separation > 0.0 {
+            let chosen = self.points_of_face_apart(&face, memory, scratch);
+            if matches!(chosen, Ok(Chosen { edges: Some(_), .. })) {
+                // Not on the list, and the best now.
+                memory.contenders.clear();
+            }
+            return Some(chosen.map(|_| ()));
+        }
+        if face.separation <= others.edges {
+            return None;
+        }
+        self.find_patch(&face.normal, face.separation, memory, scratch);
+        let reach = self.alert.max(-face.separation);
+        if deepest(&scratch.candidates).is_none_or(|c| c.gap.abs() > reach) {
+            return None;
+        }
+        self.push_face(&face, scratch);
+        Some(Ok(()))
+    }
+
+    /// The same over all axes.
+    fn among_all(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<Option<Chosen>> {
+        let face = self.best_face(&mut memory.faces)?;
         let floor = face.separation + TIE * self.size;
         let known = self.known_edges(&memory.edges);
         memory.edges = [0; 2];
@@ -40,26 +100,31 @@ impl Pair<'_> {
             if e.separation > self.alert {
                 return Err(e.normal);
             }
-            if e.separation > floor.max(0.0) && self.are_closest(e) {
-                self.push_edges(e, memory, scratch);
-                return Ok(());
+            if e.separation > floor.max(0.0) {
+                let closest = e.closest();
+                if self.are_closest(e, &closest) {
+                    return Ok(Some(self.push_edges(e, &closest, memory, scratch)));
+                }
             }
         }
         if face.separation > 0.0 {
-            return self.points_of_face_apart(&face, memory, scratch);
+            return self.points_of_face_apart(&face, memory, scratch).map(Some);
         }
         let known = known.filter(|e| e.separation > floor && e.separation <= 0.0);
         match self.best_edges(&face, known, memory, scratch) {
             Some(e) if e.separation > self.alert => Err(e.normal),
-            Some(e) if e.separation <= 0.0 || self.are_closest(&e) => {
-                self.push_edges(&e, memory, scratch);
-                Ok(())
+            Some(e) => {
+                let closest = e.closest();
+                if e.separation <= 0.0 || self.are_closest(&e, &closest) {
+                    Ok(Some(self.push_edges(&e, &closest, memory, scratch)))
+                } else {
+                    self.closest_points(&e.normal, e.separation, memory, scratch)?;
+                    Ok(None)
+                }
             }
-            Some(e) => self.closest_points(&e.normal, e.separation, memory, scratch),
             None => {
                 // The patch along the face's axis is what decided for it.
-                self.push_face(&face, scratch);
-                Ok(())
+                Ok(Some(self.push_face(&face, scratch)))
             }
         }
     }
@@ -68,27 +133,28 @@ impl Pair<'_> {
     fn points_of_face_apart(
         &self,
         face: &BestFace,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
-    ) -> Found<()> {
+    ) -> Found<Chosen> {
         self.find_patch(&face.normal, face.separation, memory, scratch);
         // Points of both surfaces that are as close as the axis says: nothing is closer.
         if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
-            self.push_face(face, scratch);
-            return Ok(());
+            return Ok(self.push_face(face, scratch));
         }
-        self.closest_points(&face.normal, face.separation, memory, scratch)
+        let chosen = self.closest_points(&face.normal, face.separation, memory, scratch)?;
+        Ok(chosen.unwrap_or(face.chosen()))
     }
 
     /// The contact of bodies that are further apart than the best axis shows: edges or vertices are
-    /// closest. `normal` and `separation` are those of the best axis.
+    /// closest. `normal` and `separation` are those of the best axis; that of two edges is told if it is
+    /// better.
     fn closest_points(
         &self,
         normal: &Vec3,
         separation: f64,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
-    ) -> Found<()> {
+    ) -> Found<Option<Chosen>> {
         self.gather(normal, [self.alert - separation; 2], scratch);
         let (near_a, near_b) = (&scratch.near_a, &scratch.near_b);
         let Some(c) = closest::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
@@ -100,9 +166,9 @@ impl Pair<'_> {
         if distance > self.alert {
             return Err((c.on_b - c.on_a) / distance);
         }
-        match edges::axis_of(self, c.edges, f64::NEG_INFINITY) {
-            Some(e) if e.separation > separation && self.are_closest(&e) => {
-                self.push_edges(&e, memory, scratch);
+        match edges::axis_of(self, c.edges, f64::NEG_INFINITY, false, |n| self.separation(n)) {
+            Some(e) if e.separation > separation && self.are_closest(&e, &c) => {
+                return Ok(Some(self.push_edges(&e, &c, memory, scratch)));
             }
             _ if distance > separation + TIE * self.size => {
                 let normal = (c.on_b - c.on_a) / distance;
@@ -111,43 +177,61 @@ impl Pair<'_> {
             // Rounding alone leads here.
             _ => self.push_closest(&c, normal, separation, memory, scratch),
         }
-        Ok(())
+        Ok(None)
     }
 
-    fn best_face(&self, memory: &mut PairMemory) -> Found<BestFace> {
+    /// The best of all faces; `hint` is one above those that were the best of A and of B, or zero.
+    fn best_face(&self, hint: &mut [u32; 2]) -> Found<BestFace> {
         let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
-        let apart_a = |f: usize| self.a.face_normals[f];
-        let apart_b = |f: usize| -(self.rotation * self.b.face_normals[f]);
-        let near = &mut memory.nearby;
-        let (on_a, on_b): (FaceAxis, Option<FaceAxis>) = if near.holds(self) {
-            let [list_a, list_b] = &near.faces;
-            let on_a = faces::best_of(&of_a, list_a, self.alert).map_err(apart_a)?;
-            let Some(on_a) = on_a else { return Err(self.offset) };
-            (on_a, faces::best_of(&of_b, list_b, self.alert).map_err(apart_b)?)
-        } else {
-            near.restart();
-            let margin = Nearby::face_margin(self);
-            let [list_a, list_b] = &mut near.faces;
-            let start = |list: &Few<FACES>, faces: &pair::Faces| {
-                let known = list.iter().next().filter(|f| *f < faces.own.face_count());
-                known.unwrap_or_else(|| faces.most_aligned())
-            };
-            let (alert, none) = (self.alert, f64::NEG_INFINITY);
-            let from = start(list_a, &of_a);
-            let on_a =
-                faces::best_of_all(&of_a, from, none, alert, margin, list_a).map_err(apart_a)?;
-            let from = start(list_b, &of_b);
-            let floor = on_a.separation;
-            let on_b =
-                faces::best_of_all(&of_b, from, floor, alert, margin, list_b).map_err(apart_b)?;
-            (on_a, Some(on_b))
+        let (alert, none) = (self.alert, f64::NEG_INFINITY);
+        let start = |faces: &Faces, hint: u32| {
+            let known = (hint as usize).checked_sub(1).filter(|f| *f < faces.own.face_count());
+            known.unwrap_or_else(|| faces.most_aligned())
         };
-        Ok(match on_b.filter(|b| b.separation > on_a.separation + TIE * self.size) {
-            Some(b) => BestFace { of_b: true, normal: apart_b(b.face), separation: b.separation },
-            None => {
-                BestFace { of_b: false, normal: apart_a(on_a.face), separation: on_a.separation }
-            }
+        let on_a = faces::best_of_all(&of_a, start(&of_a, hint[0]), none, alert, self.size)
+            .map_err(|f| self.face_of_a(f))?;
+        let floor = on_a.separation;
+        let on_b = faces::best_of_all(&of_b, start(&of_b, hint[1]), floor, alert, self.size)
+            .map_err(|f| self.face_of_b(f))?;
+        *hint = [on_a.face, on_b.face].map(|f| f as u32 + 1);
+        Ok(if on_b.separation > floor + TIE * self.size {
+            BestFace { of_b: true, normal: self.face_of_b(on_b.face), separation: on_b.separation }
+        } else {
+            BestFace { of_b: false, normal: self.face_of_a(on_a.face), separation: floor }
         })
+    }
+
+    /// The best of the listed faces, if there are any.
+    fn best_listed_face(&self, lists: &Contenders) -> Found<Option<BestFace>> {
+        let [list_a, list_b] = &lists.faces;
+        let of_a = self.faces_of_a();
+        let on_a = faces::best_of(list_a, self.alert, |f| {
+            let axis = self.face_of_a(f);
+            of_a.separation_by(f, |points, n| lists.supports.lowest_of_b(&axis, points, n))
+        });
+        let on_a = on_a.map_err(|f| self.face_of_a(f))?;
+        let of_b = self.faces_of_b();
+        let on_b = faces::best_of(list_b, self.alert, |f| {
+            let axis = self.face_of_b(f);
+            of_b.separation_by(f, |points, n| lists.supports.lowest_of_a(&axis, points, n))
+        });
+        let on_b = on_b.map_err(|f| self.face_of_b(f))?;
+        let floor = on_a.map_or(f64::NEG_INFINITY, |a| a.separation + TIE * self.size);
+        let best = match on_b.filter(|b| b.separation > floor) {
+            Some(b) => Some((true, self.face_of_b(b.face), b.separation)),
+            None => on_a.map(|a| (false, self.face_of_a(a.face), a.separation)),
+        };
+        Ok(best.map(|(of_b, normal, separation)| BestFace { of_b, normal, separation }))
+    }
+
+    /// Normal of face `f` of A.
+    fn face_of_a(&self, f: usize) -> Vec3 {
+        self.a.face_normals[f]
+    }
+
+    /// Normal of face `f` of B, into B.
+    fn face_of_b(&self, f: usize) -> Vec3 {
+        -(self.rotation * self.b.face_normals[f])
     }
 
     /// Fills the lists of edges with an end at most `slabs` off the support planes along `n`.
@@ -175,17 +259,15 @@ impl Pair<'_> {
         if ea == 0 || eb == 0 || ea > self.a.edges.len() || eb > self.b.edges.len() {
             return None;
         }
-        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY)
+        edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY, false, |n| self.separation(n))
     }
 
-    /// Whether the closest points of two edges are strictly inside both and as far apart as their
+    /// Whether `c`, the closest points of two edges, are strictly inside both and as far apart as their
     /// axis says: then they are the closest points of the bodies, and there are no others.
-    fn are_closest(&self, e: &EdgeAxis) -> bool {
-        let a = edges::edge_of_a(self, e.edges[0]);
-        let b = edges::edge_of_b(self, e.edges[1]);
-        let c = closest::closest_on_segments(&a, &b);
+    fn are_closest(&self, e: &EdgeAxis, c: &ClosestPoints) -> bool {
+        let [a, b] = &e.on;
         c.parameter.iter().all(|t| *t > INTERIOR && *t < 1.0 - INTERIOR)
-            && !edges::nearly_parallel(&a, &b)
+            && !edges::nearly_parallel(a, b)
             && c.distance_squared.sqrt() <= e.separation + TIE * self.size
     }
 
@@ -199,24 +281,22 @@ impl Pair<'_> {
         &self,
         face: &BestFace,
         known: Option<EdgeAxis>,
-        memory: &mut PairMemory,
+        memory: &mut Touching,
         scratch: &mut Scratch,
     ) -> Option<EdgeAxis> {
         let floor = face.separation + TIE * self.size;
-        if memory.nearby.edge_pairs().is_none() {
-            self.list_edge_pairs(face, memory, scratch);
-        }
-        let best = match memory.nearby.edge_pairs().flatten() {
-            Some(pairs) => edges::best_edge_axis(self, pairs, known, floor),
-            None => {
-                let depth = -face.separation;
-                let reach = depth.max(self.alert);
-                self.best_near_edges(&face.normal, depth + reach, reach, known, floor, scratch)
-            }
-        };
+        self.list_edge_pairs(face, scratch);
+        let best = edges::best_edge_axis(
+            self,
+            scratch.edge_pairs.iter().copied(),
+            known,
+            floor,
+            false,
+            |n| self.separation(n),
+        );
         let reach = self.alert.max(-face.separation);
         if let Some(e) = &best
-            && (e.separation > 0.0 || self.closest_on(e).distance_squared <= reach * reach)
+            && (e.separation > 0.0 || e.closest().distance_squared <= reach * reach)
         {
             return best;
         }
@@ -224,6 +304,7 @@ impl Pair<'_> {
         if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
             return best;
         }
+        scratch.pairs_are_known = false;
         // Neither a separating axis nor points of both that are near is at hand: ask all edges.
         let all = f64::INFINITY;
         self.best_near_edges(&face.normal, all, all, known, floor, scratch)
@@ -247,118 +328,25 @@ impl Pair<'_> {
             let near = near_b.iter().filter(move |b| a.may_reach(b, reach));
             near.map(|b| [a.index, b.index])
         });
-        edges::best_edge_axis(self, pairs, known, floor)
+        edges::best_edge_axis(self, pairs, known, floor, false, |n| self.separation(n))
     }
 
     /// Lists the pairs of edges that may be the best axis while the lists of `memory` hold.
     ///
     /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
     /// `path`; heights of A along it do not change, those of B by twice `path`.
-    fn list_edge_pairs(&self, face: &BestFace, memory: &mut PairMemory, scratch: &mut Scratch) {
-        let Slack { path, turn } = Nearby::slack(self);
+    fn list_edge_pairs(&self, face: &BestFace, scratch: &mut Scratch) {
+        let Slack { path, turn } = Contenders::slack(self);
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
         self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
-        memory.nearby.start_edges();
         let reach = reach + path + SLAB * self.size;
-        for a in &scratch.near_a {
-            for b in &scratch.near_b {
-                if a.may_reach(b, reach) && a.may_cross(b, turn) {
-                    memory.nearby.push_edges([a.index, b.index]);
-                }
-            }
+        scratch.pairs_are_known = true;
+        let Scratch { near_a, near_b, edge_pairs, .. } = scratch;
+        for a in near_a {
+            let near = near_b.iter().filter(|b| a.may_reach(b, reach) && a.may_cross(b, turn));
+            edge_pairs.extend(near.map(|b| [a.index, b.index]));
         }
-    }
-
-    fn closest_on(&self, e: &EdgeAxis) -> ClosestPoints {
-        let [a, b] = e.edges;
-        closest::closest_on_segments(&edges::edge_of_a(self, a), &edges::edge_of_b(self, b))
-    }
-
-    /// Reports the contact of two edges and remembers them.
-    fn push_edges(&self, e: &EdgeAxis, memory: &mut PairMemory, scratch: &mut Scratch) {
-        memory.edges = e.edges.map(|e| e as u32 + 1);
-        let c = self.closest_on(e);
-        self.push_closest(&c, &e.normal, e.separation, memory, scratch);
-    }
-
-    fn push_closest(
-        &self,
-        c: &ClosestPoints,
-        normal: &Vec3,
-        gap: f64,
-        memory: &mut PairMemory,
-        scratch: &mut Scratch,
-    ) {
-        let [ea, eb] = c.edges;
-        let feature = feature::edges(
-            (ea as u32, self.a.edges[ea].vertices, c.parameter[0]),
-            (eb as u32, self.b.edges[eb].vertices, c.parameter[1]),
-        );
-        let point = (c.on_a + c.on_b) * 0.5;
-        self.find_patch(normal, gap, memory, scratch);
-        self.push_patch(normal, Candidate { point, gap, feature }, scratch);
-    }
-
-    /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
-    fn push_face(&self, face: &BestFace, scratch: &mut Scratch) {
-        let BestFace { of_b, normal, separation: gap } = face;
-        let (vertex, feature, side) = if *of_b {
-            let v = pair::first_lowest(&self.a.vertices, &-normal);
-            (self.a.vertices[v], feature::vertex(v), 1.0)
-        } else {
-            let v = pair::first_lowest(&self.b.vertices, &self.in_b(normal));
-            (self.corner_of_b(v), feature::vertex_of_b(v), -1.0)
-        };
-        let point = vertex + normal * (0.5 * side * gap);
-        self.push_patch(normal, Candidate { point, gap: *gap, feature }, scratch);
-    }
-
-    /// Reports the four of `scratch.candidates`, the patch along `normal`, that best stand for it.
-    ///
-    /// `closest` is where the gap is the axis's separation, which no corner's is below but for
-    /// rounding; it is reported if rounding hides it from the patch.
-    fn push_patch(&self, normal: &Vec3, closest: Candidate, scratch: &mut Scratch) {
-        let Scratch { candidates, hull, .. } = scratch;
-        if lowest_gap(candidates) > closest.gap + LOOSE * self.size {
-            candidates.retain(|c| c.feature != closest.feature);
-            candidates.push(closest);
-        }
-        reduce::keep_four(candidates, normal, self.alert, self.size, hull);
-        if let Some(d) = candidates.iter_mut().min_by(|c, d| c.gap.total_cmp(&d.gap)) {
-            d.gap = closest.gap;
-        }
-        candidates.iter_mut().for_each(|c| c.gap = c.gap.max(closest.gap));
-        self.report(normal, scratch);
-    }
-
-    /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
-    fn find_patch(
-        &self,
-        n: &Vec3,
-        separation: f64,
-        memory: &mut PairMemory,
-        scratch: &mut Scratch,
-    ) {
-        let axis = patch::Axis {
-            normal: *n,
-            alert: self.alert,
-            slab: (self.alert - separation).max(0.0) + SLAB * self.size,
-            tolerance: TIE * self.size,
-        };
-        axis.corners(self, &mut memory.patch, &mut scratch.sides, &mut scratch.candidates);
-    }
-
-    /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
-    fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
-        let pose = &self.pose;
-        let normal = -(pose.orientation * normal);
-        scratch.points.extend(scratch.candidates.iter().map(|c| Point {
-            feature: c.feature,
-            point: pose.point(&c.point),
-            normal,
-            gap: c.gap,
-        }));
     }
 }
 
@@ -384,13 +372,4 @@ fn near_edges(
             out.push(load(index, ends));
         }
     }
-}
-
-/// The first of the candidates of lowest gap.
-fn deepest(candidates: &[Candidate]) -> Option<&Candidate> {
-    candidates.iter().reduce(|d, c| if c.gap < d.gap { c } else { d })
-}
-
-fn lowest_gap(candidates: &[Candidate]) -> f64 {
-    deepest(candidates).map_or(f64::INFINITY, |c| c.gap)
 }

@@ -3,9 +3,10 @@
 use crate::args::Run;
 use crate::case::{self, Choices};
 use crate::console::Console;
+use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
-use crate::session::Session;
+use crate::session::{self, Session};
 use crate::{beds, interrupt};
 use std::path::Path;
 
@@ -22,6 +23,8 @@ pub fn run(args: Run, console: Console) -> Outcome {
         )));
     }
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
-    let session = Session::begin(case, model, state, files, console)?;
+    let cycle = session::cycle(&case, &model, &state)?;
+    let engine = Engine::machine(model, state, cycle);
+    let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.until.steps, args.until.expect.as_deref())
 }

@@ -2,6 +2,7 @@
 
 mod commands;
 mod endings;
+mod recordings;
 mod restart;
 mod samples;
 mod setup;

@@ -69,6 +69,12 @@ impl Place {
         Ended(self.run_command(arguments).output().unwrap())
     }
 
+    /// A call of the program in this folder, with the shared bed.
+    pub fn with_beds(&self, arguments: &str) -> Ended {
+        let mut command = self.command(arguments);
+        Ended(command.arg("--beds").arg(BEDS.path()).output().unwrap())
+    }
+
     /// The summary of the run in `folder`, without what depends on the machine.
     pub fn summary(&self, folder: &str) -> Value {
         let path = self.path(folder).join("summary.json");

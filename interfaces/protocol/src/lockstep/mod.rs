@@ -296,6 +296,10 @@ impl Lockstep {
 
     fn check_ready(&self, ticket: &str) -> Result<(), Fault> {
         self.check_owner(ticket)?;
+        self.check_sound()
+    }
+
+    fn check_sound(&self) -> Result<(), Fault> {
         self.check_not_quitting()?;
         match &self.trouble {
             None => Ok(()),

@@ -1,7 +1,7 @@
 //! One window: in its turn, computed, answered, and its answer kept.
 
 use super::{Code, Fault, Lockstep, Progress};
-use crate::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, Status};
+use crate::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, Status, ns};
 use ballast::component::{OnTrouble, Outcome, Window};
 use ballast::state::State;
 use ballast::step::StepReport;
@@ -45,7 +45,7 @@ impl Lockstep {
         {
             return Ok(reply.clone());
         }
-        self.check_ready(ticket)?;
+        self.check_sound()?;
         let in_order = match kind {
             Kind::Advance => {
                 Some(request.seq) == self.seq.checked_add(1)
@@ -121,7 +121,7 @@ impl Lockstep {
 
     /// The reply to a window in which the program failed; the state is that of its beginning.
     fn failed(&self, request: &AdvanceRequest, panic: String) -> AdvanceReply {
-        let now = i64::try_from(self.component.now_ns()).unwrap_or(i64::MAX);
+        let now = ns(self.component.now_ns());
         AdvanceReply {
             run_id: request.run_id.clone(),
             seq: request.seq,

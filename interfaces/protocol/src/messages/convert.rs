@@ -13,29 +13,23 @@ use ballast::state;
 /// How far the norm of a quaternion may be from 1.
 const UNIT: f64 = 1e-6;
 
-impl From<Vec3> for Vector3 {
-    fn from(v: Vec3) -> Self {
-        Self { x: v.x, y: v.y, z: v.z }
-    }
+macro_rules! vectors {
+    ($($name:ident),*) => {$(
+        impl From<Vec3> for $name {
+            fn from(v: Vec3) -> Self {
+                Self { x: v.x, y: v.y, z: v.z }
+            }
+        }
+
+        impl From<$name> for Vec3 {
+            fn from(v: $name) -> Self {
+                Vec3::new(v.x, v.y, v.z)
+            }
+        }
+    )*};
 }
 
-impl From<Vector3> for Vec3 {
-    fn from(v: Vector3) -> Self {
-        Vec3::new(v.x, v.y, v.z)
-    }
-}
-
-impl From<Vec3> for Point {
-    fn from(v: Vec3) -> Self {
-        Self { x: v.x, y: v.y, z: v.z }
-    }
-}
-
-impl From<Point> for Vec3 {
-    fn from(p: Point) -> Self {
-        Vec3::new(p.x, p.y, p.z)
-    }
-}
+vectors!(Vector3, Point);
 
 impl From<Quat> for Quaternion {
     fn from(q: Quat) -> Self {
@@ -97,7 +91,7 @@ fn time(place: &str, ns: i64) -> Result<u64, Malformed> {
 }
 
 /// A time of the core on the wire; beyond 292 years: the last one.
-fn ns(time_ns: u64) -> i64 {
+pub fn ns(time_ns: u64) -> i64 {
     i64::try_from(time_ns).unwrap_or(i64::MAX)
 }
 
@@ -185,7 +179,7 @@ impl TryFrom<&LoadInput> for component::LoadInput {
 }
 
 /// What a request asks of a component.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Asked {
     pub t1_ns: u64,
     pub motions: Vec<component::Input>,

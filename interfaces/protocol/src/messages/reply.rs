@@ -152,13 +152,14 @@ message!(
 );
 
 impl AdvanceReply {
-    /// Fingerprint of the reply: the first 128 bits of BLAKE3 over its CDR with an empty `run_id`,
-    /// which is fresh for every run and says nothing about what was computed.
+    /// Fingerprint of the reply: the first 128 bits of BLAKE3 over its CDR with an empty `run_id`, which is
+    /// fresh for every run, and without the hint, which is advice: neither says what was computed.
     ///
     /// # Errors
     /// A reply that cannot be written as CDR.
     pub fn digest(&self) -> Result<Digest, Malformed> {
-        Ok(Digest::of(&to_cdr(&Self { run_id: String::new(), ..self.clone() })?))
+        let told = Self { run_id: String::new(), hint_max_step_ns: 0, ..self.clone() };
+        Ok(Digest::of(&to_cdr(&told)?))
     }
 }
 

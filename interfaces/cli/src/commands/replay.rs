@@ -1,0 +1,74 @@
+//! `ballast replay FILE --case CASE`: the case's bed, moved by a recording.
+
+use crate::args::{Replay, TimeName};
+use crate::case::{self, Choices};
+use crate::console::Console;
+use crate::engine::Engine;
+use crate::exit::{Failure, Outcome};
+use crate::files::RunFiles;
+use crate::playback::Playback;
+use crate::session::{self, Session};
+use crate::{beds, interrupt};
+use ballast::model::Model;
+use ballast::state::State;
+use ballast_mcap::motion::{self, TimeOf};
+use ballast_mcap::recording::{self, Windows};
+use std::path::Path;
+
+pub fn replay(args: Replay, console: Console) -> Outcome {
+    interrupt::install()?;
+    // Read before the bed is prepared: a wrong file is to be told at once.
+    let windows = match args.map.is_empty() && recording::is_ours(&args.file)? {
+        true => Some(Windows::open(&args.file)?),
+        false => None,
+    };
+    let mut choices = Choices::from(&args.overrides);
+    if let Some(windows) = &windows {
+        let recorded = Choices::from_notes(&windows.meta().choices)?;
+        choices.schedule = choices.schedule.or(recorded.schedule);
+        choices.seed = choices.seed.or(recorded.seed);
+    }
+    let case = case::load(&args.case, &choices, console)?;
+    let folder = format!("{}-replay", case.plan.name);
+    let files = RunFiles::in_folder(args.out.clone().unwrap_or(Path::new("runs").join(folder)));
+    if args.record.as_ref().is_some_and(|record| same_file(record, &args.file)) {
+        return Err(Failure::Usage("a replay cannot be recorded to the file it reads".into()));
+    }
+    let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
+    let playback = match windows {
+        Some(windows) => own(windows, &model, &state, console),
+        None => foreign(&args, &model, &state, console)?,
+    };
+    let cycle = session::cycle(&case, &model, &state)?;
+    let engine = Engine::recording(model, state, cycle, playback)?;
+    let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
+    session.run(args.until.steps, args.until.expect.as_deref())
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    a == b || a.canonicalize().ok().is_some_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+}
+
+fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Playback {
+    let found = format!("{:032x}", ballast_hdf5::state_hash(model, state));
+    if windows.meta().initial_hash.to_string() != found {
+        console.note(
+            "the recording is of another case, bed or solver: its motions are replayed, its results will \
+             differ",
+        );
+    }
+    Playback::of_windows(windows)
+}
+
+fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Outcome<Playback> {
+    let bodies: Vec<String> = model.driven.iter().map(|d| d.name.clone()).collect();
+    let time = match args.time {
+        TimeName::Stamp => TimeOf::Stamp,
+        TimeName::Log => TimeOf::Log,
+    };
+    let motion = motion::read(&args.file, &bodies, &args.map, time, state.time_ns)?;
+    for note in &motion.notes {
+        console.note(note);
+    }
+    Ok(Playback::of_motion(&args.file, motion, args.rebase))
+}

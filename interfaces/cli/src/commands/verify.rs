@@ -1,0 +1,102 @@
+//! `ballast verify FILE --case CASE`: computes a recording again and compares.
+
+use crate::args::{ScheduleName, Verify};
+use crate::case::{self, Case, Choices};
+use crate::console::Console;
+use crate::engine::Memory;
+use crate::exit::{Failure, Outcome};
+use crate::progress::{Mark, Progress};
+use crate::{beds, interrupt, recorder, session};
+use ballast::component::{Component, Limits};
+use ballast_mcap::recording::Windows;
+use ballast_mcap::verify::{Difference, Verdict};
+use ballast_mcap::{Drive, Meta};
+use serde_json::{Value, json};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+pub fn verify(args: Verify, console: Console) -> Outcome {
+    interrupt::install()?;
+    let mut windows = Windows::open(&args.file)?;
+    let meta = windows.meta().clone();
+    let case = case::load(&args.case, &Choices::from_notes(&meta.choices)?, console)?;
+    let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
+    let cycle = session::cycle(&case, &model, &state)?;
+    let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
+    let model = Arc::new(model);
+    let mut component = Component::new(Arc::clone(&model), state, Limits::default())
+        .map_err(|e| Failure::InvalidCase(e.to_string()))?;
+    let mut progress = Progress::start(console, "verify", 0.0);
+    let whole = case.plan.run.duration_ns.max(1) as f64;
+    let mut watch = |now_ns: u64| {
+        progress.advance((now_ns as f64 / whole).min(1.0), &At(now_ns));
+        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let zones = recorder::zones(&case);
+    let verdict = ballast_mcap::verify(
+        &mut windows,
+        &model,
+        &mut component,
+        &zones,
+        &mut memory,
+        &mut watch,
+    )?;
+    progress.finish();
+    let file = args.file.display();
+    match verdict {
+        Verdict::Same { windows: count } => {
+            if let Some(lost) = windows.lost() {
+                console.warning(&format!("{file}: {lost}"));
+            }
+            let now = component.state().time();
+            let lost = windows.lost().map(|lost| lost.reason.clone());
+            console.event("verified", json!({ "windows": count, "time_s": now, "lost": lost }));
+            console.result(&format!("{file}: {count} windows up to {now:.4} s, all equal"));
+            Ok(())
+        }
+        Verdict::Different(difference) => Err(Failure::Mismatch(format!(
+            "{file}: {difference}{}",
+            hint(&difference, &meta, &case)
+        ))),
+        Verdict::Stopped { windows: count } => {
+            Err(Failure::Interrupted(format!("stopped after {count} equal windows")))
+        }
+    }
+}
+
+/// What may explain a start that differs.
+fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
+    if difference.seq > 0 {
+        return String::new();
+    }
+    let pairs = [
+        ("case", meta.case_name.clone(), case.plan.name.clone()),
+        ("bed", meta.case_key.clone(), case.bed_key()),
+        ("step (ns)", meta.step_ns.to_string(), case.plan.run.stepping.step_ns.to_string()),
+        (
+            "schedule",
+            meta.schedule.clone(),
+            ScheduleName::from(case.plan.run.solver.schedule).name(),
+        ),
+        ("program", meta.program.clone(), concat!("ballast ", env!("CARGO_PKG_VERSION")).into()),
+    ];
+    let differ: Vec<String> = pairs
+        .iter()
+        .filter(|(_, recorded, here)| recorded != here)
+        .map(|(what, recorded, here)| format!("{what}: recorded {recorded}, here {here}"))
+        .collect();
+    if differ.is_empty() { String::new() } else { format!("; {}", differ.join("; ")) }
+}
+
+/// Where a verification stands.
+struct At(u64);
+
+impl Mark for At {
+    fn text(&self) -> String {
+        format!("{:.4} s", self.0 as f64 * 1e-9)
+    }
+
+    fn fields(&self) -> Value {
+        json!({ "time_s": self.0 as f64 * 1e-9 })
+    }
+}

@@ -1,0 +1,195 @@
+//! What moves the bodies of a session: the machine of the case, or a recording.
+//!
+//! Contract: both lead through the same step of the core; what a recording of the machine is replayed to is
+//! the machine's own state, bit for bit.
+
+use crate::exit::{Failure, Outcome};
+use crate::playback::Playback;
+use crate::profile::Profile;
+use ballast::component::{Component, Limits, Status};
+use ballast::drive::Inputs;
+use ballast::math::Pose;
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::step::{StepReport, step};
+use ballast::track::{TampingCycle, TampingPhase};
+use ballast::workspace::Workspace;
+use ballast_mcap::verify::Keeper;
+use ballast_protocol::messages::StateHash;
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+/// A model that is stepped, and who steps it.
+pub struct Engine {
+    model: Arc<Model>,
+    cycle: TampingCycle,
+    source: Source,
+}
+
+enum Source {
+    Machine { state: Box<State>, workspace: Box<Workspace>, targets: Vec<Pose> },
+    Recording { component: Box<Component>, playback: Box<Playback>, memory: Box<Memory> },
+}
+
+/// A step that was taken.
+pub struct Stepped {
+    pub report: StepReport,
+    /// Time before the step, ns.
+    pub t0_ns: u64,
+    /// Imposed pose of each driven body before and after the step `[nd]`.
+    pub imposed: Vec<[Pose; 2]>,
+}
+
+impl Engine {
+    /// The case's machine at `state`.
+    pub fn machine(model: Model, state: State, cycle: TampingCycle) -> Self {
+        let (state, workspace) = (Box::new(state), Box::default());
+        let source = Source::Machine { state, workspace, targets: Vec::new() };
+        Self { model: Arc::new(model), cycle, source }
+    }
+
+    /// A recording that moves the bodies from `state` on.
+    pub fn recording(
+        model: Model,
+        state: State,
+        cycle: TampingCycle,
+        playback: Playback,
+    ) -> Outcome<Self> {
+        let model = Arc::new(model);
+        let memory = Box::new(Memory::new(&cycle, &state, playback.is_of_the_machine()));
+        let component = Component::new(Arc::clone(&model), state, Limits::default())
+            .map_err(|e| Failure::InvalidCase(e.to_string()))?;
+        let (component, playback) = (Box::new(component), Box::new(playback));
+        let source = Source::Recording { component, playback, memory };
+        Ok(Self { model, cycle, source })
+    }
+
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The state; what the machine remembers is in [`Engine::whole_state`].
+    pub fn state(&self) -> &State {
+        match &self.source {
+            Source::Machine { state, .. } => state,
+            Source::Recording { component, .. } => component.state(),
+        }
+    }
+
+    pub fn workspace(&self) -> &Workspace {
+        match &self.source {
+            Source::Machine { workspace, .. } => workspace,
+            Source::Recording { component, .. } => component.workspace(),
+        }
+    }
+
+    /// The state with what the machine remembers.
+    pub fn whole_state(&self) -> Cow<'_, State> {
+        match &self.source {
+            Source::Machine { state, .. } => Cow::Borrowed(state),
+            Source::Recording { component, memory, .. } => memory.complete(component.state()),
+        }
+    }
+
+    /// Fingerprint of model and state.
+    pub fn hash(&self) -> u128 {
+        ballast_hdf5::state_hash(&self.model, &self.whole_state())
+    }
+
+    /// The phase of the machine's cycle; `Done` where something else moves the bodies.
+    pub fn phase(&self) -> TampingPhase {
+        match self.playback() {
+            Some(playback) if !playback.is_of_the_machine() => TampingPhase::Done,
+            _ => self.cycle.phase(self.state().time()),
+        }
+    }
+
+    /// The recording, where there is one.
+    pub fn playback(&self) -> Option<&Playback> {
+        match &self.source {
+            Source::Machine { .. } => None,
+            Source::Recording { playback, .. } => Some(playback),
+        }
+    }
+
+    /// Takes a step; `None` where the recording ends.
+    pub fn step(&mut self, watch: &mut Profile) -> Outcome<Option<Stepped>> {
+        let Self { model, cycle, source } = self;
+        match source {
+            Source::Machine { state, workspace, targets } => {
+                let before = imposed(model, state);
+                let t0_ns = state.time_ns;
+                cycle.targets(model, state, targets);
+                let report = step(model, state, &Inputs { targets, loads: &[] }, workspace, watch)
+                    .map_err(|e| Failure::Failed(e.to_string()))?;
+                cycle.observe(model, &report, state);
+                let imposed = before.into_iter().zip(targets.iter().copied());
+                let imposed = imposed.map(|(a, b)| [a, b]).collect();
+                Ok(Some(Stepped { report, t0_ns, imposed }))
+            }
+            Source::Recording { component, playback, memory } => {
+                let before = imposed(model, component.state());
+                let t0_ns = component.now_ns();
+                let t1_ns = t0_ns.saturating_add(model.stepping.step_ns);
+                let Some(inputs) = playback.inputs(t0_ns, t1_ns)? else { return Ok(None) };
+                let mut taken = None;
+                let mut take = |state: &State, report: &StepReport| {
+                    memory.observe(model, state, report);
+                    taken = Some(report.clone());
+                    ControlFlow::Continue(())
+                };
+                let outcome = component
+                    .advance_timed(t1_ns, inputs, &mut take, watch)
+                    .map_err(|e| Failure::at(playback.path(), e))?;
+                let (Some(report), false) = (taken, outcome.status == Status::Discard) else {
+                    let why = outcome.trouble.map_or(String::new(), |e| e.to_string());
+                    return Err(Failure::at(playback.path(), why));
+                };
+                let after = imposed(model, component.state());
+                let imposed = before.into_iter().zip(after).map(|(a, b)| [a, b]).collect();
+                Ok(Some(Stepped { report, t0_ns, imposed }))
+            }
+        }
+    }
+}
+
+/// Where each driven body, or its mount, was told to be `[nd]`.
+fn imposed(model: &Model, state: &State) -> Vec<Pose> {
+    (0..model.driven.len()).map(|d| state.imposed(model, d)).collect()
+}
+
+/// What the machine of the case would remember of the steps of a recording of it: forces of the last
+/// vibration period, how far it has lowered and closed.
+pub struct Memory {
+    cycle: TampingCycle,
+    /// Step, time and the machine's memory, nothing else; `None`: no machine moved the bodies.
+    shadow: Option<State>,
+}
+
+impl Memory {
+    /// The memory at `state`; nothing is remembered unless the machine moved the bodies.
+    pub fn new(cycle: &TampingCycle, state: &State, of_the_machine: bool) -> Self {
+        let shadow = State { drive: state.drive.clone(), ..State::default() };
+        Self { cycle: cycle.clone(), shadow: of_the_machine.then_some(shadow) }
+    }
+
+    fn complete<'a>(&self, state: &'a State) -> Cow<'a, State> {
+        match &self.shadow {
+            Some(shadow) => Cow::Owned(State { drive: shadow.drive.clone(), ..state.clone() }),
+            None => Cow::Borrowed(state),
+        }
+    }
+}
+
+impl Keeper for Memory {
+    fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
+        let Some(shadow) = &mut self.shadow else { return };
+        (shadow.step, shadow.time_ns) = (state.step, state.time_ns);
+        self.cycle.observe(model, report, shadow);
+    }
+
+    fn hash(&self, model: &Model, state: &State) -> StateHash {
+        ballast_hdf5::state_hash(model, &self.complete(state)).into()
+    }
+}

@@ -1,0 +1,98 @@
+//! The inputs of a replay, step by step, from a recording.
+
+use crate::exit::{Failure, Outcome};
+use ballast::component::Window;
+use ballast_mcap::Drive;
+use ballast_mcap::messages::Lost;
+use ballast_mcap::motion::Motion;
+use ballast_mcap::recording::Windows;
+use ballast_protocol::messages::Asked;
+use std::path::{Path, PathBuf};
+
+/// A recording that moves bodies.
+pub struct Playback {
+    path: PathBuf,
+    script: Script,
+}
+
+enum Script {
+    /// Our own windows: the inputs that were given.
+    Windows { windows: Box<Windows>, end_ns: u64, asked: Asked },
+    /// Poses from any file.
+    Motion(Motion),
+}
+
+impl Playback {
+    /// The windows of a recording of ours.
+    pub fn of_windows(windows: Windows) -> Self {
+        let path = windows.path().to_path_buf();
+        let windows = Box::new(windows);
+        Self { path, script: Script::Windows { windows, end_ns: 0, asked: Asked::default() } }
+    }
+
+    /// Poses; with `rebase`, the bodies are moved to them from wherever they are.
+    pub fn of_motion(path: &Path, mut motion: Motion, rebase: bool) -> Self {
+        motion.inputs.iter_mut().for_each(|input| input.rebase = rebase);
+        Self { path: path.into(), script: Script::Motion(motion) }
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether the case's machine moved the bodies when this was recorded.
+    pub fn is_of_the_machine(&self) -> bool {
+        matches!(&self.script, Script::Windows { windows, .. } if windows.meta().drive == Drive::Case)
+    }
+
+    /// Where the recording ends, ns, if that is known beforehand.
+    pub fn end_ns(&self) -> Option<u64> {
+        match &self.script {
+            Script::Windows { .. } => None,
+            Script::Motion(motion) => Some(motion.end_ns),
+        }
+    }
+
+    /// Why the recording ends early, if it does.
+    pub fn lost(&self) -> Option<&Lost> {
+        match &self.script {
+            Script::Windows { windows, .. } => windows.lost(),
+            Script::Motion(motion) => motion.lost.as_ref(),
+        }
+    }
+
+    /// The inputs for the step from `t0_ns` to `t1_ns`; `None` at the end.
+    pub fn inputs(&mut self, t0_ns: u64, t1_ns: u64) -> Outcome<Option<Window<'_>>> {
+        let Self { path, script } = self;
+        match script {
+            Script::Motion(motion) => {
+                Ok((t1_ns <= motion.end_ns).then(|| Window::from(&motion.inputs[..])))
+            }
+            Script::Windows { windows, end_ns, asked } => {
+                if *end_ns <= t0_ns {
+                    let Some(window) = windows.next()? else { return Ok(None) };
+                    let record = window.record;
+                    if u64::try_from(record.t0_ns) != Ok(t0_ns) {
+                        let what = format!(
+                            "window {}: expected one from {t0_ns} ns on, found {} ns",
+                            record.seq, record.t0_ns
+                        );
+                        return Err(Failure::at(path, what));
+                    }
+                    // As far as it was computed, not as far as it was asked for.
+                    *end_ns = u64::try_from(record.t1_ns).unwrap_or_default();
+                    *asked = record
+                        .request
+                        .inputs()
+                        .map_err(|e| Failure::at(path, format!("window {}: {e}", record.seq)))?;
+                }
+                if t1_ns > *end_ns {
+                    let what =
+                        format!("expected a window of whole steps, found an end at {end_ns} ns");
+                    return Err(Failure::at(path, what));
+                }
+                Ok(Some(Window { motions: &asked.motions, loads: &asked.loads }))
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! The recording of a session, in an MCAP file.
+
+use crate::args::ScheduleName;
+use crate::case::Case;
+use crate::engine::{Engine, Stepped};
+use crate::exit::Outcome;
+use ballast::component;
+use ballast::model::Role;
+use ballast::observe::Zone;
+use ballast::track::TampingPhase;
+use ballast_mcap::{Drive, Meta, Tape, scene};
+use ballast_protocol::Malformed;
+use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
+use std::path::Path;
+
+/// An open recording.
+pub struct Taping {
+    tape: Tape,
+    /// Phase of the last step.
+    phase: TampingPhase,
+    /// Whether there are pictures.
+    frames: bool,
+    recent: component::Recent,
+    /// [`component::farthest`].
+    farthest: f64,
+}
+
+impl Taping {
+    /// Starts a recording of the session that `engine` begins.
+    pub fn create(path: &Path, case: &Case, engine: &Engine) -> Outcome<Self> {
+        let drive = match engine.playback() {
+            Some(playback) if !playback.is_of_the_machine() => Drive::Inputs,
+            _ => Drive::Case,
+        };
+        let meta = Meta {
+            program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
+            case_name: case.plan.name.clone(),
+            case_key: case.bed_key(),
+            step_ns: engine.model().stepping.step_ns,
+            schedule: ScheduleName::from(engine.model().solver.schedule).name(),
+            drive,
+            choices: case.choices.notes(),
+            initial_hash: engine.hash().into(),
+        };
+        let (model, state) = (engine.model(), engine.state());
+        let tape = Tape::create(path, &meta, model, state)?;
+        let frames = case.plan.run.output_ns > 0;
+        let (recent, farthest) = (component::Recent::default(), component::farthest(model));
+        let mut taping = Self { tape, phase: engine.phase(), frames, recent, farthest };
+        taping
+            .tape
+            .log(state.time_ns, &format!("{}: {} grains", case.plan.name, model.grains.len()))?;
+        if frames {
+            taping.tape.write_all(pictures(engine, true))?;
+        }
+        Ok(taping)
+    }
+
+    /// Records a step; `zones` are measured where an observation is due.
+    pub fn step(&mut self, engine: &Engine, stepped: &Stepped, zones: Option<&[Zone]>) -> Outcome {
+        let (model, state) = (engine.model(), engine.state());
+        let request = self.tape.request(stepped.t0_ns, state.time_ns, motions(engine, stepped));
+        self.recent.take(&stepped.report.reactions, model.stepping.step_ns);
+        let end = component::End {
+            model,
+            state,
+            workspace: engine.workspace(),
+            zones: zones.unwrap_or_default(),
+            recent: &self.recent,
+            farthest: self.farthest,
+        };
+        let outcome = component::Outcome::of_step(&stepped.report, &end);
+        let reply = AdvanceReply::of(&request, model, &outcome, engine.hash().into());
+        self.tape.window(model, state, &request, &reply)?;
+        let phase = engine.phase();
+        let changed = phase != self.phase;
+        if changed {
+            self.tape.log(state.time_ns, &format!("phase: {}", phase.name()))?;
+            self.phase = phase;
+        }
+        if self.frames && (zones.is_some() || changed) {
+            self.tape.write_all(pictures(engine, changed))?;
+        }
+        Ok(())
+    }
+
+    /// Ends the recording.
+    pub fn finish(self) -> Outcome {
+        Ok(self.tape.finish()?)
+    }
+}
+
+/// Points at every frame; polyhedra, which are many times larger, where a phase begins.
+fn pictures(engine: &Engine, whole: bool) -> Result<Vec<ballast_mcap::Entry>, Malformed> {
+    let (model, state) = (engine.model(), engine.state());
+    let mut entries = vec![scene::stones(model, state)?];
+    if whole {
+        entries.push(scene::scene(model, state)?);
+    }
+    Ok(entries)
+}
+
+/// The motions of a step as inputs: of tines and sleepers always, of other bodies where they move.
+fn motions(engine: &Engine, stepped: &Stepped) -> Vec<BodyInput> {
+    let times = [stepped.t0_ns, engine.state().time_ns];
+    let bodies = engine.model().driven.iter().zip(&stepped.imposed);
+    bodies
+        .filter(|(body, [from, to])| body.role != Role::Boundary || from != to)
+        .map(|(body, poses)| {
+            let knot = |i: usize| Knot {
+                time_ns: ns(times[i]),
+                pose: poses[i].into(),
+                twist: Twist::default(),
+            };
+            BodyInput {
+                body: body.name.clone(),
+                interpolation: Interpolation::Linear,
+                rebase: false,
+                knots: vec![knot(0), knot(1)],
+            }
+        })
+        .collect()
+}

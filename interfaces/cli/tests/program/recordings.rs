@@ -1,0 +1,326 @@
+//! Recordings: made, replayed to the same state, verified, damaged.
+
+use crate::setup::{CASE, Ended, Place};
+use ballast_mcap::messages::Messages;
+use ballast_mcap::{Entry, Writer};
+use ballast_protocol::messages::{AdvanceReply, Header, PoseStamped, StepRecord};
+use ballast_protocol::{from_cdr, to_cdr};
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
+/// Steps that these tests record: into the insertion, where tines have met grains.
+const STEPS: u64 = 60;
+
+/// A place with a recording `run.mcap` of a run in `run`.
+fn recorded() -> Place {
+    let place = Place::new();
+    place.run(&format!("--out run --record run.mcap --steps {STEPS} --threads 1")).with_code(0);
+    place
+}
+
+fn replay(place: &Place, arguments: &str) -> Ended {
+    place.with_beds(&format!("replay --case tiny.toml {arguments}"))
+}
+
+fn verify(place: &Place, file: &str) -> Ended {
+    place.with_beds(&format!("verify {file} --case tiny.toml"))
+}
+
+/// Topics and times of a recording, and the records of its windows.
+fn contents(place: &Place, file: &str) -> (Vec<(String, u64)>, Vec<StepRecord>) {
+    let mut messages = Messages::open(&place.path(file)).unwrap();
+    let (mut all, mut records) = (Vec::new(), Vec::new());
+    while let Some(message) = messages.next().unwrap() {
+        if message.channel.topic == "/ballast/step" {
+            records.push(from_cdr(&message.data).unwrap());
+        }
+        all.push((message.channel.topic.clone(), message.log_time));
+    }
+    assert_eq!(messages.lost(), None);
+    (all, records)
+}
+
+#[test]
+fn a_replay_ends_in_the_state_of_the_run_and_leaves_the_same_recording() {
+    let place = recorded();
+    let hash = place.hash("run");
+    replay(&place, &format!("run.mcap --out again --record again.mcap --expect {hash}"))
+        .with_code(0);
+    assert_eq!(place.hash("again"), hash);
+    assert_eq!(place.summary("again")["tines"], place.summary("run")["tines"]);
+    let bytes = |name: &str| std::fs::read(place.path(name)).unwrap();
+    assert!(bytes("run.mcap") == bytes("again.mcap"), "equal runs leave equal bytes");
+    assert!(!place.path("again/checkpoint.h5").exists());
+
+    // Recording changes nothing.
+    place.run(&format!("--out silent --steps {STEPS}")).with_code(0);
+    assert_eq!(place.hash("silent"), hash);
+
+    let (all, records) = contents(&place, "run.mcap");
+    assert_eq!(records.len() as u64, STEPS);
+    assert_eq!(records.last().unwrap().hash.to_string(), hash);
+    for topic in
+        ["/clock", "/tf", "/log", "/stones", "/scene", "/ballast/energy", "/ballast/solver"]
+    {
+        assert!(all.iter().any(|(t, _)| t == topic), "{topic}");
+    }
+    assert!(all.iter().any(|(t, _)| t.starts_with("/ballast/zone/under_")));
+    assert!(all.is_sorted_by_key(|(_, time)| *time));
+}
+
+#[test]
+fn a_recording_is_verified_as_a_whole_and_in_part() {
+    let place = recorded();
+    let ended = verify(&place, "run.mcap").with_code(0);
+    assert!(ended.stdout().contains(&format!("{STEPS} windows")), "{}", ended.stdout());
+
+    let whole = std::fs::read(place.path("run.mcap")).unwrap();
+    std::fs::write(place.path("cut.mcap"), &whole[..whole.len() / 2]).unwrap();
+    let ended = verify(&place, "cut.mcap").with_code(0);
+    assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
+    assert!(!ended.stdout().contains(&format!("{STEPS} windows")), "{}", ended.stdout());
+    let ended = replay(&place, "cut.mcap --out cut").with_code(0);
+    assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
+    let steps = place.summary("cut")["steps"].as_u64().unwrap();
+    assert!((1..STEPS).contains(&steps), "{steps}");
+}
+
+/// A copy of the recording with every message passed through `change`, in which its topic stays.
+fn rewrite(place: &Place, change: impl Fn(&str, u64, Vec<u8>) -> Vec<u8>) {
+    use mcap::records::MessageHeader;
+    let source = std::fs::read(place.path("run.mcap")).unwrap();
+    let file = std::fs::File::create(place.path("other.mcap")).unwrap();
+    let mut writer = mcap::Writer::new(file).unwrap();
+    let summary = mcap::Summary::read(&source).unwrap().unwrap();
+    let index = &summary.metadata_indexes[0];
+    writer.write_metadata(&mcap::read::metadata(&source, index).unwrap()).unwrap();
+    for message in mcap::MessageStream::new(&source).unwrap() {
+        let message = message.unwrap();
+        let channel = &message.channel;
+        let schema = channel.schema.as_ref().unwrap();
+        let schema = writer.add_schema(&schema.name, &schema.encoding, &schema.data).unwrap();
+        let id = writer
+            .add_channel(schema, &channel.topic, &channel.message_encoding, &channel.metadata)
+            .unwrap();
+        let data = change(&channel.topic, message.log_time, message.data.to_vec());
+        let (log_time, publish_time) = (message.log_time, message.publish_time);
+        let header = MessageHeader { channel_id: id, sequence: 0, log_time, publish_time };
+        writer.write_to_known_channel(&header, &data).unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn the_first_difference_is_named() {
+    let place = recorded();
+    rewrite(&place, |_, _, data| data);
+    verify(&place, "other.mcap").with_code(0);
+
+    // A force that was not, in step 40.
+    let (all, _) = contents(&place, "run.mcap");
+    let topic =
+        &all.iter().find(|(t, _)| t.starts_with("/tine") && t.ends_with("/impulse")).unwrap().0;
+    rewrite(&place, |t, time, data| {
+        if t != topic || time != 40_000_000 {
+            return data;
+        }
+        let mut message: ballast_protocol::messages::WrenchImpulse = from_cdr(&data).unwrap();
+        message.impulse.z += 1e-12;
+        to_cdr(&message).unwrap()
+    });
+    let said = verify(&place, "other.mcap").with_code(5).stderr();
+    for part in ["window 40", "step 40", topic, "impulse.z"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+
+    // A motion that was not: the tine is elsewhere at the end of that very step.
+    rewrite(&place, |t, time, data| {
+        if t != "/ballast/step" || time != 50_000_000 {
+            return data;
+        }
+        let mut record: StepRecord = from_cdr(&data).unwrap();
+        let input = record.request.motions.iter_mut().find(|m| m.body.starts_with("tine")).unwrap();
+        input.knots[1].pose.position.z += 1e-6;
+        to_cdr(&record).unwrap()
+    });
+    let said = verify(&place, "other.mcap").with_code(5).stderr();
+    assert!(said.contains("window 50"), "{said}");
+    assert!(said.contains("/pose") || said.contains("/tf"), "{said}");
+}
+
+#[test]
+fn another_case_is_noticed() {
+    let place = recorded();
+    let other = CASE.replace("restitution", "#").replace("hold_s = 0.004", "hold_s = 0.004\n");
+    std::fs::write(place.path("tiny.toml"), other.replace("iterations = 30", "iterations = 31"))
+        .unwrap();
+    let said = verify(&place, "run.mcap").with_code(5).stderr();
+    assert!(said.contains("initial_hash"), "{said}");
+    let ended = replay(&place, "run.mcap --out other").with_code(0);
+    assert!(ended.stderr().contains("results will differ"), "{}", ended.stderr());
+    assert_ne!(place.hash("other"), place.hash("run"));
+}
+
+#[test]
+fn the_choices_of_the_command_line_are_part_of_a_recording() {
+    let place = Place::new();
+    place.run("--out run --record run.mcap --steps 12 --schedule sequential").with_code(0);
+    let hash = place.hash("run");
+    replay(&place, &format!("run.mcap --out again --expect {hash}")).with_code(0);
+    verify(&place, "run.mcap").with_code(0);
+}
+
+/// Poses of a body that goes up from where it is, at 1 mm/s and 1 kHz.
+fn rising(place: &Place, body: &str, from: PoseStamped) {
+    let mut writer = Writer::create(&place.path("rising.mcap"), None).unwrap();
+    for i in 0..=20 {
+        let (time, mut pose) = (i * 1_000_000, from.clone());
+        pose.header = Header::world(time);
+        pose.pose.position.z += 1e-6 * i as f64;
+        writer.write(&Entry::of("/machine/arm", time, &pose).unwrap()).unwrap();
+    }
+    writer.finish().unwrap();
+    assert!(!body.is_empty());
+}
+
+#[test]
+fn poses_of_any_file_move_a_body() {
+    let place = recorded();
+    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let first = loop {
+        let message = messages.next().unwrap().unwrap();
+        let topic = &message.channel.topic;
+        if topic.starts_with("/tine") && topic.ends_with("/pose") {
+            break message;
+        }
+    };
+    let body = first.channel.topic.split('/').nth(1).unwrap().to_string();
+    let start: PoseStamped = from_cdr(&first.data).unwrap();
+    rising(&place, &body, start.clone());
+
+    let map = format!("--map /machine/arm={body}");
+    let ended =
+        replay(&place, &format!("rising.mcap {map} --out up --record up.mcap")).with_code(0);
+    assert!(ended.stderr().contains("linear"), "{}", ended.stderr());
+    assert_eq!(place.summary("up")["steps"], 20);
+    assert_eq!(place.summary("up")["coordination"]["minimum"]["phase"], "done");
+    let (_, records) = contents(&place, "up.mcap");
+    let input = records[19].request.motions.iter().find(|m| m.body == body).unwrap();
+    assert!((input.knots[1].pose.position.z - start.pose.position.z - 20e-6).abs() < 1e-12);
+    // What was replayed from poses is a recording like any other.
+    verify(&place, "up.mcap").with_code(0);
+    let hash = place.hash("up");
+    replay(&place, &format!("up.mcap --out once-more --expect {hash}")).with_code(0);
+
+    // A body elsewhere is refused, unless it is let go there.
+    let mut elsewhere = start;
+    elsewhere.pose.position.z += 1e-3;
+    rising(&place, &body, elsewhere);
+    let ended = replay(&place, &format!("rising.mcap {map} --out off")).with_code(1);
+    assert!(ended.stderr().contains(&body), "{}", ended.stderr());
+    replay(&place, &format!("rising.mcap {map} --out off --rebase")).with_code(0);
+
+    let ended = replay(&place, "rising.mcap --out none").with_code(1);
+    assert!(ended.stderr().contains("/machine/arm"), "{}", ended.stderr());
+    let ended = replay(&place, "rising.mcap --out none --map /machine/arm=crane").with_code(1);
+    assert!(ended.stderr().contains("crane"), "{}", ended.stderr());
+}
+
+#[test]
+fn a_killed_run_leaves_a_recording_that_is_true_as_far_as_it_goes() {
+    // Slow enough that the run is still going when it is killed.
+    let place =
+        Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000"));
+    let mut child = place
+        .run_command("--out killed --record killed.mcap --json --threads 1")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let far = lines.any(|line| {
+        let event: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
+        event["event"] == "progress" && event["share"].as_f64().unwrap() > 0.2
+    });
+    assert!(far, "the run ended before it could be killed");
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let ended = verify(&place, "killed.mcap").with_code(0);
+    assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
+    assert!(ended.stdout().contains("all equal"), "{}", ended.stdout());
+    assert!(!ended.stdout().contains(" 0 windows"), "{}", ended.stdout());
+}
+
+#[test]
+fn the_recorded_machine_moves_the_first_example() {
+    let place = Place::new();
+    let examples = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples");
+    let file = format!("{examples}/recorded_tamping.mcap");
+    let command = format!("replay {file} --case {examples}/first.toml --out here --steps 5");
+    let ended = place.with_beds(&command).with_code(0);
+    assert_eq!(ended.stderr().matches("601 poses, cubic").count(), 3, "{}", ended.stderr());
+    assert_eq!(place.summary("here")["steps"], 5);
+}
+
+#[test]
+fn bad_files_end_with_their_codes() {
+    let place = Place::new();
+    std::fs::write(place.path("bad.mcap"), "not a recording").unwrap();
+    for command in ["replay", "verify"] {
+        let said =
+            place.with_beds(&format!("{command} bad.mcap --case tiny.toml")).with_code(1).stderr();
+        assert!(said.contains("bad.mcap") && said.contains("expected"), "{said}");
+        let said =
+            place.with_beds(&format!("{command} none.mcap --case tiny.toml")).with_code(1).stderr();
+        assert!(said.contains("none.mcap"), "{said}");
+        place.with_beds(&format!("{command} bad.mcap")).with_code(2);
+    }
+    place.call("replay bad.mcap --case tiny.toml --map x").with_code(2);
+    place.run("--out run --record run.mcap --steps 3").with_code(0);
+    let said = replay(&place, "run.mcap --record run.mcap").with_code(2).stderr();
+    assert!(said.contains("run.mcap") || said.contains("reads"), "{said}");
+    let said = place.run("--out run --record no/such/folder.mcap --steps 3").with_code(1).stderr();
+    assert!(said.contains("folder.mcap"), "{said}");
+
+    let mut bytes = std::fs::read(place.path("run.mcap")).unwrap();
+    let key = b"\x06\0\0\0format\x01\0\0\x001";
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len() - 1;
+    bytes[at] = b'9';
+    std::fs::write(place.path("run.mcap"), bytes).unwrap();
+    verify(&place, "run.mcap").with_code(6);
+}
+
+#[test]
+fn the_reply_of_a_window_can_be_put_together_from_its_messages() {
+    let place = recorded();
+    let (_, records) = contents(&place, "run.mcap");
+    let record = &records[9];
+    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut reply = AdvanceReply {
+        seq: record.seq,
+        t0_ns: record.t0_ns,
+        t1_ns: record.t1_ns,
+        steps: 1,
+        hash: record.hash,
+        ..AdvanceReply::default()
+    };
+    while let Some(message) = messages.next().unwrap() {
+        if message.log_time != 10_000_000 {
+            continue;
+        }
+        let (topic, data) = (&message.channel.topic, &message.data);
+        if topic.ends_with("/impulse") {
+            reply.bodies.push(from_cdr(data).unwrap());
+        } else if topic.starts_with("/ballast/zone/") {
+            reply.zones.push(from_cdr(data).unwrap());
+        } else if topic == "/ballast/solver" {
+            reply.solver = from_cdr(data).unwrap();
+        } else if topic == "/ballast/energy" {
+            reply.energy = from_cdr(data).unwrap();
+        }
+    }
+    if reply.solver.steps_not_converged > 0 {
+        reply.status = ballast_protocol::messages::Status::Warn;
+    }
+    assert_eq!(reply.digest().unwrap(), record.reply_digest);
+}

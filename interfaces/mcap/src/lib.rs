@@ -1,0 +1,30 @@
+//! Recordings of Ballast in MCAP files.
+//!
+//! [`Tape`] writes what a run was asked and what it answered, window by window; [`messages`] reads any
+//! MCAP file, whole or cut short; [`recording`] finds our windows in one, [`motion`] the motion of
+//! bodies in any; [`mod@verify`] computes a recording again and names the first difference.
+//!
+//! Contract: times in a file are simulated; the same run leaves the same bytes. A killed run leaves a
+//! file that can be read up to its last whole chunk. No file, however damaged, makes this crate panic or
+//! take more memory than a chunk may need.
+
+pub mod messages;
+pub mod motion;
+pub mod recording;
+pub mod scene;
+pub mod verify;
+
+mod chunk;
+mod entry;
+mod error;
+mod meta;
+mod tape;
+mod window;
+mod writer;
+
+pub use entry::Entry;
+pub use error::{Error, Result};
+pub use meta::{Drive, Meta};
+pub use tape::Tape;
+pub use verify::verify;
+pub use writer::Writer;

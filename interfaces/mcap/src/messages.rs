@@ -1,0 +1,254 @@
+//! The messages of any MCAP file, in the order of the file, whole or cut short.
+//!
+//! Cost: memory for one chunk. Contract: only messages of sound chunks are given; where the file is cut
+//! short or damaged, reading ends, and [`Messages::lost`] says why.
+
+use crate::chunk::{self, LARGEST};
+use crate::error::{Error, Result};
+use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::{BTreeMap, VecDeque};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Most bytes that are asked of the system at once.
+const BITE: usize = 1 << 20;
+
+/// Where messages of one kind go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    pub topic: String,
+    /// `cdr`, `json` and others.
+    pub encoding: String,
+    /// Name of the type; empty without one.
+    pub schema: String,
+}
+
+/// A message.
+#[derive(Debug, Clone)]
+pub struct Message {
+    pub channel: Arc<Channel>,
+    /// ns.
+    pub log_time: u64,
+    pub data: Vec<u8>,
+}
+
+/// The end of a file that is not as its beginning promised.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lost {
+    /// What was found instead of more.
+    pub reason: String,
+    /// Messages before it.
+    pub kept: u64,
+    /// Latest time among them, ns.
+    pub last_ns: Option<u64>,
+}
+
+impl std::fmt::Display for Lost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { reason, kept, last_ns } = self;
+        let until = last_ns.map_or(String::new(), |t| format!(", up to {t} ns"));
+        write!(f, "{reason}; {kept} messages before it can be used{until}")
+    }
+}
+
+/// Reads a file message by message.
+pub struct Messages {
+    path: PathBuf,
+    file: File,
+    reader: LinearReader,
+    content: Content,
+    over: bool,
+    kept: u64,
+    last_ns: Option<u64>,
+    lost: Option<Lost>,
+}
+
+/// What is known of the file so far.
+#[derive(Default)]
+struct Content {
+    profile: Option<String>,
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Arc<Channel>>,
+    metadata: BTreeMap<String, BTreeMap<String, String>>,
+    waiting: VecDeque<Message>,
+    /// The end of the messages was seen.
+    complete: bool,
+}
+
+impl Messages {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// The system refuses; the file does not begin as an MCAP file does.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
+        let options = LinearReaderOptions::default()
+            .with_skip_end_magic(true)
+            .with_emit_chunks(true)
+            .with_record_length_limit(LARGEST as usize);
+        let mut messages = Self {
+            path: path.into(),
+            file,
+            reader: LinearReader::new_with_options(options),
+            content: Content::default(),
+            over: false,
+            kept: 0,
+            last_ns: None,
+            lost: None,
+        };
+        while messages.content.profile.is_none() && !messages.over {
+            messages.read_on()?;
+        }
+        match messages.content.profile {
+            Some(_) => Ok(messages),
+            None => {
+                let found = messages.lost.map_or("something else".into(), |lost| lost.reason);
+                Err(Error::damaged(path, "start", "an MCAP file", found))
+            }
+        }
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Named entries of the file, as far as it has been read.
+    pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        self.content.metadata.get(name)
+    }
+
+    /// Why reading ended before the end of the recording, if it did.
+    pub fn lost(&self) -> Option<&Lost> {
+        self.lost.as_ref()
+    }
+
+    /// Reads up to the first message.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn read_to_first(&mut self) -> Result<()> {
+        while self.content.waiting.is_empty() && !self.over {
+            self.read_on()?;
+        }
+        Ok(())
+    }
+
+    /// The next message; `None` at the end, or where the file is lost.
+    ///
+    /// # Errors
+    /// The system refuses.
+    #[allow(clippy::should_implement_trait)]
+    pub fn next(&mut self) -> Result<Option<Message>> {
+        self.read_to_first()?;
+        let message = self.content.waiting.pop_front();
+        if let Some(message) = &message {
+            self.kept += 1;
+            self.last_ns = self.last_ns.max(Some(message.log_time));
+        }
+        // The file may have ended while messages were waiting: what was kept is known now.
+        if let Some(lost) = &mut self.lost {
+            (lost.kept, lost.last_ns) = (self.kept, self.last_ns);
+        }
+        Ok(message)
+    }
+
+    /// Reads a bit further: some bytes, or a record.
+    fn read_on(&mut self) -> Result<()> {
+        let ended = match self.reader.next_event() {
+            Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
+                let bytes = self.reader.insert(wanted.min(BITE));
+                let read = self.file.read(bytes).map_err(|e| Error::io(&self.path, "read", e))?;
+                self.reader.notify_read(read);
+                return Ok(());
+            }
+            Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                match self.content.take(opcode, data) {
+                    Ok(()) if !self.content.complete => return Ok(()),
+                    Ok(()) => None,
+                    Err(reason) => Some(reason),
+                }
+            }
+            Some(Err(error)) => Some(reason(&error)),
+            None => Some("the file ends without the end of a recording".into()),
+        };
+        self.over = true;
+        self.lost = ended.map(|reason| Lost { reason, kept: self.kept, last_ns: self.last_ns });
+        Ok(())
+    }
+}
+
+/// An error of the file's frame, in words.
+fn reason(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::UnexpectedEof => "the file ends within a record".into(),
+        mcap::McapError::BadMagic => "other bytes than those of MCAP".into(),
+        other => format!("a record that cannot be read: {other}"),
+    }
+}
+
+impl Content {
+    fn take(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
+        match kind {
+            op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::CHUNK => {}
+            op::DATA_END => {
+                self.complete = true;
+                return Ok(());
+            }
+            _ => return Ok(()),
+        }
+        let record = mcap::parse_record(kind, data);
+        match record.map_err(|e| format!("a record that cannot be read: {e}"))? {
+            Record::Header(header) => self.profile = Some(header.profile),
+            Record::Schema { header, .. } => {
+                self.schemas.insert(header.id, header.name);
+            }
+            Record::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                let (topic, encoding) = (channel.topic, channel.message_encoding);
+                self.channels.insert(channel.id, Arc::new(Channel { topic, encoding, schema }));
+            }
+            Record::Message { header, data } => {
+                let Some(channel) = self.channels.get(&header.channel_id) else {
+                    return Err(format!("a message of the unknown channel {}", header.channel_id));
+                };
+                self.waiting.push_back(Message {
+                    channel: channel.clone(),
+                    log_time: header.log_time,
+                    data: data.into_owned(),
+                });
+            }
+            Record::Metadata(metadata) => {
+                self.metadata.insert(metadata.name, metadata.metadata);
+            }
+            Record::Chunk { header, data } => {
+                let whole = self.waiting.len();
+                let taken = self.chunk(&header, &data);
+                if taken.is_err() {
+                    self.waiting.truncate(whole);
+                }
+                return taken;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn chunk(
+        &mut self,
+        header: &mcap::records::ChunkHeader,
+        data: &[u8],
+    ) -> std::result::Result<(), String> {
+        let content = chunk::unpack(header, data)?;
+        for record in chunk::records(&content) {
+            let (kind, body) = record?;
+            // Nothing else belongs into a chunk.
+            if [op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&kind) {
+                self.take(kind, body)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,208 @@
+//! The motion of bodies from the poses in any MCAP file.
+//!
+//! Reads: `geometry_msgs/PoseStamped`, `TwistStamped` and `tf2_msgs/TFMessage` in CDR, poses in JSON.
+//! Contract (rules of resampling): a knot per pose message, at its time; with a twist of the same time
+//! for every pose of a body the motion is cubic, otherwise linear; nothing is extrapolated, so a motion
+//! covers the stretch of time that the messages of all mapped bodies have in common.
+
+mod assign;
+mod json_pose;
+mod knots;
+
+pub use assign::Map;
+
+use crate::error::{Error, Result};
+use crate::messages::{Lost, Message, Messages};
+use assign::{Assignment, Source};
+use ballast::component::Input;
+use ballast_protocol::messages::{PoseStamped, TFMessage, Twist, TwistStamped};
+use ballast_protocol::{Malformed, from_cdr, messages};
+use knots::Track;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Which of a message's times counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum TimeOf {
+    /// The stamp in the message: when the pose was true.
+    #[default]
+    Stamp,
+    /// When the message was recorded.
+    Log,
+}
+
+/// The motion of some bodies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// One per mapped body, in the order of the bodies' names.
+    pub inputs: Vec<Input>,
+    /// The stretch of time that all inputs cover, ns of the run.
+    pub start_ns: u64,
+    pub end_ns: u64,
+    /// What the person should know: interpolation of each body, topics.
+    pub notes: Vec<String>,
+    pub lost: Option<Lost>,
+}
+
+/// Reads the motion of `bodies`.
+///
+/// Without `maps`, the topic `/<body>/pose` and the transform to the frame `<body>` belong to a body; with
+/// them, only what they name. The stretch that the bodies have in common is shifted to begin at
+/// `begin_ns` of the run.
+///
+/// # Errors
+/// The system refuses; no MCAP file; a map to no body, or of a topic that the file lacks or that holds no
+/// poses; messages that cannot be read, out of order, or with nothing in common.
+pub fn read(
+    path: &Path,
+    bodies: &[String],
+    maps: &[Map],
+    time: TimeOf,
+    begin_ns: u64,
+) -> Result<Motion> {
+    let assignment = Assignment::new(path, bodies, maps)?;
+    let mut messages = Messages::open(path)?;
+    let mut found = Found::default();
+    while let Some(message) = messages.next()? {
+        let place = |e| Error::message(path, &message.channel.topic, message.log_time, e);
+        found.topics.insert(message.channel.topic.clone());
+        found.take(&assignment, &message, time).map_err(place)?;
+    }
+    assignment.all_used(path, &found.topics, &found.frames)?;
+    let topics = std::mem::take(&mut found.topics);
+    let tracks = found.tracks();
+    if tracks.is_empty() {
+        let topics: Vec<&String> = topics.iter().take(20).collect();
+        let expected = format!("poses of one of {bodies:?}; name them with --map TOPIC=BODY");
+        return Err(Error::unsuitable(path, "topics", expected, format!("{topics:?}")));
+    }
+    let lost = messages.lost().cloned();
+    join(path, tracks, begin_ns, lost)
+}
+
+/// Poses and twists by body.
+#[derive(Default)]
+struct Found {
+    topics: BTreeSet<String>,
+    frames: BTreeSet<String>,
+    poses: BTreeMap<String, Track>,
+    transforms: BTreeMap<String, Track>,
+}
+
+impl Found {
+    fn take(
+        &mut self,
+        assignment: &Assignment,
+        message: &Message,
+        clock: TimeOf,
+    ) -> std::result::Result<(), Malformed> {
+        let at = |stamp: Option<i64>| match (clock, stamp) {
+            (TimeOf::Stamp, Some(ns)) => u64::try_from(ns)
+                .map_err(|_| Malformed::new("header.stamp", "a time from 0 on", ns)),
+            _ => Ok(message.log_time),
+        };
+        match assignment.source(&message.channel)? {
+            Source::Other => {}
+            Source::Pose(body) => {
+                let stamped: PoseStamped = from_cdr(&message.data)?;
+                let time = at(Some(stamped.header.stamp.ns()))?;
+                self.track(body).pose(time, stamped.pose);
+            }
+            Source::Twist(body) => {
+                let stamped: TwistStamped = from_cdr(&message.data)?;
+                let time = at(Some(stamped.header.stamp.ns()))?;
+                self.track(body).twist(time, stamped.twist);
+            }
+            Source::Json(body) => {
+                let read = json_pose::read(&message.data)?;
+                let time = at(read.stamp_ns)?;
+                self.track(body).pose(time, read.pose);
+                if let Some(twist) = read.twist {
+                    self.track(body).twist(time, twist);
+                }
+            }
+            Source::Transforms => {
+                let tf: TFMessage = from_cdr(&message.data)?;
+                for transform in tf.transforms {
+                    let frame = transform.child_frame_id;
+                    let topic = &message.channel.topic;
+                    if let Some(body) = assignment.body_of_frame(topic, &frame) {
+                        let time = at(Some(transform.header.stamp.ns()))?;
+                        let pose = messages::Pose {
+                            position: messages::Point {
+                                x: transform.transform.translation.x,
+                                y: transform.transform.translation.y,
+                                z: transform.transform.translation.z,
+                            },
+                            orientation: transform.transform.rotation,
+                        };
+                        self.transforms.entry(body.into()).or_default().pose(time, pose);
+                    }
+                    self.frames.insert(format!("{topic}:{frame}"));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn track(&mut self, body: &str) -> &mut Track {
+        self.poses.entry(body.into()).or_default()
+    }
+
+    /// One track per body: a topic of its own counts before transforms.
+    fn tracks(self) -> BTreeMap<String, Track> {
+        let mut tracks = self.transforms;
+        for (body, mut track) in self.poses {
+            if track.has_poses() {
+                tracks.insert(body, track);
+            } else if let Some(transforms) = tracks.get_mut(&body) {
+                transforms.take_twists(&mut track);
+            }
+        }
+        tracks.retain(|_, track| track.has_poses());
+        tracks
+    }
+}
+
+/// The tracks over the time that they have in common.
+fn join(
+    path: &Path,
+    tracks: BTreeMap<String, Track>,
+    begin_ns: u64,
+    lost: Option<Lost>,
+) -> Result<Motion> {
+    let mut waveforms = Vec::new();
+    let mut notes = Vec::new();
+    for (body, track) in tracks {
+        let (waveform, note) = track.waveform().map_err(|e| {
+            Error::damaged(path, format!("poses of {body:?}, {}", e.place), e.expected, e.found)
+        })?;
+        notes.push(format!("{body}: {note}"));
+        waveforms.push((body, waveform));
+    }
+    let ends = |pick: fn(&ballast::component::Waveform) -> Option<u64>| {
+        waveforms.iter().filter_map(move |(_, w)| pick(w))
+    };
+    let start = ends(|w| w.knots.first().map(|k| k.time_ns)).max().unwrap_or_default();
+    let end = ends(|w| w.knots.last().map(|k| k.time_ns)).min().unwrap_or_default();
+    if start > end {
+        let expected = "a stretch of time with poses of all bodies";
+        let found = format!("the last to begin at {start} ns, the first to end at {end} ns");
+        return Err(Error::unsuitable(path, "times", expected, found));
+    }
+    let inputs = waveforms.into_iter().map(|(body, waveform)| Input {
+        body,
+        waveform: knots::cut(&waveform, start, begin_ns),
+        rebase: false,
+    });
+    let end_ns = begin_ns.saturating_add(end - start);
+    Ok(Motion { inputs: inputs.collect(), start_ns: begin_ns, end_ns, notes, lost })
+}
+
+/// A twist that says nothing.
+fn no_twist() -> Twist {
+    Twist::default()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,69 @@
+//! Poses as JSON, in the forms that they are met in.
+
+use ballast_protocol::Malformed;
+use ballast_protocol::messages::{Point, Pose, Quaternion, Twist, Vector3};
+use serde_json::Value;
+
+/// What a message says.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct JsonPose {
+    pub pose: Pose,
+    pub twist: Option<Twist>,
+    /// `None`: the message has no time of its own.
+    pub stamp_ns: Option<i64>,
+}
+
+/// Reads `{pose: {position: {x, y, z}, orientation: {x, y, z, w}}}` or what is inside `pose` alone; beside
+/// it, if wanted, `twist: {linear, angular}`, and the time as `time_ns`, `header.stamp` or `timestamp`
+/// (`sec` and `nanosec` or `nsec`).
+pub(super) fn read(text: &[u8]) -> Result<JsonPose, Malformed> {
+    let value: Value =
+        serde_json::from_slice(text).map_err(|e| Malformed::new("message", "JSON", e))?;
+    let pose = value.get("pose").unwrap_or(&value);
+    let pose = pose.get("pose").unwrap_or(pose);
+    let [x, y, z] = triple(pose, "position")?;
+    let turn = "orientation";
+    let quaternion = Quaternion {
+        x: number(pose, turn, "x")?,
+        y: number(pose, turn, "y")?,
+        z: number(pose, turn, "z")?,
+        w: number(pose, turn, "w")?,
+    };
+    let twist = match value.get("twist") {
+        Some(twist) => {
+            let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
+            let (linear, angular) = (triple(twist, "linear")?, triple(twist, "angular")?);
+            Some(Twist { linear: vector(linear), angular: vector(angular) })
+        }
+        None => None,
+    };
+    let pose = Pose { position: Point { x, y, z }, orientation: quaternion };
+    Ok(JsonPose { pose, twist, stamp_ns: stamp(&value)? })
+}
+
+fn triple(value: &Value, field: &str) -> Result<[f64; 3], Malformed> {
+    Ok([number(value, field, "x")?, number(value, field, "y")?, number(value, field, "z")?])
+}
+
+fn number(value: &Value, field: &str, axis: &str) -> Result<f64, Malformed> {
+    let found = value.get(field).and_then(|v| v.get(axis));
+    found.and_then(Value::as_f64).ok_or_else(|| {
+        let found = found.map_or("nothing".into(), Value::to_string);
+        Malformed::new(format!("{field}.{axis}"), "a number", found)
+    })
+}
+
+fn stamp(value: &Value) -> Result<Option<i64>, Malformed> {
+    if let Some(time) = value.get("time_ns") {
+        let wrong = || Malformed::new("time_ns", "a whole number", time);
+        return time.as_i64().map(Some).ok_or_else(wrong);
+    }
+    let Some(stamp) = value.pointer("/header/stamp").or_else(|| value.get("timestamp")) else {
+        return Ok(None);
+    };
+    let rest = stamp.get("nanosec").or_else(|| stamp.get("nsec"));
+    let whole = stamp.get("sec").and_then(Value::as_i64).zip(rest.and_then(Value::as_i64));
+    let ns = whole.and_then(|(sec, rest)| sec.checked_mul(1_000_000_000)?.checked_add(rest));
+    let wrong = || Malformed::new("stamp", "whole `sec` and `nanosec`", stamp);
+    ns.map(Some).ok_or_else(wrong)
+}

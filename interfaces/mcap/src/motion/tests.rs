@@ -1,0 +1,200 @@
+//! The rules by which poses in files become motions.
+
+use super::*;
+use crate::{Entry, Writer};
+use ballast::component::Interpolation;
+use ballast_protocol::messages::{
+    Clock, Header, Point, Pose, Quaternion, Time, Transform, TransformStamped, Vector3,
+};
+use std::path::PathBuf;
+
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn file(&self, entries: &[Entry]) -> PathBuf {
+        let path = self.0.path().join("a.mcap");
+        let mut writer = Writer::create(&path, None).unwrap();
+        entries.iter().for_each(|entry| writer.write(entry).unwrap());
+        writer.finish().unwrap();
+        path
+    }
+}
+
+fn bodies() -> Vec<String> {
+    vec!["tine-1".into(), "sleeper".into()]
+}
+
+fn at(x: f64) -> Pose {
+    Pose { position: Point { x, y: 0.0, z: 0.5 }, orientation: Quaternion::default() }
+}
+
+/// Recorded `delay` ns after its stamp.
+fn pose(topic: &str, time_ns: u64, x: f64, delay: u64) -> Entry {
+    let message = PoseStamped { header: Header::world(time_ns), pose: at(x) };
+    Entry::of(topic, time_ns + delay, &message).unwrap()
+}
+
+fn twist(topic: &str, time_ns: u64, speed: f64) -> Entry {
+    let linear = Vector3 { x: speed, ..Vector3::default() };
+    let twist = Twist { linear, ..Twist::default() };
+    let message = TwistStamped { header: Header::world(time_ns), twist };
+    Entry::of(topic, time_ns, &message).unwrap()
+}
+
+fn transform(time_ns: u64, frame: &str, x: f64) -> Entry {
+    let translation = Vector3 { x, y: 0.0, z: 0.5 };
+    let transform = TransformStamped {
+        header: Header::world(time_ns),
+        child_frame_id: frame.into(),
+        transform: Transform { translation, rotation: Quaternion::default() },
+    };
+    Entry::of("/tf", time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
+}
+
+fn read_all(path: &Path, maps: &[&str]) -> Result<Motion> {
+    let maps: Vec<Map> = maps.iter().map(|m| m.parse().unwrap()).collect();
+    read(path, &bodies(), &maps, TimeOf::Stamp, 0)
+}
+
+fn times(input: &Input) -> Vec<u64> {
+    input.waveform.knots.iter().map(|k| k.time_ns).collect()
+}
+
+#[test]
+fn a_knot_per_message_linear_without_twists() {
+    let place = Place::new();
+    let topic = "/tine_1/pose";
+    let path =
+        place.file(&[pose(topic, 0, 0.0, 5), pose(topic, 10, 1.0, 0), pose(topic, 30, 2.0, 5)]);
+    let motion = read_all(&path, &[]).unwrap();
+    assert_eq!((motion.start_ns, motion.end_ns, &motion.lost), (0, 30, &None));
+    let [input] = &motion.inputs[..] else { panic!("{motion:?}") };
+    assert_eq!((&input.body[..], times(input)), ("tine-1", vec![0, 10, 30]));
+    assert_eq!(input.waveform.interpolation, Interpolation::Linear);
+    assert_eq!(input.waveform.pose(20).position.x, 1.5);
+    let log = read(&path, &bodies(), &[], TimeOf::Log, 0).unwrap();
+    assert_eq!(times(&log.inputs[0]), [0, 5, 30], "from 5, 10 and 35 ns");
+}
+
+#[test]
+fn twists_of_the_same_times_make_it_cubic() {
+    let place = Place::new();
+    let poses = [pose("/m/pose", 0, 0.0, 0), pose("/m/pose", 1_000_000, 1e-6, 0)];
+    let twists = [twist("/m/twist", 0, 1e-3), twist("/m/twist", 1_000_000, 1e-3)];
+    let all = [poses.clone(), twists.clone()].concat();
+    let motion = read_all(&place.file(&all), &["/m/pose=sleeper"]).unwrap();
+    let waveform = &motion.inputs[0].waveform;
+    assert_eq!(waveform.interpolation, Interpolation::Hermite);
+    assert_eq!(waveform.knots[1].velocity.x, 1e-3);
+    // A twist is missing: linear for the whole body, and it is said.
+    let motion = read_all(&place.file(&all[..3]), &["/m/pose=sleeper"]).unwrap();
+    assert_eq!(motion.inputs[0].waveform.interpolation, Interpolation::Linear);
+    assert_eq!(motion.inputs[0].waveform.knots[0].velocity.x, 0.0);
+    assert!(motion.notes[0].contains("some poses have no twist"), "{:?}", motion.notes);
+    // A topic of twists by another name is mapped by itself.
+    let twists = twists.map(|e| Entry { topic: "/speed".into(), ..e });
+    let path = place.file(&[poses, twists].concat());
+    let motion = read_all(&path, &["/m/pose=sleeper", "/speed=sleeper"]).unwrap();
+    assert_eq!(motion.inputs[0].waveform.interpolation, Interpolation::Hermite);
+}
+
+#[test]
+fn nothing_is_extrapolated_and_the_common_stretch_begins_the_run() {
+    let place = Place::new();
+    let (a, b) = ("/tine_1/pose", "/sleeper/pose");
+    let early = [100, 200, 300].map(|t| pose(a, t, t as f64, 0));
+    let late = [150, 250, 350].map(|t| pose(b, t, t as f64, 0));
+    let path = place.file(&[early, late].concat());
+    let motion = read(&path, &bodies(), &[], TimeOf::Stamp, 1000).unwrap();
+    assert_eq!((motion.start_ns, motion.end_ns), (1000, 1150), "150 to 300 ns of the file");
+    let by_name = |name: &str| motion.inputs.iter().find(|i| i.body == name).unwrap();
+    assert_eq!(times(by_name("tine-1")), [1000, 1050, 1150]);
+    assert_eq!(by_name("tine-1").waveform.knots[0].pose.position.x, 150.0);
+    assert_eq!(times(by_name("sleeper")), [1000, 1100, 1200]);
+
+    let apart = [pose(a, 0, 0.0, 0), pose(a, 10, 0.0, 0), pose(b, 20, 0.0, 0), pose(b, 30, 0.0, 0)];
+    let error = read_all(&place.file(&apart), &[]).unwrap_err().to_string();
+    assert!(error.contains("20 ns") && error.contains("10 ns"), "{error}");
+}
+
+#[test]
+fn transforms_move_the_bodies_of_their_frames() {
+    let place = Place::new();
+    let tf = [transform(0, "tine-1", 0.0), transform(0, "arm", 5.0), transform(9, "tine-1", 1.0)];
+    let motion = read_all(&place.file(&tf), &[]).unwrap();
+    assert_eq!(motion.inputs[0].waveform.knots[1].pose.position.x, 1.0);
+    let motion = read_all(&place.file(&tf), &["/tf:arm=sleeper"]).unwrap();
+    assert_eq!((motion.inputs.len(), &motion.inputs[0].body[..]), (1, "sleeper"));
+    // A topic of its own counts before transforms.
+    let both = [tf[0].clone(), pose("/tine_1/pose", 0, 7.0, 0)];
+    let motion = read_all(&place.file(&both), &[]).unwrap();
+    assert_eq!(motion.inputs[0].waveform.knots[0].pose.position.x, 7.0);
+}
+
+#[test]
+fn messages_out_of_order_are_sorted_and_two_poses_at_a_time_refused() {
+    let place = Place::new();
+    let topic = "/tine_1/pose";
+    let path =
+        place.file(&[pose(topic, 20, 2.0, 0), pose(topic, 0, 0.0, 0), pose(topic, 20, 2.0, 9)]);
+    assert_eq!(times(&read_all(&path, &[]).unwrap().inputs[0]), [0, 20]);
+    let unstamped = [pose(topic, 0, 0.0, 0), pose(topic, 0, 1.0, 9)];
+    let error = read_all(&place.file(&unstamped), &[]).unwrap_err().to_string();
+    assert!(error.contains("0 ns") && error.contains("--time log"), "{error}");
+}
+
+#[test]
+fn what_cannot_be_used_is_named() {
+    let place = Place::new();
+    let clock = Entry::of("/clock", 0, &Clock { clock: Time::from_ns(0) }).unwrap();
+    let entries = [clock, pose("/tine_1/pose", 0, 0.0, 0), transform(0, "arm", 0.0)];
+    let path = place.file(&entries);
+    for (map, said) in [
+        ("/clock=sleeper", "rosgraph_msgs/msg/Clock"),
+        ("/arm/pose=sleeper", "/tine_1/pose"),
+        ("/tine_1/pose=crane", "crane"),
+        ("/tf:leg=sleeper", "/tf:arm"),
+    ] {
+        let error = read_all(&path, &[map]).unwrap_err().to_string();
+        assert!(error.contains(said) && error.contains("a.mcap"), "{error}");
+    }
+    let error = read_all(&place.file(&entries[..1]), &[]).unwrap_err().to_string();
+    assert!(error.contains("/clock") && error.contains("--map"), "{error}");
+    for text in ["", "=a", "/a=", "/a"] {
+        assert!(text.parse::<Map>().is_err(), "{text}");
+    }
+    let mut turned = PoseStamped { header: Header::world(0), pose: at(0.0) };
+    turned.pose.orientation.w = 0.9;
+    let turned = Entry::of("/tine_1/pose", 0, &turned).unwrap();
+    let error = read_all(&place.file(&[turned]), &[]).unwrap_err().to_string();
+    assert!(error.contains("unit quaternion"), "{error}");
+}
+
+#[test]
+fn json_poses_are_read_in_their_forms() {
+    let pose = r#"{"position": {"x": 1, "y": 2, "z": 3}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}"#;
+    let read = |text: &str| json_pose::read(text.as_bytes());
+    let plain = read(pose).unwrap();
+    assert_eq!((plain.pose.position.z, plain.stamp_ns), (3.0, None));
+    let stamped =
+        format!(r#"{{"header": {{"stamp": {{"sec": 1, "nanosec": 5}}}}, "pose": {pose}}}"#);
+    assert_eq!(read(&stamped).unwrap().stamp_ns, Some(1_000_000_005));
+    let timed = format!(
+        r#"{{"time_ns": 7, "pose": {pose}, "twist": {{"linear": {{"x": 1, "y": 0, "z": 0}},
+        "angular": {{"x": 0, "y": 0, "z": 2}}}}}}"#
+    );
+    let timed = read(&timed).unwrap();
+    assert_eq!((timed.stamp_ns, timed.twist.unwrap().angular.z), (Some(7), 2.0));
+    for (wrong, place) in [
+        (pose.replace("\"y\": 2", "\"y\": null"), "position.y"),
+        (pose.replace("\"w\"", "\"v\""), "orientation.w"),
+        (format!(r#"{{"timestamp": {{"sec": 1}}, "pose": {pose}}}"#), "stamp"),
+        ("{".into(), "message"),
+    ] {
+        assert_eq!(read(&wrong).unwrap_err().place, place);
+    }
+}

@@ -1,0 +1,93 @@
+//! Our windows in a recording of ours.
+
+use crate::error::{Error, Result};
+use crate::messages::{Lost, Message, Messages};
+use crate::meta::{self, Meta};
+use crate::window::STEP;
+use ballast_protocol::from_cdr;
+use ballast_protocol::messages::StepRecord;
+use std::path::Path;
+
+/// A window as it was recorded.
+#[derive(Debug, Clone)]
+pub struct Window {
+    pub record: StepRecord,
+    /// All messages of the window's end, in order; the record itself comes last.
+    pub messages: Vec<Message>,
+}
+
+/// Reads a recording window by window.
+pub struct Windows {
+    messages: Messages,
+    meta: Meta,
+    open: Vec<Message>,
+}
+
+/// Whether a file says that it is a recording of ours.
+///
+/// # Errors
+/// The system refuses; it is no MCAP file.
+pub fn is_ours(path: &Path) -> Result<bool> {
+    let mut messages = Messages::open(path)?;
+    messages.read_to_first()?;
+    Ok(messages.metadata(meta::NAME).is_some())
+}
+
+impl Windows {
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// The system refuses; it is no MCAP file, or none of ours; its format is not known.
+    pub fn open(path: &Path) -> Result<Self> {
+        let mut messages = Messages::open(path)?;
+        messages.read_to_first()?;
+        let Some(entries) = messages.metadata(meta::NAME) else {
+            let expected = "a recording of `ballast run --record`";
+            return Err(Error::unsuitable(path, "metadata", expected, "none"));
+        };
+        let meta = Meta::from_entries(path, entries)?;
+        Ok(Self { messages, meta, open: Vec::new() })
+    }
+
+    pub fn meta(&self) -> &Meta {
+        &self.meta
+    }
+
+    pub fn path(&self) -> &Path {
+        self.messages.path()
+    }
+
+    /// Why reading ended early, if it did. Messages of a window that was not closed count as lost.
+    pub fn lost(&self) -> Option<&Lost> {
+        self.messages.lost()
+    }
+
+    /// The next window; `None` after the last whole one.
+    ///
+    /// # Errors
+    /// The system refuses; a record that cannot be read, or out of order.
+    #[allow(clippy::should_implement_trait)]
+    pub fn next(&mut self) -> Result<Option<Window>> {
+        while let Some(message) = self.messages.next()? {
+            if message.channel.topic != STEP {
+                self.open.push(message);
+                continue;
+            }
+            let path = self.messages.path();
+            let record: StepRecord = from_cdr(&message.data)
+                .map_err(|e| Error::message(path, STEP, message.log_time, e))?;
+            let end = u64::try_from(record.t1_ns).ok();
+            if end != Some(message.log_time) || record.t0_ns > record.t1_ns {
+                let place = format!("{STEP}, window {}", record.seq);
+                let expected = format!("a window that ends at {} ns", message.log_time);
+                let found = format!("{} to {} ns", record.t0_ns, record.t1_ns);
+                return Err(Error::damaged(path, place, expected, found));
+            }
+            let mut messages = std::mem::take(&mut self.open);
+            messages.push(message);
+            messages.retain(|m| Some(m.log_time) == end);
+            return Ok(Some(Window { record, messages }));
+        }
+        Ok(None)
+    }
+}

@@ -1,0 +1,230 @@
+//! Computes a recording again and compares, window by window, message by message.
+
+use crate::entry::Entry;
+use crate::error::{Error, Result};
+use crate::messages::Message;
+use crate::recording::{Window, Windows};
+use crate::window::{self, zone_topic};
+use ballast::component::{self, Component, Outcome};
+use ballast::model::Model;
+use ballast::observe::Zone;
+use ballast::state::State;
+use ballast::step::StepReport;
+use ballast_protocol::messages::{AdvanceReply, StateHash, decode_to_json};
+use serde_json::Value;
+use std::ops::ControlFlow;
+
+/// What the caller knows of a state beyond the component: the memory of who drives it, and its hash.
+pub trait Keeper {
+    /// Takes a step that has led to `state`.
+    fn observe(&mut self, model: &Model, state: &State, report: &StepReport);
+    /// Hash of the state with that memory.
+    fn hash(&self, model: &Model, state: &State) -> StateHash;
+}
+
+/// The first thing that differs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// Number of the window; 0: the start.
+    pub seq: u64,
+    /// Step and time (ns) at the end of the window.
+    pub step: u64,
+    pub time_ns: u64,
+    /// Topic, with the body or zone.
+    pub topic: String,
+    /// Path of the field.
+    pub field: String,
+    pub recorded: String,
+    pub computed: String,
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { seq, step, time_ns, topic, field, recorded, computed } = self;
+        write!(
+            f,
+            "window {seq}, step {step} at {time_ns} ns, {topic}, {field}: recorded {recorded}, \
+             computed {computed}"
+        )
+    }
+}
+
+/// What verification found.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// Every window of the file, this many, is what this program computes.
+    Same {
+        windows: u64,
+    },
+    Different(Box<Difference>),
+    /// `watch` ended it after this many equal windows.
+    Stopped {
+        windows: u64,
+    },
+}
+
+/// Computes the windows of a recording with a component at the recording's start.
+///
+/// `zones`: those of the case; measured where the recording has them. `watch` sees the time (ns) after
+/// each window and may end the verification.
+///
+/// # Errors
+/// A file that cannot be read further than what is told as lost.
+pub fn verify(
+    windows: &mut Windows,
+    model: &Model,
+    component: &mut Component,
+    zones: &[Zone],
+    keeper: &mut dyn Keeper,
+    watch: &mut dyn FnMut(u64) -> ControlFlow<()>,
+) -> Result<Verdict> {
+    let start = keeper.hash(model, component.state());
+    let recorded = windows.meta().initial_hash;
+    if start != recorded {
+        let texts = [recorded.to_string(), start.to_string()];
+        return Ok(different(0, component.state(), "metadata", "initial_hash", texts));
+    }
+    let mut count = 0;
+    while let Some(window) = windows.next()? {
+        let seq = window.record.seq;
+        let mut outcome = match advance(&window, model, component, keeper) {
+            Ok(outcome) => outcome,
+            Err(refusal) => {
+                let texts = ["a window that was computed".into(), format!("refused: {refusal}")];
+                return Ok(different(seq, component.state(), window::STEP, "request", texts));
+            }
+        };
+        let reply = reply(&window, model, component, zones, keeper, &mut outcome);
+        let entries = window::entries(model, component.state(), &window.record.request, &reply)
+            .map_err(|e| Error::Refused(e, windows.path().into()))?;
+        if let Some((topic, [field, recorded, computed])) = compare(&window.messages, &entries) {
+            let texts = [recorded, computed];
+            return Ok(different(seq, component.state(), &topic, &field, texts));
+        }
+        count += 1;
+        if watch(component.now_ns()).is_break() {
+            return Ok(Verdict::Stopped { windows: count });
+        }
+    }
+    Ok(Verdict::Same { windows: count })
+}
+
+fn different(seq: u64, state: &State, topic: &str, field: &str, texts: [String; 2]) -> Verdict {
+    let [recorded, computed] = texts;
+    let (topic, field) = (topic.into(), field.into());
+    let (step, time_ns) = (state.step, state.time_ns);
+    Verdict::Different(Box::new(Difference {
+        seq,
+        step,
+        time_ns,
+        topic,
+        field,
+        recorded,
+        computed,
+    }))
+}
+
+fn advance(
+    window: &Window,
+    model: &Model,
+    component: &mut Component,
+    keeper: &mut dyn Keeper,
+) -> std::result::Result<Outcome, String> {
+    let asked = window.record.request.inputs().map_err(|e| e.to_string())?;
+    let inputs = component::Window { motions: &asked.motions, loads: &asked.loads };
+    let mut observe = |state: &State, report: &StepReport| {
+        keeper.observe(model, state, report);
+        ControlFlow::Continue(())
+    };
+    component.advance_watched(asked.t1_ns, inputs, &mut observe).map_err(|e| e.to_string())
+}
+
+/// The reply, with those zones that the recording has.
+fn reply(
+    window: &Window,
+    model: &Model,
+    component: &Component,
+    zones: &[Zone],
+    keeper: &dyn Keeper,
+    outcome: &mut Outcome,
+) -> AdvanceReply {
+    let state = component.state();
+    let is_recorded = |zone: &&Zone| {
+        let topic = zone_topic(&zone.name);
+        window.messages.iter().any(|m| m.channel.topic == topic)
+    };
+    let zones: Vec<Zone> = zones.iter().filter(is_recorded).cloned().collect();
+    outcome.zones = component::measure(model, state, component.workspace(), &zones);
+    AdvanceReply::of(&window.record.request, model, outcome, keeper.hash(model, state))
+}
+
+/// Topic, and field with both values, of the first entry that the recording has otherwise.
+fn compare(recorded: &[Message], computed: &[Entry]) -> Option<(String, [String; 3])> {
+    let mut rest: Vec<&Message> = recorded.iter().collect();
+    for entry in computed {
+        let place = rest.iter().position(|m| m.channel.topic == entry.topic);
+        let Some(message) = place.map(|i| rest.remove(i)) else {
+            let texts = ["message".into(), "none".into(), "one".into()];
+            return Some((entry.topic.clone(), texts));
+        };
+        if message.data != entry.bytes || message.channel.schema != entry.kind {
+            return Some((entry.topic.clone(), field(message, entry)));
+        }
+    }
+    None
+}
+
+fn field(message: &Message, entry: &Entry) -> [String; 3] {
+    if message.channel.schema != entry.kind {
+        return ["type".into(), message.channel.schema.clone(), entry.kind.into()];
+    }
+    let values = [&message.data, &entry.bytes].map(|bytes| decode_to_json(entry.kind, bytes));
+    match values {
+        [Ok(recorded), Ok(computed)] => first_difference(&recorded, &computed, String::new())
+            .unwrap_or_else(|| ["bytes".into(), "other bytes".into(), "equal values".into()]),
+        [Err(e), _] | [_, Err(e)] => ["message".into(), format!("unreadable: {e}"), "one".into()],
+    }
+}
+
+/// Path of the first leaf that differs, and both leaves.
+fn first_difference(a: &Value, b: &Value, path: String) -> Option<[String; 3]> {
+    match (a, b) {
+        (Value::Object(x), Value::Object(y)) if x.len() == y.len() => {
+            x.iter().find_map(|(k, v)| {
+                let below = if path.is_empty() { k.clone() } else { format!("{path}.{k}") };
+                first_difference(v, y.get(k).unwrap_or(&Value::Null), below)
+            })
+        }
+        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => x
+            .iter()
+            .zip(y)
+            .enumerate()
+            .find_map(|(i, (v, w))| first_difference(v, w, format!("{path}[{i}]"))),
+        _ => {
+            // By their texts: numbers of opposite sign are equal at zero.
+            let texts = [a.to_string(), b.to_string()];
+            let [recorded, computed] = &texts;
+            (recorded != computed).then(|| [path, recorded.clone(), computed.clone()])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_first_leaf_that_differs_is_named() {
+        let a = json!({"x": {"y": [1.0, {"z": 2.5}]}, "w": 0.0});
+        let changed = |pointer: &str, value: Value| {
+            let mut b = a.clone();
+            *b.pointer_mut(pointer).unwrap() = value;
+            first_difference(&a, &b, String::new()).map(|[path, ..]| path)
+        };
+        assert_eq!(changed("/x/y/0", json!(1.0)), None);
+        assert_eq!(changed("/x/y/1/z", json!(2.25)).unwrap(), "x.y[1].z");
+        assert_eq!(changed("/w", json!(-0.0)).unwrap(), "w");
+        assert_eq!(changed("/x/y", json!([1.0])).unwrap(), "x.y");
+    }
+}

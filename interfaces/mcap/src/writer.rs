@@ -1,0 +1,122 @@
+//! The file: chunks, channels, definitions.
+//!
+//! Contract: what is written depends on the entries alone; no clock is read. Chunks are small and go to
+//! the system whole, so that a killed program leaves a readable file.
+
+use crate::entry::Entry;
+use crate::error::{Error, Result};
+use crate::meta::{self, Meta};
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Bytes of messages after which a chunk is closed: what a killed run may lose, at most.
+const CHUNK: usize = 64 << 10;
+
+type Sink = NoSeek<BufWriter<File>>;
+
+/// A recording that is being written.
+pub struct Writer {
+    path: PathBuf,
+    inner: mcap::Writer<Sink>,
+    channels: BTreeMap<String, Channel>,
+    /// Bytes since the last chunk was closed.
+    waiting: usize,
+}
+
+struct Channel {
+    id: u16,
+    kind: &'static str,
+    sequence: u32,
+}
+
+impl Writer {
+    /// Starts a file; what was there is replaced. Without `meta` it is a recording of no run of ours.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn create(path: &Path, meta: Option<&Meta>) -> Result<Self> {
+        let file = File::create(path).map_err(|e| Error::io(path, "create", e))?;
+        let inner = mcap::WriteOptions::new()
+            .profile("ros2")
+            .library(concat!("ballast ", env!("CARGO_PKG_VERSION")))
+            .compression(Some(mcap::Compression::Zstd))
+            // Workers would make the bytes depend on the machine.
+            .compression_threads(0)
+            .chunk_size(None)
+            // A chunk is put together in memory: never half of one on the disk.
+            .disable_seeking(true)
+            .create(NoSeek::new(BufWriter::new(file)))
+            .map_err(|e| failed(path, e))?;
+        let mut writer = Self { path: path.into(), inner, channels: BTreeMap::new(), waiting: 0 };
+        if let Some(meta) = meta {
+            let record = Metadata { name: meta::NAME.into(), metadata: meta.entries() };
+            writer.inner.write_metadata(&record).map_err(|e| failed(path, e))?;
+            writer.inner.flush().map_err(|e| failed(path, e))?;
+        }
+        Ok(writer)
+    }
+
+    /// Appends a message.
+    ///
+    /// # Errors
+    /// The system refuses; a topic that has another type already.
+    pub fn write(&mut self, entry: &Entry) -> Result<()> {
+        let id = self.channel(entry)?;
+        let Some(channel) = self.channels.get_mut(&entry.topic) else { return Ok(()) };
+        let header = MessageHeader {
+            channel_id: id,
+            sequence: channel.sequence,
+            log_time: entry.time_ns,
+            publish_time: entry.time_ns,
+        };
+        channel.sequence = channel.sequence.wrapping_add(1);
+        self.inner
+            .write_to_known_channel(&header, &entry.bytes)
+            .map_err(|e| failed(&self.path, e))?;
+        self.waiting += entry.bytes.len();
+        if self.waiting >= CHUNK {
+            self.waiting = 0;
+            self.inner.flush().map_err(|e| failed(&self.path, e))?;
+        }
+        Ok(())
+    }
+
+    /// Number of the entry's channel, which is declared if it is new.
+    fn channel(&mut self, entry: &Entry) -> Result<u16> {
+        if let Some(known) = self.channels.get(&entry.topic) {
+            if known.kind == entry.kind {
+                return Ok(known.id);
+            }
+            return Err(Error::unsuitable(&self.path, &entry.topic, known.kind, entry.kind));
+        }
+        let schema = self.inner.add_schema(entry.kind, "ros2msg", (entry.schema)().as_bytes());
+        let schema = schema.map_err(|e| failed(&self.path, e))?;
+        let id = self.inner.add_channel(schema, &entry.topic, "cdr", &BTreeMap::new());
+        let id = id.map_err(|e| failed(&self.path, e))?;
+        self.channels.insert(entry.topic.clone(), Channel { id, kind: entry.kind, sequence: 0 });
+        Ok(id)
+    }
+
+    /// Writes index and end, and brings the file to the disk.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn finish(mut self) -> Result<()> {
+        self.inner.finish().map_err(|e| failed(&self.path, e))?;
+        let mut sink = self.inner.into_inner().into_inner();
+        sink.flush().map_err(|e| Error::io(&self.path, "write", e))?;
+        sink.get_ref().sync_all().map_err(|e| Error::io(&self.path, "bring to the disk", e))
+    }
+}
+
+fn failed(path: &Path, error: mcap::McapError) -> Error {
+    let source = match error {
+        mcap::McapError::Io(source) => source,
+        other => std::io::Error::other(other),
+    };
+    Error::io(path, "write", source)
+}

@@ -1,0 +1,221 @@
+//! Files: equal bytes, files cut short, damaged files, files of other programs.
+
+use ballast_mcap::messages::Messages;
+use ballast_mcap::recording::{self, Windows};
+use ballast_mcap::{Drive, Entry, Error, Meta, Writer};
+use ballast_protocol::from_cdr;
+use ballast_protocol::messages::{Header, PoseStamped};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+fn meta() -> Meta {
+    Meta {
+        program: "ballast 0".into(),
+        case_name: "case".into(),
+        case_key: "key".into(),
+        step_ns: 1000,
+        schedule: "synchronous".into(),
+        drive: Drive::Inputs,
+        choices: BTreeMap::from([("seed".into(), "7".into())]),
+        initial_hash: 12_u128.into(),
+    }
+}
+
+fn pose(i: u64) -> Entry {
+    let mut message = PoseStamped { header: Header::world(i * 1000), ..PoseStamped::default() };
+    message.pose.position.x = (i as f64 * 0.1).sin();
+    Entry::of(format!("/body_{}/pose", i % 3), i * 1000, &message).unwrap()
+}
+
+/// Long enough for several chunks.
+const MESSAGES: u64 = 3000;
+
+fn write(path: &Path, meta: Option<&Meta>) {
+    let mut writer = Writer::create(path, meta).unwrap();
+    (0..MESSAGES).for_each(|i| writer.write(&pose(i)).unwrap());
+    writer.finish().unwrap();
+}
+
+fn place(name: &str) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    (folder, path)
+}
+
+/// Times of the messages that can be read, and why reading ended.
+fn read(path: &Path) -> Result<(Vec<u64>, Option<String>), Error> {
+    let mut messages = Messages::open(path)?;
+    let mut times = Vec::new();
+    while let Some(message) = messages.next()? {
+        times.push(message.log_time);
+    }
+    let lost = messages.lost();
+    assert!(lost.is_none_or(|lost| lost.kept == times.len() as u64));
+    Ok((times, lost.map(|lost| lost.reason.clone())))
+}
+
+fn all_times() -> Vec<u64> {
+    (0..MESSAGES).map(|i| i * 1000).collect()
+}
+
+#[test]
+fn equal_messages_leave_equal_bytes_and_come_back() {
+    let (_folder, path) = place("a.mcap");
+    let other = path.with_file_name("b.mcap");
+    write(&path, Some(&meta()));
+    write(&other, Some(&meta()));
+    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&other).unwrap());
+    assert_eq!(read(&path).unwrap(), (all_times(), None));
+    assert!(recording::is_ours(&path).unwrap());
+    assert_eq!(*Windows::open(&path).unwrap().meta(), meta());
+    let mut messages = Messages::open(&path).unwrap();
+    let first = messages.next().unwrap().unwrap();
+    assert_eq!(first.channel.schema, "geometry_msgs/msg/PoseStamped");
+    assert_eq!(from_cdr::<PoseStamped>(&first.data).unwrap().header, Header::world(0));
+}
+
+#[test]
+fn a_topic_keeps_its_type() {
+    let (_folder, path) = place("a.mcap");
+    let mut writer = Writer::create(&path, None).unwrap();
+    writer.write(&pose(0)).unwrap();
+    let other = Entry::of("/body_0/pose", 0, &Header::world(0)).unwrap();
+    let error = writer.write(&other).unwrap_err().to_string();
+    assert!(error.contains("/body_0/pose") && error.contains("std_msgs/msg/Header"), "{error}");
+}
+
+#[test]
+fn a_file_cut_short_is_read_up_to_its_last_whole_chunk() {
+    let (_folder, path) = place("a.mcap");
+    write(&path, Some(&meta()));
+    let whole = std::fs::read(&path).unwrap();
+    let cut = path.with_file_name("cut.mcap");
+    let mut counts = Vec::new();
+    // The last bytes are index and footer: without them nothing is lost.
+    for part in 1..60 {
+        std::fs::write(&cut, &whole[..whole.len() * part / 60]).unwrap();
+        match read(&cut) {
+            Ok((times, lost)) => {
+                assert_eq!(times, all_times()[..times.len()]);
+                assert!(lost.is_some() || times.len() as u64 == MESSAGES);
+                counts.push(times.len());
+            }
+            Err(error) => assert!(error.to_string().contains("cut.mcap"), "{error}"),
+        }
+    }
+    counts.dedup();
+    assert!(counts.is_sorted() && counts.len() > 3, "several chunks: {counts:?}");
+}
+
+#[test]
+fn a_writer_that_is_gone_leaves_its_chunks() {
+    let (_folder, path) = place("a.mcap");
+    let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+    (0..MESSAGES).for_each(|i| writer.write(&pose(i)).unwrap());
+    // As after a kill: what the system has been given so far.
+    let killed = path.with_file_name("killed.mcap");
+    std::fs::copy(&path, &killed).unwrap();
+    let (times, lost) = read(&killed).unwrap();
+    assert!(lost.is_some());
+    assert!(times.len() > 2000 && times == all_times()[..times.len()], "{}", times.len());
+    writer.finish().unwrap();
+}
+
+#[test]
+fn changed_bytes_do_no_harm() {
+    let (_folder, path) = place("a.mcap");
+    write(&path, Some(&meta()));
+    let whole = std::fs::read(&path).unwrap();
+    let broken = path.with_file_name("broken.mcap");
+    let mut noticed = 0;
+    for at in (0..whole.len()).step_by(whole.len() / 400) {
+        for value in [whole[at] ^ 1, 0xff] {
+            let mut bytes = whole.clone();
+            bytes[at] = value;
+            std::fs::write(&broken, bytes).unwrap();
+            match read(&broken) {
+                Ok((_, None)) => {}
+                _ => noticed += 1,
+            }
+            let _ = Windows::open(&broken).and_then(|mut windows| windows.next());
+        }
+    }
+    assert!(noticed > 200, "checksums of chunks: {noticed}");
+}
+
+#[test]
+fn chunks_of_other_programs_are_read() {
+    let (_folder, path) = place("a.mcap");
+    let packed = [None, Some(mcap::Compression::Lz4), Some(mcap::Compression::Zstd)];
+    for (compression, chunks) in packed.into_iter().flat_map(|c| [(c, true), (c, false)]) {
+        let file = std::fs::File::create(&path).unwrap();
+        let options = mcap::WriteOptions::new().compression(compression).use_chunks(chunks);
+        let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
+        let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+        for i in 0..100 {
+            let header = mcap::records::MessageHeader {
+                channel_id: channel,
+                sequence: 0,
+                log_time: i,
+                publish_time: i,
+            };
+            writer.write_to_known_channel(&header, b"{}").unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        let (times, lost) = read(&path).unwrap();
+        assert_eq!((times.len(), lost), (100, None));
+        assert!(!recording::is_ours(&path).unwrap());
+        let error = Windows::open(&path).err().unwrap().to_string();
+        assert!(error.contains("run --record"), "{error}");
+    }
+}
+
+#[test]
+fn chunks_that_lie_are_refused() {
+    let (_folder, path) = place("a.mcap");
+    let file = std::fs::File::create(&path).unwrap();
+    let mut writer = mcap::WriteOptions::new().compression(None).create(file).unwrap();
+    let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+    let header = mcap::records::MessageHeader {
+        channel_id: channel,
+        sequence: 0,
+        log_time: 1,
+        publish_time: 1,
+    };
+    writer.write_to_known_channel(&header, b"mark").unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+    let whole = std::fs::read(&path).unwrap();
+    let mark = whole.windows(4).position(|w| w == b"mark").unwrap();
+    // The message's length: longer than the chunk, longer than any memory.
+    for length in [1000_u64, u64::MAX] {
+        let mut bytes = whole.clone();
+        bytes[mark - 30..mark - 22].copy_from_slice(&length.to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let (times, lost) = read(&path).unwrap();
+        assert!(times.is_empty());
+        assert!(lost.unwrap().contains("chunk"));
+    }
+}
+
+#[test]
+fn other_files_and_versions_are_told() {
+    let (_folder, path) = place("a.mcap");
+    for content in [&b""[..], b"not a recording", &[0x89, b'M', b'C', b'A', b'P', 0x30, 13, 10]] {
+        std::fs::write(&path, content).unwrap();
+        let error = Messages::open(&path).err().unwrap();
+        assert!(matches!(error, Error::Damaged { .. }), "{error}");
+    }
+    let missing = path.with_file_name("none.mcap");
+    assert!(matches!(Messages::open(&missing).err().unwrap(), Error::Io { .. }));
+
+    write(&path, Some(&meta()));
+    let mut bytes = std::fs::read(&path).unwrap();
+    let key = b"\x06\0\0\0format\x01\0\0\x001";
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len() - 1;
+    bytes[at] = b'9';
+    std::fs::write(&path, bytes).unwrap();
+    assert!(matches!(Windows::open(&path).err().unwrap(), Error::Version { .. }));
+}

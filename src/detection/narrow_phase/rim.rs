@@ -1,0 +1,61 @@
+//! Edges of a body that may make corners of the gap, by the corners that they need.
+
+use super::facing::{Frame, Segment};
+use super::few::Few;
+use crate::geometry::Polyhedron;
+
+/// How many edges are kept in mind.
+pub const EDGES: usize = 12;
+/// How many of their ends.
+const ENDS: usize = 18;
+
+/// Edges, and their ends by place in the list of corners.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Rim {
+    corners: Few<ENDS>,
+    pub edges: Few<EDGES>,
+    ends: [[u8; 2]; EDGES],
+}
+
+impl Rim {
+    pub fn clear(&mut self) {
+        self.corners.clear();
+        self.edges.clear();
+    }
+
+    pub fn is_whole(&self) -> bool {
+        self.corners.is_whole() && self.edges.is_whole()
+    }
+
+    /// Place of an edge in the list, to which it is appended if it is new.
+    pub fn add(&mut self, shape: &Polyhedron, index: usize) -> usize {
+        let place = self.edges.place_of(index);
+        self.ends[place] =
+            shape.edges[index].vertices.map(|v| self.corners.place_of(usize::from(v)) as u8);
+        place
+    }
+
+    /// The edges in the coordinates of the axis.
+    #[inline]
+    pub fn place<'a>(
+        &self,
+        shape: &Polyhedron,
+        frame: &Frame,
+        Placed { corners, segments }: &'a mut Placed,
+    ) -> &'a [Segment] {
+        corners.clear();
+        corners.extend(self.corners.iter().map(|v| frame.place(&shape.vertices[v])));
+        segments.clear();
+        segments.extend(self.ends[..self.edges.len()].iter().map(|[start, end]| {
+            Segment::between(corners[usize::from(*start)], corners[usize::from(*end)])
+        }));
+        segments
+    }
+}
+
+/// Buffers for a rim in the coordinates of the axis.
+#[derive(Debug, Default)]
+pub struct Placed {
+    corners: Vec<[f64; 3]>,
+    segments: Vec<Segment>,
+}
