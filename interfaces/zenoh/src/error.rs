@@ -15,13 +15,16 @@ pub enum Error {
     /// The component has refused the request; nothing has changed there.
     #[error(transparent)]
     Refused(#[from] Fault),
-    /// The component is there and at work, but has not answered within the time allowed. The request may be
-    /// sent again: what was done is not done twice.
-    #[error("{request}: no answer within {waited_s:.1} s, though {key} is alive: {doing}")]
-    Slow { request: String, key: String, waited_s: f64, doing: String },
+    /// The component is there, but has not answered within the time allowed. The request may be sent again:
+    /// what was done is not done twice.
+    #[error("{request}: no answer within {waited_s:.1} s, though {component} is there: {doing}")]
+    Slow { request: String, component: String, waited_s: f64, doing: String },
     /// The component is not there: neither alive nor telling what it does.
-    #[error("{request}: {key} is not there (not alive and silent for {waited_s:.1} s)")]
-    PeerLost { request: String, key: String, waited_s: f64 },
+    #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s")]
+    PeerLost { request: String, component: String, silent_s: f64 },
+    /// The run was continued by someone else, or lost more than can be computed again.
+    #[error("{component}, run {run_id}: expected {expected}, found {found}")]
+    Diverged { component: String, run_id: String, expected: String, found: String },
     /// An answer that is none.
     #[error("answer to {request}: {what}")]
     Answer { request: String, what: String },
@@ -30,6 +33,14 @@ pub enum Error {
 impl Error {
     pub(crate) fn link(place: impl Into<String>, reason: impl ToString) -> Self {
         Self::Link { place: place.into(), reason: reason.to_string() }
+    }
+
+    /// The component's refusal, if it is one.
+    pub fn fault(&self) -> Option<&Fault> {
+        match self {
+            Self::Refused(fault) => Some(fault),
+            _ => None,
+        }
     }
 }
 

@@ -8,6 +8,7 @@ pub const VERSION: u32 = 1;
 /// The names of one component.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Keys {
+    name: String,
     base: String,
 }
 
@@ -22,10 +23,15 @@ impl Keys {
             !p.is_empty() && p.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_.".contains(&b))
         };
         if parts.len() == 2 && parts.iter().all(good) {
-            return Ok(Self { base: format!("ballast/{VERSION}/{name}") });
+            return Ok(Self { name: name.into(), base: format!("ballast/{VERSION}/{name}") });
         }
         let expected = "SITE/ID of letters, digits, '-', '_' and '.'";
         Err(Error::Name { expected, found: name.into() })
+    }
+
+    /// `site/id`.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// Liveliness of the component in a run.
@@ -43,10 +49,12 @@ impl Keys {
         format!("{}/owner/{client}", self.base)
     }
 
+    /// Liveliness of any such client.
     pub fn owner_any(&self) -> String {
         format!("{}/owner/*", self.base)
     }
 
+    /// What the component says of itself.
     pub fn describe(&self) -> String {
         format!("{}/describe", self.base)
     }
@@ -56,8 +64,14 @@ impl Keys {
         format!("{}/ctl/{verb}", self.base)
     }
 
+    /// All requests.
     pub fn control_any(&self) -> String {
         format!("{}/ctl/*", self.base)
+    }
+
+    /// All that is told.
+    pub fn out_any(&self) -> String {
+        format!("{}/out/**", self.base)
     }
 
     /// What is told of the component: `clock`, `status`, …
@@ -70,6 +84,7 @@ impl Keys {
         format!("{}/out/{}/{what}", self.base, chunk(body))
     }
 
+    /// What is told of a zone of the bed.
     pub fn out_zone(&self, zone: &str) -> String {
         format!("{}/out/zone/{}", self.base, chunk(zone))
     }

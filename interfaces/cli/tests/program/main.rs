@@ -5,5 +5,7 @@ mod endings;
 mod recordings;
 mod restart;
 mod samples;
+#[cfg(feature = "zenoh")]
+mod serve;
 mod setup;
 mod solve;

@@ -71,8 +71,13 @@ impl Place {
 
     /// A call of the program in this folder, with the shared bed.
     pub fn with_beds(&self, arguments: &str) -> Ended {
+        Ended(self.with_beds_command(arguments).output().unwrap())
+    }
+
+    pub fn with_beds_command(&self, arguments: &str) -> Command {
         let mut command = self.command(arguments);
-        Ended(command.arg("--beds").arg(BEDS.path()).output().unwrap())
+        command.arg("--beds").arg(BEDS.path());
+        command
     }
 
     /// The summary of the run in `folder`, without what depends on the machine.

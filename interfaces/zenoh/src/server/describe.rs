@@ -4,10 +4,12 @@ use ballast::model::{Freedom, Model, Role, Schedule};
 use ballast_protocol::lockstep::Lockstep;
 use ballast_protocol::messages::{Point, Quaternion};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Everything a partner has to know before the first window.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Description {
+    /// `site/id`.
     pub key: String,
     /// Of the program.
     pub version: String,
@@ -22,21 +24,25 @@ pub struct Description {
     pub units: String,
     pub frame: String,
     pub wrench: String,
+    /// What the case has set.
+    pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
 /// A driven body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     pub name: String,
+    /// `tine`, `sleeper`, `boundary`.
     pub role: String,
-    /// Modes of x, y, z, and of the rotations about them: `held`, `loaded`, `sprung`.
+    /// Of x, y, z, and of the rotations about them: `held` (its motion is imposed), `loaded`, `sprung`.
     pub freedoms: [String; 6],
-    /// Where the reference point is, and how the body is turned, at the start.
+    /// Where the reference point is, m, and how the body is turned, when a client last attached.
     pub position: Point,
     pub orientation: Quaternion,
 }
 
 impl Description {
+    /// Of the component `site/id` as it is now.
     pub fn of(key: &str, lockstep: &Lockstep) -> Self {
         let component = lockstep.component();
         let (model, state) = (component.model(), component.state());
@@ -62,9 +68,25 @@ impl Description {
             determinism: determinism(model).into(),
             units: "SI: m, s, kg, N, N s, rad".into(),
             frame: "world, right-handed, z up; quaternions x, y, z, w, body to world".into(),
-            wrench: "by the ballast on the body, world axes, about the body's reference point".into(),
+            wrench: "by the ballast on the body, world axes, about the body's reference point"
+                .into(),
+            parameters: parameters(model),
         }
     }
+}
+
+/// What decides how a window is computed.
+fn parameters(model: &Model) -> BTreeMap<String, serde_json::Value> {
+    let solver = &model.solver;
+    let schedule = format!("{:?}", solver.schedule).to_lowercase();
+    [
+        ("step_ns", serde_json::json!(model.stepping.step_ns)),
+        ("iterations", serde_json::json!(solver.iterations)),
+        ("tolerance", serde_json::json!(solver.tolerance)),
+        ("schedule", serde_json::json!(schedule)),
+    ]
+    .map(|(name, value)| (name.to_string(), value))
+    .into()
 }
 
 fn role(role: Role) -> &'static str {
