@@ -1,19 +1,21 @@
 //! Squeezes until a preset force: the shortest useful partner of a served component.
 //!
 //!     ballast serve examples/first.toml --key demo/bed
-//!     cargo run --release -p ballast-zenoh --example controller_loop -- demo/bed 150
+//!     cargo run --release -p ballast-zenoh --example controller_loop -- demo/bed 150 0.1
 //!
-//! Lowers the tines into the bed, then closes them on each other, millisecond by millisecond, until the mean
+//! Lowers the tines into the bed (here by 0.1 m), then closes them on each other, millisecond by millisecond, until the mean
 //! of their horizontal forces over the last 4 ms has reached the preset one.
 
 use ballast_protocol::messages::{
-    AdvanceReply, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Twist, Vector3,
+    AdvanceReply, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Status, Twist,
+    Vector3,
 };
 use ballast_zenoh::link::DEFAULT_ENDPOINT;
-use ballast_zenoh::{Client, Error, Link, Patience};
+use ballast_zenoh::{Client, Link, Patience};
+use std::error::Error;
 
-/// How far and how fast down, m and m/s; how far and how fast to each other at most.
-const DOWN: [f64; 2] = [0.1, 0.5];
+/// How fast down, m/s; how far and how fast to each other at most.
+const DOWN: f64 = 0.5;
 const CLOSE: [f64; 2] = [0.04, 0.1];
 /// The tools reach their speed with this acceleration, m/s².
 const ACCELERATION: f64 = 20.0;
@@ -64,8 +66,9 @@ pub struct Squeezed {
     pub hash: String,
 }
 
-/// Squeezes until `force` (N), or as far as it goes; the tines stand still then.
-pub fn squeeze(client: &mut Client, force: f64) -> Result<Squeezed, Error> {
+/// Lowers the tines by `depth` (m) and squeezes until `force` (N), or as far as it goes; the tines stand still
+/// then.
+pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, Box<dyn Error>> {
     let description = client.describe()?;
     // Whole steps, a millisecond if it can be.
     let window = (1_000_000 / description.step_ns).max(1) * description.step_ns;
@@ -85,7 +88,7 @@ pub fn squeeze(client: &mut Client, force: f64) -> Result<Squeezed, Error> {
     loop {
         let down = start[0].z - tines[0].position.z;
         squeezed.closing = (tines[0].position.x - start[0].x).abs();
-        let is_down = down >= DOWN[0];
+        let is_down = down >= depth;
         let is_done = is_down && (squeezed.force >= force || squeezed.closing >= CLOSE[0]);
         if is_done && tines.iter().all(|t| t.velocity == Vector3::default()) {
             return Ok(squeezed);
@@ -93,10 +96,13 @@ pub fn squeeze(client: &mut Client, force: f64) -> Result<Squeezed, Error> {
         let (t0, t1) = (client.place().now_ns, client.place().now_ns + window);
         let motions = tines.iter_mut().map(|tine| {
             let x = if is_down && !is_done { tine.inward * CLOSE[1] } else { 0.0 };
-            let z = if is_down { 0.0 } else { -DOWN[1] };
+            let z = if is_down { 0.0 } else { -DOWN };
             tine.steer(Vector3 { x, y: 0.0, z }, t0, t1)
         });
         let reply = client.advance_to(t1, motions.collect(), vec![])?;
+        if !matches!(reply.status, Status::Ok | Status::Warn) {
+            return Err(format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into());
+        }
         squeezed.force = horizontal(&reply, &tines);
         squeezed.time_s = t1 as f64 * 1e-9;
         squeezed.hash = reply.hash.to_string();
@@ -112,15 +118,15 @@ fn horizontal(reply: &AdvanceReply, tines: &[Tine]) -> f64 {
     tines.iter().map(outward).sum::<f64>() / tines.len().max(1) as f64
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [key, force, rest @ ..] = &arguments[..] else {
-        return Err("usage: controller_loop SITE/ID FORCE_N [ENDPOINT]".into());
+    let [key, force, depth, rest @ ..] = &arguments[..] else {
+        return Err("usage: controller_loop SITE/ID FORCE_N DEPTH_M [ENDPOINT]".into());
     };
     let endpoint = rest.first().map_or(DEFAULT_ENDPOINT, |e| e);
     let link = Link::to(endpoint);
     let mut client = Client::attach(key, &link, "controller", None, Patience::default())?;
-    let done = squeeze(&mut client, force.parse()?)?;
+    let done = squeeze(&mut client, force.parse()?, depth.parse()?)?;
     println!(
         "{:.1} N after closing {:.1} mm, at {:.3} s; state {}",
         done.force,

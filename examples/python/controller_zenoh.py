@@ -1,19 +1,18 @@
 """Squeezes until a preset force, from Python: stock eclipse-zenoh, JSON only.
 
     ballast serve examples/first.toml --key demo/bed
-    pip install eclipse-zenoh && python examples/python/controller_zenoh.py demo/bed 150
+    pip install eclipse-zenoh && python examples/python/controller_zenoh.py demo/bed 150 0.1
 """
 import json, sys, time, uuid, zenoh
 
-key, force = sys.argv[1], float(sys.argv[2])
-endpoint = sys.argv[3] if len(sys.argv) > 3 else "tcp/127.0.0.1:7447"
+key, force, depth = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
+endpoint = sys.argv[4] if len(sys.argv) > 4 else "tcp/127.0.0.1:7447"
 config = zenoh.Config()
 for name, value in [("mode", "peer"), ("connect/endpoints", [endpoint]), ("listen/endpoints", []),
                     ("scouting/multicast/enabled", False)]:
     config.insert_json5(name, json.dumps(value))
 session, base, me, ticket = zenoh.open(config), f"ballast/1/{key}", f"python-{uuid.uuid4().hex[:8]}", ""
 token = session.liveliness().declare_token(f"{base}/owner/{me}")  # whose loss makes the run hold
-
 def ask(what, body):
     for _ in range(50):  # no reply: not known yet, or lost; asking again is safe
         for reply in session.get(f"{base}/{what}", payload=json.dumps(body), attachment=ticket,
@@ -23,7 +22,6 @@ def ask(what, body):
             return json.loads(reply.ok.payload.to_string())
         time.sleep(0.1)
     sys.exit(f"{key} is not there")
-
 about = ask("describe", {})
 run = ask("ctl/attach", {"client": me})
 ticket, seq, now = run["ticket"], run["seq"], run["now_ns"]
@@ -39,7 +37,7 @@ def knot(t, time_ns):
             "twist": {"linear": dict(t["v"]), "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}}
 
 while True:
-    down = start[0]["position"]["z"] - tines[0]["position"]["z"] >= 0.1
+    down = start[0]["position"]["z"] - tines[0]["position"]["z"] >= depth
     closing = abs(tines[0]["position"]["x"] - start[0]["position"]["x"])
     done = down and (felt >= force or closing >= 0.04)
     if done and not any(t["v"][axis] for t in tines for axis in "xz"):
@@ -53,6 +51,8 @@ while True:
             t["v"][axis] += faster
         motions.append({"body": t["name"], "knots": [first, knot(t, now)]})
     reply = ask("ctl/advance", {"run_id": run["run_id"], "seq": seq, "t0_ns": t0, "t1_ns": now, "motions": motions})
+    if reply["status"] not in ("ok", "warn"):
+        sys.exit(f"window {seq}: {reply['status']}, {reply['message']}")
     forces = {b["body"]: b["moving_mean"]["force"]["x"] for b in reply["bodies"]}
     felt = sum(-t["in"] * forces[t["name"]] for t in tines) / len(tines)
 print(f"{felt:.1f} N after closing {1e3 * closing:.1f} mm, at {now * 1e-9:.3f} s; state {reply['hash']}")

@@ -11,6 +11,9 @@ pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 /// it must not miss something without noticing.
 const PATIENCE_WITH_OBSERVERS_US: u32 = 1_000_000;
 
+/// How often a connection is tried, ms.
+const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 500, period_increase_factor: 2 }";
+
 /// Where a process listens, what it connects to, and anything else that Zenoh can be told.
 ///
 /// Nothing given: a peer that neither listens nor looks around.
@@ -99,9 +102,7 @@ fn local() -> Result<Config, Error> {
         ("listen/timeout_ms", "0".into()),
         ("connect/timeout_ms", "-1".into()),
         ("connect/exit_on_failure", "false".into()),
-        ("connect/retry/period_init_ms", "100".into()),
-        ("connect/retry/period_max_ms", "500".into()),
-        ("connect/retry/period_increase_factor", "2".into()),
+        ("connect/retry", RETRY.into()),
         // A partner that has fallen silent is noticed after this time, ms.
         ("transport/link/tx/lease", lease.to_string()),
         ("transport/link/rx/max_message_size", largest.to_string()),

@@ -357,7 +357,7 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s");
     let mut client = attach(&endpoint, None).unwrap();
-    let done = controller_loop::squeeze(&mut client, 20.0).unwrap();
+    let done = controller_loop::squeeze(&mut client, 20.0, 0.04).unwrap();
     assert!(done.force >= 20.0 && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
     client.reset().unwrap();
     client.detach().unwrap();
@@ -369,7 +369,7 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
         return;
     }
     let script = format!("{root}/examples/python/controller_zenoh.py");
-    let output = Command::new(&python).args([&script, KEY, "20", &endpoint]).output().unwrap();
+    let output = Command::new(&python).args([&script[..], KEY, "20", "0.04", &endpoint]).output().unwrap();
     let output = Ended(output).with_code(0);
     assert!(output.stdout().contains(&done.hash), "{done:?}: {}", output.stdout());
     let client = attach(&endpoint, None).unwrap();

@@ -35,6 +35,9 @@ use zenoh::{Session, Wait};
 /// How long the computing thread sleeps at most before it looks whether it is to stop.
 const DOZE: Duration = Duration::from_millis(50);
 
+/// How long a session stays open after the last word.
+const LINGER: Duration = Duration::from_millis(100);
+
 /// What is done beside answering; called by the computing thread.
 pub trait Host {
     /// An owner is lost or leaves, the run was taken elsewhere, or the component quits: the state should be
@@ -139,6 +142,9 @@ impl Server {
         heartbeat.end();
         let Service { lockstep, alive, outlets, .. } = service;
         drop((alive, outlets));
+        // Zenoh collects small messages for a moment before it sends them, and a session that closes does
+        // not wait for them: the last refusals and the last status would be lost.
+        std::thread::sleep(LINGER);
         session.close().wait().map_err(|e| Error::link("zenoh", e))?;
         Ok(lockstep)
     }

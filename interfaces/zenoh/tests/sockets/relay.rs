@@ -7,6 +7,8 @@ use ballast_zenoh::{Keys, Link};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
+use zenoh::bytes::{Encoding, ZBytes};
+use zenoh::key_expr::KeyExpr;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
@@ -35,14 +37,34 @@ pub struct Relay {
     _back: Session,
 }
 
+/// What was asked.
+#[derive(Clone)]
+struct Request {
+    key: KeyExpr<'static>,
+    payload: Option<ZBytes>,
+    encoding: Option<Encoding>,
+    attachment: Option<ZBytes>,
+}
+
+impl Request {
+    fn of(query: &Query) -> Self {
+        Self {
+            key: query.key_expr().clone(),
+            payload: query.payload().cloned(),
+            encoding: query.encoding().cloned(),
+            attachment: query.attachment().cloned(),
+        }
+    }
+}
+
 struct Passing {
     back: Session,
     random: Mutex<Random>,
     faults: Faults,
     /// Requests that were swallowed: as long as they are kept, Zenoh waits for their answer.
     kept: Mutex<Vec<Query>>,
-    /// A request of old.
-    old: Mutex<Option<Query>>,
+    /// A request of old; not the query itself, which would keep its caller waiting.
+    old: Mutex<Option<Request>>,
 }
 
 impl Relay {
@@ -89,17 +111,17 @@ impl Passing {
         if self.roll(faults.swallow) {
             return self.kept.lock().unwrap().push(query);
         }
-        if self.roll(faults.echo)
-            && let Some(old) = self.old.lock().unwrap().clone()
-        {
+        let request = Request::of(&query);
+        let old = self.old.lock().unwrap().clone();
+        if let Some(old) = old.filter(|_| self.roll(faults.echo)) {
             let _ = self.forward(&old);
         }
         if self.roll(faults.repeat) {
-            let _ = self.forward(&query);
+            let _ = self.forward(&request);
         }
-        let answer = self.forward(&query);
+        let answer = self.forward(&request);
         if self.roll(0.2) {
-            *self.old.lock().unwrap() = Some(query.clone());
+            *self.old.lock().unwrap() = Some(request);
         }
         let share = self.random.lock().unwrap().next();
         std::thread::sleep(faults.delay.mul_f64(share));
@@ -116,16 +138,17 @@ impl Passing {
         };
     }
 
-    fn forward(&self, query: &Query) -> Option<Result<Sample, Vec<u8>>> {
-        let mut get = self.back.get(query.key_expr().clone()).timeout(Duration::from_secs(20));
-        if let Some(payload) = query.payload() {
-            get = get.payload(payload.clone());
+    fn forward(&self, request: &Request) -> Option<Result<Sample, Vec<u8>>> {
+        let Request { key, payload, encoding, attachment } = request.clone();
+        let mut get = self.back.get(key).timeout(Duration::from_secs(20));
+        if let Some(payload) = payload {
+            get = get.payload(payload);
         }
-        if let Some(encoding) = query.encoding() {
-            get = get.encoding(encoding.clone());
+        if let Some(encoding) = encoding {
+            get = get.encoding(encoding);
         }
-        if let Some(attachment) = query.attachment() {
-            get = get.attachment(attachment.clone());
+        if let Some(attachment) = attachment {
+            get = get.attachment(attachment);
         }
         let reply = get.wait().unwrap().recv().ok()?;
         Some(reply.into_result().map_err(|e| e.payload().to_bytes().into_owned()))
