@@ -7,8 +7,7 @@
 //! of their horizontal forces over the last 4 ms has reached the preset one.
 
 use ballast_protocol::messages::{
-    AdvanceReply, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Status, Twist,
-    Vector3,
+    AdvanceReply, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Status, Twist, Vector3,
 };
 use ballast_zenoh::link::DEFAULT_ENDPOINT;
 use ballast_zenoh::{Client, Link, Patience};
@@ -44,7 +43,12 @@ impl Tine {
             *v += faster;
         }
         let knots = vec![before, self.knot(t1_ns)];
-        BodyInput { body: self.name.clone(), interpolation: Interpolation::Hermite, rebase: false, knots }
+        BodyInput {
+            body: self.name.clone(),
+            interpolation: Interpolation::Hermite,
+            rebase: false,
+            knots,
+        }
     }
 
     fn knot(&self, time_ns: u64) -> Knot {
@@ -101,7 +105,9 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
         });
         let reply = client.advance_to(t1, motions.collect(), vec![])?;
         if !matches!(reply.status, Status::Ok | Status::Warn) {
-            return Err(format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into());
+            return Err(
+                format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into()
+            );
         }
         squeezed.force = horizontal(&reply, &tines);
         squeezed.time_s = t1 as f64 * 1e-9;

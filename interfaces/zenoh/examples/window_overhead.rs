@@ -34,9 +34,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let windows: u64 = argument.map_or(Ok(3000), |n| n.parse())?;
     let computing = alone(windows)?;
     let round_trip = over_zenoh(windows)?;
-    let overhead = round_trip.iter().zip(&computing).map(|(all, own)| (all - own).max(0.0)).collect();
+    let overhead =
+        round_trip.iter().zip(&computing).map(|(all, own)| (all - own).max(0.0)).collect();
     println!("what,windows,median_us,p99_us,max_us");
-    for (what, times) in [("computing", computing), ("round trip", round_trip), ("overhead", overhead)] {
+    for (what, times) in
+        [("computing", computing), ("round trip", round_trip), ("overhead", overhead)]
+    {
         print(what, times);
     }
     Ok(())

@@ -114,6 +114,9 @@ mod tests {
         }
         let keys = Keys::of("yard/ballast-1").unwrap();
         assert_eq!(keys.control("advance"), "ballast/1/yard/ballast-1/ctl/advance");
-        assert_eq!(keys.out_body("tine 1/a*", "pose"), "ballast/1/yard/ballast-1/out/tine_1_a_/pose");
+        assert_eq!(
+            keys.out_body("tine 1/a*", "pose"),
+            "ballast/1/yard/ballast-1/out/tine_1_a_/pose"
+        );
     }
 }

@@ -48,7 +48,8 @@ fn loopback() -> Result<String, String> {
     let named = |e: ballast_zenoh::Error| format!("{e}; {hint}");
     let endpoint = free_endpoint().map_err(named)?;
     let _server = Server::open("doctor/here", &Link::listening(&endpoint)).map_err(named)?;
-    let line = Line::open("doctor/here", &Link::to(endpoint), Patience::default()).map_err(named)?;
+    let line =
+        Line::open("doctor/here", &Link::to(endpoint), Patience::default()).map_err(named)?;
     line.status().map_err(named)?;
     Ok("two Zenoh sessions exchange messages".into())
 }

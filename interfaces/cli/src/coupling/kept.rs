@@ -117,12 +117,16 @@ mod tests {
     #[test]
     fn answers_survive_a_checkpoint() {
         assert_eq!(hexadecimal("00ff1a"), Some(vec![0, 255, 26]));
-        assert_eq!((hexadecimal("0"), hexadecimal("zz"), hexadecimal("+1")), (None, None, Some(vec![1])));
+        assert_eq!(
+            (hexadecimal("0"), hexadecimal("zz"), hexadecimal("+1")),
+            (None, None, Some(vec![1]))
+        );
         assert_eq!(answered(&BTreeMap::new()), Ok(None));
         let reply = AdvanceReply { seq: 7, code: "ü".into(), ..AdvanceReply::default() };
         let hex = to_cdr(&reply).unwrap().iter().map(|b| format!("{b:02x}")).collect::<String>();
         let digest = Digest::of(b"request");
-        let mut notes = BTreeMap::from([(REQUEST.to_string(), digest.to_string()), (REPLY.into(), hex)]);
+        let mut notes =
+            BTreeMap::from([(REQUEST.to_string(), digest.to_string()), (REPLY.into(), hex)]);
         assert_eq!(answered(&notes), Ok(Some((digest, reply))));
         for (key, bad) in [(REPLY, "00"), (REPLY, "x"), (REQUEST, "12")] {
             let good = notes.insert(key.into(), bad.into()).unwrap();

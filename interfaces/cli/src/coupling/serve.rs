@@ -61,7 +61,10 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
         place.seq,
         place.now_ns as f64 * 1e-9
     ));
-    console.event("ready", json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns }));
+    console.event(
+        "ready",
+        json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns }),
+    );
     let lockstep = server.run(lockstep, &mut keeper)?;
     if let Some(recording) = keeper.recording.take() {
         recording.finish(&lockstep)?;

@@ -86,7 +86,10 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
     let mut lines = vec![
         ("component", format!("{key}, up for {}", s(Some(status.uptime_ms)))),
         ("state", state),
-        ("run", format!("{}, window {}, kept up to {}", place.run_id, place.seq, status.durable_seq)),
+        (
+            "run",
+            format!("{}, window {}, kept up to {}", place.run_id, place.seq, status.durable_seq),
+        ),
         ("time", format!("{:.6} s", place.now_ns as f64 * 1e-9)),
         ("hash", place.hash.clone()),
     ];
@@ -101,7 +104,12 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
             "computes",
             format!(
                 "window {}, step {} of {}, {} iterations, residual {:.1e}, {} left",
-                p.seq, p.step, p.steps, p.iterations, p.residual_qm16, s(Some(p.left_ms))
+                p.seq,
+                p.step,
+                p.steps,
+                p.iterations,
+                p.residual_qm16,
+                s(Some(p.left_ms))
             ),
         ));
     }
@@ -116,17 +124,26 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
             "solver",
             format!(
                 "{} of {} contacts, residual {:.1e}, penetration {:.1e} m",
-                solver.active_contacts, solver.contacts, solver.residual_qm16, solver.max_penetration
+                solver.active_contacts,
+                solver.contacts,
+                solver.residual_qm16,
+                solver.max_penetration
             ),
         ));
     }
     let mut text: Vec<_> = lines.iter().map(|(label, v)| format!("{label:<12}{v}")).collect();
     if !told.bodies.is_empty() {
-        text.push(format!("{:<20}{:>12}{:>12}{:>12}{:>10}", "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts"));
+        text.push(format!(
+            "{:<20}{:>12}{:>12}{:>12}{:>10}",
+            "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts"
+        ));
     }
     for (name, body) in &told.bodies {
         let f = body.moving_mean.force;
-        text.push(format!("{name:<20}{:>12.1}{:>12.1}{:>12.1}{:>10}", f.x, f.y, f.z, body.contacts));
+        text.push(format!(
+            "{name:<20}{:>12.1}{:>12.1}{:>12.1}{:>10}",
+            f.x, f.y, f.z, body.contacts
+        ));
     }
     text.join("\n")
 }

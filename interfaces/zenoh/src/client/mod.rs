@@ -236,15 +236,13 @@ impl Client {
             return Ok(reply);
         }
         let found = format!("window {} of run {}", reply.seq, reply.run_id);
-        let what = format!("expected window {} of run {}, found {found}", request.seq, request.run_id);
+        let what =
+            format!("expected window {} of run {}, found {found}", request.seq, request.run_id);
         Err(Error::Answer { request: verb.into(), what })
     }
 
     /// Does what only the owner can, becoming it again if the component has lost sight of this client.
-    fn returning<T>(
-        &mut self,
-        mut act: impl FnMut(&Self) -> Result<T, Error>,
-    ) -> Result<T, Error> {
+    fn returning<T>(&mut self, mut act: impl FnMut(&Self) -> Result<T, Error>) -> Result<T, Error> {
         let mut returns = 0;
         loop {
             let error = match act(self) {

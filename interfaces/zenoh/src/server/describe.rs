@@ -36,7 +36,8 @@ pub struct Body {
     pub role: String,
     /// Of x, y, z, and of the rotations about them: `held` (its motion is imposed), `loaded`, `sprung`.
     pub freedoms: [String; 6],
-    /// Where the reference point is, m, and how the body is turned, when a client last attached.
+    /// Where the reference point was, m, and how the body was turned, when a client last attached: what its
+    /// motion goes on from. Of a body on springs that is where its mount was.
     pub position: Point,
     pub orientation: Quaternion,
 }
@@ -47,7 +48,7 @@ impl Description {
         let component = lockstep.component();
         let (model, state) = (component.model(), component.state());
         let body = |(d, body): (usize, &ballast::model::DrivenBody)| {
-            let pose = state.pose(model.grains.len() + d);
+            let pose = state.imposed(model, d);
             Body {
                 name: body.name.clone(),
                 role: role(body.role).into(),

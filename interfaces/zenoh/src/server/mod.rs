@@ -139,6 +139,9 @@ impl Server {
         service.lockstep.quit();
         service.keep();
         service.shared.show(&service.lockstep);
+        while let Ok(request) = inbox.try_recv() {
+            service.refuse(&request);
+        }
         heartbeat.end();
         let Service { lockstep, alive, outlets, .. } = service;
         drop((alive, outlets));

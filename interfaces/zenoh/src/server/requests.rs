@@ -53,6 +53,13 @@ impl Service<'_> {
         Ok(())
     }
 
+    /// Refuses what was not begun when the component quits.
+    pub fn refuse(&self, request: &Request) {
+        let fault = Fault::new(Code::Quitting, "the component is being shut down");
+        answer::send(&request.query, self.keys.control(request.verb.word()), Err(fault));
+        self.shared.dismiss(request.bytes);
+    }
+
     fn window(&mut self, kind: Kind, query: &Query, key: String, ticket: &str) {
         let request = match message::<AdvanceRequest>(query) {
             Ok(request) => request,
@@ -72,6 +79,10 @@ impl Service<'_> {
                 Pace::GoOn
             }
         };
+        // From the first moment on: a first step may take long, and who sees it idle asks again.
+        let ahead = u64::try_from(request.t1_ns.saturating_sub(request.t0_ns)).unwrap_or(0);
+        let steps = ahead / self.lockstep.component().model().stepping.step_ns;
+        self.shared.show_progress(&Progress { seq: request.seq, steps, ..Progress::default() });
         let before = self.lockstep.answered_count();
         let result = self.lockstep.window(kind, &request, ticket, &clock, &mut watch);
         self.shared.show(&self.lockstep);

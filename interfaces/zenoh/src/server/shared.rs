@@ -192,7 +192,8 @@ impl Shared {
             return Ok(());
         }
         let since = status.owner_since_ms.unwrap_or(0);
-        let gone = if seen.owner_is_gone { "; it is gone, its last window is being computed" } else { "" };
+        let gone =
+            if seen.owner_is_gone { "; it is gone, its last window is being computed" } else { "" };
         let message = format!("{owner:?} drives, for {:.1} s{gone}", since as f64 * 1e-3);
         let fault = Fault::new(Code::Busy, message);
         Err(Fault { owner: Some(owner.clone()), since_ms: Some(since), ..fault })
@@ -204,7 +205,12 @@ impl Shared {
         if seen.requests >= MOST_REQUESTS || seen.bytes + bytes > MOST_BYTES {
             let expected = format!("at most {MOST_REQUESTS} with {MOST_BYTES} bytes");
             let found = format!("{} with {}, and one more", seen.requests, seen.bytes);
-            return Err(Fault::expected(Code::TooManyRequests, "requests that wait", expected, found));
+            return Err(Fault::expected(
+                Code::TooManyRequests,
+                "requests that wait",
+                expected,
+                found,
+            ));
         }
         seen.requests += 1;
         seen.bytes += bytes;

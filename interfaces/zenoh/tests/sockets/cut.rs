@@ -54,7 +54,11 @@ fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
     for silent in [false, true] {
         step(&mut client).unwrap();
         let before = client.place().clone();
-        if silent { proxy.fall_silent() } else { proxy.cut() }
+        if silent {
+            proxy.fall_silent()
+        } else {
+            proxy.cut()
+        }
         let begin = Instant::now();
         let error = step(&mut client).unwrap_err();
         assert!(matches!(error, Error::PeerLost { .. }), "{error}");
@@ -78,7 +82,8 @@ fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
 fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
     let served = Served::new();
     let proxy = Proxy::before(&served.endpoint);
-    let mut client = Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    let mut client =
+        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
     step(&mut client).unwrap();
     proxy.cut();
     let begin = Instant::now();

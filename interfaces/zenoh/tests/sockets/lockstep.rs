@@ -87,7 +87,11 @@ fn what_is_refused_says_why_and_changes_nothing() {
     let next = client.next(2 * WINDOW);
     for (request, code, word) in [
         (AdvanceRequest { motions: unknown, ..next.clone() }, Code::UnknownBody, "flor"),
-        (AdvanceRequest { seq: 9, motions: good.clone(), ..next.clone() }, Code::OutOfSequence, "9"),
+        (
+            AdvanceRequest { seq: 9, motions: good.clone(), ..next.clone() },
+            Code::OutOfSequence,
+            "9",
+        ),
         (AdvanceRequest { run_id: "run-0".into(), ..next.clone() }, Code::WrongRun, "run-0"),
         (AdvanceRequest { t1_ns: next.t1_ns + 1, ..next.clone() }, Code::TimeGrid, "1000000"),
     ] {
@@ -114,7 +118,10 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
         ..client.next(long)
     };
     let early = client.send(Kind::Advance, &request).unwrap();
-    assert!(early.status == Status::Early && early.t1_ns > 0 && early.t1_ns < long as i64, "{early:?}");
+    assert!(
+        early.status == Status::Early && early.t1_ns > 0 && early.t1_ns < long as i64,
+        "{early:?}"
+    );
     // To the end, but the client does not wait for it: slow, not lost; asking again gets the answer.
     client.reset().unwrap();
     let hasty = Patience { margin: Duration::ZERO, ..patient() };

@@ -61,7 +61,8 @@ fn when_an_owner_is_gone_the_next_one_goes_on() {
 #[test]
 fn another_run_is_not_taken_up() {
     let served = Served::new();
-    let error = Client::attach(KEY, &served.link(), "test", Some("run-0"), patient()).err().unwrap();
+    let error =
+        Client::attach(KEY, &served.link(), "test", Some("run-0"), patient()).err().unwrap();
     assert_eq!(error.fault().unwrap().code, Code::WrongRun, "{error}");
     assert!(error.to_string().contains("run-1"), "{error}");
 }
@@ -76,8 +77,11 @@ fn a_window_that_is_asked_for_without_the_ticket_is_refused_and_not_computed() {
     let next = AdvanceRequest { motions: shaking(t0, t0 + WINDOW), ..client.next(t0 + WINDOW) };
     let text = ballast_protocol::to_json(&next).unwrap();
     for ticket in ["", "0123456789abcdef0123456789abcdef", ";;;", &"x".repeat(1000)] {
-        for verb in ["advance", "redo", "save", "restore", "drop", "reset", "init", "detach", "shutdown"] {
-            let payload = if matches!(verb, "advance" | "redo") { &text[..] } else { "{\"name\":\"x\"}" };
+        for verb in
+            ["advance", "redo", "save", "restore", "drop", "reset", "init", "detach", "shutdown"]
+        {
+            let payload =
+                if matches!(verb, "advance" | "redo") { &text[..] } else { "{\"name\":\"x\"}" };
             let fault = stranger.ask(verb, payload.as_bytes(), Some(ticket)).unwrap_err();
             let expected = if ticket.len() > 200 { Code::TooLarge } else { Code::NotOwner };
             assert_eq!(fault.code, expected, "{verb}: {fault}");

@@ -38,7 +38,8 @@ impl Proxy {
                 let Ok(up) = TcpStream::connect(&to) else { continue };
                 let mut sockets = at.sockets.lock().unwrap();
                 for (a, b) in [(&from, &up), (&up, &from)] {
-                    let (a, b, at) = (a.try_clone().unwrap(), b.try_clone().unwrap(), Arc::clone(&at));
+                    let (a, b, at) =
+                        (a.try_clone().unwrap(), b.try_clone().unwrap(), Arc::clone(&at));
                     a.set_nodelay(true).unwrap();
                     std::thread::spawn(move || forward(a, b, &at));
                 }

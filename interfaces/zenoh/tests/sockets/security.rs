@@ -25,9 +25,8 @@ impl Authority {
         let key = KeyPair::generate().unwrap();
         let params = CertificateParams::new(vec!["localhost".into()]).unwrap();
         let certificate = params.signed_by(&key, &self.issuer).unwrap();
-        [("pem", certificate.pem()), ("key", key.serialize_pem())].map(|(extension, text)| {
-            write(folder, &format!("{name}.{extension}"), &text)
-        })
+        [("pem", certificate.pem()), ("key", key.serialize_pem())]
+            .map(|(extension, text)| write(folder, &format!("{name}.{extension}"), &text))
     }
 
     fn write(&self, folder: &Path, name: &str) -> PathBuf {
@@ -42,7 +41,13 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
 }
 
 /// A configuration file that trusts `authority`, and shows `own`.
-fn tls(folder: &Path, name: &str, authority: &Path, own: Option<&[PathBuf; 2]>, listen: bool) -> Link {
+fn tls(
+    folder: &Path,
+    name: &str,
+    authority: &Path,
+    own: Option<&[PathBuf; 2]>,
+    listen: bool,
+) -> Link {
     let own = own.map_or(String::new(), |[certificate, key]| {
         if listen {
             format!("listen_certificate: {certificate:?}, listen_private_key: {key:?},")
@@ -105,7 +110,10 @@ fn without_the_password_there_is_no_connection() {
     };
     let listen = Link {
         listen: vec![free_endpoint().unwrap()],
-        ..configured("bed.json5", format!("user: \"bed\", password: \"bed\", dictionary_file: {users:?}"))
+        ..configured(
+            "bed.json5",
+            format!("user: \"bed\", password: \"bed\", dictionary_file: {users:?}"),
+        )
     };
     let served = Served::at(&listen, lockstep());
     let connect = |name: &str, auth: &str| Link {

@@ -32,7 +32,8 @@ pub fn hash(_: &Model, state: &State) -> u128 {
 }
 
 pub fn component() -> Component {
-    let mut scene = common::heap::falling(2, WINDOW / 5).scheduled(Schedule::Synchronous, [2, 1, 1]);
+    let mut scene =
+        common::heap::falling(2, WINDOW / 5).scheduled(Schedule::Synchronous, [2, 1, 1]);
     scene.model.solver.iterations = 30;
     scene.model.solver.tolerance = Some(1e-3);
     Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
