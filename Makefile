@@ -8,6 +8,7 @@ demo: setup
 	cargo run --release --locked -- run examples/first.toml --force
 
 test: setup
+	-scripts/python.sh
 	cargo test --release --locked --workspace
 
 # What a change must also pass: format and lints.
