@@ -5,9 +5,11 @@
 .PHONY: demo test setup check
 
 demo: setup
-	cargo run --release --locked -- run examples/first.toml --force
+	# Without the network, which would take the compiler longer than all the rest.
+	cargo run --release --locked --no-default-features -- run examples/first.toml --force
 
 test: setup
+	scripts/python.sh
 	cargo test --release --locked --workspace
 	scripts/test_python.sh
 

@@ -55,6 +55,7 @@ impl Recorder {
         let Some((request, outcome)) = self.last.take() else { return Ok(()) };
         let hash = ballast_hdf5::state_hash(model, state).into();
         let reply = AdvanceReply::of(&request, model, &outcome, hash);
+        let (request, reply) = self.tape.repeatable(&request, &reply);
         self.tape.window(model, state, &request, &reply).map_err(|e| errors::file(py, e))
     }
 

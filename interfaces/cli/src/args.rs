@@ -35,6 +35,18 @@ pub enum Command {
     Replay(Replay),
     /// Compute a recording of `run --record` again and name the first difference
     Verify(Verify),
+    /// Serve a case over Zenoh: another program moves its bodies, window by window
+    #[cfg(feature = "zenoh")]
+    Serve(crate::coupling::args::Serve),
+    /// Say what a served component is: bodies, time step, units
+    #[cfg(feature = "zenoh")]
+    Describe(crate::coupling::args::Describe),
+    /// Watch a served component: who waits for whom, how far it is, forces
+    #[cfg(feature = "zenoh")]
+    Top(crate::coupling::args::Top),
+    /// Look for what would keep a served component from working here
+    #[cfg(feature = "zenoh")]
+    Doctor(crate::coupling::args::Doctor),
     /// Read a case and say what it asks for, or what is wrong with it
     Check(Check),
     /// Run a case many times with other values, side by side

@@ -12,6 +12,9 @@ use std::path::Path;
 /// No case file is this long.
 const LIMIT: u64 = 16 << 20;
 
+/// The note in a checkpoint that says which run of a served component it is of.
+pub const RUN_ID: &str = "run_id";
+
 /// What the command line changes in a case.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Choices {

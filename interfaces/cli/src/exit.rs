@@ -1,8 +1,7 @@
 //! How the program ends: every failure, its word and its exit code, decided here alone.
 //!
 //! 0 done · 1 failed · 2 usage · 3 invalid case · 4 transport or deadline · 5 verification
-//! mismatch · 6 incompatible version · 130 interrupted after a clean checkpoint. No command of this
-//! binary speaks over a transport yet, so nothing ends with 4.
+//! mismatch · 6 incompatible version · 130 interrupted after a clean checkpoint.
 
 use std::fmt::Display;
 use std::path::Path;
@@ -16,6 +15,10 @@ pub enum Failure {
     Usage(String),
     #[error("{0}")]
     InvalidCase(String),
+    /// Without the feature `zenoh` no command speaks over a transport.
+    #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
+    #[error("{0}")]
+    Transport(String),
     #[error("{0}")]
     Mismatch(String),
     #[error("{0}")]
@@ -37,6 +40,7 @@ impl Failure {
         let (Failure::Failed(text)
         | Failure::Usage(text)
         | Failure::InvalidCase(text)
+        | Failure::Transport(text)
         | Failure::Mismatch(text)
         | Failure::Incompatible(text)
         | Failure::Interrupted(text)) = &mut self;
@@ -50,6 +54,7 @@ impl Failure {
             Failure::Failed(_) => 1,
             Failure::Usage(_) => 2,
             Failure::InvalidCase(_) => 3,
+            Failure::Transport(_) => 4,
             Failure::Mismatch(_) => 5,
             Failure::Incompatible(_) => 6,
             Failure::Interrupted(_) => 130,
@@ -62,6 +67,7 @@ impl Failure {
             Failure::Failed(_) => "failed",
             Failure::Usage(_) => "usage",
             Failure::InvalidCase(_) => "invalid case",
+            Failure::Transport(_) => "transport or deadline",
             Failure::Mismatch(_) => "verification mismatch",
             Failure::Incompatible(_) => "incompatible version",
             Failure::Interrupted(_) => "interrupted",
@@ -97,6 +103,16 @@ impl From<ballast_mcap::Error> for Failure {
         match error {
             ballast_mcap::Error::Version { .. } => Failure::Incompatible(error.to_string()),
             _ => Failure::Failed(error.to_string()),
+        }
+    }
+}
+
+#[cfg(feature = "zenoh")]
+impl From<ballast_zenoh::Error> for Failure {
+    fn from(error: ballast_zenoh::Error) -> Self {
+        match error {
+            ballast_zenoh::Error::Name { .. } => Failure::Usage(error.to_string()),
+            _ => Failure::Transport(error.to_string()),
         }
     }
 }

@@ -7,6 +7,8 @@ mod beds;
 mod case;
 mod commands;
 mod console;
+#[cfg(feature = "zenoh")]
+mod coupling;
 mod engine;
 mod exit;
 mod files;
@@ -52,6 +54,14 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Replay(args) => commands::replay::replay(args, console),
         Command::Verify(args) => commands::verify::verify(args, console),
         Command::Sweep(args) => commands::sweep::sweep(args, console),
+        #[cfg(feature = "zenoh")]
+        Command::Serve(args) => coupling::serve::serve(args, console),
+        #[cfg(feature = "zenoh")]
+        Command::Describe(args) => coupling::describe::describe(args, console),
+        #[cfg(feature = "zenoh")]
+        Command::Top(args) => coupling::top::top(args, console),
+        #[cfg(feature = "zenoh")]
+        Command::Doctor(args) => coupling::doctor::doctor(args, console),
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Export(args) => commands::export::export(args, console),

@@ -65,6 +65,10 @@ impl Session {
             );
             return Err(Failure::at(path, what));
         }
+        if kept.extra.contains_key(case::RUN_ID) {
+            let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
+            return Err(Failure::at(path, what));
+        }
         let choices = Choices::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (model, state) = (kept.model, kept.state);

@@ -8,7 +8,7 @@ use crate::writer::Writer;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_protocol::Malformed;
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Log, Time, ns};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Log, Status, Time, ns};
 use std::path::{Path, PathBuf};
 
 /// A recording that windows are added to.
@@ -44,6 +44,27 @@ impl Tape {
             motions,
             ..AdvanceRequest::default()
         }
+    }
+
+    /// A window as it can be computed again: up to where it ended, without a deadline, in the run of this recording.
+    pub fn repeatable(
+        &self,
+        request: &AdvanceRequest,
+        reply: &AdvanceReply,
+    ) -> (AdvanceRequest, AdvanceReply) {
+        let request = AdvanceRequest {
+            run_id: self.run_id.clone(),
+            t1_ns: reply.t1_ns,
+            deadline_ms: 0,
+            deadline_policy: Default::default(),
+            ..request.clone()
+        };
+        let status = match reply.status {
+            Status::Early if reply.solver.steps_not_converged > 0 => Status::Warn,
+            Status::Early => Status::Ok,
+            other => other,
+        };
+        (request, AdvanceReply { run_id: self.run_id.clone(), status, ..reply.clone() })
     }
 
     /// Adds a window that has led to `state`.

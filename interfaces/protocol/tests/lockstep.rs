@@ -7,7 +7,9 @@ mod common;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::{Activity, Attach, Code, Fault, Kind, Lockstep, Named};
+use ballast_protocol::lockstep::{
+    Activity, Attach, Code, Fault, Kind, Lockstep, Named, Pace, Progress,
+};
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyInput, DeadlinePolicy, Digest, Interpolation, Knot, Point,
     Pose, Quaternion, Status, Twist, Vector3,
@@ -81,7 +83,7 @@ fn ask(
     request: &AdvanceRequest,
     ticket: &str,
 ) -> Result<AdvanceReply, Fault> {
-    lockstep.window(kind, request, ticket, &|| 0, &mut |_| false)
+    lockstep.window(kind, request, ticket, &|| 0, &mut |_| Pace::GoOn)
 }
 
 /// The reply to windows 1 to `last`, one after the other.
@@ -99,7 +101,7 @@ fn a_retry_is_answered_from_memory_and_computes_nothing() {
     let mut steps = 0;
     let again = lockstep.window(Kind::Advance, &window(1), &ticket, &|| 0, &mut |_| {
         steps += 1;
-        false
+        Pace::GoOn
     });
     assert_eq!((again.unwrap(), steps), (first.clone(), 0));
     assert_eq!(lockstep.answered_count(), 1);
@@ -261,7 +263,7 @@ fn a_deadline_ends_a_window_as_it_asks() {
         let (mut lockstep, ticket) = lockstep();
         let start = lockstep.place().hash;
         let request = AdvanceRequest { deadline_policy: policy, ..window(1) };
-        let mut late = |p: &ballast_protocol::lockstep::Progress| p.step >= 2;
+        let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
         let reply = lockstep.window(Kind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
         let same = reply.status == status || (status == Status::Ok && reply.status == Status::Warn);
         assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");
@@ -279,7 +281,7 @@ fn a_failure_inside_is_told_and_got_over() {
     let (mut lockstep, ticket) = lockstep();
     let name = Named { name: "before".into() };
     lockstep.save(&name, &ticket).unwrap();
-    let mut fail = |_: &ballast_protocol::lockstep::Progress| panic!("a fault in the program");
+    let mut fail = |_: &Progress| panic!("a fault in the program");
     let reply = lockstep.window(Kind::Advance, &window(1), &ticket, &|| 0, &mut fail).unwrap();
     assert_eq!((reply.status, reply.code.as_str()), (Status::Error, "failed_inside"));
     assert!(reply.message.contains("a fault in the program"), "{}", reply.message);
@@ -308,6 +310,24 @@ fn a_component_that_quits_computes_nothing_more() {
 }
 
 #[test]
+fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
+    for kind in [Kind::Advance, Kind::Redo] {
+        let (mut lockstep, ticket) = lockstep();
+        let last = ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+        let before = lockstep.place();
+        let mut other = window(if kind == Kind::Redo { 1 } else { 2 });
+        other.motions[0].knots[1].pose.position.z += 1e-4;
+        let mut stop = |p: &Progress| if p.step == 3 { Pace::Abandon } else { Pace::GoOn };
+        let fault = lockstep.window(kind, &other, &ticket, &|| 0, &mut stop).unwrap_err();
+        assert_eq!(fault.code, Code::Quitting, "{kind:?}");
+        assert_eq!((lockstep.place(), lockstep.status(0).activity), (before, Activity::Quitting));
+        assert_eq!(lockstep.place().hash, last.hash.to_string());
+        // What was answered before stays answered.
+        assert_eq!(ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap(), last);
+    }
+}
+
+#[test]
 fn a_run_is_taken_up_from_its_checkpoint() {
     let (mut first, ticket) = lockstep();
     for seq in 1..=3 {
@@ -317,8 +337,11 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     assert_eq!(first.status(0).durable_seq, 3);
     let state = first.component().save();
     let (mut second, ticket) = lockstep();
-    second.resume("run-1", 3, state).unwrap();
+    second.resume("run-1", 3, state, first.answered().cloned()).unwrap();
     assert_eq!(second.place(), first.place());
+    // The last window was answered by a process that is gone; a retry is answered all the same.
+    assert_eq!(ask(&mut second, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));
+    assert_eq!(second.answered_count(), 0);
     assert_eq!(ask(&mut second, Kind::Advance, &window(4), &ticket).unwrap(), straight(4));
 }
 

@@ -5,6 +5,8 @@ mod endings;
 mod recordings;
 mod restart;
 mod samples;
+#[cfg(feature = "zenoh")]
+mod serve;
 mod setup;
 mod solve;
 mod sweeps;

@@ -37,6 +37,8 @@ pub enum Code {
     TooManyRequests,
     /// Someone else drives.
     Busy,
+    /// The bed is being prepared; there is nothing to ask about yet.
+    Settling,
     /// The client has no liveliness token, so its loss would not be noticed.
     NotAlive,
     /// The ticket is not that of the owner.

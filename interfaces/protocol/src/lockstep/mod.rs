@@ -17,7 +17,7 @@ mod window;
 
 pub use control::{Activity, Attach, Attached, Named, Place, Progress, StatusReport};
 pub use fault::{Code, Fault};
-pub use window::{Kind, Watch};
+pub use window::{Kind, Pace, Watch};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};
 use ballast::component::Component;
@@ -38,6 +38,8 @@ pub struct Lockstep {
     /// Where reset goes.
     start: Arc<State>,
     hash: fn(&Model, &State) -> u128,
+    /// Of the present state: taken when it changes, since a state is large and asked about often.
+    hash_now: StateHash,
     seq: u64,
     /// Content of the last window's request, and its reply.
     answered: Option<(Digest, AdvanceReply)>,
@@ -66,11 +68,13 @@ impl Lockstep {
         hash: fn(&Model, &State) -> u128,
     ) -> Self {
         let start = component.save();
+        let hash_now = hash(component.model(), &start).into();
         Self {
             component,
             run_id: run_id.into(),
             start,
             hash,
+            hash_now,
             seq: 0,
             answered: None,
             kept: BTreeMap::new(),
@@ -83,8 +87,8 @@ impl Lockstep {
         }
     }
 
-    /// Takes up a run of which a checkpoint was kept after window `seq`; reset still goes to where the
-    /// component was.
+    /// Takes up a run of which a checkpoint was kept after window `seq`, with what that window was
+    /// answered, so that a retry of it is still safe; reset still goes to where the component was.
     ///
     /// # Errors
     /// A state of another model.
@@ -93,11 +97,18 @@ impl Lockstep {
         run_id: impl Into<String>,
         seq: u64,
         state: impl Into<Arc<State>>,
+        answered: Option<(Digest, AdvanceReply)>,
     ) -> Result<(), Fault> {
         self.component.restore(state)?;
         (self.run_id, self.seq, self.durable_seq) = (run_id.into(), seq, seq);
-        self.answered = None;
+        self.answered = answered;
+        self.hash_again();
         Ok(())
+    }
+
+    /// What the last window was answered, under the digest of its request: kept beside a checkpoint.
+    pub fn answered(&self) -> Option<&(Digest, AdvanceReply)> {
+        self.answered.as_ref()
     }
 
     pub fn component(&self) -> &Component {
@@ -110,12 +121,12 @@ impl Lockstep {
             run_id: self.run_id.clone(),
             seq: self.seq,
             now_ns: self.component.now_ns(),
-            hash: self.state_hash().to_string(),
+            hash: self.hash_now.to_string(),
         }
     }
 
-    fn state_hash(&self) -> StateHash {
-        (self.hash)(self.component.model(), self.component.state()).into()
+    fn hash_again(&mut self) {
+        self.hash_now = (self.hash)(self.component.model(), self.component.state()).into();
     }
 
     /// What it is doing between windows.
@@ -262,8 +273,18 @@ impl Lockstep {
     /// [`Code::NotOwner`].
     pub fn shut_down(&mut self, ticket: &str) -> Result<Place, Fault> {
         self.check_owner(ticket)?;
-        self.is_quitting = true;
+        self.quit();
         Ok(self.place())
+    }
+
+    /// The same, at the wish of who runs the component.
+    pub fn quit(&mut self) {
+        self.is_quitting = true;
+    }
+
+    /// The client that drives, and its ticket, which is for no one else to see.
+    pub fn owner(&self) -> Option<(&str, &str)> {
+        self.owner.as_ref().map(|o| (&o.client[..], &o.ticket[..]))
     }
 
     /// Takes up a state, out of any trouble; the last window cannot be redone or asked for again.
@@ -273,6 +294,7 @@ impl Lockstep {
         }
         self.component.restore(state)?;
         self.answered = None;
+        self.hash_again();
         Ok(())
     }
 

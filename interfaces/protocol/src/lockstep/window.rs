@@ -7,6 +7,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 /// Whether a window is new or the last one again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -15,15 +16,25 @@ pub enum Kind {
     Redo,
 }
 
-/// What is asked between the steps of a window: whether its time is up.
-pub type Watch<'a> = &'a mut dyn FnMut(&Progress) -> bool;
+/// What is asked between the steps of a window.
+pub type Watch<'a> = &'a mut dyn FnMut(&Progress) -> Pace;
+
+/// How a window is to go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Pace {
+    GoOn,
+    /// The time allowed has passed: what happens now is for the request's policy to say.
+    TimeIsUp,
+    /// The component is being shut down: the window is taken back and not answered.
+    Abandon,
+}
 
 impl Lockstep {
     /// Computes a window, or the last one again; `clock` tells the wall time in ms.
     ///
     /// # Errors
     /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
-    /// [`Code::Quitting`], and what [`Component::advance_to`] refuses. What goes wrong while computing is
+    /// [`Code::Quitting`] (also when `watch` abandons the window), and what [`Component::advance_to`] refuses. What goes wrong while computing is
     /// told by the reply.
     pub fn window(
         &mut self,
@@ -57,12 +68,25 @@ impl Lockstep {
             return Err(self.out_of_sequence(kind, request));
         }
         let before = self.component.save();
-        let result = self.compute(kind, request, clock, watch);
+        let mut abandoned = false;
+        let mut seen = |progress: &Progress| {
+            let pace = watch(progress);
+            abandoned |= pace == Pace::Abandon;
+            pace
+        };
+        let result = self.compute(kind, request, clock, &mut seen);
         self.idle_since_ms = clock();
+        if abandoned {
+            // A redo would have begun before the window that counts.
+            self.component.restore(Arc::clone(&before))?;
+            self.quit();
+            self.check_not_quitting()?;
+        }
         let reply = match result {
             Ok(outcome) => {
-                let (outcome, hash) = (outcome?, self.state_hash());
-                AdvanceReply::of(request, self.component.model(), &outcome, hash)
+                let outcome = outcome?;
+                self.hash_again();
+                AdvanceReply::of(request, self.component.model(), &outcome, self.hash_now)
             }
             Err(panic) => {
                 // Buffers that a panic has left half written are left behind.
@@ -103,9 +127,13 @@ impl Lockstep {
             progress.left_ms =
                 progress.elapsed_ms * steps.saturating_sub(progress.step) / progress.step;
             match (watch(&progress), request.deadline_policy) {
-                (true, DeadlinePolicy::Early) => ControlFlow::Break(OnTrouble::Early),
-                (true, DeadlinePolicy::Discard) => ControlFlow::Break(OnTrouble::Discard),
-                (true, DeadlinePolicy::Finish) | (false, _) => ControlFlow::Continue(()),
+                (Pace::Abandon, _) | (Pace::TimeIsUp, DeadlinePolicy::Discard) => {
+                    ControlFlow::Break(OnTrouble::Discard)
+                }
+                (Pace::TimeIsUp, DeadlinePolicy::Early) => ControlFlow::Break(OnTrouble::Early),
+                (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => {
+                    ControlFlow::Continue(())
+                }
             }
         };
         let component = &mut self.component;
@@ -130,7 +158,7 @@ impl Lockstep {
             message: panic,
             t0_ns: now,
             t1_ns: now,
-            hash: self.state_hash(),
+            hash: self.hash_now,
             ..AdvanceReply::default()
         }
     }

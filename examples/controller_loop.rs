@@ -1,0 +1,145 @@
+//! Squeezes until a preset force: the shortest useful partner of a served component.
+//!
+//!     ballast serve examples/first.toml --key demo/bed
+//!     cargo run --release -p ballast-zenoh --example controller_loop -- demo/bed 150 0.1
+//!
+//! Lowers the tines into the bed (here by 0.1 m), then closes them on each other, millisecond by millisecond, until the mean
+//! of their horizontal forces over the last 4 ms has reached the preset one.
+
+use ballast_protocol::messages::{
+    AdvanceReply, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Status, Twist, Vector3,
+};
+use ballast_zenoh::link::DEFAULT_ENDPOINT;
+use ballast_zenoh::{Client, Link, Patience};
+use std::error::Error;
+
+/// How fast down, m/s; how far and how fast to each other at most.
+const DOWN: f64 = 0.5;
+const CLOSE: [f64; 2] = [0.04, 0.1];
+/// The tools reach their speed with this acceleration, m/s².
+const ACCELERATION: f64 = 20.0;
+
+/// A tine: where it is, how it moves, and to which side it closes.
+struct Tine {
+    name: String,
+    position: Point,
+    orientation: Quaternion,
+    velocity: Vector3,
+    inward: f64,
+}
+
+impl Tine {
+    /// Changes its velocity towards `target` and moves on: its motion through the window.
+    fn steer(&mut self, target: Vector3, t0_ns: u64, t1_ns: u64) -> BodyInput {
+        let dt = (t1_ns - t0_ns) as f64 * 1e-9;
+        let before = self.knot(t0_ns);
+        let most = ACCELERATION * dt;
+        for (v, target, p) in [
+            (&mut self.velocity.x, target.x, &mut self.position.x),
+            (&mut self.velocity.z, target.z, &mut self.position.z),
+        ] {
+            let faster = (target - *v).clamp(-most, most);
+            *p += (*v + 0.5 * faster) * dt;
+            *v += faster;
+        }
+        let knots = vec![before, self.knot(t1_ns)];
+        BodyInput {
+            body: self.name.clone(),
+            interpolation: Interpolation::Hermite,
+            rebase: false,
+            knots,
+        }
+    }
+
+    fn knot(&self, time_ns: u64) -> Knot {
+        let pose = Pose { position: self.position, orientation: self.orientation };
+        let twist = Twist { linear: self.velocity, ..Twist::default() };
+        Knot { time_ns: time_ns as i64, pose, twist }
+    }
+}
+
+/// What came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Squeezed {
+    /// Mean of the horizontal forces on the tines, N.
+    pub force: f64,
+    /// How far each tine has moved inward, m.
+    pub closing: f64,
+    pub time_s: f64,
+    /// Of the state.
+    pub hash: String,
+}
+
+/// Lowers the tines by `depth` (m) and squeezes until `force` (N), or as far as it goes; the tines stand still
+/// then.
+pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, Box<dyn Error>> {
+    let description = client.describe()?;
+    // Whole steps, a millisecond if it can be.
+    let window = (1_000_000 / description.step_ns).max(1) * description.step_ns;
+    let bodies = description.bodies.iter().filter(|b| b.role == "tine");
+    let middle = bodies.clone().map(|b| b.position.x).sum::<f64>() / bodies.clone().count() as f64;
+    let mut tines: Vec<Tine> = bodies
+        .map(|b| Tine {
+            name: b.name.clone(),
+            position: b.position,
+            orientation: b.orientation,
+            velocity: Vector3::default(),
+            inward: (middle - b.position.x).signum(),
+        })
+        .collect();
+    let start: Vec<Point> = tines.iter().map(|t| t.position).collect();
+    let mut squeezed = Squeezed { force: 0.0, closing: 0.0, time_s: 0.0, hash: String::new() };
+    loop {
+        let down = start[0].z - tines[0].position.z;
+        squeezed.closing = (tines[0].position.x - start[0].x).abs();
+        let is_down = down >= depth;
+        let is_done = is_down && (squeezed.force >= force || squeezed.closing >= CLOSE[0]);
+        if is_done && tines.iter().all(|t| t.velocity == Vector3::default()) {
+            return Ok(squeezed);
+        }
+        let (t0, t1) = (client.place().now_ns, client.place().now_ns + window);
+        let motions = tines.iter_mut().map(|tine| {
+            let x = if is_down && !is_done { tine.inward * CLOSE[1] } else { 0.0 };
+            let z = if is_down { 0.0 } else { -DOWN };
+            tine.steer(Vector3 { x, y: 0.0, z }, t0, t1)
+        });
+        let reply = client.advance_to(t1, motions.collect(), vec![])?;
+        if !matches!(reply.status, Status::Ok | Status::Warn) {
+            return Err(
+                format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into()
+            );
+        }
+        squeezed.force = horizontal(&reply, &tines);
+        squeezed.time_s = t1 as f64 * 1e-9;
+        squeezed.hash = reply.hash.to_string();
+    }
+}
+
+/// How hard the ballast pushes the tines outward, on average, N.
+fn horizontal(reply: &AdvanceReply, tines: &[Tine]) -> f64 {
+    let outward = |tine: &Tine| {
+        let body = reply.bodies.iter().find(|b| b.body == tine.name);
+        body.map_or(0.0, |b| -tine.inward * b.moving_mean.force.x)
+    };
+    tines.iter().map(outward).sum::<f64>() / tines.len().max(1) as f64
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [key, force, depth, rest @ ..] = &arguments[..] else {
+        return Err("usage: controller_loop SITE/ID FORCE_N DEPTH_M [ENDPOINT]".into());
+    };
+    let endpoint = rest.first().map_or(DEFAULT_ENDPOINT, |e| e);
+    let link = Link::to(endpoint);
+    let mut client = Client::attach(key, &link, "controller", None, Patience::default())?;
+    let done = squeeze(&mut client, force.parse()?, depth.parse()?)?;
+    println!(
+        "{:.1} N after closing {:.1} mm, at {:.3} s; state {}",
+        done.force,
+        1e3 * done.closing,
+        done.time_s,
+        done.hash
+    );
+    client.detach()?;
+    Ok(())
+}

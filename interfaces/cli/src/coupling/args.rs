@@ -1,0 +1,105 @@
+//! The command line of what speaks over Zenoh.
+
+use crate::args::{Beds, Overrides};
+use ballast_zenoh::Link;
+use ballast_zenoh::link::DEFAULT_ENDPOINT;
+use clap::Args;
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+
+/// How to reach others, as for any Zenoh program.
+#[derive(Debug, Args)]
+pub struct Endpoints {
+    /// Connect to this endpoint (tcp/HOST:PORT), a router for example; may be given several times
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Vec<String>,
+    /// Listen on this endpoint; may be given several times
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Vec<String>,
+    /// Zenoh configuration (JSON5): TLS, users, scouting, and everything else
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+impl Endpoints {
+    fn link(&self) -> Link {
+        let Self { connect, listen, config } = self;
+        Link { config: config.clone(), listen: listen.clone(), connect: connect.clone() }
+    }
+
+    /// For those who are looked for: without a word, on the loopback.
+    pub fn to_listen(&self) -> Link {
+        let link = self.link();
+        if link.is_empty() { Link::listening(DEFAULT_ENDPOINT) } else { link }
+    }
+
+    /// For those who look: without a word, on the loopback.
+    pub fn to_connect(&self) -> Link {
+        let link = self.link();
+        if link.is_empty() { Link::to(DEFAULT_ENDPOINT) } else { link }
+    }
+}
+
+#[derive(Debug, Args)]
+pub struct Serve {
+    /// Case file (TOML)
+    pub case: PathBuf,
+    /// Name of the component, SITE/ID
+    #[arg(long, value_name = "SITE/ID")]
+    pub key: String,
+    #[command(flatten)]
+    pub endpoints: Endpoints,
+    /// Folder of the run's files; by default runs/<name of the case>-serve
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub beds: Beds,
+    #[command(flatten)]
+    pub overrides: Overrides,
+    /// Go on from the checkpoint in the folder, if there is one
+    #[arg(long, conflicts_with = "force")]
+    pub resume: bool,
+    /// Start over even if the folder holds the checkpoint of another run
+    #[arg(long)]
+    pub force: bool,
+    /// Write a checkpoint after a window if the last one is so old, s of wall time; 0: after every window
+    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    pub checkpoint_every: f64,
+    /// Record the run in an MCAP file, which is replaced
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Describe {
+    /// Name of the component, SITE/ID
+    #[arg(value_name = "SITE/ID")]
+    pub key: String,
+    #[command(flatten)]
+    pub endpoints: Endpoints,
+}
+
+#[derive(Debug, Args)]
+pub struct Top {
+    /// Name of the component, SITE/ID
+    #[arg(value_name = "SITE/ID")]
+    pub key: String,
+    #[command(flatten)]
+    pub endpoints: Endpoints,
+    /// End after so many pictures, two per second
+    #[arg(long, value_name = "N")]
+    pub count: Option<NonZeroU32>,
+}
+
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// Case file (TOML) to look at, too
+    pub case: Option<PathBuf>,
+    /// Component that should be there, SITE/ID
+    #[arg(long, value_name = "SITE/ID")]
+    pub key: Option<String>,
+    #[command(flatten)]
+    pub endpoints: Endpoints,
+    #[command(flatten)]
+    pub beds: Beds,
+}

@@ -1,0 +1,44 @@
+//! `ballast describe SITE/ID`: what a component says of itself.
+
+use super::args::Describe;
+use crate::console::Console;
+use crate::exit::Outcome;
+use ballast_zenoh::{Description, Line, Patience};
+use serde_json::json;
+
+pub fn describe(args: Describe, console: Console) -> Outcome {
+    let line = Line::open(&args.key, &args.endpoints.to_connect(), Patience::default())?;
+    let description = line.describe()?;
+    console.event("component", json!(description));
+    console.result(&text(&description));
+    Ok(())
+}
+
+fn text(d: &Description) -> String {
+    let step_ms = d.step_ns as f64 * 1e-6;
+    let lines = [
+        ("component", d.key.clone()),
+        ("program", format!("ballast {}, messages {}", d.version, d.wire)),
+        ("time step", format!("{step_ms} ms; windows are whole numbers of it")),
+        ("grains", d.grains.to_string()),
+        ("units", d.units.clone()),
+        ("frame", d.frame.clone()),
+        ("wrench", d.wrench.clone()),
+        ("same inputs", d.determinism.clone()),
+    ];
+    let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));
+    let parameters: Vec<_> = d.parameters.iter().map(|(k, v)| format!("{k} {v}")).collect();
+    let mut text = format!("{}\n{:<16}{}", lines.join("\n"), "parameters", parameters.join(", "));
+    for body in &d.bodies {
+        let p = body.position;
+        let freedoms = match &body.freedoms {
+            all if all.iter().all(|f| *f == all[0]) => all[0].clone(),
+            each => each.join(" "),
+        };
+        text += &format!(
+            "\nbody            {:<20} {:<9} at {:.4} {:.4} {:.4} m, {freedoms}",
+            body.name, body.role, p.x, p.y, p.z
+        );
+    }
+    text
+}

@@ -1,0 +1,126 @@
+//! `ballast doctor`: what would keep a served component from working here, and what to do about it.
+
+use super::args::Doctor;
+use crate::case::{self, Choices};
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use ballast::component::{Component, Limits};
+use ballast::math::Vec3;
+use ballast::model::{Grains, Model, Solver, Stepping};
+use ballast_hdf5::checkpoint;
+use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::{Line, Link, Patience, Server};
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+
+pub fn doctor(args: Doctor, console: Console) -> Outcome {
+    let mut checks: Vec<(&str, Result<String, String>)> = vec![
+        ("processors", Ok(format!("{} threads", rayon::current_num_threads()))),
+        ("loopback", loopback()),
+        ("endpoint", endpoint(&args)),
+        ("beds", writable(&args.beds.beds)),
+    ];
+    if let Some(path) = &args.case {
+        checks.push(("case", case_and_bed(path, &args.beds.beds, console)));
+    }
+    if let Some(key) = &args.key {
+        checks.push(("component", component(key, &args)));
+    }
+    let bad = checks.iter().filter(|(_, result)| result.is_err()).count();
+    for (what, result) in &checks {
+        let (word, text) = match result {
+            Ok(text) => ("ok", text),
+            Err(text) => ("WRONG", text),
+        };
+        console.event("check", json!({ "what": what, "ok": result.is_ok(), "text": text }));
+        console.result(&format!("{what:<12}{word:<7}{text}"));
+    }
+    match bad {
+        0 => Ok(()),
+        n => Err(Failure::Failed(format!("{n} of {} checks failed", checks.len()))),
+    }
+}
+
+/// Two sessions that find each other on this machine.
+fn loopback() -> Result<String, String> {
+    let hint = "a firewall may forbid connections on the loopback";
+    let named = |e: ballast_zenoh::Error| format!("{e}; {hint}");
+    let endpoint = free_endpoint().map_err(named)?;
+    let _server = Server::open("doctor/here", &Link::listening(&endpoint)).map_err(named)?;
+    let line =
+        Line::open("doctor/here", &Link::to(endpoint), Patience::default()).map_err(named)?;
+    line.status().map_err(named)?;
+    Ok("two Zenoh sessions exchange messages".into())
+}
+
+/// Whether `serve` could listen as it is told to.
+fn endpoint(args: &Doctor) -> Result<String, String> {
+    if args.key.is_some() {
+        return Ok("not opened: a component should be there already".into());
+    }
+    let link = args.endpoints.to_listen();
+    let server = Server::open("doctor/here", &link).map_err(|e| {
+        format!("{e}; is another component, or a Zenoh router, there? `--listen` takes another one")
+    })?;
+    Ok(match server.endpoints() {
+        [] => "a session opens".into(),
+        all => format!("free: {}", all.join(", ")),
+    })
+}
+
+/// Whether files can be written, and HDF5 works.
+fn writable(folder: &Path) -> Result<String, String> {
+    crate::files::create_folder(folder).map_err(|e| e.to_string())?;
+    let path = folder.join(format!("doctor-{}.h5", std::process::id()));
+    let model = Model {
+        shapes: vec![],
+        grains: Grains::default(),
+        driven: vec![],
+        gravity: Vec3::zeros(),
+        grain_friction: 1.0,
+        restitution: 0.0,
+        stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
+        solver: Solver::default(),
+    };
+    let kept = checkpoint::Checkpoint {
+        model,
+        state: ballast::state::State::default(),
+        kind: checkpoint::Kind::Bed,
+        case_name: "doctor".into(),
+        case_text: String::new(),
+        key: String::new(),
+        extra: Default::default(),
+    };
+    let result = checkpoint::write(&path, &kept).and_then(|()| checkpoint::read(&path));
+    let _ = std::fs::remove_file(&path);
+    match result {
+        Ok(read) if read == kept => Ok(format!("{} takes HDF5 files", folder.display())),
+        Ok(_) => Err("an HDF5 file is read otherwise than it was written".into()),
+        Err(e) => Err(e.to_string()),
+    }
+}
+
+/// Whether the case can be read, and its bed is there.
+fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, String> {
+    let case = case::load(path, &Choices::default(), console).map_err(|e| e.to_string())?;
+    let bed = beds.join(format!("{}.h5", case.bed_key()));
+    if !bed.exists() {
+        return Ok(format!("{}: its bed will be prepared first", case.plan.name));
+    }
+    let (model, state) = crate::beds::scene(&case, beds, console).map_err(|e| e.to_string())?;
+    let (grains, bodies) = (model.grains.len(), model.driven.len());
+    Component::new(Arc::new(model), state, Limits::default()).map_err(|e| e.to_string())?;
+    Ok(format!("{}: {grains} grains, {bodies} driven bodies, bed prepared", case.plan.name))
+}
+
+/// Whether a component is there.
+fn component(key: &str, args: &Doctor) -> Result<String, String> {
+    let link = args.endpoints.to_connect();
+    let line = Line::open(key, &link, Patience::default()).map_err(|e| e.to_string())?;
+    let status = line.status().map_err(|e| {
+        format!("{e}; does `ballast serve` run with this key, and do the endpoints match?")
+    })?;
+    let waits = status.waiting_for.map_or(String::new(), |what| format!(", waits for {what}"));
+    Ok(format!("{:?}{waits}", status.activity))
+}

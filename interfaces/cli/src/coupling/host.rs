@@ -1,0 +1,102 @@
+//! What is done beside answering: checkpoints, the recording, a word to the person at the terminal.
+
+use super::kept;
+use super::tape::Recording;
+use crate::case::Case;
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::interrupt;
+use ballast_protocol::lockstep::{Kind, Lockstep};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
+use ballast_zenoh::Host;
+use serde_json::json;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+pub struct Keeper {
+    pub console: Console,
+    pub case: Case,
+    pub checkpoint: PathBuf,
+    pub every: Duration,
+    pub recording: Option<Recording>,
+    /// When the last checkpoint was written, and after which window of which run.
+    written: Instant,
+    durable: Option<(String, u64, u64)>,
+    /// What went wrong beside answering; told at the end.
+    pub trouble: Option<Failure>,
+}
+
+impl Keeper {
+    pub fn new(
+        console: Console,
+        case: Case,
+        checkpoint: PathBuf,
+        every: Duration,
+        recording: Option<Recording>,
+    ) -> Self {
+        let written = Instant::now();
+        Self { console, case, checkpoint, every, recording, written, durable: None, trouble: None }
+    }
+
+    /// Goes on without what has failed: partners are served all the same.
+    fn note_failure(&mut self, what: &str, result: Outcome) -> bool {
+        let Err(failure) = result else { return true };
+        self.console.warning(&format!("{what}: {failure}; the run goes on without it"));
+        self.trouble = Some(failure);
+        false
+    }
+
+    fn recorded(&mut self, act: impl FnOnce(&mut Recording) -> Outcome) {
+        let Some(recording) = &mut self.recording else { return };
+        let result = act(recording);
+        if !self.note_failure("recording", result) {
+            self.recording = None;
+        }
+    }
+}
+
+impl Host for Keeper {
+    fn keep(&mut self, lockstep: &Lockstep) -> bool {
+        let place = lockstep.place();
+        let at = (place.run_id, place.seq, place.now_ns);
+        if self.durable.as_ref() == Some(&at) {
+            return true;
+        }
+        let result = kept::write(&self.checkpoint, &self.case, lockstep);
+        self.written = Instant::now();
+        let kept = self.note_failure("checkpoint", result);
+        if kept {
+            let path = &self.checkpoint;
+            self.console.event("checkpoint", json!({ "seq": at.1, "time_ns": at.2, "path": path }));
+            self.durable = Some(at);
+        }
+        kept
+    }
+
+    fn computed(
+        &mut self,
+        lockstep: &Lockstep,
+        kind: Kind,
+        request: &AdvanceRequest,
+        reply: &AdvanceReply,
+    ) -> bool {
+        // A redo leads elsewhere with the same number.
+        self.durable = None;
+        self.recorded(|recording| recording.window(lockstep, kind, request, reply));
+        self.written.elapsed() >= self.every && self.keep(lockstep)
+    }
+
+    fn taken_elsewhere(&mut self, lockstep: &Lockstep) {
+        self.durable = None;
+        self.recorded(|recording| recording.part(lockstep));
+    }
+
+    fn note(&mut self, text: &str) {
+        self.console.note(text);
+        self.console.event("note", json!({ "text": text }));
+    }
+
+    fn is_stopped(&self) -> bool {
+        interrupt::requested()
+    }
+}

@@ -1,0 +1,137 @@
+//! Checkpoints of a served run: state, number of the last window, and what that was answered.
+
+use crate::case::{self, Case, RUN_ID};
+use crate::exit::{Failure, Outcome};
+use ballast::model::Model;
+use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_protocol::lockstep::Lockstep;
+use ballast_protocol::messages::{AdvanceReply, Digest};
+use ballast_protocol::{from_cdr, to_cdr};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const SEQ: &str = "seq";
+/// Fingerprint of the last window's request, and its reply: CDR, in hexadecimal digits.
+const REQUEST: &str = "answered_request";
+const REPLY: &str = "answered_reply";
+
+/// Writes the checkpoint of a run.
+pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
+    let component = lockstep.component();
+    let place = lockstep.place();
+    let mut extra = case.choices.notes();
+    extra.insert(RUN_ID.into(), place.run_id);
+    extra.insert(SEQ.into(), place.seq.to_string());
+    if let Some((request, reply)) = lockstep.answered() {
+        let bytes = to_cdr(reply).map_err(|e| Failure::at(path, e))?;
+        extra.insert(REQUEST.into(), request.to_string());
+        extra.insert(REPLY.into(), bytes.iter().map(|b| format!("{b:02x}")).collect());
+    }
+    let kept = Checkpoint {
+        model: component.model().clone(),
+        state: component.state().clone(),
+        kind: Kind::Run,
+        case_name: case.plan.name.clone(),
+        case_text: case.text.clone(),
+        key: case.bed_key(),
+        extra,
+    };
+    Ok(checkpoint::write(path, &kept)?)
+}
+
+/// Which run a checkpoint is of, in words; `None` for one that is of no served run.
+pub fn name(path: &Path) -> Outcome<Option<String>> {
+    let kept = checkpoint::read(path)?;
+    let seq = kept.extra.get(SEQ).cloned().unwrap_or_default();
+    Ok(kept.extra.get(RUN_ID).map(|run| format!("run {run} after window {seq}")))
+}
+
+/// Takes a run up where its checkpoint was written; `model` is that of the case as it is now.
+pub fn resume(path: &Path, model: &Model, lockstep: &mut Lockstep) -> Outcome {
+    let kept = checkpoint::read(path)?;
+    let notes = &kept.extra;
+    let note = |key: &str| {
+        let missing = || Failure::at(path, format!("it is not of a served run: no {key}"));
+        notes.get(key).ok_or_else(missing)
+    };
+    let (run_id, seq) = (note(RUN_ID)?, note(SEQ)?);
+    let seq = seq.parse().map_err(|_| Failure::at(path, format!("{SEQ}: found {seq:?}")))?;
+    if kept.model != *model {
+        let what = "it is of another case, bed or solver; start over with --force";
+        return Err(Failure::at(path, what));
+    }
+    let answered = answered(notes).map_err(|e| Failure::at(path, e))?;
+    let result = lockstep.resume(run_id.clone(), seq, kept.state, answered);
+    result.map_err(|e| Failure::at(path, e))
+}
+
+fn answered(notes: &BTreeMap<String, String>) -> Result<Option<(Digest, AdvanceReply)>, String> {
+    let (Some(request), Some(reply)) = (notes.get(REQUEST), notes.get(REPLY)) else {
+        return Ok(None);
+    };
+    let request = serde_json::from_value(Value::String(request.clone()));
+    let request: Digest = request.map_err(|e| format!("{REQUEST}: {e}"))?;
+    let bytes = hexadecimal(reply).ok_or_else(|| format!("{REPLY}: no hexadecimal digits"))?;
+    let reply = from_cdr(&bytes).map_err(|e| format!("{REPLY}: {e}"))?;
+    Ok(Some((request, reply)))
+}
+
+fn hexadecimal(text: &str) -> Option<Vec<u8>> {
+    let pairs = text.as_bytes().chunks(2);
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    pairs.map(|pair| (pair.len() == 2).then(|| byte(pair)).flatten()).collect()
+}
+
+/// Whether the folder may be written to: it holds no run that would be lost.
+pub fn check_free(path: &Path, force: bool) -> Outcome {
+    if force || !path.exists() {
+        return Ok(());
+    }
+    let held = match name(path) {
+        Ok(Some(run)) => run,
+        Ok(None) => "a run of `ballast run`".into(),
+        Err(e) => format!("a checkpoint that cannot be read ({e})"),
+    };
+    Err(Failure::Usage(format!(
+        "{} holds {held}; go on with --resume, start over with --force, or take another folder with --out",
+        path.display()
+    )))
+}
+
+/// A name for a new run.
+pub fn fresh_run() -> Outcome<String> {
+    Ok(format!("run-{}", &ballast_zenoh::random()?[..16]))
+}
+
+/// The case's schedule and seed must be those of the checkpoint, which the caller then reads.
+pub fn choices(path: &Path, given: &case::Choices) -> Outcome<case::Choices> {
+    let kept = case::Choices::from_notes(&checkpoint::read(path)?.extra)?;
+    Ok(case::Choices { schedule: given.schedule.or(kept.schedule), seed: given.seed.or(kept.seed) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_survive_a_checkpoint() {
+        assert_eq!(hexadecimal("00ff1a"), Some(vec![0, 255, 26]));
+        assert_eq!(
+            (hexadecimal("0"), hexadecimal("zz"), hexadecimal("+1")),
+            (None, None, Some(vec![1]))
+        );
+        assert_eq!(answered(&BTreeMap::new()), Ok(None));
+        let reply = AdvanceReply { seq: 7, code: "ü".into(), ..AdvanceReply::default() };
+        let hex = to_cdr(&reply).unwrap().iter().map(|b| format!("{b:02x}")).collect::<String>();
+        let digest = Digest::of(b"request");
+        let mut notes =
+            BTreeMap::from([(REQUEST.to_string(), digest.to_string()), (REPLY.into(), hex)]);
+        assert_eq!(answered(&notes), Ok(Some((digest, reply))));
+        for (key, bad) in [(REPLY, "00"), (REPLY, "x"), (REQUEST, "12")] {
+            let good = notes.insert(key.into(), bad.into()).unwrap();
+            assert!(answered(&notes).unwrap_err().contains(key));
+            notes.insert(key.into(), good);
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! The program as a component of a larger model, over Zenoh: serving, and looking at what is served.
+
+pub mod args;
+pub mod describe;
+pub mod doctor;
+mod host;
+mod kept;
+pub mod serve;
+mod tape;
+pub mod top;

@@ -1,0 +1,113 @@
+//! `ballast serve CASE --key SITE/ID`: the case's bed, moved by another program.
+
+use super::args::Serve;
+use super::host::Keeper;
+use super::kept;
+use super::tape::Recording;
+use crate::case::{self, Case, Choices};
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::files::RunFiles;
+use crate::{beds, interrupt, recorder};
+use ballast::component::{Component, Limits};
+use ballast_protocol::lockstep::Lockstep;
+use ballast_zenoh::{Host, Server};
+use serde_json::json;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+pub fn serve(args: Serve, console: Console) -> Outcome {
+    interrupt::install()?;
+    let every = Duration::try_from_secs_f64(args.checkpoint_every).map_err(|_| {
+        let found = args.checkpoint_every;
+        Failure::Usage(format!("--checkpoint-every: expected seconds, found {found}"))
+    })?;
+    let mut choices = Choices::from(&args.overrides);
+    let first = case::load(&args.case, &choices, console)?;
+    let folder = format!("{}-serve", first.plan.name);
+    let files = RunFiles::in_folder(args.out.clone().unwrap_or(Path::new("runs").join(folder)));
+    files.create_folder()?;
+    let checkpoint = files.checkpoint();
+    let resumes = args.resume && checkpoint.exists();
+    let case = if resumes {
+        choices = kept::choices(&checkpoint, &choices)?;
+        case::load(&args.case, &choices, console)?
+    } else {
+        kept::check_free(&checkpoint, args.force)?;
+        first
+    };
+    // Before the bed is prepared: a port that is taken is to be told at once, and partners may be waiting.
+    let server = Server::open(&args.key, &args.endpoints.to_listen())?;
+    let endpoints = server.endpoints();
+    console.note(&format!("{}: {}", args.key, told(endpoints)));
+    console.event("serving", json!({ "key": args.key, "endpoints": endpoints }));
+    let mut lockstep = component(&case, &args, console)?;
+    if resumes {
+        let model = lockstep.component().model().clone();
+        kept::resume(&checkpoint, &model, &mut lockstep)?;
+    }
+    let recording = args.record.as_deref().map(|path| Recording::create(path, &case, &lockstep));
+    let mut keeper = Keeper::new(console, case, checkpoint, every, recording.transpose()?);
+    // A component that dies before its first checkpoint comes back as the same run.
+    if !resumes && keeper.keep(&lockstep) {
+        lockstep.is_durable();
+    }
+    let place = lockstep.place();
+    let what = if resumes { "goes on" } else { "is ready" };
+    console.note(&format!(
+        "run {} {what} after window {}, at {:.4} s",
+        place.run_id,
+        place.seq,
+        place.now_ns as f64 * 1e-9
+    ));
+    console.event(
+        "ready",
+        json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns }),
+    );
+    let lockstep = server.run(lockstep, &mut keeper)?;
+    if let Some(recording) = keeper.recording.take() {
+        recording.finish(&lockstep)?;
+    }
+    finish(&lockstep, keeper, console)
+}
+
+fn told(endpoints: &[String]) -> String {
+    match endpoints {
+        [] => "connected as it was told".into(),
+        all => format!("listening on {}", all.join(", ")),
+    }
+}
+
+fn component(case: &Case, args: &Serve, console: Console) -> Outcome<Lockstep> {
+    let (model, state) = beds::scene(case, &args.beds.beds, console)?;
+    let component = Component::new(Arc::new(model), state, Limits::default())
+        .map_err(|e| Failure::InvalidCase(e.to_string()))?
+        .with_zones(recorder::zones(case));
+    Ok(Lockstep::new(component, kept::fresh_run()?, ballast_hdf5::state_hash))
+}
+
+fn finish(lockstep: &Lockstep, keeper: Keeper, console: Console) -> Outcome {
+    let place = lockstep.place();
+    if let Some(failure) = keeper.trouble {
+        return Err(failure);
+    }
+    let time_s = place.now_ns as f64 * 1e-9;
+    console.event(
+        "done",
+        json!({
+            "run_id": place.run_id, "seq": place.seq, "time_s": time_s, "state_hash": place.hash,
+            "windows": lockstep.answered_count(),
+        }),
+    );
+    let checkpoint = keeper.checkpoint.display();
+    console.result(&format!(
+        "run {}: window {}, {time_s:.4} s\nstate hash  {}\ncheckpoint  {checkpoint}",
+        place.run_id, place.seq, place.hash
+    ));
+    if interrupt::requested() {
+        let text = "stopped cleanly; the same command with --resume goes on";
+        return Err(Failure::Interrupted(text.into()));
+    }
+    Ok(())
+}

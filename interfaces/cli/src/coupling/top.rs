@@ -1,0 +1,149 @@
+//! `ballast top SITE/ID`: a live table of a component: state, who waits for whom, how far, forces.
+
+use super::args::Top;
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::interrupt;
+use ballast_protocol::from_cdr;
+use ballast_protocol::lockstep::StatusReport;
+use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
+use ballast_zenoh::{HEARTBEAT, Line, Patience};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// Most bodies that are shown.
+const MOST: usize = 24;
+
+#[derive(Default)]
+struct Told {
+    bodies: BTreeMap<String, WrenchImpulse>,
+    solver: Option<SolverStats>,
+}
+
+impl Told {
+    fn take(&mut self, encoding: &str, bytes: &[u8]) {
+        if encoding.contains(WrenchImpulse::NAME) {
+            if let Ok(body) = from_cdr::<WrenchImpulse>(bytes)
+                && (self.bodies.len() < MOST || self.bodies.contains_key(&body.body))
+            {
+                self.bodies.insert(body.body.clone(), body);
+            }
+        } else if encoding.contains(SolverStats::NAME) {
+            self.solver = from_cdr(bytes).ok();
+        }
+    }
+}
+
+pub fn top(args: Top, console: Console) -> Outcome {
+    interrupt::install()?;
+    let line = Line::open(&args.key, &args.endpoints.to_connect(), Patience::default())?;
+    let told = Arc::new(Mutex::new(Told::default()));
+    let to = Arc::clone(&told);
+    line.listen(move |_, encoding, bytes| {
+        to.lock().unwrap_or_else(PoisonError::into_inner).take(encoding, bytes);
+    })?;
+    let mut earlier: Option<(Instant, u64)> = None;
+    let mut pace = None;
+    for k in 0.. {
+        if interrupt::requested() || args.count.is_some_and(|n| k >= n.get()) {
+            break;
+        }
+        if k > 0 {
+            std::thread::sleep(HEARTBEAT);
+        }
+        // Fails when nobody is there, so that the table never shows what is long over.
+        let status = line.status()?;
+        if k == 0 {
+            for (_, encoding, bytes) in line.last_told()? {
+                told.lock().unwrap_or_else(PoisonError::into_inner).take(&encoding, &bytes);
+            }
+        }
+        let now = (Instant::now(), status.place.now_ns);
+        if let Some((at, ns)) = earlier
+            && now.1 > ns
+        {
+            pace = Some((now.0 - at).as_secs_f64() / ((now.1 - ns) as f64 * 1e-9));
+        }
+        earlier = Some(now);
+        let told = told.lock().unwrap_or_else(PoisonError::into_inner);
+        console.event("status", json!({ "status": status, "wall_per_simulated": pace }));
+        let clear = if std::io::stdout().is_terminal() { "\x1b[H\x1b[J" } else { "" };
+        console.result(&format!("{clear}{}\n", table(&args.key, &status, pace, &told)));
+    }
+    if interrupt::requested() && args.count.is_some() {
+        return Err(Failure::Interrupted("stopped".into()));
+    }
+    Ok(())
+}
+
+fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> String {
+    let s = |ms: Option<u64>| format!("{:.1} s", ms.unwrap_or(0) as f64 * 1e-3);
+    let place = &status.place;
+    let state = format!("{:?}", status.activity).to_uppercase();
+    let mut lines = vec![
+        ("component", format!("{key}, up for {}", s(Some(status.uptime_ms)))),
+        ("state", state),
+        (
+            "run",
+            format!("{}, window {}, kept up to {}", place.run_id, place.seq, status.durable_seq),
+        ),
+        ("time", format!("{:.6} s", place.now_ns as f64 * 1e-9)),
+        ("hash", place.hash.clone()),
+    ];
+    if let Some(owner) = &status.owner {
+        lines.push(("driven by", format!("{owner} for {}", s(status.owner_since_ms))));
+    }
+    if let Some(what) = &status.waiting_for {
+        lines.push(("waits for", format!("{what}, for {}", s(status.waiting_since_ms))));
+    }
+    if let Some(p) = &status.progress {
+        lines.push((
+            "computes",
+            format!(
+                "window {}, step {} of {}, {} iterations, residual {:.1e}, {} left",
+                p.seq,
+                p.step,
+                p.steps,
+                p.iterations,
+                p.residual_qm16,
+                s(Some(p.left_ms))
+            ),
+        ));
+    }
+    if let Some(trouble) = &status.trouble {
+        lines.push(("trouble", trouble.clone()));
+    }
+    if let Some(pace) = pace {
+        lines.push(("pace", format!("{pace:.0} s per simulated s")));
+    }
+    if let Some(solver) = &told.solver {
+        lines.push((
+            "solver",
+            format!(
+                "{} of {} contacts, residual {:.1e}, penetration {:.1e} m",
+                solver.active_contacts,
+                solver.contacts,
+                solver.residual_qm16,
+                solver.max_penetration
+            ),
+        ));
+    }
+    let mut text: Vec<_> = lines.iter().map(|(label, v)| format!("{label:<12}{v}")).collect();
+    if !told.bodies.is_empty() {
+        text.push(format!(
+            "{:<20}{:>12}{:>12}{:>12}{:>10}",
+            "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts"
+        ));
+    }
+    for (name, body) in &told.bodies {
+        let f = body.moving_mean.force;
+        text.push(format!(
+            "{name:<20}{:>12.1}{:>12.1}{:>12.1}{:>10}",
+            f.x, f.y, f.z, body.contacts
+        ));
+    }
+    text.join("\n")
+}

@@ -1,0 +1,79 @@
+//! The windows that a component would lose if it died now: its client can ask for them again.
+
+use ballast_protocol::lockstep::Place;
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, StateHash};
+use std::collections::VecDeque;
+
+/// Most windows, and most knots of theirs, that are remembered.
+const MOST_WINDOWS: usize = 100_000;
+const MOST_KNOTS: usize = 1_000_000;
+
+/// A window that was answered.
+pub(super) struct Entry {
+    pub request: AdvanceRequest,
+    /// State hash before and after.
+    pub hashes: [String; 2],
+}
+
+#[derive(Default)]
+pub(super) struct Journal {
+    entries: VecDeque<Entry>,
+    knots: usize,
+}
+
+impl Journal {
+    /// Takes a window that led from `before` to what `reply` says; a redo replaces the window.
+    pub fn take(&mut self, request: &AdvanceRequest, before: &Place, reply: &AdvanceReply) {
+        let hash = |hash: &StateHash| hash.to_string();
+        if self.entries.back().is_some_and(|last| last.request.seq == request.seq) {
+            if let Some(redone) = self.entries.pop_back() {
+                self.knots -= knots(&redone.request);
+                self.push(request, [redone.hashes[0].clone(), hash(&reply.hash)]);
+            }
+        } else if before.seq + 1 == request.seq {
+            self.push(request, [before.hash.clone(), hash(&reply.hash)]);
+        } else {
+            // A redo of a window that is not remembered.
+            self.clear();
+        }
+    }
+
+    fn push(&mut self, request: &AdvanceRequest, hashes: [String; 2]) {
+        self.knots += knots(request);
+        self.entries.push_back(Entry { request: request.clone(), hashes });
+        while self.entries.len() > MOST_WINDOWS || self.knots > MOST_KNOTS {
+            self.drop_first();
+        }
+    }
+
+    fn drop_first(&mut self) {
+        if let Some(first) = self.entries.pop_front() {
+            self.knots -= knots(&first.request);
+        }
+    }
+
+    /// Forgets windows that survive a crash.
+    pub fn keep_after(&mut self, durable_seq: u64) {
+        // The last one stays: it may be redone.
+        while self.entries.len() > 1 && self.entries[0].request.seq <= durable_seq {
+            self.drop_first();
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.entries.clear();
+        self.knots = 0;
+    }
+
+    /// The windows after `place`, if they are all there and begin in its state.
+    pub fn after(&self, place: &Place) -> Option<Vec<AdvanceRequest>> {
+        let first = self.entries.iter().position(|e| e.request.seq == place.seq + 1)?;
+        (self.entries[first].hashes[0] == place.hash)
+            .then(|| self.entries.iter().skip(first).map(|e| e.request.clone()).collect())
+    }
+}
+
+fn knots(request: &AdvanceRequest) -> usize {
+    let motions = request.motions.iter().map(|m| m.knots.len());
+    motions.chain(request.loads.iter().map(|l| l.knots.len())).sum::<usize>() + 1
+}

@@ -1,0 +1,267 @@
+//! The line to a component: asks until there is an answer, or it is clear that there will be none.
+//!
+//! Contract: every call ends. No answer and no sign of life: *peer lost*. A sign of life, but no answer
+//! within the time allowed: *slow*. What got lost on the way is sent again, which is safe: a window is known
+//! by its number and content, every other request by a number of its own.
+
+use super::presence::Presence;
+use crate::keys::last;
+use crate::server::Description;
+use crate::{Error, Keys, Link, SILENCE};
+use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport};
+use serde::de::DeserializeOwned;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use zenoh::bytes::Encoding;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::qos::CongestionControl;
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait};
+
+/// Between two attempts when nobody answers, at first and at most.
+const PAUSE: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(200)];
+/// Between two looks at a component that computes.
+const LOOK: Duration = Duration::from_millis(50);
+/// After this time an attempt is given up and made again: Zenoh remembers it for so long.
+const ATTEMPT: Duration = Duration::from_secs(600);
+
+/// How long calls may take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patience {
+    /// For requests that compute nothing.
+    pub control: Duration,
+    /// For a window without a deadline.
+    pub window: Duration,
+    /// For a window beyond its deadline.
+    pub margin: Duration,
+    /// How long the component may be away, at first or in between.
+    pub absence: Duration,
+}
+
+impl Default for Patience {
+    /// 10 s, an hour, 2 s, and three heartbeats.
+    fn default() -> Self {
+        Self {
+            control: Duration::from_secs(10),
+            window: Duration::from_secs(3600),
+            margin: Duration::from_secs(2),
+            absence: SILENCE,
+        }
+    }
+}
+
+/// A line to a component, for those who look, and for [`super::Client`]s, who drive.
+pub struct Line {
+    session: Session,
+    keys: Keys,
+    presence: Arc<Presence>,
+    pub patience: Patience,
+}
+
+/// What is asked.
+pub(super) struct Ask<'a> {
+    pub request: &'a str,
+    pub key: String,
+    pub payload: Option<(Vec<u8>, Encoding)>,
+    /// Ticket and number.
+    pub pass: String,
+}
+
+/// How an attempt ended.
+enum Attempt {
+    Answered(Vec<u8>),
+    Refused(Fault),
+    /// Nobody was there, or the answer got lost.
+    Nothing,
+}
+
+impl Line {
+    /// A line to the component `site/id`, which need not be there yet.
+    ///
+    /// # Errors
+    /// A name or a link that cannot be used.
+    pub fn open(component: &str, link: &Link, patience: Patience) -> Result<Self, Error> {
+        let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
+        let keys = Keys::of(component)?;
+        let session = link.open()?;
+        let presence = Arc::new(Presence::new());
+        let to = Arc::clone(&presence);
+        let listen = move |sample: Sample| {
+            if let Ok(status) = serde_json::from_slice(&sample.payload().to_bytes()) {
+                to.tells(status);
+            }
+        };
+        let status = session.declare_subscriber(keys.out("status")).callback(listen);
+        status.background().wait().map_err(zenoh)?;
+        let to = Arc::clone(&presence);
+        let watch = move |sample: Sample| {
+            let run = last(sample.key_expr().as_str());
+            match sample.kind() {
+                SampleKind::Put => to.appears(run),
+                SampleKind::Delete => to.vanishes(run),
+            }
+        };
+        let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
+        alive.callback(watch).background().wait().map_err(zenoh)?;
+        Ok(Self { session, keys, presence, patience })
+    }
+
+    /// The names under which the component is found.
+    pub fn keys(&self) -> &Keys {
+        &self.keys
+    }
+
+    /// Declares a client alive until the token is dropped.
+    pub(super) fn come_alive(&self, client: &str) -> Result<LivelinessToken, Error> {
+        let token = self.session.liveliness().declare_token(self.keys.owner(client)).wait();
+        token.map_err(|e| Error::link("zenoh", e))
+    }
+
+    /// Calls `take` with key, encoding and bytes of everything that the component tells.
+    ///
+    /// # Errors
+    /// The session breaks down.
+    pub fn listen(
+        &self,
+        take: impl Fn(&str, &str, &[u8]) + Send + Sync + 'static,
+    ) -> Result<(), Error> {
+        let listen = move |sample: Sample| {
+            let encoding = sample.encoding().to_string();
+            take(sample.key_expr().as_str(), &encoding, &sample.payload().to_bytes());
+        };
+        let all = self.session.declare_subscriber(self.keys.out_any()).callback(listen);
+        all.background().wait().map_err(|e| Error::link("zenoh", e))
+    }
+
+    /// What the component told last under every key, for those who came late: key, encoding, bytes.
+    ///
+    /// # Errors
+    /// The session breaks down.
+    pub fn last_told(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
+        let get = self.session.get(self.keys.out_any()).timeout(self.patience.control);
+        let replies = get.wait().map_err(|e| Error::link("zenoh", e))?;
+        let samples = replies.into_iter().filter_map(|reply| reply.into_result().ok());
+        let told = samples.map(|s| {
+            let bytes = s.payload().to_bytes().into_owned();
+            (s.key_expr().to_string(), s.encoding().to_string(), bytes)
+        });
+        Ok(told.collect())
+    }
+
+    /// What the component says of itself.
+    ///
+    /// # Errors
+    /// No answer, or none that can be read; it is being prepared.
+    pub fn describe(&self) -> Result<Description, Error> {
+        self.look("describe", self.keys.describe())
+    }
+
+    /// What the component is doing.
+    ///
+    /// # Errors
+    /// No answer, or none that can be read.
+    pub fn status(&self) -> Result<StatusReport, Error> {
+        self.look("status", self.keys.control("status"))
+    }
+
+    fn look<T: DeserializeOwned>(&self, request: &str, key: String) -> Result<T, Error> {
+        let ask = Ask { request, key, payload: None, pass: String::new() };
+        read(request, &self.call(&ask, self.patience.control)?)
+    }
+
+    /// What the component was doing at its last heartbeat.
+    pub fn last_status(&self) -> Option<StatusReport> {
+        self.presence.status()
+    }
+
+    /// Asks until there is an answer or the time allowed is over.
+    pub(super) fn call(&self, ask: &Ask, allowed: Duration) -> Result<Vec<u8>, Error> {
+        let begin = Instant::now();
+        let mut pause = PAUSE[0];
+        loop {
+            match self.attempt(ask, begin, allowed)? {
+                Attempt::Answered(bytes) => return Ok(bytes),
+                Attempt::Refused(fault) if fault.code != Code::TooManyRequests => {
+                    return Err(fault.into());
+                }
+                Attempt::Refused(_) | Attempt::Nothing => {}
+            }
+            self.check(ask, begin, allowed)?;
+            self.presence.wait(pause);
+            pause = (2 * pause).min(PAUSE[1]);
+        }
+    }
+
+    fn attempt(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<Attempt, Error> {
+        let mut get = self
+            .session
+            .get(&ask.key)
+            .timeout(ATTEMPT)
+            .congestion_control(CongestionControl::Block)
+            .express(true)
+            .attachment(ask.pass.clone());
+        if let Some((bytes, encoding)) = &ask.payload {
+            get = get.payload(bytes.clone()).encoding(encoding.clone());
+        }
+        let beats = self.presence.beats();
+        let replies = get.wait().map_err(|e| Error::link(&ask.key, e))?;
+        loop {
+            match replies.recv_timeout(LOOK) {
+                Ok(Some(reply)) => match reply.into_result() {
+                    Ok(sample) => {
+                        return Ok(Attempt::Answered(sample.payload().to_bytes().into_owned()));
+                    }
+                    // What is no refusal of ours comes from Zenoh itself: the time of the attempt is over.
+                    Err(error) => {
+                        if let Ok(fault) = serde_json::from_slice(&error.payload().to_bytes()) {
+                            return Ok(Attempt::Refused(fault));
+                        }
+                    }
+                },
+                Ok(None) => {
+                    self.check(ask, begin, allowed)?;
+                    if self.presence.is_idle_since(beats) {
+                        return Ok(Attempt::Nothing);
+                    }
+                }
+                // All replies are in, and none is an answer.
+                Err(_) => return Ok(Attempt::Nothing),
+            }
+        }
+    }
+
+    /// Whether it still makes sense to wait.
+    fn check(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<(), Error> {
+        let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
+        let waited = begin.elapsed();
+        let gone = self.presence.gone_for(begin);
+        // Someone who is away is lost, not slow, also where the time allowed is shorter.
+        if let Some(gone) = gone
+            && gone >= self.patience.absence.min(allowed)
+        {
+            return Err(Error::PeerLost { request, component, silent_s: gone.as_secs_f64() });
+        }
+        if waited < allowed {
+            return Ok(());
+        }
+        let doing = doing(self.presence.status().as_ref());
+        Err(Error::Slow { request, component, waited_s: waited.as_secs_f64(), doing })
+    }
+}
+
+fn doing(status: Option<&StatusReport>) -> String {
+    let Some(status) = status else { return "it has not told what it does".into() };
+    match (&status.progress, &status.waiting_for) {
+        (Some(p), _) if status.activity == Activity::Playing => {
+            let left = p.left_ms as f64 * 1e-3;
+            format!("step {} of {} of window {}, {left:.1} s left", p.step, p.steps, p.seq)
+        }
+        (_, Some(what)) => format!("it waits for {what}"),
+        _ => format!("{:?}", status.activity),
+    }
+}
+
+pub(super) fn read<T: DeserializeOwned>(request: &str, bytes: &[u8]) -> Result<T, Error> {
+    serde_json::from_slice(bytes)
+        .map_err(|e| Error::Answer { request: request.into(), what: e.to_string() })
+}

@@ -1,0 +1,98 @@
+//! Whether a component is there, and what it does: its liveliness tokens and its heartbeat.
+
+use ballast_protocol::lockstep::{Activity, StatusReport};
+use std::collections::BTreeSet;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Most tokens of one component: there are two for a moment when a run begins anew.
+const MOST_TOKENS: usize = 16;
+
+pub(super) struct Presence {
+    seen: Mutex<Seen>,
+    changed: Condvar,
+}
+
+struct Seen {
+    /// Runs that are alive.
+    tokens: BTreeSet<String>,
+    /// The last sign of life.
+    at: Instant,
+    status: Option<StatusReport>,
+    beats: u64,
+    /// How many of the last beats in a row found it waiting.
+    idle_beats: u64,
+}
+
+impl Presence {
+    pub fn new() -> Self {
+        let seen = Seen {
+            tokens: BTreeSet::new(),
+            at: Instant::now(),
+            status: None,
+            beats: 0,
+            idle_beats: 0,
+        };
+        Self { seen: Mutex::new(seen), changed: Condvar::new() }
+    }
+
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub fn appears(&self, run: &str) {
+        let mut seen = self.seen();
+        if seen.tokens.len() < MOST_TOKENS {
+            seen.tokens.insert(run.into());
+        }
+        seen.at = Instant::now();
+        self.changed.notify_all();
+    }
+
+    pub fn vanishes(&self, run: &str) {
+        let mut seen = self.seen();
+        seen.tokens.remove(run);
+        seen.at = Instant::now();
+    }
+
+    pub fn tells(&self, status: StatusReport) {
+        let mut seen = self.seen();
+        let is_busy = matches!(status.activity, Activity::Playing | Activity::Settling);
+        seen.idle_beats = if is_busy { 0 } else { seen.idle_beats + 1 };
+        seen.beats += 1;
+        seen.status = Some(status);
+        seen.at = Instant::now();
+        self.changed.notify_all();
+    }
+
+    /// What it was doing when it last told.
+    pub fn status(&self) -> Option<StatusReport> {
+        self.seen().status.clone()
+    }
+
+    /// How many times it has told what it does.
+    pub fn beats(&self) -> u64 {
+        self.seen().beats
+    }
+
+    /// Whether it has been waiting for two beats since there were `beats` of them: it has not got, or has
+    /// answered, what it was asked.
+    pub fn is_idle_since(&self, beats: u64) -> bool {
+        let seen = self.seen();
+        seen.beats >= beats + 2 && seen.idle_beats >= 2
+    }
+
+    /// For how long it has been neither alive nor heard of, if so; counted from `since` at the earliest.
+    pub fn gone_for(&self, since: Instant) -> Option<Duration> {
+        let seen = self.seen();
+        seen.tokens.is_empty().then(|| seen.at.max(since).elapsed())
+    }
+
+    /// Sleeps until there is a sign of life, `most` at the longest.
+    pub fn wait(&self, most: Duration) {
+        let seen = self.seen();
+        let before = seen.at;
+        let waited = self.changed.wait_timeout_while(seen, most, |seen| seen.at == before);
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
+    }
+}

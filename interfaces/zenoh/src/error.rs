@@ -1,0 +1,51 @@
+//! What a client of a component is told when a request is not answered as it should be.
+
+use ballast_protocol::Malformed;
+use ballast_protocol::lockstep::Fault;
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A component's name.
+    #[error("key: expected {expected}, found {found:?}")]
+    Name { expected: &'static str, found: String },
+    /// How to reach each other.
+    #[error("{place}: {reason}")]
+    Link { place: String, reason: String },
+    /// The component has refused the request; nothing has changed there.
+    #[error(transparent)]
+    Refused(#[from] Fault),
+    /// The component is there, but has not answered within the time allowed. The request may be sent again:
+    /// what was done is not done twice.
+    #[error("{request}: no answer within {waited_s:.1} s, though {component} is there: {doing}")]
+    Slow { request: String, component: String, waited_s: f64, doing: String },
+    /// The component is not there: neither alive nor telling what it does.
+    #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s")]
+    PeerLost { request: String, component: String, silent_s: f64 },
+    /// The run was continued by someone else, or lost more than can be computed again.
+    #[error("{component}, run {run_id}: expected {expected}, found {found}")]
+    Diverged { component: String, run_id: String, expected: String, found: String },
+    /// An answer that is none.
+    #[error("answer to {request}: {what}")]
+    Answer { request: String, what: String },
+}
+
+impl Error {
+    pub(crate) fn link(place: impl Into<String>, reason: impl ToString) -> Self {
+        Self::Link { place: place.into(), reason: reason.to_string() }
+    }
+
+    /// The component's refusal, if it is one.
+    pub fn fault(&self) -> Option<&Fault> {
+        match self {
+            Self::Refused(fault) => Some(fault),
+            _ => None,
+        }
+    }
+}
+
+impl From<Malformed> for Error {
+    fn from(e: Malformed) -> Self {
+        Self::Answer { request: "message".into(), what: e.to_string() }
+    }
+}

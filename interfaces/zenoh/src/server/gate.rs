@@ -1,0 +1,207 @@
+//! The door: what can be answered at once is, what must not come in does not, the rest waits for the
+//! computing thread.
+//!
+//! Contract: runs on threads of the transport and never waits for the computing one. Nothing is decoded
+//! before its size is known to be allowed; who does not drive can only make `attach` wait.
+
+use super::answer::{self, Answer};
+use super::requests::Nothing;
+use super::shared::Shared;
+use crate::keys::last;
+use crate::{Error, Keys, LARGEST_MESSAGE};
+use ballast_protocol::lockstep::{Attach, Code, Fault, Kind};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use zenoh::query::Query;
+use zenoh::sample::{Sample, SampleKind};
+use zenoh::{Session, Wait};
+
+/// Largest request that is no window, bytes.
+const LARGEST_CONTROL: usize = 64 << 10;
+/// Longest ticket and number of a request together.
+const LONGEST_PASS: usize = 200;
+
+/// What can be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verb {
+    Attach,
+    Init,
+    Window(Kind),
+    Save,
+    Restore,
+    Drop,
+    Reset,
+    Param,
+    Status,
+    Detach,
+    Shutdown,
+}
+
+const VERBS: [(&str, Verb); 12] = [
+    ("attach", Verb::Attach),
+    ("init", Verb::Init),
+    ("advance", Verb::Window(Kind::Advance)),
+    ("redo", Verb::Window(Kind::Redo)),
+    ("save", Verb::Save),
+    ("restore", Verb::Restore),
+    ("drop", Verb::Drop),
+    ("reset", Verb::Reset),
+    ("param", Verb::Param),
+    ("status", Verb::Status),
+    ("detach", Verb::Detach),
+    ("shutdown", Verb::Shutdown),
+];
+
+impl Verb {
+    fn of(word: &str) -> Result<Self, Fault> {
+        let known = VERBS.iter().find(|(name, _)| *name == word);
+        known.map(|(_, verb)| *verb).ok_or_else(|| {
+            let names = VERBS.map(|(name, _)| name).join(", ");
+            let found: String = word.chars().take(50).collect();
+            Fault::expected(
+                Code::UnknownRequest,
+                "ctl",
+                format!("one of {names}"),
+                format!("{found:?}"),
+            )
+        })
+    }
+
+    pub fn word(self) -> &'static str {
+        VERBS.iter().find(|(_, verb)| *verb == self).map_or("", |(name, _)| name)
+    }
+}
+
+/// What a caller shows: the owner's ticket, and a number of its own for the request, by which a retry is
+/// known.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Pass {
+    pub ticket: String,
+    pub number: String,
+}
+
+impl Pass {
+    /// From the attachment `TICKET` or `TICKET;NUMBER`, or from the parameters `ticket` and `number`.
+    fn of(query: &Query) -> Result<Self, Fault> {
+        let size = query.attachment().map_or(0, zenoh::bytes::ZBytes::len);
+        if size > LONGEST_PASS || query.parameters().as_str().len() > LONGEST_PASS {
+            let expected = format!("at most {LONGEST_PASS} bytes");
+            return Err(Fault::expected(Code::TooLarge, "ticket", expected, "more"));
+        }
+        let attached =
+            query.attachment().and_then(|a| a.try_to_string().ok().map(|t| t.into_owned()));
+        let Some(text) = attached else {
+            let parameter = |name| query.parameters().get(name).unwrap_or_default().to_string();
+            return Ok(Self { ticket: parameter("ticket"), number: parameter("number") });
+        };
+        let (ticket, number) = text.split_once(';').unwrap_or((&text, ""));
+        Ok(Self { ticket: ticket.into(), number: number.into() })
+    }
+}
+
+/// A request that waits for the computing thread.
+pub(super) struct Request {
+    pub query: Query,
+    pub verb: Verb,
+    pub pass: Pass,
+    /// Of the payload.
+    pub bytes: usize,
+}
+
+/// Declares the requests of a component, and what is told about its clients.
+pub(super) fn open(
+    session: &Session,
+    keys: &Keys,
+    shared: &Arc<Shared>,
+) -> Result<Receiver<Request>, Error> {
+    let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
+    // Bounded by `Shared::admit`.
+    let (sender, inbox) = channel();
+    let (at, to) = (Arc::clone(shared), keys.clone());
+    let control = session.declare_queryable(keys.control_any()).complete(true);
+    let control = control.callback(move |query| enter(&at, &to, &sender, query));
+    control.background().wait().map_err(zenoh)?;
+    let (at, key) = (Arc::clone(shared), keys.describe());
+    let describe = session.declare_queryable(keys.describe()).complete(true);
+    let describe = describe.callback(move |query: Query| {
+        answer::send(&query, key.clone(), at.description().map(Answer::text));
+    });
+    describe.background().wait().map_err(zenoh)?;
+    let at = Arc::clone(shared);
+    let clients = session.liveliness().declare_subscriber(keys.owner_any()).history(true);
+    let clients = clients.callback(move |sample: Sample| {
+        let client = last(sample.key_expr().as_str());
+        match sample.kind() {
+            SampleKind::Put => at.client_is_alive(client.into()),
+            SampleKind::Delete => at.client_is_gone(client),
+        }
+    });
+    clients.background().wait().map_err(zenoh)?;
+    Ok(inbox)
+}
+
+fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Request>, query: Query) {
+    let word = last(query.key_expr().as_str()).to_string();
+    let key = keys.control(&word);
+    let bytes = query.payload().map_or(0, zenoh::bytes::ZBytes::len);
+    match check(shared, &word, &query, bytes) {
+        Ok(Verb::Status) => answer::send(&query, key, Ok(Answer::json(&shared.status()))),
+        Ok(Verb::Param) => answer::send(&query, key, parameters(shared, &query)),
+        Ok(verb) => {
+            let result = Pass::of(&query).and_then(|pass| {
+                shared.admit(bytes)?;
+                Ok(pass)
+            });
+            match result {
+                Ok(pass) => {
+                    if let Err(refused) = sender.send(Request { query, verb, pass, bytes }) {
+                        let fault = Fault::new(Code::Quitting, "the component is being shut down");
+                        answer::send(&refused.0.query, key, Err(fault));
+                    }
+                }
+                Err(fault) => answer::send(&query, key, Err(fault)),
+            }
+        }
+        Err(fault) => answer::send(&query, key, Err(fault)),
+    }
+}
+
+fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Verb, Fault> {
+    let verb = Verb::of(word)?;
+    let most = if matches!(verb, Verb::Window(_)) { LARGEST_MESSAGE } else { LARGEST_CONTROL };
+    if bytes > most {
+        let expected = format!("at most {most} bytes");
+        return Err(Fault::expected(Code::TooLarge, word, expected, bytes));
+    }
+    match verb {
+        Verb::Status | Verb::Param => {}
+        Verb::Attach => {
+            let ask: Attach = object(query)?;
+            // The same request again gets the answer of the first; the computing thread knows.
+            let is_numbered = !Pass::of(query)?.number.is_empty();
+            if let Err(busy) = shared.check_free(ask.ticket.as_deref())
+                && !(is_numbered && busy.owner.as_ref() == Some(&ask.client))
+            {
+                return Err(busy);
+            }
+        }
+        _ => shared.check_owner(&Pass::of(query)?.ticket)?,
+    }
+    Ok(verb)
+}
+
+/// What the case has set; a run does not change it.
+fn parameters(shared: &Shared, query: &Query) -> Result<Answer, Fault> {
+    object::<Nothing>(query).map_err(|fault| Fault {
+        message: format!("{fault}; parameters are those of the case and cannot be set here"),
+        ..fault
+    })?;
+    shared.parameters().map(Answer::text)
+}
+
+/// A JSON object from the payload; none is an empty one.
+pub(super) fn object<T: serde::de::DeserializeOwned>(query: &Query) -> Result<T, Fault> {
+    let bytes = query.payload().map_or_else(|| b"{}".as_slice().into(), |p| p.to_bytes());
+    let word = last(query.key_expr().as_str());
+    serde_json::from_slice(&bytes).map_err(|e| Fault::new(Code::Malformed, format!("{word}: {e}")))
+}

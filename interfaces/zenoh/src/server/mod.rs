@@ -1,0 +1,201 @@
+//! Serves a component: requests come in through Zenoh, one after the other go through its lockstep, answers
+//! go out.
+//!
+//! Contract:
+//! * One thread computes, the one that calls [`Server::run`]. While it does, `ctl/status` and `describe` are
+//!   answered, others than the owner refused, and the heartbeat goes on.
+//! * Requests that wait are bounded in number and bytes; what is beyond is refused at once.
+//! * An owner is a client that is alive: when its token is gone, so is its ownership, and the run holds.
+
+mod answer;
+mod describe;
+mod gate;
+mod heartbeat;
+mod memory;
+mod outlets;
+mod requests;
+mod shared;
+
+pub use describe::{Body, Description};
+
+use crate::{Error, Keys, Link};
+use ballast_protocol::lockstep::{Kind, Lockstep};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
+use gate::Request;
+use heartbeat::Heartbeat;
+use memory::Answered;
+use outlets::Outlets;
+use shared::Shared;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::{Session, Wait};
+
+/// How long the computing thread sleeps at most before it looks whether it is to stop.
+const DOZE: Duration = Duration::from_millis(50);
+
+/// How long a session stays open after the last word.
+const LINGER: Duration = Duration::from_millis(100);
+
+/// What is done beside answering; called by the computing thread.
+pub trait Host {
+    /// An owner is lost or leaves, the run was taken elsewhere, or the component quits: the state should be
+    /// kept; whether it is.
+    fn keep(&mut self, _lockstep: &Lockstep) -> bool {
+        false
+    }
+
+    /// A window was computed and answered; whether the state was kept.
+    fn computed(
+        &mut self,
+        _lockstep: &Lockstep,
+        _kind: Kind,
+        _request: &AdvanceRequest,
+        _reply: &AdvanceReply,
+    ) -> bool {
+        false
+    }
+
+    /// The run was taken to a kept state, or back to the beginning.
+    fn taken_elsewhere(&mut self, _lockstep: &Lockstep) {}
+
+    /// Something that a person may want to know.
+    fn note(&mut self, _text: &str) {}
+
+    /// Whether to stop serving: asked between requests, and between the steps of a window, which is then
+    /// taken back.
+    fn is_stopped(&self) -> bool {
+        false
+    }
+}
+
+/// Does nothing beside.
+impl Host for () {}
+
+/// A component on the network.
+pub struct Server {
+    endpoints: Vec<String>,
+    session: Session,
+    keys: Keys,
+    shared: Arc<Shared>,
+    inbox: Receiver<Request>,
+    heartbeat: Heartbeat,
+}
+
+/// A component that is served.
+struct Service<'a> {
+    session: &'a Session,
+    keys: &'a Keys,
+    shared: Arc<Shared>,
+    lockstep: Lockstep,
+    host: &'a mut dyn Host,
+    outlets: Outlets,
+    answered: Answered,
+    alive: Option<LivelinessToken>,
+}
+
+impl Server {
+    /// Opens the session and declares the component's keys. Until [`Server::run`] it tells that it is
+    /// preparing; whoever wants to attach waits.
+    ///
+    /// # Errors
+    /// A name or a link that cannot be used.
+    pub fn open(name: &str, link: &Link) -> Result<Self, Error> {
+        let keys = Keys::of(name)?;
+        let session = link.open()?;
+        let shared = Arc::new(Shared::settling());
+        let inbox = gate::open(&session, &keys, &shared)?;
+        let heartbeat = Heartbeat::start(&session, &keys, &shared)?;
+        Ok(Self { endpoints: link.listen.clone(), session, keys, shared, inbox, heartbeat })
+    }
+
+    /// The endpoints that it was told to listen on; those of a configuration file are not known.
+    pub fn endpoints(&self) -> &[String] {
+        &self.endpoints
+    }
+
+    /// Serves until the component is shut down or the host stops; gives back the lockstep.
+    ///
+    /// # Errors
+    /// The session breaks down.
+    pub fn run(self, lockstep: Lockstep, host: &mut dyn Host) -> Result<Lockstep, Error> {
+        let Self { session, keys, shared, inbox, heartbeat, .. } = self;
+        let outlets = Outlets::declare(&session, &keys, lockstep.component().model())?;
+        let mut service = Service {
+            session: &session,
+            keys: &keys,
+            shared,
+            lockstep,
+            host,
+            outlets,
+            answered: Answered::default(),
+            alive: None,
+        };
+        service.describe();
+        service.shared.show(&service.lockstep);
+        service.come_alive()?;
+        service.serve(&inbox)?;
+        service.lockstep.quit();
+        service.keep();
+        service.shared.show(&service.lockstep);
+        while let Ok(request) = inbox.try_recv() {
+            service.refuse(&request);
+        }
+        heartbeat.end();
+        let Service { lockstep, alive, outlets, .. } = service;
+        drop((alive, outlets));
+        // Zenoh collects small messages for a moment before it sends them, and a session that closes does
+        // not wait for them: the last refusals and the last status would be lost.
+        std::thread::sleep(LINGER);
+        session.close().wait().map_err(|e| Error::link("zenoh", e))?;
+        Ok(lockstep)
+    }
+}
+
+impl Service<'_> {
+    fn serve(&mut self, inbox: &Receiver<Request>) -> Result<(), Error> {
+        while !self.shared.is_quitting() && !self.host.is_stopped() {
+            match inbox.recv_timeout(DOZE) {
+                Ok(request) => self.request(request)?,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if let Some(client) = self.shared.take_lost_owner()
+                && self.lockstep.lost(&client)
+            {
+                self.answered.forget();
+                self.say(&format!("{client:?} is gone; the run holds"));
+                self.keep();
+                self.shared.show(&self.lockstep);
+            }
+        }
+        Ok(())
+    }
+
+    fn keep(&mut self) {
+        if self.host.keep(&self.lockstep) {
+            self.lockstep.is_durable();
+        }
+    }
+
+    /// Describes the bodies where they are now.
+    fn describe(&self) {
+        self.shared.describe(&Description::of(self.keys.name(), &self.lockstep));
+    }
+
+    /// Tells people here and observers.
+    fn say(&mut self, text: &str) {
+        self.host.note(text);
+        self.outlets.log(self.lockstep.component().now_ns(), text);
+    }
+
+    /// Declares the component alive in its run.
+    fn come_alive(&mut self) -> Result<(), Error> {
+        let key = self.keys.alive(&self.lockstep.place().run_id);
+        let token = self.session.liveliness().declare_token(key).wait();
+        // The new token is there before the old one goes: nobody sees the component die.
+        self.alive = Some(token.map_err(|e| Error::link("zenoh", e))?);
+        Ok(())
+    }
+}

@@ -1,0 +1,136 @@
+//! What everyone is told after a window, and what late observers are told when they ask.
+//!
+//! Contract: whoever listens gets all of it or is cut off by the transport; the last message of every key is
+//! kept for those who come later and ask with a query.
+
+use super::answer::cdr;
+use crate::{Error, Keys};
+use ballast::model::Model;
+use ballast_protocol::messages::{
+    AdvanceReply, Clock, Log, Message, PoseStamped, Time, TwistStamped, WrenchImpulse,
+    WrenchStamped,
+};
+use ballast_protocol::to_cdr;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use zenoh::bytes::Encoding;
+use zenoh::key_expr::KeyExpr;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::CongestionControl;
+use zenoh::query::Query;
+use zenoh::{Session, Wait};
+
+/// Last message by key: bytes and encoding.
+type Last = Arc<Mutex<BTreeMap<String, (Vec<u8>, Encoding)>>>;
+
+/// Publishers by key, declared once.
+pub(super) struct Outlets {
+    session: Session,
+    keys: Keys,
+    by_key: BTreeMap<String, Publisher<'static>>,
+    last: Last,
+}
+
+impl Outlets {
+    pub fn declare(session: &Session, keys: &Keys, model: &Model) -> Result<Self, Error> {
+        let last = Last::default();
+        let mut outlets = Self {
+            session: session.clone(),
+            keys: keys.clone(),
+            by_key: BTreeMap::new(),
+            last: Arc::clone(&last),
+        };
+        for body in &model.driven {
+            for what in ["pose", "twist", "wrench", "impulse"] {
+                outlets.open(keys.out_body(&body.name, what))?;
+            }
+        }
+        for what in ["clock", "solver", "hash", "log"] {
+            outlets.open(keys.out(what))?;
+        }
+        let late = session.declare_queryable(keys.out_any());
+        let late = late.callback(move |query| tell_late(&last, &query));
+        late.background().wait().map_err(|e| Error::link("zenoh", e))?;
+        Ok(outlets)
+    }
+
+    fn open(&mut self, key: String) -> Result<(), Error> {
+        let publisher = self
+            .session
+            .declare_publisher(key.clone())
+            .congestion_control(CongestionControl::Block)
+            .wait()
+            .map_err(|e| Error::link(key.clone(), e))?;
+        self.by_key.insert(key, publisher);
+        Ok(())
+    }
+
+    fn put<T: Message>(&mut self, key: String, message: &T) {
+        if !self.by_key.contains_key(&key) && self.open(key.clone()).is_err() {
+            return;
+        }
+        // Whoever listens is told; nobody has to.
+        if let (Some(publisher), Ok(bytes)) = (self.by_key.get(&key), to_cdr(message)) {
+            let _ = publisher.put(bytes.clone()).encoding(cdr::<T>()).wait();
+            let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+            last.insert(key, (bytes, cdr::<T>()));
+        }
+    }
+
+    fn body(&mut self, body: &WrenchImpulse) {
+        let (header, name) = (body.header.clone(), &body.body);
+        let pose = PoseStamped { header: header.clone(), pose: body.pose };
+        self.put(self.keys.out_body(name, "pose"), &pose);
+        let twist = TwistStamped { header: header.clone(), twist: body.twist };
+        self.put(self.keys.out_body(name, "twist"), &twist);
+        let wrench = WrenchStamped { header, wrench: body.mean };
+        self.put(self.keys.out_body(name, "wrench"), &wrench);
+        self.put(self.keys.out_body(name, "impulse"), body);
+    }
+
+    /// Tells everyone what a window has done; the clock comes last and closes it.
+    pub fn window(&mut self, reply: &AdvanceReply) {
+        for body in &reply.bodies {
+            self.body(body);
+        }
+        for zone in &reply.zones {
+            self.put(self.keys.out_zone(&zone.zone), zone);
+        }
+        for squeeze in &reply.squeezes {
+            self.put(self.keys.out("squeeze"), squeeze);
+        }
+        self.put(self.keys.out("solver"), &reply.solver);
+        self.put(self.keys.out("hash"), &reply.hash);
+        let now = u64::try_from(reply.t1_ns).unwrap_or(0);
+        self.put(self.keys.out("clock"), &Clock { clock: Time::from_ns(now) });
+    }
+
+    /// Tells everyone a line of the log, at a time of the run.
+    pub fn log(&mut self, now_ns: u64, text: &str) {
+        let log = Log {
+            stamp: Time::from_ns(now_ns),
+            level: 20,
+            name: self.keys.name().into(),
+            msg: text.into(),
+            ..Log::default()
+        };
+        self.put(self.keys.out("log"), &log);
+    }
+}
+
+/// Answers with the last messages under the keys that are asked for.
+fn tell_late(last: &Last, query: &Query) {
+    let last = last.lock().unwrap_or_else(PoisonError::into_inner);
+    let wanted: Vec<_> = last
+        .iter()
+        .filter(|(key, _)| {
+            KeyExpr::try_from(key.as_str()).is_ok_and(|key| query.key_expr().intersects(&key))
+        })
+        .map(|(key, (bytes, encoding))| (key.clone(), bytes.clone(), encoding.clone()))
+        .collect();
+    drop(last);
+    for (key, bytes, encoding) in wanted {
+        // Who has gone meanwhile does not miss it.
+        let _ = query.reply(key, bytes).encoding(encoding).wait();
+    }
+}

@@ -1,0 +1,226 @@
+//! What the threads of the transport see of the computing one.
+//!
+//! Contract: a short lock, never held while waiting; a picture that is whole at any time.
+
+use super::describe::Description;
+use crate::LARGEST_MESSAGE;
+use ballast_protocol::lockstep::{Activity, Code, Fault, Lockstep, Progress, StatusReport};
+use std::collections::BTreeSet;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// Most requests that wait, and most bytes of theirs.
+pub(super) const MOST_REQUESTS: usize = 64;
+const MOST_BYTES: usize = 2 * LARGEST_MESSAGE;
+/// Most clients whose tokens are remembered; others are looked up.
+const MOST_CLIENTS: usize = 1000;
+
+pub(super) struct Shared {
+    start: Instant,
+    seen: Mutex<Seen>,
+}
+
+struct Seen {
+    /// As it was `at` ms after the start.
+    report: StatusReport,
+    at: u64,
+    /// As JSON, and its parameters alone.
+    description: Option<[String; 2]>,
+    /// Who drives, with the ticket.
+    owner: Option<(String, String)>,
+    /// The owner's token is gone.
+    owner_is_gone: bool,
+    /// Clients that are alive.
+    live: BTreeSet<String>,
+    requests: usize,
+    bytes: usize,
+}
+
+impl Shared {
+    /// Of a component that is being prepared.
+    pub fn settling() -> Self {
+        let report = StatusReport {
+            activity: Activity::Settling,
+            waiting_for: Some("the bed to be prepared".into()),
+            waiting_since_ms: Some(0),
+            ..StatusReport::default()
+        };
+        let seen = Seen {
+            report,
+            at: 0,
+            description: None,
+            owner: None,
+            owner_is_gone: false,
+            live: BTreeSet::new(),
+            requests: 0,
+            bytes: 0,
+        };
+        Self { start: Instant::now(), seen: Mutex::new(seen) }
+    }
+
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Wall time since the start, ms.
+    pub fn now_ms(&self) -> u64 {
+        self.start.elapsed().as_millis() as u64
+    }
+
+    /// What the component is doing, now.
+    pub fn status(&self) -> StatusReport {
+        let now = self.now_ms();
+        let seen = self.seen();
+        let (mut report, passed) = (seen.report.clone(), now.saturating_sub(seen.at));
+        drop(seen);
+        let later = |ms: &mut Option<u64>| *ms = ms.map(|ms| ms + passed);
+        later(&mut report.owner_since_ms);
+        later(&mut report.waiting_since_ms);
+        if let Some(progress) = &mut report.progress {
+            progress.elapsed_ms += passed;
+            progress.left_ms = progress.left_ms.saturating_sub(passed);
+        }
+        report.uptime_ms = now;
+        report
+    }
+
+    pub fn is_quitting(&self) -> bool {
+        self.seen().report.activity == Activity::Quitting
+    }
+
+    /// Shows the component between two requests.
+    pub fn show(&self, lockstep: &Lockstep) {
+        let now = self.now_ms();
+        let report = lockstep.status(now);
+        let owner = lockstep.owner().map(|(client, ticket)| (client.into(), ticket.into()));
+        let mut seen = self.seen();
+        if seen.owner != owner {
+            // A token may have gone while its owner was still asking.
+            let live = owner.as_ref().is_none_or(|(client, _)| seen.live.contains(client));
+            (seen.owner_is_gone, seen.owner) = (!live, owner);
+        }
+        (seen.report, seen.at) = (report, now);
+    }
+
+    /// Shows how far a window is.
+    pub fn show_progress(&self, progress: &Progress) {
+        let now = self.now_ms();
+        let mut seen = self.seen();
+        let passed = now.saturating_sub(seen.at);
+        let report = &mut seen.report;
+        report.activity = Activity::Playing;
+        report.owner_since_ms = report.owner_since_ms.map(|ms| ms + passed);
+        (report.waiting_for, report.waiting_since_ms) = (None, None);
+        report.progress = Some(*progress);
+        seen.at = now;
+    }
+
+    pub fn describe(&self, description: &Description) {
+        let whole = serde_json::to_string(description);
+        let parameters = serde_json::to_string(&description.parameters);
+        self.seen().description = whole.ok().zip(parameters.ok()).map(|(w, p)| [w, p]);
+    }
+
+    /// What the component says of itself, as JSON.
+    ///
+    /// # Errors
+    /// It is being prepared.
+    pub fn description(&self) -> Result<String, Fault> {
+        self.described().map(|[whole, _]| whole)
+    }
+
+    /// What the case has set, as JSON.
+    ///
+    /// # Errors
+    /// It is being prepared.
+    pub fn parameters(&self) -> Result<String, Fault> {
+        self.described().map(|[_, parameters]| parameters)
+    }
+
+    fn described(&self) -> Result<[String; 2], Fault> {
+        let message = "the bed is being prepared; ask again when the status says PAUSED";
+        self.seen().description.clone().ok_or_else(|| Fault::new(Code::Settling, message))
+    }
+
+    pub fn client_is_alive(&self, client: String) {
+        let mut seen = self.seen();
+        if seen.owner.as_ref().is_some_and(|(owner, _)| *owner == client) {
+            seen.owner_is_gone = false;
+        }
+        if seen.live.len() < MOST_CLIENTS {
+            seen.live.insert(client);
+        }
+    }
+
+    pub fn client_is_gone(&self, client: &str) {
+        let mut seen = self.seen();
+        seen.live.remove(client);
+        seen.owner_is_gone |= seen.owner.as_ref().is_some_and(|(owner, _)| owner == client);
+    }
+
+    pub fn is_live(&self, client: &str) -> bool {
+        self.seen().live.contains(client)
+    }
+
+    /// The owner, if it has gone since it was asked last.
+    pub fn take_lost_owner(&self) -> Option<String> {
+        let mut seen = self.seen();
+        let gone = std::mem::take(&mut seen.owner_is_gone);
+        seen.owner.as_ref().filter(|_| gone).map(|(client, _)| client.clone())
+    }
+
+    /// Refuses who does not drive, before its request takes any room.
+    pub fn check_owner(&self, ticket: &str) -> Result<(), Fault> {
+        let seen = self.seen();
+        match &seen.owner {
+            Some((_, known)) if known == ticket => Ok(()),
+            Some((owner, _)) => {
+                let message = format!("ticket: expected that of the owner, {owner:?}");
+                let fault = Fault::new(Code::NotOwner, message);
+                Err(Fault { owner: Some(owner.clone()), ..fault })
+            }
+            None => Err(Fault::new(Code::NotOwner, "ticket: expected an owner; attach first")),
+        }
+    }
+
+    /// Refuses who wants to drive while another one does; also while a window is computed.
+    pub fn check_free(&self, ticket: Option<&str>) -> Result<(), Fault> {
+        let status = self.status();
+        let seen = self.seen();
+        let Some((owner, known)) = &seen.owner else { return Ok(()) };
+        if ticket == Some(known) {
+            return Ok(());
+        }
+        let since = status.owner_since_ms.unwrap_or(0);
+        let gone =
+            if seen.owner_is_gone { "; it is gone, its last window is being computed" } else { "" };
+        let message = format!("{owner:?} drives, for {:.1} s{gone}", since as f64 * 1e-3);
+        let fault = Fault::new(Code::Busy, message);
+        Err(Fault { owner: Some(owner.clone()), since_ms: Some(since), ..fault })
+    }
+
+    /// Takes room for a request of so many bytes.
+    pub fn admit(&self, bytes: usize) -> Result<(), Fault> {
+        let mut seen = self.seen();
+        if seen.requests >= MOST_REQUESTS || seen.bytes + bytes > MOST_BYTES {
+            let expected = format!("at most {MOST_REQUESTS} with {MOST_BYTES} bytes");
+            let found = format!("{} with {}, and one more", seen.requests, seen.bytes);
+            return Err(Fault::expected(
+                Code::TooManyRequests,
+                "requests that wait",
+                expected,
+                found,
+            ));
+        }
+        seen.requests += 1;
+        seen.bytes += bytes;
+        Ok(())
+    }
+
+    /// Gives the room back.
+    pub fn dismiss(&self, bytes: usize) {
+        let mut seen = self.seen();
+        seen.requests = seen.requests.saturating_sub(1);
+        seen.bytes = seen.bytes.saturating_sub(bytes);
+    }
+}

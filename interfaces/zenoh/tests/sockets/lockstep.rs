@@ -1,0 +1,193 @@
+//! The same states as in one process; every request does what it says.
+
+use crate::setup::{KEY, Served, WINDOW, lockstep, patient, shaking, step, undisturbed};
+use ballast_protocol::lockstep::{Activity, Code, Kind};
+use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
+use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::{Client, Error, Line, Link, Patience, Server};
+use std::time::{Duration, Instant};
+
+#[test]
+fn windows_of_a_millisecond_over_a_socket_give_the_states_of_one_process() {
+    let served = Served::new();
+    let mut client = served.client();
+    for (k, expected) in undisturbed(60).iter().enumerate() {
+        step(&mut client).unwrap();
+        assert_eq!(&client.place().hash, expected, "window {}", k + 1);
+    }
+    let place = client.place().clone();
+    client.detach().unwrap();
+    let lockstep = served.stop();
+    assert_eq!(lockstep.place(), place);
+    assert_eq!(lockstep.answered_count(), 60);
+}
+
+#[test]
+fn a_component_says_what_it_is_and_what_it_waits_for() {
+    let served = Served::new();
+    let line = Line::open(KEY, &served.link(), patient()).unwrap();
+    let description = line.describe().unwrap();
+    assert_eq!((description.key.as_str(), description.step_ns), (KEY, WINDOW / 5));
+    assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "held"));
+    assert_eq!(description.parameters["schedule"], "synchronous");
+    let status = line.status().unwrap();
+    assert_eq!(status.activity, Activity::Paused);
+    assert_eq!(status.waiting_for.as_deref(), Some("an owner to attach"));
+    let mut client = served.client();
+    step(&mut client).unwrap();
+    let status = client.status().unwrap();
+    let who = format!("window 2 from {}", client.id());
+    assert_eq!((status.waiting_for, status.owner.as_deref()), (Some(who), Some(client.id())));
+    assert_eq!(status.place, *client.place());
+    let first = status.waiting_since_ms.unwrap();
+    std::thread::sleep(Duration::from_millis(60));
+    assert!(client.status().unwrap().waiting_since_ms.unwrap() >= first + 50);
+}
+
+#[test]
+fn states_are_kept_and_taken_up_and_a_window_redone() {
+    let served = Served::new();
+    let mut client = served.client();
+    let expected = undisturbed(3);
+    step(&mut client).unwrap();
+    client.save("one").unwrap();
+    step(&mut client).unwrap();
+    let second = client.place().clone();
+    let ends = [WINDOW, 2 * WINDOW];
+    let mut other = shaking(ends[0], ends[1]);
+    other[0].knots[1].pose.position.z += 1e-4;
+    let redone = client.redo(ends, other, vec![]).unwrap();
+    assert_ne!(redone.hash.to_string(), second.hash);
+    assert_eq!(client.restore("one").unwrap().hash, expected[0]);
+    step(&mut client).unwrap();
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, expected[2]);
+    client.drop_state("one").unwrap();
+    let gone = client.restore("one").unwrap_err();
+    assert_eq!(gone.fault().unwrap().code, Code::UnknownState);
+    let run = client.place().run_id.clone();
+    let fresh = client.reset().unwrap().clone();
+    assert_ne!(fresh.run_id, run);
+    assert_eq!((fresh.seq, fresh.now_ns), (0, 0));
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, expected[0]);
+    client.shut_down().unwrap();
+    assert!(served.stop().status(0).activity == Activity::Quitting);
+}
+
+#[test]
+fn what_is_refused_says_why_and_changes_nothing() {
+    let served = Served::new();
+    let mut client = served.client();
+    step(&mut client).unwrap();
+    let before = client.place().clone();
+    let mut unknown = shaking(WINDOW, 2 * WINDOW);
+    unknown[0].body = "flor".into();
+    let good = shaking(WINDOW, 2 * WINDOW);
+    let next = client.next(2 * WINDOW);
+    for (request, code, word) in [
+        (AdvanceRequest { motions: unknown, ..next.clone() }, Code::UnknownBody, "flor"),
+        (
+            AdvanceRequest { seq: 9, motions: good.clone(), ..next.clone() },
+            Code::OutOfSequence,
+            "9",
+        ),
+        (AdvanceRequest { run_id: "run-0".into(), ..next.clone() }, Code::WrongRun, "run-0"),
+        (AdvanceRequest { t1_ns: next.t1_ns + 1, ..next.clone() }, Code::TimeGrid, "1000000"),
+    ] {
+        let error = client.send(Kind::Advance, &request).unwrap_err();
+        let fault = error.fault().unwrap_or_else(|| panic!("{error}"));
+        assert!(fault.code == code && error.to_string().contains(word), "{error}");
+        assert_eq!(client.place(), &before);
+        assert_eq!(client.status().unwrap().place, before);
+    }
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, undisturbed(2)[1]);
+}
+
+#[test]
+fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
+    let served = Served::new();
+    let mut client = served.client();
+    let long = 400 * WINDOW;
+    let motions = shaking(0, long);
+    let request = AdvanceRequest {
+        motions: motions.clone(),
+        deadline_ms: 30,
+        deadline_policy: DeadlinePolicy::Early,
+        ..client.next(long)
+    };
+    let early = client.send(Kind::Advance, &request).unwrap();
+    assert!(
+        early.status == Status::Early && early.t1_ns > 0 && early.t1_ns < long as i64,
+        "{early:?}"
+    );
+    // To the end, but the client does not wait for it: slow, not lost; asking again gets the answer.
+    client.reset().unwrap();
+    let hasty = Patience { margin: Duration::ZERO, ..patient() };
+    let run = client.place().run_id.clone();
+    client.detach().unwrap();
+    let mut client = Client::attach(KEY, &served.link(), "hasty", Some(&run), hasty).unwrap();
+    let request = AdvanceRequest { motions, deadline_ms: 30, ..client.next(long) };
+    let begin = Instant::now();
+    let mut late = 0;
+    let whole = loop {
+        match client.send(Kind::Advance, &request) {
+            Ok(reply) => break reply,
+            Err(error @ Error::Slow { .. }) => {
+                late += 1;
+                assert!(error.to_string().contains("is there"), "{error}");
+            }
+            Err(error) => panic!("{error}"),
+        }
+        assert!(begin.elapsed() < Duration::from_secs(60), "it never ends");
+    };
+    assert!(late > 0 && whole.t1_ns == long as i64, "{late}: {whole:?}");
+    client.detach().unwrap();
+    // Reset, once early, once whole: retries have computed nothing.
+    assert_eq!(served.stop().answered_count(), 2);
+}
+
+#[test]
+fn nobody_there_is_told_within_two_heartbeats_of_silence() {
+    let link = Link::to(free_endpoint().unwrap());
+    let begin = Instant::now();
+    let Err(error) = Client::attach(KEY, &link, "test", None, Patience::default()) else {
+        panic!("attached to nobody");
+    };
+    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
+    assert!(error.to_string().contains(KEY), "{error}");
+    for bad in ["yard", "yard/*", "a/b/c"] {
+        assert!(matches!(attach_to(bad, &link), Err(Error::Name { .. })));
+    }
+    let error = Server::open(KEY, &Link::listening("tcp/300.0.0.1:1")).err().unwrap();
+    assert!(error.to_string().contains("300.0.0.1"), "{error}");
+}
+
+fn attach_to(name: &str, link: &Link) -> Result<Client, Error> {
+    Client::attach(name, link, "test", None, Patience::default())
+}
+
+#[test]
+fn who_comes_while_the_bed_is_prepared_is_told_so_and_waits() {
+    let server = Server::open(KEY, &Link::listening(free_endpoint().unwrap())).unwrap();
+    let link = Link::to(&server.endpoints()[0]);
+    let line = Line::open(KEY, &link, patient()).unwrap();
+    assert_eq!(line.status().unwrap().activity, Activity::Settling);
+    assert_eq!(line.describe().unwrap_err().fault().unwrap().code, Code::Settling);
+    let other = link.clone();
+    // Shorter than the preparation: signs of life keep it waiting.
+    let patience = Patience { absence: Duration::from_millis(1500), ..Patience::default() };
+    let waits = std::thread::spawn(move || {
+        let mut client = Client::attach(KEY, &other, "early", None, patience)?;
+        step(&mut client)?;
+        client.shut_down()
+    });
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(!waits.is_finished());
+    server.run(lockstep(), &mut ()).unwrap();
+    let place = waits.join().unwrap().unwrap();
+    assert_eq!(place.hash, undisturbed(1)[0]);
+    assert!(matches!(attach_to(KEY, &link), Err(Error::PeerLost { .. })));
+}

@@ -1,0 +1,17 @@
+//! A component on real sockets: the same states as in one process, and what goes wrong between processes.
+//!
+//! `BALLAST_FAULTS` multiplies how often faults are repeated.
+
+#[path = "../../../../tests/common/mod.rs"]
+mod common;
+
+mod cut;
+mod hostile;
+mod lockstep;
+mod lossy;
+mod observers;
+mod owners;
+mod proxy;
+mod relay;
+mod security;
+mod setup;

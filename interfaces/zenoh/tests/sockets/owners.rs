@@ -1,0 +1,93 @@
+//! One drives: others are refused at once, and the run holds for the next one when it is gone.
+
+use crate::setup::{KEY, MS, Served, WINDOW, attach, patient, shaking, step, times, undisturbed};
+use ballast_protocol::lockstep::{Code, Kind};
+use ballast_protocol::messages::AdvanceRequest;
+use ballast_zenoh::{Client, Error};
+use std::time::{Duration, Instant};
+
+#[test]
+fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
+    let served = Served::new();
+    let mut client = served.client();
+    for _ in 0..times(100) {
+        let busy = attach(&served.link()).err().expect("someone drives");
+        let fault = busy.fault().unwrap_or_else(|| panic!("{busy}"));
+        assert_eq!((fault.code, fault.owner.as_deref()), (Code::Busy, Some(client.id())));
+        assert!(fault.since_ms.is_some());
+        step(&mut client).unwrap();
+    }
+    let windows = times(100);
+    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    // Long enough to be asked in the middle of it.
+    let (t0, link) = (client.place().now_ns, served.link());
+    let t1 = t0 + 1500 * MS;
+    let long = AdvanceRequest { motions: shaking(t0, t1), ..client.next(t1) };
+    let computing = std::thread::spawn(move || client.send(Kind::Advance, &long).map(|_| client));
+    std::thread::sleep(Duration::from_millis(50));
+    let begin = Instant::now();
+    let busy = attach(&link).err().expect("someone drives");
+    assert_eq!(busy.fault().unwrap().code, Code::Busy, "{busy}");
+    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
+    assert!(!computing.is_finished(), "the window was too short for this test");
+    computing.join().unwrap().unwrap().detach().unwrap();
+}
+
+#[test]
+fn when_an_owner_is_gone_the_next_one_goes_on() {
+    let served = Served::new();
+    let mut run = None;
+    let windows = times(40);
+    for _ in 0..windows {
+        let begin = Instant::now();
+        // The old token may not be gone yet.
+        let mut client = loop {
+            match Client::attach(KEY, &served.link(), "next", run.as_deref(), patient()) {
+                Ok(client) => break client,
+                Err(Error::Refused(fault)) if fault.code == Code::Busy => {}
+                Err(error) => panic!("{error}"),
+            }
+            assert!(begin.elapsed() < Duration::from_secs(5), "the owner never goes");
+        };
+        run = Some(client.place().run_id.clone());
+        step(&mut client).unwrap();
+        // Dropped without a word.
+    }
+    let lockstep = served.stop();
+    assert_eq!(lockstep.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(lockstep.answered_count(), windows);
+}
+
+#[test]
+fn another_run_is_not_taken_up() {
+    let served = Served::new();
+    let error =
+        Client::attach(KEY, &served.link(), "test", Some("run-0"), patient()).err().unwrap();
+    assert_eq!(error.fault().unwrap().code, Code::WrongRun, "{error}");
+    assert!(error.to_string().contains("run-1"), "{error}");
+}
+
+#[test]
+fn a_window_that_is_asked_for_without_the_ticket_is_refused_and_not_computed() {
+    let served = Served::new();
+    let mut client = served.client();
+    step(&mut client).unwrap();
+    let stranger = crate::hostile::Stranger::at(&served.link());
+    let t0 = client.place().now_ns;
+    let next = AdvanceRequest { motions: shaking(t0, t0 + WINDOW), ..client.next(t0 + WINDOW) };
+    let text = ballast_protocol::to_json(&next).unwrap();
+    for ticket in ["", "0123456789abcdef0123456789abcdef", ";;;", &"x".repeat(1000)] {
+        for verb in
+            ["advance", "redo", "save", "restore", "drop", "reset", "init", "detach", "shutdown"]
+        {
+            let payload =
+                if matches!(verb, "advance" | "redo") { &text[..] } else { "{\"name\":\"x\"}" };
+            let fault = stranger.ask(verb, payload.as_bytes(), Some(ticket)).unwrap_err();
+            let expected = if ticket.len() > 200 { Code::TooLarge } else { Code::NotOwner };
+            assert_eq!(fault.code, expected, "{verb}: {fault}");
+        }
+    }
+    assert_eq!(client.status().unwrap().place, *client.place());
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, undisturbed(2)[1]);
+}

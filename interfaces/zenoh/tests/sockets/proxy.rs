@@ -1,0 +1,80 @@
+//! A wire that can be cut, and can fall silent.
+
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+const OPEN: u8 = 0;
+/// Connections end, new ones are refused.
+const CUT: u8 = 1;
+/// Nothing comes through, and nobody is told.
+const SILENT: u8 = 2;
+
+/// Forwards connections to `to`.
+pub struct Proxy {
+    pub endpoint: String,
+    wire: Arc<Wire>,
+}
+
+struct Wire {
+    state: AtomicU8,
+    sockets: Mutex<Vec<TcpStream>>,
+}
+
+impl Proxy {
+    /// `to`: an endpoint `tcp/…`.
+    pub fn before(to: &str) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
+        let wire = Arc::new(Wire { state: AtomicU8::new(OPEN), sockets: Mutex::default() });
+        let (to, at) = (to.trim_start_matches("tcp/").to_string(), Arc::clone(&wire));
+        std::thread::spawn(move || {
+            for from in listener.incoming().map_while(Result::ok) {
+                if at.state.load(Ordering::SeqCst) != OPEN {
+                    continue;
+                }
+                let Ok(up) = TcpStream::connect(&to) else { continue };
+                let mut sockets = at.sockets.lock().unwrap();
+                for (a, b) in [(&from, &up), (&up, &from)] {
+                    let (a, b, at) =
+                        (a.try_clone().unwrap(), b.try_clone().unwrap(), Arc::clone(&at));
+                    a.set_nodelay(true).unwrap();
+                    std::thread::spawn(move || forward(a, b, &at));
+                }
+                sockets.extend([from, up]);
+            }
+        });
+        Self { endpoint, wire }
+    }
+
+    pub fn cut(&self) {
+        self.wire.state.store(CUT, Ordering::SeqCst);
+        for socket in self.wire.sockets.lock().unwrap().drain(..) {
+            let _ = socket.shutdown(Shutdown::Both);
+        }
+    }
+
+    pub fn fall_silent(&self) {
+        self.wire.state.store(SILENT, Ordering::SeqCst);
+    }
+
+    pub fn restore(&self) {
+        self.wire.state.store(OPEN, Ordering::SeqCst);
+    }
+}
+
+fn forward(mut from: TcpStream, mut to: TcpStream, wire: &Wire) {
+    let mut buffer = vec![0; 1 << 16];
+    while let Ok(count @ 1..) = from.read(&mut buffer) {
+        while wire.state.load(Ordering::SeqCst) == SILENT {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        if to.write_all(&buffer[..count]).is_err() {
+            break;
+        }
+    }
+    let _ = from.shutdown(Shutdown::Both);
+    let _ = to.shutdown(Shutdown::Both);
+}

@@ -1,0 +1,156 @@
+//! A heap of stones on a floor that is shaken, served on the loopback, and how its runs must end.
+
+use crate::common;
+use ballast::component::{Component, Limits};
+use ballast::model::{Model, Schedule};
+use ballast::state::State;
+use ballast_protocol::lockstep::Lockstep;
+use ballast_protocol::messages::{
+    BodyInput, Digest, Interpolation, Knot, Point, Pose, Quaternion, Twist, Vector3,
+};
+use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::{Client, Host, Link, Patience, Server};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+pub const KEY: &str = "yard/bed";
+pub const MS: u64 = 1_000_000;
+/// Length of a window, ns: five steps.
+pub const WINDOW: u64 = MS;
+
+/// How often a fault is repeated.
+pub fn times(normally: u64) -> u64 {
+    let factor = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
+    normally * factor.unwrap_or(1)
+}
+
+pub fn hash(_: &Model, state: &State) -> u128 {
+    u128::from_be_bytes(Digest::of(format!("{state:?}").as_bytes()).0)
+}
+
+pub fn component() -> Component {
+    let mut scene =
+        common::heap::falling(2, WINDOW / 5).scheduled(Schedule::Synchronous, [2, 1, 1]);
+    scene.model.solver.iterations = 30;
+    scene.model.solver.tolerance = Some(1e-3);
+    Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
+}
+
+pub fn lockstep() -> Lockstep {
+    Lockstep::new(component(), "run-1", hash)
+}
+
+/// The floor at a time: 2 mm at 10 Hz.
+fn knot(time_ns: u64) -> Knot {
+    let (t, w) = (time_ns as f64 * 1e-9, TAU * 10.0);
+    Knot {
+        time_ns: time_ns as i64,
+        pose: Pose {
+            position: Point { x: 0.0, y: 0.0, z: -2e-3 * (1.0 - (w * t).cos()) },
+            orientation: Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
+        },
+        twist: Twist {
+            linear: Vector3 { x: 0.0, y: 0.0, z: -2e-3 * w * (w * t).sin() },
+            ..Twist::default()
+        },
+    }
+}
+
+/// The floor's motion through a window.
+pub fn shaking(t0_ns: u64, t1_ns: u64) -> Vec<BodyInput> {
+    vec![BodyInput {
+        body: "floor".into(),
+        interpolation: Interpolation::Hermite,
+        rebase: false,
+        knots: vec![knot(t0_ns), knot(t1_ns)],
+    }]
+}
+
+/// The next window of a client, of the usual length.
+pub fn step(client: &mut Client) -> Result<(), ballast_zenoh::Error> {
+    let t0 = client.place().now_ns;
+    client.advance_to(t0 + WINDOW, shaking(t0, t0 + WINDOW), vec![]).map(drop)
+}
+
+/// The state hashes after each of so many windows, computed in this process without any transport.
+pub fn undisturbed(windows: u64) -> Vec<String> {
+    use ballast_protocol::messages::AdvanceRequest;
+    let mut component = component();
+    (0..windows)
+        .map(|k| {
+            let (t0, t1) = (k * WINDOW, (k + 1) * WINDOW);
+            let (t0_ns, t1_ns) = (t0 as i64, t1 as i64);
+            let motions = shaking(t0, t1);
+            let request = AdvanceRequest { t0_ns, t1_ns, motions, ..AdvanceRequest::default() };
+            let inputs = request.inputs().expect("good inputs");
+            component.advance_to(t1, &inputs.motions[..]).expect("a window");
+            format!("{:032x}", hash(component.model(), component.state()))
+        })
+        .collect()
+}
+
+/// A component served by a thread of this process.
+pub struct Served {
+    pub endpoint: String,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Lockstep>>,
+}
+
+struct Until(Arc<AtomicBool>);
+
+impl Host for Until {
+    fn is_stopped(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}
+
+impl Served {
+    pub fn new() -> Self {
+        Self::at(&Link::listening(free_endpoint().unwrap()), lockstep())
+    }
+
+    pub fn at(link: &Link, lockstep: Lockstep) -> Self {
+        let server = Server::open(KEY, link).expect("a free port");
+        let endpoint = server.endpoints()[0].clone();
+        let stop = Arc::new(AtomicBool::new(false));
+        let mut until = Until(Arc::clone(&stop));
+        let thread = std::thread::spawn(move || server.run(lockstep, &mut until).expect("serves"));
+        Self { endpoint, stop, thread: Some(thread) }
+    }
+
+    pub fn link(&self) -> Link {
+        Link::to(&self.endpoint)
+    }
+
+    pub fn client(&self) -> Client {
+        attach(&self.link()).expect("nobody drives")
+    }
+
+    /// Ends the component and gives back its lockstep.
+    pub fn stop(mut self) -> Lockstep {
+        self.stop.store(true, Ordering::SeqCst);
+        self.thread.take().expect("stopped once").join().expect("no panic")
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::SeqCst);
+        if let Some(thread) = self.thread.take() {
+            let ended = thread.join();
+            assert!(ended.is_ok() || std::thread::panicking(), "the server failed");
+        }
+    }
+}
+
+pub fn attach(link: &Link) -> Result<Client, ballast_zenoh::Error> {
+    Client::attach(KEY, link, "test", None, patient())
+}
+
+/// Waits longer than usual for partners that are on their way: the machine may be busy.
+pub fn patient() -> Patience {
+    Patience { absence: Duration::from_secs(20), ..Patience::default() }
+}
