@@ -235,13 +235,17 @@ def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:
     assert closed.value.code == "closed"
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
+def interrupted_window(sim: ballast.Simulation) -> None:
+    """A window that would last for hours, and Ctrl-C after a moment."""
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
         advance(sim, 10_000_000)
     timer.join()
+
+
+def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
+    interrupted_window(sim)
     now = sim.now_ns
     assert 0 < now < 10_000_000 * sim.step_ns and now % sim.step_ns == 0
     interrupted = sim.save()
@@ -278,18 +282,31 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
     assert [(w["request"]["t0_ns"], w["request"]["t1_ns"]) for w in windows] == [
         (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
     ]
+    call(sim, tmp_path, "verify", path)
+    assert final in call(sim, tmp_path, "replay", path, "--out", tmp_path / "replay")
+
+
+def test_an_interrupted_window_is_recorded_as_far_as_it_went(
+    sim: ballast.Simulation, tmp_path: Path
+) -> None:
+    sim.record(tmp_path / "run.mcap")
+    interrupted_window(sim)
+    advance(sim)
+    sim.stop_recording()
+    call(sim, tmp_path, "verify", tmp_path / "run.mcap")
+
+
+def call(sim: ballast.Simulation, folder: Path, command: str, path: Path, *more: str | Path) -> str:
+    """What the program says to a recording of the simulation."""
     program = Path(os.environ.get("BALLAST_PROGRAM", ROOT / "target/release/ballast"))
     if not program.exists():
         pytest.skip(f"{program} is not built")
-    case = tmp_path / "tiny.toml"
+    case = folder / "tiny.toml"
     sim.case.write(case)
-    called = [program, "verify", path, "--case", case, "--beds", tmp_path / "beds"]
-    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+    called = [program, command, path, "--case", case, "--beds", folder / "beds", *more]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=folder)
     assert done.returncode == 0, done.stderr
-    called[1], called[-2:] = "replay", [*called[-2:], "--out", tmp_path / "replay"]
-    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert final in done.stdout
+    return done.stdout
 
 
 def lowered_back(sim: ballast.Simulation) -> dict[str, ballast.Motion]:
