@@ -9,6 +9,7 @@ demo: setup
 
 test: setup
 	cargo test --release --locked --workspace
+	scripts/test_python.sh
 
 # What a change must also pass: format and lints.
 check: setup
