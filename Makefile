@@ -10,6 +10,7 @@ demo: setup
 test: setup
 	-scripts/python.sh
 	cargo test --release --locked --workspace
+	scripts/test_python.sh
 
 # What a change must also pass: format and lints.
 check: setup

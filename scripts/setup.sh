@@ -1,11 +1,15 @@
 #!/usr/bin/env bash
-# Installs what a build needs beyond Rust, make and a C compiler: the HDF5 library and pkg-config.
+# Installs what a build needs beyond Rust, make and a C compiler: the HDF5 library and pkg-config; with the
+# argument `python` also Python's virtual environments.
 # Does nothing where they are there. Says what it does before it does it.
 set -euo pipefail
 
 need=()
 command -v pkg-config >/dev/null || need+=(pkg-config)
 pkg-config --exists hdf5 2>/dev/null || pkg-config --exists hdf5-serial 2>/dev/null || need+=(libhdf5-dev)
+if [ "${1:-}" = python ] && ! python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    need+=(python3 python3-venv)
+fi
 
 if ! command -v cargo >/dev/null; then
     echo "setup: cargo is missing. Install Rust 1.89 or later (https://rustup.rs), then try again." >&2

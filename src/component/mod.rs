@@ -15,17 +15,15 @@ mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
 pub use memory::Recent;
-pub use outcome::{
-    BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, farthest, measure,
-};
+pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use refusal::Refusal;
 pub use waveform::{Interpolation, Knot, Waveform};
 pub use window::{Input, LoadInput, Window};
 
 use crate::drive::Inputs;
 use crate::error::Error;
-use crate::math::rotation;
-use crate::model::{Model, Part};
+use crate::model::Model;
+use crate::motion::SpeedLimit;
 use crate::observe::Zone;
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, step};
@@ -81,14 +79,12 @@ pub struct Component {
     model: Arc<Model>,
     limits: Limits,
     zones: Arc<[Zone]>,
-    state: State,
+    /// Copied on writing: whoever was given a state keeps what it was, and pays for no copy.
+    state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
-    last: Option<(State, u64)>,
+    last: Option<(Arc<State>, u64)>,
     workspace: Workspace,
-    /// Largest distance of a point of each driven body from its reference point `[nd]`, m.
-    reach: Vec<f64>,
-    /// Farthest that a point of a driven body may move in a step, m.
-    farthest: f64,
+    speed_limit: SpeedLimit,
 }
 
 impl Component {
@@ -96,11 +92,15 @@ impl Component {
     ///
     /// # Errors
     /// A model or a state that cannot be stepped.
-    pub fn new(model: Arc<Model>, state: State, limits: Limits) -> Result<Self, Refusal> {
+    pub fn new(
+        model: Arc<Model>,
+        state: impl Into<Arc<State>>,
+        limits: Limits,
+    ) -> Result<Self, Refusal> {
+        let state = state.into();
         model.check()?;
         state.check(&model)?;
-        let reach = model.driven.iter().map(|d| reach(&model, &d.parts)).collect();
-        let farthest = farthest(&model);
+        let speed_limit = SpeedLimit::of(&model);
         Ok(Self {
             model,
             limits,
@@ -108,8 +108,7 @@ impl Component {
             state,
             last: None,
             workspace: Workspace::default(),
-            reach,
-            farthest,
+            speed_limit,
         })
     }
 
@@ -175,7 +174,7 @@ impl Component {
         let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
         let mut memory = Memory::read(&self.state.drive, model.driven.len());
         let plan = Plan::check(&model, &self.state, &memory, &limits, t1_ns, &window)?;
-        let before = self.state.clone();
+        let before = Arc::clone(&self.state);
         let mut account = Account::new(&model, before.time_ns);
         let mut trouble = None;
         let mut stopped = None;
@@ -206,12 +205,12 @@ impl Component {
             None => Status::Warn,
         };
         if status == Status::Discard {
-            self.state.clone_from(&before);
+            self.state = Arc::clone(&before);
             account = Account::new(&model, self.now_ns());
             memory = Memory::read(&self.state.drive, model.driven.len());
         } else {
             memory.twist = plan.twists(self.now_ns());
-            memory.write(&mut self.state.drive);
+            memory.write(&mut Arc::make_mut(&mut self.state).drive);
         }
         self.last = Some((before, t1_ns));
         let end = End {
@@ -221,7 +220,7 @@ impl Component {
             // After a step that failed, the contacts are not those of the state.
             zones: if status == Status::Discard { &[] } else { &self.zones },
             recent: &memory.recent,
-            farthest: self.farthest,
+            farthest: self.speed_limit.way,
         };
         Ok(account.close(status, trouble, &end))
     }
@@ -250,17 +249,19 @@ impl Component {
     }
 
     /// Everything that the next window depends on: what [`Component::restore`] needs to go on from here.
-    pub fn save(&self) -> State {
-        self.state.clone()
+    /// It is shared, not copied; the component goes on in another.
+    pub fn save(&self) -> Arc<State> {
+        Arc::clone(&self.state)
     }
 
     /// Goes back, or on, to a state of the same model.
     ///
     /// # Errors
     /// A state that does not fit the model; the component is as before.
-    pub fn restore(&mut self, state: &State) -> Result<(), Refusal> {
+    pub fn restore(&mut self, state: impl Into<Arc<State>>) -> Result<(), Refusal> {
+        let state = state.into();
         state.check(&self.model)?;
-        self.state = state.clone();
+        self.state = state;
         self.last = None;
         Ok(())
     }
@@ -271,11 +272,10 @@ impl Component {
             model: Arc::clone(&self.model),
             limits: self.limits,
             zones: Arc::clone(&self.zones),
-            state: self.state.clone(),
+            state: Arc::clone(&self.state),
             last: self.last.clone(),
             workspace: Workspace::default(),
-            reach: self.reach.clone(),
-            farthest: self.farthest,
+            speed_limit: self.speed_limit.clone(),
         }
     }
 
@@ -303,26 +303,12 @@ impl Component {
     ) -> Result<StepReport, Error> {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
-        for (d, target) in targets.iter().enumerate() {
-            let from = self.state.imposed(&self.model, d);
-            let turn = rotation::log(&(target.orientation * from.orientation.inverse())).norm();
-            let way = (target.position - from.position).norm() + turn * self.reach[d];
-            if way > self.farthest {
-                return Err(Error::Step {
-                    time_s: self.state.time(),
-                    place: format!("{:?}", self.model.driven[d].name),
-                    expected: format!(
-                        "at most {:.3e} m in a step, half of the smallest grain",
-                        self.farthest
-                    ),
-                    found: format!("{way:.3e} m"),
-                });
-            }
-        }
+        self.speed_limit.check(&self.model, &self.state, &targets)?;
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
-        let before = self.limits.penetration.is_finite().then(|| self.state.clone());
+        let before = self.limits.penetration.is_finite().then(|| Arc::clone(&self.state));
         let inputs = Inputs { targets: &targets, loads: &loads };
-        let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, stopwatch)?;
+        let state = Arc::make_mut(&mut self.state);
+        let report = step(&self.model, state, &inputs, &mut self.workspace, stopwatch)?;
         if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
             let time_s = before.time();
             self.state = before;
@@ -335,16 +321,4 @@ impl Component {
         }
         Ok(report)
     }
-}
-
-/// Largest distance of a point of a body's convex parts from its origin, m.
-fn reach(model: &Model, parts: &[Part]) -> f64 {
-    let corners = parts.iter().flat_map(|part| match part {
-        Part::Convex { shape, pose } => {
-            let vertices = &model.shapes[*shape as usize].vertices;
-            vertices.iter().map(|v| pose.point(v).norm()).collect::<Vec<_>>()
-        }
-        Part::HalfSpace { .. } => Vec::new(),
-    });
-    corners.fold(0.0, f64::max)
 }

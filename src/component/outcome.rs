@@ -140,15 +140,9 @@ pub struct End<'a> {
     pub zones: &'a [Zone],
     /// Has taken the last step.
     pub recent: &'a Recent,
-    /// [`farthest`].
+    /// Farthest that a point of a driven body may be led in a step, m: that of a
+    /// [`SpeedLimit`](crate::motion::SpeedLimit).
     pub farthest: f64,
-}
-
-/// Farthest that a point of a driven body may move in a step, m: half of the smallest grain. A faster tool would
-/// pass through grains unseen.
-pub fn farthest(model: &Model) -> f64 {
-    let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
-    0.5 * model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min)
 }
 
 /// The sums of a window so far.

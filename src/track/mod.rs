@@ -23,6 +23,6 @@ pub use deposit::{Bed, deposit};
 pub use machine_control::TinePair;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
-pub use tamping_cycle::{TampingCycle, TampingPhase};
+pub use tamping_cycle::{TampingCycle, TampingPhase, TinePath};
 pub use tine::steel_cantilever;
 pub use zones::zones;

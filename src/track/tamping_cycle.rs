@@ -60,7 +60,7 @@ struct Machine {
     /// Ends of lift, insertion, squeeze, hold and withdrawal, s.
     ends: [f64; 5],
     sleepers: Vec<Lifted>,
-    tines: Vec<Driven>,
+    tines: Vec<TinePath>,
     control: MachineControl,
 }
 
@@ -71,15 +71,21 @@ struct Lifted {
     rest: Vec3,
 }
 
+/// The way of a tine through the cycle.
 #[derive(Debug, Clone, PartialEq)]
-struct Driven {
-    body: usize,
-    /// Index into the control's pairs.
-    pair: usize,
-    direction: f64,
-    start: Vec3,
+pub struct TinePath {
+    /// Index among the driven bodies.
+    pub body: usize,
+    /// Index into [`TampingCycle::pairs`].
+    pub pair: usize,
+    /// Of its squeeze along x: 1 or -1.
+    pub direction: f64,
+    /// Where its reference point is before the cycle, m.
+    pub start: Vec3,
     /// Height of the reference point at full depth, m.
-    deep: f64,
+    pub deep: f64,
+    /// How far it closes, m.
+    pub stroke: f64,
 }
 
 impl TampingCycle {
@@ -118,18 +124,32 @@ impl TampingCycle {
     pub fn targets(&self, model: &Model, state: &State, out: &mut Vec<Pose>) {
         out.clear();
         out.extend((0..model.driven.len()).map(|d| state.imposed(model, d)));
+        self.place(model, state.time_ns, &state.drive, |body, position| {
+            out[body].position = position;
+        });
+    }
+
+    /// Tells `set` where each body that the cycle moves is at the end of the step that starts at `time_ns`:
+    /// its index among the driven bodies, and its position (m). `drive` is the memory of the machine.
+    pub fn place(
+        &self,
+        model: &Model,
+        time_ns: u64,
+        drive: &[f64],
+        mut set: impl FnMut(usize, Vec3),
+    ) {
         let Some(machine) = &self.machine else { return };
-        let end = (state.time_ns + model.stepping.step_ns) as f64 * 1e-9;
+        let end = (time_ns + model.stepping.step_ns) as f64 * 1e-9;
         let lift = machine.lift(end);
         for sleeper in &machine.sleepers {
-            out[sleeper.body].position = sleeper.rest + Vec3::z() * lift;
+            set(sleeper.body, sleeper.rest + Vec3::z() * lift);
         }
         let h = model.stepping.h();
         let [inserting, squeezing] = machine.since(end);
-        let lowered = machine.control.lowered_next(&state.drive, inserting, h);
+        let lowered = machine.control.lowered_next(drive, inserting, h);
         for tine in &machine.tines {
-            let squeezed = machine.control.squeezed_next(&state.drive, tine.pair, squeezing, h);
-            out[tine.body].position = machine.tine_position(tine, end, lowered, squeezed);
+            let squeezed = machine.control.squeezed_next(drive, tine.pair, squeezing, h);
+            set(tine.body, machine.tine_position(tine, end, lowered, squeezed));
         }
     }
 
@@ -161,6 +181,11 @@ impl TampingCycle {
     /// Time of the run at which the cycle is over, s; 0 without tamping.
     pub fn duration(&self) -> f64 {
         self.machine.as_ref().map_or(0.0, |m| m.ends[4])
+    }
+
+    /// The ways of the tines; none without tamping.
+    pub fn tines(&self) -> &[TinePath] {
+        self.machine.as_ref().map_or(&[], |m| &m.tines)
     }
 
     /// The tine pairs in order of their numbers.
@@ -220,7 +245,7 @@ impl Machine {
         [t - self.ends[0], t - self.ends[1]]
     }
 
-    fn tine_position(&self, tine: &Driven, t: f64, lowered: f64, squeezed: f64) -> Vec3 {
+    fn tine_position(&self, tine: &TinePath, t: f64, lowered: f64, squeezed: f64) -> Vec3 {
         // The tines open in the first half of the withdrawal: pressed together, they would tear at
         // what they have just squeezed.
         let leaving = (t - self.ends[3]) / self.plan.withdrawal;
@@ -264,17 +289,18 @@ fn driven_tines(
     tamping: &TampingPlan,
     model: &Model,
     control: &MachineControl,
-) -> Result<Vec<Driven>> {
+) -> Result<Vec<TinePath>> {
     let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
     let tine = |tine: &crate::track::plan::TinePlan| {
         let pair = control.pairs.iter().position(|p| p.number == tine.pair);
-        Ok(Driven {
+        Ok(TinePath {
             body: tine_index(model, &tine.name)?,
             // Pairs are made from these very tines.
             pair: pair.unwrap_or_default(),
             direction: tine.direction,
             start: start_position(plan, tine),
             deep,
+            stroke: tamping.squeeze.stroke,
         })
     };
     plan.tines.iter().map(tine).collect()

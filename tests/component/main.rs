@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod halving;
 mod modes;
 mod refusals;
 mod waveforms;

@@ -15,10 +15,10 @@ use std::f64::consts::TAU;
 
 const US: u64 = 1000;
 /// Underside of the tool at rest, m.
-const TOP: f64 = 0.12;
+pub const TOP: f64 = 0.12;
 
 /// Two cubes on a floor, and above them a tool on a mount.
-fn press(mount: Mount, step_ns: u64) -> Scene {
+pub fn press(mount: Mount, step_ns: u64) -> Scene {
     let mut scene = Scene::new(step_ns, 0.5);
     let cube = scene.shape(cuboid(Vec3::repeat(0.03)));
     for k in 0..2 {

@@ -126,13 +126,13 @@ fn a_held_input_needs_no_end() {
 #[test]
 fn models_and_states_that_do_not_fit_are_refused() {
     let component = heap(Limits::default());
-    let mut state = component.save();
+    let mut state = (*component.save()).clone();
     state.velocity.pop();
     let model = std::sync::Arc::new(component.model().clone());
     let refusal = Component::new(model, state.clone(), Limits::default()).expect_err("no fit");
     check(&refusal, "state_invalid", &["body arrays"]);
     let mut component = component;
     let before = component.save();
-    check(&component.restore(&state).expect_err("no fit"), "state_invalid", &["body arrays"]);
+    check(&component.restore(state).expect_err("no fit"), "state_invalid", &["body arrays"]);
     assert_eq!(component.save(), before);
 }

@@ -40,7 +40,7 @@ fn a_window_is_its_steps() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
     let input = shaken(rest, 0, 50 * MS);
-    let mut state = component.save();
+    let mut state = (*component.save()).clone();
     let model = component.model().clone();
     let outcome = component.advance_to(50 * MS, from_ref(&input)).expect("a good window");
 
@@ -104,14 +104,14 @@ fn restored_and_forked_are_never_interrupted() {
     let end = component.save();
     shake(&mut fork, rest, 100, 10);
     assert_eq!(fork.save(), end, "forked");
-    component.restore(&kept).expect("its own snapshot");
+    component.restore(kept.clone()).expect("its own snapshot");
     assert_eq!(component.redo(&[]).expect_err("nothing yet").code(), "nothing_to_redo");
     shake(&mut component, rest, 100, 60);
     assert_eq!(component.save(), end, "restored");
     // A state that another drive has left knows no twists of the last window; the motion goes on.
-    let foreign = ballast::state::State { drive: vec![0.1], ..kept.clone() };
+    let foreign = ballast::state::State { drive: vec![0.1], ..(*kept).clone() };
     let mut other = heap(Limits::default());
-    other.restore(&foreign).expect("a state of this model");
+    other.restore(foreign).expect("a state of this model");
     shake(&mut other, rest, 100, 60);
     assert!(same(other.state(), &end), "from a state alone");
 }

@@ -54,7 +54,7 @@ fn every_citation_exists() {
     let known: BTreeSet<u32> = defined(&tree::read("docs/theory.md")).into_iter().collect();
     let mut places = tree::files(".", &["md"]);
     places.extend(tree::files("src", &["rs"]));
-    places.extend(tree::files("interfaces", &["rs"]));
+    places.extend(tree::around(&["rs"]));
     places.extend(tree::files("tests/physics", &["rs"]));
     places.extend(tree::files("tests/solver", &["rs"]));
     let unknown = places

@@ -69,7 +69,7 @@ fn examples_are_named_by_tests_or_pages() {
     let examples = tree::files("examples", &["toml", "rs", "py"]);
     let mut users = tree::files(".", &["md"]);
     users.extend(tree::files("tests", &["rs"]));
-    users.extend(tree::files("interfaces", &["rs"]));
+    users.extend(tree::around(&["rs"]));
     let texts: Vec<&str> = users.iter().map(|f| f.text.as_str()).collect();
     let paths: Vec<&str> = examples.iter().map(|f| f.path.as_str()).collect();
     let idle = unused(&paths, &texts);

@@ -26,11 +26,15 @@ pub fn files(folder: &str, extensions: &[&str]) -> Vec<File> {
     found
 }
 
-/// Source of the core and of the interfaces, tests left out.
+/// Files around the core, as [`files`].
+pub fn around(extensions: &[&str]) -> Vec<File> {
+    ["interfaces", "bindings"].iter().flat_map(|folder| files(folder, extensions)).collect()
+}
+
+/// Source of the core and of what is around it, tests left out.
 pub fn sources() -> Vec<File> {
     let mut all = files("src", &["rs"]);
-    let interfaces = files("interfaces", &["rs"]);
-    all.extend(interfaces.into_iter().filter(|f| f.path.contains("/src/")));
+    all.extend(around(&["rs"]).into_iter().filter(|f| f.path.contains("/src/")));
     all.retain(|f| !is_test(&f.path));
     assert!(all.len() > 20, "the tree's sources were not found");
     all

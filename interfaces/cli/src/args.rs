@@ -49,6 +49,8 @@ pub enum Command {
     Doctor(crate::coupling::args::Doctor),
     /// Read a case and say what it asks for, or what is wrong with it
     Check(Check),
+    /// Run a case many times with other values, side by side
+    Sweep(Sweep),
     /// Say what a bed, checkpoint or results file holds
     Inspect(Inspect),
     /// Write a results file as plain tables (CSV) and shapes that other programs open
@@ -188,6 +190,29 @@ pub struct Resume {
     pub checkpoint: PathBuf,
     #[command(flatten)]
     pub until: Until,
+}
+
+#[derive(Debug, Args)]
+pub struct Sweep {
+    /// Plan of the sweep (TOML): a case, and what is changed in it
+    pub plan: PathBuf,
+    /// Folder of the sweep; by default runs/<name of the plan>
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Runs at a time
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub jobs: NonZeroUsize,
+    /// Worker threads of each run
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub threads_each: NonZeroUsize,
+    /// Only this point, by its number: for the array jobs of a scheduler
+    #[arg(long, value_name = "NUMBER")]
+    pub case: Option<usize>,
+    /// Print the points with their numbers, and run nothing
+    #[arg(long)]
+    pub list: bool,
+    #[command(flatten)]
+    pub beds: Beds,
 }
 
 #[derive(Debug, Args)]

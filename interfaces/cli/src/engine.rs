@@ -10,6 +10,7 @@ use ballast::component::{Component, Limits, Status};
 use ballast::drive::Inputs;
 use ballast::math::Pose;
 use ballast::model::Model;
+use ballast::motion::SpeedLimit;
 use ballast::state::State;
 use ballast::step::{StepReport, step};
 use ballast::track::{TampingCycle, TampingPhase};
@@ -28,8 +29,17 @@ pub struct Engine {
 }
 
 enum Source {
-    Machine { state: Box<State>, workspace: Box<Workspace>, targets: Vec<Pose> },
-    Recording { component: Box<Component>, playback: Box<Playback>, memory: Box<Memory> },
+    Machine {
+        state: Box<State>,
+        workspace: Box<Workspace>,
+        targets: Vec<Pose>,
+        speed_limit: SpeedLimit,
+    },
+    Recording {
+        component: Box<Component>,
+        playback: Box<Playback>,
+        memory: Box<Memory>,
+    },
 }
 
 /// A step that was taken.
@@ -45,7 +55,8 @@ impl Engine {
     /// The case's machine at `state`.
     pub fn machine(model: Model, state: State, cycle: TampingCycle) -> Self {
         let (state, workspace) = (Box::new(state), Box::default());
-        let source = Source::Machine { state, workspace, targets: Vec::new() };
+        let speed_limit = SpeedLimit::of(&model);
+        let source = Source::Machine { state, workspace, targets: Vec::new(), speed_limit };
         Self { model: Arc::new(model), cycle, source }
     }
 
@@ -117,12 +128,14 @@ impl Engine {
     pub fn step(&mut self, watch: &mut Profile) -> Outcome<Option<Stepped>> {
         let Self { model, cycle, source } = self;
         match source {
-            Source::Machine { state, workspace, targets } => {
+            Source::Machine { state, workspace, targets, speed_limit } => {
                 let before = imposed(model, state);
                 let t0_ns = state.time_ns;
                 cycle.targets(model, state, targets);
+                let failed = |e: ballast::Error| Failure::Failed(e.to_string());
+                speed_limit.check(model, state, targets).map_err(failed)?;
                 let report = step(model, state, &Inputs { targets, loads: &[] }, workspace, watch)
-                    .map_err(|e| Failure::Failed(e.to_string()))?;
+                    .map_err(failed)?;
                 cycle.observe(model, &report, state);
                 let imposed = before.into_iter().zip(targets.iter().copied());
                 let imposed = imposed.map(|(a, b)| [a, b]).collect();

@@ -84,6 +84,20 @@ impl From<ballast_hdf5::Error> for Failure {
     }
 }
 
+impl From<ballast_beds::Error> for Failure {
+    fn from(error: ballast_beds::Error) -> Self {
+        use ballast_beds::Error;
+        let hint = "prepare it again with `ballast prepare CASE --force`";
+        match error {
+            Error::Kept(e) => Failure::from(e).with(&format!("; {hint}")),
+            Error::Keeping(e) => e.into(),
+            Error::AnotherBed { .. } => Failure::Failed(format!("{error}; {hint}")),
+            Error::Scene { .. } => Failure::InvalidCase(error.to_string()),
+            Error::Folder { .. } | Error::Preparation { .. } => Failure::Failed(error.to_string()),
+        }
+    }
+}
+
 impl From<ballast_mcap::Error> for Failure {
     fn from(error: ballast_mcap::Error) -> Self {
         match error {

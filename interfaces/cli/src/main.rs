@@ -61,6 +61,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Top(args) => coupling::top::top(args, console),
         #[cfg(feature = "zenoh")]
         Command::Doctor(args) => coupling::doctor::doctor(args, console),
+        Command::Sweep(args) => commands::sweep::sweep(args, console),
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Export(args) => commands::export::export(args, console),

@@ -6,6 +6,7 @@ use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
 use ballast::component;
 use ballast::model::Role;
+use ballast::motion::SpeedLimit;
 use ballast::observe::Zone;
 use ballast::track::TampingPhase;
 use ballast_mcap::{Drive, Meta, Tape, scene};
@@ -21,7 +22,7 @@ pub struct Taping {
     /// Whether there are pictures.
     frames: bool,
     recent: component::Recent,
-    /// [`component::farthest`].
+    /// Farthest that a body may be led in a step, m.
     farthest: f64,
 }
 
@@ -45,7 +46,7 @@ impl Taping {
         let (model, state) = (engine.model(), engine.state());
         let tape = Tape::create(path, &meta, model, state)?;
         let frames = case.plan.run.output_ns > 0;
-        let (recent, farthest) = (component::Recent::default(), component::farthest(model));
+        let (recent, farthest) = (component::Recent::default(), SpeedLimit::of(model).way);
         let mut taping = Self { tape, phase: engine.phase(), frames, recent, farthest };
         taping
             .tape

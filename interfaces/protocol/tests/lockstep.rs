@@ -337,7 +337,7 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     assert_eq!(first.status(0).durable_seq, 3);
     let state = first.component().save();
     let (mut second, ticket) = lockstep();
-    second.resume("run-1", 3, &state, first.answered().cloned()).unwrap();
+    second.resume("run-1", 3, state, first.answered().cloned()).unwrap();
     assert_eq!(second.place(), first.place());
     // The last window was answered by a process that is gone; a retry is answered all the same.
     assert_eq!(ask(&mut second, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));

@@ -13,6 +13,7 @@ mod resolve;
 pub mod sample;
 mod schema;
 mod structure;
+pub mod sweep;
 
 pub use content_key::content_key;
 pub use diagnostic::{CaseErrors, Diagnostic};

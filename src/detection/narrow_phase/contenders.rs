@@ -21,7 +21,7 @@ use super::closest;
 use super::edges::{self, LoneEdge};
 use super::facing::Slack;
 use super::few::Few;
-use super::pair::{Faces, Pair, larger};
+use super::pair::{self, Faces, Pair, larger, smaller};
 use super::supports::{Supports, TURN};
 use super::{SLAB, TIE};
 use crate::math::Vec3;
@@ -145,19 +145,23 @@ fn list_faces<const N: usize>(
     list: &mut Few<N>,
 ) -> f64 {
     list.clear();
-    let witness = faces.lowest_corner_along(normal);
-    let more = excess(&witness);
+    let lowest = |n: &Vec3| {
+        let corner = faces.lowest_corner_along(n);
+        (corner, excess(&corner))
+    };
+    // A corner deep below one face is often below its neighbours, too.
+    let first = lowest(normal);
+    let mut last = first;
     let mut bound = f64::NEG_INFINITY;
     for (f, (n, d)) in faces.own.face_normals.iter().zip(&faces.own.face_offsets).enumerate() {
-        let above = (n.x * witness.x + n.y * witness.y + n.z * witness.z) - d + more;
-        if above < limit {
-            bound = larger(above, bound);
-            continue;
+        let above = |(x, more): &(Vec3, f64)| pair::height(n, x) - d + more;
+        let mut least = smaller(above(&first), above(&last));
+        if least >= limit {
+            last = lowest(n);
+            least = above(&last);
         }
-        let corner = faces.lowest_corner_along(n);
-        let above = n.dot(&corner) - d + excess(&corner);
-        if above < limit {
-            bound = larger(above, bound);
+        if least < limit {
+            bound = larger(least, bound);
         } else {
             list.push(f);
         }

@@ -4,11 +4,10 @@ use super::reduce::{self, Candidate};
 use super::{Point, Scratch, Solid, feature};
 use crate::math::Vec3;
 
-/// Leaves in `scratch.points` the vertices of `a` at most `alert` (m) above the plane
+/// Appends to `scratch.points` the vertices of `a` at most `alert` (m) above the plane
 /// `normal · x = offset` of the world: four at most, spanning the largest area, the deepest among
 /// them, sorted by feature.
 pub fn touch_half_space(a: Solid, normal: &Vec3, offset: f64, alert: f64, scratch: &mut Scratch) {
-    scratch.points.clear();
     let centre = normal.dot(&a.pose.position) - offset;
     if centre > a.shape.radius * (1.0 + 1e-9) + alert {
         return;
@@ -29,5 +28,4 @@ pub fn touch_half_space(a: Solid, normal: &Vec3, offset: f64, alert: f64, scratc
         normal: *normal,
         gap: c.gap,
     }));
-    scratch.points.sort_unstable_by_key(|p| p.feature);
 }

@@ -69,7 +69,7 @@ pub struct PatchList {
     /// Edges of A and of B that may cross.
     rims: [Rim; 2],
     /// Pairs of them, by their places on the rims: that of A times [`EDGES`] plus that of B.
-    pairs: Few<24>,
+    pairs: Few<32>,
 }
 
 impl PatchList {
@@ -141,13 +141,14 @@ impl Axis {
             let sure = !list.unsure;
             let [on_a, on_b] = &list.rims;
             let Sides { rims: [placed_a, placed_b], .. } = sides;
-            let on_a_placed = on_a.place(pair.a, of_a, placed_a);
-            let on_b_placed = on_b.place(pair.b, of_b, placed_b);
+            on_a.place(pair.a, of_a, placed_a);
+            on_b.place(pair.b, of_b, placed_b);
             for both in list.pairs.iter() {
                 let (a, b) = (both / EDGES, both % EDGES);
                 let edges = [on_a.edges.item(a), on_b.edges.item(b)];
                 if sure || (of_a.is_facing(pair.a, edges[0]) && of_b.is_facing(pair.b, edges[1])) {
-                    self.crossing(pair, of_a, edges, &on_a_placed[a], &on_b_placed[b], out);
+                    let segments = [on_a.segment(a, placed_a), on_b.segment(b, placed_b)];
+                    self.crossing(pair, of_a, edges, &segments, out);
                 }
             }
             let over = |side: usize| list.vertices[side].iter().zip(&list.below[side]);
@@ -160,9 +161,9 @@ impl Axis {
             sides.list(pair, self, self.slab, slack);
             let Sides { pairs, vertices: [a, b], .. } = sides;
             for edges in pairs {
-                let [a, b] =
+                let segments =
                     [(pair.a, 0), (pair.b, 1)].map(|(s, k)| frames[k].segment(s, edges[k]));
-                self.crossing(pair, &frames[0], *edges, &a, &b, out);
+                self.crossing(pair, &frames[0], *edges, &segments, out);
             }
             self.vertices_of_a(pair, &frames[1], a.iter().map(|o| (o.vertex, &o.below)), out);
             self.vertices_of_b(pair, &frames[0], b.iter().map(|o| (o.vertex, &o.below)), out);
@@ -226,14 +227,14 @@ impl Axis {
     }
 
     /// Appends the crossing of an edge of A with one of B; `of_a` is the frame of A.
-    #[inline]
+    // As a call of its own it would cost its arguments a way through memory.
+    #[inline(always)]
     fn crossing(
         &self,
         pair: &Pair,
         of_a: &Frame,
         edges: [usize; 2],
-        on_a: &Segment,
-        on_b: &Segment,
+        [on_a, on_b]: &[Segment; 2],
         out: &mut Vec<Candidate>,
     ) {
         let Some([s, t]) = crossing(on_a, on_b) else { return };

@@ -1,5 +1,6 @@
 //! The four points of a manifold that span the largest area, the deepest always among them.
 
+use super::pair::smaller;
 use crate::math::Vec3;
 
 /// Largest number of points kept per pair of convex parts.
@@ -19,21 +20,27 @@ const APART: f64 = 1e-7;
 /// equally wide. Rounding then does not change the choice from step to step.
 const TIE: f64 = 2.5e-10;
 
-/// Keeps at most [`MAX_POINTS`] of `points`, the deepest among them; `n` is the contact's normal,
-/// `alert` the largest gap and `size` the length that tolerances refer to.
+/// Keeps at most [`MAX_POINTS`] of `points`, the deepest among them, and leaves them sorted by feature;
+/// `n` is the contact's normal, `alert` the largest gap and `size` the length that tolerances refer to.
 ///
 /// The four whose hull is largest, where a point counts the less the wider its gap is: seen
 /// from the deepest point, one at the alert distance has moved all the way to it. What touches now
 /// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its
 /// side.
 pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, hull: &mut Hull) {
-    points.sort_unstable_by_key(|c| c.feature);
-    merge_repeated(points, APART * size);
+    // As the patch lists them, but for a closest point at the end.
+    if !points.is_sorted_by_key(|c| c.feature) {
+        points.sort_unstable_by_key(|c| c.feature);
+    }
+    if has_repeated(points, APART * size) {
+        merge_repeated(points, APART * size);
+    }
     if points.len() <= MAX_POINTS {
         return;
     }
-    let lowest = points.iter().fold(f64::INFINITY, |g, c| g.min(c.gap));
-    let Some(&deepest) = points.iter().find(|c| c.gap <= lowest + TIE * size) else { return };
+    let lowest = points.iter().fold(f64::INFINITY, |g, c| smaller(c.gap, g));
+    let Some(place) = points.iter().position(|c| c.gap <= lowest + TIE * size) else { return };
+    let deepest = points[place];
     let range = alert - deepest.gap.max(0.0);
     let (t, s) = crate::math::frame::tangents(n);
     let flat = |c: &Candidate| {
@@ -44,24 +51,41 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, h
     hull.points.clear();
     hull.points.extend(points.iter().enumerate().map(|(k, c)| (flat(c), k)));
     let corners = hull.corners();
-    let first = corners.iter().position(|(_, k)| points[*k].feature == deepest.feature);
-    let mut kept = [deepest; MAX_POINTS];
-    let mut count = 0;
-    let mut keep = |c: Candidate| {
-        kept[count] = c;
-        count += 1;
-    };
+    let first = corners.iter().position(|(_, k)| *k == place);
     if let Some(first) = first {
         corners.rotate_left(first);
-        let widest = widest_with_first(corners);
-        widest.iter().take(corners.len()).for_each(|k| keep(points[corners[*k].1]));
-    } else {
-        keep(deepest);
-        let widest = widest_around(corners);
-        widest.iter().take(corners.len()).for_each(|k| keep(points[corners[*k].1]));
     }
-    points.clear();
-    points.extend_from_slice(&kept[..count]);
+    let corners = &*corners;
+    // Places of those that are kept.
+    let mut kept = [usize::MAX; MAX_POINTS];
+    let mut keep = |from: usize, numbers: &[usize]| {
+        let numbers = numbers.iter().take(corners.len());
+        kept[from..].iter_mut().zip(numbers).for_each(|(k, n)| *k = corners[*n].1);
+    };
+    if first.is_some() {
+        keep(0, &widest_with_first(corners));
+    } else {
+        keep(1, &widest_around(corners));
+        kept[0] = place;
+    }
+    kept.sort_unstable();
+    let mut count = 0;
+    for from in kept.into_iter().take_while(|k| *k != usize::MAX) {
+        points[count] = points[from];
+        count += 1;
+    }
+    points.truncate(count);
+}
+
+/// Whether some points stand in the same place.
+fn has_repeated(points: &[Candidate], apart: f64) -> bool {
+    let mut least = f64::INFINITY;
+    for (k, p) in points.iter().enumerate() {
+        for q in &points[..k] {
+            least = smaller((q.point - p.point).norm_squared(), least);
+        }
+    }
+    least <= apart * apart
 }
 
 /// Merges points that stand in the same place: the lowest number, for a lasting identity, at the

@@ -5,9 +5,9 @@ use super::few::Few;
 use crate::geometry::Polyhedron;
 
 /// How many edges are kept in mind.
-pub const EDGES: usize = 12;
+pub const EDGES: usize = 16;
 /// How many of their ends.
-const ENDS: usize = 18;
+const ENDS: usize = 20;
 
 /// Edges, and their ends by place in the list of corners.
 #[derive(Debug, Clone, Copy, Default)]
@@ -35,27 +35,22 @@ impl Rim {
         place
     }
 
-    /// The edges in the coordinates of the axis.
+    /// Places the corners.
     #[inline]
-    pub fn place<'a>(
-        &self,
-        shape: &Polyhedron,
-        frame: &Frame,
-        Placed { corners, segments }: &'a mut Placed,
-    ) -> &'a [Segment] {
-        corners.clear();
-        corners.extend(self.corners.iter().map(|v| frame.place(&shape.vertices[v])));
-        segments.clear();
-        segments.extend(self.ends[..self.edges.len()].iter().map(|[start, end]| {
-            Segment::between(corners[usize::from(*start)], corners[usize::from(*end)])
-        }));
-        segments
+    pub fn place(&self, shape: &Polyhedron, frame: &Frame, Placed(corners): &mut Placed) {
+        for (place, v) in corners.iter_mut().zip(self.corners.iter()) {
+            *place = frame.place(&shape.vertices[v]);
+        }
+    }
+
+    /// The edge at a place in the list, its corners being placed.
+    #[inline]
+    pub fn segment(&self, place: usize, Placed(corners): &Placed) -> Segment {
+        let [start, end] = self.ends[place].map(usize::from);
+        Segment::between(corners[start], corners[end])
     }
 }
 
-/// Buffers for a rim in the coordinates of the axis.
+/// Corners of a rim in the coordinates of the axis.
 #[derive(Debug, Default)]
-pub struct Placed {
-    corners: Vec<[f64; 3]>,
-    segments: Vec<Segment>,
-}
+pub struct Placed([[f64; 3]; ENDS]);

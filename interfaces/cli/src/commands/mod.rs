@@ -12,4 +12,5 @@ pub mod run;
 pub mod schema;
 pub mod solve;
 mod solve_table;
+pub mod sweep;
 pub mod verify;

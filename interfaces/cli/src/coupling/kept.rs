@@ -30,7 +30,7 @@ pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
     }
     let kept = Checkpoint {
         model: component.model().clone(),
-        state: component.save(),
+        state: component.state().clone(),
         kind: Kind::Run,
         case_name: case.plan.name.clone(),
         case_text: case.text.clone(),
@@ -62,7 +62,7 @@ pub fn resume(path: &Path, model: &Model, lockstep: &mut Lockstep) -> Outcome {
         return Err(Failure::at(path, what));
     }
     let answered = answered(notes).map_err(|e| Failure::at(path, e))?;
-    let result = lockstep.resume(run_id.clone(), seq, &kept.state, answered);
+    let result = lockstep.resume(run_id.clone(), seq, kept.state, answered);
     result.map_err(|e| Failure::at(path, e))
 }
 

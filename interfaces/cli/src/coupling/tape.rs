@@ -13,6 +13,7 @@ use ballast_mcap::{Drive, Meta, Tape};
 use ballast_protocol::lockstep::{Kind, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The open recording.
 pub struct Recording {
@@ -23,7 +24,7 @@ pub struct Recording {
     /// Recorded windows refer to the run by the hash of its start: the same run leaves the same bytes.
     run: String,
     /// The last window, which may still be redone, and the state that it has led to.
-    last: Option<(AdvanceRequest, AdvanceReply, State)>,
+    last: Option<(AdvanceRequest, AdvanceReply, Arc<State>)>,
 }
 
 impl Recording {

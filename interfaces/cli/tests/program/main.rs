@@ -9,3 +9,4 @@ mod samples;
 mod serve;
 mod setup;
 mod solve;
+mod sweeps;

@@ -70,14 +70,14 @@ impl Place {
     }
 
     /// A call of the program in this folder, with the shared bed.
-    pub fn with_beds(&self, arguments: &str) -> Ended {
-        Ended(self.with_beds_command(arguments).output().unwrap())
-    }
-
     pub fn with_beds_command(&self, arguments: &str) -> Command {
         let mut command = self.command(arguments);
         command.arg("--beds").arg(BEDS.path());
         command
+    }
+
+    pub fn with_beds(&self, arguments: &str) -> Ended {
+        Ended(self.with_beds_command(arguments).output().unwrap())
     }
 
     /// The summary of the run in `folder`, without what depends on the machine.

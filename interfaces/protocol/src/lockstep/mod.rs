@@ -24,6 +24,7 @@ use ballast::component::Component;
 use ballast::model::Model;
 use ballast::state::State;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Most states kept under a name.
 pub const MOST_STATES: usize = 64;
@@ -35,14 +36,14 @@ pub struct Lockstep {
     component: Component,
     run_id: String,
     /// Where reset goes.
-    start: State,
+    start: Arc<State>,
     hash: fn(&Model, &State) -> u128,
     /// Of the present state: taken when it changes, since a state is large and asked about often.
     hash_now: StateHash,
     seq: u64,
     /// Content of the last window's request, and its reply.
     answered: Option<(Digest, AdvanceReply)>,
-    kept: BTreeMap<String, State>,
+    kept: BTreeMap<String, Arc<State>>,
     owner: Option<Owner>,
     /// What failed inside.
     trouble: Option<String>,
@@ -95,7 +96,7 @@ impl Lockstep {
         &mut self,
         run_id: impl Into<String>,
         seq: u64,
-        state: &State,
+        state: impl Into<Arc<State>>,
         answered: Option<(Digest, AdvanceReply)>,
     ) -> Result<(), Fault> {
         self.component.restore(state)?;
@@ -220,7 +221,7 @@ impl Lockstep {
     pub fn reset(&mut self, run_id: String, ticket: &str, now_ms: u64) -> Result<Place, Fault> {
         self.check_owner(ticket)?;
         self.check_not_quitting()?;
-        self.put(&self.start.clone())?;
+        self.put(Arc::clone(&self.start))?;
         (self.run_id, self.seq, self.durable_seq) = (run_id, 0, 0);
         self.kept.clear();
         self.idle_since_ms = now_ms;
@@ -252,7 +253,7 @@ impl Lockstep {
         self.check_owner(ticket)?;
         self.check_not_quitting()?;
         let state = self.kept.get(&ask.name).cloned().ok_or_else(|| self.unknown(&ask.name))?;
-        self.put(&state)?;
+        self.put(state)?;
         Ok(self.place())
     }
 
@@ -287,7 +288,7 @@ impl Lockstep {
     }
 
     /// Takes up a state, out of any trouble; the last window cannot be redone or asked for again.
-    fn put(&mut self, state: &State) -> Result<(), Fault> {
+    fn put(&mut self, state: Arc<State>) -> Result<(), Fault> {
         if self.trouble.take().is_some() {
             self.component = self.component.fork();
         }

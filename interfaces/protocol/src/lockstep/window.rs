@@ -7,6 +7,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 /// Whether a window is new or the last one again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -33,8 +34,8 @@ impl Lockstep {
     ///
     /// # Errors
     /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
-    /// [`Code::Quitting`] (also when `watch` abandons the window), and what [`Component::advance_to`] refuses. What goes wrong while computing is
-    /// told by the reply.
+    /// [`Code::Quitting`] (also when `watch` abandons the window), and what [`Component::advance_to`]
+    /// refuses. What goes wrong while computing is told by the reply.
     pub fn window(
         &mut self,
         kind: Kind,
@@ -77,7 +78,7 @@ impl Lockstep {
         self.idle_since_ms = clock();
         if abandoned {
             // A redo would have begun before the window that counts.
-            self.component.restore(&before)?;
+            self.component.restore(Arc::clone(&before))?;
             self.quit();
             self.check_not_quitting()?;
         }
@@ -90,7 +91,7 @@ impl Lockstep {
             Err(panic) => {
                 // Buffers that a panic has left half written are left behind.
                 self.component = self.component.fork();
-                self.component.restore(&before)?;
+                self.component.restore(before)?;
                 self.trouble = Some(panic.clone());
                 self.failed(request, panic)
             }

@@ -1,0 +1,150 @@
+"""The ballast model that a machine or track model can be coupled to.
+
+    import ballast
+
+    with ballast.open("examples/first.toml") as sim:
+        out = sim.advance_to(10 * sim.step_ns)
+        print(out["tine_1_minus"].mean_force)      # N, by the ballast on the tine
+
+SI units throughout. World frame right-handed, z up. Quaternions are x, y, z, w. Times are whole
+nanoseconds since the start of the run. Forces and impulses are those of the ballast on a body.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from . import _ballast
+from ._ballast import (
+    BodyOutcome,
+    Case,
+    CaseError,
+    EnergyLedger,
+    Error,
+    FileError,
+    Load,
+    Lost,
+    Motion,
+    Outcome,
+    Recording,
+    Refused,
+    Results,
+    Series,
+    Simulation,
+    SolverOutcome,
+    State,
+    Tine,
+    ZoneOutcome,
+    __version__,
+    schema,
+)
+from ._progress import Progress
+
+__all__ = [
+    "BodyOutcome",
+    "Case",
+    "CaseError",
+    "EnergyLedger",
+    "Error",
+    "FileError",
+    "Load",
+    "Lost",
+    "Motion",
+    "Outcome",
+    "Recording",
+    "Refused",
+    "Results",
+    "Series",
+    "Simulation",
+    "SolverOutcome",
+    "State",
+    "Tine",
+    "ZoneOutcome",
+    "__version__",
+    "open",
+    "prepare",
+    "read",
+    "resume",
+    "schema",
+]
+
+Path = str | os.PathLike[str]
+#: Called with a share from 0 to 1 and a few words.
+OnProgress = Callable[[float, str], object]
+
+
+def _case(case: Case | Path, seed: int | None, schedule: str | None) -> Case:
+    loaded = case if isinstance(case, Case) else Case.load(case)
+    return loaded.choose(seed=seed, schedule=schedule)
+
+
+def open(
+    case: Case | Path,
+    *,
+    seed: int | None = None,
+    schedule: str | None = None,
+    threads: int | None = None,
+    beds: Path = "runs/beds",
+    progress: bool | OnProgress = True,
+    max_penetration: float | None = None,
+    keep_early: bool = False,
+) -> Simulation:
+    """Opens a case at the start of its run; its bed is prepared if it is not in the folder `beds`.
+
+    Args:
+        case: a `Case`, or the path of a case file (TOML).
+        seed: of the bed, instead of the case's.
+        schedule: "sequential", "synchronous" or "asynchronous", instead of the case's.
+        threads: workers of this simulation; by default one per processor.
+        beds: folder of prepared beds, found again by content; `ballast run` uses the same.
+        progress: show how far a preparation is, or a function that is told.
+        max_penetration: m; a step that goes deeper ends its window. None: any depth.
+        keep_early: what a window that cannot be computed to its end leaves: the state of the last
+            sound step (status "early") rather than that of its beginning ("discard").
+
+    Raises:
+        CaseError: the case describes no run.
+        FileError: a file cannot be read or written.
+    """
+    chosen = _case(case, seed, schedule)
+    with Progress.of(progress, f"bed of {chosen.name}") as tell:
+        return _ballast.begin(chosen, beds, threads, tell, max_penetration, keep_early)
+
+
+def resume(
+    state: State | Path,
+    *,
+    threads: int | None = None,
+    max_penetration: float | None = None,
+    keep_early: bool = False,
+) -> Simulation:
+    """A simulation that goes on from a saved state, or from a file: of `State.write`, or a checkpoint of
+    `ballast run`. It goes on to the same bytes as one that was never interrupted."""
+    saved = state if isinstance(state, State) else State.read(state)
+    return _ballast.resume(saved, threads, max_penetration, keep_early)
+
+
+def prepare(
+    case: Case | Path,
+    *,
+    seed: int | None = None,
+    threads: int | None = None,
+    beds: Path = "runs/beds",
+    progress: bool | OnProgress = True,
+    again: bool = False,
+) -> str:
+    """Prepares the bed of a case unless it is there; returns the path of its file."""
+    chosen = _case(case, seed, None)
+    with Progress.of(progress, f"bed of {chosen.name}") as tell:
+        return str(_ballast.prepare(chosen, beds, threads, tell, again))
+
+
+def read(path: Path) -> Results | Recording | State:
+    """Reads what a run has left: results (`.vtkhdf`), a recording (`.mcap`) or a checkpoint (`.h5`)."""
+    suffix = os.path.splitext(os.fspath(path))[1].lower()
+    if suffix == ".mcap":
+        return Recording(path)
+    if suffix == ".h5":
+        return State.read(path)
+    return Results(path)

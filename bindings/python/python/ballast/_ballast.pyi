@@ -1,0 +1,598 @@
+"""The compiled part of `ballast`. SI units; world axes, z up; quaternions x, y, z, w; times in ns."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_Path = str | os.PathLike[str]
+_Floats = NDArray[np.float64]
+
+__all__: list[str]
+__version__: str
+
+class Error(Exception):
+    """Anything that goes wrong in Ballast; `code` names it."""
+
+    code: str
+
+class CaseError(Error):
+    """A case that describes no run; `diagnostics` lists every fault with its line."""
+
+    diagnostics: tuple[dict[str, Any], ...]
+
+class Refused(Error):
+    """A request that makes no sense; nothing has changed.
+
+    `code`: time_grid, input_gap, input_jump, input_invalid, unknown_body, nothing_to_redo,
+    state_invalid, recording.
+    """
+
+class FileError(Error):
+    """A file that cannot be read or written."""
+
+class Lost(Error):
+    """The program failed inside, and the simulation with it. `restore` of a saved state goes on."""
+
+@final
+class Case:
+    """A case that was read and found sound."""
+
+    def __new__(cls, text: str, name: str = "case") -> Case:
+        """Reads a case from its text (TOML); `name` stands for it in messages. Raises CaseError."""
+
+    @staticmethod
+    def load(path: _Path) -> Case:
+        """Reads a case file. Raises CaseError with every fault and its line, FileError."""
+
+    @staticmethod
+    def from_dict(values: dict[str, Any]) -> Case:
+        """A case from nested dictionaries. Raises CaseError."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The text's values as nested dictionaries; what the text leaves to defaults is not in them."""
+
+    def write(self, path: _Path) -> None:
+        """Writes the case's text to a file; overrides of `choose` are not part of it."""
+
+    def with_values(self, values: dict[str, Any]) -> Case:
+        """The same case with other values: paths of keys joined by points, and what they become, such as
+        `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError."""
+
+    def choose(self, *, seed: int | None = None, schedule: str | None = None) -> Case:
+        """The same case with another seed of the bed, or another schedule of the solver."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def schedule(self) -> str: ...
+    @property
+    def step_ns(self) -> int:
+        """Length of a step, ns."""
+
+    @property
+    def duration_ns(self) -> int:
+        """Length of the run that the case describes, ns."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is allowed but looks like a slip."""
+
+    @property
+    def bed_key(self) -> str:
+        """What the prepared bed depends on, as a short text."""
+
+@final
+class Motion:
+    """Motion of a driven body, or of the mount of one, through a window."""
+
+    def __new__(
+        cls,
+        times_ns: Sequence[int],
+        positions: ArrayLike,
+        orientations: ArrayLike | None = None,
+        *,
+        velocities: ArrayLike | None = None,
+        spins: ArrayLike | None = None,
+        interpolation: str | None = None,
+        rebase: bool = False,
+    ) -> Motion:
+        """Knots of a motion; nothing is extrapolated beyond them.
+
+        Args:
+            times_ns: (n,) in order, from the window's start or before to its end or later.
+            positions: (n, 3) of the body's reference point, m.
+            orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
+            velocities: (n, 3) of the reference point, m/s.
+            spins: (n, 3) rad/s, world axes.
+            interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
+                given), "linear" (the default without them) or "hold".
+            rebase: the motion need not begin where the body is.
+        """
+
+@final
+class Load:
+    """Load on a mounted body through a window, besides its weight."""
+
+    def __new__(
+        cls,
+        times_ns: Sequence[int],
+        forces: ArrayLike,
+        torques: ArrayLike | None = None,
+        *,
+        held: bool = False,
+    ) -> Load:
+        """Knots of a load: forces (n, 3) in N, torques (n, 3) about the reference point in N m, linear
+        between knots or held from each one on."""
+
+@final
+class Simulation:
+    """A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
+
+    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state.
+    Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
+    simulations of their own run side by side.
+    """
+
+    def __enter__(self) -> Simulation: ...
+    def __exit__(self, *error: object) -> None: ...
+    def advance_to(
+        self,
+        t1_ns: int,
+        tools: Mapping[str, Motion] | None = None,
+        loads: Mapping[str, Load] | None = None,
+        *,
+        series: bool = False,
+    ) -> Outcome:
+        """Advances to `t1_ns`, a whole number of steps from now.
+
+        Args:
+            t1_ns: end of the window, ns since the start of the run.
+            tools: motions of driven bodies by name; the others stay where they are.
+            loads: loads on mounted bodies by name; the others carry their weight.
+            series: keep the impulses of every step, see `Outcome.series`.
+
+        Raises:
+            Refused: the request makes no sense; nothing has changed.
+            Lost: the program failed inside.
+        """
+
+    def redo(
+        self,
+        tools: Mapping[str, Motion] | None = None,
+        loads: Mapping[str, Load] | None = None,
+        *,
+        series: bool = False,
+    ) -> Outcome:
+        """Computes the last window again from its beginning, with other inputs: for implicit coupling."""
+
+    def step_by_machine(self, *, series: bool = False) -> Outcome:
+        """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
+        does: with the force limits of the case, from what it remembers of its own steps."""
+
+    def save(self) -> State:
+        """Everything that the next window depends on; shared, not copied."""
+
+    def restore(self, state: State) -> None:
+        """Goes back, or on, to a saved state of the same case."""
+
+    def fork(self) -> Simulation:
+        """Another simulation that goes on from here on its own."""
+
+    def record(self, path: _Path) -> None:
+        """Records the windows from now on in an MCAP file, which is replaced."""
+
+    def stop_recording(self) -> None:
+        """Ends the recording, if there is one."""
+
+    def close(self) -> None:
+        """Ends the simulation; states and arrays that it gave away stay."""
+
+    def zones(self) -> dict[str, ZoneOutcome]:
+        """The case's zones, measured now."""
+
+    def shape(self, index: int) -> tuple[_Floats, list[list[int]]]:
+        """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners."""
+
+    @property
+    def case(self) -> Case: ...
+    @property
+    def now_ns(self) -> int:
+        """Simulated time, ns since the start of the run."""
+
+    @property
+    def step_ns(self) -> int:
+        """Length of a step, ns."""
+
+    @property
+    def schedule(self) -> str: ...
+    @property
+    def threads(self) -> int: ...
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the driven bodies: tines, boundaries, sleepers."""
+
+    @property
+    def tines(self) -> list[Tine]:
+        """The ways of the tines through the case's tamping cycle; none without tamping."""
+
+    @property
+    def phase(self) -> str:
+        """Of the case's tamping cycle at this time: waiting, lift, insertion, squeeze, hold, withdrawal
+        or done."""
+
+    @property
+    def grains(self) -> int:
+        """Number of grains."""
+
+    @property
+    def shape_of(self) -> NDArray[np.uint32]:
+        """(ng,) which shape each grain has."""
+
+    @property
+    def masses(self) -> _Floats:
+        """(ng,) kg."""
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the program failed inside; `restore` of a saved state goes on."""
+
+    @property
+    def is_closed(self) -> bool: ...
+    def _fail_next(self) -> None: ...
+
+@final
+class Tine:
+    """The way of a tine through the tamping cycle of its case."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def pair(self) -> int:
+        """Number of its pair, from 0."""
+
+    @property
+    def direction(self) -> float:
+        """Of its squeeze along x: 1 or -1."""
+
+    @property
+    def start(self) -> _Floats:
+        """(3,) where its reference point is before the cycle, m."""
+
+    @property
+    def deep(self) -> float:
+        """Height of its reference point at full depth, m."""
+
+    @property
+    def stroke(self) -> float:
+        """How far it closes, m."""
+
+@final
+class State:
+    """A state that was saved. Arrays are read-only and not copied; they keep their values while the
+    simulation goes on, and stay valid as long as somebody holds them."""
+
+    @staticmethod
+    def read(path: _Path) -> State:
+        """Reads what `write` has written, or a checkpoint of `ballast run`. Raises FileError."""
+
+    def write(self, path: _Path) -> None:
+        """Writes the state to a file from which it goes on to the same bytes, also in another process."""
+
+    def body(self, name: str) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+        """Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body."""
+
+    def target(self, name: str) -> tuple[_Floats, _Floats]:
+        """Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
+        holds it: where its next motion has to begin."""
+
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def step(self) -> int: ...
+    @property
+    def hash(self) -> str:
+        """128 bits that tell states apart, as 32 hexadecimal digits; `ballast run` prints the same."""
+
+    @property
+    def positions(self) -> _Floats:
+        """(ng, 3) of the grains, m."""
+
+    @property
+    def orientations(self) -> _Floats:
+        """(ng, 4) of the grains, x, y, z, w."""
+
+    @property
+    def velocities(self) -> _Floats:
+        """(ng, 3) of the grains, m/s."""
+
+    @property
+    def spins(self) -> _Floats:
+        """(ng, 3) of the grains, rad/s."""
+
+    @property
+    def contact_bodies(self) -> NDArray[np.uint32]:
+        """(nc, 2) bodies of each contact point; driven bodies are numbered after the grains."""
+
+    @property
+    def contact_impulses(self) -> _Floats:
+        """(nc, 3) impulse of the last step on the first body, N s."""
+
+    @property
+    def contact_points(self) -> _Floats:
+        """(nc, 3) where the contacts are, m; a copy."""
+
+@final
+class Outcome:
+    """The result of a window; `outcome[name]` is what the ballast did to a body."""
+
+    def __getitem__(self, name: str, /) -> BodyOutcome: ...
+    @property
+    def status(self) -> str:
+        """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
+        state; "discard": nothing was kept."""
+
+    @property
+    def trouble(self) -> str | None:
+        """What ended the window, where something did."""
+
+    @property
+    def t0_ns(self) -> int: ...
+    @property
+    def t1_ns(self) -> int:
+        """As far as it was computed, ns."""
+
+    @property
+    def steps(self) -> int: ...
+    @property
+    def bodies(self) -> dict[str, BodyOutcome]: ...
+    @property
+    def zones(self) -> dict[str, ZoneOutcome]:
+        """At the end of the window."""
+
+    @property
+    def solver(self) -> SolverOutcome: ...
+    @property
+    def energy(self) -> EnergyLedger:
+        """Since the start of the run."""
+
+    @property
+    def hint_max_step_ns(self) -> int:
+        """How far apart knots may be for no body to move too far between them at its speed now, ns."""
+
+    @property
+    def series(self) -> Series | None:
+        """Step by step, where `series=True` asked for it."""
+
+@final
+class BodyOutcome:
+    """What the ballast did to a driven body during a window, about its reference point."""
+
+    @property
+    def impulse(self) -> _Floats:
+        """(3,) N s."""
+
+    @property
+    def angular_impulse(self) -> _Floats:
+        """(3,) N m s."""
+
+    @property
+    def mean_force(self) -> _Floats:
+        """(3,) impulse over the length of the window, N."""
+
+    @property
+    def mean_torque(self) -> _Floats:
+        """(3,) N m."""
+
+    @property
+    def moving_force(self) -> _Floats:
+        """(3,) mean over the last 4 ms, which may have begun before the window, N."""
+
+    @property
+    def moving_torque(self) -> _Floats:
+        """(3,) N m."""
+
+    @property
+    def peak_force(self) -> _Floats:
+        """(3,) largest mean force of a step, N."""
+
+    @property
+    def peak_time_ns(self) -> int: ...
+    @property
+    def work(self) -> float:
+        """Of the body on the ballast, J."""
+
+    @property
+    def contacts(self) -> int:
+        """Contact points that carried an impulse in the last step."""
+
+    @property
+    def position(self) -> _Floats:
+        """(3,) at the end of the window, m."""
+
+    @property
+    def orientation(self) -> _Floats:
+        """(4,) x, y, z, w."""
+
+    @property
+    def velocity(self) -> _Floats:
+        """(3,) m/s."""
+
+    @property
+    def spin(self) -> _Floats:
+        """(3,) rad/s."""
+
+@final
+class ZoneOutcome:
+    """A zone at the end of a window; what cannot be measured there is None."""
+
+    @property
+    def low(self) -> _Floats:
+        """(3,) lowest corner, m."""
+
+    @property
+    def high(self) -> _Floats:
+        """(3,) highest corner, m."""
+
+    @property
+    def compactness(self) -> float | None:
+        """Solid over accessible volume."""
+
+    @property
+    def coordination(self) -> float | None:
+        """Mean number of touching neighbours."""
+
+    @property
+    def inertial_number(self) -> float | None: ...
+    @property
+    def pressure(self) -> float:
+        """Mean over the last step, Pa."""
+
+@final
+class SolverOutcome:
+    """How a window was solved."""
+
+    @property
+    def iterations(self) -> int:
+        """Over all steps."""
+
+    @property
+    def visits(self) -> int:
+        """Of contacts, over all steps."""
+
+    @property
+    def steps_not_converged(self) -> int: ...
+    @property
+    def residual_qm16(self) -> float:
+        """Largest of a step."""
+
+    @property
+    def residual_natural_map(self) -> float:
+        """Largest of a step."""
+
+    @property
+    def contacts(self) -> int:
+        """In the last step."""
+
+    @property
+    def active_contacts(self) -> int:
+        """Those that carry, in the last step."""
+
+    @property
+    def mean_penetration(self) -> float:
+        """Of the last step, m."""
+
+    @property
+    def max_penetration(self) -> float:
+        """Largest of all steps, m."""
+
+@final
+class EnergyLedger:
+    """Energies of the grains since the start of the run, J."""
+
+    @property
+    def initial_kinetic(self) -> float: ...
+    @property
+    def initial_potential(self) -> float: ...
+    @property
+    def kinetic(self) -> float: ...
+    @property
+    def potential(self) -> float: ...
+    @property
+    def work_in(self) -> float:
+        """Work of driven bodies on the grains."""
+
+    @property
+    def dissipated(self) -> float: ...
+    @property
+    def balance_error(self) -> float:
+        """What the ledger cannot account for."""
+
+@final
+class Series:
+    """A window step by step."""
+
+    def __len__(self) -> int: ...
+    @property
+    def time_ns(self) -> NDArray[np.uint64]:
+        """(n,) end of each step, ns."""
+
+    @property
+    def iterations(self) -> NDArray[np.uint32]: ...
+    @property
+    def residual_qm16(self) -> _Floats: ...
+    @property
+    def impulses(self) -> dict[str, _Floats]:
+        """(n, 6) per body: impulse (N s) and angular impulse (N m s) of each step."""
+
+@final
+class Results:
+    """A results file of `ballast run`."""
+
+    def __new__(cls, path: _Path) -> Results: ...
+    def poses(self, frame: int) -> tuple[_Floats, _Floats]:
+        """Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first."""
+
+    def table(self, name: str) -> dict[str, NDArray[Any]]:
+        """Columns of a table by name, and `step`; units in `units(name)`."""
+
+    def units(self, name: str) -> dict[str, str]: ...
+    @property
+    def case_name(self) -> str: ...
+    @property
+    def case_text(self) -> str: ...
+    @property
+    def bodies(self) -> tuple[int, list[str]]:
+        """Number of grains, and names of the driven bodies after them."""
+
+    @property
+    def steps(self) -> NDArray[np.uint64]:
+        """Step of each frame."""
+
+    @property
+    def times(self) -> _Floats:
+        """Time of each frame, s."""
+
+    @property
+    def tables(self) -> list[str]: ...
+
+@final
+class Recording:
+    """A recording (MCAP): an iterator over its windows, each a dictionary with `request` and `reply`."""
+
+    def __new__(cls, path: _Path) -> Recording: ...
+    def __iter__(self) -> Recording: ...
+    def __next__(self) -> dict[str, Any]: ...
+    @property
+    def lost(self) -> str | None:
+        """Why reading ended early, where it did."""
+
+def begin(
+    case: Case,
+    beds: _Path,
+    threads: int | None = None,
+    progress: Callable[[float, str], object] | None = None,
+    max_penetration: float | None = None,
+    keep_early: bool = False,
+) -> Simulation: ...
+def prepare(
+    case: Case,
+    beds: _Path,
+    threads: int | None = None,
+    progress: Callable[[float, str], object] | None = None,
+    again: bool = False,
+) -> os.PathLike[str]: ...
+def resume(
+    state: State,
+    threads: int | None = None,
+    max_penetration: float | None = None,
+    keep_early: bool = False,
+) -> Simulation: ...
+def schema() -> dict[str, Any]:
+    """The JSON Schema of case files."""

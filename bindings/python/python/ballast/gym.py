@@ -1,0 +1,190 @@
+"""Tamping as an environment of Gymnasium: how fast to squeeze, at which frequency, how deep.
+
+    env = ballast.gym.TampingEnv("examples/first.toml")
+    observation, info = env.reset(seed=1)
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+import ballast
+
+Array = NDArray[np.float64]
+
+#: Forces are observed in units of this, N.
+FORCE = 1e4
+#: Range of the frequency, Hz.
+FREQUENCIES = (20.0, 50.0)
+
+
+class TampingEnv(gymnasium.Env[Array, Array]):
+    """One cycle of squeezing with the tines of a case.
+
+    An episode begins after the lift of the sleeper, with the tines above the bed. Each step of the
+    environment is `interval_s` of simulated time.
+
+    **Action** (3,), each from -1 to 1: squeeze speed (0 to `squeeze_speed`, m/s), frequency of the vibration
+    (20 to 50 Hz), depth that the tines are lowered or raised to (0 to 1 of the case's), at
+    `insertion_speed` at most. The amplitude is the case's.
+
+    **Observation** (4 + 3 nt,): depth (0 to 1), closing (0 to 1 of the stroke), compactness under the tamped
+    sleepers, share of the time that is over, and the mean force of the last 4 ms on each tine, in 10 kN.
+
+    **Reward**: gain of compactness under the sleepers in per cent, less `energy_price` times the work of the
+    tines in J. `info` has both, and `compaction_per_kJ` since the start of the episode.
+
+    An episode ends when the tines are closed for good, is truncated when the time of the case is over, and is
+    truncated with `info["trouble"]` where the motion that was asked for cannot be computed.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(
+        self,
+        case: ballast.Case | str | os.PathLike[str],
+        *,
+        interval_s: float = 0.02,
+        squeeze_speed: float = 0.2,
+        insertion_speed: float = 0.6,
+        energy_price: float = 1e-3,
+        seeds: Sequence[int] | None = None,
+        threads: int | None = 1,
+        beds: str | os.PathLike[str] = "runs/beds",
+        render_mode: None = None,
+    ) -> None:
+        """
+        Args:
+            case: a case with tines.
+            seeds: of the beds that `reset` chooses from; by default that of the case alone. Preparing a
+                bed takes a while the first time.
+            threads: workers of the simulation; the results do not depend on it.
+        """
+        self.render_mode = render_mode
+        self._case = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
+        self._seeds = list(seeds) if seeds else [self._case.seed]
+        self._steps = max(1, round(interval_s * 1e9 / self._case.step_ns))
+        self._limits = (squeeze_speed, insertion_speed, energy_price)
+        self._threads, self._beds = threads, beds
+        self._amplitude = float(
+            self._case.to_dict().get("tamping", {}).get("vibration", {}).get("amplitude_m", 0.005)
+        )
+        self._begun: dict[int, ballast.State] = {}
+        self._sim: ballast.Simulation | None = None
+        tines = len(self._start(self._seeds[0]).tines)
+        if tines == 0:
+            raise ballast.Error(f"{self._case!r}: expected a case with tines, found none")
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (4 + 3 * tines,), np.float64)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=seed)
+        bed = self._seeds[int(self.np_random.integers(len(self._seeds)))]
+        self.close()
+        self._sim = self._start(bed)
+        self._tines = self._sim.tines
+        self._depth = self._closing = self._angle = self._omega = self._work = 0.0
+        self._compactness = self._first = self._under(self._sim.zones())
+        self._forces = np.zeros((len(self._tines), 3))
+        return self._observe(), {"seed_of_bed": bed}
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        if self._sim is None:
+            raise ballast.Error("step: expected an episode, found none; reset first")
+        sim, was = self._sim, self._compactness
+        tools, after = self._motions(np.clip(np.asarray(action, np.float64), -1.0, 1.0))
+        out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools)
+        if out.status not in ("ok", "warn"):
+            return self._observe(), 0.0, False, True, {"trouble": out.trouble}
+        self._depth, self._closing, self._angle, self._omega = after
+        self._compactness = self._under(out.zones)
+        self._forces = np.array([out[t.name].moving_force for t in self._tines])
+        work = sum(out[t.name].work for t in self._tines)
+        self._work += work
+        gain = 100.0 * (self._compactness - was)
+        reward = gain - self._limits[2] * work
+        closed = self._closing >= 1.0
+        late = sim.now_ns >= self._case.duration_ns
+        info = {"gain_percent": gain, "work_J": work}
+        if self._work > 0.0:
+            info["compaction_per_kJ"] = (self._compactness - self._first) / (self._work * 1e-3)
+        return self._observe(), float(reward), closed, late and not closed, info
+
+    def close(self) -> None:
+        if self._sim is not None:
+            self._sim.close()
+            self._sim = None
+
+    def _start(self, bed: int) -> ballast.Simulation:
+        """The simulation after the lift, computed once per bed."""
+        if bed not in self._begun:
+            with ballast.open(
+                self._case, seed=bed, threads=self._threads, beds=self._beds, progress=False
+            ) as sim:
+                while sim.phase in ("waiting", "lift"):
+                    sim.step_by_machine()
+                # The tines hang still; the sleeper has come to rest at the top.
+                self._begun[bed] = sim.save()
+        return ballast.resume(self._begun[bed], threads=self._threads)
+
+    def _motions(
+        self, action: Array
+    ) -> tuple[dict[str, ballast.Motion], tuple[float, float, float, float]]:
+        """Motions of the tines through the next interval, and where they leave them."""
+        assert self._sim is not None
+        speed, lowering, _ = self._limits
+        share = 0.5 * (action + 1.0)
+        frequency = FREQUENCIES[0] + float(share[1]) * (FREQUENCIES[1] - FREQUENCIES[0])
+        n, h = self._steps, self._sim.step_ns * 1e-9
+        seconds = n * h
+        lowest = self._tines[0]
+        way = float(lowest.start[2] - lowest.deep)
+        most = lowering * seconds / way if way > 0.0 else 1.0
+        depth = self._depth + float(np.clip(share[2] - self._depth, -most, most))
+        closing = min(1.0, self._closing + float(share[0]) * speed * seconds / max(lowest.stroke, 1e-9))
+        s = np.linspace(0.0, 1.0, n + 1)
+        # From rest to rest, but for the vibration; its frequency glides, so that no speed jumps where two
+        # intervals join, and its amplitude grows within the first one.
+        ease, rate = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / seconds
+        to = math.tau * frequency
+        start = self._omega or to
+        omega = start + (to - start) * s
+        angle = self._angle + (start * s + 0.5 * (to - start) * s * s) * seconds
+        grown, growth = (ease, rate) if self._omega == 0.0 else (np.ones(n + 1), np.zeros(n + 1))
+        shake = self._amplitude * grown * np.sin(angle)
+        shaking = self._amplitude * (growth * np.sin(angle) + grown * omega * np.cos(angle))
+        times = [self._sim.now_ns + i * self._sim.step_ns for i in range(n + 1)]
+        down = self._depth + (depth - self._depth) * ease
+        closed = self._closing + (closing - self._closing) * ease
+        tools = {}
+        for tine in self._tines:
+            x, v = np.empty((n + 1, 3)), np.zeros((n + 1, 3))
+            x[:, 0] = tine.start[0] + tine.direction * (tine.stroke * closed + shake)
+            x[:, 1] = tine.start[1]
+            x[:, 2] = tine.start[2] + (tine.deep - tine.start[2]) * down
+            v[:, 0] = tine.direction * (tine.stroke * (closing - self._closing) * rate + shaking)
+            v[:, 2] = (tine.deep - tine.start[2]) * (depth - self._depth) * rate
+            tools[tine.name] = ballast.Motion(times, x, velocities=v)
+        return tools, (depth, closing, float(angle[-1]) % math.tau, to)
+
+    def _under(self, zones: dict[str, ballast.ZoneOutcome]) -> float:
+        """Mean compactness of the zones under tamped sleepers."""
+        values = [z.compactness for name, z in zones.items() if name.startswith("under ")]
+        known = [value for value in values if value is not None]
+        return sum(known) / len(known) if known else 0.0
+
+    def _observe(self) -> Array:
+        assert self._sim is not None
+        time = self._sim.now_ns / self._case.duration_ns
+        head = [self._depth, self._closing, self._compactness, time]
+        return np.concatenate([head, (self._forces / FORCE).ravel()])

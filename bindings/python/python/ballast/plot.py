@@ -1,0 +1,112 @@
+"""Plots of what runs have left (matplotlib). Every function draws into `ax`, or a new figure, and returns
+the axes."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import ballast
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Run = ballast.Results | str | os.PathLike[str]
+
+#: The number of the squeeze in the table of steps.
+SQUEEZE = 3
+
+
+def _results(run: Run) -> ballast.Results:
+    return run if isinstance(run, ballast.Results) else ballast.Results(run)
+
+
+def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        _, ax = plt.subplots(layout="constrained")
+    ax.set(title=title, xlabel=x, ylabel=y)
+    ax.grid(alpha=0.3)
+    return ax
+
+
+def tines(run: Run) -> list[str]:
+    """Names of the tines that a results file follows."""
+    columns = _results(run).table("steps")
+    return [c.removesuffix("_force_x") for c in columns if c.startswith("tine") and c.endswith("_force_x")]
+
+
+def compactness(run: Run, ax: Axes | None = None) -> Axes:
+    """Compactness of each zone over time."""
+    table = _results(run).table("zones")
+    ax = _axes(ax, "Compactness", "time, s", "solid over accessible volume")
+    for name, values in table.items():
+        if name not in ("step", "time"):
+            ax.plot(table["time"], values, label=name)
+    ax.legend(fontsize="small")
+    return ax
+
+
+def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
+    """Size of the force on each tine over time, a mean over `window_s`."""
+    results = _results(run)
+    table = results.table("steps")
+    ax = _axes(ax, "Forces on the tines", "time, s", "kN")
+    for name in tines(results):
+        force = _mean(_force(table, name), table["time"], window_s)
+        ax.plot(table["time"], np.linalg.norm(force, axis=1) * 1e-3, lw=0.8, label=name)
+    ax.legend(fontsize="small")
+    return ax
+
+
+def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
+    """Force over closing of each tine during the squeeze: the area under a loop is work of compaction."""
+    results = _results(run)
+    table = results.table("steps")
+    ax = _axes(ax, "Squeeze", "closing, mm", "force against the motion, kN")
+    squeeze = table["phase"] == SQUEEZE
+    for name in tines(results):
+        if not squeeze.any():
+            break
+        x = table[f"{name}_x"][squeeze]
+        closing = np.abs(x - x[0])
+        against = -np.sign(x[-1] - x[0]) * _mean(_force(table, name), table["time"], window_s)[squeeze, 0]
+        ax.plot(closing * 1e3, against * 1e-3, lw=0.8, label=name)
+    ax.legend(fontsize="small")
+    return ax
+
+
+def overview(run: Run) -> Any:
+    """Compactness, forces, loops and the quality of the solution, in one figure."""
+    import matplotlib.pyplot as plt
+
+    results = _results(run)
+    table = results.table("steps")
+    figure, ax = plt.subplots(2, 2, figsize=(11, 7.5), layout="constrained")
+    figure.suptitle(results.case_name)
+    compactness(results, ax[0, 0])
+    forces(results, ax[0, 1])
+    loops(results, ax[1, 0])
+    last = _axes(ax[1, 1], "Quality", "time, s", "penetration, mm")
+    for name in ("max_penetration", "mean_penetration"):
+        last.semilogy(table["time"], np.maximum(table[name], 1e-9) * 1e3, lw=0.8, label=name)
+    last.legend(fontsize="small")
+    return figure
+
+
+def _force(table: dict[str, Any], body: str) -> Any:
+    return np.stack([table[f"{body}_force_{axis}"] for axis in "xyz"], axis=1)
+
+
+def _mean(values: Any, time: Any, window_s: float) -> Any:
+    """Moving mean over the window that ends at each row."""
+    if len(time) < 2:
+        return values
+    n = max(1, round(window_s / float(time[1] - time[0])))
+    sums = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
+    ends = np.arange(1, len(values) + 1)
+    begins = np.maximum(ends - n, 0)
+    return (sums[ends] - sums[begins]) / (ends - begins)[:, None]

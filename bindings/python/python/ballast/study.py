@@ -1,0 +1,247 @@
+"""Parameter studies over cases: many runs, side by side, resumable, one table at the end.
+
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": [20, 30, 40], "seed": [1, 2]})
+    table = study.run("examples/first.toml", points, "runs/study")
+
+A point is a dictionary: paths of the case's keys joined by points, and "seed" for that of the bed. Needs
+pandas; Latin hypercubes need scipy, schedulers dask.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import ballast
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Point = Mapping[str, Any]
+Figures = dict[str, float]
+Measure = Callable[[ballast.Case, str], Figures]
+
+
+class Executor(Protocol):
+    """What runs the points: of `concurrent.futures`, or a `dask.distributed.Client`."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any: ...
+
+
+def grid(axes: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
+    """All combinations of the values of each axis."""
+    names = list(axes)
+    return [dict(zip(names, values, strict=True)) for values in itertools.product(*axes.values())]
+
+
+def latin_hypercube(
+    ranges: Mapping[str, tuple[float, float]], n: int, *, seed: int = 0
+) -> list[dict[str, float]]:
+    """`n` points that fill the ranges evenly: each axis has one point in each `n`-th of it."""
+    from scipy.stats import qmc
+
+    sample = qmc.LatinHypercube(len(ranges), rng=seed).random(n)
+    low, high = zip(*ranges.values(), strict=True)
+    rows = qmc.scale(sample, low, high)
+    return [dict(zip(ranges, map(float, row), strict=True)) for row in rows]
+
+
+def apply(case: ballast.Case, point: Point) -> ballast.Case:
+    """The case of a point."""
+    values = {key: value for key, value in point.items() if key != "seed"}
+    changed = case.with_values(values) if values else case
+    return changed.choose(seed=point.get("seed"))
+
+
+def tamp(case: ballast.Case, beds: str) -> Figures:
+    """One whole cycle of the case's machine on one thread, in figures:
+
+    compactness of each zone before and after, the mean and the largest force on each tine in the squeeze (N,
+    means over 4 ms), the work of all tines (J), the largest penetration (m), the share of steps that
+    stopped at their cap of iterations, and `compaction_per_kJ`: what the zones under sleepers have gained in
+    the mean, per kJ of work.
+    """
+    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+        tines = [tine.name for tine in sim.tines]
+        before = {name: zone.compactness for name, zone in sim.zones().items()}
+        squeezed: dict[str, list[float]] = {name: [] for name in tines}
+        work = capped = deepest = 0.0
+        steps = case.duration_ns // case.step_ns
+        for _ in range(steps):
+            phase = sim.phase
+            out = sim.step_by_machine()
+            if out.status not in ("ok", "warn"):
+                raise ballast.Error(f"{out!r}: {out.trouble}")
+            work += sum(out[name].work for name in tines)
+            capped += out.solver.steps_not_converged
+            deepest = max(deepest, out.solver.max_penetration)
+            if phase == "squeeze":
+                for name in tines:
+                    force = out[name].moving_force
+                    squeezed[name].append(float((force @ force) ** 0.5))
+        after = {name: zone.compactness for name, zone in sim.zones().items()}
+    figures: Figures = {}
+    gains = []
+    for name, start in before.items():
+        end = after[name]
+        if start is None or end is None:
+            continue
+        figures[f"{name}: before"], figures[f"{name}: after"] = start, end
+        if name.startswith("under "):
+            gains.append(end - start)
+    for name, forces in squeezed.items():
+        if forces:
+            figures[f"{name}: mean force N"] = sum(forces) / len(forces)
+            figures[f"{name}: largest force N"] = max(forces)
+    figures["work J"] = work
+    figures["largest penetration m"] = deepest
+    figures["steps at the cap"] = capped / max(steps, 1)
+    if gains and work > 0.0:
+        figures["compaction_per_kJ"] = sum(gains) / len(gains) / (work * 1e-3)
+    return figures
+
+
+def run(
+    case: ballast.Case | str | os.PathLike[str],
+    points: Sequence[Point],
+    folder: str | os.PathLike[str],
+    *,
+    measure: Measure = tamp,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    beds: str | os.PathLike[str] = "runs/beds",
+    progress: bool = True,
+) -> pd.DataFrame:
+    """Runs every point that the folder does not hold yet, and returns the table of all.
+
+    Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
+    with more points or from another process. A point that fails is told in the column `error` and tried
+    again by the next call.
+
+    Args:
+        case: the case that points change.
+        points: see `grid` and `latin_hypercube`.
+        folder: of this study.
+        measure: a function of a module (processes must find it) from a case and a folder of beds to figures.
+        jobs: processes; by default one per processor.
+        executor: what runs the points instead of processes of this machine, such as a `dask` client.
+        beds: folder of prepared beds.
+        progress: a line per point on stderr.
+    """
+    base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
+    cases = [apply(base, point) for point in points]
+    store = Path(folder)
+    store.mkdir(parents=True, exist_ok=True)
+    files = [store / f"{_key(base, point, measure)}.json" for point in points]
+    missing = [i for i, file in enumerate(files) if not file.exists()]
+    errors: dict[int, str] = {}
+    if missing:
+        pool = executor or ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+        try:
+            # Beds first, each once: points that share one would all prepare it.
+            shared = {cases[i].bed_key: i for i in missing}
+            _wait({i: pool.submit(_bed, *_told(cases[i]), str(beds)) for i in shared.values()}, errors)
+            tasks = {
+                i: pool.submit(_point, *_told(cases[i]), str(beds), measure)
+                for i in missing
+                if shared[cases[i].bed_key] not in errors
+            }
+            for i in missing:
+                if i not in tasks:
+                    errors.setdefault(i, errors[shared[cases[i].bed_key]])
+
+            def keep(i: int, figures: Figures) -> None:
+                text = json.dumps({"point": dict(points[i]), "figures": figures}, indent=1)
+                part = files[i].with_suffix(".part")
+                part.write_text(text)
+                part.replace(files[i])
+                if progress:
+                    left = sum(not file.exists() for file in files)
+                    print(f"study: {dict(points[i])} done, {left} to go", file=sys.stderr, flush=True)
+
+            _wait(tasks, errors, keep)
+        finally:
+            if isinstance(pool, ProcessPoolExecutor) and executor is None:
+                pool.shutdown(cancel_futures=True)
+    return _table(points, files, errors)
+
+
+def plan(
+    case: str | os.PathLike[str], points: Sequence[Point], path: str | os.PathLike[str]
+) -> None:
+    """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
+    each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
+    lines = [f"case = {json.dumps(os.fspath(case))}"]
+    for point in points:
+        lines.append("\n[[points]]")
+        for key, value in point.items():
+            name = "bed.seed" if key == "seed" else key
+            # Strings, numbers and lists of JSON are those of TOML.
+            lines.append(f"{json.dumps(name)} = {json.dumps(value)}")
+    Path(path).write_text("\n".join(lines) + "\n")
+
+
+def _told(case: ballast.Case) -> tuple[str, int, str]:
+    """A case as what can be sent to another process."""
+    return case.text, case.seed, case.schedule
+
+
+def _again(text: str, seed: int, schedule: str) -> ballast.Case:
+    return ballast.Case(text).choose(seed=seed, schedule=schedule)
+
+
+def _bed(text: str, seed: int, schedule: str, beds: str) -> None:
+    ballast.prepare(_again(text, seed, schedule), beds=beds, threads=1, progress=False)
+
+
+def _point(text: str, seed: int, schedule: str, beds: str, measure: Measure) -> Figures:
+    return measure(_again(text, seed, schedule), beds)
+
+
+def _wait(
+    tasks: Mapping[int, Any],
+    errors: dict[int, str],
+    keep: Callable[[int, Any], None] = lambda i, result: None,
+) -> None:
+    """Takes results as they come; what was raised goes to `errors`."""
+    numbers = {future: i for i, future in tasks.items()}
+    if all(isinstance(future, Future) for future in numbers):
+        done: Iterable[Any] = as_completed(numbers)
+    else:
+        from dask.distributed import as_completed as dask_as_completed
+
+        done = dask_as_completed(numbers)
+    for future in done:
+        try:
+            keep(numbers[future], future.result())
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except Exception as error:
+            errors[numbers[future]] = f"{type(error).__name__}: {error}"
+
+
+def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
+    """What a point's figures depend on, as the name of its file."""
+    what = [ballast.__version__, case.text, case.seed, case.schedule, sorted(point.items())]
+    name = f"{measure.__module__}.{measure.__qualname__}"
+    return hashlib.sha256(json.dumps([*what, name]).encode()).hexdigest()[:24]
+
+
+def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[int, str]) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = []
+    for i, (point, file) in enumerate(zip(points, files, strict=True)):
+        figures = json.loads(file.read_text())["figures"] if file.exists() else {}
+        rows.append({**point, **figures, "error": errors.get(i)})
+    return pd.DataFrame(rows)

@@ -1,0 +1,101 @@
+"""Pictures of a simulation (pyvista), on screen or off.
+
+    import ballast.view
+    ballast.view.picture(sim, "bed.png")
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+import ballast
+
+
+def bed(sim: ballast.Simulation) -> Any:
+    """All grains as one surface (`pyvista.PolyData`), with the speed (m/s) and the number of the grain on every
+    face."""
+    import pyvista as pv
+
+    state, shapes = sim.save(), {}
+    speed = np.linalg.norm(state.velocities, axis=1)
+    points, faces, owner, offset = [], [], [], 0
+    for grain, index in enumerate(sim.shape_of):
+        if index not in shapes:
+            shapes[index] = sim.shape(int(index))
+        corners, polygons = shapes[index]
+        points.append(corners @ rotation(state.orientations[grain]).T + state.positions[grain])
+        for polygon in polygons:
+            faces.append(np.array([len(polygon), *polygon]) + [0, *[offset] * len(polygon)])
+        owner.extend([grain] * len(polygons))
+        offset += len(corners)
+    if not points:
+        return pv.PolyData()
+    surface = pv.PolyData(np.vstack(points), np.concatenate(faces))
+    surface.cell_data["grain"] = np.array(owner)
+    surface.cell_data["speed, m/s"] = speed[owner]
+    return surface
+
+
+def chains(sim: ballast.Simulation, *, least: float = 1.0) -> Any:
+    """The contacts that carry at least `least` times the mean, as lines from grain to contact, with the force
+    (N) on each."""
+    import pyvista as pv
+
+    state = sim.save()
+    force = np.linalg.norm(state.contact_impulses, axis=1) / (sim.step_ns * 1e-9)
+    carrying = force[force > 0.0]
+    strong = force > least * (carrying.mean() if len(carrying) else 0.0)
+    if not strong.any():
+        return pv.PolyData()
+    ends = state.contact_points[strong]
+    starts = state.positions[state.contact_bodies[strong, 0]]
+    pairs = state.contact_bodies[strong, 1]
+    between_grains = pairs < sim.grains
+    ends = ends.copy()
+    ends[between_grains] = state.positions[pairs[between_grains]]
+    n = len(starts)
+    lines = np.column_stack([np.full(n, 2), np.arange(n), np.arange(n) + n])
+    network = pv.PolyData(np.vstack([starts, ends]), lines=lines.ravel())
+    network.cell_data["force, N"] = force[strong]
+    return network
+
+
+def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = False) -> Any:
+    """A `pyvista.Plotter` with the bed coloured by speed, or with its force chains in a pale bed."""
+    import pyvista as pv
+
+    plotter = pv.Plotter(off_screen=off_screen)
+    surface = bed(sim)
+    if forces:
+        plotter.add_mesh(surface, color="lightgrey", opacity=0.15)
+        network = chains(sim)
+        if network.n_cells:
+            plotter.add_mesh(network, scalars="force, N", cmap="inferno_r", line_width=3)
+    elif surface.n_cells:
+        plotter.add_mesh(surface, scalars="speed, m/s", cmap="viridis")
+    plotter.view_vector((0.4, -1.0, 0.35), viewup=(0.0, 0.0, 1.0))
+    return plotter
+
+
+def picture(
+    sim: ballast.Simulation, path: str | os.PathLike[str], *, forces: bool = False
+) -> None:
+    """Writes a picture of the scene; needs no screen."""
+    plotter = scene(sim, forces=forces, off_screen=True)
+    plotter.screenshot(os.fspath(path))
+    plotter.close()
+
+
+def rotation(q: Any) -> Any:
+    """Matrix of a unit quaternion x, y, z, w."""
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )

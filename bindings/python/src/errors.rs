@@ -1,0 +1,71 @@
+//! Exceptions. Each says where, what was expected, what was found; `code` is that of the interface contract.
+
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+use std::fmt::Display;
+
+create_exception!(
+    ballast,
+    Error,
+    PyException,
+    "Anything that goes wrong in Ballast; `code` names it."
+);
+create_exception!(
+    ballast,
+    CaseError,
+    Error,
+    "A case that describes no run; `diagnostics` lists every fault with its line."
+);
+create_exception!(
+    ballast,
+    Refused,
+    Error,
+    "A request that makes no sense; nothing has changed. `code`: time_grid, input_gap, input_jump, \
+     input_invalid, unknown_body, nothing_to_redo, state_invalid, recording."
+);
+create_exception!(ballast, FileError, Error, "A file that cannot be read or written.");
+create_exception!(
+    ballast,
+    Lost,
+    Error,
+    "The program failed inside, and the simulation with it. `restore` of a saved state goes on."
+);
+
+/// An exception of class `T` with the attribute `code`.
+pub fn error<T: pyo3::PyTypeInfo>(py: Python<'_>, code: &str, text: impl Display) -> PyErr {
+    let error = PyErr::new::<T, _>(text.to_string());
+    match error.value(py).setattr("code", code) {
+        Ok(()) => error,
+        Err(other) => other,
+    }
+}
+
+/// What goes wrong with files.
+pub fn file(py: Python<'_>, what: impl Display) -> PyErr {
+    error::<FileError>(py, "file", what)
+}
+
+pub fn refused(py: Python<'_>, code: &str, what: impl Display) -> PyErr {
+    error::<Refused>(py, code, what)
+}
+
+pub fn beds(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {
+    use ballast_beds::Error as Beds;
+    match failure {
+        Beds::Scene { .. } | Beds::Preparation { .. } => error::<CaseError>(py, "case", failure),
+        _ => file(py, failure),
+    }
+}
+
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    // The attributes that stubs promise, also where nobody has set them.
+    py.get_type::<Error>().setattr("code", "failed")?;
+    py.get_type::<CaseError>().setattr("diagnostics", pyo3::types::PyTuple::empty(py))?;
+    module.add("Error", py.get_type::<Error>())?;
+    module.add("CaseError", py.get_type::<CaseError>())?;
+    module.add("Refused", py.get_type::<Refused>())?;
+    module.add("FileError", py.get_type::<FileError>())?;
+    module.add("Lost", py.get_type::<Lost>())
+}

@@ -1,0 +1,63 @@
+//! The ballast model as a Python package: what `import ballast` is made of.
+//!
+//! Contract: the same inputs give the same bytes as on every other face. The interpreter is released while
+//! steps are computed; a failure inside is an exception. Types, units and texts for people are in
+//! `python/ballast/_ballast.pyi`.
+
+mod arrays;
+mod case;
+mod compute;
+mod errors;
+mod inputs;
+mod machine;
+mod outcome;
+mod recorder;
+mod results;
+mod simulation;
+mod state;
+
+use pyo3::prelude::*;
+
+/// A simulation that goes on from a saved state.
+#[pyfunction]
+#[pyo3(signature = (state, threads=None, max_penetration=None, keep_early=false))]
+fn resume(
+    py: Python<'_>,
+    state: &state::State,
+    threads: Option<usize>,
+    max_penetration: Option<f64>,
+    keep_early: bool,
+) -> PyResult<simulation::Simulation> {
+    let pool = compute::pool(py, threads)?;
+    simulation::Simulation::new(py, state, case::limits(max_penetration, keep_early), pool)
+}
+
+/// The JSON Schema of case files.
+#[pyfunction]
+fn schema(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    case::as_dict(py, &ballast_scenario::schema())
+}
+
+#[pymodule]
+fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    errors::register(module)?;
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<case::Case>()?;
+    module.add_class::<inputs::Load>()?;
+    module.add_class::<inputs::Motion>()?;
+    module.add_class::<outcome::Body>()?;
+    module.add_class::<outcome::Energy>()?;
+    module.add_class::<outcome::Outcome>()?;
+    module.add_class::<outcome::Series>()?;
+    module.add_class::<outcome::Solver>()?;
+    module.add_class::<outcome::ZoneMeasure>()?;
+    module.add_class::<results::Recording>()?;
+    module.add_class::<results::Results>()?;
+    module.add_class::<simulation::Simulation>()?;
+    module.add_class::<simulation::Tine>()?;
+    module.add_class::<state::State>()?;
+    module.add_function(wrap_pyfunction!(case::begin, module)?)?;
+    module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(resume, module)?)?;
+    module.add_function(wrap_pyfunction!(schema, module)?)
+}

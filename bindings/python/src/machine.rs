@@ -1,0 +1,79 @@
+//! The machine of the case: what moves tines and sleepers where no partner does.
+
+use ballast::component::{Input, Interpolation, Knot, Waveform};
+use ballast::math::{Pose, Vec3};
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::step::StepReport;
+use ballast::track::plan::Plan;
+use ballast::track::{TampingCycle, TampingPhase};
+
+/// The machine, and what it remembers: forces of the last vibration period, how far it has lowered and closed.
+#[derive(Clone)]
+pub struct Machine {
+    cycle: TampingCycle,
+    /// Step, time and the machine's memory, nothing else.
+    memory: State,
+}
+
+impl Machine {
+    /// The machine of `plan` as it is at the start of a run.
+    pub fn new(plan: &Plan, model: &Model) -> Result<Self, ballast::Error> {
+        Ok(Self { cycle: TampingCycle::new(plan, model)?, memory: State::default() })
+    }
+
+    /// The machine of `plan` that `state` was left by, where one has left it.
+    pub fn of(plan: &Plan, model: &Model, state: &State) -> Result<Self, ballast::Error> {
+        let mut machine = Self::new(plan, model)?;
+        if machine.cycle.check_memory(state).is_ok() {
+            machine.memory.drive.clone_from(&state.drive);
+        }
+        Ok(machine)
+    }
+
+    /// What it remembers.
+    pub fn memory(&self) -> &[f64] {
+        &self.memory.drive
+    }
+
+    /// The same machine with another memory, where that is one of its own.
+    pub fn with_memory(mut self, memory: Vec<f64>) -> Result<Self, ballast::Error> {
+        let state = State { drive: memory, ..State::default() };
+        self.cycle.check_memory(&state)?;
+        self.memory.drive = state.drive;
+        Ok(self)
+    }
+
+    pub fn phase(&self, time_s: f64) -> TampingPhase {
+        self.cycle.phase(time_s)
+    }
+
+    pub fn cycle(&self) -> &TampingCycle {
+        &self.cycle
+    }
+
+    /// The motions of the step after `state`.
+    pub fn motions(&self, model: &Model, state: &State) -> Vec<Input> {
+        let mut motions = Vec::new();
+        let (now, end) = (state.time_ns, state.time_ns + model.stepping.step_ns);
+        self.cycle.place(model, now, &self.memory.drive, |d, position| {
+            let from = state.imposed(model, d);
+            let knot = |time_ns, pose| Knot {
+                time_ns,
+                pose,
+                velocity: Vec3::zeros(),
+                spin: Vec3::zeros(),
+            };
+            let knots = vec![knot(now, from), knot(end, Pose { position, ..from })];
+            let waveform = Waveform { interpolation: Interpolation::Linear, knots };
+            motions.push(Input { body: model.driven[d].name.clone(), waveform, rebase: false });
+        });
+        motions
+    }
+
+    /// Takes the step that has led to `state`.
+    pub fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
+        (self.memory.step, self.memory.time_ns) = (state.step, state.time_ns);
+        self.cycle.observe(model, report, &mut self.memory);
+    }
+}

@@ -1,0 +1,342 @@
+//! What a window did.
+
+use crate::arrays::{self, Matrix, Vector};
+use ballast::component::{self, BodyOutcome, SolverOutcome, ZoneOutcome};
+use ballast::state::{EnergyLedger, State};
+use ballast::step::StepReport;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// The result of a window.
+#[pyclass(frozen, module = "ballast")]
+pub struct Outcome {
+    pub inner: component::Outcome,
+    /// Of the driven bodies `[nd]`.
+    pub names: Arc<[String]>,
+    pub series: Option<Py<Series>>,
+}
+
+#[pymethods]
+impl Outcome {
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.inner.status.name()
+    }
+
+    #[getter]
+    fn trouble(&self) -> Option<String> {
+        self.inner.trouble.as_ref().map(ToString::to_string)
+    }
+
+    #[getter]
+    fn t0_ns(&self) -> u64 {
+        self.inner.t0_ns
+    }
+
+    #[getter]
+    fn t1_ns(&self) -> u64 {
+        self.inner.t1_ns
+    }
+
+    #[getter]
+    fn steps(&self) -> u64 {
+        self.inner.steps
+    }
+
+    #[getter]
+    fn bodies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (name, body) in self.names.iter().zip(&self.inner.bodies) {
+            all.set_item(name, Body(*body))?;
+        }
+        Ok(all)
+    }
+
+    #[getter]
+    fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        zones(py, &self.inner.zones)
+    }
+
+    #[getter]
+    fn solver(&self) -> Solver {
+        Solver(self.inner.solver)
+    }
+
+    #[getter]
+    fn energy(&self) -> Energy {
+        Energy(self.inner.energy)
+    }
+
+    #[getter]
+    fn hint_max_step_ns(&self) -> u64 {
+        self.inner.hint_max_step_ns
+    }
+
+    #[getter]
+    fn series(&self, py: Python<'_>) -> Option<Py<Series>> {
+        self.series.as_ref().map(|s| s.clone_ref(py))
+    }
+
+    fn __getitem__(&self, name: &str) -> PyResult<Body> {
+        let found = self.names.iter().position(|n| n == name);
+        found.map(|d| Body(self.inner.bodies[d])).ok_or_else(|| {
+            let text = format!("{name:?}; known: {:?}", self.names);
+            pyo3::exceptions::PyKeyError::new_err(text)
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let component::Outcome { t0_ns, t1_ns, steps, .. } = self.inner;
+        format!("Outcome({}, {t0_ns} to {t1_ns} ns, {steps} steps)", self.status())
+    }
+}
+
+/// Zones by name.
+pub fn zones<'py>(py: Python<'py>, measured: &[ZoneOutcome]) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    for zone in measured {
+        all.set_item(&zone.name, ZoneMeasure(zone.clone()))?;
+    }
+    Ok(all)
+}
+
+/// What the ballast did to a driven body during a window.
+#[pyclass(frozen, module = "ballast", name = "BodyOutcome")]
+#[derive(Clone)]
+pub struct Body(BodyOutcome);
+
+#[pymethods]
+impl Body {
+    #[getter]
+    fn impulse<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.impulse)
+    }
+
+    #[getter]
+    fn angular_impulse<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.angular_impulse)
+    }
+
+    #[getter]
+    fn mean_force<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.mean_force)
+    }
+
+    #[getter]
+    fn mean_torque<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.mean_torque)
+    }
+
+    #[getter]
+    fn moving_force<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.moving_force)
+    }
+
+    #[getter]
+    fn moving_torque<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.moving_torque)
+    }
+
+    #[getter]
+    fn peak_force<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.peak_force)
+    }
+
+    #[getter]
+    fn peak_time_ns(&self) -> u64 {
+        self.0.peak_time_ns
+    }
+
+    #[getter]
+    fn work(&self) -> f64 {
+        self.0.work
+    }
+
+    #[getter]
+    fn contacts(&self) -> u32 {
+        self.0.contacts
+    }
+
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.pose.position)
+    }
+
+    #[getter]
+    fn orientation<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::quaternion(py, &self.0.pose.orientation)
+    }
+
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.velocity)
+    }
+
+    #[getter]
+    fn spin<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.spin)
+    }
+
+    fn __repr__(&self) -> String {
+        let f = self.0.mean_force;
+        format!(
+            "BodyOutcome(mean_force=[{:.3e}, {:.3e}, {:.3e}] N, work={:.3e} J)",
+            f.x, f.y, f.z, self.0.work
+        )
+    }
+}
+
+/// A zone at the end of a window.
+#[pyclass(frozen, module = "ballast", name = "ZoneOutcome")]
+pub struct ZoneMeasure(ZoneOutcome);
+
+#[pymethods]
+impl ZoneMeasure {
+    #[getter]
+    fn low<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.region.low)
+    }
+
+    #[getter]
+    fn high<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.region.high)
+    }
+
+    #[getter]
+    fn compactness(&self) -> Option<f64> {
+        self.0.compactness
+    }
+
+    #[getter]
+    fn coordination(&self) -> Option<f64> {
+        self.0.coordination
+    }
+
+    #[getter]
+    fn inertial_number(&self) -> Option<f64> {
+        self.0.inertial_number
+    }
+
+    #[getter]
+    fn pressure(&self) -> f64 {
+        self.0.pressure
+    }
+
+    fn __repr__(&self) -> String {
+        let compactness = self.0.compactness.map_or("None".into(), |c| format!("{c:.4}"));
+        format!("ZoneOutcome({:?}, compactness={compactness})", self.0.name)
+    }
+}
+
+/// Getters of plain numbers.
+macro_rules! numbers {
+    ($class:ident: $($name:ident: $kind:ty),* $(,)?; $($more:item)*) => {
+        #[pymethods]
+        impl $class {
+            $(#[getter]
+            fn $name(&self) -> $kind {
+                self.0.$name
+            })*
+            $($more)*
+        }
+    };
+}
+
+/// How a window was solved.
+#[pyclass(frozen, module = "ballast", name = "SolverOutcome")]
+pub struct Solver(SolverOutcome);
+
+numbers!(Solver:
+    iterations: u64,
+    visits: u64,
+    steps_not_converged: u64,
+    residual_qm16: f64,
+    residual_natural_map: f64,
+    contacts: usize,
+    active_contacts: usize,
+    mean_penetration: f64,
+    max_penetration: f64;
+);
+
+/// Energies since the start of the run.
+#[pyclass(frozen, module = "ballast", name = "EnergyLedger")]
+pub struct Energy(EnergyLedger);
+
+numbers!(Energy:
+    initial_kinetic: f64,
+    initial_potential: f64,
+    kinetic: f64,
+    potential: f64,
+    work_in: f64,
+    dissipated: f64;
+
+    #[getter]
+    fn balance_error(&self) -> f64 {
+        self.0.balance_error()
+    }
+);
+
+/// A window step by step.
+#[pyclass(frozen, module = "ballast")]
+#[derive(Default)]
+pub struct Series {
+    time_ns: Vec<u64>,
+    iterations: Vec<u32>,
+    residual_qm16: Vec<f64>,
+    /// Impulse and angular impulse per body and step `[steps][nd]`.
+    impulses: Vec<[f64; 6]>,
+    names: Arc<[String]>,
+}
+
+impl Series {
+    pub fn new(names: &Arc<[String]>) -> Self {
+        Self { names: Arc::clone(names), ..Self::default() }
+    }
+
+    pub fn take(&mut self, state: &State, report: &StepReport) {
+        self.time_ns.push(state.time_ns);
+        self.iterations.push(report.iterations);
+        self.residual_qm16.push(report.residuals.qm16());
+        for reaction in &report.reactions {
+            let (p, l) = (reaction.impulse, reaction.angular_impulse);
+            self.impulses.push([p.x, p.y, p.z, l.x, l.y, l.z]);
+        }
+    }
+}
+
+#[pymethods]
+impl Series {
+    #[getter]
+    fn time_ns<'py>(&self, py: Python<'py>) -> Vector<'py, u64> {
+        arrays::column(py, &self.time_ns)
+    }
+
+    #[getter]
+    fn iterations<'py>(&self, py: Python<'py>) -> Vector<'py, u32> {
+        arrays::column(py, &self.iterations)
+    }
+
+    #[getter]
+    fn residual_qm16<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::column(py, &self.residual_qm16)
+    }
+
+    /// Impulse and angular impulse of each step on each body `[steps, 6]`.
+    #[getter]
+    fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        let bodies = self.names.len();
+        for (d, name) in self.names.iter().enumerate() {
+            let rows = self.impulses.iter().skip(d).step_by(bodies);
+            let numbers: Vec<f64> = rows.flatten().copied().collect();
+            let table: Matrix<'py> = arrays::table(py, &numbers, 6);
+            all.set_item(name, table)?;
+        }
+        Ok(all)
+    }
+
+    fn __len__(&self) -> usize {
+        self.time_ns.len()
+    }
+}

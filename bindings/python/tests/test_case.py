@@ -1,0 +1,89 @@
+"""Cases and beds from Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import ballast
+import pytest
+from conftest import ROOT
+
+
+def test_examples_are_cases() -> None:
+    for path in sorted((ROOT / "examples").glob("*.toml")):
+        case = ballast.Case.load(path)
+        assert case.name == path.stem
+        assert case.duration_ns % case.step_ns == 0
+
+
+def test_every_fault_is_told_with_its_line() -> None:
+    text = (ROOT / "examples/first.toml").read_text()
+    text = text.replace("step_s = 8e-4", "step_s = -1").replace("iterations = 400", "iteration = 4")
+    with pytest.raises(ballast.CaseError) as wrong:
+        ballast.Case(text, "mine.toml")
+    assert wrong.value.code == "case"
+    found = {fault["key"]: fault for fault in wrong.value.diagnostics}
+    lines = text.splitlines()
+    assert lines[found["run.step_s"]["line"] - 1].startswith("step_s = -1")
+    assert "mine.toml" in str(wrong.value)
+    assert any("iteration" in key for key in found)
+
+
+def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
+    other = case.with_values({"tamping.vibration.frequency_Hz": 42.0, "bed.seed": 8})
+    assert other.to_dict()["tamping"]["vibration"]["frequency_Hz"] == 42.0
+    assert (other.seed, case.seed) == (8, 7)
+    assert other.bed_key != case.bed_key
+    other.write(tmp_path / "other.toml")
+    again = ballast.Case.load(tmp_path / "other.toml")
+    assert again.to_dict() == other.to_dict() == ballast.Case.from_dict(other.to_dict()).to_dict()
+    with pytest.raises(ballast.CaseError):
+        case.with_values({"tamping.vibration.frequency_Hz": -1.0})
+    with pytest.raises(ballast.CaseError):
+        case.with_values({"name.deeper": 1})
+    with pytest.raises(ballast.CaseError):
+        ballast.Case.from_dict({"name": "nothing else"})
+
+
+def test_choices_are_not_in_the_text(case: ballast.Case) -> None:
+    chosen = case.choose(seed=5, schedule="sequential")
+    assert (chosen.seed, chosen.schedule) == (5, "sequential")
+    assert chosen.text == case.text
+    with pytest.raises(ballast.CaseError, match="expected one of"):
+        case.choose(schedule="random")
+
+
+def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
+    with pytest.raises(ballast.FileError, match="nowhere"):
+        ballast.Case.load(tmp_path / "nowhere.toml")
+    broken = tmp_path / "broken.h5"
+    broken.write_bytes(b"no checkpoint")
+    for read in (ballast.resume, ballast.read):
+        with pytest.raises(ballast.FileError, match="broken.h5"):
+            read(broken)
+    with pytest.raises(ballast.FileError):
+        ballast.read(tmp_path / "nothing.mcap")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ballast.FileError, match="cannot be made"):
+        ballast.prepare(case, beds=tmp_path / "file" / "beds", progress=False)
+
+
+def test_a_preparation_tells_how_far_it_is(case: ballast.Case, tmp_path: Path) -> None:
+    told: list[tuple[float, str]] = []
+    path = ballast.prepare(
+        case, beds=tmp_path, threads=1, progress=lambda share, text: told.append((share, text))
+    )
+    assert Path(path).exists()
+    assert all(0.0 <= share <= 1.0 and text for share, text in told)
+    stamp = Path(path).stat().st_mtime_ns
+    assert ballast.prepare(case, beds=tmp_path, progress=False) == path
+    assert Path(path).stat().st_mtime_ns == stamp, "it was there"
+
+
+def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> None:
+    def listen(share: float, text: str) -> None:
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        ballast.prepare(ROOT / "examples/laptop.toml", beds=tmp_path, progress=listen)
+    assert not list(tmp_path.glob("*.h5"))

@@ -1,0 +1,78 @@
+"""Every example runs, on a small case, from the project's folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import ballast
+import pytest
+from conftest import ROOT
+
+EXAMPLES = ROOT / "examples/python"
+
+
+@pytest.fixture
+def place(case: ballast.Case, beds: Path, tmp_path: Path) -> Path:
+    """A working folder with the small case, and its bed where examples look for it."""
+    case.write(tmp_path / "tiny.toml")
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs/beds").symlink_to(beds)
+    return tmp_path
+
+
+def run(place: Path, name: str, *arguments: str) -> str:
+    program = [sys.executable, EXAMPLES / name, "tiny.toml", *arguments]
+    done = subprocess.run(program, capture_output=True, text=True, cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_coupling(place: Path) -> None:
+    lines = run(place, "coupling.py").splitlines()
+    assert len(lines) > 5 and all(" N" in line for line in lines)
+
+
+def test_squeeze_until_force(place: Path) -> None:
+    last = run(place, "squeeze_until_force.py", "3").splitlines()[-1]
+    assert last == "reached 3 N"
+
+
+def test_implicit_coupling(place: Path) -> None:
+    assert "computations of a window in the mean" in run(place, "implicit_coupling.py")
+
+
+def test_record_and_replay(place: Path) -> None:
+    assert "40 windows" in run(place, "record_and_replay.py")
+
+
+def test_frequency_study(place: Path) -> None:
+    for needed in ("pandas", "matplotlib"):
+        pytest.importorskip(needed)
+    run(place, "frequency_study.py", "study", "30,60", "7")
+    assert (place / "study/frequency.png").stat().st_size > 5000
+    assert (place / "study/table.csv").read_text().count("\n") == 3
+
+
+def test_the_notebook(place: Path) -> None:
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    pytest.importorskip("matplotlib")
+    notebook = nbformat.read(EXAMPLES / "tour.ipynb", as_version=4)
+    os.environ["BALLAST_CASE"] = str(place / "tiny.toml")
+    try:
+        client = nbclient.NotebookClient(notebook, resources={"metadata": {"path": str(place)}})
+        client.execute()
+    finally:
+        del os.environ["BALLAST_CASE"]
+    outputs = [out for cell in notebook.cells for out in cell.get("outputs", [])]
+    assert not any(out["output_type"] == "error" for out in outputs)
+    assert any("image/png" in out.get("data", {}) for out in outputs)
+
+
+def test_all_examples_are_tested() -> None:
+    text = Path(__file__).read_text()
+    assert all(f'"{p.name}"' in text for p in EXAMPLES.iterdir() if p.suffix in (".py", ".ipynb"))

@@ -1,0 +1,298 @@
+"""Windows, states, arrays: what a step promises, seen from Python."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import ballast
+import numpy as np
+import pytest
+from conftest import ROOT, lowered
+
+STEPS = 20
+
+
+def advance(sim: ballast.Simulation, steps: int = STEPS) -> ballast.Outcome:
+    return sim.advance_to(sim.now_ns + steps * sim.step_ns)
+
+
+def end_of(sim: ballast.Simulation) -> str:
+    """The hash after some windows with tools."""
+    for _ in range(3):
+        sim.advance_to(sim.now_ns + 5 * sim.step_ns, lowered(sim, 1e-4, 5))
+    return sim.save().hash
+
+
+def test_the_boundaries_carry_the_bed(sim: ballast.Simulation) -> None:
+    def momentum() -> float:
+        return float((sim.masses[:, None] * sim.save().velocities).sum(axis=0)[2])
+
+    before = momentum()
+    out = advance(sim, 50)
+    assert out.status in ("ok", "warn")
+    # Newton for all grains at once: weight and reactions over the window are the change of momentum.
+    weight = -9.81 * sim.masses.sum() * (out.t1_ns - out.t0_ns) * 1e-9
+    reaction = -sum(body.impulse[2] for body in out.bodies.values())
+    assert weight + reaction == pytest.approx(momentum() - before, abs=1e-9 * abs(weight))
+    assert reaction == pytest.approx(-weight, rel=0.05)
+
+
+def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
+    out = sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 10), series=True)
+    assert (out.t0_ns, out.t1_ns, out.steps) == (0, 10 * sim.step_ns, 10)
+    assert set(out.bodies) == set(sim.bodies)
+    series = out.series
+    assert series is not None and len(series) == 10
+    for name, rows in series.impulses.items():
+        body = out[name]
+        assert np.allclose(rows[:, :3].sum(axis=0), body.impulse, rtol=1e-12, atol=1e-15)
+        assert np.allclose(body.mean_force * 10 * sim.step_ns * 1e-9, body.impulse)
+    tine = sim.tines[0]
+    assert out[tine.name].position[2] == pytest.approx(tine.start[2] - 1e-3, abs=1e-4)
+    assert 0.2 < min(z.compactness for z in out.zones.values() if z.compactness) < 0.9
+    assert out.energy.balance_error == pytest.approx(0.0, abs=1e-3)
+    assert list(out.zones) == list(sim.zones())
+    with pytest.raises(KeyError, match="nobody"):
+        out["nobody"]
+
+
+def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
+    sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
+    end = 10 * sim.step_ns
+    tools = lowered(sim, 1e-3, 5)
+    sim.advance_to(end, tools)
+    first = sim.save().hash
+    sim.redo()
+    other = sim.save().hash
+    assert other != first
+    for _ in range(3):
+        sim.redo(tools)
+        assert sim.save().hash == first
+
+
+def test_restored_is_never_interrupted(
+    sim: ballast.Simulation, case: ballast.Case, beds: Path, tmp_path: Path
+) -> None:
+    advance(sim)
+    kept, fork = sim.save(), sim.fork()
+    end = end_of(sim)
+    sim.restore(kept)
+    assert end_of(sim) == end, "restored"
+    assert end_of(fork) == end, "forked"
+    kept.write(tmp_path / "state.h5")
+    assert end_of(ballast.resume(tmp_path / "state.h5", threads=2)) == end, "another file, two threads"
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[2]); import ballast; from test_simulation import end_of\n"
+        "print(end_of(ballast.resume(sys.argv[1], threads=1)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, tmp_path / "state.h5", Path(__file__).parent],
+        capture_output=True, text=True, check=True,
+    )
+    assert done.stdout.strip() == end, "another process"
+    with ballast.open(case, beds=beds, seed=99, threads=1, progress=False) as other:
+        with pytest.raises(ballast.Refused, match="another model"):
+            other.restore(kept)
+
+
+def test_the_machine_goes_on_after_a_restart(sim: ballast.Simulation, tmp_path: Path) -> None:
+    for _ in range(40):
+        sim.step_by_machine()
+    sim.save().write(tmp_path / "state.h5")
+    with ballast.resume(tmp_path / "state.h5", threads=1) as again:
+        for _ in range(20):
+            sim.step_by_machine()
+            again.step_by_machine()
+        assert again.phase == sim.phase
+        assert again.save().hash == sim.save().hash
+
+
+def test_arrays_are_views_that_keep_their_values(sim: ballast.Simulation) -> None:
+    before = sim.save().positions
+    address = before.__array_interface__["data"][0]
+    assert sim.save().positions.__array_interface__["data"][0] == address, "no copy"
+    assert before.shape == (sim.grains, 3)
+    with pytest.raises(ValueError, match="read-only"):
+        before[0, 0] = 1.0
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        before.flags.writeable = True
+    values = before.copy()
+    advance(sim, 50)
+    after = sim.save().positions
+    assert np.array_equal(before, values) and not np.array_equal(after, values)
+    values = after.copy()
+    quaternions = sim.save().orientations
+    assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
+    sim.close()
+    del sim
+    gc.collect()
+    assert np.array_equal(after, values), "it outlives the simulation"
+
+
+def test_contacts_hold_the_grains(sim: ballast.Simulation) -> None:
+    advance(sim)
+    state = sim.save()
+    pairs, impulses, points = state.contact_bodies, state.contact_impulses, state.contact_points
+    assert pairs.shape == (len(impulses), 2) and points.shape == impulses.shape
+    assert (pairs[:, 0] < sim.grains).all()
+    reach = np.linalg.norm(points - state.positions[pairs[:, 0]], axis=1)
+    corners = [np.linalg.norm(sim.shape(s)[0], axis=1).max() for s in range(sim.shape_of.max() + 1)]
+    assert (reach <= 1.1 * np.array(corners)[sim.shape_of[pairs[:, 0]]]).all()
+
+
+def test_ten_simulations_in_ten_threads(case: ballast.Case, beds: Path) -> None:
+    def run(_: int) -> str:
+        with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+            return end_of(sim)
+
+    alone = run(0)
+    with ThreadPoolExecutor(10) as pool:
+        assert set(pool.map(run, range(10))) == {alone}
+
+
+def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> None:
+    thread = threading.Thread(target=advance, args=(sim, 200))
+    thread.start()
+    codes = set()
+    while thread.is_alive():
+        assert not sim.is_lost and not sim.is_closed
+        try:
+            sim.save()
+        except ballast.Error as error:
+            codes.add(error.code)
+    thread.join()
+    assert codes <= {"busy"}
+    assert sim.now_ns == 200 * sim.step_ns
+
+
+def test_a_failure_inside_is_an_exception(sim: ballast.Simulation) -> None:
+    advance(sim)
+    kept = sim.save()
+    end = end_of(sim)
+    sim.restore(kept)
+    sim._fail_next()
+    with pytest.raises(ballast.Lost, match="a failure that was asked for"):
+        advance(sim)
+    assert sim.is_lost
+    with pytest.raises(ballast.Lost, match="restore a saved state"):
+        advance(sim)
+    assert sim.save().hash == kept.hash
+    sim.restore(kept)
+    assert not sim.is_lost and end_of(sim) == end
+
+
+@pytest.mark.parametrize(
+    ("code", "ask"),
+    [
+        ("time_grid", lambda sim: sim.advance_to(sim.step_ns + 1)),
+        ("time_grid", lambda sim: sim.advance_to(0)),
+        ("nothing_to_redo", lambda sim: sim.redo()),
+        ("unknown_body", lambda sim: advance_with(sim, "nobody", [0, sim.step_ns])),
+        ("input_gap", lambda sim: advance_with(sim, sim.tines[0].name, [0, sim.step_ns - 1])),
+        ("input_jump", lambda sim: advance_with(sim, sim.tines[0].name, [0, sim.step_ns], 1.0)),
+        ("input_invalid", lambda sim: advance_with(sim, sim.tines[0].name, [0, sim.step_ns], np.nan)),
+        ("input_invalid", lambda sim: advance_with(sim, sim.tines[0].name, [sim.step_ns, 0])),
+        ("input_invalid", lambda sim: ballast.Motion([-1], [[0, 0, 0]])),
+        ("input_invalid", lambda sim: ballast.Motion([0, 1], [[0, 0, 0]])),
+        ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], [[0, 0, 0, 2]])),
+        ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], interpolation="spline")),
+    ],
+)
+def test_requests_without_sense_are_refused(sim: ballast.Simulation, code: str, ask) -> None:
+    before = sim.save().hash
+    with pytest.raises(ballast.Refused, match="expected .* found") as refused:
+        ask(sim)
+    assert refused.value.code == code
+    assert sim.save().hash == before and sim.now_ns == 0
+
+
+def advance_with(
+    sim: ballast.Simulation, body: str, times: list[int], off: float = 0.0
+) -> ballast.Outcome:
+    position = sim.save().target(sim.tines[0].name)[0] + off
+    motion = ballast.Motion(times, [position] * len(times))
+    return sim.advance_to(sim.step_ns, {body: motion})
+
+
+def test_times_are_whole_numbers(sim: ballast.Simulation) -> None:
+    with pytest.raises(TypeError):
+        sim.advance_to(1e-3)  # type: ignore[arg-type]
+
+
+def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:
+    sim.close()
+    sim.close()
+    assert sim.is_closed
+    with pytest.raises(ballast.Error, match="was closed") as closed:
+        advance(sim)
+    assert closed.value.code == "closed"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        advance(sim, 10_000_000)
+    timer.join()
+    now = sim.now_ns
+    assert 0 < now < 10_000_000 * sim.step_ns and now % sim.step_ns == 0
+    interrupted = sim.save()
+    advance(sim)
+    after = sim.save().hash
+    sim.restore(interrupted)
+    advance(sim)
+    assert sim.save().hash == after
+
+
+def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:
+    options = {"beds": beds, "threads": 1, "progress": False, "max_penetration": 1e-12}
+    with ballast.open(case, **options) as sim:
+        out = advance(sim)
+        assert out.status == "discard" and "penetration" in (out.trouble or "")
+        assert sim.now_ns == 0
+
+
+def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    sim.record(path)
+    with pytest.raises(ballast.Refused, match="recording"):
+        sim.record(path)
+    sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
+    sim.redo(lowered_back(sim))
+    sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 5))
+    with pytest.raises(ballast.Refused):
+        sim.restore(sim.save())
+    final = sim.save().hash
+    sim.stop_recording()
+    recording = ballast.read(path)
+    assert isinstance(recording, ballast.Recording)
+    windows = list(recording)
+    assert [(w["request"]["t0_ns"], w["request"]["t1_ns"]) for w in windows] == [
+        (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
+    ]
+    program = Path(os.environ.get("BALLAST_PROGRAM", ROOT / "target/release/ballast"))
+    if not program.exists():
+        pytest.skip(f"{program} is not built")
+    case = tmp_path / "tiny.toml"
+    sim.case.write(case)
+    called = [program, "verify", path, "--case", case, "--beds", tmp_path / "beds"]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    called[1], called[-2:] = "replay", [*called[-2:], "--out", tmp_path / "replay"]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert final in done.stdout
+
+
+def lowered_back(sim: ballast.Simulation) -> dict[str, ballast.Motion]:
+    """The tines stay where the run has them at its start."""
+    times = [0, 5 * sim.step_ns]
+    return {t.name: ballast.Motion(times, [t.start, t.start]) for t in sim.tines}

@@ -1,0 +1,185 @@
+"""The environment, studies, plots, pictures."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import ballast
+import numpy as np
+import pytest
+
+
+def test_the_environment_is_one_of_gymnasium(case: ballast.Case, beds: Path) -> None:
+    gymnasium = pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds)
+    assert isinstance(env, gymnasium.Env)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        check_env(env)
+
+
+def test_seeds_reproduce_an_episode(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    def episode(threads: int) -> list[object]:
+        env = TampingEnv(case, beds=beds, threads=threads)
+        observation, _ = env.reset(seed=3)
+        env.action_space.seed(3)
+        seen: list[object] = [observation.tolist()]
+        ended = False
+        while not ended:
+            squeeze = np.array([1.0, env.action_space.sample()[1], 1.0])
+            observation, reward, terminated, truncated, info = env.step(squeeze)
+            assert "trouble" not in info, info
+            seen += [observation.tolist(), reward]
+            ended = terminated or truncated
+        assert observation[0] > 0.5 and observation[1] > 0.5, "the tines went down and closed"
+        return seen
+
+    assert episode(1) == episode(2)
+
+
+def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pd = pytest.importorskip("pandas")
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 60.0], "seed": [case.seed]})
+    first = study.run(case, points[:1], tmp_path / "study", jobs=1, beds=beds, progress=False)
+    assert first["error"].isna().all()
+    file = next((tmp_path / "study").glob("*.json"))
+    stamp = file.stat().st_mtime_ns
+    bad = {"tamping.vibration.frequency_Hz": 30.0, "seed": 1, "solver.iterations": 1}
+    table = study.run(case, [*points, bad], tmp_path / "study", jobs=2, beds=beds, progress=False)
+    assert file.stat().st_mtime_ns == stamp, "what is done is not done again"
+    assert len(table) == 3 and list(table["seed"]) == [case.seed, case.seed, 1]
+    pd.testing.assert_frame_equal(first, table.loc[:0, first.columns])
+    assert table["work J"].iloc[0] != table["work J"].iloc[1]
+    assert 0.2 < table["under sleeper_1: after"].iloc[0] < 0.9
+
+
+def test_points_fill_their_ranges() -> None:
+    pytest.importorskip("scipy")
+    from ballast import study
+
+    points = study.latin_hypercube({"a": (0.0, 1.0), "b": (10.0, 20.0)}, 8, seed=1)
+    assert points == study.latin_hypercube({"a": (0.0, 1.0), "b": (10.0, 20.0)}, 8, seed=1)
+    for name, low, width in (("a", 0.0, 1.0), ("b", 10.0, 10.0)):
+        cells = sorted(int(8 * (point[name] - low) / width) for point in points)
+        assert cells == list(range(8))
+    assert len(study.grid({"a": [1, 2], "b": [3, 4, 5]})) == 6
+
+
+def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    from conftest import ROOT
+
+    from ballast import study
+
+    program = ROOT / "target/release/ballast"
+    if not program.exists():
+        pytest.skip(f"{program} is not built")
+    case.write(tmp_path / "tiny.toml")
+    points = study.grid({"tamping.vibration.frequency_Hz": [30.0], "seed": [case.seed]})
+    study.plan("tiny.toml", points, tmp_path / "plan.toml")
+    called = [program, "sweep", tmp_path / "plan.toml", "--beds", beds]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = (tmp_path / "runs/plan/table.csv").read_text().splitlines()
+    names, values = (row.split(",") for row in rows)
+    row = dict(zip(names, values, strict=True))
+    assert float(row["tamping.vibration.frequency_Hz"]) == 30.0
+    figures = study.tamp(study.apply(case, points[0]), str(beds))
+    after = float(row["compactness.under sleeper_1.after"])
+    assert figures["under sleeper_1: after"] == pytest.approx(after, abs=1e-12)
+
+
+def fails(case: ballast.Case, beds: str) -> dict[str, float]:
+    raise ValueError(f"no figures of {case.name}")
+
+
+def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    table = study.run(
+        case, [{"seed": case.seed}], tmp_path, measure=fails, jobs=1, beds=beds, progress=False
+    )
+    assert table["error"].tolist() == ["ValueError: no figures of tiny"]
+    assert not list(tmp_path.glob("*.json"))
+
+
+def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    distributed = pytest.importorskip("distributed")
+    from ballast import study
+
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as cluster, distributed.Client(cluster) as client:
+        table = study.run(
+            case, [{"seed": case.seed}], tmp_path, executor=client, beds=beds, progress=False
+        )
+    assert table["error"].isna().all() and table["work J"].iloc[0] > 0.0
+
+
+def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    from conftest import ROOT
+
+    from ballast import plot
+
+    program = ROOT / "target/release/ballast"
+    if not program.exists():
+        pytest.skip(f"{program} is not built")
+    case = tmp_path / "tiny.toml"
+    sim.case.write(case)
+    called = [program, "run", case, "--out", tmp_path / "run", "--beds", tmp_path / "beds"]
+    subprocess.run(called, check=True, capture_output=True)
+    results = ballast.read(tmp_path / "run/results.vtkhdf")
+    assert isinstance(results, ballast.Results)
+    assert set(plot.tines(results)) == {t.name for t in sim.tines}
+    positions, orientations = results.poses(0)
+    assert positions.shape == (results.bodies[0] + len(results.bodies[1]), 3)
+    assert np.allclose(np.linalg.norm(orientations, axis=1), 1.0)
+    assert np.array_equal(positions[: sim.grains], sim.save().positions)
+    steps = results.table("steps")
+    assert len(steps["time"]) == 180 and results.units("steps")["time"] == "s"
+    figure = plot.overview(results)
+    figure.savefig(tmp_path / "overview.png")
+    loops = figure.axes[2].lines
+    assert len(loops) == 2 and all(len(line.get_xdata()) > 20 for line in loops)
+    # The machine of Python is that of the program.
+    for _ in range(180):
+        sim.step_by_machine()
+    checkpoint = ballast.read(tmp_path / "run/checkpoint.h5")
+    assert isinstance(checkpoint, ballast.State)
+    assert np.array_equal(checkpoint.positions, sim.save().positions)
+    assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
+
+
+def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
+    pytest.importorskip("pyvista")
+    from ballast import view
+
+    sim.advance_to(5 * sim.step_ns)
+    surface = view.bed(sim)
+    volume = sum(surface.extract_cells(surface["grain"] == g).extract_surface().volume for g in (0, 1))
+    assert volume == pytest.approx(sim.masses[:2].sum() / 2700.0, rel=0.05)
+    assert view.chains(sim).n_cells > 0
+    # A window needs a graphics library that may be missing; geometry does not.
+    program = (
+        "import sys, ballast, ballast.view as view\n"
+        "view.picture(ballast.resume(sys.argv[1], threads=1), sys.argv[2])"
+    )
+    sim.save().write(tmp_path / "state.h5")
+    called = [sys.executable, "-c", program, tmp_path / "state.h5", tmp_path / "bed.png"]
+    done = subprocess.run(called)
+    if done.returncode == 0:
+        assert (tmp_path / "bed.png").stat().st_size > 5000

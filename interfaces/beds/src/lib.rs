@@ -1,0 +1,149 @@
+//! Prepared beds, kept in a folder: found again by what they depend on, or prepared and kept.
+//!
+//! Every face of the program that opens a case comes through here, so that a bed which one of them has
+//! prepared is there for the others.
+
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::track::plan::Plan;
+use ballast::track::{self, Bed, DepositProgress, DepositStage};
+use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+/// The stages of the preparation, in order.
+const STAGES: [DepositStage; 4] =
+    [DepositStage::Pour, DepositStage::Fill, DepositStage::Trim, DepositStage::Rest];
+
+/// Why there is no bed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    #[error("{}: cannot be made: {source}", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+    /// A kept bed that cannot be read.
+    #[error(transparent)]
+    Kept(ballast_hdf5::Error),
+    /// A bed that was prepared and cannot be kept.
+    #[error(transparent)]
+    Keeping(ballast_hdf5::Error),
+    #[error("{}: it is not the bed of this case", path.display())]
+    AnotherBed { path: PathBuf },
+    #[error("preparing the bed of {case}: {source}")]
+    Preparation { case: String, source: ballast::Error },
+    #[error("{case}: {source}")]
+    Scene { case: String, source: ballast::Error },
+}
+
+/// A folder of prepared beds, one file each.
+#[derive(Debug, Clone)]
+pub struct Beds {
+    folder: PathBuf,
+}
+
+impl Beds {
+    pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
+        Self { folder: folder.into() }
+    }
+
+    /// Where the bed of a plan is kept, or will be.
+    pub fn path(&self, plan: &Plan) -> PathBuf {
+        self.folder.join(format!("{}.h5", ballast_scenario::content_key(plan)))
+    }
+
+    /// The bed of a plan, where it was prepared before.
+    ///
+    /// # Errors
+    /// A file that is there, but is no bed of this plan, or damaged, or of another version.
+    pub fn find(&self, plan: &Plan) -> Result<Option<Bed>, Error> {
+        let path = self.path(plan);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let kept = checkpoint::read(&path).map_err(Error::Kept)?;
+        if kept.kind != Kind::Bed || kept.key != ballast_scenario::content_key(plan) {
+            return Err(Error::AnotherBed { path });
+        }
+        Ok(Some(Bed { model: kept.model, state: kept.state }))
+    }
+
+    /// Prepares the bed of a plan and keeps it; `text` is that of its case file. `watch` sees every step
+    /// and may stop it: then there is none.
+    ///
+    /// # Errors
+    /// A plan that no bed can be prepared for; a folder or file that cannot be written.
+    pub fn prepare(
+        &self,
+        plan: &Plan,
+        text: &str,
+        watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
+    ) -> Result<Option<Bed>, Error> {
+        create(&self.folder)?;
+        let failed = |source| Error::Preparation { case: plan.name.clone(), source };
+        let Some(bed) = track::deposit(plan, watch).map_err(failed)? else { return Ok(None) };
+        let kept = Checkpoint {
+            model: bed.model,
+            state: bed.state,
+            kind: Kind::Bed,
+            case_name: plan.name.clone(),
+            case_text: text.to_owned(),
+            key: ballast_scenario::content_key(plan),
+            extra: BTreeMap::new(),
+        };
+        checkpoint::write(self.path(plan), &kept).map_err(Error::Keeping)?;
+        Ok(Some(Bed { model: kept.model, state: kept.state }))
+    }
+}
+
+/// Model and state at the start of a plan's run, on its bed.
+///
+/// # Errors
+/// Tools or sleepers that find no place there.
+pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State), Error> {
+    track::scene(plan, bed).map_err(|source| Error::Scene { case: plan.name.clone(), source })
+}
+
+/// Share of the preparation that is done. How long a stage takes is not known beforehand, only how
+/// long it may take; each counts the same.
+pub fn share(done: &DepositProgress) -> f64 {
+    let before = STAGES.iter().take_while(|stage| **stage != done.stage).count() as f64;
+    let within = done.step as f64 / done.most_steps.max(1) as f64;
+    (before + within.min(1.0)) / STAGES.len() as f64
+}
+
+fn create(folder: &Path) -> Result<(), Error> {
+    std::fs::create_dir_all(folder)
+        .map_err(|source| Error::Folder { path: folder.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CASE: &str = include_str!("../../../examples/first.toml");
+
+    fn plan() -> Plan {
+        ballast_scenario::read_case(CASE, "first").expect("an example").plan
+    }
+
+    #[test]
+    fn a_preparation_that_was_stopped_leaves_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let beds = Beds::in_folder(folder.path().join("new"));
+        let stopped = beds.prepare(&plan(), CASE, &mut |_| ControlFlow::Break(())).expect("a stop");
+        assert!(stopped.is_none());
+        assert!(beds.find(&plan()).expect("nothing").is_none());
+    }
+
+    #[test]
+    fn another_file_in_the_place_of_a_bed_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let beds = Beds::in_folder(folder.path());
+        std::fs::write(beds.path(&plan()), b"no bed").expect("a file");
+        assert!(matches!(beds.find(&plan()), Err(Error::Kept(_))));
+        std::fs::write(folder.path().join("file"), b"").expect("a file");
+        let nowhere = Beds::in_folder(folder.path().join("file/beds"));
+        let refused = nowhere.prepare(&plan(), CASE, &mut |_| ControlFlow::Continue(()));
+        assert!(matches!(refused, Err(Error::Folder { .. })));
+    }
+}

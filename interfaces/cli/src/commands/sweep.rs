@@ -1,0 +1,310 @@
+//! `ballast sweep PLAN`: many runs of a case, side by side, resumable, one table.
+
+use crate::args;
+use crate::case::{self, Choices};
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::files::{RunFiles, create_folder, read_text, replace_text};
+use crate::interrupt;
+use ballast_scenario::sweep::{Point, Sweep, changed};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use serde_json::{Map, Value, json};
+use std::collections::{BTreeSet, VecDeque};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+/// No plan is this long.
+const LIMIT: u64 = 64 << 20;
+/// How often a run is looked after.
+const LOOK: Duration = Duration::from_millis(50);
+
+pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
+    interrupt::install()?;
+    let name = args.plan.display().to_string();
+    let text = read_text(&args.plan, LIMIT)?;
+    let sweep = Sweep::read(&text, &name).map_err(Failure::InvalidCase)?;
+    let case = args.plan.parent().unwrap_or(Path::new("")).join(&sweep.case);
+    let case_text = read_text(&case, LIMIT)?;
+    let texts = texts(&sweep, &case_text, &name)?;
+    let folder = args.out.clone().unwrap_or_else(|| {
+        Path::new("runs").join(args.plan.file_stem().unwrap_or(std::ffi::OsStr::new("sweep")))
+    });
+    let place = Place { folder, sweep };
+    if args.list {
+        for (number, point) in place.points() {
+            console.result(&format!("{number}  {}", words(point)));
+        }
+        return Ok(());
+    }
+    place.write(&case, &texts)?;
+    let numbers = match args.case {
+        None => (1..=place.sweep.points.len()).collect(),
+        Some(number) if place.sweep.points.get(number.wrapping_sub(1)).is_some() => vec![number],
+        Some(number) => {
+            let all = place.sweep.points.len();
+            return Err(Failure::Usage(format!("--case: expected 1 to {all}, found {number}")));
+        }
+    };
+    let failed = place.compute(&numbers, &args, console)?;
+    place.table()?;
+    if interrupt::requested() {
+        let text = "stopped; the same call goes on where each run is";
+        return Err(Failure::Interrupted(text.into()));
+    }
+    console.result(&format!("{}", place.folder.join("table.csv").display()));
+    if failed.is_empty() {
+        return Ok(());
+    }
+    let logs: Vec<_> =
+        failed.iter().map(|n| place.of(*n).join("log").display().to_string()).collect();
+    Err(Failure::Failed(format!(
+        "{} of {} failed: {}",
+        failed.len(),
+        numbers.len(),
+        logs.join(", ")
+    )))
+}
+
+/// The case of each point; all are checked before any is run.
+fn texts(sweep: &Sweep, case: &str, plan: &str) -> Outcome<Vec<String>> {
+    let text =
+        |(i, point): (usize, &Point)| changed(case, point, &format!("{plan}, point {}", i + 1));
+    let texts: Result<_, _> = sweep.points.iter().enumerate().map(text).collect();
+    texts.map_err(Failure::InvalidCase)
+}
+
+/// The files of a sweep: a manifest, a folder per point, a table.
+struct Place {
+    folder: PathBuf,
+    sweep: Sweep,
+}
+
+impl Place {
+    /// Points with their numbers, from 1.
+    fn points(&self) -> impl Iterator<Item = (usize, &Point)> {
+        (1..).zip(&self.sweep.points)
+    }
+
+    fn of(&self, number: usize) -> PathBuf {
+        self.folder.join(format!("{number:05}"))
+    }
+
+    fn case(&self, number: usize) -> PathBuf {
+        self.of(number).join("case.toml")
+    }
+
+    /// Writes manifest and cases. What is there must be the same sweep, or its beginning.
+    fn write(&self, case: &Path, texts: &[String]) -> Outcome {
+        create_folder(&self.folder)?;
+        for ((number, point), text) in self.points().zip(texts) {
+            let path = self.case(number);
+            if path.exists() {
+                if read_text(&path, LIMIT)? != *text {
+                    return Err(Failure::Usage(format!(
+                        "{}: expected point {number} of this plan ({}), found that of another one; choose \
+                         another folder with --out",
+                        path.display(),
+                        words(point)
+                    )));
+                }
+                continue;
+            }
+            create_folder(&self.of(number))?;
+            replace_text(&path, text)?;
+        }
+        let point = |(number, point): (usize, &Point)| {
+            let values: Map<_, _> = point.iter().map(|(k, v)| (k.clone(), json!(v))).collect();
+            json!({ "number": number, "folder": self.of(number), "values": values })
+        };
+        let manifest =
+            json!({ "case": case, "points": self.points().map(point).collect::<Vec<_>>() });
+        replace_text(&self.folder.join("manifest.json"), &format!("{manifest:#}\n"))
+    }
+
+    /// Runs what is not done yet, each in a process of its own; gives the numbers of those that failed.
+    fn compute(
+        &self,
+        numbers: &[usize],
+        args: &args::Sweep,
+        console: Console,
+    ) -> Outcome<Vec<usize>> {
+        let program = std::env::current_exe()
+            .map_err(|e| Failure::Failed(format!("cannot find this program: {e}")))?;
+        let open = |n: &usize| !RunFiles::in_folder(self.of(*n)).summary().exists();
+        let open: Vec<usize> = numbers.iter().copied().filter(open).collect();
+        let done = numbers.len() - open.len();
+        if done > 0 {
+            console.note(&format!("{done} of {} done before", numbers.len()));
+        }
+        let mut keys = BTreeSet::new();
+        let mut first_of_bed = Vec::new();
+        for number in &open {
+            let case = case::load(&self.case(*number), &Choices::default(), console)?;
+            if keys.insert(case.bed_key()) {
+                first_of_bed.push(*number);
+            }
+        }
+        // Beds first, each once: runs that share one would all prepare it.
+        let prepare = |number: usize| {
+            let mut command = Command::new(&program);
+            command.arg("prepare").arg(self.case(number));
+            command
+        };
+        let bad_beds = self.side_by_side(first_of_bed, args, console, &prepare, &|_, _| {});
+        let run = |number: usize| {
+            let files = RunFiles::in_folder(self.of(number));
+            let mut command = Command::new(&program);
+            if files.is_unfinished() {
+                command.arg("resume").arg(files.checkpoint());
+            } else {
+                command.arg("run").arg(self.case(number)).arg("--out").arg(&files.folder);
+            }
+            command
+        };
+        let left = Mutex::new(open.len());
+        let tell = |number: usize, is_done: bool| {
+            let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
+            *left -= 1;
+            let how = if is_done { "done" } else { "not done" };
+            let point = &self.sweep.points[number - 1];
+            console.note(&format!("{number} ({}) {how}, {left} to go", words(point)));
+            console.event("point", json!({ "number": number, "done": is_done, "left": *left }));
+        };
+        if !bad_beds.is_empty() {
+            console.warning(&format!("beds that could not be prepared: {}", bad_beds.len()));
+        }
+        Ok(self.side_by_side(open, args, console, &run, &tell))
+    }
+
+    /// Calls the program for each number, `jobs` at a time, until all are done or Ctrl-C; gives those that
+    /// failed. What a call says goes to the file `log` of its point.
+    fn side_by_side(
+        &self,
+        numbers: Vec<usize>,
+        args: &args::Sweep,
+        console: Console,
+        command: &(dyn Fn(usize) -> Command + Sync),
+        tell: &(dyn Fn(usize, bool) + Sync),
+    ) -> Vec<usize> {
+        let waiting = Mutex::new(VecDeque::from(numbers));
+        let failed = Mutex::new(Vec::new());
+        let work = || {
+            while !interrupt::requested() {
+                let next = waiting.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
+                let Some(number) = next else { break };
+                let mut command = command(number);
+                let threads = args.threads_each.to_string();
+                if command.get_args().next() != Some("resume".as_ref()) {
+                    command.arg("--beds").arg(&args.beds.beds);
+                }
+                let called = self.call(number, command.arg("--threads").arg(threads));
+                let is_done = called.unwrap_or_else(|e| {
+                    let path = self.of(number);
+                    console.warning(&format!("{}: cannot be run: {e}", path.display()));
+                    false
+                });
+                if !is_done {
+                    failed.lock().unwrap_or_else(PoisonError::into_inner).push(number);
+                }
+                tell(number, is_done);
+            }
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..args.jobs.get() {
+                scope.spawn(work);
+            }
+        });
+        let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+        failed.sort_unstable();
+        failed
+    }
+
+    /// Whether a call of the program ends well. Ctrl-C reaches this process alone, which passes it on once: a
+    /// second one would end the run without a checkpoint.
+    fn call(&self, number: usize, command: &mut Command) -> std::io::Result<bool> {
+        let log =
+            std::fs::File::options().create(true).append(true).open(self.of(number).join("log"))?;
+        command.stdin(Stdio::null()).stderr(log.try_clone()?).stdout(log).process_group(0);
+        let mut child = command.spawn()?;
+        let mut is_told = false;
+        loop {
+            if let Some(status) = child.try_wait()? {
+                return Ok(status.success());
+            }
+            if interrupt::requested() && !is_told {
+                is_told = true;
+                let pid = Pid::from_raw(i32::try_from(child.id()).map_err(std::io::Error::other)?);
+                kill(pid, Signal::SIGTERM)?;
+            }
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// Writes the table of all runs that are done: values, and every figure of their summaries.
+    fn table(&self) -> Outcome {
+        let mut columns: Vec<String> = Vec::new();
+        let mut rows = Vec::new();
+        for (number, point) in self.points() {
+            let path = RunFiles::in_folder(self.of(number)).summary();
+            if !path.exists() {
+                continue;
+            }
+            let summary: Value = serde_json::from_str(&read_text(&path, LIMIT)?)
+                .map_err(|e| Failure::at(&path, e))?;
+            let mut row = vec![("number".to_string(), number.to_string())];
+            row.extend(point.iter().map(|(key, value)| (key.clone(), plain(&json!(value)))));
+            figures("", &summary, &mut row);
+            for (name, _) in &row {
+                if !columns.contains(name) {
+                    columns.push(name.clone());
+                }
+            }
+            rows.push(row);
+        }
+        let mut text = columns.iter().map(|c| quoted(c)).collect::<Vec<_>>().join(",");
+        for row in rows {
+            let cell = |column: &String| {
+                let found = row.iter().find(|(name, _)| name == column);
+                found.map_or(String::new(), |(_, value)| quoted(value))
+            };
+            text += "\n";
+            text += &columns.iter().map(cell).collect::<Vec<_>>().join(",");
+        }
+        replace_text(&self.folder.join("table.csv"), &(text + "\n"))
+    }
+}
+
+/// A point for a person.
+fn words(point: &Point) -> String {
+    let word = |(key, value): &(String, toml::Value)| format!("{key} = {value}");
+    point.iter().map(word).collect::<Vec<_>>().join(", ")
+}
+
+/// The leaves of a summary under the paths of their keys, but for what differs between equal runs.
+fn figures(path: &str, value: &Value, row: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map.iter().filter(|(key, _)| *key != "timing") {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                figures(&path, value, row);
+            }
+        }
+        leaf => row.push((path.to_string(), plain(leaf))),
+    }
+}
+
+fn plain(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_string)
+}
+
+/// A cell of a CSV file (RFC 4180).
+fn quoted(cell: &str) -> String {
+    if cell.contains(['"', ',', '\n', '\r']) {
+        return format!("\"{}\"", cell.replace('"', "\"\""));
+    }
+    cell.to_string()
+}

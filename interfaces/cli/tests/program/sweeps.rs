@@ -1,0 +1,128 @@
+//! `ballast sweep`: many runs, one table, resumable.
+
+use crate::setup::Place;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use serde_json::Value;
+use std::time::{Duration, Instant};
+
+const PLAN: &str = "case = 'tiny.toml'\n[grid]\n'tamping.vibration.frequency_Hz' = [30, 60]\n\
+                    'solver.iterations' = [20, 30]\n[[points]]\n'run.duration_s' = 0.15\n";
+
+fn place(plan: &str) -> Place {
+    let place = Place::new();
+    std::fs::write(place.path("plan.toml"), plan).unwrap();
+    place
+}
+
+/// Rows of the table by the names of its columns.
+fn table(place: &Place) -> Vec<Vec<(String, String)>> {
+    let text = std::fs::read_to_string(place.path("runs/plan/table.csv")).unwrap();
+    let mut lines = text.lines();
+    let names: Vec<_> = lines.next().unwrap().split(',').collect();
+    let row = |line: &str| {
+        let cells: Vec<_> = line.split(',').collect();
+        assert_eq!(cells.len(), names.len(), "{line}");
+        names.iter().zip(cells).map(|(n, c)| ((*n).to_string(), c.to_string())).collect()
+    };
+    lines.map(row).collect()
+}
+
+fn cell(row: &[(String, String)], name: &str) -> String {
+    row.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("no column {name:?}")).1.clone()
+}
+
+#[test]
+fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
+    let place = place(PLAN);
+    place.with_beds("sweep plan.toml --jobs 2").with_code(0);
+    let rows = table(&place);
+    assert_eq!(rows.len(), 5);
+    let values: Vec<_> = rows
+        .iter()
+        .map(|r| (cell(r, "tamping.vibration.frequency_Hz"), cell(r, "solver.iterations")))
+        .collect();
+    assert_eq!(values[1], ("30".to_string(), "30".to_string()));
+    assert_eq!(values[4], (String::new(), String::new()));
+    assert_eq!(cell(&rows[4], "steps"), "150");
+    // A point is the run of its case.
+    place.with_beds("run runs/plan/00002/case.toml --out alone").with_code(0);
+    assert_eq!(place.summary("alone")["state_hash"], Value::from(cell(&rows[1], "state_hash")));
+    let manifest: Value = serde_json::from_str(
+        &std::fs::read_to_string(place.path("runs/plan/manifest.json")).unwrap(),
+    )
+    .unwrap();
+    assert_eq!(manifest["points"][3]["values"]["solver.iterations"], 30);
+    let stamp = |n: usize| {
+        let path = place.path(format!("runs/plan/{n:05}/summary.json"));
+        std::fs::metadata(path).unwrap().modified().unwrap()
+    };
+    let before: Vec<_> = (1..=5).map(stamp).collect();
+    let more = format!("{PLAN}[[points]]\n'run.duration_s' = 0.16\n");
+    std::fs::write(place.path("plan.toml"), more).unwrap();
+    place.with_beds("sweep plan.toml").with_code(0);
+    assert_eq!((1..=5).map(stamp).collect::<Vec<_>>(), before, "what is done stays");
+    assert_eq!(table(&place).len(), 6);
+}
+
+#[test]
+fn one_point_of_a_scheduler_is_run_alone() {
+    let place = place(PLAN);
+    place.with_beds("sweep plan.toml --case 5").with_code(0);
+    assert_eq!(table(&place).len(), 1);
+    let listed = place.with_beds("sweep plan.toml --list").with_code(0);
+    assert!(
+        listed.stdout().contains("3  tamping.vibration.frequency_Hz = 60"),
+        "{}",
+        listed.stdout()
+    );
+    let wrong = place.with_beds("sweep plan.toml --case 6");
+    assert_eq!(wrong.code(), 2);
+    assert!(wrong.stderr().contains("expected 1 to 5, found 6"), "{}", wrong.stderr());
+}
+
+#[test]
+fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
+    for (plan, code, expected) in [
+        ("case = 'tiny.toml'", 3, "at least one point"),
+        ("case = 'nowhere.toml'\n[[points]]\n'bed.seed' = 1", 1, "nowhere.toml"),
+        ("case = 'tiny.toml'\n[grid]\n'solver.iterations' = [20, -1]", 3, "point 2"),
+        ("case = 'tiny.toml'\n[[points]]\n'solver.itterations' = 1", 3, "iterations"),
+    ] {
+        let place = place(plan);
+        let ended = place.with_beds("sweep plan.toml");
+        assert_eq!(ended.code(), code, "{plan}: {}", ended.stderr());
+        assert!(ended.stderr().contains(expected), "{plan}: {}", ended.stderr());
+        assert!(!place.path("runs/plan").exists(), "{plan}");
+    }
+    let place = place("case = 'tiny.toml'\n[[points]]\n'run.duration_s' = 0.13");
+    place.with_beds("sweep plan.toml").with_code(0);
+    std::fs::write(
+        place.path("plan.toml"),
+        "case = 'tiny.toml'\n[[points]]\n'run.duration_s' = 0.14",
+    )
+    .unwrap();
+    let other = place.with_beds("sweep plan.toml");
+    assert_eq!(other.code(), 2);
+    assert!(other.stderr().contains("another folder with --out"), "{}", other.stderr());
+}
+
+#[test]
+fn a_stopped_sweep_goes_on_where_its_runs_are() {
+    let place = place(PLAN);
+    place.with_beds("sweep plan.toml --out whole --jobs 2").with_code(0);
+    let mut command = place.with_beds_command("sweep plan.toml");
+    let mut child = command.spawn().unwrap();
+    // In the middle of some run.
+    let begun = Instant::now();
+    while !place.path("runs/plan/00002/results.vtkhdf").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no second run");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    place.with_beds("sweep plan.toml").with_code(0);
+    let read =
+        |folder: &str| std::fs::read_to_string(place.path(folder).join("table.csv")).unwrap();
+    assert_eq!(read("runs/plan"), read("whole"));
+}

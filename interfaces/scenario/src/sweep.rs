@@ -1,0 +1,189 @@
+//! Plans of sweeps: a case and what is changed in it, point by point. Text in, points out.
+//!
+//! ```toml
+//! case = "laptop.toml"                              # relative to the plan
+//!
+//! [grid]                                            # all combinations, the last key fastest
+//! "tamping.vibration.frequency_Hz" = [20, 30, 40]
+//! "bed.seed" = [1, 2, 3]
+//!
+//! [[points]]                                        # and these
+//! "tamping.vibration.frequency_Hz" = 35
+//! ```
+
+use crate::read::read_case;
+use toml::{Table, Value};
+
+/// No sweep has as many points: a slip in a grid, which would fill a disk.
+const MOST_POINTS: usize = 1_000_000;
+
+/// Keys of a case, joined by points, and what they become.
+pub type Point = Vec<(String, Value)>;
+
+/// A sweep that was read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sweep {
+    /// Path of the case file, relative to the plan.
+    pub case: String,
+    pub points: Vec<Point>,
+}
+
+impl Sweep {
+    /// Reads a plan; `name` stands for it in messages.
+    ///
+    /// # Errors
+    /// What is wrong, with the place, what was expected and what was found.
+    pub fn read(text: &str, name: &str) -> Result<Self, String> {
+        let wrong = |place: &str, expected: &str, found: &dyn std::fmt::Display| {
+            format!("{name}: {place}: expected {expected}, found {found}")
+        };
+        let plan: Table = text
+            .parse()
+            .map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
+        if let Some(key) = plan.keys().find(|k| !["case", "grid", "points"].contains(&k.as_str())) {
+            return Err(wrong(key, "one of case, grid, points", &format!("{key:?}")));
+        }
+        let case = match plan.get("case") {
+            Some(Value::String(path)) => path.clone(),
+            Some(other) => return Err(wrong("case", "the path of a case file", other)),
+            None => return Err(wrong("case", "the path of a case file", &"nothing")),
+        };
+        let mut points = Vec::new();
+        match plan.get("grid") {
+            None => {}
+            Some(Value::Table(axes)) => points = grid(axes, &wrong)?,
+            Some(other) => return Err(wrong("grid", "a table of lists", other)),
+        }
+        match plan.get("points") {
+            None => {}
+            Some(Value::Array(given)) => {
+                for (i, point) in given.iter().enumerate() {
+                    let Value::Table(point) = point else {
+                        return Err(wrong(&format!("points[{i}]"), "a table", point));
+                    };
+                    points.push(point.clone().into_iter().collect());
+                }
+            }
+            Some(other) => return Err(wrong("points", "a list of tables", other)),
+        }
+        if points.is_empty() {
+            return Err(wrong("grid, points", "at least one point", &"none"));
+        }
+        Ok(Self { case, points })
+    }
+}
+
+fn grid(
+    axes: &Table,
+    wrong: &dyn Fn(&str, &str, &dyn std::fmt::Display) -> String,
+) -> Result<Vec<Point>, String> {
+    let mut points: Vec<Point> = vec![vec![]];
+    for (key, values) in axes {
+        let place = format!("grid.{key:?}");
+        let Value::Array(values) = values else {
+            return Err(wrong(&place, "a list of values", values));
+        };
+        if points.len().saturating_mul(values.len()) > MOST_POINTS {
+            return Err(wrong(&place, &format!("at most {MOST_POINTS} points in all"), &"more"));
+        }
+        let with = |point: &Point, value: &Value| {
+            let mut point = point.clone();
+            point.push((key.clone(), value.clone()));
+            point
+        };
+        points = points.iter().flat_map(|p| values.iter().map(|v| with(p, v))).collect();
+    }
+    Ok(if axes.is_empty() { vec![] } else { points })
+}
+
+/// The text of a case with other values; it describes a run.
+///
+/// # Errors
+/// A key that leads through something which is no table; what is then wrong with the case.
+pub fn changed(text: &str, point: &Point, name: &str) -> Result<String, String> {
+    let mut case: Table =
+        text.parse().map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
+    for (path, value) in point {
+        set(&mut case, path, value.clone()).map_err(|key| {
+            format!("{name}: {path}: expected a table at {key:?}, found something else")
+        })?;
+    }
+    let text = toml::to_string(&case).map_err(|e| format!("{name}: {e}"))?;
+    read_case(&text, name).map_err(|e| e.to_string())?;
+    Ok(text)
+}
+
+/// Sets a value; where a key on the way is no table, that key.
+fn set(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
+    match path.split_once('.') {
+        None => {
+            table.insert(path.to_string(), value);
+            Ok(())
+        }
+        Some((key, rest)) => {
+            let below = table.entry(key).or_insert_with(|| Value::Table(Table::new()));
+            match below {
+                Value::Table(below) => set(below, rest, value),
+                _ => Err(key.to_string()),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CASE: &str = include_str!("../../../examples/first.toml");
+
+    #[test]
+    fn a_grid_is_all_combinations() {
+        let text = "case = 'a.toml'\n[grid]\n'bed.seed' = [1, 2]\n'solver.iterations' = [10, 20, 30]\n\
+                    [[points]]\n'bed.seed' = 9";
+        let sweep = Sweep::read(text, "plan").unwrap();
+        assert_eq!((sweep.case.as_str(), sweep.points.len()), ("a.toml", 7));
+        let values =
+            |i: usize| sweep.points[i].iter().map(|(_, v)| v.to_string()).collect::<Vec<_>>();
+        assert_eq!(
+            (values(0), values(1), values(6)),
+            (vec!["1".into(), "10".into()], vec!["1".into(), "20".into()], vec!["9".into()],)
+        );
+    }
+
+    #[test]
+    fn wrong_plans_are_told() {
+        for (text, expected) in [
+            ("", "case: expected the path"),
+            ("case = 3", "case: expected the path"),
+            ("case = 'a'", "at least one point"),
+            ("case = 'a'\ncases = 1", "one of case, grid, points"),
+            ("case = 'a'\ngrid = 1", "a table of lists"),
+            ("case = 'a'\n[grid]\nx = 1", "a list of values"),
+            ("case = 'a'\n[grid]\nx = []", "at least one point"),
+            ("case = 'a'\npoints = [1]", "points[0]: expected a table"),
+            ("case = 'a", "plan: "),
+        ] {
+            let told = Sweep::read(text, "plan").unwrap_err();
+            assert!(told.contains(expected), "{text:?}: {told}");
+        }
+        let many: Vec<String> = (0..7).map(|i| format!("a{i} = {:?}", [0; 10])).collect();
+        let told = Sweep::read(&format!("case = 'a'\n[grid]\n{}", many.join("\n")), "plan");
+        assert!(told.unwrap_err().contains("at most 1000000 points"));
+    }
+
+    #[test]
+    fn a_point_changes_a_case() {
+        let point = vec![("tamping.vibration.frequency_Hz".to_string(), Value::Integer(42))];
+        let text = changed(CASE, &point, "point 1").unwrap();
+        let plan = read_case(&text, "changed").unwrap().plan;
+        assert_eq!(plan.tamping.unwrap().vibration.frequency, 42.0);
+        for (key, value, expected) in [
+            ("tamping.vibration.frequency_Hz", Value::Integer(-1), "frequency_Hz"),
+            ("solver.iteration", Value::Integer(1), "iteration"),
+            ("name.first", Value::Integer(1), "expected a table at \"name\""),
+        ] {
+            let told = changed(CASE, &vec![(key.to_string(), value)], "point 1").unwrap_err();
+            assert!(told.contains(expected) && told.contains("point 1"), "{told}");
+        }
+    }
+}
