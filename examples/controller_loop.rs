@@ -1,7 +1,7 @@
 //! Squeezes until a preset force: the shortest useful partner of a served component.
 //!
 //!     ballast serve examples/first.toml --key demo/bed
-//!     cargo run --release -p ballast-zenoh --example controller_loop -- demo/bed 150 0.1
+//!     cargo run --release -p ballast-zenoh --example controller_loop -- demo/bed 2000 0.1
 //!
 //! Lowers the tines into the bed (here by 0.1 m), then closes them on each other, millisecond by millisecond, until the mean
 //! of their horizontal forces over the last 4 ms has reached the preset one.

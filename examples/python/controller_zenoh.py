@@ -1,7 +1,7 @@
 """Squeezes until a preset force, from Python: stock eclipse-zenoh, JSON only.
 
     ballast serve examples/first.toml --key demo/bed
-    pip install eclipse-zenoh && python examples/python/controller_zenoh.py demo/bed 150 0.1
+    pip install eclipse-zenoh && python examples/python/controller_zenoh.py demo/bed 2000 0.1
 """
 import json, sys, time, uuid, zenoh
 

@@ -104,8 +104,7 @@ fn writable(folder: &Path) -> Result<String, String> {
 /// Whether the case can be read, and its bed is there.
 fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, String> {
     let case = case::load(path, &Choices::default(), console).map_err(|e| e.to_string())?;
-    let bed = beds.join(format!("{}.h5", case.bed_key()));
-    if !bed.exists() {
+    if !ballast_beds::Beds::in_folder(beds).path(&case.plan).exists() {
         return Ok(format!("{}: its bed will be prepared first", case.plan.name));
     }
     let (model, state) = crate::beds::scene(&case, beds, console).map_err(|e| e.to_string())?;

@@ -34,8 +34,8 @@ impl Lockstep {
     ///
     /// # Errors
     /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
-    /// [`Code::Quitting`] (also when `watch` abandons the window), and what [`Component::advance_to`] refuses. What goes wrong while computing is
-    /// told by the reply.
+    /// [`Code::Quitting`] (also when `watch` abandons the window), and what [`Component::advance_to`]
+    /// refuses. What goes wrong while computing is told by the reply.
     pub fn window(
         &mut self,
         kind: Kind,
