@@ -3,7 +3,7 @@
 //! ```toml
 //! case = "laptop.toml"                              # relative to the plan
 //!
-//! [grid]                                            # all combinations, the last key fastest
+//! [grid]                                            # all combinations, keys in alphabetical order
 //! "tamping.vibration.frequency_Hz" = [20, 30, 40]
 //! "bed.seed" = [1, 2, 3]
 //!

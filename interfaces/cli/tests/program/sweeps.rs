@@ -42,7 +42,7 @@ fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
         .iter()
         .map(|r| (cell(r, "tamping.vibration.frequency_Hz"), cell(r, "solver.iterations")))
         .collect();
-    assert_eq!(values[1], ("30".to_string(), "30".to_string()));
+    assert_eq!(values[1], ("60".to_string(), "20".to_string()));
     assert_eq!(values[4], (String::new(), String::new()));
     assert_eq!(cell(&rows[4], "steps"), "150");
     // A point is the run of its case.
@@ -72,7 +72,7 @@ fn one_point_of_a_scheduler_is_run_alone() {
     assert_eq!(table(&place).len(), 1);
     let listed = place.with_beds("sweep plan.toml --list").with_code(0);
     assert!(
-        listed.stdout().contains("3  tamping.vibration.frequency_Hz = 60"),
+        listed.stdout().contains("3  solver.iterations = 30, tamping.vibration.frequency_Hz = 30"),
         "{}",
         listed.stdout()
     );
@@ -95,11 +95,11 @@ fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
         assert!(ended.stderr().contains(expected), "{plan}: {}", ended.stderr());
         assert!(!place.path("runs/plan").exists(), "{plan}");
     }
-    let place = place("case = 'tiny.toml'\n[[points]]\n'run.duration_s' = 0.13");
+    let place = place("case = 'tiny.toml'\n[[points]]\n'solver.iterations' = 10");
     place.with_beds("sweep plan.toml").with_code(0);
     std::fs::write(
         place.path("plan.toml"),
-        "case = 'tiny.toml'\n[[points]]\n'run.duration_s' = 0.14",
+        "case = 'tiny.toml'\n[[points]]\n'solver.iterations' = 12",
     )
     .unwrap();
     let other = place.with_beds("sweep plan.toml");
