@@ -10,7 +10,32 @@ from numpy.typing import ArrayLike, NDArray
 _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
 
-__all__: list[str]
+__all__ = [
+    "BodyOutcome",
+    "Case",
+    "CaseError",
+    "EnergyLedger",
+    "Error",
+    "FileError",
+    "Load",
+    "Lost",
+    "Motion",
+    "Outcome",
+    "Recording",
+    "Refused",
+    "Results",
+    "Series",
+    "Simulation",
+    "SolverOutcome",
+    "State",
+    "Tine",
+    "ZoneOutcome",
+    "__version__",
+    "begin",
+    "prepare",
+    "resume",
+    "schema",
+]
 __version__: str
 
 class Error(Exception):
