@@ -9,7 +9,9 @@ use crate::machine::Machine;
 use crate::outcome::{Outcome, Series};
 use crate::recorder::Recorder;
 use crate::state::State;
-use ballast::component::{self, Component, Input, Limits, LoadInput, OnTrouble, Refusal, Window};
+use ballast::component::{
+    self, Component, Input, Limits, LoadInput, OnTrouble, Refusal, Window, ZoneOutcome,
+};
 use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
@@ -53,6 +55,10 @@ struct Asked {
     t1_ns: Option<u64>,
     /// The motions are those of the machine.
     by_machine: bool,
+    /// Keep the impulses of every step.
+    series: bool,
+    /// Measure the zones at the end.
+    zones: bool,
 }
 
 impl Simulation {
@@ -65,8 +71,7 @@ impl Simulation {
     ) -> PyResult<Self> {
         let State { model, state, case, machine } = start;
         let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
-            .map_err(|e| errors::refused(py, e.code(), e))?
-            .with_zones(zones(&case.plan));
+            .map_err(|e| errors::refused(py, e.code(), e))?;
         Ok(Self::of(Arc::clone(case), Arc::clone(model), component, machine.clone(), pool))
     }
 
@@ -89,6 +94,12 @@ impl Simulation {
         Self { inner: Mutex::new(inner), case, model, names, pool }
     }
 
+    fn measured(&self, py: Python<'_>, component: &Component) -> Vec<ZoneOutcome> {
+        let (zones, model) = (zones(&self.case.plan), &self.model);
+        let (state, workspace) = (component.state(), component.workspace());
+        py.detach(|| self.pool.install(|| component::measure(model, state, workspace, &zones)))
+    }
+
     /// The inside, for as long as no other thread steps it.
     fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
         match self.inner.try_lock() {
@@ -101,11 +112,11 @@ impl Simulation {
         }
     }
 
-    fn window(&self, py: Python<'_>, asked: &Asked, with_series: bool) -> PyResult<Outcome> {
+    fn window(&self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
         let mut inner = self.lock(py)?;
         inner.check_sound(py)?;
         let before = inner.component(py)?.save();
-        let mut series = with_series.then(|| Series::new(&self.names));
+        let mut series = asked.series.then(|| Series::new(&self.names));
         let mut machine = match (&asked.t1_ns, &inner.machine_before) {
             (None, Some(machine)) => machine.clone(),
             _ => inner.machine.clone(),
@@ -135,10 +146,13 @@ impl Simulation {
             }
         });
         let (result, raised) = computed.inspect_err(|lost| inner.lose(py, lost, &before))?;
-        let outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
+        let mut outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
         let is_discarded = outcome.status == component::Status::Discard;
         inner.machine = if is_discarded { machine_before.clone() } else { machine };
         inner.machine_before = Some(machine_before);
+        if asked.zones && !is_discarded {
+            outcome.zones = self.measured(py, inner.component(py)?);
+        }
         if let Some(recorder) = &mut inner.recorder {
             if asked.t1_ns.is_some() {
                 // The window before can no longer be redone.
@@ -206,7 +220,7 @@ fn forces(loads: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<LoadInput>> {
 #[pymethods]
 impl Simulation {
     /// Advances to `t1_ns`, a whole number of steps from now.
-    #[pyo3(signature = (t1_ns, tools=None, loads=None, *, series=false))]
+    #[pyo3(signature = (t1_ns, tools=None, loads=None, *, series=false, zones=false))]
     fn advance_to(
         &self,
         py: Python<'_>,
@@ -214,44 +228,53 @@ impl Simulation {
         tools: Option<&Bound<'_, PyDict>>,
         loads: Option<&Bound<'_, PyDict>>,
         series: bool,
+        zones: bool,
     ) -> PyResult<Outcome> {
         let asked = Asked {
             motions: motions(tools)?,
             loads: forces(loads)?,
             t1_ns: Some(t1_ns),
             by_machine: false,
+            series,
+            zones,
         };
-        self.window(py, &asked, series)
+        self.window(py, &asked)
     }
 
     /// Computes the last window again from its beginning, with other inputs.
-    #[pyo3(signature = (tools=None, loads=None, *, series=false))]
+    #[pyo3(signature = (tools=None, loads=None, *, series=false, zones=false))]
     fn redo(
         &self,
         py: Python<'_>,
         tools: Option<&Bound<'_, PyDict>>,
         loads: Option<&Bound<'_, PyDict>>,
         series: bool,
+        zones: bool,
     ) -> PyResult<Outcome> {
         let asked = Asked {
             motions: motions(tools)?,
             loads: forces(loads)?,
             t1_ns: None,
             by_machine: false,
+            series,
+            zones,
         };
-        self.window(py, &asked, series)
+        self.window(py, &asked)
     }
 
     /// A window of one step, in which the machine of the case moves tines and sleepers.
-    #[pyo3(signature = (*, series=false))]
-    fn step_by_machine(&self, py: Python<'_>, series: bool) -> PyResult<Outcome> {
+    #[pyo3(signature = (*, series=false, zones=false))]
+    fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Outcome> {
         let (motions, t1_ns) = {
             let inner = self.lock(py)?;
             let state = inner.component(py)?.state();
             let motions = inner.machine.motions(&self.model, state);
             (motions, Some(state.time_ns + self.model.stepping.step_ns))
         };
-        self.window(py, &Asked { motions, loads: Vec::new(), t1_ns, by_machine: true }, series)
+        self.window(
+            py,
+            &Asked { motions, loads: Vec::new(), t1_ns, by_machine: true, series, zones },
+        )
     }
 
     /// The phase of the case's tamping cycle at this time.
@@ -400,13 +423,7 @@ impl Simulation {
     /// Zones measured now.
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.lock(py)?;
-        let component = inner.component(py)?;
-        let measured = component::measure(
-            &self.model,
-            component.state(),
-            component.workspace(),
-            &zones(&self.case.plan),
-        );
+        let measured = self.measured(py, inner.component(py)?);
         crate::outcome::zones(py, &measured)
     }
 

@@ -45,7 +45,7 @@ def test_the_boundaries_carry_the_bed(sim: ballast.Simulation) -> None:
 
 
 def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
-    out = sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 10), series=True)
+    out = sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 10), series=True, zones=True)
     assert (out.t0_ns, out.t1_ns, out.steps) == (0, 10 * sim.step_ns, 10)
     assert set(out.bodies) == set(sim.bodies)
     series = out.series
@@ -59,6 +59,8 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
     assert 0.2 < min(z.compactness for z in out.zones.values() if z.compactness) < 0.9
     assert out.energy.balance_error == pytest.approx(0.0, abs=1e-3)
     assert list(out.zones) == list(sim.zones())
+    assert all(z.compactness == out.zones[n].compactness for n, z in sim.zones().items())
+    assert not sim.advance_to(11 * sim.step_ns).zones
     with pytest.raises(KeyError, match="nobody"):
         out["nobody"]
 

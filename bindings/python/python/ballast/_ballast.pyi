@@ -174,6 +174,7 @@ class Simulation:
         loads: Mapping[str, Load] | None = None,
         *,
         series: bool = False,
+        zones: bool = False,
     ) -> Outcome:
         """Advances to `t1_ns`, a whole number of steps from now.
 
@@ -182,6 +183,8 @@ class Simulation:
             tools: motions of driven bodies by name; the others stay where they are.
             loads: loads on mounted bodies by name; the others carry their weight.
             series: keep the impulses of every step, see `Outcome.series`.
+            zones: measure the case's zones at the end, see `Outcome.zones`; it takes longer than a coupling's
+                own work, so it is not done unasked.
 
         Raises:
             Refused: the request makes no sense; nothing has changed.
@@ -194,10 +197,11 @@ class Simulation:
         loads: Mapping[str, Load] | None = None,
         *,
         series: bool = False,
+        zones: bool = False,
     ) -> Outcome:
         """Computes the last window again from its beginning, with other inputs: for implicit coupling."""
 
-    def step_by_machine(self, *, series: bool = False) -> Outcome:
+    def step_by_machine(self, *, series: bool = False, zones: bool = False) -> Outcome:
         """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
         does: with the force limits of the case, from what it remembers of its own steps."""
 
@@ -379,7 +383,7 @@ class Outcome:
     def bodies(self) -> dict[str, BodyOutcome]: ...
     @property
     def zones(self) -> dict[str, ZoneOutcome]:
-        """At the end of the window."""
+        """At the end of the window, where `zones=True` asked for them."""
 
     @property
     def solver(self) -> SolverOutcome: ...

@@ -103,7 +103,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             raise ballast.Error("step: expected an episode, found none; reset first")
         sim, was = self._sim, self._compactness
         tools, after = self._motions(np.clip(np.asarray(action, np.float64), -1.0, 1.0))
-        out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools)
+        out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools, zones=True)
         if out.status not in ("ok", "warn"):
             return self._observe(), 0.0, False, True, {"trouble": out.trouble}
         self._depth, self._closing, self._angle, self._omega = after
