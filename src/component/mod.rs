@@ -266,6 +266,15 @@ impl Component {
         Ok(())
     }
 
+    /// The same after a panic: buffers that it may have left half written are left behind.
+    ///
+    /// # Errors
+    /// As for [`Component::restore`].
+    pub fn recover(&mut self, state: impl Into<Arc<State>>) -> Result<(), Refusal> {
+        *self = self.fork();
+        self.restore(state)
+    }
+
     /// Another component that goes on from here on its own.
     pub fn fork(&self) -> Self {
         Self {

@@ -122,6 +122,25 @@ pub enum Schedule {
     Asynchronous,
 }
 
+impl Schedule {
+    pub const ALL: [Schedule; 3] =
+        [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous];
+
+    /// The schedule's name in files and recordings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Schedule::Sequential => "sequential",
+            Schedule::Synchronous => "synchronous",
+            Schedule::Asynchronous => "asynchronous",
+        }
+    }
+
+    /// The schedule of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|schedule| schedule.name() == name)
+    }
+}
+
 /// How grains are distributed to subdomains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PartitionRule {

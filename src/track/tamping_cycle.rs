@@ -153,12 +153,19 @@ impl TampingCycle {
         }
     }
 
-    /// Takes the reactions of the step that has just led to `state` into the drive's memory.
-    pub fn observe(&self, model: &Model, report: &StepReport, state: &mut State) {
+    /// Takes the reactions of the step that has just led to `state` into the memory of the machine, which
+    /// is that state's `drive` or kept beside it.
+    pub fn observe(
+        &self,
+        model: &Model,
+        report: &StepReport,
+        state: &State,
+        memory: &mut Vec<f64>,
+    ) {
         let Some(machine) = &self.machine else { return };
         let since = machine.since(state.time());
         let h = model.stepping.h();
-        machine.control.observe(&mut state.drive, report, state.step, since, h);
+        machine.control.observe(memory, report, state.step, since, h);
     }
 
     /// Phase at a time of the run, s.
@@ -208,18 +215,18 @@ impl TampingCycle {
         self.machine.as_ref().map_or(0.0, |m| m.control.mean_force(&state.drive, p))
     }
 
-    /// Refuses a restored state whose drive memory is not that of this cycle.
+    /// Refuses a restored memory (a state's `drive`) that is not that of this cycle.
     ///
     /// An empty memory is that of a run that has not begun.
-    pub fn check_memory(&self, state: &State) -> Result<()> {
+    pub fn check_memory(&self, memory: &[f64]) -> Result<()> {
         let expected = self.machine.as_ref().map_or(0, |m| m.control.memory_len());
-        if state.drive.is_empty() || state.drive.len() == expected {
+        if memory.is_empty() || memory.len() == expected {
             return Ok(());
         }
         Err(Error::State {
             place: "memory of the drive".into(),
             expected: format!("{expected} values, or none before the first step"),
-            found: state.drive.len().to_string(),
+            found: memory.len().to_string(),
         })
     }
 }

@@ -9,6 +9,7 @@ use ballast::component::Limits;
 use ballast::model::Schedule;
 use ballast::track::plan::Plan;
 use ballast_beds::Beds;
+use ballast_scenario::{Choices, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::collections::BTreeMap;
@@ -16,47 +17,27 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What differs from a case's text, as notes of a checkpoint or recording.
-type Notes = BTreeMap<String, String>;
-
-/// The schedules by name.
-const SCHEDULES: [(&str, Schedule); 3] = [
-    ("sequential", Schedule::Sequential),
-    ("synchronous", Schedule::Synchronous),
-    ("asynchronous", Schedule::Asynchronous),
-];
-
 /// A case that was read and found sound.
 #[pyclass(frozen, module = "ballast", from_py_object)]
 #[derive(Clone)]
 pub struct Case {
     pub plan: Plan,
     pub text: String,
-    schedule: Option<Schedule>,
-    seed: Option<u64>,
+    pub choices: Choices,
     warnings: Vec<String>,
 }
 
 impl Case {
     /// The case of a checkpoint, with what its notes changed.
-    pub fn restored(py: Python<'_>, text: String, name: &str, notes: &Notes) -> PyResult<Self> {
-        let number = |text: &String| {
-            text.parse().map_err(|_| {
-                errors::file(
-                    py,
-                    format!("{name}: note \"seed\": expected a number, found {text:?}"),
-                )
-            })
-        };
-        let seed = notes.get("seed").map(number).transpose()?;
-        Self::read(py, text, name)?.chosen(py, seed, notes.get("schedule").map(String::as_str))
-    }
-
-    /// What differs from the case's text, as notes of a checkpoint or recording.
-    pub fn notes(&self) -> Notes {
-        let schedule = self.schedule.map(|s| ("schedule".to_string(), name_of(s).to_string()));
-        let seed = self.seed.map(|seed| ("seed".to_string(), seed.to_string()));
-        schedule.into_iter().chain(seed).collect()
+    pub fn restored(
+        py: Python<'_>,
+        text: String,
+        name: &str,
+        notes: &BTreeMap<String, String>,
+    ) -> PyResult<Self> {
+        let choices =
+            Choices::from_notes(notes).map_err(|e| errors::file(py, format!("{name}: {e}")))?;
+        Ok(Self::read(py, text, name)?.chosen(choices))
     }
 
     fn read(py: Python<'_>, text: String, name: &str) -> PyResult<Self> {
@@ -70,30 +51,14 @@ impl Case {
             }
         })?;
         let warnings = read.warnings.iter().map(ToString::to_string).collect();
-        Ok(Self { plan: read.plan, text, schedule: None, seed: None, warnings })
+        Ok(Self { plan: read.plan, text, choices: Choices::default(), warnings })
     }
 
-    /// The same case with another seed or schedule, where one is given.
-    fn chosen(
-        mut self,
-        py: Python<'_>,
-        seed: Option<u64>,
-        schedule: Option<&str>,
-    ) -> PyResult<Self> {
-        if let Some(seed) = seed {
-            self.plan.bed.seed = seed;
-            self.seed = Some(seed);
-        }
-        if let Some(name) = schedule {
-            let found = SCHEDULES.iter().find(|(known, _)| *known == name).ok_or_else(|| {
-                let known = SCHEDULES.map(|(name, _)| name);
-                let text = format!("schedule: expected one of {known:?}, found {name:?}");
-                errors::error::<CaseError>(py, "case", text)
-            })?;
-            self.plan.run.solver.schedule = found.1;
-            self.schedule = Some(found.1);
-        }
-        Ok(self)
+    /// The same case with other choices, where some are made.
+    fn chosen(mut self, choices: Choices) -> Self {
+        choices.apply(&mut self.plan);
+        self.choices = choices.or(self.choices);
+        self
     }
 }
 
@@ -118,10 +83,7 @@ impl Case {
     /// A case from nested dictionaries.
     #[staticmethod]
     fn from_dict(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let json: String = py.import("json")?.call_method1("dumps", (values,))?.extract()?;
-        let text = serde_json::from_str::<toml::Table>(&json)
-            .map_err(|e| e.to_string())
-            .and_then(|table| toml::to_string_pretty(&table).map_err(|e| e.to_string()))
+        let text = toml::to_string_pretty(&table(py, values)?)
             .map_err(|e| errors::error::<CaseError>(py, "case", format!("no case: {e}")))?;
         Self::read(py, text, "case")
     }
@@ -143,34 +105,24 @@ impl Case {
 
     /// The same case with other values: paths of keys joined by points, and what they become.
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let all = self.to_dict(py)?.cast_into::<PyDict>()?;
-        for (path, value) in values.iter() {
-            let path: String = path.extract()?;
-            let mut table = all.clone();
-            let mut keys = path.split('.').peekable();
-            while let Some(key) = keys.next() {
-                if keys.peek().is_none() {
-                    table.set_item(key, &value)?;
-                    break;
-                }
-                if !table.contains(key)? {
-                    table.set_item(key, PyDict::new(py))?;
-                }
-                let next = table.get_item(key)?;
-                table = next.and_then(|t| t.cast_into::<PyDict>().ok()).ok_or_else(|| {
-                    let text = format!("{path}: expected a table at {key:?}, found something else");
-                    errors::error::<CaseError>(py, "case", text)
-                })?;
-            }
-        }
-        let chosen = self.schedule.map(name_of);
-        Self::from_dict(py, &all)?.chosen(py, self.seed, chosen)
+        let point = table(py, values)?.into_iter().collect();
+        let text = sweep::with_values(&self.text, &point, &self.plan.name)
+            .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+        Ok(Self::read(py, text, "case")?.chosen(self.choices))
     }
 
     /// The same case with another seed of the bed, or another schedule of the solver.
     #[pyo3(signature = (*, seed=None, schedule=None))]
     fn choose(&self, py: Python<'_>, seed: Option<u64>, schedule: Option<&str>) -> PyResult<Self> {
-        self.clone().chosen(py, seed, schedule)
+        let named = |name: &str| {
+            Schedule::named(name).ok_or_else(|| {
+                let known = Schedule::ALL.map(Schedule::name);
+                let text = format!("schedule: expected one of {known:?}, found {name:?}");
+                errors::error::<CaseError>(py, "case", text)
+            })
+        };
+        let schedule = schedule.map(named).transpose()?;
+        Ok(self.clone().chosen(Choices { schedule, seed }))
     }
 
     #[getter]
@@ -190,7 +142,7 @@ impl Case {
 
     #[getter]
     fn schedule(&self) -> &'static str {
-        name_of(self.plan.run.solver.schedule)
+        self.plan.run.solver.schedule.name()
     }
 
     #[getter]
@@ -305,8 +257,11 @@ pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {
     }
 }
 
-pub fn name_of(schedule: Schedule) -> &'static str {
-    SCHEDULES.iter().find(|(_, known)| *known == schedule).map_or("", |(name, _)| name)
+/// A dictionary as a table of TOML.
+fn table(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
+    let json: String = py.import("json")?.call_method1("dumps", (values,))?.extract()?;
+    serde_json::from_str(&json)
+        .map_err(|e| errors::error::<CaseError>(py, "case", format!("no case: {e}")))
 }
 
 /// What serialises as an object, as a dictionary.

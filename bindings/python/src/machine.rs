@@ -7,41 +7,34 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::plan::Plan;
 use ballast::track::{TampingCycle, TampingPhase};
+use std::sync::Arc;
 
 /// The machine, and what it remembers: forces of the last vibration period, how far it has lowered and closed.
 #[derive(Clone)]
 pub struct Machine {
-    cycle: TampingCycle,
-    /// Step, time and the machine's memory, nothing else.
-    memory: State,
+    cycle: Arc<TampingCycle>,
+    memory: Vec<f64>,
 }
 
 impl Machine {
     /// The machine of `plan` as it is at the start of a run.
     pub fn new(plan: &Plan, model: &Model) -> Result<Self, ballast::Error> {
-        Ok(Self { cycle: TampingCycle::new(plan, model)?, memory: State::default() })
+        let cycle = Arc::new(TampingCycle::new(plan, model)?);
+        Ok(Self { cycle, memory: Vec::new() })
     }
 
-    /// The machine of `plan` that `state` was left by, where one has left it.
-    pub fn of(plan: &Plan, model: &Model, state: &State) -> Result<Self, ballast::Error> {
-        let mut machine = Self::new(plan, model)?;
-        if machine.cycle.check_memory(state).is_ok() {
-            machine.memory.drive.clone_from(&state.drive);
-        }
-        Ok(machine)
+    /// The same machine with another memory.
+    ///
+    /// # Errors
+    /// A memory that is not one of its own.
+    pub fn with_memory(self, memory: Vec<f64>) -> Result<Self, ballast::Error> {
+        self.cycle.check_memory(&memory)?;
+        Ok(Self { memory, ..self })
     }
 
     /// What it remembers.
     pub fn memory(&self) -> &[f64] {
-        &self.memory.drive
-    }
-
-    /// The same machine with another memory, where that is one of its own.
-    pub fn with_memory(mut self, memory: Vec<f64>) -> Result<Self, ballast::Error> {
-        let state = State { drive: memory, ..State::default() };
-        self.cycle.check_memory(&state)?;
-        self.memory.drive = state.drive;
-        Ok(self)
+        &self.memory
     }
 
     pub fn phase(&self, time_s: f64) -> TampingPhase {
@@ -56,7 +49,7 @@ impl Machine {
     pub fn motions(&self, model: &Model, state: &State) -> Vec<Input> {
         let mut motions = Vec::new();
         let (now, end) = (state.time_ns, state.time_ns + model.stepping.step_ns);
-        self.cycle.place(model, now, &self.memory.drive, |d, position| {
+        self.cycle.place(model, now, &self.memory, |d, position| {
             let from = state.imposed(model, d);
             let knot = |time_ns, pose| Knot {
                 time_ns,
@@ -73,7 +66,6 @@ impl Machine {
 
     /// Takes the step that has led to `state`.
     pub fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
-        (self.memory.step, self.memory.time_ns) = (state.step, state.time_ns);
-        self.cycle.observe(model, report, &mut self.memory);
+        self.cycle.observe(model, report, state, &mut self.memory);
     }
 }

@@ -1,20 +1,15 @@
 //! The recording of a simulation: windows that stand.
 
-use crate::case::{Case, name_of};
+use crate::case::Case;
 use crate::errors;
-use ballast::component::{Component, Input, LoadInput, Outcome, Status};
-use ballast::model::Model;
-use ballast::state::State;
-use ballast_mcap::{Drive, Meta, Tape};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
+use ballast::component::{Component, Outcome, Window};
+use ballast_mcap::{Drive, Meta, Redoable, Tape};
+use ballast_protocol::messages::AdvanceReply;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// An open recording. The last window waits until the next one begins: it may be redone until then.
-pub struct Recorder {
-    tape: Tape,
-    last: Option<(AdvanceRequest, Outcome)>,
-}
+/// An open recording.
+pub struct Recorder(Redoable);
 
 impl Recorder {
     pub fn create(
@@ -24,42 +19,38 @@ impl Recorder {
         component: &Component,
     ) -> PyResult<Self> {
         let (model, state) = (component.model(), component.state());
-        let meta = Meta {
-            program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
-            case_name: case.plan.name.clone(),
-            case_key: ballast_scenario::content_key(&case.plan),
-            step_ns: model.stepping.step_ns,
-            schedule: name_of(model.solver.schedule).into(),
-            drive: Drive::Inputs,
-            choices: case.notes(),
-            initial_hash: ballast_hdf5::state_hash(model, state).into(),
-        };
-        let tape = Tape::create(&path, &meta, model, state).map_err(|e| errors::file(py, e))?;
-        Ok(Self { tape, last: None })
-    }
-
-    /// Keeps a window that may still be redone; one that nothing came of is forgotten.
-    pub fn keep(&mut self, motions: &[Input], loads: &[LoadInput], outcome: &Outcome) {
-        self.last = None;
-        if outcome.status == Status::Discard {
-            return;
-        }
-        let motions = motions.iter().map(Into::into).collect();
-        let mut request = self.tape.request(outcome.t0_ns, outcome.t1_ns, motions);
-        request.loads = loads.iter().map(Into::into).collect();
-        self.last = Some((request, outcome.clone()));
-    }
-
-    /// Writes the last window, which has led to `state`.
-    pub fn commit(&mut self, py: Python<'_>, model: &Model, state: &State) -> PyResult<()> {
-        let Some((request, outcome)) = self.last.take() else { return Ok(()) };
+        let names = [case.plan.name.clone(), ballast_scenario::content_key(&case.plan)];
         let hash = ballast_hdf5::state_hash(model, state).into();
-        let reply = AdvanceReply::of(&request, model, &outcome, hash);
-        let (request, reply) = self.tape.repeatable(&request, &reply);
-        self.tape.window(model, state, &request, &reply).map_err(|e| errors::file(py, e))
+        let meta = Meta::of(names, case.choices.notes(), model, Drive::Inputs, hash);
+        let tape = Tape::create(&path, &meta, model, state).map_err(|e| errors::file(py, e))?;
+        Ok(Self(Redoable::new(tape)))
     }
 
-    pub fn finish(self, py: Python<'_>) -> PyResult<()> {
-        self.tape.finish().map_err(|e| errors::file(py, e))
+    /// Takes a window that `component` is at the end of.
+    pub fn window(
+        &mut self,
+        py: Python<'_>,
+        component: &Component,
+        is_redone: bool,
+        window: &Window,
+        outcome: &Outcome,
+    ) -> PyResult<()> {
+        let model = component.model();
+        if !is_redone {
+            // Windows are numbered on from the last one that is written.
+            self.0.settle(model).map_err(|e| errors::file(py, e))?;
+        }
+        let motions = window.motions.iter().map(Into::into).collect();
+        let mut request = self.0.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
+        request.loads = window.loads.iter().map(Into::into).collect();
+        let hash = ballast_hdf5::state_hash(model, component.state()).into();
+        let reply = AdvanceReply::of(&request, model, outcome, hash);
+        self.0
+            .window(model, is_redone, &request, &reply, component.save())
+            .map_err(|e| errors::file(py, e))
+    }
+
+    pub fn finish(self, py: Python<'_>, component: &Component) -> PyResult<()> {
+        self.0.finish(component.model()).map_err(|e| errors::file(py, e))
     }
 }

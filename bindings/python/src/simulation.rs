@@ -1,7 +1,7 @@
 //! The simulation in this process: windows, redo, states, recording.
 
 use crate::arrays::{Matrix, Vector};
-use crate::case::{Case, name_of};
+use crate::case::Case;
 use crate::compute::compute;
 use crate::errors::{self, Lost};
 use crate::inputs::{Load, Motion};
@@ -59,6 +59,20 @@ struct Asked {
     series: bool,
     /// Measure the zones at the end.
     zones: bool,
+}
+
+impl Asked {
+    /// What a partner asks.
+    fn of(
+        t1_ns: Option<u64>,
+        tools: Option<&Bound<'_, PyDict>>,
+        loads: Option<&Bound<'_, PyDict>>,
+        series: bool,
+        zones: bool,
+    ) -> PyResult<Self> {
+        let (motions, loads) = (motions(tools)?, forces(loads)?);
+        Ok(Self { motions, loads, t1_ns, by_machine: false, series, zones })
+    }
 }
 
 impl Simulation {
@@ -123,6 +137,7 @@ impl Simulation {
         };
         let machine_before = machine.clone();
         let panics = std::mem::take(&mut inner.panics);
+        let window = Window { motions: &asked.motions, loads: &asked.loads };
         let component = inner.component.as_mut().ok_or_else(|| closed(py))?;
         let computed = compute(py, &self.pool, None, |turn| {
             let mut watch = |state: &state::State, report: &StepReport| {
@@ -139,7 +154,6 @@ impl Simulation {
                     ControlFlow::Continue(())
                 }
             };
-            let window = Window { motions: &asked.motions, loads: &asked.loads };
             match asked.t1_ns {
                 Some(t1) => component.advance_watched(t1, window, &mut watch),
                 None => component.redo_watched(window, &mut watch),
@@ -153,12 +167,8 @@ impl Simulation {
         if asked.zones && !is_discarded {
             outcome.zones = self.measured(py, inner.component(py)?);
         }
-        if let Some(recorder) = &mut inner.recorder {
-            if asked.t1_ns.is_some() {
-                // The window before can no longer be redone.
-                recorder.commit(py, &self.model, &before)?;
-            }
-            recorder.keep(&asked.motions, &asked.loads, &outcome);
+        if let Inner { recorder: Some(recorder), component: Some(component), .. } = &mut *inner {
+            recorder.window(py, component, asked.t1_ns.is_none(), &window, &outcome)?;
         }
         if let Some(raised) = raised {
             return Err(raised);
@@ -184,14 +194,13 @@ impl Inner {
         }
     }
 
-    /// The program failed inside: buffers that it has left half written are left behind.
+    /// The program failed inside.
     fn lose(&mut self, py: Python<'_>, why: &PyErr, before: &Arc<state::State>) {
         self.lost = Some(why.value(py).to_string());
         self.recorder = None;
         if let Some(component) = &mut self.component {
-            *component = component.fork();
             // It was the state of this model a moment ago.
-            let _ = component.restore(Arc::clone(before));
+            let _ = component.recover(Arc::clone(before));
         }
     }
 }
@@ -230,15 +239,7 @@ impl Simulation {
         series: bool,
         zones: bool,
     ) -> PyResult<Outcome> {
-        let asked = Asked {
-            motions: motions(tools)?,
-            loads: forces(loads)?,
-            t1_ns: Some(t1_ns),
-            by_machine: false,
-            series,
-            zones,
-        };
-        self.window(py, &asked)
+        self.window(py, &Asked::of(Some(t1_ns), tools, loads, series, zones)?)
     }
 
     /// Computes the last window again from its beginning, with other inputs.
@@ -251,15 +252,7 @@ impl Simulation {
         series: bool,
         zones: bool,
     ) -> PyResult<Outcome> {
-        let asked = Asked {
-            motions: motions(tools)?,
-            loads: forces(loads)?,
-            t1_ns: None,
-            by_machine: false,
-            series,
-            zones,
-        };
-        self.window(py, &asked)
+        self.window(py, &Asked::of(None, tools, loads, series, zones)?)
     }
 
     /// A window of one step, in which the machine of the case moves tines and sleepers.
@@ -349,9 +342,8 @@ impl Simulation {
     /// Ends the recording, if there is one.
     fn stop_recording(&self, py: Python<'_>) -> PyResult<()> {
         let mut inner = self.lock(py)?;
-        let Some(mut recorder) = inner.recorder.take() else { return Ok(()) };
-        recorder.commit(py, &self.model, inner.component(py)?.state())?;
-        recorder.finish(py)
+        let Some(recorder) = inner.recorder.take() else { return Ok(()) };
+        recorder.finish(py, inner.component(py)?)
     }
 
     /// Ends the simulation; states and arrays that it gave away stay.
@@ -390,7 +382,7 @@ impl Simulation {
 
     #[getter]
     fn schedule(&self) -> &'static str {
-        name_of(self.model.solver.schedule)
+        self.model.solver.schedule.name()
     }
 
     #[getter]

@@ -38,13 +38,15 @@ impl State {
         let kept = py.detach(|| checkpoint::read(&path)).map_err(|e| errors::file(py, e))?;
         let name = path.display().to_string();
         let case = Case::restored(py, kept.case_text, &name, &kept.extra)?;
-        let machine = Machine::of(&case.plan, &kept.model, &kept.state);
         let machine = match kept.extra.get(MACHINE) {
-            None => machine,
+            None => Machine::new(&case.plan, &kept.model).map(|machine| {
+                // `ballast run` keeps the memory in the state; what others keep there is none of the machine's.
+                machine.clone().with_memory(kept.state.drive.clone()).unwrap_or(machine)
+            }),
             Some(text) => {
                 let memory = serde_json::from_str(text)
                     .map_err(|e| errors::file(py, format!("{name}: note {MACHINE:?}: {e}")))?;
-                machine.and_then(|machine| machine.with_memory(memory))
+                Machine::new(&case.plan, &kept.model).and_then(|m| m.with_memory(memory))
             }
         };
         let machine = machine.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
@@ -54,7 +56,7 @@ impl State {
 
     /// Writes the state to a file from which it goes on to the same bytes, also in another process.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let mut notes = self.case.notes();
+        let mut notes = self.case.choices.notes();
         let memory = serde_json::to_string(self.machine.memory())
             .map_err(|e| errors::file(py, format!("{}: {e}", path.display())))?;
         notes.insert(MACHINE.into(), memory);

@@ -333,23 +333,6 @@ pub enum ScheduleName {
     Asynchronous,
 }
 
-impl ScheduleName {
-    /// The name as it is typed.
-    pub fn name(self) -> String {
-        self.to_possible_value().map_or(String::new(), |value| value.get_name().to_string())
-    }
-}
-
-impl From<Schedule> for ScheduleName {
-    fn from(schedule: Schedule) -> Self {
-        match schedule {
-            Schedule::Sequential => ScheduleName::Sequential,
-            Schedule::Synchronous => ScheduleName::Synchronous,
-            Schedule::Asynchronous => ScheduleName::Asynchronous,
-        }
-    }
-}
-
 impl From<ScheduleName> for Schedule {
     fn from(name: ScheduleName) -> Self {
         match name {

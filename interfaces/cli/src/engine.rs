@@ -136,7 +136,9 @@ impl Engine {
                 speed_limit.check(model, state, targets).map_err(failed)?;
                 let report = step(model, state, &Inputs { targets, loads: &[] }, workspace, watch)
                     .map_err(failed)?;
-                cycle.observe(model, &report, state);
+                let mut memory = std::mem::take(&mut state.drive);
+                cycle.observe(model, &report, state, &mut memory);
+                state.drive = memory;
                 let imposed = before.into_iter().zip(targets.iter().copied());
                 let imposed = imposed.map(|(a, b)| [a, b]).collect();
                 Ok(Some(Stepped { report, t0_ns, imposed }))
@@ -176,20 +178,19 @@ fn imposed(model: &Model, state: &State) -> Vec<Pose> {
 /// vibration period, how far it has lowered and closed.
 pub struct Memory {
     cycle: TampingCycle,
-    /// Step, time and the machine's memory, nothing else; `None`: no machine moved the bodies.
-    shadow: Option<State>,
+    /// `None`: no machine moved the bodies.
+    drive: Option<Vec<f64>>,
 }
 
 impl Memory {
     /// The memory at `state`; nothing is remembered unless the machine moved the bodies.
     pub fn new(cycle: &TampingCycle, state: &State, of_the_machine: bool) -> Self {
-        let shadow = State { drive: state.drive.clone(), ..State::default() };
-        Self { cycle: cycle.clone(), shadow: of_the_machine.then_some(shadow) }
+        Self { cycle: cycle.clone(), drive: of_the_machine.then(|| state.drive.clone()) }
     }
 
     fn complete<'a>(&self, state: &'a State) -> Cow<'a, State> {
-        match &self.shadow {
-            Some(shadow) => Cow::Owned(State { drive: shadow.drive.clone(), ..state.clone() }),
+        match &self.drive {
+            Some(drive) => Cow::Owned(State { drive: drive.clone(), ..state.clone() }),
             None => Cow::Borrowed(state),
         }
     }
@@ -197,9 +198,9 @@ impl Memory {
 
 impl Keeper for Memory {
     fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
-        let Some(shadow) = &mut self.shadow else { return };
-        (shadow.step, shadow.time_ns) = (state.step, state.time_ns);
-        self.cycle.observe(model, report, shadow);
+        if let Some(drive) = &mut self.drive {
+            self.cycle.observe(model, report, state, drive);
+        }
     }
 
     fn hash(&self, model: &Model, state: &State) -> StateHash {

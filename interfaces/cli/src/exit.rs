@@ -84,6 +84,12 @@ impl From<ballast_hdf5::Error> for Failure {
     }
 }
 
+impl From<ballast_scenario::UnknownChoice> for Failure {
+    fn from(unknown: ballast_scenario::UnknownChoice) -> Self {
+        Failure::Incompatible(unknown.to_string())
+    }
+}
+
 impl From<ballast_beds::Error> for Failure {
     fn from(error: ballast_beds::Error) -> Self {
         use ballast_beds::Error;

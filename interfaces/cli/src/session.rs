@@ -288,7 +288,7 @@ impl Session {
 pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
     let invalid = |e: ballast::Error| Failure::InvalidCase(format!("{}: {e}", case.plan.name));
     let cycle = TampingCycle::new(&case.plan, model).map_err(invalid)?;
-    cycle.check_memory(state).map_err(invalid)?;
+    cycle.check_memory(&state.drive).map_err(invalid)?;
     Ok(cycle)
 }
 

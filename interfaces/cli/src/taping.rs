@@ -1,6 +1,5 @@
 //! The recording of a session, in an MCAP file.
 
-use crate::args::ScheduleName;
 use crate::case::Case;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
@@ -33,17 +32,9 @@ impl Taping {
             Some(playback) if !playback.is_of_the_machine() => Drive::Inputs,
             _ => Drive::Case,
         };
-        let meta = Meta {
-            program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
-            case_name: case.plan.name.clone(),
-            case_key: case.bed_key(),
-            step_ns: engine.model().stepping.step_ns,
-            schedule: ScheduleName::from(engine.model().solver.schedule).name(),
-            drive,
-            choices: case.choices.notes(),
-            initial_hash: engine.hash().into(),
-        };
         let (model, state) = (engine.model(), engine.state());
+        let names = [case.plan.name.clone(), case.bed_key()];
+        let meta = Meta::of(names, case.choices.notes(), model, drive, engine.hash().into());
         let tape = Tape::create(path, &meta, model, state)?;
         let frames = case.plan.run.output_ns > 0;
         let (recent, farthest) = (component::Recent::default(), SpeedLimit::of(model).way);

@@ -125,7 +125,8 @@ fn csv(table: &Table) -> String {
     text
 }
 
-fn quoted(text: &str) -> String {
+/// A cell of a CSV file (RFC 4180).
+pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

@@ -1,6 +1,7 @@
 //! What a recording says about itself: the metadata record `ballast`.
 
 use crate::error::{Error, Result};
+use ballast::model::Model;
 use ballast_protocol::messages::StateHash;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -40,6 +41,27 @@ pub struct Meta {
 const CHOICE: &str = "choice.";
 
 impl Meta {
+    /// Of a recording that begins now: of a case by its name, the key of its bed, and what was chosen in it,
+    /// with `model`; `initial_hash` fingerprints model and state.
+    pub fn of(
+        [case_name, case_key]: [String; 2],
+        choices: BTreeMap<String, String>,
+        model: &Model,
+        drive: Drive,
+        initial_hash: StateHash,
+    ) -> Self {
+        Self {
+            program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
+            case_name,
+            case_key,
+            step_ns: model.stepping.step_ns,
+            schedule: model.solver.schedule.name().into(),
+            drive,
+            choices,
+            initial_hash,
+        }
+    }
+
     pub(crate) fn entries(&self) -> BTreeMap<String, String> {
         let drive = match self.drive {
             Drive::Case => "case",

@@ -47,7 +47,7 @@ impl Tape {
     }
 
     /// A window as it can be computed again: up to where it ended, without a deadline, in the run of this recording.
-    pub fn repeatable(
+    pub(crate) fn repeatable(
         &self,
         request: &AdvanceRequest,
         reply: &AdvanceReply,

@@ -2,6 +2,7 @@
 
 mod case_file;
 mod check;
+mod choices;
 mod content_key;
 mod diagnostic;
 mod document;
@@ -15,6 +16,7 @@ mod schema;
 mod structure;
 pub mod sweep;
 
+pub use choices::{Choices, UnknownChoice};
 pub use content_key::content_key;
 pub use diagnostic::{CaseErrors, Diagnostic};
 pub use read::{Case, read_case};

@@ -99,8 +99,18 @@ fn grid(
 /// The text of a case with other values; it describes a run.
 ///
 /// # Errors
-/// A key that leads through something which is no table; what is then wrong with the case.
+/// As for [`with_values`]; what is then wrong with the case.
 pub fn changed(text: &str, point: &Point, name: &str) -> Result<String, String> {
+    let text = with_values(text, point, name)?;
+    read_case(&text, name).map_err(|e| e.to_string())?;
+    Ok(text)
+}
+
+/// The text of a case with other values, whatever it then describes; `name` stands for it in messages.
+///
+/// # Errors
+/// A key that leads through something which is no table.
+pub fn with_values(text: &str, point: &Point, name: &str) -> Result<String, String> {
     let mut case: Table =
         text.parse().map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
     for (path, value) in point {
@@ -108,9 +118,7 @@ pub fn changed(text: &str, point: &Point, name: &str) -> Result<String, String> 
             format!("{name}: {path}: expected a table at {key:?}, found something else")
         })?;
     }
-    let text = toml::to_string(&case).map_err(|e| format!("{name}: {e}"))?;
-    read_case(&text, name).map_err(|e| e.to_string())?;
-    Ok(text)
+    toml::to_string(&case).map_err(|e| format!("{name}: {e}"))
 }
 
 /// Sets a value; where a key on the way is no table, that key.

@@ -24,9 +24,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     };
     let mut choices = Choices::from(&args.overrides);
     if let Some(windows) = &windows {
-        let recorded = Choices::from_notes(&windows.meta().choices)?;
-        choices.schedule = choices.schedule.or(recorded.schedule);
-        choices.seed = choices.seed.or(recorded.seed);
+        choices = choices.or(Choices::from_notes(&windows.meta().choices)?);
     }
     let case = case::load(&args.case, &choices, console)?;
     let folder = format!("{}-replay", case.plan.name);

@@ -6,6 +6,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, create_folder, read_text, replace_text};
 use crate::interrupt;
+use ballast_hdf5::export::quoted;
 use ballast_scenario::sweep::{Point, Sweep, changed};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -40,7 +41,6 @@ pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
         }
         return Ok(());
     }
-    place.write(&case, &texts)?;
     let numbers = match args.case {
         None => (1..=place.sweep.points.len()).collect(),
         Some(number) if place.sweep.points.get(number.wrapping_sub(1)).is_some() => vec![number],
@@ -49,6 +49,7 @@ pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
             return Err(Failure::Usage(format!("--case: expected 1 to {all}, found {number}")));
         }
     };
+    place.write(&case, &texts)?;
     let failed = place.compute(&numbers, &args, console)?;
     place.table()?;
     if interrupt::requested() {
@@ -299,12 +300,4 @@ fn figures(path: &str, value: &Value, row: &mut Vec<(String, String)>) {
 
 fn plain(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_string)
-}
-
-/// A cell of a CSV file (RFC 4180).
-fn quoted(cell: &str) -> String {
-    if cell.contains(['"', ',', '\n', '\r']) {
-        return format!("\"{}\"", cell.replace('"', "\"\""));
-    }
-    cell.to_string()
 }

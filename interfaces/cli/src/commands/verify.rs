@@ -1,6 +1,6 @@
 //! `ballast verify FILE --case CASE`: computes a recording again and compares.
 
-use crate::args::{ScheduleName, Verify};
+use crate::args::Verify;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::engine::Memory;
@@ -73,11 +73,7 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
         ("case", meta.case_name.clone(), case.plan.name.clone()),
         ("bed", meta.case_key.clone(), case.bed_key()),
         ("step (ns)", meta.step_ns.to_string(), case.plan.run.stepping.step_ns.to_string()),
-        (
-            "schedule",
-            meta.schedule.clone(),
-            ScheduleName::from(case.plan.run.solver.schedule).name(),
-        ),
+        ("schedule", meta.schedule.clone(), case.plan.run.solver.schedule.name().to_string()),
         ("program", meta.program.clone(), concat!("ballast ", env!("CARGO_PKG_VERSION")).into()),
     ];
     let differ: Vec<String> = pairs

@@ -2,7 +2,6 @@
 
 use crate::case::{self, Case, RUN_ID};
 use crate::exit::{Failure, Outcome};
-use ballast::model::Model;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use ballast_protocol::lockstep::Lockstep;
 use ballast_protocol::messages::{AdvanceReply, Digest};
@@ -47,8 +46,8 @@ pub fn name(path: &Path) -> Outcome<Option<String>> {
     Ok(kept.extra.get(RUN_ID).map(|run| format!("run {run} after window {seq}")))
 }
 
-/// Takes a run up where its checkpoint was written; `model` is that of the case as it is now.
-pub fn resume(path: &Path, model: &Model, lockstep: &mut Lockstep) -> Outcome {
+/// Takes a run up where its checkpoint was written; `lockstep` is at the beginning of the case as it is now.
+pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     let kept = checkpoint::read(path)?;
     let notes = &kept.extra;
     let note = |key: &str| {
@@ -57,7 +56,7 @@ pub fn resume(path: &Path, model: &Model, lockstep: &mut Lockstep) -> Outcome {
     };
     let (run_id, seq) = (note(RUN_ID)?, note(SEQ)?);
     let seq = seq.parse().map_err(|_| Failure::at(path, format!("{SEQ}: found {seq:?}")))?;
-    if kept.model != *model {
+    if kept.model != *lockstep.component().model() {
         let what = "it is of another case, bed or solver; start over with --force";
         return Err(Failure::at(path, what));
     }
@@ -106,8 +105,7 @@ pub fn fresh_run() -> Outcome<String> {
 
 /// The case's schedule and seed must be those of the checkpoint, which the caller then reads.
 pub fn choices(path: &Path, given: &case::Choices) -> Outcome<case::Choices> {
-    let kept = case::Choices::from_notes(&checkpoint::read(path)?.extra)?;
-    Ok(case::Choices { schedule: given.schedule.or(kept.schedule), seed: given.seed.or(kept.seed) })
+    Ok(given.or(case::Choices::from_notes(&checkpoint::read(path)?.extra)?))
 }
 
 #[cfg(test)]

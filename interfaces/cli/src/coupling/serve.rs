@@ -44,8 +44,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     console.event("serving", json!({ "key": args.key, "endpoints": endpoints }));
     let mut lockstep = component(&case, &args, console)?;
     if resumes {
-        let model = lockstep.component().model().clone();
-        kept::resume(&checkpoint, &model, &mut lockstep)?;
+        kept::resume(&checkpoint, &mut lockstep)?;
     }
     let recording = args.record.as_deref().map(|path| Recording::create(path, &case, &lockstep));
     let mut keeper = Keeper::new(console, case, checkpoint, every, recording.transpose()?);

@@ -1,34 +1,27 @@
 //! The recording of a run that others drive.
 //!
-//! Contract: what `ballast verify` computes from the case's bed on is what is recorded: windows as they were
-//! in the end. A redone window stands there once, one that a deadline has cut short as the shorter window
-//! that it was, one that was taken back not at all. Where the run goes elsewhere (restore, reset) the file
-//! ends, and the next one begins: NAME.2.mcap, NAME.3.mcap.
+//! Contract: what `ballast verify` computes from the case's bed on is what is recorded, see [`Redoable`]. Where
+//! the run goes elsewhere (restore, reset) the file ends, and the next one begins: NAME.2.mcap, NAME.3.mcap.
 
-use crate::args::ScheduleName;
 use crate::case::Case;
 use crate::exit::Outcome;
-use ballast::state::State;
-use ballast_mcap::{Drive, Meta, Tape};
+use ballast_mcap::{Drive, Meta, Redoable, Tape};
 use ballast_protocol::lockstep::{Kind, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// The open recording.
 pub struct Recording {
     path: PathBuf,
     parts: u32,
     case: Case,
-    tape: Tape,
-    /// The last window, which may still be redone, and the state that it has led to.
-    last: Option<(AdvanceRequest, AdvanceReply, Arc<State>)>,
+    windows: Redoable,
 }
 
 impl Recording {
     pub fn create(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Self> {
-        let tape = start(path, case, lockstep)?;
-        Ok(Self { path: path.into(), parts: 1, case: case.clone(), tape, last: None })
+        let windows = start(path, case, lockstep)?;
+        Ok(Self { path: path.into(), parts: 1, case: case.clone(), windows })
     }
 
     pub fn window(
@@ -38,53 +31,35 @@ impl Recording {
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> Outcome {
-        if kind == Kind::Advance {
-            self.settle(lockstep)?;
-        } else {
-            self.last = None;
-        }
+        let component = lockstep.component();
+        let (model, state) = (component.model(), component.save());
+        self.windows.window(model, kind == Kind::Redo, request, reply, state)?;
         if matches!(reply.status, Status::Discard | Status::Error | Status::Fatal) {
             let text = format!("window {} taken back: {}", reply.seq, reply.message);
-            self.tape.log(lockstep.component().now_ns(), &text)?;
-            return Ok(());
+            self.windows.tape().log(component.now_ns(), &text)?;
         }
-        let (request, reply) = self.tape.repeatable(request, reply);
-        self.last = Some((request, reply, lockstep.component().save()));
         Ok(())
     }
 
     /// The run goes on from another state.
     pub fn part(&mut self, lockstep: &Lockstep) -> Outcome {
-        self.settle(lockstep)?;
+        let model = lockstep.component().model();
+        self.windows.settle(model)?;
         self.parts += 1;
         let path = self.path.with_extension(format!("{}.mcap", self.parts));
-        let tape = start(&path, &self.case, lockstep)?;
-        Ok(std::mem::replace(&mut self.tape, tape).finish()?)
+        let next = start(&path, &self.case, lockstep)?;
+        Ok(std::mem::replace(&mut self.windows, next).finish(model)?)
     }
 
-    /// Nothing changes the last window any more.
-    fn settle(&mut self, lockstep: &Lockstep) -> Outcome {
-        let Some((request, reply, state)) = self.last.take() else { return Ok(()) };
-        Ok(self.tape.window(lockstep.component().model(), &state, &request, &reply)?)
-    }
-
-    pub fn finish(mut self, lockstep: &Lockstep) -> Outcome {
-        self.settle(lockstep)?;
-        Ok(self.tape.finish()?)
+    pub fn finish(self, lockstep: &Lockstep) -> Outcome {
+        Ok(self.windows.finish(lockstep.component().model())?)
     }
 }
 
-fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Tape> {
+fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Redoable> {
     let (model, state) = (lockstep.component().model(), lockstep.component().state());
-    let meta = Meta {
-        program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
-        case_name: case.plan.name.clone(),
-        case_key: case.bed_key(),
-        step_ns: model.stepping.step_ns,
-        schedule: ScheduleName::from(model.solver.schedule).name(),
-        drive: Drive::Inputs,
-        choices: case.choices.notes(),
-        initial_hash: ballast_hdf5::state_hash(model, state).into(),
-    };
-    Ok(Tape::create(path, &meta, model, state)?)
+    let names = [case.plan.name.clone(), case.bed_key()];
+    let hash = ballast_hdf5::state_hash(model, state).into();
+    let meta = Meta::of(names, case.choices.notes(), model, Drive::Inputs, hash);
+    Ok(Redoable::new(Tape::create(path, &meta, model, state)?))
 }

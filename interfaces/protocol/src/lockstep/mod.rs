@@ -289,10 +289,10 @@ impl Lockstep {
 
     /// Takes up a state, out of any trouble; the last window cannot be redone or asked for again.
     fn put(&mut self, state: Arc<State>) -> Result<(), Fault> {
-        if self.trouble.take().is_some() {
-            self.component = self.component.fork();
+        match self.trouble.take() {
+            None => self.component.restore(state)?,
+            Some(_) => self.component.recover(state)?,
         }
-        self.component.restore(state)?;
         self.answered = None;
         self.hash_again();
         Ok(())

@@ -89,9 +89,7 @@ impl Lockstep {
                 AdvanceReply::of(request, self.component.model(), &outcome, self.hash_now)
             }
             Err(panic) => {
-                // Buffers that a panic has left half written are left behind.
-                self.component = self.component.fork();
-                self.component.restore(before)?;
+                self.component.recover(before)?;
                 self.trouble = Some(panic.clone());
                 self.failed(request, panic)
             }

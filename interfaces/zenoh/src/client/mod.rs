@@ -11,10 +11,10 @@ mod presence;
 
 pub use line::{Line, Patience};
 
-use crate::server::Description;
+use crate::server::{Description, cdr};
 use crate::{Error, Link, random};
 use ballast_protocol::lockstep::{Attach, Attached, Code, Kind, Named, Place, StatusReport};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, LoadInput, Message};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, LoadInput, ns};
 use ballast_protocol::{from_cdr, to_cdr};
 use journal::Journal;
 use line::{Ask, read};
@@ -152,7 +152,6 @@ impl Client {
 
     /// The request of the next window, to `t1_ns`: without inputs, without a deadline.
     pub fn next(&self, t1_ns: u64) -> AdvanceRequest {
-        let ns = |t: u64| i64::try_from(t).unwrap_or(i64::MAX);
         AdvanceRequest {
             run_id: self.place.run_id.clone(),
             seq: self.place.seq + 1,
@@ -186,9 +185,8 @@ impl Client {
         motions: Vec<BodyInput>,
         loads: Vec<LoadInput>,
     ) -> Result<AdvanceReply, Error> {
-        let t0_ns = i64::try_from(t0_ns).unwrap_or(i64::MAX);
-        let request =
-            AdvanceRequest { seq: self.place.seq, t0_ns, motions, loads, ..self.next(t1_ns) };
+        let (seq, t0_ns) = (self.place.seq, ns(t0_ns));
+        let request = AdvanceRequest { seq, t0_ns, motions, loads, ..self.next(t1_ns) };
         self.send(Kind::Redo, &request)
     }
 
@@ -224,11 +222,10 @@ impl Client {
             0 => patience.window,
             ms => Duration::from_millis(ms.into()) + patience.margin,
         };
-        let encoding = Encoding::from(format!("application/cdr;{}", AdvanceRequest::NAME));
         let ask = Ask {
             request: verb,
             key: self.line.keys().control(verb),
-            payload: Some((to_cdr(request)?, encoding)),
+            payload: Some((to_cdr(request)?, cdr::<AdvanceRequest>())),
             pass: self.ticket.clone(),
         };
         let reply: AdvanceReply = from_cdr(&self.line.call(&ask, allowed)?)?;

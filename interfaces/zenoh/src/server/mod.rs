@@ -16,6 +16,7 @@ mod outlets;
 mod requests;
 mod shared;
 
+pub(crate) use answer::cdr;
 pub use describe::{Body, Description};
 
 use crate::{Error, Keys, Link};

@@ -1,0 +1,88 @@
+//! What a caller changes in a case, beside its text; kept as notes of checkpoints and recordings.
+
+use ballast::model::Schedule;
+use ballast::track::plan::Plan;
+use std::collections::BTreeMap;
+
+const SCHEDULE: &str = "schedule";
+const SEED: &str = "seed";
+
+/// What is changed in a case; runs that differ in these are different runs.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Choices {
+    pub schedule: Option<Schedule>,
+    pub seed: Option<u64>,
+}
+
+/// A note that this version does not know.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnknownChoice {
+    pub key: &'static str,
+    pub value: String,
+}
+
+impl std::fmt::Display for UnknownChoice {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let Self { key, value } = self;
+        write!(f, "the checkpoint was made with {key} {value:?}, unknown here")
+    }
+}
+
+impl std::error::Error for UnknownChoice {}
+
+impl Choices {
+    /// Changes the plan of a case.
+    pub fn apply(&self, plan: &mut Plan) {
+        if let Some(schedule) = self.schedule {
+            plan.run.solver.schedule = schedule;
+        }
+        if let Some(seed) = self.seed {
+            plan.bed.seed = seed;
+        }
+    }
+
+    /// These, and where they say nothing, what `other` says.
+    pub fn or(self, other: Self) -> Self {
+        Self { schedule: self.schedule.or(other.schedule), seed: self.seed.or(other.seed) }
+    }
+
+    /// As notes of a checkpoint or recording.
+    pub fn notes(&self) -> BTreeMap<String, String> {
+        let schedule = self.schedule.map(|s| (SCHEDULE.to_string(), s.name().to_string()));
+        let seed = self.seed.map(|seed| (SEED.to_string(), seed.to_string()));
+        schedule.into_iter().chain(seed).collect()
+    }
+
+    /// From such notes; others beside them do not matter.
+    ///
+    /// # Errors
+    /// A schedule or a seed that is none.
+    pub fn from_notes(notes: &BTreeMap<String, String>) -> Result<Self, UnknownChoice> {
+        let unknown = |key, value: &String| UnknownChoice { key, value: value.clone() };
+        let schedule = notes
+            .get(SCHEDULE)
+            .map(|name| Schedule::named(name).ok_or_else(|| unknown(SCHEDULE, name)));
+        let seed = notes.get(SEED).map(|text| text.parse().map_err(|_| unknown(SEED, text)));
+        Ok(Self { schedule: schedule.transpose()?, seed: seed.transpose()? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_survive_a_checkpoint() {
+        for schedule in Schedule::ALL.map(Some).into_iter().chain([None]) {
+            for seed in [None, Some(u64::MAX)] {
+                let choices = Choices { schedule, seed };
+                assert_eq!(Choices::from_notes(&choices.notes()).unwrap(), choices);
+            }
+        }
+        for (key, value) in [(SCHEDULE, "random"), (SEED, "-1")] {
+            let notes = BTreeMap::from([(key.to_string(), value.to_string())]);
+            let unknown = Choices::from_notes(&notes).unwrap_err();
+            assert!(unknown.to_string().contains(value), "{unknown}");
+        }
+    }
+}
