@@ -4,7 +4,7 @@ use crate::compute::compute;
 use crate::errors::{self, CaseError};
 use crate::machine::Machine;
 use crate::simulation::Simulation;
-use crate::state::State;
+use crate::state::Snapshot;
 use ballast::component::Limits;
 use ballast::model::Schedule;
 use ballast::track::plan::Plan;
@@ -234,14 +234,14 @@ pub fn begin(
     let (model, state) = ballast_beds::scene(&case.plan, bed).map_err(|e| errors::beds(py, e))?;
     let machine =
         Machine::new(&case.plan, &model).map_err(|e| errors::error::<CaseError>(py, "case", e))?;
-    let start = State {
+    let start = Snapshot {
         model: Arc::new(model),
         state: Arc::new(state),
         case: Arc::new(case.clone()),
         machine,
     };
     let pool = crate::compute::pool(py, threads)?;
-    Simulation::new(py, &start, limits(max_penetration, keep_early), pool)
+    Simulation::here(py, &start, limits(max_penetration, keep_early), pool)
 }
 
 pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {

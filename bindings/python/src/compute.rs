@@ -16,11 +16,16 @@ const EVERY: Duration = Duration::from_millis(100);
 /// What the work and the calling thread tell each other.
 #[derive(Default)]
 pub struct Turn {
-    is_over: AtomicBool,
+    is_over: Arc<AtomicBool>,
     news: Mutex<Option<(f64, String)>>,
 }
 
 impl Turn {
+    /// A turn that is over once `is_over` is set, here or elsewhere.
+    pub fn until(is_over: Arc<AtomicBool>) -> Self {
+        Self { is_over, ..Self::default() }
+    }
+
     /// Whether the work is to end at the next sound point.
     pub fn is_over(&self) -> bool {
         self.is_over.load(Ordering::Relaxed)
@@ -60,7 +65,20 @@ pub fn compute<R: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Turn) -> R + Send,
 ) -> PyResult<(R, Option<PyErr>)> {
-    let turn = Turn::default();
+    attend(py, pool, progress, &Turn::default(), work)
+}
+
+/// The same, in a given turn.
+///
+/// # Errors
+/// As for [`compute`].
+pub fn attend<R: Send>(
+    py: Python<'_>,
+    pool: &ThreadPool,
+    progress: Option<&Py<PyAny>>,
+    turn: &Turn,
+    work: impl FnOnce(&Turn) -> R + Send,
+) -> PyResult<(R, Option<PyErr>)> {
     let listen = || -> PyResult<()> {
         Python::attach(|py| {
             py.check_signals()?;
@@ -74,7 +92,7 @@ pub fn compute<R: Send>(
         let (sender, receiver) = channel();
         pool.in_place_scope(|scope| {
             scope.spawn(|_| {
-                let result = catch_unwind(AssertUnwindSafe(|| work(&turn)));
+                let result = catch_unwind(AssertUnwindSafe(|| work(turn)));
                 // Nobody has gone: the scope waits for this thread.
                 let _ = sender.send(result);
             });

@@ -22,7 +22,8 @@ create_exception!(
     Refused,
     Error,
     "A request that makes no sense; nothing has changed. `code`: time_grid, input_gap, input_jump, \
-     input_invalid, unknown_body, nothing_to_redo, state_invalid, recording."
+     input_invalid, unknown_body, nothing_to_redo, state_invalid, recording, elsewhere; of a component \
+     elsewhere also busy, unknown_state, too_many_states, and others of the control plane."
 );
 create_exception!(ballast, FileError, Error, "A file that cannot be read or written.");
 create_exception!(
@@ -30,6 +31,13 @@ create_exception!(
     Lost,
     Error,
     "The program failed inside, and the simulation with it. `restore` of a saved state goes on."
+);
+create_exception!(
+    ballast,
+    Unreachable,
+    Error,
+    "A component elsewhere has not answered as it should. The same call may be made again: what was done is \
+     not done twice. `code`: slow, peer_lost, diverged, link, answer."
 );
 
 /// An exception of class `T` with the attribute `code`.
@@ -50,6 +58,13 @@ pub fn refused(py: Python<'_>, code: &str, what: impl Display) -> PyErr {
     error::<Refused>(py, code, what)
 }
 
+/// What only a simulation, or a state, of this process has.
+pub fn elsewhere(py: Python<'_>, what: &str) -> PyErr {
+    let text =
+        format!("{what}: expected a simulation of this process, found one that another computes");
+    refused(py, "elsewhere", text)
+}
+
 pub fn beds(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {
     use ballast_beds::Error as Beds;
     match failure {
@@ -67,5 +82,6 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CaseError", py.get_type::<CaseError>())?;
     module.add("Refused", py.get_type::<Refused>())?;
     module.add("FileError", py.get_type::<FileError>())?;
-    module.add("Lost", py.get_type::<Lost>())
+    module.add("Lost", py.get_type::<Lost>())?;
+    module.add("Unreachable", py.get_type::<Unreachable>())
 }

@@ -8,6 +8,7 @@ mod arrays;
 mod case;
 mod compute;
 mod errors;
+mod here;
 mod inputs;
 mod machine;
 mod outcome;
@@ -15,6 +16,7 @@ mod recorder;
 mod results;
 mod simulation;
 mod state;
+mod there;
 
 use pyo3::prelude::*;
 
@@ -29,7 +31,8 @@ fn resume(
     keep_early: bool,
 ) -> PyResult<simulation::Simulation> {
     let pool = compute::pool(py, threads)?;
-    simulation::Simulation::new(py, state, case::limits(max_penetration, keep_early), pool)
+    let start = state.here(py, "resume")?;
+    simulation::Simulation::here(py, start, case::limits(max_penetration, keep_early), pool)
 }
 
 /// The JSON Schema of case files.
@@ -58,6 +61,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<state::State>()?;
     module.add_function(wrap_pyfunction!(case::begin, module)?)?;
     module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(there::attach, module)?)?;
     module.add_function(wrap_pyfunction!(resume, module)?)?;
     module.add_function(wrap_pyfunction!(schema, module)?)
 }

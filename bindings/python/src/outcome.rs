@@ -12,6 +12,8 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "ballast")]
 pub struct Outcome {
     pub inner: component::Outcome,
+    /// What ended the window, where something did.
+    pub trouble: Option<String>,
     /// Of the driven bodies `[nd]`.
     pub names: Arc<[String]>,
     pub series: Option<Py<Series>>,
@@ -26,7 +28,7 @@ impl Outcome {
 
     #[getter]
     fn trouble(&self) -> Option<String> {
-        self.inner.trouble.as_ref().map(ToString::to_string)
+        self.trouble.clone()
     }
 
     #[getter]

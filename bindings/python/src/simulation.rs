@@ -1,64 +1,60 @@
-//! The simulation in this process: windows, redo, states, recording.
+//! The simulation: windows, redo, states, recording, in this process or elsewhere.
 
 use crate::arrays::{Matrix, Vector};
 use crate::case::Case;
-use crate::compute::compute;
-use crate::errors::{self, Lost};
+use crate::errors;
+use crate::here::{Ground, Here};
 use crate::inputs::{Load, Motion};
-use crate::machine::Machine;
-use crate::outcome::{Outcome, Series};
-use crate::recorder::Recorder;
-use crate::state::State;
-use ballast::component::{
-    self, Component, Input, Limits, LoadInput, OnTrouble, Refusal, Window, ZoneOutcome,
-};
-use ballast::model::Model;
-use ballast::state;
-use ballast::step::StepReport;
+use crate::outcome::Outcome;
+use crate::state::{Saved, Snapshot, State};
+use crate::there::There;
+use ballast::component::{Input, Limits, LoadInput};
 use ballast::track::TinePath;
-use ballast::track::zones::zones;
+use ballast_zenoh::Description;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use rayon::ThreadPool;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 /// A model that is stepped in windows.
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
 pub struct Simulation {
-    inner: Mutex<Inner>,
-    case: Arc<Case>,
-    model: Arc<Model>,
-    names: Arc<[String]>,
-    pool: Arc<ThreadPool>,
+    /// `None` once closed.
+    back: Mutex<Option<Back>>,
+    about: About,
+    /// Of a simulation of this process.
+    ground: Option<Ground>,
 }
 
-struct Inner {
-    /// `None` once closed.
-    component: Option<Component>,
-    recorder: Option<Recorder>,
-    machine: Machine,
-    /// As it was before the last window.
-    machine_before: Option<Machine>,
-    /// What the program failed with inside.
-    lost: Option<String>,
-    /// The next step panics: so that tests can see what becomes of it.
-    panics: bool,
+/// Who computes.
+enum Back {
+    Here(Box<Here>),
+    There(Box<There>),
+}
+
+/// What does not change while a simulation is stepped.
+struct About {
+    name: String,
+    /// Of the driven bodies `[nd]`.
+    names: Arc<[String]>,
+    step_ns: u64,
+    schedule: String,
+    grains: usize,
 }
 
 /// What is asked of a window.
-struct Asked {
-    motions: Vec<Input>,
-    loads: Vec<LoadInput>,
+pub struct Asked {
+    pub motions: Vec<Input>,
+    pub loads: Vec<LoadInput>,
     /// `None`: the last window again.
-    t1_ns: Option<u64>,
+    pub t1_ns: Option<u64>,
     /// The motions are those of the machine.
-    by_machine: bool,
+    pub by_machine: bool,
     /// Keep the impulses of every step.
-    series: bool,
+    pub series: bool,
     /// Measure the zones at the end.
-    zones: bool,
+    pub zones: bool,
 }
 
 impl Asked {
@@ -76,49 +72,48 @@ impl Asked {
 }
 
 impl Simulation {
-    /// A simulation that goes on from `start`.
-    pub fn new(
+    /// A simulation of this process that goes on from `start`.
+    pub fn here(
         py: Python<'_>,
-        start: &State,
+        start: &Snapshot,
         limits: Limits,
         pool: Arc<ThreadPool>,
     ) -> PyResult<Self> {
-        let State { model, state, case, machine } = start;
-        let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
-            .map_err(|e| errors::refused(py, e.code(), e))?;
-        Ok(Self::of(Arc::clone(case), Arc::clone(model), component, machine.clone(), pool))
+        Ok(Self::of(Here::new(py, start, limits, pool)?))
     }
 
-    fn of(
-        case: Arc<Case>,
-        model: Arc<Model>,
-        component: Component,
-        machine: Machine,
-        pool: Arc<ThreadPool>,
-    ) -> Self {
-        let names = model.driven.iter().map(|d| d.name.clone()).collect();
-        let inner = Inner {
-            component: Some(component),
-            recorder: None,
-            machine,
-            machine_before: None,
-            lost: None,
-            panics: false,
+    fn of(here: Here) -> Self {
+        let ground = here.ground().clone();
+        let Ground { case, model, names, .. } = &ground;
+        let about = About {
+            name: case.plan.name.clone(),
+            names: Arc::clone(names),
+            step_ns: model.stepping.step_ns,
+            schedule: model.solver.schedule.name().into(),
+            grains: model.grains.len(),
         };
-        Self { inner: Mutex::new(inner), case, model, names, pool }
+        let back = Mutex::new(Some(Back::Here(Box::new(here))));
+        Self { back, about, ground: Some(ground) }
     }
 
-    fn measured(&self, py: Python<'_>, component: &Component) -> Vec<ZoneOutcome> {
-        let (zones, model) = (zones(&self.case.plan), &self.model);
-        let (state, workspace) = (component.state(), component.workspace());
-        py.detach(|| self.pool.install(|| component::measure(model, state, workspace, &zones)))
+    /// One that another process computes.
+    pub fn there(there: There, about: Description) -> Self {
+        let schedule = about.parameters.get("schedule").and_then(|s| s.as_str());
+        let about = About {
+            name: format!("zenoh:{}", about.key),
+            schedule: schedule.unwrap_or_default().into(),
+            names: about.bodies.into_iter().map(|b| b.name).collect(),
+            step_ns: about.step_ns,
+            grains: about.grains,
+        };
+        Self { back: Mutex::new(Some(Back::There(Box::new(there)))), about, ground: None }
     }
 
-    /// The inside, for as long as no other thread steps it.
-    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Inner>> {
-        match self.inner.try_lock() {
-            Ok(inner) => Ok(inner),
-            Err(TryLockError::Poisoned(inner)) => Ok(inner.into_inner()),
+    /// What steps it, for as long as no other thread does.
+    fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Option<Back>>> {
+        match self.back.try_lock() {
+            Ok(back) => Ok(back),
+            Err(TryLockError::Poisoned(back)) => Ok(back.into_inner()),
             Err(TryLockError::WouldBlock) => {
                 let text = "another thread is stepping this simulation; fork it, or wait";
                 Err(errors::error::<errors::Error>(py, "busy", text))
@@ -126,82 +121,34 @@ impl Simulation {
         }
     }
 
+    /// Does what every simulation can.
+    fn with<T>(&self, py: Python<'_>, act: impl FnOnce(&mut Back) -> PyResult<T>) -> PyResult<T> {
+        self.lock(py)?.as_mut().map_or_else(|| Err(closed(py)), act)
+    }
+
+    /// Does what only one of this process can.
+    fn with_here<T>(
+        &self,
+        py: Python<'_>,
+        what: &str,
+        act: impl FnOnce(&mut Here) -> PyResult<T>,
+    ) -> PyResult<T> {
+        self.with(py, |back| match back {
+            Back::Here(here) => act(here),
+            Back::There(_) => Err(errors::elsewhere(py, what)),
+        })
+    }
+
+    /// The ground of a simulation of this process.
+    fn ground(&self, py: Python<'_>, what: &str) -> PyResult<&Ground> {
+        self.ground.as_ref().ok_or_else(|| errors::elsewhere(py, what))
+    }
+
     fn window(&self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
-        let mut inner = self.lock(py)?;
-        inner.check_sound(py)?;
-        let before = inner.component(py)?.save();
-        let mut series = asked.series.then(|| Series::new(&self.names));
-        let mut machine = match (&asked.t1_ns, &inner.machine_before) {
-            (None, Some(machine)) => machine.clone(),
-            _ => inner.machine.clone(),
-        };
-        let machine_before = machine.clone();
-        let panics = std::mem::take(&mut inner.panics);
-        let window = Window { motions: &asked.motions, loads: &asked.loads };
-        let component = inner.component.as_mut().ok_or_else(|| closed(py))?;
-        let computed = compute(py, &self.pool, None, |turn| {
-            let mut watch = |state: &state::State, report: &StepReport| {
-                assert!(!panics, "a failure that was asked for");
-                if let Some(series) = &mut series {
-                    series.take(state, report);
-                }
-                if asked.by_machine {
-                    machine.observe(&self.model, state, report);
-                }
-                if turn.is_over() {
-                    ControlFlow::Break(OnTrouble::Early)
-                } else {
-                    ControlFlow::Continue(())
-                }
-            };
-            match asked.t1_ns {
-                Some(t1) => component.advance_watched(t1, window, &mut watch),
-                None => component.redo_watched(window, &mut watch),
-            }
-        });
-        let (result, raised) = computed.inspect_err(|lost| inner.lose(py, lost, &before))?;
-        let mut outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
-        let is_discarded = outcome.status == component::Status::Discard;
-        inner.machine = if is_discarded { machine_before.clone() } else { machine };
-        inner.machine_before = Some(machine_before);
-        if asked.zones && !is_discarded {
-            outcome.zones = self.measured(py, inner.component(py)?);
-        }
-        if let Inner { recorder: Some(recorder), component: Some(component), .. } = &mut *inner {
-            recorder.window(py, component, asked.t1_ns.is_none(), &window, &outcome)?;
-        }
-        if let Some(raised) = raised {
-            return Err(raised);
-        }
-        let series = series.map(|s| Py::new(py, s)).transpose()?;
-        Ok(Outcome { inner: outcome, names: Arc::clone(&self.names), series })
-    }
-}
-
-impl Inner {
-    fn component(&self, py: Python<'_>) -> PyResult<&Component> {
-        self.component.as_ref().ok_or_else(|| closed(py))
-    }
-
-    fn check_sound(&self, py: Python<'_>) -> PyResult<()> {
-        self.component(py)?;
-        match &self.lost {
-            None => Ok(()),
-            Some(why) => {
-                let text = format!("{why}; restore a saved state, or open the case again");
-                Err(errors::error::<Lost>(py, "lost", text))
-            }
-        }
-    }
-
-    /// The program failed inside.
-    fn lose(&mut self, py: Python<'_>, why: &PyErr, before: &Arc<state::State>) {
-        self.lost = Some(why.value(py).to_string());
-        self.recorder = None;
-        if let Some(component) = &mut self.component {
-            // It was the state of this model a moment ago.
-            let _ = component.recover(Arc::clone(before));
-        }
+        self.with(py, |back| match back {
+            Back::Here(here) => here.window(py, asked),
+            Back::There(there) => there.window(py, asked),
+        })
     }
 }
 
@@ -258,102 +205,90 @@ impl Simulation {
     /// A window of one step, in which the machine of the case moves tines and sleepers.
     #[pyo3(signature = (*, series=false, zones=false))]
     fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Outcome> {
-        let (motions, t1_ns) = {
-            let inner = self.lock(py)?;
-            let state = inner.component(py)?.state();
-            let motions = inner.machine.motions(&self.model, state);
-            (motions, Some(state.time_ns + self.model.stepping.step_ns))
-        };
-        self.window(
-            py,
-            &Asked { motions, loads: Vec::new(), t1_ns, by_machine: true, series, zones },
-        )
+        self.with_here(py, "step_by_machine", |here| {
+            let asked = here.asked_by_machine(series, zones);
+            here.window(py, &asked)
+        })
     }
 
     /// The phase of the case's tamping cycle at this time.
     #[getter]
     fn phase(&self, py: Python<'_>) -> PyResult<&'static str> {
-        let inner = self.lock(py)?;
-        Ok(inner.machine.phase(inner.component(py)?.state().time()).name())
+        self.with_here(py, "phase", |here| {
+            Ok(here.machine().phase(here.component().state().time()).name())
+        })
     }
 
     /// The ways of the tines through the case's tamping cycle.
     #[getter]
     fn tines(&self, py: Python<'_>) -> PyResult<Vec<Tine>> {
-        let tine =
-            |path: &TinePath| Tine { name: self.names[path.body].clone(), path: path.clone() };
-        Ok(self.lock(py)?.machine.cycle().tines().iter().map(tine).collect())
+        let name = |body: usize| self.about.names[body].clone();
+        let tine = |path: &TinePath| Tine { name: name(path.body), path: path.clone() };
+        self.with_here(py, "tines", |here| {
+            Ok(here.machine().cycle().tines().iter().map(tine).collect())
+        })
     }
 
     /// Everything that the next window depends on; shared, not copied.
     fn save(&self, py: Python<'_>) -> PyResult<State> {
-        let inner = self.lock(py)?;
-        Ok(State {
-            model: Arc::clone(&self.model),
-            state: inner.component(py)?.save(),
-            case: Arc::clone(&self.case),
-            machine: inner.machine.clone(),
+        self.with(py, |back| {
+            Ok(State(match back {
+                Back::Here(here) => Saved::Here(here.save()),
+                Back::There(there) => Saved::There(there.save(py)?),
+            }))
         })
     }
 
     /// Goes back, or on, to a saved state of the same case.
     fn restore(&self, py: Python<'_>, state: &State) -> PyResult<()> {
-        let mut inner = self.lock(py)?;
-        if inner.recorder.is_some() {
-            let text =
-                "restore: expected no open recording, whose time cannot jump; stop_recording first";
-            return Err(errors::refused(py, "recording", text));
-        }
-        if !Arc::ptr_eq(&self.model, &state.model) && *self.model != *state.model {
-            let text = "state: expected one of this case and seed, found one of another model";
-            return Err(errors::refused(py, "state_invalid", text));
-        }
-        let component = inner.component.as_mut().ok_or_else(|| closed(py))?;
-        component
-            .restore(Arc::clone(&state.state))
-            .map_err(|e| errors::refused(py, e.code(), e))?;
-        inner.lost = None;
-        (inner.machine, inner.machine_before) = (state.machine.clone(), None);
-        Ok(())
+        self.with(py, |back| match (back, &state.0) {
+            (Back::Here(here), Saved::Here(snapshot)) => here.restore(py, snapshot),
+            (Back::There(there), Saved::There(kept)) => there.restore(py, kept),
+            (Back::Here(_), Saved::There(kept)) => {
+                let text = format!(
+                    "state: expected one of this process, found one kept at {}",
+                    kept.component
+                );
+                Err(errors::refused(py, "state_invalid", text))
+            }
+            (Back::There(_), Saved::Here(_)) => {
+                let text = format!(
+                    "state: expected one kept at {}, found one of this process",
+                    self.about.name
+                );
+                Err(errors::refused(py, "state_invalid", text))
+            }
+        })
     }
 
     /// Another simulation that goes on from here on its own.
     fn fork(&self, py: Python<'_>) -> PyResult<Self> {
-        let inner = self.lock(py)?;
-        inner.check_sound(py)?;
-        let fork = inner.component(py)?.fork();
-        let (case, model) = (Arc::clone(&self.case), Arc::clone(&self.model));
-        Ok(Self::of(case, model, fork, inner.machine.clone(), Arc::clone(&self.pool)))
+        self.with_here(py, "fork", |here| here.fork(py).map(Self::of))
     }
 
     /// Records the windows from now on in an MCAP file, which is replaced.
     fn record(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let mut inner = self.lock(py)?;
-        inner.check_sound(py)?;
-        if inner.recorder.is_some() {
-            let text = "record: expected no open recording, found one; stop_recording first";
-            return Err(errors::refused(py, "recording", text));
-        }
-        let recorder = Recorder::create(py, path, &self.case, inner.component(py)?)?;
-        inner.recorder = Some(recorder);
-        Ok(())
+        self.with_here(py, "record", |here| here.record(py, path))
     }
 
     /// Ends the recording, if there is one.
     fn stop_recording(&self, py: Python<'_>) -> PyResult<()> {
-        let mut inner = self.lock(py)?;
-        let Some(recorder) = inner.recorder.take() else { return Ok(()) };
-        recorder.finish(py, inner.component(py)?)
+        self.with(py, |back| match back {
+            Back::Here(here) => here.stop_recording(py),
+            Back::There(_) => Ok(()),
+        })
     }
 
     /// Ends the simulation; states and arrays that it gave away stay.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        if self.lock(py)?.component.is_none() {
-            return Ok(());
+        match self.lock(py)?.take() {
+            None => Ok(()),
+            Some(Back::Here(mut here)) => here.stop_recording(py),
+            Some(Back::There(there)) => {
+                there.close(py);
+                Ok(())
+            }
         }
-        let result = self.stop_recording(py);
-        self.lock(py)?.component = None;
-        result
     }
 
     fn __enter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
@@ -366,74 +301,84 @@ impl Simulation {
     }
 
     #[getter]
-    fn case(&self) -> Case {
-        Case::clone(&self.case)
+    fn case(&self, py: Python<'_>) -> PyResult<Case> {
+        Ok(Case::clone(&self.ground(py, "case")?.case))
     }
 
     #[getter]
     fn now_ns(&self, py: Python<'_>) -> PyResult<u64> {
-        Ok(self.lock(py)?.component(py)?.now_ns())
+        self.with(py, |back| {
+            Ok(match back {
+                Back::Here(here) => here.component().now_ns(),
+                Back::There(there) => there.now_ns(),
+            })
+        })
     }
 
     #[getter]
     fn step_ns(&self) -> u64 {
-        self.model.stepping.step_ns
+        self.about.step_ns
     }
 
     #[getter]
-    fn schedule(&self) -> &'static str {
-        self.model.solver.schedule.name()
+    fn schedule(&self) -> &str {
+        &self.about.schedule
     }
 
     #[getter]
-    fn threads(&self) -> usize {
-        self.pool.current_num_threads()
+    fn threads(&self, py: Python<'_>) -> PyResult<usize> {
+        Ok(self.ground(py, "threads")?.pool.current_num_threads())
     }
 
     #[getter]
     fn is_lost(&self) -> bool {
         // One that is being stepped is not lost yet. Waiting for it would keep the interpreter from its thread.
-        self.inner.try_lock().is_ok_and(|inner| inner.lost.is_some())
+        let is_lost = |back: &Option<Back>| match back {
+            Some(Back::Here(here)) => here.is_lost(),
+            Some(Back::There(there)) => there.is_lost(),
+            None => false,
+        };
+        self.back.try_lock().is_ok_and(|back| is_lost(&back))
     }
 
     #[getter]
     fn is_closed(&self) -> bool {
-        self.inner.try_lock().is_ok_and(|inner| inner.component.is_none())
+        self.back.try_lock().is_ok_and(|back| back.is_none())
     }
 
     /// Names of the driven bodies.
     #[getter]
     fn bodies(&self) -> Vec<String> {
-        self.names.to_vec()
+        self.about.names.to_vec()
     }
 
     #[getter]
     fn grains(&self) -> usize {
-        self.model.grains.len()
+        self.about.grains
     }
 
     /// Zones measured now.
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let inner = self.lock(py)?;
-        let measured = self.measured(py, inner.component(py)?);
+        let measured = self.with_here(py, "zones", |here| Ok(here.zones(py)))?;
         crate::outcome::zones(py, &measured)
     }
 
     /// Which shape each grain has.
     #[getter]
-    fn shape_of<'py>(&self, py: Python<'py>) -> Vector<'py, u32> {
-        crate::arrays::column(py, &self.model.grains.shape)
+    fn shape_of<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u32>> {
+        Ok(crate::arrays::column(py, &self.ground(py, "shape_of")?.model.grains.shape))
     }
 
     #[getter]
-    fn masses<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        crate::arrays::column(py, &self.model.grains.mass)
+    fn masses<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
+        Ok(crate::arrays::column(py, &self.ground(py, "masses")?.model.grains.mass))
     }
 
     /// Corners of a shape, and its faces as corners' numbers, counter-clockwise from outside.
     fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<(Matrix<'py>, Vec<Vec<u16>>)> {
-        let shape = self.model.shapes.get(index).ok_or_else(|| {
-            let text = format!("shape {index}; there are {}", self.model.shapes.len());
+        let shapes = &self.ground(py, "shape")?.model.shapes;
+        let shape = shapes.get(index).ok_or_else(|| {
+            let text = format!("shape {index}; there are {}", shapes.len());
             pyo3::exceptions::PyIndexError::new_err(text)
         })?;
         let corners: Vec<f64> = shape.vertices.iter().flatten().copied().collect();
@@ -445,13 +390,15 @@ impl Simulation {
 
     /// The next window's first step fails as if by a fault of the program.
     fn _fail_next(&self, py: Python<'_>) -> PyResult<()> {
-        self.lock(py)?.panics = true;
-        Ok(())
+        self.with_here(py, "_fail_next", |here| {
+            here.panics = true;
+            Ok(())
+        })
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
         let now = self.now_ns(py).map_or("closed".into(), |t| format!("{t} ns"));
-        format!("Simulation({:?}, {} grains, {now})", self.case.plan.name, self.model.grains.len())
+        format!("Simulation({:?}, {} grains, {now})", self.about.name, self.about.grains)
     }
 }
 

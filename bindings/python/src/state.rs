@@ -1,19 +1,29 @@
 //! A state that was saved: looked at without a copy, restored, written to a file.
 
-use crate::arrays::{self, Matrix, Vector};
+use crate::arrays::{self, Matrix, Packed, Vector};
 use crate::case::Case;
 use crate::errors;
 use crate::machine::Machine;
+use crate::there::Kept;
 use ballast::model::Model;
 use ballast::state;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use pyo3::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Everything that the next window depends on.
 #[pyclass(frozen, module = "ballast")]
-pub struct State {
+pub struct State(pub Saved);
+
+/// Where a state is.
+pub enum Saved {
+    Here(Snapshot),
+    There(Kept),
+}
+
+/// A state of this process.
+pub struct Snapshot {
     pub model: Arc<Model>,
     pub state: Arc<state::State>,
     pub case: Arc<Case>,
@@ -24,18 +34,9 @@ pub struct State {
 /// same bits.
 const MACHINE: &str = "machine";
 
-impl State {
-    fn grains(&self) -> usize {
-        self.model.grains.len()
-    }
-}
-
-#[pymethods]
-impl State {
-    /// Reads what `write` has written, or a checkpoint of `ballast run`.
-    #[staticmethod]
-    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let kept = py.detach(|| checkpoint::read(&path)).map_err(|e| errors::file(py, e))?;
+impl Snapshot {
+    fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
+        let kept = py.detach(|| checkpoint::read(path)).map_err(|e| errors::file(py, e))?;
         let name = path.display().to_string();
         let case = Case::restored(py, kept.case_text, &name, &kept.extra)?;
         let machine = match kept.extra.get(MACHINE) {
@@ -54,8 +55,7 @@ impl State {
         Ok(Self { model, state, case: Arc::new(case), machine })
     }
 
-    /// Writes the state to a file from which it goes on to the same bytes, also in another process.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+    fn write(&self, py: Python<'_>, path: &Path) -> PyResult<()> {
         let mut notes = self.case.choices.notes();
         let memory = serde_json::to_string(self.machine.memory())
             .map_err(|e| errors::file(py, format!("{}: {e}", path.display())))?;
@@ -72,69 +72,110 @@ impl State {
         py.detach(|| checkpoint::write(path, &kept)).map_err(|e| errors::file(py, e))
     }
 
-    #[getter]
-    fn time_ns(&self) -> u64 {
-        self.state.time_ns
+    /// Rows of the grains `[ng]`.
+    fn of_grains<'py, T: Packed>(
+        &self,
+        py: Python<'py>,
+        pick: impl FnOnce(&state::State) -> &[T],
+    ) -> PyResult<Matrix<'py, T::Number>> {
+        arrays::rows(py, &self.state, |s| &pick(s)[..self.model.grains.len()])
+    }
+}
+
+impl State {
+    /// The state, of this process.
+    pub fn here(&self, py: Python<'_>, what: &str) -> PyResult<&Snapshot> {
+        match &self.0 {
+            Saved::Here(snapshot) => Ok(snapshot),
+            Saved::There(_) => Err(errors::elsewhere(py, what)),
+        }
+    }
+}
+
+#[pymethods]
+impl State {
+    /// Reads what `write` has written, or a checkpoint of `ballast run`.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Ok(Self(Saved::Here(Snapshot::read(py, &path)?)))
+    }
+
+    /// Writes the state to a file from which it goes on to the same bytes, also in another process.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        self.here(py, "write")?.write(py, &path)
     }
 
     #[getter]
-    fn step(&self) -> u64 {
-        self.state.step
+    fn time_ns(&self) -> u64 {
+        match &self.0 {
+            Saved::Here(snapshot) => snapshot.state.time_ns,
+            Saved::There(kept) => kept.place.now_ns,
+        }
+    }
+
+    #[getter]
+    fn step(&self, py: Python<'_>) -> PyResult<u64> {
+        Ok(self.here(py, "step")?.state.step)
     }
 
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
-        py.detach(|| format!("{:032x}", ballast_hdf5::state_hash(&self.model, &self.state)))
+        match &self.0 {
+            Saved::Here(Snapshot { model, state, .. }) => {
+                py.detach(|| format!("{:032x}", ballast_hdf5::state_hash(model, state)))
+            }
+            Saved::There(kept) => kept.place.hash.clone(),
+        }
     }
 
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        arrays::rows(py, &self.state, |s| &s.position[..self.grains()])
+        self.here(py, "positions")?.of_grains(py, |s| &s.position)
     }
 
     #[getter]
     fn orientations<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        arrays::rows(py, &self.state, |s| &s.orientation[..self.grains()])
+        self.here(py, "orientations")?.of_grains(py, |s| &s.orientation)
     }
 
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        arrays::rows(py, &self.state, |s| &s.velocity[..self.grains()])
+        self.here(py, "velocities")?.of_grains(py, |s| &s.velocity)
     }
 
     #[getter]
     fn spins<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        arrays::rows(py, &self.state, |s| &s.spin[..self.grains()])
+        self.here(py, "spins")?.of_grains(py, |s| &s.spin)
     }
 
     #[getter]
     fn contact_bodies<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py, u32>> {
-        arrays::rows(py, &self.state, |s| &s.contacts.bodies)
+        arrays::rows(py, &self.here(py, "contact_bodies")?.state, |s| &s.contacts.bodies)
     }
 
     #[getter]
     fn contact_impulses<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        arrays::rows(py, &self.state, |s| &s.contacts.impulse)
+        arrays::rows(py, &self.here(py, "contact_impulses")?.state, |s| &s.contacts.impulse)
     }
 
     #[getter]
-    fn contact_points<'py>(&self, py: Python<'py>) -> Matrix<'py> {
-        let contacts = &self.state.contacts;
-        let point =
-            |(pair, local)| self.state.pose(<[u32; 2]>::clone(pair)[0] as usize).point(local);
+    fn contact_points<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        let state = &self.here(py, "contact_points")?.state;
+        let contacts = &state.contacts;
+        let point = |(pair, local)| state.pose(<[u32; 2]>::clone(pair)[0] as usize).point(local);
         let points: Vec<f64> = contacts
             .bodies
             .iter()
             .zip(&contacts.local_point)
             .flat_map(|at| <[f64; 3]>::from(point(at)))
             .collect();
-        arrays::table(py, &points, 3)
+        Ok(arrays::table(py, &points, 3))
     }
 
     /// Position, orientation (x, y, z, w), velocity and spin of a driven body.
     fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 4]> {
-        let d = self.model.driven_index(name).ok_or_else(|| unknown(py, &self.model, name))?;
-        let (b, state) = (self.grains() + d, &self.state);
+        let Snapshot { model, state, .. } = self.here(py, "body")?;
+        let b = model.grains.len() + driven(py, model.driven.iter().map(|d| &d.name), name)?;
         Ok([
             arrays::vector(py, &state.position[b]),
             arrays::quaternion(py, &state.orientation[b]),
@@ -145,20 +186,40 @@ impl State {
 
     /// Pose that was last asked of a driven body, or of its mount: where its next motion begins.
     fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 2]> {
-        let d = self.model.driven_index(name).ok_or_else(|| unknown(py, &self.model, name))?;
-        let pose = self.state.imposed(&self.model, d);
+        let pose = match &self.0 {
+            Saved::Here(Snapshot { model, state, .. }) => {
+                let d = driven(py, model.driven.iter().map(|d| &d.name), name)?;
+                state.imposed(model, d)
+            }
+            Saved::There(kept) => kept.targets[driven(py, kept.names.iter(), name)?],
+        };
         Ok([arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)])
     }
 
     fn __repr__(&self) -> String {
-        format!(
-            "State({:?}, step {}, {} ns)",
-            self.case.plan.name, self.state.step, self.state.time_ns
-        )
+        match &self.0 {
+            Saved::Here(Snapshot { case, state, .. }) => {
+                format!("State({:?}, step {}, {} ns)", case.plan.name, state.step, state.time_ns)
+            }
+            Saved::There(kept) => {
+                format!("State(\"zenoh:{}\", {} ns)", kept.component, kept.place.now_ns)
+            }
+        }
     }
 }
 
-fn unknown(py: Python<'_>, model: &Model, name: &str) -> PyErr {
-    let known: Vec<_> = model.driven.iter().map(|d| d.name.as_str()).collect();
-    errors::refused(py, "unknown_body", format!("body: expected one of {known:?}, found {name:?}"))
+/// The number of a driven body.
+fn driven<'a>(
+    py: Python<'_>,
+    names: impl Iterator<Item = &'a String> + Clone,
+    name: &str,
+) -> PyResult<usize> {
+    names.clone().position(|known| known == name).ok_or_else(|| {
+        let known: Vec<_> = names.collect();
+        errors::refused(
+            py,
+            "unknown_body",
+            format!("body: expected one of {known:?}, found {name:?}"),
+        )
+    })
 }

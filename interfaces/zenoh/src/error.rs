@@ -22,6 +22,9 @@ pub enum Error {
     /// The component is not there: neither alive nor telling what it does.
     #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s")]
     PeerLost { request: String, component: String, silent_s: f64 },
+    /// The caller has given up waiting; the request may be sent again, as after [`Error::Slow`].
+    #[error("{request}: given up after {waited_s:.1} s; {component} goes on with it")]
+    Abandoned { request: String, component: String, waited_s: f64 },
     /// The run was continued by someone else, or lost more than can be computed again.
     #[error("{component}, run {run_id}: expected {expected}, found {found}")]
     Diverged { component: String, run_id: String, expected: String, found: String },
@@ -33,6 +36,20 @@ pub enum Error {
 impl Error {
     pub(crate) fn link(place: impl Into<String>, reason: impl ToString) -> Self {
         Self::Link { place: place.into(), reason: reason.to_string() }
+    }
+
+    /// Short name of the kind, as codes of refusals are.
+    pub fn code(&self) -> String {
+        match self {
+            Self::Name { .. } => "name".into(),
+            Self::Link { .. } => "link".into(),
+            Self::Refused(fault) => fault.code.to_string(),
+            Self::Slow { .. } => "slow".into(),
+            Self::PeerLost { .. } => "peer_lost".into(),
+            Self::Abandoned { .. } => "abandoned".into(),
+            Self::Diverged { .. } => "diverged".into(),
+            Self::Answer { .. } => "answer".into(),
+        }
     }
 
     /// The component's refusal, if it is one.

@@ -13,7 +13,7 @@ nanoseconds since the start of the run. Forces and impulses are those of the bal
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 from . import _ballast
 from ._ballast import (
@@ -35,6 +35,7 @@ from ._ballast import (
     SolverOutcome,
     State,
     Tine,
+    Unreachable,
     ZoneOutcome,
     __version__,
     schema,
@@ -60,6 +61,7 @@ __all__ = [
     "SolverOutcome",
     "State",
     "Tine",
+    "Unreachable",
     "ZoneOutcome",
     "__version__",
     "open",
@@ -79,6 +81,13 @@ def _case(case: Case | Path, seed: int | None, schedule: str | None) -> Case:
     return loaded.choose(seed=seed, schedule=schedule)
 
 
+def _unused(options: Mapping[str, object], why: str) -> None:
+    """Options that would be ignored are a mistake."""
+    given = [name for name, value in options.items() if value]
+    if given:
+        raise TypeError(f"open: {', '.join(given)}: {why}")
+
+
 def open(
     case: Case | Path,
     *,
@@ -89,11 +98,17 @@ def open(
     progress: bool | OnProgress = True,
     max_penetration: float | None = None,
     keep_early: bool = False,
+    connect: Sequence[str] = (),
+    listen: Sequence[str] = (),
+    config: Path | None = None,
 ) -> Simulation:
     """Opens a case at the start of its run; its bed is prepared if it is not in the folder `beds`.
 
+    `open("zenoh:SITE/ID")` drives the component of this name instead, which `ballast serve` computes, from where
+    its run stands: the same windows give the same outcomes and hashes.
+
     Args:
-        case: a `Case`, or the path of a case file (TOML).
+        case: a `Case`, the path of a case file (TOML), or "zenoh:SITE/ID".
         seed: of the bed, instead of the case's.
         schedule: "sequential", "synchronous" or "asynchronous", instead of the case's.
         threads: workers of this simulation; by default one per processor.
@@ -102,11 +117,23 @@ def open(
         max_penetration: m; a step that goes deeper ends its window. None: any depth.
         keep_early: what a window that cannot be computed to its end leaves: the state of the last
             sound step (status "early") rather than that of its beginning ("discard").
+        connect: "zenoh:" only: endpoints to connect to; by default tcp/127.0.0.1:7447, where `ballast serve` listens.
+        listen: "zenoh:" only: endpoints to listen on.
+        config: "zenoh:" only: a configuration file of Zenoh (JSON5): TLS, users, routers.
 
     Raises:
         CaseError: the case describes no run.
         FileError: a file cannot be read or written.
+        Refused: another client drives the component.
+        Unreachable: the component does not answer.
     """
+    network = {"connect": connect, "listen": listen, "config": config}
+    if isinstance(case, str) and case.startswith("zenoh:"):
+        choices = {"seed": seed, "schedule": schedule, "threads": threads, "max_penetration": max_penetration}
+        _unused({**choices, "keep_early": keep_early}, f"{case}: whoever serves the case chooses it")
+        path = None if config is None else os.fspath(config)
+        return _ballast.attach(case.removeprefix("zenoh:"), list(connect), list(listen), path)
+    _unused(network, 'how to reach a component is for "zenoh:SITE/ID"')
     chosen = _case(case, seed, schedule)
     with Progress.of(progress, f"bed of {chosen.name}") as tell:
         return _ballast.begin(chosen, beds, threads, tell, max_penetration, keep_early)

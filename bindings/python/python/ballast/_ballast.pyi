@@ -29,8 +29,10 @@ __all__ = [
     "SolverOutcome",
     "State",
     "Tine",
+    "Unreachable",
     "ZoneOutcome",
     "__version__",
+    "attach",
     "begin",
     "prepare",
     "resume",
@@ -52,7 +54,17 @@ class Refused(Error):
     """A request that makes no sense; nothing has changed.
 
     `code`: time_grid, input_gap, input_jump, input_invalid, unknown_body, nothing_to_redo,
-    state_invalid, recording.
+    state_invalid, recording; elsewhere: only a simulation of this process can do it. A component that another
+    process computes also refuses with busy, unknown_state, too_many_states and other codes of its control
+    plane.
+    """
+
+class Unreachable(Error):
+    """A component that another process computes has not answered as it should. The same call may be made again:
+    a window counts once, however often it is asked for.
+
+    `code`: slow, it is there; peer_lost, it is not; diverged, its run was continued by someone else; link, how to
+    reach it; answer, what it says cannot be read.
     """
 
 class FileError(Error):
@@ -160,7 +172,10 @@ class Load:
 class Simulation:
     """A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 
-    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state.
+    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state. One that
+    another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call made again gives its
+    outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `save`, `restore`, `close`
+    and what says of itself here are there; the rest is refused with the code "elsewhere".
     Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
     simulations of their own run side by side.
     """
@@ -305,7 +320,10 @@ class Tine:
 @final
 class State:
     """A state that was saved. Arrays are read-only and not copied; they keep their values while the
-    simulation goes on, and stay valid as long as somebody holds them."""
+    simulation goes on, and stay valid as long as somebody holds them.
+
+    A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
+    `time_ns`, `hash` and `target`, and `restore` takes it."""
 
     @staticmethod
     def read(path: _Path) -> State:
@@ -602,6 +620,9 @@ class Recording:
     def lost(self) -> str | None:
         """Why reading ended early, where it did."""
 
+def attach(
+    component: str, connect: list[str], listen: list[str], config: str | None
+) -> Simulation: ...
 def begin(
     case: Case,
     beds: _Path,

@@ -65,6 +65,13 @@ pub enum Code {
     StateInvalid,
 }
 
+/// The word in messages.
+impl std::fmt::Display for Code {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        self.serialize(f)
+    }
+}
+
 impl Fault {
     pub fn new(code: Code, message: impl Into<String>) -> Self {
         Self {

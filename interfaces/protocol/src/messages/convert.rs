@@ -6,6 +6,7 @@ use super::*;
 use crate::Malformed;
 use ballast::component::{self, Outcome};
 use ballast::drive::Load;
+use ballast::geometry::AxisBox;
 use ballast::math::{self, Quat, Vec3};
 use ballast::model::Model;
 use ballast::state;
@@ -245,6 +246,22 @@ impl From<component::SolverOutcome> for SolverStats {
     }
 }
 
+impl From<SolverStats> for component::SolverOutcome {
+    fn from(s: SolverStats) -> Self {
+        Self {
+            iterations: s.iterations,
+            visits: s.visits,
+            steps_not_converged: s.steps_not_converged,
+            residual_qm16: s.residual_qm16,
+            residual_natural_map: s.residual_natural_map,
+            contacts: s.contacts as usize,
+            active_contacts: s.active_contacts as usize,
+            mean_penetration: s.mean_penetration,
+            max_penetration: s.max_penetration,
+        }
+    }
+}
+
 impl From<component::Status> for Status {
     fn from(status: component::Status) -> Self {
         match status {
@@ -316,7 +333,55 @@ impl Compactness {
     }
 }
 
+impl From<&Compactness> for component::ZoneOutcome {
+    fn from(zone: &Compactness) -> Self {
+        let measured = |x: f64| (!x.is_nan()).then_some(x);
+        Self {
+            name: zone.zone.clone(),
+            region: AxisBox { low: zone.low.into(), high: zone.high.into() },
+            compactness: measured(zone.compactness),
+            coordination: measured(zone.coordination),
+            inertial_number: measured(zone.inertial_number),
+            pressure: zone.mean_pressure,
+        }
+    }
+}
+
 impl AdvanceReply {
+    /// What the window did, as a component of this process would say it; why it ended is the reply's
+    /// `message`, not the outcome's.
+    ///
+    /// # Errors
+    /// A status after which there is no outcome, times before the start, poses that are none.
+    pub fn outcome(&self) -> Result<Outcome, Malformed> {
+        let status = match self.status {
+            Status::Ok => component::Status::Ok,
+            Status::Warn => component::Status::Warn,
+            Status::Early => component::Status::Early,
+            Status::Discard => component::Status::Discard,
+            Status::Error | Status::Fatal => {
+                let expected = "that of a window that was computed";
+                return Err(Malformed::new("status", expected, self.status.word()));
+            }
+        };
+        let body = |body: &WrenchImpulse| {
+            let told = component::BodyOutcome::try_from(body);
+            told.map_err(|e| e.inside(&format!("body {:?}", body.body)))
+        };
+        Ok(Outcome {
+            status,
+            trouble: None,
+            t0_ns: time("t0_ns", self.t0_ns)?,
+            t1_ns: time("t1_ns", self.t1_ns)?,
+            steps: self.steps,
+            bodies: self.bodies.iter().map(body).collect::<Result<_, _>>()?,
+            zones: self.zones.iter().map(Into::into).collect(),
+            solver: self.solver.into(),
+            energy: self.energy.into(),
+            hint_max_step_ns: self.hint_max_step_ns,
+        })
+    }
+
     /// The reply to a window of `model`; squeezes are the caller's to add.
     pub fn of(request: &AdvanceRequest, model: &Model, outcome: &Outcome, hash: StateHash) -> Self {
         let trouble = outcome.trouble.as_ref();

@@ -11,6 +11,7 @@ use crate::{Error, Keys, Link, SILENCE};
 use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport};
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
@@ -56,6 +57,8 @@ pub struct Line {
     keys: Keys,
     presence: Arc<Presence>,
     pub patience: Patience,
+    /// Once set, every call ends within a moment with [`Error::Abandoned`], until it is taken back.
+    pub is_given_up: Arc<AtomicBool>,
 }
 
 /// What is asked.
@@ -103,7 +106,7 @@ impl Line {
         };
         let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
         alive.callback(watch).background().wait().map_err(zenoh)?;
-        Ok(Self { session, keys, presence, patience })
+        Ok(Self { session, keys, presence, patience, is_given_up: Arc::default() })
     }
 
     /// The names under which the component is found.
@@ -234,6 +237,9 @@ impl Line {
     fn check(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<(), Error> {
         let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
         let waited = begin.elapsed();
+        if self.is_given_up.load(Ordering::Relaxed) {
+            return Err(Error::Abandoned { request, component, waited_s: waited.as_secs_f64() });
+        }
         let gone = self.presence.gone_for(begin);
         // Someone who is away is lost, not slow, also where the time allowed is shorter.
         if let Some(gone) = gone

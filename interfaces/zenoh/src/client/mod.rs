@@ -129,7 +129,7 @@ impl Client {
         &self.id
     }
 
-    /// The line, for looking.
+    /// The line, for looking, and for giving up.
     pub fn line(&self) -> &Line {
         &self.line
     }
@@ -161,6 +161,11 @@ impl Client {
         }
     }
 
+    /// The request of the last window, whose ends are given, again.
+    pub fn again(&self, [t0_ns, t1_ns]: [u64; 2]) -> AdvanceRequest {
+        AdvanceRequest { seq: self.place.seq, t0_ns: ns(t0_ns), ..self.next(t1_ns) }
+    }
+
     /// Computes the next window, to `t1_ns`.
     ///
     /// # Errors
@@ -175,18 +180,17 @@ impl Client {
         self.send(Kind::Advance, &request)
     }
 
-    /// Computes the last window again with other inputs; `t0_ns` and `t1_ns` are its ends.
+    /// Computes the last window again with other inputs; `ends` are those it was asked to have.
     ///
     /// # Errors
     /// As for [`Client::advance_to`].
     pub fn redo(
         &mut self,
-        [t0_ns, t1_ns]: [u64; 2],
+        ends: [u64; 2],
         motions: Vec<BodyInput>,
         loads: Vec<LoadInput>,
     ) -> Result<AdvanceReply, Error> {
-        let (seq, t0_ns) = (self.place.seq, ns(t0_ns));
-        let request = AdvanceRequest { seq, t0_ns, motions, loads, ..self.next(t1_ns) };
+        let request = AdvanceRequest { motions, loads, ..self.again(ends) };
         self.send(Kind::Redo, &request)
     }
 

@@ -1,0 +1,222 @@
+//! The simulation in this process: windows, redo, states, recording.
+
+use crate::case::Case;
+use crate::compute::compute;
+use crate::errors::{self, Lost};
+use crate::machine::Machine;
+use crate::outcome::{Outcome, Series};
+use crate::recorder::Recorder;
+use crate::simulation::Asked;
+use crate::state::Snapshot;
+use ballast::component::{
+    self, Component, Limits, OnTrouble, Refusal, Status, Window, ZoneOutcome,
+};
+use ballast::model::Model;
+use ballast::state;
+use ballast::step::StepReport;
+use ballast::track::zones::zones;
+use pyo3::prelude::*;
+use rayon::ThreadPool;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What does not change while a simulation of this process is stepped.
+#[derive(Clone)]
+pub struct Ground {
+    pub case: Arc<Case>,
+    pub model: Arc<Model>,
+    pub names: Arc<[String]>,
+    pub pool: Arc<ThreadPool>,
+}
+
+/// A component of this process, and what belongs to it.
+pub struct Here {
+    ground: Ground,
+    component: Component,
+    recorder: Option<Recorder>,
+    machine: Machine,
+    /// As it was before the last window.
+    machine_before: Option<Machine>,
+    /// What the program failed with inside.
+    lost: Option<String>,
+    /// The next step panics: so that tests can see what becomes of it.
+    pub panics: bool,
+}
+
+impl Here {
+    /// Goes on from `start`.
+    pub fn new(
+        py: Python<'_>,
+        start: &Snapshot,
+        limits: Limits,
+        pool: Arc<ThreadPool>,
+    ) -> PyResult<Self> {
+        let Snapshot { model, state, case, machine } = start;
+        let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
+            .map_err(|e| errors::refused(py, e.code(), e))?;
+        let names = model.driven.iter().map(|d| d.name.clone()).collect();
+        let (case, model) = (Arc::clone(case), Arc::clone(model));
+        let ground = Ground { case, model, names, pool };
+        Ok(Self::of(ground, component, machine.clone()))
+    }
+
+    fn of(ground: Ground, component: Component, machine: Machine) -> Self {
+        let (recorder, machine_before, lost) = (None, None, None);
+        Self { ground, component, recorder, machine, machine_before, lost, panics: false }
+    }
+
+    pub fn ground(&self) -> &Ground {
+        &self.ground
+    }
+
+    pub fn component(&self) -> &Component {
+        &self.component
+    }
+
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    pub fn is_lost(&self) -> bool {
+        self.lost.is_some()
+    }
+
+    fn check_sound(&self, py: Python<'_>) -> PyResult<()> {
+        match &self.lost {
+            None => Ok(()),
+            Some(why) => {
+                let text = format!("{why}; restore a saved state, or open the case again");
+                Err(errors::error::<Lost>(py, "lost", text))
+            }
+        }
+    }
+
+    pub fn zones(&self, py: Python<'_>) -> Vec<ZoneOutcome> {
+        let Ground { case, model, pool, .. } = &self.ground;
+        let (state, workspace) = (self.component.state(), self.component.workspace());
+        let zones = zones(&case.plan);
+        py.detach(|| pool.install(|| component::measure(model, state, workspace, &zones)))
+    }
+
+    /// What the machine of the case asks of the next step.
+    pub fn asked_by_machine(&self, series: bool, zones: bool) -> Asked {
+        let (model, state) = (&self.ground.model, self.component.state());
+        Asked {
+            motions: self.machine.motions(model, state),
+            loads: Vec::new(),
+            t1_ns: Some(state.time_ns + model.stepping.step_ns),
+            by_machine: true,
+            series,
+            zones,
+        }
+    }
+
+    pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+        self.check_sound(py)?;
+        let Ground { model, names, pool, .. } = self.ground.clone();
+        let before = self.component.save();
+        let mut series = asked.series.then(|| Series::new(&names));
+        let mut machine = match (&asked.t1_ns, &self.machine_before) {
+            (None, Some(machine)) => machine.clone(),
+            _ => self.machine.clone(),
+        };
+        let machine_before = machine.clone();
+        let panics = std::mem::take(&mut self.panics);
+        let window = Window { motions: &asked.motions, loads: &asked.loads };
+        let component = &mut self.component;
+        let computed = compute(py, &pool, None, |turn| {
+            let mut watch = |state: &state::State, report: &StepReport| {
+                assert!(!panics, "a failure that was asked for");
+                if let Some(series) = &mut series {
+                    series.take(state, report);
+                }
+                if asked.by_machine {
+                    machine.observe(&model, state, report);
+                }
+                if turn.is_over() {
+                    ControlFlow::Break(OnTrouble::Early)
+                } else {
+                    ControlFlow::Continue(())
+                }
+            };
+            match asked.t1_ns {
+                Some(t1) => component.advance_watched(t1, window, &mut watch),
+                None => component.redo_watched(window, &mut watch),
+            }
+        });
+        let (result, raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
+        let mut outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
+        let is_discarded = outcome.status == Status::Discard;
+        self.machine = if is_discarded { machine_before.clone() } else { machine };
+        self.machine_before = Some(machine_before);
+        if asked.zones && !is_discarded {
+            outcome.zones = self.zones(py);
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.window(py, &self.component, asked.t1_ns.is_none(), &window, &outcome)?;
+        }
+        if let Some(raised) = raised {
+            return Err(raised);
+        }
+        let trouble = outcome.trouble.as_ref().map(ToString::to_string);
+        let series = series.map(|s| Py::new(py, s)).transpose()?;
+        Ok(Outcome { inner: outcome, trouble, names, series })
+    }
+
+    /// The program failed inside.
+    fn lose(&mut self, py: Python<'_>, why: &PyErr, before: &Arc<state::State>) {
+        self.lost = Some(why.value(py).to_string());
+        self.recorder = None;
+        // It was the state of this model a moment ago.
+        let _ = self.component.recover(Arc::clone(before));
+    }
+
+    pub fn save(&self) -> Snapshot {
+        Snapshot {
+            model: Arc::clone(&self.ground.model),
+            state: self.component.save(),
+            case: Arc::clone(&self.ground.case),
+            machine: self.machine.clone(),
+        }
+    }
+
+    pub fn restore(&mut self, py: Python<'_>, saved: &Snapshot) -> PyResult<()> {
+        if self.recorder.is_some() {
+            let text =
+                "restore: expected no open recording, whose time cannot jump; stop_recording first";
+            return Err(errors::refused(py, "recording", text));
+        }
+        let model = &self.ground.model;
+        if !Arc::ptr_eq(model, &saved.model) && **model != *saved.model {
+            let text = "state: expected one of this case and seed, found one of another model";
+            return Err(errors::refused(py, "state_invalid", text));
+        }
+        self.component
+            .restore(Arc::clone(&saved.state))
+            .map_err(|e| errors::refused(py, e.code(), e))?;
+        self.lost = None;
+        (self.machine, self.machine_before) = (saved.machine.clone(), None);
+        Ok(())
+    }
+
+    pub fn fork(&self, py: Python<'_>) -> PyResult<Self> {
+        self.check_sound(py)?;
+        Ok(Self::of(self.ground.clone(), self.component.fork(), self.machine.clone()))
+    }
+
+    pub fn record(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        self.check_sound(py)?;
+        if self.recorder.is_some() {
+            let text = "record: expected no open recording, found one; stop_recording first";
+            return Err(errors::refused(py, "recording", text));
+        }
+        self.recorder = Some(Recorder::create(py, path, &self.ground.case, &self.component)?);
+        Ok(())
+    }
+
+    pub fn stop_recording(&mut self, py: Python<'_>) -> PyResult<()> {
+        let Some(recorder) = self.recorder.take() else { return Ok(()) };
+        recorder.finish(py, &self.component)
+    }
+}

@@ -1,0 +1,289 @@
+//! The simulation elsewhere: another process computes, `ballast serve`, and is asked over Zenoh.
+//!
+//! Contract: the same windows give the same outcomes and state hashes as in this process. A window whose answer
+//! did not come, or was not waited for, is asked for again before anything else: it counts once.
+
+use crate::compute::{Turn, attend};
+use crate::errors::{self, Error, Lost, Unreachable};
+use crate::outcome::Outcome;
+use crate::simulation::Asked;
+use ballast::math::Pose;
+use ballast_protocol::Malformed;
+use ballast_protocol::lockstep::{Kind, Place};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
+use ballast_zenoh::link::DEFAULT_ENDPOINT;
+use ballast_zenoh::server::Description;
+use ballast_zenoh::{Client, Link, Patience};
+use pyo3::prelude::*;
+use rayon::ThreadPool;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Where the next motion of each driven body begins `[nd]`.
+type Targets = Arc<[Pose]>;
+
+/// A component elsewhere, driven from here.
+pub struct There {
+    client: Client,
+    /// One worker: it waits for answers while the calling thread listens for Ctrl-C.
+    pool: Arc<ThreadPool>,
+    names: Arc<[String]>,
+    targets: Targets,
+    /// The last window's ends, ns, and the targets at its beginning.
+    last: Option<([u64; 2], Targets)>,
+    /// Asked, and not answered yet.
+    pending: Option<(Kind, AdvanceRequest)>,
+    /// It has failed inside, over there.
+    is_lost: bool,
+    /// How many states were kept, and the names of those that nobody here holds any more.
+    kept: u64,
+    forgotten: Arc<Mutex<Vec<String>>>,
+}
+
+/// A state that is kept elsewhere; it is forgotten there when nobody here holds it any more.
+pub struct Kept {
+    pub component: String,
+    pub place: Place,
+    name: String,
+    pub names: Arc<[String]>,
+    pub targets: Targets,
+    forgotten: Arc<Mutex<Vec<String>>>,
+}
+
+impl Drop for Kept {
+    fn drop(&mut self) {
+        let name = std::mem::take(&mut self.name);
+        self.forgotten.lock().unwrap_or_else(PoisonError::into_inner).push(name);
+    }
+}
+
+impl There {
+    /// Becomes the owner of the component `site/id`.
+    pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
+        let pool = crate::compute::pool(py, Some(1))?;
+        let link = if link.is_empty() { Link::to(DEFAULT_ENDPOINT) } else { link };
+        let attached = py.detach(|| {
+            let client = Client::attach(name, &link, "python", None, Patience::default())?;
+            let about = client.describe()?;
+            Ok((client, about))
+        });
+        let (client, about) = attached.map_err(|e| failed(py, e))?;
+        let target = |body: &ballast_zenoh::server::Body| {
+            let orientation = body.orientation.try_into()?;
+            Ok(Pose { position: body.position.into(), orientation })
+        };
+        let targets: Result<_, Malformed> = about.bodies.iter().map(target).collect();
+        let there = Self {
+            client,
+            pool,
+            names: about.bodies.iter().map(|b| b.name.clone()).collect(),
+            targets: targets.map_err(|e| failed(py, e.into()))?,
+            last: None,
+            pending: None,
+            is_lost: false,
+            kept: 0,
+            forgotten: Arc::default(),
+        };
+        Ok((there, about))
+    }
+
+    pub fn now_ns(&self) -> u64 {
+        self.client.place().now_ns
+    }
+
+    pub fn is_lost(&self) -> bool {
+        self.is_lost
+    }
+
+    pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+        if let Some((kind, request)) = &self.pending {
+            // The same once more is what was asked before; anything else comes after it.
+            let again = self.request(py, *kind, asked);
+            if again.is_ok_and(|again| again == *request) {
+                return self.pending_window(py, asked);
+            }
+            self.settle(py)?;
+        }
+        let kind = if asked.t1_ns.is_some() { Kind::Advance } else { Kind::Redo };
+        self.pending = Some((kind, self.request(py, kind, asked)?));
+        self.pending_window(py, asked)
+    }
+
+    fn request(&self, py: Python<'_>, kind: Kind, asked: &Asked) -> PyResult<AdvanceRequest> {
+        if asked.series {
+            return Err(errors::elsewhere(py, "series"));
+        }
+        let mut request = match (kind, asked.t1_ns, &self.last) {
+            (Kind::Advance, Some(t1_ns), _) => self.client.next(t1_ns),
+            (Kind::Redo, None, Some((ends, _))) => self.client.again(*ends),
+            _ => {
+                let text = "redo: expected a window before this one, found none";
+                return Err(errors::refused(py, "nothing_to_redo", text));
+            }
+        };
+        request.motions = asked.motions.iter().map(Into::into).collect();
+        request.loads = asked.loads.iter().map(Into::into).collect();
+        Ok(request)
+    }
+
+    /// Waits for the answer to what is pending, for those who no longer want it.
+    fn settle(&mut self, py: Python<'_>) -> PyResult<()> {
+        if self.pending.is_none() {
+            return Ok(());
+        }
+        match self.answer(py) {
+            Ok(_) => Ok(()),
+            // It was refused: nothing has changed, and that is all that matters now.
+            Err(_) if self.pending.is_none() => Ok(()),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn pending_window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+        let reply = self.answer(py)?;
+        let mut inner = reply.outcome().map_err(|e| failed(py, e.into()))?;
+        if !asked.zones {
+            inner.zones.clear();
+        }
+        let trouble = (!reply.message.is_empty()).then(|| reply.message.clone());
+        let names = Arc::clone(&self.names);
+        Ok(Outcome { inner, trouble, names, series: None })
+    }
+
+    /// Asks for the pending window until there is an answer, and takes up where it leads.
+    fn answer(&mut self, py: Python<'_>) -> PyResult<AdvanceReply> {
+        let Some((kind, request)) = self.pending.clone() else {
+            return Err(errors::error::<Error>(py, "failed", "no window is pending"));
+        };
+        let client = &mut self.client;
+        let is_given_up = Arc::clone(&client.line().is_given_up);
+        let turn = Turn::until(Arc::clone(&is_given_up));
+        let done = attend(py, &self.pool, None, &turn, |_| client.send(kind, &request));
+        is_given_up.store(false, Ordering::Relaxed);
+        let (result, raised) = done?;
+        let reply = match result {
+            Ok(reply) => reply,
+            Err(error) => {
+                if error.fault().is_some() {
+                    self.pending = None;
+                }
+                return Err(raised.unwrap_or_else(|| failed(py, error)));
+            }
+        };
+        self.pending = None;
+        self.take(py, kind, &request, &reply)?;
+        raised.map_or(Ok(reply), Err)
+    }
+
+    /// Where the answered window has led.
+    fn take(
+        &mut self,
+        py: Python<'_>,
+        kind: Kind,
+        request: &AdvanceRequest,
+        reply: &AdvanceReply,
+    ) -> PyResult<()> {
+        if matches!(reply.status, Status::Error | Status::Fatal) {
+            self.is_lost = true;
+            let text = format!("{}; restore a saved state", reply.message);
+            return Err(errors::error::<Lost>(py, "lost", text));
+        }
+        let asked = request.inputs().map_err(|e| failed(py, e.into()))?;
+        let before = match (kind, &self.last) {
+            (Kind::Redo, Some((_, before))) => Arc::clone(before),
+            _ => Arc::clone(&self.targets),
+        };
+        let mut targets = before.to_vec();
+        if reply.status != Status::Discard {
+            let end = u64::try_from(reply.t1_ns).unwrap_or(0);
+            for input in &asked.motions {
+                if let Some(d) = self.names.iter().position(|n| *n == input.body) {
+                    targets[d] = input.waveform.pose(end);
+                }
+            }
+        }
+        let begin = u64::try_from(request.t0_ns).unwrap_or(0);
+        (self.targets, self.last) = (targets.into(), Some(([begin, asked.t1_ns], before)));
+        Ok(())
+    }
+
+    /// Keeps the state, over there.
+    pub fn save(&mut self, py: Python<'_>) -> PyResult<Kept> {
+        self.settle(py)?;
+        self.forget(py)?;
+        self.kept += 1;
+        let name = format!("{}-{}", self.client.id(), self.kept);
+        let client = &mut self.client;
+        let place = py.detach(|| client.save(&name).cloned()).map_err(|e| failed(py, e))?;
+        Ok(Kept {
+            component: self.client.line().keys().name().into(),
+            place,
+            name,
+            names: Arc::clone(&self.names),
+            targets: Arc::clone(&self.targets),
+            forgotten: Arc::clone(&self.forgotten),
+        })
+    }
+
+    /// States that nobody here holds any more need not be kept over there.
+    fn forget(&mut self, py: Python<'_>) -> PyResult<()> {
+        let names =
+            std::mem::take(&mut *self.forgotten.lock().unwrap_or_else(PoisonError::into_inner));
+        let client = &mut self.client;
+        py.detach(|| {
+            for name in names {
+                match client.drop_state(&name) {
+                    // A component that was started anew has none of them.
+                    Err(error) if error.fault().is_none() => return Err(error),
+                    _ => {}
+                }
+            }
+            Ok(())
+        })
+        .map_err(|e| failed(py, e))
+    }
+
+    pub fn restore(&mut self, py: Python<'_>, kept: &Kept) -> PyResult<()> {
+        self.settle(py)?;
+        if !Arc::ptr_eq(&self.forgotten, &kept.forgotten) {
+            let text = format!(
+                "state: expected one that this simulation has saved, found one saved at {}",
+                kept.component
+            );
+            return Err(errors::refused(py, "state_invalid", text));
+        }
+        let client = &mut self.client;
+        py.detach(|| client.restore(&kept.name).map(|_| ())).map_err(|e| failed(py, e))?;
+        (self.targets, self.last, self.is_lost) = (Arc::clone(&kept.targets), None, false);
+        Ok(())
+    }
+
+    /// Leaves; the run stays where it is.
+    pub fn close(self, py: Python<'_>) {
+        // One that does not hear of it notices that the owner is gone.
+        let _ = py.detach(|| self.client.detach());
+    }
+}
+
+/// What a component elsewhere has refused, or why there is no answer.
+fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
+    let code = error.code();
+    match error.fault() {
+        Some(fault) if code == "in_error" => errors::error::<Lost>(py, "lost", fault),
+        Some(fault) => errors::refused(py, &code, fault),
+        None => errors::error::<Unreachable>(py, &code, error),
+    }
+}
+
+/// A simulation that the component `site/id` computes.
+#[pyfunction]
+pub fn attach(
+    py: Python<'_>,
+    component: &str,
+    connect: Vec<String>,
+    listen: Vec<String>,
+    config: Option<std::path::PathBuf>,
+) -> PyResult<crate::simulation::Simulation> {
+    let (there, about) = There::attach(py, component, Link { config, listen, connect })?;
+    Ok(crate::simulation::Simulation::there(there, about))
+}

@@ -1,0 +1,191 @@
+"""A simulation that another process computes: the same class, the same bytes."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import ballast
+import numpy as np
+import pytest
+from conftest import ROOT
+
+PROGRAM = ROOT / "target/release/ballast"
+KEY = "test/bed"
+
+
+class Served:
+    """`ballast serve` of the small case."""
+
+    def __init__(self, beds: Path, folder: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+        case = ROOT / "interfaces/cli/tests/data/tiny.toml"
+        self.command = [
+            PROGRAM, "serve", case, "--key", KEY, "--listen", self.endpoint, "--beds", beds, "--out", folder,
+            "--checkpoint-every", "0", "--threads", "1", "--json",
+        ]  # fmt: skip
+        self.start()
+
+    def start(self, *more: str) -> None:
+        self.process = subprocess.Popen(
+            [*self.command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        assert self.process.stdout and self.process.stderr
+        for line in self.process.stdout:
+            if json.loads(line)["event"] == "ready":
+                return
+        raise AssertionError(self.process.stderr.read())
+
+    def open(self) -> ballast.Simulation:
+        return ballast.open(f"zenoh:{KEY}", connect=[self.endpoint])
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+
+@pytest.fixture
+def served(beds: Path, tmp_path: Path) -> Iterator[Served]:
+    served = Served(beds, tmp_path / "serve")
+    yield served
+    served.end()
+
+
+def down(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ballast.Motion]:
+    """All tines go down by `depth` (m) at constant speed within the next steps."""
+    times = [sim.now_ns, sim.now_ns + steps * sim.step_ns]
+    state, motions = sim.save(), {}
+    for name in sim.bodies:
+        if name.startswith("tine"):
+            x, q = state.target(name)
+            motions[name] = ballast.Motion(times, [x, x - [0.0, 0.0, depth]], [q, q])
+    return motions
+
+
+def told(sim: ballast.Simulation, out: ballast.Outcome) -> object:
+    """An outcome in numbers that can be compared to the bit."""
+
+    def numbers(body: ballast.BodyOutcome) -> list[object]:
+        names = [n for n in dir(body) if not n.startswith("_")]
+        return [(n, np.asarray(getattr(body, n)).tobytes()) for n in names]
+
+    solver = [getattr(out.solver, n) for n in dir(out.solver) if not n.startswith("_")]
+    energy = [getattr(out.energy, n) for n in dir(out.energy) if not n.startswith("_")]
+    bodies = {name: numbers(body) for name, body in out.bodies.items()}
+    ends = (out.status, out.trouble, out.t0_ns, out.t1_ns, out.steps, out.hint_max_step_ns)
+    return ends, bodies, solver, energy, sim.save().hash
+
+
+def story(sim: ballast.Simulation) -> list[object]:
+    """Windows, a window again, a state taken up again, requests without sense."""
+    h, said = sim.step_ns, []
+    for n in (1, 3):
+        said.append(told(sim, sim.advance_to(sim.now_ns + n * h, down(sim, 2e-4 * n, n))))
+    kept = sim.save()
+    motions = down(sim, 4e-4, 2)
+    said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))
+    slower = {name: ballast.Motion([kept.time_ns, kept.time_ns + 2 * h], [x, x - [0, 0, 1e-4]], [q, q])
+              for name in motions for x, q in [kept.target(name)]}  # fmt: skip
+    said.append(told(sim, sim.redo(slower)))
+    said.append([x.tobytes() for name in motions for x in sim.save().target(name)])
+    sim.restore(kept)
+    said.append((sim.now_ns, sim.save().hash, kept.time_ns, kept.hash))
+    said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))
+    for ask in (
+        lambda: sim.advance_to(sim.now_ns + 1),
+        lambda: sim.advance_to(sim.now_ns + h, {"nobody": next(iter(motions.values()))}),
+        lambda: sim.advance_to(sim.now_ns + h, motions),
+        lambda: (sim.restore(kept), sim.redo()),
+        lambda: sim.save().target("nobody"),
+    ):
+        with pytest.raises(ballast.Refused) as refused:
+            ask()
+        said.append((refused.value.code, str(refused.value)))
+    return said
+
+
+def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> None:
+    with served.open() as there:
+        assert isinstance(there, ballast.Simulation)
+        assert (there.bodies, there.step_ns) == (sim.bodies, sim.step_ns)
+        assert (there.grains, there.schedule) == (sim.grains, sim.schedule)
+        assert story(there) == story(sim)
+        assert there.advance_to(there.now_ns + there.step_ns, zones=True).zones
+
+
+def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:
+    with served.open() as there:
+        kept = there.save()
+        for ask in (
+            there.fork, there.zones, there.step_by_machine, lambda: there.case, lambda: there.masses,
+            lambda: there.phase, lambda: there.record(tmp_path / "run.mcap"), lambda: kept.positions,
+            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept),
+        ):  # fmt: skip
+            with pytest.raises(ballast.Refused, match="another computes") as refused:
+                ask()
+            assert refused.value.code == "elsewhere"
+        for to, state in ((sim, kept), (there, sim.save())):
+            with pytest.raises(ballast.Refused, match="state: expected") as refused:
+                to.restore(state)
+            assert refused.value.code == "state_invalid"
+        with pytest.raises(ballast.Refused, match="python") as refused:
+            served.open()
+        assert refused.value.code == "busy"
+    assert there.is_closed
+    for wrong in ({"seed": 1}, {"threads": 2}, {"keep_early": True}):
+        with pytest.raises(TypeError, match=next(iter(wrong))):
+            ballast.open(f"zenoh:{KEY}", **wrong)
+    with pytest.raises(TypeError, match="connect"):
+        ballast.open("case.toml", connect=["tcp/127.0.0.1:1"])
+    with pytest.raises(ballast.Unreachable, match="site/id|SITE/ID|key") as unreachable:
+        ballast.open("zenoh:nonsense")
+    assert unreachable.value.code == "name"
+
+
+def test_states_that_nobody_holds_are_forgotten(served: Served) -> None:
+    with served.open() as there:
+        first = there.save()
+        # More than a component keeps.
+        for _ in range(100):
+            there.save()
+        there.restore(first)
+
+
+def test_a_component_that_comes_back_goes_on(sim: ballast.Simulation, served: Served) -> None:
+    with served.open() as there:
+        for s in (sim, there):
+            s.advance_to(s.now_ns + 2 * s.step_ns, down(s, 1e-4, 2))
+        motions = down(there, 2e-4, 2)
+        served.end()
+        with pytest.raises(ballast.Unreachable) as lost:
+            there.advance_to(there.now_ns + 2 * there.step_ns, motions)
+        assert lost.value.code == "peer_lost"
+        served.start("--resume")
+        out = there.advance_to(there.now_ns + 2 * there.step_ns, motions)
+        expected = told(sim, sim.advance_to(sim.now_ns + 2 * sim.step_ns, down(sim, 2e-4, 2)))
+        assert told(there, out) == expected
+
+
+def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served: Served) -> None:
+    n = 400
+    with served.open() as there:
+        end, motions = n * sim.step_ns, down(there, 1e-3, n)
+        threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            there.advance_to(end, motions)
+        # What was asked goes on over there, and the same call gives its outcome.
+        out = there.advance_to(end, motions)
+        assert out.steps == n
+        assert told(there, out) == told(sim, sim.advance_to(end, down(sim, 1e-3, n)))
+        # Any other call comes after it.
+        threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
+        with pytest.raises(KeyboardInterrupt):
+            there.advance_to(2 * end)
+        assert there.save().time_ns == 2 * end == there.now_ns
