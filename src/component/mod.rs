@@ -83,6 +83,8 @@ pub struct Component {
     state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
     last: Option<(Arc<State>, u64)>,
+    /// A state that nobody needs any more: memory for the next copy.
+    spare: Option<Arc<State>>,
     workspace: Workspace,
     speed_limit: SpeedLimit,
 }
@@ -107,6 +109,7 @@ impl Component {
             zones: Arc::new([]),
             state,
             last: None,
+            spare: None,
             workspace: Workspace::default(),
             speed_limit,
         })
@@ -210,9 +213,11 @@ impl Component {
             memory = Memory::read(&self.state.drive, model.driven.len());
         } else {
             memory.twist = plan.twists(self.now_ns());
-            memory.write(&mut Arc::make_mut(&mut self.state).drive);
+            memory.write(&mut own(&mut self.state, &mut self.spare).drive);
         }
-        self.last = Some((before, t1_ns));
+        if let Some((old, _)) = self.last.replace((before, t1_ns)) {
+            self.spare = Some(old);
+        }
         let end = End {
             model: &model,
             state: &self.state,
@@ -242,8 +247,9 @@ impl Component {
         let (before, t1) = self.last.clone().ok_or(Refusal::NothingToRedo)?;
         let after = std::mem::replace(&mut self.state, before);
         let result = self.advance_watched(t1, inputs, watch);
-        if result.is_err() {
-            self.state = after;
+        match &result {
+            Ok(_) => self.spare = Some(after),
+            Err(_) => self.state = after,
         }
         result
     }
@@ -283,6 +289,7 @@ impl Component {
             zones: Arc::clone(&self.zones),
             state: Arc::clone(&self.state),
             last: self.last.clone(),
+            spare: None,
             workspace: Workspace::default(),
             speed_limit: self.speed_limit.clone(),
         }
@@ -316,8 +323,8 @@ impl Component {
         // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
         let before = self.limits.penetration.is_finite().then(|| Arc::clone(&self.state));
         let inputs = Inputs { targets: &targets, loads: &loads };
-        let state = Arc::make_mut(&mut self.state);
-        let report = step(&self.model, state, &inputs, &mut self.workspace, stopwatch)?;
+        let Self { model, state, spare, workspace, .. } = self;
+        let report = step(model, own(state, spare), &inputs, workspace, stopwatch)?;
         if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
             let time_s = before.time();
             self.state = before;
@@ -330,4 +337,16 @@ impl Component {
         }
         Ok(report)
     }
+}
+
+/// The state, for writing: if someone else holds it too, a copy in the memory of `spare`, if nobody holds that.
+fn own<'a>(state: &'a mut Arc<State>, spare: &mut Option<Arc<State>>) -> &'a mut State {
+    if Arc::get_mut(state).is_none()
+        && let Some(mut copy) = spare.take()
+        && let Some(memory) = Arc::get_mut(&mut copy)
+    {
+        memory.clone_from(state);
+        *state = copy;
+    }
+    Arc::make_mut(state)
 }
