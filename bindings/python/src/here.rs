@@ -20,6 +20,7 @@ use rayon::ThreadPool;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// What does not change while a simulation of this process is stepped.
 #[derive(Clone)]
@@ -140,12 +141,14 @@ impl Here {
                     ControlFlow::Continue(())
                 }
             };
-            match asked.t1_ns {
+            let begin = Instant::now();
+            let result = match asked.t1_ns {
                 Some(t1) => component.advance_watched(t1, window, &mut watch),
                 None => component.redo_watched(window, &mut watch),
-            }
+            };
+            (result, begin.elapsed())
         });
-        let (result, raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
+        let ((result, took), raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
         let mut outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
         let is_discarded = outcome.status == Status::Discard;
         self.machine = if is_discarded { machine_before.clone() } else { machine };
@@ -161,7 +164,7 @@ impl Here {
         }
         let trouble = outcome.trouble.as_ref().map(ToString::to_string);
         let series = series.map(|s| Py::new(py, s)).transpose()?;
-        Ok(Outcome { inner: outcome, trouble, names, series })
+        Ok(Outcome { inner: outcome, trouble, wall_s: took.as_secs_f64(), names, series })
     }
 
     /// The program failed inside.

@@ -14,6 +14,8 @@ pub struct Outcome {
     pub inner: component::Outcome,
     /// What ended the window, where something did.
     pub trouble: Option<String>,
+    /// How long the window took, s: to compute, or elsewhere until it was answered.
+    pub wall_s: f64,
     /// Of the driven bodies `[nd]`.
     pub names: Arc<[String]>,
     pub series: Option<Py<Series>>,
@@ -73,6 +75,11 @@ impl Outcome {
     #[getter]
     fn hint_max_step_ns(&self) -> u64 {
         self.inner.hint_max_step_ns
+    }
+
+    #[getter]
+    fn wall_s(&self) -> f64 {
+        self.wall_s
     }
 
     #[getter]

@@ -18,6 +18,7 @@ use pyo3::prelude::*;
 use rayon::ThreadPool;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
 /// Where the next motion of each driven body begins `[nd]`.
 type Targets = Arc<[Pose]>;
@@ -140,14 +141,16 @@ impl There {
     }
 
     fn pending_window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+        let begin = Instant::now();
         let reply = self.answer(py)?;
+        let wall_s = begin.elapsed().as_secs_f64();
         let mut inner = reply.outcome().map_err(|e| failed(py, e.into()))?;
         if !asked.zones {
             inner.zones.clear();
         }
         let trouble = (!reply.message.is_empty()).then(|| reply.message.clone());
         let names = Arc::clone(&self.names);
-        Ok(Outcome { inner, trouble, names, series: None })
+        Ok(Outcome { inner, trouble, wall_s, names, series: None })
     }
 
     /// Asks for the pending window until there is an answer, and takes up where it leads.

@@ -414,6 +414,10 @@ class Outcome:
         """How far apart knots may be for no body to move too far between them at its speed now, ns."""
 
     @property
+    def wall_s(self) -> float:
+        """How long the window took to compute, s of wall time; elsewhere: until it was answered."""
+
+    @property
     def series(self) -> Series | None:
         """Step by step, where `series=True` asked for it."""
 
