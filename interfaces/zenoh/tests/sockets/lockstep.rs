@@ -26,7 +26,17 @@ fn windows_of_a_millisecond_over_a_socket_give_the_states_of_one_process() {
 fn a_component_says_what_it_is_and_what_it_waits_for() {
     let served = Served::new();
     let line = Line::open(KEY, &served.link(), patient()).unwrap();
-    let description = line.describe().unwrap();
+    // The thread that serves may not have got that far yet.
+    let begin = Instant::now();
+    let description = loop {
+        match line.describe() {
+            Ok(description) => break description,
+            Err(error) => {
+                assert_eq!(error.fault().map(|f| f.code), Some(Code::Settling), "{error}");
+                assert!(begin.elapsed() < Duration::from_secs(20), "never ready");
+            }
+        }
+    };
     assert_eq!((description.key.as_str(), description.step_ns), (KEY, WINDOW / 5));
     assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "held"));
     assert_eq!(description.parameters["schedule"], "synchronous");
