@@ -4,14 +4,16 @@
 
 use super::waveform::Twist;
 use crate::math::Vec3;
+use crate::observe::{SqueezeMeter, SqueezeRule};
 use crate::step::Reaction;
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// How long the moving mean of forces looks back, ns: over half a vibration a single force says little,
 /// beyond it the mean comes too late.
 const LOOK_BACK_NS: u64 = 4_000_000;
 /// Begins the numbers, so that those of another drive are not taken for them: no quantity has this value.
-const MARK: f64 = f64::from_bits(0x0000_ba11_a57c_0de1);
+const MARK: f64 = f64::from_bits(0x0000_ba11_a57c_0de2);
 /// Numbers per body: whether its twist is known, and the twist.
 const TWIST: usize = 7;
 /// Numbers per body and step: impulse and angular impulse.
@@ -44,30 +46,45 @@ impl Recent {
     }
 }
 
-/// Twists in which bodies left the last window, and what the ballast did to them in the last steps.
+/// Twists in which bodies left the last window, what the ballast did to them in the last steps, and how far
+/// squeezes are.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Memory {
     /// Where the last window said so `[nd]`.
     pub twist: Vec<Option<Twist>>,
     pub recent: Recent,
+    pub squeezes: SqueezeMeter,
 }
 
 impl Memory {
-    /// Reads what [`Memory::write`] left for `bodies` driven bodies.
-    pub fn read(drive: &[f64], bodies: usize) -> Self {
-        let nothing = Self { twist: vec![None; bodies], recent: Recent::default() };
+    /// Reads what [`Memory::write`] left for `bodies` driven bodies and the pairs of `rule`.
+    pub fn read(drive: &[f64], bodies: usize, rule: &Arc<SqueezeRule>) -> Self {
+        Self::written(drive, bodies, rule).unwrap_or_else(|| Self {
+            twist: vec![None; bodies],
+            recent: Recent::default(),
+            squeezes: SqueezeMeter::new(Arc::clone(rule)),
+        })
+    }
+
+    fn written(drive: &[f64], bodies: usize, rule: &Arc<SqueezeRule>) -> Option<Self> {
+        let ([mark, length], rest) = drive.split_first_chunk()?;
         let row = REACTION * bodies;
-        let Some((mark, rest)) = drive.split_first() else { return nothing };
-        let Some((twists, steps)) = rest.split_at_checked(TWIST * bodies) else { return nothing };
-        if *mark != MARK || row == 0 || !steps.len().is_multiple_of(row) {
-            return nothing;
+        if *mark != MARK || row == 0 || *length > rest.len() as f64 {
+            return None;
+        }
+        let (squeezes, rest) = rest.split_at_checked(*length as usize)?;
+        let squeezes = SqueezeMeter::read(Arc::clone(rule), squeezes)?;
+        let (twists, steps) = rest.split_at_checked(TWIST * bodies)?;
+        if !steps.len().is_multiple_of(row) {
+            return None;
         }
         let vector = |n: &[f64]| Vec3::new(n[0], n[1], n[2]);
         let twist = |n: &[f64; TWIST]| {
             (n[0] == 1.0).then(|| Twist { velocity: vector(&n[1..4]), spin: vector(&n[4..7]) })
         };
         let reaction = |n: &[f64; REACTION]| [vector(&n[..3]), vector(&n[3..])];
-        Self {
+        Some(Self {
+            squeezes,
             twist: twists.as_chunks().0.iter().map(twist).collect(),
             recent: Recent {
                 steps: steps
@@ -75,12 +92,14 @@ impl Memory {
                     .map(|step| step.as_chunks().0.iter().map(reaction).collect())
                     .collect(),
             },
-        }
+        })
     }
 
     pub fn write(&self, drive: &mut Vec<f64>) {
         drive.clear();
-        drive.push(MARK);
+        drive.extend([MARK, 0.0]);
+        self.squeezes.write(drive);
+        drive[1] = (drive.len() - 2) as f64;
         for twist in &self.twist {
             drive.push(f64::from(u8::from(twist.is_some())));
             let Twist { velocity, spin } = twist.unwrap_or_default();

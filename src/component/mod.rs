@@ -9,6 +9,7 @@
 mod load;
 mod memory;
 mod outcome;
+mod parameters;
 mod refusal;
 mod waveform;
 mod window;
@@ -16,6 +17,7 @@ mod window;
 pub use load::{LoadKnot, LoadWaveform};
 pub use memory::Recent;
 pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
+pub use parameters::Parameters;
 pub use refusal::Refusal;
 pub use waveform::{Interpolation, Knot, Waveform};
 pub use window::{Input, LoadInput, Window};
@@ -24,7 +26,7 @@ use crate::drive::Inputs;
 use crate::error::Error;
 use crate::model::Model;
 use crate::motion::SpeedLimit;
-use crate::observe::Zone;
+use crate::observe::{SqueezeRule, Zone};
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, step};
 use crate::workspace::Workspace;
@@ -79,6 +81,7 @@ pub struct Component {
     model: Arc<Model>,
     limits: Limits,
     zones: Arc<[Zone]>,
+    squeezes: Arc<SqueezeRule>,
     /// Copied on writing: whoever was given a state keeps what it was, and pays for no copy.
     state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
@@ -107,6 +110,7 @@ impl Component {
             model,
             limits,
             zones: Arc::new([]),
+            squeezes: Arc::default(),
             state,
             last: None,
             spare: None,
@@ -121,8 +125,19 @@ impl Component {
         self
     }
 
+    /// The same, following the squeezes of the pairs of `rule`. What is known of them is part of the state.
+    pub fn with_squeezes(mut self, rule: SqueezeRule) -> Self {
+        self.squeezes = Arc::new(rule);
+        self
+    }
+
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The model, shared: it stays what it is when parameters change.
+    pub fn shared_model(&self) -> Arc<Model> {
+        Arc::clone(&self.model)
     }
 
     pub fn state(&self) -> &State {
@@ -175,7 +190,7 @@ impl Component {
     ) -> Result<Outcome, Refusal> {
         let steps = self.steps_to(t1_ns)?;
         let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
-        let mut memory = Memory::read(&self.state.drive, model.driven.len());
+        let mut memory = Memory::read(&self.state.drive, model.driven.len(), &self.squeezes);
         let plan = Plan::check(&model, &self.state, &memory, &limits, t1_ns, &window)?;
         let before = Arc::clone(&self.state);
         let mut account = Account::new(&model, before.time_ns);
@@ -186,6 +201,7 @@ impl Component {
                 Ok(report) => {
                     account.take(&report, &self.state, model.stepping.h());
                     memory.recent.take(&report.reactions, model.stepping.step_ns);
+                    memory.squeezes.take(&model, &self.state, &report);
                     if let ControlFlow::Break(kept) = watch(&self.state, &report)
                         && self.now_ns() < t1_ns
                     {
@@ -210,7 +226,7 @@ impl Component {
         if status == Status::Discard {
             self.state = Arc::clone(&before);
             account = Account::new(&model, self.now_ns());
-            memory = Memory::read(&self.state.drive, model.driven.len());
+            memory = Memory::read(&self.state.drive, model.driven.len(), &self.squeezes);
         } else {
             memory.twist = plan.twists(self.now_ns());
             memory.write(&mut own(&mut self.state, &mut self.spare).drive);
@@ -225,9 +241,10 @@ impl Component {
             // After a step that failed, the contacts are not those of the state.
             zones: if status == Status::Discard { &[] } else { &self.zones },
             recent: &memory.recent,
+            squeezes: memory.squeezes.tell(),
             farthest: self.speed_limit.way,
         };
-        Ok(account.close(status, trouble, &end))
+        Ok(account.close(status, trouble, end))
     }
 
     /// Computes the last window again from its beginning, with other inputs; also one that was discarded.
@@ -287,6 +304,7 @@ impl Component {
             model: Arc::clone(&self.model),
             limits: self.limits,
             zones: Arc::clone(&self.zones),
+            squeezes: Arc::clone(&self.squeezes),
             state: Arc::clone(&self.state),
             last: self.last.clone(),
             spare: None,

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::geometry::AxisBox;
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
-use crate::observe::{self, Zone};
+use crate::observe::{self, SqueezeOutcome, Zone};
 use crate::state::{EnergyLedger, State};
 use crate::step::StepReport;
 use crate::workspace::Workspace;
@@ -49,6 +49,8 @@ pub struct Outcome {
     pub bodies: Vec<BodyOutcome>,
     /// Of the component's zones, at the end of the window.
     pub zones: Vec<ZoneOutcome>,
+    /// Those that were in progress during the window, ended ones first.
+    pub squeezes: Vec<SqueezeOutcome>,
     pub solver: SolverOutcome,
     /// Since the start of the run.
     pub energy: EnergyLedger,
@@ -62,7 +64,7 @@ impl Outcome {
     ///
     /// [`Component`]: super::Component
     /// [`step`]: crate::step::step
-    pub fn of_step(report: &StepReport, end: &End) -> Self {
+    pub fn of_step(report: &StepReport, end: End) -> Self {
         let (model, state) = (end.model, end.state);
         let mut account = Account::new(model, state.time_ns - model.stepping.step_ns);
         account.take(report, state, model.stepping.h());
@@ -140,6 +142,8 @@ pub struct End<'a> {
     pub zones: &'a [Zone],
     /// Has taken the last step.
     pub recent: &'a Recent,
+    /// As the meter that has taken the last step tells them.
+    pub squeezes: Vec<SqueezeOutcome>,
     /// Farthest that a point of a driven body may be led in a step, m: that of a
     /// [`SpeedLimit`](crate::motion::SpeedLimit).
     pub farthest: f64,
@@ -210,7 +214,7 @@ impl Account {
         solver.max_penetration = solver.max_penetration.max(report.max_penetration);
     }
 
-    pub fn close(mut self, status: Status, trouble: Option<Error>, end: &End) -> Outcome {
+    pub fn close(mut self, status: Status, trouble: Option<Error>, end: End) -> Outcome {
         let state = end.state;
         let seconds = (state.time_ns - self.t0_ns) as f64 * 1e-9;
         let ng = end.model.grains.len();
@@ -234,6 +238,7 @@ impl Account {
             hint_max_step_ns: end.hint(&self.bodies),
             bodies: self.bodies,
             zones: measure(end.model, state, end.workspace, end.zones),
+            squeezes: end.squeezes,
             solver: self.solver,
             energy: state.energy,
         }

@@ -1,144 +1,362 @@
 //! What each tine pair does in a squeeze: onset of contact, peak force, closing, compaction energy,
 //! force-displacement loop.
 //!
-//! Reads: the steps' reactions of the tines. Writes: its own records. Cost: O(tines) per step.
-//! Contract: measuring changes nothing. Signs: a force is positive when the ballast resists closing.
+//! Reads: states, and the steps' reactions of the tines. Writes: its own records. Cost: O(tines) per step.
+//! Contract: measuring changes nothing; what is told depends on the steps, not on who moves the tines nor on
+//! how time is cut into windows. Signs: a force is positive when the ballast resists closing.
+//!
+//! Whoever moves the tines need not say when a squeeze begins: it is seen in their motion, averaged over a
+//! vibration period, which takes the vibration out of it. A squeeze begins where a pair is at its widest before
+//! it closes by more than [`LEAST_CLOSING`], and is over when it has opened again by as much from its narrowest.
 //!
 //! Loops and energies tell worn ballast from good: both are those of published squeeze tests.
 
 use crate::error::{Error, Result};
+use crate::model::Model;
+use crate::state::State;
 use crate::step::StepReport;
+use std::sync::Arc;
 
 /// The tines of a pair: index among the driven bodies, and closing direction along x, +1 or -1.
 pub type PairTines = Vec<(usize, f64)>;
 
-/// What is known of the squeeze of one pair.
+/// By how much the mean way of a side over a period must change to be closing or opening, m: more than a
+/// vibration of another frequency than the period's leaves in the mean, little against strokes of 20 to 100 mm.
+pub const LEAST_CLOSING: f64 = 2e-3;
+/// Mean force of a side over a period above which the ballast counts as touched, N.
+pub const TOUCH: f64 = 100.0;
+/// Most points of a loop: a longer one has fewer points per time, each a mean over several periods.
+pub const MOST_POINTS: usize = 128;
+
+/// Tines that close together.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SqueezePair {
+    pub name: String,
+    pub tines: PairTines,
+}
+
+/// Which pairs are looked at, and over how many steps their motion and forces are averaged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SqueezeRule {
+    pairs: Vec<SqueezePair>,
+    /// Steps of a vibration period.
+    period: u32,
+}
+
+impl Default for SqueezeRule {
+    /// Looks at nothing.
+    fn default() -> Self {
+        Self { pairs: Vec::new(), period: 1 }
+    }
+}
+
+impl SqueezeRule {
+    /// A rule for the given pairs and steps of a vibration period.
+    ///
+    /// # Errors
+    /// A pair without tines, a direction that is not ±1, or a period of no steps.
+    pub fn new(pairs: Vec<SqueezePair>, period: u32) -> Result<Self> {
+        let refused = |place: String, expected: &str, found: String| {
+            Err(Error::Input { place, expected: expected.into(), found })
+        };
+        if period == 0 {
+            return refused("period of the squeeze".into(), "at least one step", "0".into());
+        }
+        for SqueezePair { name, tines } in &pairs {
+            if tines.is_empty() || tines.iter().any(|t| t.1.abs() != 1.0) {
+                let found = format!("{tines:?}");
+                return refused(
+                    format!("tine pair {name:?}"),
+                    "tines of direction +1 or -1",
+                    found,
+                );
+            }
+        }
+        Ok(Self { pairs, period })
+    }
+}
+
+/// What is known of a squeeze, up to the last whole period.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SqueezeRecord {
-    /// Time since the meter began at which the ballast first resisted above the threshold, s.
-    pub onset: Option<f64>,
-    /// Closing of a side at the onset, m.
+    /// Of the pair, from 1 on.
+    pub number: u32,
+    /// When the pair was at its widest, ns; closings are counted from there.
+    pub began_ns: u64,
+    /// End of the period in which the ballast first resisted by more than [`TOUCH`], ns, and the closing then, m.
+    pub onset_ns: Option<u64>,
     pub onset_closing: f64,
-    /// Largest mean force over a window, N, and the closing at which it occurred, m.
+    /// Largest mean force of a side over a period, N, and the closing at which it occurred, m.
     pub peak_force: f64,
     pub peak_closing: f64,
     /// Largest force of a single step, N: peaks of the vibration included.
     pub peak_step_force: f64,
-    /// Closing of a side at the last step, m.
+    /// Of a side, mean over the last period, m.
     pub closing: f64,
-    /// Work of the pair's tines on the ballast, all directions, J.
+    /// Work of the pair's tines on the ballast, all directions, vibration included, J.
     pub work: f64,
     /// Work of the mean force along the closing, J: the area under the loop, both sides.
     pub compaction_energy: f64,
-    /// The loop: closing of a side (m) and mean force of a side (N), one point per window.
+    /// The loop: closing of a side (m) and mean force of a side (N).
     pub loop_points: Vec<[f64; 2]>,
 }
 
-/// Accumulates the squeeze of every pair of a machine.
+/// A squeeze that was in progress during a window.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SqueezeOutcome {
+    /// Of the pair.
+    pub name: String,
+    /// The pair has opened again.
+    pub is_over: bool,
+    pub record: SqueezeRecord,
+}
+
+/// Follows the pairs of a rule from step to step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SqueezeMeter {
-    pairs: Vec<PairTines>,
-    /// Steps in a window: a vibration period.
-    window: u32,
-    /// Force above which the ballast counts as touched, N.
-    threshold: f64,
-    time: f64,
-    /// Force summed over the steps of the current window `[np]`, N.
-    sum: Vec<f64>,
-    /// Closing and mean force at the end of the last window `[np]`.
-    last: Vec<Option<[f64; 2]>>,
-    in_window: u32,
-    records: Vec<SqueezeRecord>,
+    rule: Arc<SqueezeRule>,
+    /// `[pairs]`.
+    courses: Vec<Course>,
+    /// Over since they were last told.
+    over: Vec<SqueezeOutcome>,
+}
+
+/// How far a pair is.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Course {
+    period: Period,
+    is_squeezing: bool,
+    /// Squeezes so far.
+    count: u32,
+    /// Mean place of the sides along their closing where [`Course::record`] began, m; none before the first
+    /// period is over.
+    widest: Option<f64>,
+    /// Farthest closing since then, m.
+    farthest: f64,
+    /// Mean force of the last period, N.
+    last_force: f64,
+    /// Periods per point of the loop, and those that wait for the next point: how many, sums of closing and force.
+    per_point: u32,
+    waiting: u32,
+    waiting_sum: [f64; 2],
+    record: SqueezeRecord,
+}
+
+/// Sums over the steps of the period under way.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Period {
+    steps: u32,
+    force: f64,
+    place: f64,
+    work: f64,
+    peak_step_force: f64,
 }
 
 impl SqueezeMeter {
-    /// A meter for the given pairs; forces are averaged over `window` steps, a vibration period.
-    ///
-    /// # Errors
-    /// A pair without tines, a direction that is not ±1, or a window of no steps.
-    pub fn new(pairs: Vec<PairTines>, window: u32, threshold: f64) -> Result<Self> {
-        let refused = |place: String, expected: &str, found: String| {
-            Err(Error::Input { place, expected: expected.into(), found })
+    /// A meter that has seen nothing yet.
+    pub fn new(rule: Arc<SqueezeRule>) -> Self {
+        let courses = vec![Course::default(); rule.pairs.len()];
+        Self { rule, courses, over: Vec::new() }
+    }
+
+    /// Takes the step that has led to `state`.
+    pub fn take(&mut self, model: &Model, state: &State, report: &StepReport) {
+        let (ng, h) = (model.grains.len(), model.stepping.h());
+        for (pair, course) in self.rule.pairs.iter().zip(&mut self.courses) {
+            let tines = &pair.tines;
+            let places = tines.iter().map(|(d, towards)| towards * state.position[ng + d].x);
+            let place = places.sum::<f64>() / tines.len() as f64;
+            let work = tines.iter().map(|t| report.reactions[t.0].work).sum::<f64>();
+            course.period.take(side_force(tines, report, h), place, work);
+            if course.period.steps < self.rule.period {
+                continue;
+            }
+            if let Some(record) = course.end_period(sides(tines), state.time_ns) {
+                self.over.push(SqueezeOutcome { name: pair.name.clone(), is_over: true, record });
+            }
+        }
+    }
+
+    /// What is to be told: the squeezes that have ended since it was last asked, and those in progress.
+    pub fn tell(&mut self) -> Vec<SqueezeOutcome> {
+        let mut told = std::mem::take(&mut self.over);
+        let courses = self.rule.pairs.iter().zip(&self.courses).filter(|(_, c)| c.is_squeezing);
+        told.extend(courses.map(|(pair, course)| SqueezeOutcome {
+            name: pair.name.clone(),
+            is_over: false,
+            record: course.record.clone(),
+        }));
+        told
+    }
+
+    /// Takes up what [`SqueezeMeter::write`] has left for this rule; nothing where it cannot be that.
+    pub(crate) fn read(rule: Arc<SqueezeRule>, numbers: &[f64]) -> Option<Self> {
+        let mut rest = numbers;
+        let courses = rule.pairs.iter().map(|_| Course::read(&mut rest)).collect::<Option<_>>()?;
+        rest.is_empty().then_some(Self { rule, courses, over: Vec::new() })
+    }
+
+    pub(crate) fn write(&self, numbers: &mut Vec<f64>) {
+        self.courses.iter().for_each(|course| course.write(numbers));
+    }
+}
+
+impl Period {
+    fn take(&mut self, force: f64, place: f64, work: f64) {
+        self.peak_step_force =
+            if self.steps == 0 { force } else { self.peak_step_force.max(force) };
+        self.steps += 1;
+        self.force += force;
+        self.place += place;
+        self.work += work;
+    }
+}
+
+/// Numbers of a course besides its loop.
+const NUMBERS: usize = 26;
+
+impl Course {
+    /// The squeeze that is over with this period, if one is.
+    fn end_period(&mut self, sides: f64, now_ns: u64) -> Option<SqueezeRecord> {
+        let period = std::mem::take(&mut self.period);
+        let steps = f64::from(period.steps);
+        let (place, force) = (period.place / steps, period.force / steps);
+        let closing = match self.widest {
+            Some(widest) if self.is_squeezing || place > widest => place - widest,
+            _ => {
+                self.begin(&period, place, now_ns);
+                return None;
+            }
         };
-        if window == 0 {
-            return refused("window of the squeeze".into(), "at least one step", "0".into());
+        let before = self.record.closing;
+        self.record.compaction_energy +=
+            sides * 0.5 * (self.last_force + force) * (closing - before);
+        self.record.work += period.work;
+        self.note(&period, closing, force, now_ns);
+        self.farthest = self.farthest.max(closing);
+        if !self.is_squeezing && closing > LEAST_CLOSING {
+            self.is_squeezing = true;
+            self.count += 1;
+            self.record.number = self.count;
         }
-        for (p, pair) in pairs.iter().enumerate() {
-            if pair.is_empty() || pair.iter().any(|t| t.1.abs() != 1.0) {
-                let found = format!("{pair:?}");
-                return refused(format!("tine pair {p}"), "tines of direction +1 or -1", found);
-            }
+        if !self.is_squeezing || closing >= self.farthest - LEAST_CLOSING {
+            return None;
         }
-        let n = pairs.len();
-        Ok(Self {
-            pairs,
-            window,
-            threshold,
-            time: 0.0,
-            sum: vec![0.0; n],
-            last: vec![None; n],
-            in_window: 0,
-            records: vec![SqueezeRecord::default(); n],
-        })
+        let over = std::mem::take(&mut self.record);
+        self.begin(&period, place, now_ns);
+        Some(over)
     }
 
-    /// Takes one step of `h` seconds, at whose end each side of pair `p` has closed by
-    /// `closing[p]` (m).
-    ///
-    /// # Errors
-    /// Closings or reactions that do not fit the pairs.
-    pub fn record(&mut self, report: &StepReport, closing: &[f64], h: f64) -> Result<()> {
-        let bodies = self.pairs.iter().flatten().map(|t| t.0 + 1).max().unwrap_or(0);
-        if closing.len() != self.pairs.len() || report.reactions.len() < bodies {
-            return Err(Error::Input {
-                place: "squeeze".into(),
-                expected: format!("{} closings, {bodies} reactions", self.pairs.len()),
-                found: format!("{} and {}", closing.len(), report.reactions.len()),
-            });
-        }
-        self.time += h;
-        self.in_window += 1;
-        let window_ends = self.in_window == self.window;
-        for p in 0..self.pairs.len() {
-            let force = side_force(&self.pairs[p], report, h);
-            self.sum[p] += force;
-            let record = &mut self.records[p];
-            if record.onset.is_none() && force > self.threshold {
-                record.onset = Some(self.time);
-                record.onset_closing = closing[p];
-            }
-            record.peak_step_force = record.peak_step_force.max(force);
-            record.work += self.pairs[p].iter().map(|t| report.reactions[t.0].work).sum::<f64>();
-            record.closing = closing[p];
-            if window_ends {
-                self.end_window(p, closing[p]);
-            }
-        }
-        if window_ends {
-            self.in_window = 0;
-        }
-        Ok(())
+    /// The pair is at its widest, for now.
+    fn begin(&mut self, period: &Period, place: f64, now_ns: u64) {
+        let count = self.count;
+        *self = Self { count, widest: Some(place), per_point: 1, ..Self::default() };
+        self.record.began_ns = now_ns;
+        self.note(period, 0.0, period.force / f64::from(period.steps), now_ns);
     }
 
-    fn end_window(&mut self, p: usize, closing: f64) {
-        let force = self.sum[p] / f64::from(self.window);
-        self.sum[p] = 0.0;
-        let record = &mut self.records[p];
+    /// Notes forces and the closing at the end of a period.
+    fn note(&mut self, period: &Period, closing: f64, force: f64, now_ns: u64) {
+        let record = &mut self.record;
+        if record.onset_ns.is_none() && force > TOUCH {
+            (record.onset_ns, record.onset_closing) = (Some(now_ns), closing);
+        }
         if force > record.peak_force {
-            record.peak_force = force;
-            record.peak_closing = closing;
+            (record.peak_force, record.peak_closing) = (force, closing);
         }
-        if let Some([closed, before]) = self.last[p] {
-            let sides = sides(&self.pairs[p]);
-            record.compaction_energy += sides * 0.5 * (before + force) * (closing - closed);
+        record.peak_step_force = record.peak_step_force.max(period.peak_step_force);
+        record.closing = closing;
+        self.last_force = force;
+        self.waiting += 1;
+        self.waiting_sum[0] += closing;
+        self.waiting_sum[1] += force;
+        if self.waiting < self.per_point {
+            return;
         }
-        self.last[p] = Some([closing, force]);
-        record.loop_points.push([closing, force]);
+        let periods = f64::from(std::mem::take(&mut self.waiting));
+        let points = &mut self.record.loop_points;
+        points.push(std::mem::take(&mut self.waiting_sum).map(|sum| sum / periods));
+        if points.len() == MOST_POINTS {
+            let mean = |pair: &[[f64; 2]]| [0, 1].map(|k| 0.5 * (pair[0][k] + pair[1][k]));
+            *points = points.chunks_exact(2).map(mean).collect();
+            self.per_point = self.per_point.saturating_mul(2);
+        }
     }
 
-    /// The records of the pairs so far.
-    pub fn records(&self) -> &[SqueezeRecord] {
-        &self.records
+    fn write(&self, numbers: &mut Vec<f64>) {
+        let Self { period, record, .. } = self;
+        let flag = |is: bool| f64::from(u8::from(is));
+        let fixed: [f64; NUMBERS] = [
+            f64::from(period.steps),
+            period.force,
+            period.place,
+            period.work,
+            period.peak_step_force,
+            flag(self.is_squeezing),
+            f64::from(self.count),
+            flag(self.widest.is_some()),
+            self.widest.unwrap_or_default(),
+            self.farthest,
+            self.last_force,
+            f64::from(self.per_point),
+            f64::from(self.waiting),
+            self.waiting_sum[0],
+            self.waiting_sum[1],
+            f64::from(record.number),
+            // Times are exact as numbers for a hundred days.
+            record.began_ns as f64,
+            record.onset_ns.map_or(-1.0, |ns| ns as f64),
+            record.onset_closing,
+            record.peak_force,
+            record.peak_closing,
+            record.peak_step_force,
+            record.closing,
+            record.work,
+            record.compaction_energy,
+            record.loop_points.len() as f64,
+        ];
+        numbers.extend(fixed);
+        numbers.extend(record.loop_points.iter().flatten());
+    }
+
+    fn read(rest: &mut &[f64]) -> Option<Self> {
+        let (n, after) = rest.split_first_chunk::<NUMBERS>()?;
+        let points = n[NUMBERS - 1];
+        if !(0.0..=MOST_POINTS as f64).contains(&points) {
+            return None;
+        }
+        let (points, after) = after.split_at_checked(2 * points as usize)?;
+        *rest = after;
+        Some(Self {
+            period: Period {
+                steps: n[0] as u32,
+                force: n[1],
+                place: n[2],
+                work: n[3],
+                peak_step_force: n[4],
+            },
+            is_squeezing: n[5] == 1.0,
+            count: n[6] as u32,
+            widest: (n[7] == 1.0).then_some(n[8]),
+            farthest: n[9],
+            last_force: n[10],
+            per_point: n[11] as u32,
+            waiting: n[12] as u32,
+            waiting_sum: [n[13], n[14]],
+            record: SqueezeRecord {
+                number: n[15] as u32,
+                began_ns: n[16] as u64,
+                onset_ns: (n[17] >= 0.0).then_some(n[17] as u64),
+                onset_closing: n[18],
+                peak_force: n[19],
+                peak_closing: n[20],
+                peak_step_force: n[21],
+                closing: n[22],
+                work: n[23],
+                compaction_energy: n[24],
+                loop_points: points.as_chunks().0.to_vec(),
+            },
+        })
     }
 }
 
@@ -154,73 +372,5 @@ pub(crate) fn side_force(pair: &PairTines, report: &StepReport, h: f64) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::Vec3;
-    use crate::step::Reaction;
-
-    const H: f64 = 1e-3;
-
-    /// Both tines of a facing pair are resisted by `force` and do `work` each.
-    fn report(force: f64, work: f64) -> StepReport {
-        let reaction =
-            |x: f64| Reaction { impulse: Vec3::new(x * H, 5.0, 7.0), work, ..Reaction::default() };
-        let reactions = vec![Reaction::default(), reaction(-force), reaction(force)];
-        StepReport { reactions, ..StepReport::default() }
-    }
-
-    fn meter(window: u32) -> SqueezeMeter {
-        SqueezeMeter::new(vec![vec![(1, 1.0), (2, -1.0)]], window, 10.0).unwrap()
-    }
-
-    #[test]
-    fn a_linear_spring_gives_its_own_loop_and_energy() {
-        // 200 kN/m per side after 10 mm of free way; 0.05 mm per step; vibration of one window.
-        let mut meter = meter(10);
-        let stiffness = 2e5;
-        for i in 1..=1000 {
-            let closing = i as f64 * 5e-5;
-            let vibration = 30.0 * (i as f64 * 0.1 * std::f64::consts::TAU).sin();
-            let spring = stiffness * (closing - 0.01_f64).max(0.0);
-            let felt = if spring > 0.0 { spring + vibration } else { 0.0 };
-            meter.record(&report(felt, 0.25), &[closing], H).unwrap();
-        }
-        let record = &meter.records()[0];
-        assert!((record.onset_closing - 0.01005).abs() < 1e-4, "{}", record.onset_closing);
-        assert!((record.onset.unwrap() - 0.201).abs() < 2e-3);
-        assert!((record.closing - 0.05).abs() < 1e-12);
-        // The mean over the last window lags by half a window: 4.5 steps of 10 N.
-        assert!((record.peak_force - (8000.0 - 45.0)).abs() < 1e-6, "{}", record.peak_force);
-        assert!((record.peak_closing - 0.05).abs() < 1e-12);
-        assert!((record.peak_step_force - 8000.0).abs() < 30.0);
-        assert!((record.work - 500.0).abs() < 1e-9);
-        // Two sides of k x²/2 = 160 J each; lag of half a window takes 45 N x 40 mm x 2 = 3.6 J.
-        assert!((record.compaction_energy - 316.4).abs() < 0.2, "{}", record.compaction_energy);
-        assert_eq!(record.loop_points.len(), 100);
-    }
-
-    #[test]
-    fn an_unloading_closes_the_loop() {
-        let mut meter = meter(1);
-        let there = (0..=100).map(|i| (i as f64 * 1e-4, 1000.0));
-        let back = (0..=100).rev().map(|i| (i as f64 * 1e-4, 400.0));
-        for (closing, force) in there.chain(back) {
-            meter.record(&report(force, 0.0), &[closing], H).unwrap();
-        }
-        // Width 600 N, length 10 mm, two sides; the fall from 1000 to 400 N is at constant closing.
-        let found = meter.records()[0].compaction_energy;
-        assert!((found - 12.0).abs() < 1e-9, "{found}");
-    }
-
-    #[test]
-    fn tines_on_one_arm_add_up_and_what_does_not_fit_is_refused() {
-        let mut arm = SqueezeMeter::new(vec![vec![(1, 1.0)], vec![(2, -1.0)]], 1, 0.0).unwrap();
-        arm.record(&report(700.0, 0.0), &[0.0, 0.0], H).unwrap();
-        assert!((arm.records()[0].peak_force - 700.0).abs() < 1e-9);
-        assert!((arm.records()[1].peak_force - 700.0).abs() < 1e-9);
-        assert!(arm.record(&report(1.0, 0.0), &[0.0], H).is_err());
-        assert!(SqueezeMeter::new(vec![vec![]], 1, 0.0).is_err());
-        assert!(SqueezeMeter::new(vec![vec![(1, 0.5)]], 1, 0.0).is_err());
-        assert!(SqueezeMeter::new(vec![vec![(1, 1.0)]], 0, 0.0).is_err());
-    }
-}
+#[path = "squeeze_tests.rs"]
+mod tests;

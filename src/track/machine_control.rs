@@ -44,23 +44,9 @@ pub(super) struct MachineControl {
 
 impl MachineControl {
     pub fn new(plan: &TampingPlan, tines: &[TinePlan], model: &Model) -> Result<Self> {
-        let mut numbers: Vec<u32> = tines.iter().map(|t| t.pair).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        let pairs = numbers
-            .into_iter()
-            .map(|number| {
-                let of_pair = tines.iter().filter(|t| t.pair == number);
-                let tines = of_pair.map(|t| Ok((tine_index(model, &t.name)?, t.direction)));
-                Ok(TinePair { number, tines: tines.collect::<Result<_>>()? })
-            })
-            .collect::<Result<_>>()?;
-        // Without vibration there is no period; a tenth of the squeeze is a steady mean.
-        let period = match plan.vibration.frequency {
-            f if f > 0.0 => 1.0 / f,
-            _ => 0.1 * plan.squeeze.duration,
-        };
-        let steps = (period / model.stepping.h()).round().max(1.0);
+        let pairs = pairs(tines, model)?;
+        let period = period(plan);
+        let steps = period_steps(plan, model);
         if steps > LONGEST_WINDOW {
             return Err(Error::Model {
                 place: "tamping.vibration.frequency".into(),
@@ -151,6 +137,35 @@ impl MachineControl {
         let carried: f64 = tines().map(|(body, _)| report.reactions[*body].impulse.z).sum();
         carried / (h * tines().count().max(1) as f64)
     }
+}
+
+/// The tines of a plan by their pairs, in order of the pairs' numbers.
+pub(super) fn pairs(tines: &[TinePlan], model: &Model) -> Result<Vec<TinePair>> {
+    let mut numbers: Vec<u32> = tines.iter().map(|t| t.pair).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+        .into_iter()
+        .map(|number| {
+            let of_pair = tines.iter().filter(|t| t.pair == number);
+            let tines = of_pair.map(|t| Ok((tine_index(model, &t.name)?, t.direction)));
+            Ok(TinePair { number, tines: tines.collect::<Result<_>>()? })
+        })
+        .collect()
+}
+
+/// Time over which forces are averaged, s. Without vibration there is no period; a tenth of the squeeze is a
+/// steady mean.
+fn period(plan: &TampingPlan) -> f64 {
+    match plan.vibration.frequency {
+        f if f > 0.0 => 1.0 / f,
+        _ => 0.1 * plan.squeeze.duration,
+    }
+}
+
+/// The same in steps, at least one.
+pub(super) fn period_steps(plan: &TampingPlan, model: &Model) -> f64 {
+    (period(plan) / model.stepping.h()).round().max(1.0)
 }
 
 /// Index of the tine called `name` among the driven bodies.

@@ -13,6 +13,7 @@ pub mod scene;
 mod settle;
 mod shape;
 pub mod sleeper;
+mod squeeze;
 pub mod tamping_cycle;
 #[cfg(test)]
 mod test_plan;
@@ -23,6 +24,7 @@ pub use deposit::{Bed, deposit};
 pub use machine_control::TinePair;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
+pub use squeeze::squeezes;
 pub use tamping_cycle::{TampingCycle, TampingPhase, TinePath};
 pub use tine::steel_cantilever;
 pub use zones::zones;

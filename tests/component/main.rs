@@ -5,6 +5,7 @@ mod common;
 
 mod halving;
 mod modes;
+mod parameters;
 mod refusals;
 mod waveforms;
 mod windows;

@@ -14,6 +14,7 @@ use ballast::component::{
 use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
+use ballast::track;
 use ballast::track::zones::zones;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
@@ -56,6 +57,10 @@ impl Here {
         let Snapshot { model, state, case, machine } = start;
         let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refused(py, e.code(), e))?;
+        // What is known of squeezes is part of the state: as every other face has it.
+        let squeezes = track::squeezes(&case.plan, model)
+            .map_err(|e| errors::refused(py, "state_invalid", e))?;
+        let component = component.with_squeezes(squeezes);
         let names = model.driven.iter().map(|d| d.name.clone()).collect();
         let (case, model) = (Arc::clone(case), Arc::clone(model));
         let ground = Ground { case, model, names, pool };
@@ -220,6 +225,6 @@ impl Here {
 
     pub fn stop_recording(&mut self, py: Python<'_>) -> PyResult<()> {
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
-        recorder.finish(py, &self.component)
+        recorder.finish(py)
     }
 }

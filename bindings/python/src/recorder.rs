@@ -38,7 +38,7 @@ impl Recorder {
         let model = component.model();
         if !is_redone {
             // Windows are numbered on from the last one that is written.
-            self.0.settle(model).map_err(|e| errors::file(py, e))?;
+            self.0.settle().map_err(|e| errors::file(py, e))?;
         }
         let motions = window.motions.iter().map(Into::into).collect();
         let mut request = self.0.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
@@ -46,11 +46,11 @@ impl Recorder {
         let hash = ballast_hdf5::state_hash(model, component.state()).into();
         let reply = AdvanceReply::of(&request, model, outcome, hash);
         self.0
-            .window(model, is_redone, &request, &reply, component.save())
+            .window(component.shared_model(), is_redone, &request, &reply, component.save())
             .map_err(|e| errors::file(py, e))
     }
 
-    pub fn finish(self, py: Python<'_>, component: &Component) -> PyResult<()> {
-        self.0.finish(component.model()).map_err(|e| errors::file(py, e))
+    pub fn finish(self, py: Python<'_>) -> PyResult<()> {
+        self.0.finish().map_err(|e| errors::file(py, e))
     }
 }

@@ -58,7 +58,11 @@ pub enum Command {
     /// Solve published friction-contact problems (FCLIB form, HDF5) and measure the errors
     Solve(Solve),
     /// Print the JSON Schema of case files
-    Schema,
+    Schema {
+        /// That of requests and replies over a network instead
+        #[arg(long)]
+        protocol: bool,
+    },
     /// Print the completion script of a shell
     Completions { shell: clap_complete::Shell },
     /// Time the solver on scenes that any program can run

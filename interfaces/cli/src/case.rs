@@ -4,9 +4,14 @@ use crate::args::Overrides;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::read_text;
+use ballast::component::{Component, Limits};
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::track;
 use ballast::track::plan::Plan;
 pub use ballast_scenario::Choices;
 use std::path::Path;
+use std::sync::Arc;
 
 /// No case file is this long.
 const LIMIT: u64 = 16 << 20;
@@ -51,6 +56,18 @@ impl Case {
     /// Steps of the whole run.
     pub fn steps(&self) -> u64 {
         self.plan.run.duration_ns / self.plan.run.stepping.step_ns.max(1)
+    }
+
+    /// The case as a component at `state`, which follows the squeezes of its tines.
+    pub fn component(&self, model: Arc<Model>, state: State) -> Outcome<Component> {
+        let squeezes = track::squeezes(&self.plan, &model).map_err(|e| self.invalid(e))?;
+        let component = Component::new(model, state, Limits::default());
+        Ok(component.map_err(|e| self.invalid(e))?.with_squeezes(squeezes))
+    }
+
+    /// The case cannot be run.
+    pub fn invalid(&self, what: impl std::fmt::Display) -> Failure {
+        Failure::InvalidCase(format!("{}: {what}", self.plan.name))
     }
 
     /// What the prepared bed depends on, as a short text.

@@ -3,10 +3,11 @@
 //! Contract: both lead through the same step of the core; what a recording of the machine is replayed to is
 //! the machine's own state, bit for bit.
 
+use crate::case::Case;
 use crate::exit::{Failure, Outcome};
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Limits, Status};
+use ballast::component::{Component, Status};
 use ballast::drive::Inputs;
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -23,13 +24,13 @@ use std::sync::Arc;
 
 /// A model that is stepped, and who steps it.
 pub struct Engine {
-    model: Arc<Model>,
     cycle: TampingCycle,
     source: Source,
 }
 
 enum Source {
     Machine {
+        model: Box<Model>,
         state: Box<State>,
         workspace: Box<Workspace>,
         targets: Vec<Pose>,
@@ -56,28 +57,31 @@ impl Engine {
     pub fn machine(model: Model, state: State, cycle: TampingCycle) -> Self {
         let (state, workspace) = (Box::new(state), Box::default());
         let speed_limit = SpeedLimit::of(&model);
-        let source = Source::Machine { state, workspace, targets: Vec::new(), speed_limit };
-        Self { model: Arc::new(model), cycle, source }
+        let (model, targets) = (Box::new(model), Vec::new());
+        let source = Source::Machine { model, state, workspace, targets, speed_limit };
+        Self { cycle, source }
     }
 
     /// A recording that moves the bodies from `state` on.
     pub fn recording(
+        case: &Case,
         model: Model,
         state: State,
         cycle: TampingCycle,
         playback: Playback,
     ) -> Outcome<Self> {
-        let model = Arc::new(model);
         let memory = Box::new(Memory::new(&cycle, &state, playback.is_of_the_machine()));
-        let component = Component::new(Arc::clone(&model), state, Limits::default())
-            .map_err(|e| Failure::InvalidCase(e.to_string()))?;
+        let component = case.component(Arc::new(model), state)?;
         let (component, playback) = (Box::new(component), Box::new(playback));
         let source = Source::Recording { component, playback, memory };
-        Ok(Self { model, cycle, source })
+        Ok(Self { cycle, source })
     }
 
     pub fn model(&self) -> &Model {
-        &self.model
+        match &self.source {
+            Source::Machine { model, .. } => model,
+            Source::Recording { component, .. } => component.model(),
+        }
     }
 
     /// The state; what the machine remembers is in [`Engine::whole_state`].
@@ -105,7 +109,7 @@ impl Engine {
 
     /// Fingerprint of model and state.
     pub fn hash(&self) -> u128 {
-        ballast_hdf5::state_hash(&self.model, &self.whole_state())
+        ballast_hdf5::state_hash(self.model(), &self.whole_state())
     }
 
     /// The phase of the machine's cycle; `Done` where something else moves the bodies.
@@ -126,9 +130,9 @@ impl Engine {
 
     /// Takes a step; `None` where the recording ends.
     pub fn step(&mut self, watch: &mut Profile) -> Outcome<Option<Stepped>> {
-        let Self { model, cycle, source } = self;
+        let Self { cycle, source } = self;
         match source {
-            Source::Machine { state, workspace, targets, speed_limit } => {
+            Source::Machine { model, state, workspace, targets, speed_limit } => {
                 let before = imposed(model, state);
                 let t0_ns = state.time_ns;
                 cycle.targets(model, state, targets);
@@ -144,13 +148,20 @@ impl Engine {
                 Ok(Some(Stepped { report, t0_ns, imposed }))
             }
             Source::Recording { component, playback, memory } => {
-                let before = imposed(model, component.state());
+                let before = imposed(component.model(), component.state());
                 let t0_ns = component.now_ns();
-                let t1_ns = t0_ns.saturating_add(model.stepping.step_ns);
-                let Some(inputs) = playback.inputs(t0_ns, t1_ns)? else { return Ok(None) };
+                let t1_ns = t0_ns.saturating_add(component.model().stepping.step_ns);
+                if !playback.reach(t0_ns, t1_ns)? {
+                    return Ok(None);
+                }
+                if let Some(set) = playback.parameters() {
+                    let set = component.set_parameters(&set.into());
+                    set.map_err(|e| Failure::at(playback.path(), e))?;
+                }
+                let (model, inputs) = (component.shared_model(), playback.inputs());
                 let mut taken = None;
                 let mut take = |state: &State, report: &StepReport| {
-                    memory.observe(model, state, report);
+                    memory.observe(&model, state, report);
                     taken = Some(report.clone());
                     ControlFlow::Continue(())
                 };
@@ -161,7 +172,7 @@ impl Engine {
                     let why = outcome.trouble.map_or(String::new(), |e| e.to_string());
                     return Err(Failure::at(playback.path(), why));
                 };
-                let after = imposed(model, component.state());
+                let after = imposed(&model, component.state());
                 let imposed = before.into_iter().zip(after).map(|(a, b)| [a, b]).collect();
                 Ok(Some(Stepped { report, t0_ns, imposed }))
             }

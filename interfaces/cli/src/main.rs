@@ -19,6 +19,7 @@ mod progress;
 mod record;
 mod recorder;
 mod session;
+mod start;
 mod statistics;
 mod summary;
 mod summary_text;
@@ -66,7 +67,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Export(args) => commands::export::export(args, console),
         Command::Solve(args) => commands::solve::solve(args, console),
-        Command::Schema => commands::schema::schema(),
+        Command::Schema { protocol } => commands::schema::schema(protocol),
         Command::Completions { shell } => commands::completions::completions(shell),
         Command::Bench { scene: Bench::Sample(args) } => commands::bench::sample(args),
     }

@@ -6,7 +6,7 @@ use ballast_mcap::Drive;
 use ballast_mcap::messages::Lost;
 use ballast_mcap::motion::Motion;
 use ballast_mcap::recording::Windows;
-use ballast_protocol::messages::Asked;
+use ballast_protocol::messages::{Asked, Parameters};
 use std::path::{Path, PathBuf};
 
 /// A recording that moves bodies.
@@ -17,7 +17,13 @@ pub struct Playback {
 
 enum Script {
     /// Our own windows: the inputs that were given.
-    Windows { windows: Box<Windows>, end_ns: u64, asked: Asked },
+    Windows {
+        windows: Box<Windows>,
+        end_ns: u64,
+        asked: Asked,
+        /// Set before the window at hand, and not asked for yet.
+        parameters: Option<Parameters>,
+    },
     /// Poses from any file.
     Motion(Motion),
 }
@@ -27,7 +33,8 @@ impl Playback {
     pub fn of_windows(windows: Windows) -> Self {
         let path = windows.path().to_path_buf();
         let windows = Box::new(windows);
-        Self { path, script: Script::Windows { windows, end_ns: 0, asked: Asked::default() } }
+        let (end_ns, asked, parameters) = (0, Asked::default(), None);
+        Self { path, script: Script::Windows { windows, end_ns, asked, parameters } }
     }
 
     /// Poses; with `rebase`, the bodies are moved to them from wherever they are.
@@ -61,16 +68,14 @@ impl Playback {
         }
     }
 
-    /// The inputs for the step from `t0_ns` to `t1_ns`; `None` at the end.
-    pub fn inputs(&mut self, t0_ns: u64, t1_ns: u64) -> Outcome<Option<Window<'_>>> {
+    /// Goes on to the step from `t0_ns` to `t1_ns`; whether there is one.
+    pub fn reach(&mut self, t0_ns: u64, t1_ns: u64) -> Outcome<bool> {
         let Self { path, script } = self;
         match script {
-            Script::Motion(motion) => {
-                Ok((t1_ns <= motion.end_ns).then(|| Window::from(&motion.inputs[..])))
-            }
-            Script::Windows { windows, end_ns, asked } => {
+            Script::Motion(motion) => Ok(t1_ns <= motion.end_ns),
+            Script::Windows { windows, end_ns, asked, parameters } => {
                 if *end_ns <= t0_ns {
-                    let Some(window) = windows.next()? else { return Ok(None) };
+                    let Some(window) = windows.next()? else { return Ok(false) };
                     let record = window.record;
                     if u64::try_from(record.t0_ns) != Ok(t0_ns) {
                         let what = format!(
@@ -79,6 +84,7 @@ impl Playback {
                         );
                         return Err(Failure::at(path, what));
                     }
+                    *parameters = window.parameters;
                     // As far as it was computed, not as far as it was asked for.
                     *end_ns = u64::try_from(record.t1_ns).unwrap_or_default();
                     *asked = record
@@ -91,7 +97,25 @@ impl Playback {
                         format!("expected a window of whole steps, found an end at {end_ns} ns");
                     return Err(Failure::at(path, what));
                 }
-                Ok(Some(Window { motions: &asked.motions, loads: &asked.loads }))
+                Ok(true)
+            }
+        }
+    }
+
+    /// What the recording has set before the step at hand, once.
+    pub fn parameters(&mut self) -> Option<Parameters> {
+        match &mut self.script {
+            Script::Windows { parameters, .. } => parameters.take(),
+            Script::Motion(_) => None,
+        }
+    }
+
+    /// The inputs for the step at hand.
+    pub fn inputs(&self) -> Window<'_> {
+        match &self.script {
+            Script::Motion(motion) => Window::from(&motion.inputs[..]),
+            Script::Windows { asked, .. } => {
+                Window { motions: &asked.motions, loads: &asked.loads }
             }
         }
     }

@@ -286,9 +286,8 @@ impl Session {
 
 /// The case's cycle, and whether the state belongs to it.
 pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
-    let invalid = |e: ballast::Error| Failure::InvalidCase(format!("{}: {e}", case.plan.name));
-    let cycle = TampingCycle::new(&case.plan, model).map_err(invalid)?;
-    cycle.check_memory(&state.drive).map_err(invalid)?;
+    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case.invalid(e))?;
+    cycle.check_memory(&state.drive).map_err(|e| case.invalid(e))?;
     Ok(cycle)
 }
 

@@ -4,14 +4,16 @@ use crate::case::Case;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
 use ballast::component;
+use ballast::math::Vec3;
 use ballast::model::Role;
 use ballast::motion::SpeedLimit;
-use ballast::observe::Zone;
-use ballast::track::TampingPhase;
+use ballast::observe::{SqueezeMeter, Zone};
+use ballast::track::{self, TampingPhase};
 use ballast_mcap::{Drive, Meta, Tape, scene};
 use ballast_protocol::Malformed;
 use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
 use std::path::Path;
+use std::sync::Arc;
 
 /// An open recording.
 pub struct Taping {
@@ -21,6 +23,7 @@ pub struct Taping {
     /// Whether there are pictures.
     frames: bool,
     recent: component::Recent,
+    squeezes: SqueezeMeter,
     /// Farthest that a body may be led in a step, m.
     farthest: f64,
 }
@@ -38,12 +41,14 @@ impl Taping {
         let tape = Tape::create(path, &meta, model, state)?;
         let frames = case.plan.run.output_ns > 0;
         let (recent, farthest) = (component::Recent::default(), SpeedLimit::of(model).way);
-        let mut taping = Self { tape, phase: engine.phase(), frames, recent, farthest };
+        let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;
+        let squeezes = SqueezeMeter::new(Arc::new(rule));
+        let mut taping = Self { tape, phase: engine.phase(), frames, recent, squeezes, farthest };
         taping
             .tape
             .log(state.time_ns, &format!("{}: {} grains", case.plan.name, model.grains.len()))?;
         if frames {
-            taping.tape.write_all(pictures(engine, true))?;
+            taping.tape.write_all(pictures(engine, true, &[]))?;
         }
         Ok(taping)
     }
@@ -53,15 +58,17 @@ impl Taping {
         let (model, state) = (engine.model(), engine.state());
         let request = self.tape.request(stepped.t0_ns, state.time_ns, motions(engine, stepped));
         self.recent.take(&stepped.report.reactions, model.stepping.step_ns);
+        self.squeezes.take(model, state, &stepped.report);
         let end = component::End {
             model,
             state,
             workspace: engine.workspace(),
             zones: zones.unwrap_or_default(),
             recent: &self.recent,
+            squeezes: self.squeezes.tell(),
             farthest: self.farthest,
         };
-        let outcome = component::Outcome::of_step(&stepped.report, &end);
+        let outcome = component::Outcome::of_step(&stepped.report, end);
         let reply = AdvanceReply::of(&request, model, &outcome, engine.hash().into());
         self.tape.window(model, state, &request, &reply)?;
         let phase = engine.phase();
@@ -71,7 +78,8 @@ impl Taping {
             self.phase = phase;
         }
         if self.frames && (zones.is_some() || changed) {
-            self.tape.write_all(pictures(engine, changed))?;
+            let forces: Vec<_> = outcome.bodies.iter().map(|b| b.moving_force).collect();
+            self.tape.write_all(pictures(engine, changed, &forces))?;
         }
         Ok(())
     }
@@ -83,11 +91,15 @@ impl Taping {
 }
 
 /// Points at every frame; polyhedra, which are many times larger, where a phase begins.
-fn pictures(engine: &Engine, whole: bool) -> Result<Vec<ballast_mcap::Entry>, Malformed> {
+fn pictures(
+    engine: &Engine,
+    whole: bool,
+    forces: &[Vec3],
+) -> Result<Vec<ballast_mcap::Entry>, Malformed> {
     let (model, state) = (engine.model(), engine.state());
     let mut entries = vec![scene::stones(model, state)?];
     if whole {
-        entries.push(scene::scene(model, state)?);
+        entries.push(scene::scene(model, state, forces)?);
     }
     Ok(entries)
 }

@@ -5,6 +5,7 @@
 
 use crate::chunk::{self, LARGEST};
 use crate::error::{Error, Result};
+use crate::recording::START;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, VecDeque};
@@ -73,6 +74,7 @@ struct Content {
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, Arc<Channel>>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
+    attachments: BTreeMap<String, Vec<u8>>,
     waiting: VecDeque<Message>,
     /// The end of the messages was seen.
     complete: bool,
@@ -118,6 +120,11 @@ impl Messages {
     /// Named entries of the file, as far as it has been read.
     pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         self.content.metadata.get(name)
+    }
+
+    /// A named attachment, as far as the file has been read.
+    pub fn attachment(&self, name: &str) -> Option<&[u8]> {
+        self.content.attachments.get(name).map(|data| &data[..])
     }
 
     /// Why reading ended before the end of the recording, if it did.
@@ -193,6 +200,8 @@ impl Content {
     fn take(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
         match kind {
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::CHUNK => {}
+            // Others may be large, and are nobody's here.
+            op::ATTACHMENT if self.attachments.is_empty() => {}
             op::DATA_END => {
                 self.complete = true;
                 return Ok(());
@@ -222,6 +231,9 @@ impl Content {
             }
             Record::Metadata(metadata) => {
                 self.metadata.insert(metadata.name, metadata.metadata);
+            }
+            Record::Attachment { header, data, .. } if header.name == START => {
+                self.attachments.insert(header.name, data.into_owned());
             }
             Record::Chunk { header, data } => {
                 let whole = self.waiting.len();

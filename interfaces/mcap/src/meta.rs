@@ -9,7 +9,7 @@ use std::path::Path;
 /// Name of the metadata record.
 pub(crate) const NAME: &str = "ballast";
 /// The format that this crate writes and reads.
-const FORMAT: &str = "1";
+const FORMAT: &str = "2";
 
 /// Who moved the bodies of a recorded run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -3,14 +3,19 @@
 use crate::error::{Error, Result};
 use crate::messages::{Lost, Message, Messages};
 use crate::meta::{self, Meta};
-use crate::window::STEP;
+use crate::window::{PARAMETERS, STEP};
 use ballast_protocol::from_cdr;
-use ballast_protocol::messages::StepRecord;
+use ballast_protocol::messages::{Parameters, StepRecord};
 use std::path::Path;
+
+/// Name of the attachment that holds the state at the beginning.
+pub(crate) const START: &str = "start.h5";
 
 /// A window as it was recorded.
 #[derive(Debug, Clone)]
 pub struct Window {
+    /// Set before this window.
+    pub parameters: Option<Parameters>,
     pub record: StepRecord,
     /// All messages of the window's end, in order; the record itself comes last.
     pub messages: Vec<Message>,
@@ -21,6 +26,7 @@ pub struct Windows {
     messages: Messages,
     meta: Meta,
     open: Vec<Message>,
+    parameters: Option<Parameters>,
 }
 
 /// Whether a file says that it is a recording of ours.
@@ -46,11 +52,16 @@ impl Windows {
             return Err(Error::unsuitable(path, "metadata", expected, "none"));
         };
         let meta = Meta::from_entries(path, entries)?;
-        Ok(Self { messages, meta, open: Vec::new() })
+        Ok(Self { messages, meta, open: Vec::new(), parameters: None })
     }
 
     pub fn meta(&self) -> &Meta {
         &self.meta
+    }
+
+    /// The checkpoint from which the recording goes on, where it does not begin at the case's beginning.
+    pub fn start(&self) -> Option<&[u8]> {
+        self.messages.attachment(START)
     }
 
     pub fn path(&self) -> &Path {
@@ -69,11 +80,17 @@ impl Windows {
     #[allow(clippy::should_implement_trait)]
     pub fn next(&mut self) -> Result<Option<Window>> {
         while let Some(message) = self.messages.next()? {
+            let path = self.messages.path();
+            if message.channel.topic == PARAMETERS {
+                let set = from_cdr(&message.data)
+                    .map_err(|e| Error::message(path, PARAMETERS, message.log_time, e))?;
+                self.parameters = Some(set);
+                continue;
+            }
             if message.channel.topic != STEP {
                 self.open.push(message);
                 continue;
             }
-            let path = self.messages.path();
             let record: StepRecord = from_cdr(&message.data)
                 .map_err(|e| Error::message(path, STEP, message.log_time, e))?;
             let end = u64::try_from(record.t1_ns).ok();
@@ -86,7 +103,8 @@ impl Windows {
             let mut messages = std::mem::take(&mut self.open);
             messages.push(message);
             messages.retain(|m| Some(m.log_time) == end);
-            return Ok(Some(Window { record, messages }));
+            let parameters = self.parameters.take();
+            return Ok(Some(Window { parameters, record, messages }));
         }
         Ok(None)
     }

@@ -15,7 +15,15 @@ use std::sync::Arc;
 pub struct Redoable {
     tape: Tape,
     /// The last window, and the state that it has led to.
-    last: Option<(AdvanceRequest, AdvanceReply, Arc<State>)>,
+    last: Option<Last>,
+}
+
+/// A window: what was asked and answered, the model that it was computed with, the state that it has led to.
+struct Last {
+    request: AdvanceRequest,
+    reply: AdvanceReply,
+    model: Arc<Model>,
+    state: Arc<State>,
 }
 
 impl Redoable {
@@ -27,25 +35,25 @@ impl Redoable {
         &mut self.tape
     }
 
-    /// Takes a window that has led to `state`; `is_redone`: it takes the place of the last one.
+    /// Takes a window of `model` that has led to `state`; `is_redone`: it takes the place of the last one.
     ///
     /// # Errors
     /// The system refuses.
     pub fn window(
         &mut self,
-        model: &Model,
+        model: Arc<Model>,
         is_redone: bool,
         request: &AdvanceRequest,
         reply: &AdvanceReply,
         state: Arc<State>,
     ) -> Result<()> {
         if !is_redone {
-            self.settle(model)?;
+            self.settle()?;
         }
         let is_kept = !matches!(reply.status, Status::Discard | Status::Error | Status::Fatal);
         self.last = is_kept.then(|| {
             let (request, reply) = self.tape.repeatable(request, reply);
-            (request, reply, state)
+            Last { request, reply, model, state }
         });
         Ok(())
     }
@@ -54,17 +62,17 @@ impl Redoable {
     ///
     /// # Errors
     /// The system refuses.
-    pub fn settle(&mut self, model: &Model) -> Result<()> {
-        let Some((request, reply, state)) = self.last.take() else { return Ok(()) };
-        self.tape.window(model, &state, &request, &reply)
+    pub fn settle(&mut self) -> Result<()> {
+        let Some(Last { request, reply, model, state }) = self.last.take() else { return Ok(()) };
+        self.tape.window(&model, &state, &request, &reply)
     }
 
     /// Ends the recording.
     ///
     /// # Errors
     /// The system refuses.
-    pub fn finish(mut self, model: &Model) -> Result<()> {
-        self.settle(model)?;
+    pub fn finish(mut self) -> Result<()> {
+        self.settle()?;
         self.tape.finish()
     }
 }

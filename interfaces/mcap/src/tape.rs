@@ -3,12 +3,16 @@
 use crate::entry::Entry;
 use crate::error::{Error, Result};
 use crate::meta::Meta;
+use crate::recording::START;
 use crate::window;
 use crate::writer::Writer;
+use ballast::component;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_protocol::Malformed;
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Log, Status, Time, ns};
+use ballast_protocol::messages::{
+    AdvanceReply, AdvanceRequest, BodyInput, Log, Parameters, Status, StepSeries, Time, ns,
+};
 use std::path::{Path, PathBuf};
 
 /// A recording that windows are added to.
@@ -18,6 +22,19 @@ pub struct Tape {
     run_id: String,
     /// Number of the last window.
     seq: u64,
+    /// What was said last of how steps are solved.
+    parameters: Parameters,
+}
+
+/// What decides how the steps of a model are solved; limits only decide what is kept, and what is kept is recorded.
+fn parameters(model: &Model) -> Parameters {
+    let solver = &model.solver;
+    component::Parameters {
+        iterations: solver.iterations,
+        tolerance: solver.tolerance,
+        penetration: f64::INFINITY,
+    }
+    .into()
 }
 
 impl Tape {
@@ -26,10 +43,30 @@ impl Tape {
     /// # Errors
     /// The system refuses.
     pub fn create(path: &Path, meta: &Meta, model: &Model, state: &State) -> Result<Self> {
-        let writer = Writer::create(path, Some(meta))?;
+        Self::create_at(path, meta, model, state, None)
+    }
+
+    /// The same of a run that goes on at `state`; `start` is its checkpoint, from which the recording can be
+    /// computed again.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn create_at(
+        path: &Path,
+        meta: &Meta,
+        model: &Model,
+        state: &State,
+        start: Option<&[u8]>,
+    ) -> Result<Self> {
+        let mut writer = Writer::create(path, Some(meta))?;
+        if let Some(start) = start {
+            writer.attach(START, state.time_ns, start)?;
+        }
         // Not fresh for every run: the same run leaves the same bytes.
         let run_id = meta.initial_hash.to_string();
-        let mut tape = Self { path: path.into(), writer, run_id, seq: 0 };
+        let parameters = parameters(model);
+        let mut tape = Self { path: path.into(), writer, run_id, seq: 0, parameters };
+        tape.write_all(window::statics(model, state))?;
         tape.write_all(window::configuration(model, state))?;
         Ok(tape)
     }
@@ -46,7 +83,8 @@ impl Tape {
         }
     }
 
-    /// A window as it can be computed again: up to where it ended, without a deadline, in the run of this recording.
+    /// A window as it can be computed again: up to where it ended, without a deadline or a
+    /// series, in the run of this recording.
     pub(crate) fn repeatable(
         &self,
         request: &AdvanceRequest,
@@ -57,6 +95,8 @@ impl Tape {
             t1_ns: reply.t1_ns,
             deadline_ms: 0,
             deadline_policy: Default::default(),
+            // A way of telling; what was computed does not depend on it.
+            series: false,
             ..request.clone()
         };
         let status = match reply.status {
@@ -64,7 +104,8 @@ impl Tape {
             Status::Early => Status::Ok,
             other => other,
         };
-        (request, AdvanceReply { run_id: self.run_id.clone(), status, ..reply.clone() })
+        let (run_id, series) = (self.run_id.clone(), StepSeries::default());
+        (request, AdvanceReply { run_id, status, series, ..reply.clone() })
     }
 
     /// Adds a window that has led to `state`.
@@ -79,6 +120,13 @@ impl Tape {
         reply: &AdvanceReply,
     ) -> Result<()> {
         self.seq = request.seq;
+        let parameters = parameters(model);
+        if parameters != self.parameters {
+            self.parameters = parameters;
+            let begin = u64::try_from(request.t0_ns).unwrap_or_default();
+            let entry = Entry::of(window::PARAMETERS, begin, &parameters);
+            self.write_all(entry.map(|entry| vec![entry]))?;
+        }
         self.write_all(window::entries(model, state, request, reply))
     }
 

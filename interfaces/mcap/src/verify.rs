@@ -72,13 +72,12 @@ pub enum Verdict {
 /// A file that cannot be read further than what is told as lost.
 pub fn verify(
     windows: &mut Windows,
-    model: &Model,
     component: &mut Component,
     zones: &[Zone],
     keeper: &mut dyn Keeper,
     watch: &mut dyn FnMut(u64) -> ControlFlow<()>,
 ) -> Result<Verdict> {
-    let start = keeper.hash(model, component.state());
+    let start = keeper.hash(component.model(), component.state());
     let recorded = windows.meta().initial_hash;
     if start != recorded {
         let texts = [recorded.to_string(), start.to_string()];
@@ -87,16 +86,17 @@ pub fn verify(
     let mut count = 0;
     while let Some(window) = windows.next()? {
         let seq = window.record.seq;
-        let mut outcome = match advance(&window, model, component, keeper) {
+        let mut outcome = match advance(&window, component, keeper) {
             Ok(outcome) => outcome,
             Err(refusal) => {
                 let texts = ["a window that was computed".into(), format!("refused: {refusal}")];
                 return Ok(different(seq, component.state(), window::STEP, "request", texts));
             }
         };
-        let reply = reply(&window, model, component, zones, keeper, &mut outcome);
-        let entries = window::entries(model, component.state(), &window.record.request, &reply)
-            .map_err(|e| Error::Refused(e, windows.path().into()))?;
+        let reply = reply(&window, component, zones, keeper, &mut outcome);
+        let entries =
+            window::entries(component.model(), component.state(), &window.record.request, &reply)
+                .map_err(|e| Error::Refused(e, windows.path().into()))?;
         if let Some((topic, [field, recorded, computed])) = compare(&window.messages, &entries) {
             let texts = [recorded, computed];
             return Ok(different(seq, component.state(), &topic, &field, texts));
@@ -126,14 +126,17 @@ fn different(seq: u64, state: &State, topic: &str, field: &str, texts: [String; 
 
 fn advance(
     window: &Window,
-    model: &Model,
     component: &mut Component,
     keeper: &mut dyn Keeper,
 ) -> std::result::Result<Outcome, String> {
+    if let Some(set) = window.parameters {
+        component.set_parameters(&set.into()).map_err(|e| e.to_string())?;
+    }
+    let model = component.shared_model();
     let asked = window.record.request.inputs().map_err(|e| e.to_string())?;
     let inputs = component::Window { motions: &asked.motions, loads: &asked.loads };
     let mut observe = |state: &State, report: &StepReport| {
-        keeper.observe(model, state, report);
+        keeper.observe(&model, state, report);
         ControlFlow::Continue(())
     };
     component.advance_watched(asked.t1_ns, inputs, &mut observe).map_err(|e| e.to_string())
@@ -142,13 +145,12 @@ fn advance(
 /// The reply, with those zones that the recording has.
 fn reply(
     window: &Window,
-    model: &Model,
     component: &Component,
     zones: &[Zone],
     keeper: &dyn Keeper,
     outcome: &mut Outcome,
 ) -> AdvanceReply {
-    let state = component.state();
+    let (model, state) = (component.model(), component.state());
     let is_recorded = |zone: &&Zone| {
         let topic = zone_topic(&zone.name);
         window.messages.iter().any(|m| m.channel.topic == topic)

@@ -12,8 +12,21 @@ use ballast_protocol::messages::{
 /// Topic of the records of windows.
 pub(crate) const STEP: &str = "/ballast/step";
 
+/// Topic of parameters; they hold from the next window on.
+pub(crate) const PARAMETERS: &str = "/ballast/parameters";
+
 pub(crate) fn zone_topic(zone: &str) -> String {
     format!("/ballast/zone/{}", topic_part(zone))
+}
+
+/// Topic of transforms that do not change.
+pub(crate) const STATIC: &str = "/tf_static";
+
+/// Frames of floor and walls, once.
+pub(crate) fn statics(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+    let fixed = (0..model.driven.len()).filter(|d| model.driven[*d].role == Role::Boundary);
+    let transforms = fixed.map(|d| transform(model, state, d)).collect();
+    Ok(vec![Entry::of(STATIC, state.time_ns, &TFMessage { transforms })?])
 }
 
 /// Where the tools and sleepers are: clock, transforms, poses, twists.

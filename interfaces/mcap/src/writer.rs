@@ -6,6 +6,8 @@
 use crate::entry::Entry;
 use crate::error::{Error, Result};
 use crate::meta::{self, Meta};
+use crate::window::STATIC;
+use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use std::collections::BTreeMap;
@@ -15,6 +17,18 @@ use std::path::{Path, PathBuf};
 
 /// Bytes of messages after which a chunk is closed: what a killed run may lose, at most.
 const CHUNK: usize = 64 << 10;
+
+/// What makes rosbag2 give a message to those who come late: durability 1, transient local.
+const LATCHED: &str = "- history: 3
+  depth: 0
+  reliability: 1
+  durability: 1
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+";
 
 type Sink = NoSeek<BufWriter<File>>;
 
@@ -60,6 +74,22 @@ impl Writer {
         Ok(writer)
     }
 
+    /// Appends a file under a name.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn attach(&mut self, name: &str, time_ns: u64, data: &[u8]) -> Result<()> {
+        let attachment = Attachment {
+            log_time: time_ns,
+            create_time: time_ns,
+            name: name.into(),
+            media_type: "application/x-hdf5".into(),
+            data: data.into(),
+        };
+        self.inner.attach(&attachment).map_err(|e| failed(&self.path, e))?;
+        self.inner.flush().map_err(|e| failed(&self.path, e))
+    }
+
     /// Appends a message.
     ///
     /// # Errors
@@ -95,7 +125,11 @@ impl Writer {
         }
         let schema = self.inner.add_schema(entry.kind, "ros2msg", (entry.schema)().as_bytes());
         let schema = schema.map_err(|e| failed(&self.path, e))?;
-        let id = self.inner.add_channel(schema, &entry.topic, "cdr", &BTreeMap::new());
+        let metadata = match entry.topic == STATIC {
+            true => BTreeMap::from([("offered_qos_profiles".to_string(), LATCHED.to_string())]),
+            false => BTreeMap::new(),
+        };
+        let id = self.inner.add_channel(schema, &entry.topic, "cdr", &metadata);
         let id = id.map_err(|e| failed(&self.path, e))?;
         self.channels.insert(entry.topic.clone(), Channel { id, kind: entry.kind, sequence: 0 });
         Ok(id)

@@ -2,12 +2,18 @@
 //!
 //! [`lockstep`]: who may ask for what, in which order, and what is answered to a retry.
 //! [`messages`]: the types, their ROS 2 definitions, and conversions from and to the core.
-//! [`cdr`]: messages as CDR. [`json`]: messages as JSON. No I/O here.
+//! [`cdr`]: messages as CDR. [`json`]: messages as JSON. [`description`]: what a component says of itself.
+//! [`pacer`]: time that runs by itself. [`pictures`]: states for viewers.
+//! [`schema`]: the JSON Schema of all that is asked and answered. No I/O here.
 
 pub mod cdr;
+pub mod description;
 pub mod json;
 pub mod lockstep;
 pub mod messages;
+pub mod pacer;
+pub mod pictures;
+pub mod schema;
 
 mod malformed;
 

@@ -8,11 +8,11 @@ use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast_protocol::lockstep::{
-    Activity, Attach, Code, Fault, Kind, Lockstep, Named, Pace, Progress,
+    Activity, Attach, Code, Fault, Kept, Kind, Lockstep, Named, Pace, Progress, SetParameters,
 };
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyInput, DeadlinePolicy, Digest, Interpolation, Knot, Point,
-    Pose, Quaternion, Status, Twist, Vector3,
+    Pose, Quaternion, Status, StepSeries, Twist, Vector3,
 };
 use common::scene::Random;
 use std::f64::consts::TAU;
@@ -24,14 +24,17 @@ fn hash(_: &Model, state: &State) -> u128 {
     u128::from_be_bytes(Digest::of(format!("{state:?}").as_bytes()).0)
 }
 
-/// A heap on a floor that can be shaken, and the ticket of its owner.
-fn lockstep() -> (Lockstep, String) {
+/// A heap on a floor that can be shaken.
+fn component() -> Component {
     let mut scene = common::heap::falling(2, MS as u64).scheduled(Schedule::Synchronous, [2, 1, 1]);
     scene.model.solver.iterations = 50;
     scene.model.solver.tolerance = Some(1e-4);
-    let component =
-        Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene");
-    let mut lockstep = Lockstep::new(component, "run-1", hash);
+    Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
+}
+
+/// Its lockstep, and the ticket of its owner.
+fn lockstep() -> (Lockstep, String) {
+    let mut lockstep = Lockstep::new(component(), "run-1", hash);
     let ticket = attach(&mut lockstep, "driver").expect("nobody drives yet");
     (lockstep, ticket)
 }
@@ -277,6 +280,120 @@ fn a_deadline_ends_a_window_as_it_asks() {
 }
 
 #[test]
+fn a_window_is_told_step_by_step_where_that_is_asked_for() {
+    let (mut lockstep, ticket) = lockstep();
+    let asked = AdvanceRequest { series: true, ..window(1) };
+    let reply = ask(&mut lockstep, Kind::Advance, &asked, &ticket).unwrap();
+    assert_eq!(reply.series.time_ns, [1, 2, 3, 4, 5].map(|k| k * MS));
+    assert_eq!(
+        reply.series.iterations.iter().map(|i| u64::from(*i)).sum::<u64>(),
+        reply.solver.iterations
+    );
+    assert_eq!(
+        reply.series.residual_qm16.iter().copied().fold(0.0, f64::max),
+        reply.solver.residual_qm16
+    );
+    assert_eq!(reply.series.bodies.len(), reply.bodies.len());
+    for (series, body) in reply.series.bodies.iter().zip(&reply.bodies) {
+        assert_eq!((&series.body, series.impulse.len()), (&body.body, 5));
+        let sum = |of: fn(&Vector3) -> f64, all: &[Vector3]| all.iter().map(of).sum::<f64>();
+        assert_eq!(sum(|v| v.z, &series.impulse), body.impulse.z);
+        assert_eq!(sum(|v| v.x, &series.angular_impulse), body.angular_impulse.x);
+    }
+    // It changes nothing else, and without asking there is none.
+    let plain = straight(1);
+    assert_eq!(plain.series, StepSeries::default());
+    assert_eq!(AdvanceReply { series: StepSeries::default(), ..reply }, plain);
+    // One that would not fit is refused before anything is computed.
+    let t1_ns = 5 * MS + 20_000 * MS;
+    let long = AdvanceRequest { series: true, t1_ns, ..window(2) };
+    let fault = ask(&mut lockstep, Kind::Advance, &long, &ticket).unwrap_err();
+    assert!(fault.code == Code::TooLarge && fault.message.contains("20000 steps"), "{fault}");
+    assert_eq!(lockstep.place().seq, 1);
+    // Nor is anything told of what was taken back.
+    let request =
+        AdvanceRequest { series: true, deadline_policy: DeadlinePolicy::Discard, ..window(2) };
+    let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
+    let reply = lockstep.window(Kind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+    assert_eq!(reply.series, StepSeries::default());
+}
+
+#[test]
+fn parameters_are_the_owners_to_set_and_go_with_kept_states() {
+    // Long enough for the stones to fall onto the floor.
+    let long = |seq: u64, deadline_ms: u32| {
+        let mut request = AdvanceRequest { seq, t1_ns: 100 * MS, deadline_ms, ..window(1) };
+        request.motions[0].knots = (0..=20).map(|k| knot(k * 5 * MS)).collect();
+        request
+    };
+    let (mut other, ticket) = lockstep();
+    let usually = ask(&mut other, Kind::Advance, &long(1, 0), &ticket).unwrap().hash;
+    let (mut lockstep, ticket) = lockstep();
+    let name = Named { name: "usual".into() };
+    lockstep.save(&name, &ticket).unwrap();
+    let hasty = SetParameters { iterations: Some(2), tolerance: Some(0.0), ..Default::default() };
+    let fault = lockstep.set_parameters(&hasty, "ticket of other").unwrap_err();
+    assert_eq!(fault.code, Code::NotOwner);
+    for bad in [
+        SetParameters { iterations: Some(0), ..Default::default() },
+        SetParameters { tolerance: Some(-1.0), ..Default::default() },
+        SetParameters { penetration: Some(-1e-3), ..Default::default() },
+    ] {
+        let fault = lockstep.set_parameters(&bad, &ticket).unwrap_err();
+        assert_eq!(fault.code, Code::ParameterInvalid, "{fault}");
+        assert_eq!(lockstep.component().parameters().iterations, 50);
+    }
+    lockstep.set_parameters(&hasty, &ticket).unwrap();
+    let reply = ask(&mut lockstep, Kind::Advance, &long(1, 0), &ticket).unwrap();
+    assert!(reply.solver.iterations <= 200, "{:?}", reply.solver);
+    assert_ne!(reply.hash, usually);
+    // The window again, as well as usual.
+    let usual = SetParameters { iterations: Some(50), tolerance: Some(1e-4), ..Default::default() };
+    lockstep.set_parameters(&usual, &ticket).unwrap();
+    let redone = ask(&mut lockstep, Kind::Redo, &long(1, 1000), &ticket).unwrap();
+    assert_eq!(redone.hash, usually);
+    lockstep.set_parameters(&hasty, &ticket).unwrap();
+    lockstep.restore(&name, &ticket).unwrap();
+    let reply = ask(&mut lockstep, Kind::Advance, &long(2, 0), &ticket).unwrap();
+    assert_eq!(reply.hash, usually);
+    lockstep.set_parameters(&hasty, &ticket).unwrap();
+    lockstep.reset("run-2".into(), &ticket, 0).unwrap();
+    let first = AdvanceRequest { run_id: "run-2".into(), ..long(1, 0) };
+    assert_eq!(ask(&mut lockstep, Kind::Advance, &first, &ticket).unwrap().hash, usually);
+}
+
+#[test]
+fn what_is_not_configured_waits_for_init_and_keeps_its_owner() {
+    let mut lockstep = Lockstep::unconfigured(hash).unwrap();
+    let ticket = attach(&mut lockstep, "driver").unwrap();
+    let status = lockstep.status(0);
+    assert_eq!(status.activity, Activity::Unconfigured);
+    assert_eq!(status.waiting_for.as_deref(), Some("init from driver"));
+    let request = AdvanceRequest { run_id: "unconfigured".into(), ..window(1) };
+    let name = Named { name: "here".into() };
+    for fault in [
+        ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap_err(),
+        lockstep.save(&name, &ticket).unwrap_err(),
+        lockstep.reset("run-1".into(), &ticket, 0).unwrap_err(),
+        lockstep.set_parameters(&SetParameters::default(), &ticket).unwrap_err(),
+    ] {
+        assert_eq!(fault.code, Code::Unconfigured, "{fault}");
+    }
+    assert_eq!(lockstep.check_init("ticket of other").unwrap_err().code, Code::NotOwner);
+    lockstep.check_init(&ticket).unwrap();
+    let place = lockstep.begin(component(), "run-1".into(), 0);
+    assert_eq!((place.run_id.as_str(), place.seq, place.now_ns), ("run-1", 0, 0));
+    assert_eq!(lockstep.status(0).activity, Activity::Paused);
+    assert_eq!(ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap(), straight(1));
+    // Prepared anew: another run, nothing of the old one is left.
+    lockstep.save(&name, &ticket).unwrap();
+    lockstep.begin(component(), "run-2".into(), 0);
+    assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, Code::UnknownState);
+    let first = AdvanceRequest { run_id: "run-2".into(), ..window(1) };
+    assert_eq!(ask(&mut lockstep, Kind::Advance, &first, &ticket).unwrap().hash, straight(1).hash);
+}
+
+#[test]
 fn a_failure_inside_is_told_and_got_over() {
     let (mut lockstep, ticket) = lockstep();
     let name = Named { name: "before".into() };
@@ -335,9 +452,9 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     }
     first.is_durable();
     assert_eq!(first.status(0).durable_seq, 3);
-    let state = first.component().save();
+    let kept = Kept::of(first.component());
     let (mut second, ticket) = lockstep();
-    second.resume("run-1", 3, state, first.answered().cloned()).unwrap();
+    second.resume("run-1", 3, kept, first.answered().cloned()).unwrap();
     assert_eq!(second.place(), first.place());
     // The last window was answered by a process that is gone; a retry is answered all the same.
     assert_eq!(ask(&mut second, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));

@@ -3,7 +3,10 @@
 use crate::Error;
 
 /// Major version of the messages.
-pub const VERSION: u32 = 1;
+pub use ballast_protocol::description::WIRE as VERSION;
+
+/// The parameter of a `describe` query that asks for the schema of requests and replies.
+pub(crate) const SCHEMA: &str = "schema";
 
 /// The names of one component.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,6 +72,21 @@ impl Keys {
         format!("{}/ctl/*", self.base)
     }
 
+    /// Where a body's motion comes in while time runs by itself.
+    pub fn input(&self, body: &str) -> String {
+        format!("{}/in/{}/kin", self.base, chunk(body))
+    }
+
+    /// Where any body's motion comes in.
+    pub(crate) fn input_any(&self) -> String {
+        format!("{}/in/*/kin", self.base)
+    }
+
+    /// Pictures: `stones`, `scene`.
+    pub fn picture(&self, what: &str) -> String {
+        format!("{}/viz/{what}", self.base)
+    }
+
     /// All that is told.
     pub fn out_any(&self) -> String {
         format!("{}/out/**", self.base)
@@ -91,7 +109,7 @@ impl Keys {
 }
 
 /// A name as a part of a key: what has a meaning in keys becomes `_`.
-fn chunk(name: &str) -> String {
+pub(crate) fn chunk(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let chunk: String = name.chars().map(plain).collect();
     if chunk.is_empty() { "_".into() } else { chunk }

@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::playback::Playback;
 use crate::session::{self, Session};
-use crate::{beds, interrupt};
+use crate::{beds, interrupt, start};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_mcap::motion::{self, TimeOf};
@@ -33,12 +33,19 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         return Err(Failure::Usage("a replay cannot be recorded to the file it reads".into()));
     }
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
-    let playback = match windows {
-        Some(windows) => own(windows, &model, &state, console),
-        None => foreign(&args, &model, &state, console)?,
-    };
     let cycle = session::cycle(&case, &model, &state)?;
-    let engine = Engine::recording(model, state, cycle, playback)?;
+    let (model, state, playback) = match windows {
+        Some(windows) => {
+            let (model, state) = start::of(&windows, &case, model, state)?;
+            let playback = own(windows, &model, &state, console);
+            (model, state, playback)
+        }
+        None => {
+            let playback = foreign(&args, &model, &state, console)?;
+            (model, state, playback)
+        }
+    };
+    let engine = Engine::recording(&case, model, state, cycle, playback)?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.until.steps, args.until.expect.as_deref())
 }

@@ -6,8 +6,7 @@ use crate::console::Console;
 use crate::engine::Memory;
 use crate::exit::{Failure, Outcome};
 use crate::progress::{Mark, Progress};
-use crate::{beds, interrupt, recorder, session};
-use ballast::component::{Component, Limits};
+use crate::{beds, interrupt, recorder, session, start};
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
 use ballast_mcap::{Drive, Meta};
@@ -22,10 +21,9 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let case = case::load(&args.case, &Choices::from_notes(&meta.choices)?, console)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
+    let (model, state) = start::of(&windows, &case, model, state)?;
     let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
-    let model = Arc::new(model);
-    let mut component = Component::new(Arc::clone(&model), state, Limits::default())
-        .map_err(|e| Failure::InvalidCase(e.to_string()))?;
+    let mut component = case.component(Arc::new(model), state)?;
     let mut progress = Progress::start(console, "verify", 0.0);
     let whole = case.plan.run.duration_ns.max(1) as f64;
     let mut watch = |now_ns: u64| {
@@ -33,14 +31,8 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let zones = recorder::zones(&case);
-    let verdict = ballast_mcap::verify(
-        &mut windows,
-        &model,
-        &mut component,
-        &zones,
-        &mut memory,
-        &mut watch,
-    )?;
+    let verdict =
+        ballast_mcap::verify(&mut windows, &mut component, &zones, &mut memory, &mut watch)?;
     progress.finish();
     let file = args.file.display();
     match verdict {

@@ -65,6 +65,15 @@ pub struct Serve {
     /// Write a checkpoint after a window if the last one is so old, s of wall time; 0: after every window
     #[arg(long, value_name = "S", default_value_t = 30.0)]
     pub checkpoint_every: f64,
+    /// Send pictures for viewers from a session of its own that listens here (tcp/127.0.0.1:7448)
+    #[arg(long, value_name = "ENDPOINT")]
+    pub viz: Option<String>,
+    /// Shortest time between two pictures, s of wall time
+    #[arg(long, value_name = "S", default_value_t = 0.2, requires = "viz")]
+    pub viz_every: f64,
+    /// Wait until a partner asks for `init` before the bed is prepared
+    #[arg(long)]
+    pub wait: bool,
     /// Record the run in an MCAP file, which is replaced
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
@@ -77,6 +86,9 @@ pub struct Describe {
     pub key: String,
     #[command(flatten)]
     pub endpoints: Endpoints,
+    /// Print the JSON Schema of its requests and replies instead
+    #[arg(long)]
+    pub schema: bool,
 }
 
 #[derive(Debug, Args)]

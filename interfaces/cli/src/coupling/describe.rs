@@ -8,6 +8,12 @@ use serde_json::json;
 
 pub fn describe(args: Describe, console: Console) -> Outcome {
     let line = Line::open(&args.key, &args.endpoints.to_connect(), Patience::default())?;
+    if args.schema {
+        let schema = line.schema()?;
+        console.result(&format!("{schema:#}"));
+        console.event("schema", json!({ "schema": schema }));
+        return Ok(());
+    }
     let description = line.describe()?;
     console.event("component", json!(description));
     console.result(&text(&description));
@@ -27,8 +33,13 @@ fn text(d: &Description) -> String {
         ("same inputs", d.determinism.clone()),
     ];
     let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));
+    let pictures = match &d.pictures[..] {
+        [] => String::new(),
+        all => format!("\n{:<16}{}", "pictures", all.join(", ")),
+    };
     let parameters: Vec<_> = d.parameters.iter().map(|(k, v)| format!("{k} {v}")).collect();
-    let mut text = format!("{}\n{:<16}{}", lines.join("\n"), "parameters", parameters.join(", "));
+    let mut text =
+        format!("{}{pictures}\n{:<16}{}", lines.join("\n"), "parameters", parameters.join(", "));
     for body in &d.bodies {
         let p = body.position;
         let freedoms = match &body.freedoms {

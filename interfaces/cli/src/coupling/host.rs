@@ -2,20 +2,31 @@
 
 use super::kept;
 use super::tape::Recording;
-use crate::case::Case;
+use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::interrupt;
-use ballast_protocol::lockstep::{Kind, Lockstep};
+use crate::{beds, interrupt, recorder};
+use ballast::component::Component;
+use ballast::model::Schedule;
+use ballast_protocol::lockstep::{Code, Fault, Init, Kind, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_zenoh::Host;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// A case as it is served: stepped, and its zones measured.
+pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> {
+    let (model, state) = beds::scene(case, beds, console)?;
+    Ok(case.component(Arc::new(model), state)?.with_zones(recorder::zones(case)))
+}
 
 pub struct Keeper {
     pub console: Console,
     pub case: Case,
+    /// Folder of prepared beds.
+    pub beds: PathBuf,
     pub checkpoint: PathBuf,
     pub every: Duration,
     pub recording: Option<Recording>,
@@ -30,12 +41,40 @@ impl Keeper {
     pub fn new(
         console: Console,
         case: Case,
+        beds: PathBuf,
         checkpoint: PathBuf,
         every: Duration,
         recording: Option<Recording>,
     ) -> Self {
         let written = Instant::now();
-        Self { console, case, checkpoint, every, recording, written, durable: None, trouble: None }
+        Self {
+            console,
+            case,
+            beds,
+            checkpoint,
+            every,
+            recording,
+            written,
+            durable: None,
+            trouble: None,
+        }
+    }
+
+    /// The case with other choices, and its bed.
+    fn prepare(&self, ask: &Init) -> Outcome<(Case, Component)> {
+        let named = |name: &String| {
+            Schedule::named(name).ok_or_else(|| {
+                let known = Schedule::ALL.map(Schedule::name).join(", ");
+                Failure::Usage(format!("schedule: expected one of {known}, found {name:?}"))
+            })
+        };
+        let asked =
+            Choices { schedule: ask.schedule.as_ref().map(named).transpose()?, seed: ask.seed };
+        let choices = asked.or(self.case.choices);
+        let (text, name) = (self.case.text.clone(), &self.case.plan.name);
+        let case = case::parse(text, name, &choices, self.console)?;
+        let component = served(&case, &self.beds, self.console)?;
+        Ok((case, component))
     }
 
     /// Goes on without what has failed: partners are served all the same.
@@ -57,6 +96,9 @@ impl Keeper {
 
 impl Host for Keeper {
     fn keep(&mut self, lockstep: &Lockstep) -> bool {
+        if !lockstep.is_configured() {
+            return false;
+        }
         let place = lockstep.place();
         let at = (place.run_id, place.seq, place.now_ns);
         if self.durable.as_ref() == Some(&at) {
@@ -86,9 +128,24 @@ impl Host for Keeper {
         self.written.elapsed() >= self.every && self.keep(lockstep)
     }
 
+    fn changed(&mut self) {
+        self.durable = None;
+    }
+
     fn taken_elsewhere(&mut self, lockstep: &Lockstep) {
         self.durable = None;
-        self.recorded(|recording| recording.part(lockstep));
+        let case = self.case.clone();
+        self.recorded(|recording| recording.part(&case, lockstep));
+    }
+
+    fn init(&mut self, ask: &Init) -> Result<Component, Fault> {
+        let prepared = self.prepare(ask).map_err(|failure| {
+            let code = if interrupt::requested() { Code::Quitting } else { Code::InitFailed };
+            Fault::new(code, format!("init: {failure}"))
+        });
+        let (case, component) = prepared?;
+        (self.case, self.durable) = (case, None);
+        Ok(component)
     }
 
     fn note(&mut self, text: &str) {

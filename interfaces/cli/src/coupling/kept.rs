@@ -2,8 +2,9 @@
 
 use crate::case::{self, Case, RUN_ID};
 use crate::exit::{Failure, Outcome};
+use ballast::component::Parameters;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
-use ballast_protocol::lockstep::Lockstep;
+use ballast_protocol::lockstep::{Kept, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, Digest};
 use ballast_protocol::{from_cdr, to_cdr};
 use serde_json::Value;
@@ -11,6 +12,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 const SEQ: &str = "seq";
+/// Limit of the penetration, m; parameters of the solver are in the model.
+const PENETRATION: &str = "penetration";
 /// Fingerprint of the last window's request, and its reply: CDR, in hexadecimal digits.
 const REQUEST: &str = "answered_request";
 const REPLY: &str = "answered_reply";
@@ -22,6 +25,7 @@ pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
     let mut extra = case.choices.notes();
     extra.insert(RUN_ID.into(), place.run_id);
     extra.insert(SEQ.into(), place.seq.to_string());
+    extra.insert(PENETRATION.into(), component.parameters().penetration.to_string());
     if let Some((request, reply)) = lockstep.answered() {
         let bytes = to_cdr(reply).map_err(|e| Failure::at(path, e))?;
         extra.insert(REQUEST.into(), request.to_string());
@@ -37,6 +41,15 @@ pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
         extra,
     };
     Ok(checkpoint::write(path, &kept)?)
+}
+
+/// The same as bytes, for the recording at `path`, beside which the file lies for a moment.
+pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> {
+    let file = path.with_extension("start.h5");
+    write(&file, case, lockstep)?;
+    let bytes = std::fs::read(&file).map_err(|e| Failure::at(&file, e))?;
+    std::fs::remove_file(&file).map_err(|e| Failure::at(&file, e))?;
+    Ok(bytes)
 }
 
 /// Which run a checkpoint is of, in words; `None` for one that is of no served run.
@@ -56,12 +69,21 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     };
     let (run_id, seq) = (note(RUN_ID)?, note(SEQ)?);
     let seq = seq.parse().map_err(|_| Failure::at(path, format!("{SEQ}: found {seq:?}")))?;
-    if kept.model != *lockstep.component().model() {
+    let penetration = notes.get(PENETRATION).map(|text| text.parse());
+    let penetration = penetration
+        .transpose()
+        .map_err(|e| Failure::at(path, format!("{PENETRATION}: {e}")))?
+        .unwrap_or(f64::INFINITY);
+    if !Parameters::alone_differ(lockstep.component().model(), &kept.model) {
         let what = "it is of another case, bed or solver; start over with --force";
         return Err(Failure::at(path, what));
     }
     let answered = answered(notes).map_err(|e| Failure::at(path, e))?;
-    let result = lockstep.resume(run_id.clone(), seq, kept.state, answered);
+    let solver = &kept.model.solver;
+    let (iterations, tolerance) = (solver.iterations, solver.tolerance);
+    let parameters = Parameters { iterations, tolerance, penetration };
+    let kept = Kept { state: kept.state.into(), parameters };
+    let result = lockstep.resume(run_id.clone(), seq, kept, answered);
     result.map_err(|e| Failure::at(path, e))
 }
 

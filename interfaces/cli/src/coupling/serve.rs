@@ -1,28 +1,24 @@
 //! `ballast serve CASE --key SITE/ID`: the case's bed, moved by another program.
 
 use super::args::Serve;
-use super::host::Keeper;
+use super::host::{Keeper, served};
 use super::kept;
 use super::tape::Recording;
-use crate::case::{self, Case, Choices};
+use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
-use crate::{beds, interrupt, recorder};
-use ballast::component::{Component, Limits};
+use crate::interrupt;
 use ballast_protocol::lockstep::Lockstep;
-use ballast_zenoh::{Host, Server};
+use ballast_zenoh::{Host, Link, Server};
 use serde_json::json;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
 pub fn serve(args: Serve, console: Console) -> Outcome {
     interrupt::install()?;
-    let every = Duration::try_from_secs_f64(args.checkpoint_every).map_err(|_| {
-        let found = args.checkpoint_every;
-        Failure::Usage(format!("--checkpoint-every: expected seconds, found {found}"))
-    })?;
+    let every = seconds("--checkpoint-every", args.checkpoint_every)?;
+    let viz_every = seconds("--viz-every", args.viz_every)?;
     let mut choices = Choices::from(&args.overrides);
     let first = case::load(&args.case, &choices, console)?;
     let folder = format!("{}-serve", first.plan.name);
@@ -38,37 +34,57 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
         first
     };
     // Before the bed is prepared: a port that is taken is to be told at once, and partners may be waiting.
-    let server = Server::open(&args.key, &args.endpoints.to_listen())?;
+    let link = args.endpoints.to_listen();
+    let mut server = Server::open(&args.key, &link)?;
+    if let Some(viz) = &args.viz {
+        let viewers = Link { listen: vec![viz.clone()], ..link };
+        server = server.with_pictures(&viewers, viz_every)?;
+    }
     let endpoints = server.endpoints();
     console.note(&format!("{}: {}", args.key, told(endpoints)));
     console.event("serving", json!({ "key": args.key, "endpoints": endpoints }));
-    let mut lockstep = component(&case, &args, console)?;
+    let waits = args.wait && !resumes;
+    let mut lockstep = if waits {
+        Lockstep::unconfigured(ballast_hdf5::state_hash).map_err(ballast_zenoh::Error::from)?
+    } else {
+        let component = served(&case, &args.beds.beds, console)?;
+        Lockstep::new(component, kept::fresh_run()?, ballast_hdf5::state_hash)
+    };
     if resumes {
         kept::resume(&checkpoint, &mut lockstep)?;
     }
-    let recording = args.record.as_deref().map(|path| Recording::create(path, &case, &lockstep));
-    let mut keeper = Keeper::new(console, case, checkpoint, every, recording.transpose()?);
+    let beds = args.beds.beds.clone();
+    let recording = Recording::create(args.record.as_deref(), &case, &lockstep)?;
+    let mut keeper = Keeper::new(console, case, beds, checkpoint, every, recording);
     // A component that dies before its first checkpoint comes back as the same run.
     if !resumes && keeper.keep(&lockstep) {
         lockstep.is_durable();
     }
     let place = lockstep.place();
     let what = if resumes { "goes on" } else { "is ready" };
-    console.note(&format!(
-        "run {} {what} after window {}, at {:.4} s",
-        place.run_id,
-        place.seq,
-        place.now_ns as f64 * 1e-9
-    ));
+    console.note(&match waits {
+        true => "waits for `init`".to_string(),
+        false => format!(
+            "run {} {what} after window {}, at {:.4} s",
+            place.run_id,
+            place.seq,
+            place.now_ns as f64 * 1e-9
+        ),
+    });
     console.event(
         "ready",
         json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns }),
     );
     let lockstep = server.run(lockstep, &mut keeper)?;
     if let Some(recording) = keeper.recording.take() {
-        recording.finish(&lockstep)?;
+        recording.finish()?;
     }
     finish(&lockstep, keeper, console)
+}
+
+fn seconds(option: &str, s: f64) -> Outcome<Duration> {
+    Duration::try_from_secs_f64(s)
+        .map_err(|_| Failure::Usage(format!("{option}: expected seconds, found {s}")))
 }
 
 fn told(endpoints: &[String]) -> String {
@@ -78,18 +94,18 @@ fn told(endpoints: &[String]) -> String {
     }
 }
 
-fn component(case: &Case, args: &Serve, console: Console) -> Outcome<Lockstep> {
-    let (model, state) = beds::scene(case, &args.beds.beds, console)?;
-    let component = Component::new(Arc::new(model), state, Limits::default())
-        .map_err(|e| Failure::InvalidCase(e.to_string()))?
-        .with_zones(recorder::zones(case));
-    Ok(Lockstep::new(component, kept::fresh_run()?, ballast_hdf5::state_hash))
-}
-
 fn finish(lockstep: &Lockstep, keeper: Keeper, console: Console) -> Outcome {
     let place = lockstep.place();
     if let Some(failure) = keeper.trouble {
         return Err(failure);
+    }
+    if !lockstep.is_configured() {
+        console.result("nothing was prepared: nobody has asked for `init`");
+        return if interrupt::requested() {
+            Err(Failure::Interrupted("stopped before anything was done".into()))
+        } else {
+            Ok(())
+        };
     }
     let time_s = place.now_ns as f64 * 1e-9;
     console.event(

@@ -1,8 +1,10 @@
 //! The recording of a run that others drive.
 //!
-//! Contract: what `ballast verify` computes from the case's bed on is what is recorded, see [`Redoable`]. Where
-//! the run goes elsewhere (restore, reset) the file ends, and the next one begins: NAME.2.mcap, NAME.3.mcap.
+//! Contract: what `ballast verify` computes from the file's beginning on is what is recorded, see [`Redoable`].
+//! Where the run goes elsewhere (restore, reset, init) the file ends, and the next one begins: NAME.2.mcap,
+//! NAME.3.mcap. A file that does not begin where the case does holds the checkpoint from which it goes on.
 
+use super::kept;
 use crate::case::Case;
 use crate::exit::Outcome;
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
@@ -13,15 +15,21 @@ use std::path::{Path, PathBuf};
 /// The open recording.
 pub struct Recording {
     path: PathBuf,
+    /// Files begun.
     parts: u32,
-    case: Case,
-    windows: Redoable,
+    /// `None` before anything is configured.
+    windows: Option<Redoable>,
 }
 
 impl Recording {
-    pub fn create(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Self> {
-        let windows = start(path, case, lockstep)?;
-        Ok(Self { path: path.into(), parts: 1, case: case.clone(), windows })
+    /// The recording at `path`, if there is to be one; it begins when there is something to record.
+    pub fn create(path: Option<&Path>, case: &Case, lockstep: &Lockstep) -> Outcome<Option<Self>> {
+        let Some(path) = path else { return Ok(None) };
+        let mut recording = Self { path: path.into(), parts: 0, windows: None };
+        if lockstep.is_configured() {
+            recording.part(case, lockstep)?;
+        }
+        Ok(Some(recording))
     }
 
     pub fn window(
@@ -31,28 +39,36 @@ impl Recording {
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> Outcome {
+        let Some(windows) = &mut self.windows else { return Ok(()) };
         let component = lockstep.component();
-        let (model, state) = (component.model(), component.save());
-        self.windows.window(model, kind == Kind::Redo, request, reply, state)?;
+        let (model, state) = (component.shared_model(), component.save());
+        windows.window(model, kind == Kind::Redo, request, reply, state)?;
         if matches!(reply.status, Status::Discard | Status::Error | Status::Fatal) {
             let text = format!("window {} taken back: {}", reply.seq, reply.message);
-            self.windows.tape().log(component.now_ns(), &text)?;
+            windows.tape().log(component.now_ns(), &text)?;
         }
         Ok(())
     }
 
-    /// The run goes on from another state.
-    pub fn part(&mut self, lockstep: &Lockstep) -> Outcome {
-        let model = lockstep.component().model();
-        self.windows.settle(model)?;
+    /// The run begins, or goes on from another state, or in another bed of the case.
+    pub fn part(&mut self, case: &Case, lockstep: &Lockstep) -> Outcome {
+        if let Some(windows) = &mut self.windows {
+            windows.settle()?;
+        }
         self.parts += 1;
-        let path = self.path.with_extension(format!("{}.mcap", self.parts));
-        let next = start(&path, &self.case, lockstep)?;
-        Ok(std::mem::replace(&mut self.windows, next).finish(model)?)
+        let path = match self.parts {
+            1 => self.path.clone(),
+            n => self.path.with_extension(format!("{n}.mcap")),
+        };
+        let next = start(&path, case, lockstep)?;
+        match self.windows.replace(next) {
+            Some(windows) => Ok(windows.finish()?),
+            None => Ok(()),
+        }
     }
 
-    pub fn finish(self, lockstep: &Lockstep) -> Outcome {
-        Ok(self.windows.finish(lockstep.component().model())?)
+    pub fn finish(self) -> Outcome {
+        Ok(self.windows.map_or(Ok(()), Redoable::finish)?)
     }
 }
 
@@ -61,5 +77,10 @@ fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Redoable> {
     let names = [case.plan.name.clone(), case.bed_key()];
     let hash = ballast_hdf5::state_hash(model, state).into();
     let meta = Meta::of(names, case.choices.notes(), model, Drive::Inputs, hash);
-    Ok(Redoable::new(Tape::create(path, &meta, model, state)?))
+    let solver = &case.plan.run.solver;
+    let is_the_beginning = state.step == 0
+        && (model.solver.iterations, model.solver.tolerance)
+            == (solver.iterations, solver.tolerance);
+    let start = if is_the_beginning { None } else { Some(kept::bytes(path, case, lockstep)?) };
+    Ok(Redoable::new(Tape::create_at(path, &meta, model, state, start.as_deref())?))
 }

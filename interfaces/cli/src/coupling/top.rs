@@ -7,6 +7,7 @@ use crate::interrupt;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::StatusReport;
 use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
+use ballast_protocol::pacer::FreeRunningReport;
 use ballast_zenoh::{HEARTBEAT, Line, Patience};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -110,6 +111,17 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
                 p.iterations,
                 p.residual_qm16,
                 s(Some(p.left_ms))
+            ),
+        ));
+    }
+    if let Some(run) = &status.free_running {
+        let behind = run.behind_ns as f64 * 1e-6;
+        let FreeRunningReport { factor, dropped, slips, .. } = run;
+        lines.push((
+            "by itself",
+            format!(
+                "at {factor} of the wall clock, {behind:.1} ms behind, {dropped} samples dropped, \
+                 {slips} times too slow"
             ),
         ));
     }

@@ -3,7 +3,9 @@
 use crate::setup::{CASE, Ended, Place};
 use ballast_mcap::messages::Messages;
 use ballast_mcap::{Entry, Writer};
-use ballast_protocol::messages::{AdvanceReply, Header, PoseStamped, StepRecord};
+use ballast_protocol::messages::{
+    AdvanceReply, Header, PoseStamped, SceneUpdate, Squeeze, StepRecord,
+};
 use ballast_protocol::{from_cdr, to_cdr};
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -59,13 +61,51 @@ fn a_replay_ends_in_the_state_of_the_run_and_leaves_the_same_recording() {
     let (all, records) = contents(&place, "run.mcap");
     assert_eq!(records.len() as u64, STEPS);
     assert_eq!(records.last().unwrap().hash.to_string(), hash);
-    for topic in
-        ["/clock", "/tf", "/log", "/stones", "/scene", "/ballast/energy", "/ballast/solver"]
-    {
+    for topic in [
+        "/clock",
+        "/tf",
+        "/tf_static",
+        "/log",
+        "/stones",
+        "/scene",
+        "/ballast/energy",
+        "/ballast/solver",
+    ] {
         assert!(all.iter().any(|(t, _)| t == topic), "{topic}");
     }
     assert!(all.iter().any(|(t, _)| t.starts_with("/ballast/zone/under_")));
     assert!(all.is_sorted_by_key(|(_, time)| *time));
+}
+
+#[test]
+fn squeezes_are_recorded_and_verified() {
+    let place = Place::new();
+    place.run("--out run --record run.mcap").with_code(0);
+    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut squeezes: Vec<Squeeze> = vec![];
+    while let Some(message) = messages.next().unwrap() {
+        if message.channel.topic == "/ballast/squeeze/pair_0" {
+            squeezes.push(from_cdr(&message.data).unwrap());
+        }
+    }
+    // Forces are arrows in the pictures of the squeeze.
+    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut arrows = 0;
+    while let Some(message) = messages.next().unwrap() {
+        if message.channel.topic == "/scene" {
+            let scene: SceneUpdate = from_cdr(&message.data).unwrap();
+            arrows += scene.entities.iter().map(|e| e.arrows.len()).sum::<usize>();
+        }
+    }
+    assert!(arrows > 0);
+    // The case closes by 20 mm a side and opens again while the tines are withdrawn.
+    let last = squeezes.last().expect("the machine squeezes");
+    assert!(squeezes.iter().all(|s| (s.pair.as_str(), s.number) == ("pair_0", 1)), "{last:?}");
+    let closed = squeezes.iter().map(|s| s.closing).fold(0.0, f64::max);
+    assert!((0.01..0.021).contains(&closed), "{closed}");
+    assert!(last.peak_force > 0.0 && last.peak_step_force >= last.peak_force, "{last:?}");
+    assert!(last.loop_closing.len() > 2 && last.loop_closing.len() == last.loop_force.len());
+    verify(&place, "run.mcap").with_code(0);
 }
 
 #[test]

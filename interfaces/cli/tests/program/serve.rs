@@ -1,9 +1,11 @@
 //! The program as a component: driven by another process, interrupted, killed, taken up again.
 
 use crate::setup::{CASE, Ended, Place};
-use ballast_protocol::lockstep::{Code, Kind};
+use ballast_protocol::from_cdr;
+use ballast_protocol::lockstep::{Activity, Code, Init, Kind, SetParameters};
 use ballast_protocol::messages::{
-    AdvanceRequest, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Twist, Vector3,
+    AdvanceRequest, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Squeeze, Twist,
+    Vector3,
 };
 use ballast_zenoh::{Client, Error, Line, Link, Patience};
 use nix::sys::signal::{Signal, kill};
@@ -22,10 +24,10 @@ mod controller_loop;
 const KEY: &str = "yard/bed";
 const MS: u64 = 1_000_000;
 
-/// How often a fault is repeated.
+/// How often a fault is repeated: so often as it is normally, or as often as `BALLAST_FAULTS` says.
 fn times(normally: u64) -> u64 {
-    let factor = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
-    normally * factor.unwrap_or(1)
+    let asked = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
+    normally.max(asked.unwrap_or(0))
 }
 
 /// A port that was free a moment ago; a component that is started again needs the same one.
@@ -175,6 +177,97 @@ fn what_two_processes_compute_is_what_one_computes_and_its_recording_verifies() 
     assert_eq!(hash, undisturbed(40));
     let refused = place.call("resume s/checkpoint.h5").with_code(1);
     assert!(refused.stderr().contains("serve"), "{}", refused.stderr());
+}
+
+#[test]
+fn a_component_that_waits_is_prepared_by_its_partner_and_can_be_prepared_anew() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serving = Serving::start(&place, &endpoint, "--out s --wait --record s.mcap");
+    let mut client = attach(&endpoint, None).unwrap();
+    assert_eq!(client.status().unwrap().activity, Activity::Unconfigured);
+    let refused = client.advance_to(MS, vec![], vec![]).unwrap_err();
+    assert_eq!(refused.fault().map(|f| f.code), Some(Code::Unconfigured), "{refused}");
+    let prepared = client.init(&Init::default()).unwrap().clone();
+    assert_eq!((prepared.seq, client.status().unwrap().activity), (0, Activity::Paused));
+    for _ in 0..3 {
+        step(&mut client).unwrap();
+    }
+    assert_eq!(client.place().hash, undisturbed(3));
+    let before = client.place().clone();
+    let odd = Init { schedule: Some("random".into()), ..Init::default() };
+    let refused = client.init(&odd).unwrap_err();
+    assert_eq!(refused.fault().map(|f| f.code), Some(Code::InitFailed), "{refused}");
+    assert!(refused.to_string().contains("random"), "{refused}");
+    assert_eq!((client.place(), client.status().unwrap().place), (&before, before.clone()));
+    let other = Init { schedule: Some("sequential".into()), ..Init::default() };
+    let again = client.init(&other).unwrap().clone();
+    assert!(again.run_id != prepared.run_id && again.seq == 0, "{again:?}");
+    assert_eq!(client.describe().unwrap().parameters["schedule"], "sequential");
+    step(&mut client).unwrap();
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+    for (file, windows) in [("s.mcap", 3), ("s.2.mcap", 1)] {
+        let verified = place.with_beds(&format!("verify {file} --case tiny.toml")).with_code(0);
+        assert!(verified.stdout().contains(&format!("{windows} windows")), "{}", verified.stdout());
+    }
+}
+
+#[test]
+fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serving = Serving::start(&place, &endpoint, "--out s --record s.mcap");
+    let mut client = attach(&endpoint, None).unwrap();
+    step(&mut client).unwrap();
+    let before = client.place().hash.clone();
+    let hasty = SetParameters {
+        iterations: Some(4),
+        tolerance: Some(0.0),
+        penetration: Some(0.1),
+        ..Default::default()
+    };
+    client.set_parameters(&hasty).unwrap();
+    assert_ne!(client.place().hash, before, "it decides how the run continues");
+    assert_eq!(client.describe().unwrap().parameters["iterations"], 4);
+    step(&mut client).unwrap();
+    client.save("hasty").unwrap();
+    let kept = client.place().hash.clone();
+    // Killed: it comes back with the parameters.
+    serving.signal(Signal::SIGKILL);
+    drop(serving);
+    let serving = Serving::start(&place, &endpoint, "--out s --resume --record t.mcap");
+    step(&mut client).unwrap();
+    client.save("hasty").unwrap();
+    let before = client.place().hash.clone();
+    let usual = SetParameters { iterations: Some(30), ..SetParameters::default() };
+    client.set_parameters(&usual).unwrap();
+    step(&mut client).unwrap();
+    client.restore("hasty").unwrap();
+    assert_eq!(client.place().hash, before, "with its parameters");
+    step(&mut client).unwrap();
+    step(&mut client).unwrap();
+    let last = client.place().clone();
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+    assert_ne!(kept, last.hash);
+    // What was killed is read up to its last whole chunk; one that goes on elsewhere holds its start.
+    // The second window was lost with the process, and computed again.
+    for (file, windows) in [("t.mcap", 3), ("t.2.mcap", 2)] {
+        let verified = place.with_beds(&format!("verify {file} --case tiny.toml")).with_code(0);
+        assert!(
+            verified.stdout().contains(&format!(" {windows} windows")),
+            "{}",
+            verified.stdout()
+        );
+    }
+    let hash = &last.hash;
+    let replayed = format!("replay t.2.mcap --case tiny.toml --out r --expect {hash}");
+    place.with_beds(&replayed).with_code(0);
+    // In another case it cannot go on.
+    std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
+    let refused = place.with_beds("verify t.2.mcap --case other.toml").with_code(5);
+    assert!(refused.stderr().contains("t.2.mcap"), "{}", refused.stderr());
 }
 
 #[test]
@@ -364,6 +457,13 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let mut client = attach(&endpoint, None).unwrap();
     let done = controller_loop::squeeze(&mut client, 4000.0, 0.02).unwrap();
     assert!(done.force >= 4000.0 && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
+    // Nobody has said when the squeeze began; it was seen.
+    let told = client.line().last_told().unwrap();
+    let key = client.line().keys().out("squeeze");
+    let squeeze = told.into_iter().find(|(told, ..)| *told == key).expect("a squeeze").2;
+    let squeeze: Squeeze = from_cdr(&squeeze).unwrap();
+    assert!((squeeze.pair.as_str(), squeeze.number) == ("pair_0", 1), "{squeeze:?}");
+    assert!(squeeze.peak_force > 0.0 && squeeze.closing > 2e-3, "{squeeze:?}");
     client.reset().unwrap();
     client.detach().unwrap();
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -1,10 +1,12 @@
 //! The control plane's messages, JSON all of them. What changes a state goes with the owner's ticket, which
 //! the transport carries beside the message.
 
-use serde::{Deserialize, Serialize};
+use crate::pacer::{FreeRunning, FreeRunningReport};
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Asks to drive.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Attach {
     /// The client's name, under which it is alive.
@@ -18,7 +20,7 @@ pub struct Attach {
 }
 
 /// The caller drives now.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Attached {
     /// To be shown with everything that changes the state; nobody else knows it.
     pub ticket: String,
@@ -27,7 +29,7 @@ pub struct Attached {
 }
 
 /// Where a run stands.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Place {
     pub run_id: String,
     /// Of the last window.
@@ -39,30 +41,70 @@ pub struct Place {
 }
 
 /// Keeps the state, takes it up again, or forgets it.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Named {
     pub name: String,
 }
 
+/// Prepares a bed, with other choices than the case's where they are given, and begins a run in it.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Init {
+    /// Of the bed's random numbers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// `sequential`, `synchronous` or `asynchronous`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub schedule: Option<String>,
+}
+
+/// Sets what is given, and leaves the rest.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetParameters {
+    /// Largest number of iterations per step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub iterations: Option<u32>,
+    /// A step is solved below this; 0: all iterations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f64>,
+    /// Deepest penetration of a sound step, m; 0: any. A window with a deeper one is taken back.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub penetration: Option<f64>,
+    /// Time is to run by itself from now on; `null`: no more.
+    #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<FreeRunning>")]
+    pub free_running: Option<Option<FreeRunning>>,
+}
+
+/// What is given, `null` too.
+fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(d: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(d).map(Some)
+}
+
 /// What a component is doing.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Activity {
+    /// Waits for `init`.
+    Unconfigured,
     /// The bed is being prepared.
     Settling,
     /// Waits for a window.
     #[default]
     Paused,
-    /// Computes a window.
+    /// Computes a window, or runs by itself.
     Playing,
+    /// Runs by itself, and stands for want of input.
+    Starved,
     /// Something failed; waits for restore, reset or detach.
     Error,
     Quitting,
 }
 
 /// What a component is doing, for its status and its heartbeat.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StatusReport {
     pub activity: Activity,
     #[serde(flatten)]
@@ -75,6 +117,9 @@ pub struct StatusReport {
     pub waiting_since_ms: Option<u64>,
     /// The window in work.
     pub progress: Option<Progress>,
+    /// While it runs by itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub free_running: Option<FreeRunningReport>,
     /// What failed, in error.
     pub trouble: Option<String>,
     /// Windows up to this one survive a crash: they are in a checkpoint.
@@ -85,7 +130,7 @@ pub struct StatusReport {
 }
 
 /// How far a window is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Progress {
     pub seq: u64,
     /// Steps done, of all.

@@ -2,10 +2,11 @@
 
 use crate::Malformed;
 use ballast::component::Refusal;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A request that was refused. The state is untouched.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[error("{message}")]
 pub struct Fault {
     pub code: Code,
@@ -24,7 +25,7 @@ pub struct Fault {
 }
 
 /// What kind of refusal it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Code {
     /// The bytes are no such message.
@@ -39,6 +40,14 @@ pub enum Code {
     Busy,
     /// The bed is being prepared; there is nothing to ask about yet.
     Settling,
+    /// The bed has not been prepared yet: `init` does it.
+    Unconfigured,
+    /// A parameter that cannot be used.
+    ParameterInvalid,
+    /// Time runs by itself; stop it first.
+    FreeRunning,
+    /// The bed could not be prepared.
+    InitFailed,
     /// The client has no liveliness token, so its loss would not be noticed.
     NotAlive,
     /// The ticket is not that of the owner.

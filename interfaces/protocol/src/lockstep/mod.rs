@@ -13,10 +13,16 @@
 
 mod control;
 mod fault;
+mod owner;
+mod state;
 mod window;
 
-pub use control::{Activity, Attach, Attached, Named, Place, Progress, StatusReport};
+pub use control::{
+    Activity, Attach, Attached, Init, Named, Place, Progress, SetParameters, StatusReport,
+};
 pub use fault::{Code, Fault};
+pub use owner::Ownership;
+pub use state::Kept;
 pub use window::{Kind, Pace, Watch};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};
@@ -24,7 +30,6 @@ use ballast::component::Component;
 use ballast::model::Model;
 use ballast::state::State;
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Most states kept under a name.
 pub const MOST_STATES: usize = 64;
@@ -36,28 +41,24 @@ pub struct Lockstep {
     component: Component,
     run_id: String,
     /// Where reset goes.
-    start: Arc<State>,
+    start: Kept,
     hash: fn(&Model, &State) -> u128,
     /// Of the present state: taken when it changes, since a state is large and asked about often.
     hash_now: StateHash,
     seq: u64,
     /// Content of the last window's request, and its reply.
     answered: Option<(Digest, AdvanceReply)>,
-    kept: BTreeMap<String, Arc<State>>,
-    owner: Option<Owner>,
+    kept: BTreeMap<String, Kept>,
+    owner: Ownership,
     /// What failed inside.
     trouble: Option<String>,
+    /// Whether there is anything to step.
+    is_configured: bool,
     is_quitting: bool,
     durable_seq: u64,
     answered_count: u64,
     /// Since when nothing was asked, wall ms.
     idle_since_ms: u64,
-}
-
-struct Owner {
-    client: String,
-    ticket: String,
-    since_ms: u64,
 }
 
 impl Lockstep {
@@ -67,8 +68,8 @@ impl Lockstep {
         run_id: impl Into<String>,
         hash: fn(&Model, &State) -> u128,
     ) -> Self {
-        let start = component.save();
-        let hash_now = hash(component.model(), &start).into();
+        let start = Kept::of(&component);
+        let hash_now = hash(component.model(), component.state()).into();
         Self {
             component,
             run_id: run_id.into(),
@@ -78,8 +79,9 @@ impl Lockstep {
             seq: 0,
             answered: None,
             kept: BTreeMap::new(),
-            owner: None,
+            owner: Ownership::default(),
             trouble: None,
+            is_configured: true,
             is_quitting: false,
             durable_seq: 0,
             answered_count: 0,
@@ -91,15 +93,15 @@ impl Lockstep {
     /// answered, so that a retry of it is still safe; reset still goes to where the component was.
     ///
     /// # Errors
-    /// A state of another model.
+    /// A state of another model, parameters that cannot be used.
     pub fn resume(
         &mut self,
         run_id: impl Into<String>,
         seq: u64,
-        state: impl Into<Arc<State>>,
+        kept: Kept,
         answered: Option<(Digest, AdvanceReply)>,
     ) -> Result<(), Fault> {
-        self.component.restore(state)?;
+        kept.take_up(&mut self.component)?;
         (self.run_id, self.seq, self.durable_seq) = (run_id.into(), seq, seq);
         self.answered = answered;
         self.hash_again();
@@ -133,22 +135,25 @@ impl Lockstep {
     pub fn status(&self, now_ms: u64) -> StatusReport {
         let activity = match (&self.trouble, self.is_quitting) {
             (_, true) => Activity::Quitting,
+            _ if !self.is_configured => Activity::Unconfigured,
             (Some(_), false) => Activity::Error,
             (None, false) => Activity::Paused,
         };
-        let waiting = match (&self.owner, &self.trouble) {
+        let waiting = match (self.owner.client(), &self.trouble) {
             (None, _) => "an owner to attach".to_string(),
-            (Some(o), None) => format!("window {} from {}", self.seq + 1, o.client),
-            (Some(o), Some(_)) => format!("restore or reset from {}", o.client),
+            (Some(client), _) if !self.is_configured => format!("init from {client}"),
+            (Some(client), None) => format!("window {} from {client}", self.seq + 1),
+            (Some(client), Some(_)) => format!("restore or reset from {client}"),
         };
         StatusReport {
             activity,
             place: self.place(),
-            owner: self.owner.as_ref().map(|o| o.client.clone()),
-            owner_since_ms: self.owner.as_ref().map(|o| now_ms.saturating_sub(o.since_ms)),
+            owner: self.owner.client().map(str::to_string),
+            owner_since_ms: self.owner.since_ms(now_ms),
             waiting_for: Some(waiting),
             waiting_since_ms: Some(now_ms.saturating_sub(self.idle_since_ms)),
             progress: None,
+            free_running: None,
             trouble: self.trouble.clone(),
             durable_seq: self.durable_seq,
             uptime_ms: now_ms,
@@ -177,20 +182,7 @@ impl Lockstep {
         {
             return Err(self.wrong_run(resume));
         }
-        if let Some(owner) = &self.owner
-            && ask.ticket.as_ref() != Some(&owner.ticket)
-        {
-            let since = now_ms.saturating_sub(owner.since_ms);
-            let message = format!("{:?} drives, for {:.1} s", owner.client, since as f64 * 1e-3);
-            let fault = Fault::new(Code::Busy, message);
-            return Err(Fault {
-                owner: Some(owner.client.clone()),
-                since_ms: Some(since),
-                ..fault
-            });
-        }
-        let client = ask.client.clone();
-        self.owner = Some(Owner { client, ticket: ticket.clone(), since_ms: now_ms });
+        self.owner.take(ask, &ticket, now_ms)?;
         self.idle_since_ms = now_ms;
         Ok(Attached { ticket, place: self.place() })
     }
@@ -200,71 +192,14 @@ impl Lockstep {
     /// # Errors
     /// [`Code::NotOwner`].
     pub fn detach(&mut self, ticket: &str) -> Result<Place, Fault> {
-        self.check_owner(ticket)?;
-        self.owner = None;
+        self.owner.check(ticket)?;
+        self.owner.leave();
         Ok(self.place())
     }
 
     /// The transport has lost a client; whether it was the owner.
     pub fn lost(&mut self, client: &str) -> bool {
-        let was = self.owner.as_ref().is_some_and(|o| o.client == client);
-        if was {
-            self.owner = None;
-        }
-        was
-    }
-
-    /// Back to the beginning, as a run of its own.
-    ///
-    /// # Errors
-    /// [`Code::NotOwner`], [`Code::Quitting`].
-    pub fn reset(&mut self, run_id: String, ticket: &str, now_ms: u64) -> Result<Place, Fault> {
-        self.check_owner(ticket)?;
-        self.check_not_quitting()?;
-        self.put(Arc::clone(&self.start))?;
-        (self.run_id, self.seq, self.durable_seq) = (run_id, 0, 0);
-        self.kept.clear();
-        self.idle_since_ms = now_ms;
-        Ok(self.place())
-    }
-
-    /// Keeps the state under a name; an older one of this name is replaced.
-    ///
-    /// # Errors
-    /// [`Code::NotOwner`], [`Code::InError`], [`Code::Malformed`] for a name that cannot be one,
-    /// [`Code::TooManyStates`].
-    pub fn save(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
-        self.check_ready(ticket)?;
-        check_name("name", &ask.name)?;
-        if self.kept.len() >= MOST_STATES && !self.kept.contains_key(&ask.name) {
-            let found = format!("{} and {:?}", self.kept.len(), ask.name);
-            let expected = format!("at most {MOST_STATES}");
-            return Err(Fault::expected(Code::TooManyStates, "kept states", expected, found));
-        }
-        self.kept.insert(ask.name.clone(), self.component.save());
-        Ok(self.place())
-    }
-
-    /// Takes up a kept state; windows go on counting.
-    ///
-    /// # Errors
-    /// [`Code::NotOwner`], [`Code::UnknownState`], [`Code::Quitting`].
-    pub fn restore(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
-        self.check_owner(ticket)?;
-        self.check_not_quitting()?;
-        let state = self.kept.get(&ask.name).cloned().ok_or_else(|| self.unknown(&ask.name))?;
-        self.put(state)?;
-        Ok(self.place())
-    }
-
-    /// Forgets a kept state.
-    ///
-    /// # Errors
-    /// [`Code::NotOwner`], [`Code::UnknownState`].
-    pub fn drop_state(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
-        self.check_owner(ticket)?;
-        self.kept.remove(&ask.name).ok_or_else(|| self.unknown(&ask.name))?;
-        Ok(self.place())
+        self.owner.lose(client)
     }
 
     /// Nothing more is computed.
@@ -282,32 +217,18 @@ impl Lockstep {
         self.is_quitting = true;
     }
 
-    /// The client that drives, and its ticket, which is for no one else to see.
-    pub fn owner(&self) -> Option<(&str, &str)> {
-        self.owner.as_ref().map(|o| (&o.client[..], &o.ticket[..]))
+    /// Whether there is anything to step yet.
+    pub fn is_configured(&self) -> bool {
+        self.is_configured
     }
 
-    /// Takes up a state, out of any trouble; the last window cannot be redone or asked for again.
-    fn put(&mut self, state: Arc<State>) -> Result<(), Fault> {
-        match self.trouble.take() {
-            None => self.component.restore(state)?,
-            Some(_) => self.component.recover(state)?,
-        }
-        self.answered = None;
-        self.hash_again();
-        Ok(())
+    /// Who drives.
+    pub fn owner(&self) -> &Ownership {
+        &self.owner
     }
 
     fn check_owner(&self, ticket: &str) -> Result<(), Fault> {
-        match &self.owner {
-            Some(owner) if owner.ticket == ticket => Ok(()),
-            Some(owner) => {
-                let message = format!("ticket: expected that of the owner, {:?}", owner.client);
-                let name = Some(owner.client.clone());
-                Err(Fault { owner: name, ..Fault::new(Code::NotOwner, message) })
-            }
-            None => Err(Fault::new(Code::NotOwner, "ticket: expected an owner; attach first")),
-        }
+        self.owner.check(ticket)
     }
 
     fn check_not_quitting(&self) -> Result<(), Fault> {
@@ -322,8 +243,17 @@ impl Lockstep {
         self.check_sound()
     }
 
-    fn check_sound(&self) -> Result<(), Fault> {
+    fn check_configured(&self) -> Result<(), Fault> {
         self.check_not_quitting()?;
+        if self.is_configured {
+            return Ok(());
+        }
+        let message = "the bed has not been prepared yet; ask for `init`";
+        Err(Fault::new(Code::Unconfigured, message))
+    }
+
+    fn check_sound(&self) -> Result<(), Fault> {
+        self.check_configured()?;
         match &self.trouble {
             None => Ok(()),
             Some(trouble) => {
@@ -339,17 +269,6 @@ impl Lockstep {
             Code::WrongRun,
             "run_id",
             format!("{:?}", self.run_id),
-            format!("{found:?}"),
-        )
-    }
-
-    fn unknown(&self, name: &str) -> Fault {
-        let known: Vec<_> = self.kept.keys().collect();
-        let found: String = name.chars().take(50).collect();
-        Fault::expected(
-            Code::UnknownState,
-            "name",
-            format!("one of {known:?}"),
             format!("{found:?}"),
         )
     }

@@ -1,7 +1,9 @@
 //! One window: in its turn, computed, answered, and its answer kept.
 
 use super::{Code, Fault, Lockstep, Progress};
-use crate::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, Status, ns};
+use crate::messages::{
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, ns,
+};
 use ballast::component::{OnTrouble, Outcome, Window};
 use ballast::state::State;
 use ballast::step::StepReport;
@@ -67,6 +69,7 @@ impl Lockstep {
         if !in_order {
             return Err(self.out_of_sequence(kind, request));
         }
+        self.check_series(request)?;
         let before = self.component.save();
         let mut abandoned = false;
         let mut seen = |progress: &Progress| {
@@ -74,7 +77,8 @@ impl Lockstep {
             abandoned |= pace == Pace::Abandon;
             pace
         };
-        let result = self.compute(kind, request, clock, &mut seen);
+        let mut series = request.series.then(|| StepSeries::begin(self.component.model()));
+        let result = self.compute(kind, request, clock, &mut seen, &mut series);
         self.idle_since_ms = clock();
         if abandoned {
             // A redo would have begun before the window that counts.
@@ -86,7 +90,11 @@ impl Lockstep {
             Ok(outcome) => {
                 let outcome = outcome?;
                 self.hash_again();
-                AdvanceReply::of(request, self.component.model(), &outcome, self.hash_now)
+                let model = self.component.model();
+                let reply = AdvanceReply::of(request, model, &outcome, self.hash_now);
+                // Of what was taken back there is nothing to tell.
+                let series = series.filter(|_| outcome.steps > 0).unwrap_or_default();
+                AdvanceReply { series, ..reply }
             }
             Err(panic) => {
                 self.component.recover(before)?;
@@ -107,17 +115,20 @@ impl Lockstep {
         request: &AdvanceRequest,
         clock: &dyn Fn() -> u64,
         watch: Watch,
+        series: &mut Option<StepSeries>,
     ) -> Result<Result<Outcome, Fault>, String> {
         let inputs = match request.inputs() {
             Ok(inputs) => inputs,
             Err(e) => return Ok(Err(e.into())),
         };
         let window = Window { motions: &inputs.motions, loads: &inputs.loads };
-        let ahead = request.t1_ns.saturating_sub(request.t0_ns).max(0) as u64;
-        let steps = ahead / self.component.model().stepping.step_ns;
+        let steps = self.steps(request);
         let mut progress = Progress { seq: request.seq, steps, ..Progress::default() };
         let begin = clock();
-        let mut each = |_: &State, report: &StepReport| {
+        let mut each = |state: &State, report: &StepReport| {
+            if let Some(series) = series {
+                series.take(state, report);
+            }
             progress.step += 1;
             progress.iterations = report.iterations;
             progress.residual_qm16 = report.residuals.qm16();
@@ -143,6 +154,23 @@ impl Lockstep {
             Ok(outcome) => Ok(outcome.map_err(Fault::from)),
             Err(panic) => Err(said(panic.as_ref())),
         }
+    }
+
+    /// How many steps a window has that is on the grid.
+    fn steps(&self, request: &AdvanceRequest) -> u64 {
+        let ahead = request.t1_ns.saturating_sub(request.t0_ns).max(0) as u64;
+        ahead / self.component.model().stepping.step_ns
+    }
+
+    /// Refuses a series that would not fit into a message.
+    fn check_series(&self, request: &AdvanceRequest) -> Result<(), Fault> {
+        let (steps, bodies) = (self.steps(request), self.component.model().driven.len() as u64);
+        if !request.series || steps.saturating_mul(bodies) <= MOST_SERIES {
+            return Ok(());
+        }
+        let expected = format!("at most {MOST_SERIES} steps times bodies; ask for shorter windows");
+        let found = format!("{steps} steps of {bodies} bodies");
+        Err(Fault::expected(Code::TooLarge, "series", expected, found))
     }
 
     /// The reply to a window in which the program failed; the state is that of its beginning.

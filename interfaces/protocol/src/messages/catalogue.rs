@@ -89,8 +89,11 @@ catalogue!(
     "ballast_msgs" Compactness,
     "ballast_msgs" Squeeze,
     "ballast_msgs" SolverStats,
+    "ballast_msgs" Parameters,
     "ballast_msgs" EnergyLedger,
     "ballast_msgs" StateHash,
+    "ballast_msgs" BodySeries,
+    "ballast_msgs" StepSeries,
     "ballast_msgs" AdvanceReply,
     "ballast_msgs" StepRecord,
 );

@@ -9,6 +9,7 @@ use ballast::drive::Load;
 use ballast::geometry::AxisBox;
 use ballast::math::{self, Quat, Vec3};
 use ballast::model::Model;
+use ballast::observe::{SqueezeOutcome, SqueezeRecord};
 use ballast::state;
 
 /// How far the norm of a quaternion may be from 1.
@@ -262,6 +263,23 @@ impl From<SolverStats> for component::SolverOutcome {
     }
 }
 
+impl From<component::Parameters> for Parameters {
+    fn from(p: component::Parameters) -> Self {
+        let penetration = if p.penetration.is_finite() { p.penetration } else { 0.0 };
+        Self { iterations: p.iterations, tolerance: p.tolerance.unwrap_or(0.0), penetration }
+    }
+}
+
+impl From<Parameters> for component::Parameters {
+    fn from(p: Parameters) -> Self {
+        Self {
+            iterations: p.iterations,
+            tolerance: (p.tolerance != 0.0).then_some(p.tolerance),
+            penetration: if p.penetration == 0.0 { f64::INFINITY } else { p.penetration },
+        }
+    }
+}
+
 impl From<component::Status> for Status {
     fn from(status: component::Status) -> Self {
         match status {
@@ -376,17 +394,22 @@ impl AdvanceReply {
             steps: self.steps,
             bodies: self.bodies.iter().map(body).collect::<Result<_, _>>()?,
             zones: self.zones.iter().map(Into::into).collect(),
+            squeezes: self
+                .squeezes
+                .iter()
+                .map(SqueezeOutcome::try_from)
+                .collect::<Result<_, _>>()?,
             solver: self.solver.into(),
             energy: self.energy.into(),
             hint_max_step_ns: self.hint_max_step_ns,
         })
     }
 
-    /// The reply to a window of `model`; squeezes are the caller's to add.
+    /// The reply to a window of `model`, without its series.
     pub fn of(request: &AdvanceRequest, model: &Model, outcome: &Outcome, hash: StateHash) -> Self {
         let trouble = outcome.trouble.as_ref();
         let bodies = model.driven.iter().zip(&outcome.bodies);
-        let zones = outcome.zones.iter();
+        let (zones, squeezes) = (outcome.zones.iter(), outcome.squeezes.iter());
         Self {
             run_id: request.run_id.clone(),
             seq: request.seq,
@@ -398,32 +421,64 @@ impl AdvanceReply {
             steps: outcome.steps,
             bodies: bodies.map(|(d, b)| WrenchImpulse::of(&d.name, outcome.t1_ns, b)).collect(),
             zones: zones.map(|zone| Compactness::of(outcome.t1_ns, zone)).collect(),
-            squeezes: Vec::new(),
+            squeezes: squeezes.map(|s| Squeeze::of(outcome.t1_ns, s)).collect(),
             solver: outcome.solver.into(),
             energy: outcome.energy.into(),
             hash,
             hint_max_step_ns: outcome.hint_max_step_ns,
+            series: StepSeries::default(),
         }
     }
 }
 
 impl Squeeze {
-    /// What is known of the squeeze of a pair at a time of the run, ns; its meter began at `began_ns`.
-    pub fn of(
-        pair: &str,
-        time_ns: u64,
-        began_ns: u64,
-        record: &ballast::observe::SqueezeRecord,
-    ) -> Self {
-        let onset =
-            record.onset.map_or(-1, |s| ns(began_ns).saturating_add((s * 1e9).round() as i64));
+    /// What is known of a squeeze at the end of a window, ns.
+    pub fn of(time_ns: u64, squeeze: &SqueezeOutcome) -> Self {
+        let record = &squeeze.record;
         Self {
             header: Header::world(time_ns),
-            pair: pair.into(),
-            onset_ns: onset,
-            closing_m: record.closing,
+            pair: squeeze.name.clone(),
+            number: record.number,
+            is_over: squeeze.is_over,
+            began_ns: ns(record.began_ns),
+            onset_ns: record.onset_ns.map_or(-1, ns),
+            onset_closing: record.onset_closing,
+            closing: record.closing,
             peak_force: record.peak_force,
+            peak_closing: record.peak_closing,
+            peak_step_force: record.peak_step_force,
+            work: record.work,
             compaction_energy: record.compaction_energy,
+            loop_closing: record.loop_points.iter().map(|p| p[0]).collect(),
+            loop_force: record.loop_points.iter().map(|p| p[1]).collect(),
         }
+    }
+}
+
+impl TryFrom<&Squeeze> for SqueezeOutcome {
+    type Error = Malformed;
+
+    fn try_from(squeeze: &Squeeze) -> Result<Self, Malformed> {
+        let time = |field: &str, ns: i64| {
+            time(field, ns).map_err(|e| e.inside(&format!("squeeze of {:?}", squeeze.pair)))
+        };
+        let points = squeeze.loop_closing.iter().zip(&squeeze.loop_force);
+        let record = SqueezeRecord {
+            number: squeeze.number,
+            began_ns: time("began_ns", squeeze.began_ns)?,
+            onset_ns: match squeeze.onset_ns {
+                -1 => None,
+                ns => Some(time("onset_ns", ns)?),
+            },
+            onset_closing: squeeze.onset_closing,
+            peak_force: squeeze.peak_force,
+            peak_closing: squeeze.peak_closing,
+            peak_step_force: squeeze.peak_step_force,
+            closing: squeeze.closing,
+            work: squeeze.work,
+            compaction_energy: squeeze.compaction_energy,
+            loop_points: points.map(|(c, f)| [*c, *f]).collect(),
+        };
+        Ok(Self { name: squeeze.pair.clone(), is_over: squeeze.is_over, record })
     }
 }

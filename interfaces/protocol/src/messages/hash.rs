@@ -104,3 +104,19 @@ impl<'de> Deserialize<'de> for Digest {
         }
     }
 }
+
+macro_rules! hexadecimal {
+    ($($name:ident),*) => {$(
+        impl schemars::JsonSchema for $name {
+            fn schema_name() -> std::borrow::Cow<'static, str> {
+                stringify!($name).into()
+            }
+
+            fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+                schemars::json_schema!({ "type": "string", "pattern": "^[0-9a-fA-F]{32}$" })
+            }
+        }
+    )*};
+}
+
+hexadecimal!(StateHash, Digest);

@@ -4,10 +4,11 @@ use super::hash::Digest;
 use super::stock::{Pose, Twist, Wrench};
 use super::words::{DeadlinePolicy, Interpolation};
 use crate::{Malformed, to_cdr};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where a body is at a time, and how it moves then.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Knot {
     /// Since the start of the run, ns.
@@ -18,7 +19,7 @@ pub struct Knot {
 }
 
 /// The motion of one driven body through a window.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyInput {
     pub body: String,
@@ -31,7 +32,7 @@ pub struct BodyInput {
 }
 
 /// What pushes a loaded body at a time, about its reference point, world axes.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LoadKnot {
     /// Since the start of the run, ns.
@@ -40,7 +41,7 @@ pub struct LoadKnot {
 }
 
 /// The load on one body through a window.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LoadInput {
     pub body: String,
@@ -55,7 +56,7 @@ fn linear() -> Interpolation {
 }
 
 /// Compute the window from `t0_ns` to `t1_ns`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AdvanceRequest {
     pub run_id: String,
@@ -72,6 +73,9 @@ pub struct AdvanceRequest {
     pub deadline_ms: u32,
     #[serde(default)]
     pub deadline_policy: DeadlinePolicy,
+    /// Tell the window step by step, too: [`AdvanceReply::series`](super::AdvanceReply::series).
+    #[serde(default)]
+    pub series: bool,
 }
 
 impl AdvanceRequest {

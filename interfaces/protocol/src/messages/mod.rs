@@ -10,6 +10,7 @@ mod hash;
 mod input;
 mod reply;
 mod scene;
+mod series;
 mod stock;
 mod words;
 
@@ -18,13 +19,15 @@ pub use convert::{Asked, ns};
 pub use hash::{Digest, StateHash};
 pub use input::{AdvanceRequest, BodyInput, Knot, LoadInput, LoadKnot};
 pub use reply::{
-    AdvanceReply, Compactness, EnergyLedger, SolverStats, Squeeze, StepRecord, WrenchImpulse,
+    AdvanceReply, Compactness, EnergyLedger, Parameters, SolverStats, Squeeze, StepRecord,
+    WrenchImpulse,
 };
 pub use scene::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, KeyValuePair, LinePrimitive,
     ModelPrimitive, SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, TextPrimitive,
     TriangleListPrimitive,
 };
+pub use series::{BodySeries, MOST_SERIES, StepSeries};
 pub use stock::{
     Clock, Duration, Header, Log, Point, PointCloud2, PointField, Pose, PoseStamped, Quaternion,
     TFMessage, Time, Transform, TransformStamped, Twist, TwistStamped, Vector3, Wrench,

@@ -2,9 +2,11 @@
 
 use super::hash::{Digest, StateHash};
 use super::input::AdvanceRequest;
+use super::series::StepSeries;
 use super::stock::{Header, Point, Pose, Twist, Vector3, Wrench, message};
 use super::words::Status;
 use crate::{Malformed, to_cdr};
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 message!(
@@ -34,19 +36,22 @@ message!(
 );
 
 /// How densely a zone is filled, and how its grains press and flow.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Compactness {
     pub header: Header,
     pub zone: String,
     /// Solid over accessible volume; NaN (in JSON `null`) where nothing is accessible.
     #[serde(deserialize_with = "number_or_null")]
+    #[schemars(with = "Option<f64>")]
     pub compactness: f64,
     /// Mean number of touching neighbours of the grains whose centre is in the zone; NaN without grains.
     #[serde(deserialize_with = "number_or_null")]
+    #[schemars(with = "Option<f64>")]
     pub coordination: f64,
     /// NaN where grains do not press on each other.
     #[serde(deserialize_with = "number_or_null")]
+    #[schemars(with = "Option<f64>")]
     pub inertial_number: f64,
     /// Pa.
     pub mean_pressure: f64,
@@ -65,18 +70,34 @@ fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::
 }
 
 message!(
-    /// What a pair of tines has done in a squeeze so far.
+    /// A squeeze of a pair of tines, up to the last whole vibration period before the end of a window.
     Squeeze {
+        /// The end of the window.
         header: Header,
         pair: String,
-        /// When the ballast first resisted, ns; -1: not yet.
+        /// Of this pair, from 1 on.
+        number: u32,
+        /// The pair has opened again.
+        is_over: bool,
+        /// When the pair was at its widest, ns; closings are counted from there.
+        began_ns: i64,
+        /// End of the period in which the ballast first resisted, ns; -1: not yet. The closing then, m.
         onset_ns: i64,
-        /// Of a side, m.
-        closing_m: f64,
-        /// Largest mean over a vibration period, N.
+        onset_closing: f64,
+        /// Of a side, mean over the last period, m.
+        closing: f64,
+        /// Largest mean force of a side over a period, N, and the closing at which it occurred, m.
         peak_force: f64,
-        /// J.
+        peak_closing: f64,
+        /// Largest force of a single step, N.
+        peak_step_force: f64,
+        /// Of the tines on the ballast, vibration included, J.
+        work: f64,
+        /// Of the mean force along the closing, both sides, J.
         compaction_energy: f64,
+        /// The force-displacement loop: closing, m, and mean force, N, of a side.
+        loop_closing: Vec<f64>,
+        loop_force: Vec<f64>,
     }
 );
 
@@ -97,6 +118,19 @@ message!(
         /// Mean of the last step, largest of all steps, m.
         mean_penetration: f64,
         max_penetration: f64,
+    }
+);
+
+message!(
+    /// How hard steps are solved from here on.
+    #[derive(Copy)]
+    Parameters {
+        /// Largest number of iterations per step.
+        iterations: u32,
+        /// A step is solved below this; 0: all iterations.
+        tolerance: f64,
+        /// Deepest penetration of a sound step, m; 0: any.
+        penetration: f64,
     }
 );
 
@@ -135,6 +169,8 @@ message!(
         hash: StateHash,
         /// Longest sensible time step of a partner, ns; 0: no advice.
         hint_max_step_ns: u64,
+        /// Empty unless it was asked for.
+        series: StepSeries,
     }
 );
 

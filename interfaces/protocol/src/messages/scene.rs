@@ -1,6 +1,7 @@
 //! Pictures: `foxglove_msgs/SceneUpdate` and what it is made of.
 
 use super::stock::{Duration, Point, Pose, Time, Vector3, message};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 message!(SceneUpdate { deletions: Vec<SceneEntityDeletion>, entities: Vec<SceneEntity> });

@@ -47,7 +47,7 @@ impl ForEach for Order {
 fn fields_stand_in_the_order_of_the_definitions() {
     let mut order = Order(0);
     for_each(&mut order);
-    assert_eq!(order.0, 45);
+    assert_eq!(order.0, 48);
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! by its number and content, every other request by a number of its own.
 
 use super::presence::Presence;
-use crate::keys::last;
+use crate::keys::{SCHEMA, last};
 use crate::server::Description;
 use crate::{Error, Keys, Link, SILENCE};
 use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport};
@@ -120,6 +120,19 @@ impl Line {
         token.map_err(|e| Error::link("zenoh", e))
     }
 
+    /// Sends something that is not answered.
+    pub(super) fn put(
+        &self,
+        key: String,
+        bytes: Vec<u8>,
+        encoding: Encoding,
+        ticket: &str,
+    ) -> Result<(), Error> {
+        let put = self.session.put(&key, bytes).encoding(encoding).attachment(ticket);
+        let put = put.congestion_control(CongestionControl::Block).express(true);
+        put.wait().map_err(|e| Error::link(key, e))
+    }
+
     /// Calls `take` with key, encoding and bytes of everything that the component tells.
     ///
     /// # Errors
@@ -157,6 +170,14 @@ impl Line {
     /// No answer, or none that can be read; it is being prepared.
     pub fn describe(&self) -> Result<Description, Error> {
         self.look("describe", self.keys.describe())
+    }
+
+    /// The JSON Schema of the component's requests and replies.
+    ///
+    /// # Errors
+    /// No answer, or none that can be read.
+    pub fn schema(&self) -> Result<serde_json::Value, Error> {
+        self.look("schema", format!("{}?{SCHEMA}", self.keys.describe()))
     }
 
     /// What the component is doing.

@@ -13,8 +13,11 @@ pub use line::{Line, Patience};
 
 use crate::server::{Description, cdr};
 use crate::{Error, Link, random};
-use ballast_protocol::lockstep::{Attach, Attached, Code, Kind, Named, Place, StatusReport};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, LoadInput, ns};
+use ballast_protocol::lockstep::{
+    Attach, Attached, Code, Init, Kind, Named, Place, SetParameters, StatusReport,
+};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Knot, LoadInput, ns};
+use ballast_protocol::pacer::FreeRunning;
 use ballast_protocol::{from_cdr, to_cdr};
 use journal::Journal;
 use line::{Ask, read};
@@ -34,6 +37,8 @@ pub struct Client {
     ticket: String,
     place: Place,
     journal: Journal,
+    /// Time was let run by itself: where it is, nobody knows beforehand.
+    runs_freely: bool,
 }
 
 impl Client {
@@ -54,7 +59,8 @@ impl Client {
         let line = Line::open(component, link, patience)?;
         let token = line.come_alive(&id)?;
         let (ticket, place, journal) = Default::default();
-        let mut client = Self { line, id, _token: token, ticket, place, journal };
+        let mut client =
+            Self { line, id, _token: token, ticket, place, journal, runs_freely: false };
         let resume = resume.map(str::to_string);
         let ask = Attach { client: client.id.clone(), resume, ticket: None };
         let attached = client.ask_to_drive(&ask)?;
@@ -82,6 +88,10 @@ impl Client {
         };
         let attached = self.ask_to_drive(&ask)?;
         self.ticket = attached.ticket;
+        if std::mem::take(&mut self.runs_freely) {
+            self.begin_at(attached.place)?;
+            return Ok(());
+        }
         self.catch_up(&attached.place)
     }
 
@@ -292,7 +302,64 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn reset(&mut self) -> Result<&Place, Error> {
-        self.place = self.json("reset", b"{}".to_vec())?;
+        let place = self.json("reset", b"{}".to_vec())?;
+        self.begin_at(place)
+    }
+
+    /// Prepares the bed over there, with other choices than the case's where they are given, and starts a run in
+    /// it. Waits as long as for a window.
+    ///
+    /// # Errors
+    /// What the component refuses; no answer.
+    pub fn init(&mut self, ask: &Init) -> Result<&Place, Error> {
+        let text = serde_json::to_vec(ask).unwrap_or_default();
+        let allowed = self.line.patience.window;
+        let bytes = self.returning(|client| client.once("init", text.clone(), allowed))?;
+        self.begin_at(read("init", &bytes)?)
+    }
+
+    /// Sets parameters for all windows from now on, and for a redo of the last one.
+    ///
+    /// # Errors
+    /// What the component refuses; no answer.
+    pub fn set_parameters(&mut self, ask: &SetParameters) -> Result<&Place, Error> {
+        let place = self.json("param", serde_json::to_vec(ask).unwrap_or_default())?;
+        self.begin_at(place)
+    }
+
+    /// Lets time run by itself from now on; bodies then follow what [`Client::put_motion`] sends.
+    ///
+    /// # Errors
+    /// What the component refuses; no answer.
+    pub fn run_freely(&mut self, ask: &FreeRunning) -> Result<&Place, Error> {
+        self.runs_freely = true;
+        let free_running = Some(Some(ask.clone()));
+        self.set_parameters(&SetParameters { free_running, ..SetParameters::default() })
+    }
+
+    /// Time runs by itself no more: where it has come to.
+    ///
+    /// # Errors
+    /// What the component refuses; no answer.
+    pub fn stop_running(&mut self) -> Result<&Place, Error> {
+        let ask = SetParameters { free_running: Some(None), ..SetParameters::default() };
+        self.set_parameters(&ask)?;
+        self.runs_freely = false;
+        Ok(&self.place)
+    }
+
+    /// Sends a sample of a body's motion, for time that runs by itself; its time is of a clock of the caller's own.
+    /// It is not answered.
+    ///
+    /// # Errors
+    /// The session breaks down.
+    pub fn put_motion(&self, body: &str, sample: &Knot) -> Result<(), Error> {
+        self.line.put(self.line.keys().input(body), to_cdr(sample)?, cdr::<Knot>(), &self.ticket)
+    }
+
+    /// Goes on at a place that the windows so far do not lead to.
+    fn begin_at(&mut self, place: Place) -> Result<&Place, Error> {
+        self.place = place;
         self.journal.clear();
         Ok(&self.place)
     }

@@ -5,13 +5,13 @@
 //! before its size is known to be allowed; who does not drive can only make `attach` wait.
 
 use super::answer::{self, Answer};
-use super::requests::Nothing;
 use super::shared::Shared;
-use crate::keys::last;
+use crate::keys::{SCHEMA, last};
 use crate::{Error, Keys, LARGEST_MESSAGE};
 use ballast_protocol::lockstep::{Attach, Code, Fault, Kind};
+use ballast_protocol::schema::Nothing;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{SendError, Sender};
 use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
@@ -108,15 +108,21 @@ pub(super) struct Request {
     pub bytes: usize,
 }
 
+/// What wakes the computing thread.
+pub(super) enum Call {
+    Request(Request),
+    /// Samples of motion are waiting.
+    Input,
+}
+
 /// Declares the requests of a component, and what is told about its clients.
 pub(super) fn open(
     session: &Session,
     keys: &Keys,
     shared: &Arc<Shared>,
-) -> Result<Receiver<Request>, Error> {
+    sender: Sender<Call>,
+) -> Result<(), Error> {
     let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
-    // Bounded by `Shared::admit`.
-    let (sender, inbox) = channel();
     let (at, to) = (Arc::clone(shared), keys.clone());
     let control = session.declare_queryable(keys.control_any()).complete(true);
     let control = control.callback(move |query| enter(&at, &to, &sender, query));
@@ -124,7 +130,11 @@ pub(super) fn open(
     let (at, key) = (Arc::clone(shared), keys.describe());
     let describe = session.declare_queryable(keys.describe()).complete(true);
     let describe = describe.callback(move |query: Query| {
-        answer::send(&query, key.clone(), at.description().map(Answer::text));
+        let told = match query.parameters().contains_key(SCHEMA) {
+            true => Ok(Answer::json(&ballast_protocol::schema::control_plane())),
+            false => at.description().map(Answer::text),
+        };
+        answer::send(&query, key.clone(), at.check_rate().and(told));
     });
     describe.background().wait().map_err(zenoh)?;
     let at = Arc::clone(shared);
@@ -137,26 +147,29 @@ pub(super) fn open(
         }
     });
     clients.background().wait().map_err(zenoh)?;
-    Ok(inbox)
+    Ok(())
 }
 
-fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Request>, query: Query) {
+fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Call>, query: Query) {
     let word = last(query.key_expr().as_str()).to_string();
     let key = keys.control(&word);
     let bytes = query.payload().map_or(0, zenoh::bytes::ZBytes::len);
     match check(shared, &word, &query, bytes) {
         Ok(Verb::Status) => answer::send(&query, key, Ok(Answer::json(&shared.status()))),
-        Ok(Verb::Param) => answer::send(&query, key, parameters(shared, &query)),
+        Ok(Verb::Param) if is_empty(&query) => {
+            answer::send(&query, key, shared.parameters().map(Answer::text));
+        }
         Ok(verb) => {
             let result = Pass::of(&query).and_then(|pass| {
-                shared.admit(bytes)?;
+                shared.admit(bytes, verb == Verb::Attach)?;
                 Ok(pass)
             });
             match result {
                 Ok(pass) => {
-                    if let Err(refused) = sender.send(Request { query, verb, pass, bytes }) {
+                    let request = Call::Request(Request { query, verb, pass, bytes });
+                    if let Err(SendError(Call::Request(refused))) = sender.send(request) {
                         let fault = Fault::new(Code::Quitting, "the component is being shut down");
-                        answer::send(&refused.0.query, key, Err(fault));
+                        answer::send(&refused.query, key, Err(fault));
                     }
                 }
                 Err(fault) => answer::send(&query, key, Err(fault)),
@@ -167,6 +180,10 @@ fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Request>, query: Query) {
 }
 
 fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Verb, Fault> {
+    let is_owner = Pass::of(query).is_ok_and(|pass| shared.check_owner(&pass.ticket).is_ok());
+    if !is_owner {
+        shared.check_rate()?;
+    }
     let verb = Verb::of(word)?;
     let most = if matches!(verb, Verb::Window(_)) { LARGEST_MESSAGE } else { LARGEST_CONTROL };
     if bytes > most {
@@ -174,7 +191,8 @@ fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Ver
         return Err(Fault::expected(Code::TooLarge, word, expected, bytes));
     }
     match verb {
-        Verb::Status | Verb::Param => {}
+        Verb::Status => {}
+        Verb::Param if is_empty(query) => {}
         Verb::Attach => {
             let ask: Attach = object(query)?;
             // The same request again gets the answer of the first; the computing thread knows.
@@ -190,13 +208,9 @@ fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Ver
     Ok(verb)
 }
 
-/// What the case has set; a run does not change it.
-fn parameters(shared: &Shared, query: &Query) -> Result<Answer, Fault> {
-    object::<Nothing>(query).map_err(|fault| Fault {
-        message: format!("{fault}; parameters are those of the case and cannot be set here"),
-        ..fault
-    })?;
-    shared.parameters().map(Answer::text)
+/// Whether a request has no content: it asks for what is set, and sets nothing.
+fn is_empty(query: &Query) -> bool {
+    object::<Nothing>(query).is_ok()
 }
 
 /// A JSON object from the payload; none is an empty one.

@@ -8,27 +8,33 @@
 //! * An owner is a client that is alive: when its token is gone, so is its ownership, and the run holds.
 
 mod answer;
-mod describe;
 mod gate;
 mod heartbeat;
+mod inputs;
 mod memory;
 mod outlets;
+mod pictures;
 mod requests;
+mod running;
 mod shared;
 
 pub(crate) use answer::cdr;
-pub use describe::{Body, Description};
+pub use ballast_protocol::description::{Body, Description};
 
 use crate::{Error, Keys, Link};
-use ballast_protocol::lockstep::{Kind, Lockstep};
+use ballast::component::Component;
+use ballast_protocol::lockstep::{Code, Fault, Init, Kind, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
-use gate::Request;
+use ballast_protocol::pacer::Pacer;
+use gate::Call;
 use heartbeat::Heartbeat;
+use inputs::Inputs;
 use memory::Answered;
 use outlets::Outlets;
+use pictures::Pictures;
 use shared::Shared;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::{Session, Wait};
@@ -58,8 +64,20 @@ pub trait Host {
         false
     }
 
+    /// The state is another one at the same place: parameters were set.
+    fn changed(&mut self) {}
+
     /// The run was taken to a kept state, or back to the beginning.
     fn taken_elsewhere(&mut self, _lockstep: &Lockstep) {}
+
+    /// Prepares a component, the computing thread waiting for it; the run then begins anew with it.
+    ///
+    /// # Errors
+    /// Why there is none; the run, if there is one, stays as it is.
+    fn init(&mut self, _ask: &Init) -> Result<Component, Fault> {
+        let message = "init: this component was prepared when it was started; `reset` begins anew";
+        Err(Fault::new(Code::InitFailed, message))
+    }
 
     /// Something that a person may want to know.
     fn note(&mut self, _text: &str) {}
@@ -80,8 +98,10 @@ pub struct Server {
     session: Session,
     keys: Keys,
     shared: Arc<Shared>,
-    inbox: Receiver<Request>,
+    inbox: Receiver<Call>,
+    inputs: Inputs,
     heartbeat: Heartbeat,
+    pictures: Option<Pictures>,
 }
 
 /// A component that is served.
@@ -94,6 +114,10 @@ struct Service<'a> {
     outlets: Outlets,
     answered: Answered,
     alive: Option<LivelinessToken>,
+    inputs: Inputs,
+    /// While time runs by itself.
+    pacer: Option<Pacer>,
+    pictures: Option<Pictures>,
 }
 
 impl Server {
@@ -106,9 +130,23 @@ impl Server {
         let keys = Keys::of(name)?;
         let session = link.open()?;
         let shared = Arc::new(Shared::settling());
-        let inbox = gate::open(&session, &keys, &shared)?;
+        // Bounded by `Shared::admit` and by the samples that wait.
+        let (sender, inbox) = channel();
+        let inputs = Inputs::declare(&session, &keys, &shared, sender.clone())?;
+        gate::open(&session, &keys, &shared, sender)?;
         let heartbeat = Heartbeat::start(&session, &keys, &shared)?;
-        Ok(Self { endpoints: link.listen.clone(), session, keys, shared, inbox, heartbeat })
+        let endpoints = link.listen.clone();
+        Ok(Self { endpoints, session, keys, shared, inbox, inputs, heartbeat, pictures: None })
+    }
+
+    /// The same, sending pictures for viewers on a session of their own, at most one in `every`: however slow a viewer
+    /// is, it holds nobody up.
+    ///
+    /// # Errors
+    /// A link that cannot be used.
+    pub fn with_pictures(mut self, link: &Link, every: Duration) -> Result<Self, Error> {
+        self.pictures = Some(Pictures::start(link, &self.keys, every)?);
+        Ok(self)
     }
 
     /// The endpoints that it was told to listen on; those of a configuration file are not known.
@@ -121,7 +159,7 @@ impl Server {
     /// # Errors
     /// The session breaks down.
     pub fn run(self, lockstep: Lockstep, host: &mut dyn Host) -> Result<Lockstep, Error> {
-        let Self { session, keys, shared, inbox, heartbeat, .. } = self;
+        let Self { session, keys, shared, inbox, inputs, heartbeat, pictures, .. } = self;
         let outlets = Outlets::declare(&session, &keys, lockstep.component().model())?;
         let mut service = Service {
             session: &session,
@@ -132,16 +170,22 @@ impl Server {
             outlets,
             answered: Answered::default(),
             alive: None,
+            inputs,
+            pacer: None,
+            pictures,
         };
+        service.picture(None);
         service.describe();
-        service.shared.show(&service.lockstep);
+        service.show();
         service.come_alive()?;
         service.serve(&inbox)?;
         service.lockstep.quit();
         service.keep();
-        service.shared.show(&service.lockstep);
-        while let Ok(request) = inbox.try_recv() {
-            service.refuse(&request);
+        service.show();
+        while let Ok(call) = inbox.try_recv() {
+            if let Call::Request(request) = call {
+                service.refuse(&request);
+            }
         }
         heartbeat.end();
         let Service { lockstep, alive, outlets, .. } = service;
@@ -155,10 +199,12 @@ impl Server {
 }
 
 impl Service<'_> {
-    fn serve(&mut self, inbox: &Receiver<Request>) -> Result<(), Error> {
+    fn serve(&mut self, inbox: &Receiver<Call>) -> Result<(), Error> {
         while !self.shared.is_quitting() && !self.host.is_stopped() {
-            match inbox.recv_timeout(DOZE) {
-                Ok(request) => self.request(request)?,
+            let most = self.run_on().unwrap_or(DOZE).min(DOZE);
+            match inbox.recv_timeout(most) {
+                Ok(Call::Request(request)) => self.request(request)?,
+                Ok(Call::Input) => {}
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
@@ -166,12 +212,22 @@ impl Service<'_> {
                 && self.lockstep.lost(&client)
             {
                 self.answered.forget();
+                self.stop_running("its owner is gone");
                 self.say(&format!("{client:?} is gone; the run holds"));
                 self.keep();
-                self.shared.show(&self.lockstep);
+                self.show();
             }
         }
         Ok(())
+    }
+
+    /// Shows what the component is doing between two requests.
+    fn show(&self) {
+        let mut status = self.lockstep.status(self.shared.now_ms());
+        if let Some(pacer) = &self.pacer {
+            pacer.tell(&mut status, self.shared.now_ns());
+        }
+        self.shared.show(&self.lockstep, status);
     }
 
     fn keep(&mut self) {
@@ -182,7 +238,16 @@ impl Service<'_> {
 
     /// Describes the bodies where they are now.
     fn describe(&self) {
-        self.shared.describe(&Description::of(self.keys.name(), &self.lockstep));
+        let pictures = self.pictures.as_ref().map_or(Vec::new(), |p| p.endpoints.clone());
+        let description = Description::of(self.keys.name(), &self.lockstep);
+        self.shared.describe(&Description { pictures, ..description });
+    }
+
+    /// Shows viewers where the run is.
+    fn picture(&mut self, reply: Option<&AdvanceReply>) {
+        if let Some(pictures) = &mut self.pictures {
+            pictures.show(self.lockstep.component(), reply);
+        }
     }
 
     /// Tells people here and observers.

@@ -4,8 +4,11 @@ use super::Service;
 use super::answer::{self, Answer, CDR};
 use super::gate::{Request, Verb, object};
 use crate::{Error, random};
-use ballast_protocol::lockstep::{Attach, Code, Fault, Kind, Named, Pace, Progress};
+use ballast_protocol::lockstep::{
+    Attach, Code, Fault, Init, Kind, Named, Pace, Place, Progress, SetParameters,
+};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message};
+use ballast_protocol::schema::Nothing;
 use ballast_protocol::{from_cdr, from_json};
 use std::sync::Arc;
 use std::time::Duration;
@@ -43,13 +46,13 @@ impl Service<'_> {
                 result
             });
             // Shown before it is answered: who has the answer may ask for something else at once.
-            self.shared.show(&self.lockstep);
+            self.show();
             if matches!(verb, Verb::Reset | Verb::Init) && result.is_ok() {
                 self.come_alive()?;
             }
             answer::send(&query, key, result);
         }
-        self.shared.dismiss(bytes);
+        self.shared.dismiss(bytes, verb == Verb::Attach);
         Ok(())
     }
 
@@ -57,7 +60,7 @@ impl Service<'_> {
     pub fn refuse(&self, request: &Request) {
         let fault = Fault::new(Code::Quitting, "the component is being shut down");
         answer::send(&request.query, self.keys.control(request.verb.word()), Err(fault));
-        self.shared.dismiss(request.bytes);
+        self.shared.dismiss(request.bytes, request.verb == Verb::Attach);
     }
 
     fn window(&mut self, kind: Kind, query: &Query, key: String, ticket: &str) {
@@ -65,6 +68,26 @@ impl Service<'_> {
             Ok(request) => request,
             Err(fault) => return answer::send(query, key, Err(fault)),
         };
+        let before = self.lockstep.answered_count();
+        let result = match self.check_stands() {
+            Ok(()) => self.compute(kind, &request, ticket),
+            Err(fault) => Err(fault),
+        };
+        let answered = result
+            .as_ref()
+            .map_err(Clone::clone)
+            .and_then(|reply| Answer::message::<AdvanceReply>(reply, is_cdr(query)));
+        answer::send(query, key, answered);
+        self.tell(kind, &request, &result, before);
+    }
+
+    /// Computes a window, everyone being told how far it is.
+    pub(super) fn compute(
+        &mut self,
+        kind: Kind,
+        request: &AdvanceRequest,
+        ticket: &str,
+    ) -> Result<AdvanceReply, Fault> {
         let shared = Arc::clone(&self.shared);
         let clock = move || shared.now_ms();
         let due = (request.deadline_ms > 0).then(|| clock() + u64::from(request.deadline_ms));
@@ -83,30 +106,41 @@ impl Service<'_> {
         let ahead = u64::try_from(request.t1_ns.saturating_sub(request.t0_ns)).unwrap_or(0);
         let steps = ahead / self.lockstep.component().model().stepping.step_ns;
         self.shared.show_progress(&Progress { seq: request.seq, steps, ..Progress::default() });
-        let before = self.lockstep.answered_count();
-        let result = self.lockstep.window(kind, &request, ticket, &clock, &mut watch);
-        self.shared.show(&self.lockstep);
-        let answered = result
-            .as_ref()
-            .map_err(Clone::clone)
-            .and_then(|reply| Answer::message::<AdvanceReply>(reply, is_cdr(query)));
-        answer::send(query, key, answered);
+        let result = self.lockstep.window(kind, request, ticket, &clock, &mut watch);
+        self.show();
+        result
+    }
+
+    /// Tells everyone of a window, unless it was answered from memory: `before` windows had been computed.
+    pub(super) fn tell(
+        &mut self,
+        kind: Kind,
+        request: &AdvanceRequest,
+        result: &Result<AdvanceReply, Fault>,
+        before: u64,
+    ) {
         if let Ok(reply) = result
             && self.lockstep.answered_count() != before
         {
-            self.outlets.window(&reply);
-            if self.host.computed(&self.lockstep, kind, &request, &reply) {
+            self.outlets.window(reply);
+            self.picture(Some(reply));
+            if self.host.computed(&self.lockstep, kind, request, reply) {
                 self.lockstep.is_durable();
-                self.shared.show(&self.lockstep);
+                self.show();
             }
         }
     }
 
     fn control(&mut self, verb: Verb, query: &Query, ticket: &str) -> Result<Answer, Fault> {
         let now = self.shared.now_ms();
+        if matches!(verb, Verb::Init | Verb::Reset | Verb::Restore) {
+            self.check_stands()?;
+        }
         let place = match verb {
             Verb::Attach => return self.attach(query, now),
-            Verb::Init | Verb::Reset => {
+            Verb::Init => self.init(&object(query)?, ticket)?,
+            Verb::Param => self.set(&object(query)?, ticket)?,
+            Verb::Reset => {
                 object::<Nothing>(query)?;
                 let place = self.lockstep.reset(fresh()?, ticket, now)?;
                 self.taken_elsewhere(&format!("begins again, as run {}", place.run_id));
@@ -122,12 +156,13 @@ impl Service<'_> {
             Verb::Drop => self.lockstep.drop_state(&object::<Named>(query)?, ticket)?,
             Verb::Detach => {
                 let place = self.lockstep.detach(ticket)?;
+                self.stop_running("the owner has left");
                 self.say("the owner has left; the run holds");
                 self.keep();
                 place
             }
             Verb::Shutdown => self.lockstep.shut_down(ticket)?,
-            Verb::Window(_) | Verb::Status | Verb::Param => {
+            Verb::Window(_) | Verb::Status => {
                 let message = format!("{}: is answered elsewhere", verb.word());
                 return Err(Fault::new(Code::UnknownRequest, message));
             }
@@ -139,7 +174,40 @@ impl Service<'_> {
         self.say(text);
         self.describe();
         self.host.taken_elsewhere(&self.lockstep);
+        self.picture(None);
         self.keep();
+    }
+
+    /// Sets parameters, or lets time run by itself.
+    fn set(&mut self, ask: &SetParameters, ticket: &str) -> Result<Place, Fault> {
+        // All of it or nothing.
+        let pacer = self.pacer(ask)?;
+        let place = self.lockstep.set_parameters(ask, ticket)?;
+        match (pacer, &ask.free_running) {
+            (Some(pacer), _) => {
+                self.inputs.take();
+                self.pacer = Some(pacer);
+                self.say("time runs by itself");
+            }
+            (None, Some(None)) => self.stop_running("its owner stops it"),
+            (None, _) => {}
+        }
+        self.say(&format!("parameters: {:?}", self.lockstep.component().parameters()));
+        self.describe();
+        // So that windows before it need not be computed again with what holds now.
+        self.host.changed();
+        self.keep();
+        Ok(place)
+    }
+
+    /// Prepares a component anew; everyone is told so meanwhile.
+    fn init(&mut self, ask: &Init, ticket: &str) -> Result<Place, Fault> {
+        self.lockstep.check_init(ticket)?;
+        self.shared.show_settling();
+        let component = self.host.init(ask)?;
+        let place = self.lockstep.begin(component, fresh()?, self.shared.now_ms());
+        self.taken_elsewhere(&format!("is prepared, as run {}", place.run_id));
+        Ok(self.lockstep.place())
     }
 
     fn attach(&mut self, query: &Query, now: u64) -> Result<Answer, Fault> {
@@ -161,8 +229,3 @@ impl Service<'_> {
         Ok(Answer::json(&attached))
     }
 }
-
-/// A request without content.
-#[derive(serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Nothing {}

@@ -2,7 +2,7 @@
 //!
 //! Contract: a short lock, never held while waiting; a picture that is whole at any time.
 
-use super::describe::Description;
+use super::Description;
 use crate::LARGEST_MESSAGE;
 use ballast_protocol::lockstep::{Activity, Code, Fault, Lockstep, Progress, StatusReport};
 use std::collections::BTreeSet;
@@ -12,8 +12,17 @@ use std::time::Instant;
 /// Most requests that wait, and most bytes of theirs.
 pub(super) const MOST_REQUESTS: usize = 64;
 const MOST_BYTES: usize = 2 * LARGEST_MESSAGE;
+/// Most of them that want to drive: each may take a look at who is alive.
+const MOST_ATTACHES: usize = 4;
+/// Most requests of others than the owner: at once, and per second in the long run. A thousand observers that look
+/// twice a second stay below.
+const BURST: f64 = 4000.0;
+const PER_SECOND: f64 = 4000.0;
 /// Most clients whose tokens are remembered; others are looked up.
 const MOST_CLIENTS: usize = 1000;
+
+/// What is waited for while a bed is prepared.
+const BED: &str = "the bed to be prepared";
 
 pub(super) struct Shared {
     start: Instant,
@@ -33,7 +42,11 @@ struct Seen {
     /// Clients that are alive.
     live: BTreeSet<String>,
     requests: usize,
+    attaches: usize,
     bytes: usize,
+    /// How many requests of others are still answered now, as of so many ns after the start.
+    allowance: f64,
+    allowed_at: u64,
 }
 
 impl Shared {
@@ -41,7 +54,7 @@ impl Shared {
     pub fn settling() -> Self {
         let report = StatusReport {
             activity: Activity::Settling,
-            waiting_for: Some("the bed to be prepared".into()),
+            waiting_for: Some(BED.into()),
             waiting_since_ms: Some(0),
             ..StatusReport::default()
         };
@@ -53,7 +66,10 @@ impl Shared {
             owner_is_gone: false,
             live: BTreeSet::new(),
             requests: 0,
+            attaches: 0,
             bytes: 0,
+            allowance: BURST,
+            allowed_at: 0,
         };
         Self { start: Instant::now(), seen: Mutex::new(seen) }
     }
@@ -65,6 +81,11 @@ impl Shared {
     /// Wall time since the start, ms.
     pub fn now_ms(&self) -> u64 {
         self.start.elapsed().as_millis() as u64
+    }
+
+    /// The same, ns.
+    pub fn now_ns(&self) -> u64 {
+        self.start.elapsed().as_nanos() as u64
     }
 
     /// What the component is doing, now.
@@ -89,10 +110,10 @@ impl Shared {
     }
 
     /// Shows the component between two requests.
-    pub fn show(&self, lockstep: &Lockstep) {
+    pub fn show(&self, lockstep: &Lockstep, report: StatusReport) {
         let now = self.now_ms();
-        let report = lockstep.status(now);
-        let owner = lockstep.owner().map(|(client, ticket)| (client.into(), ticket.into()));
+        let owner = lockstep.owner();
+        let owner = owner.client().zip(owner.ticket()).map(|(c, t)| (c.to_string(), t.to_string()));
         let mut seen = self.seen();
         if seen.owner != owner {
             // A token may have gone while its owner was still asking.
@@ -100,6 +121,18 @@ impl Shared {
             (seen.owner_is_gone, seen.owner) = (!live, owner);
         }
         (seen.report, seen.at) = (report, now);
+    }
+
+    /// Shows that a bed is being prepared.
+    pub fn show_settling(&self) {
+        let now = self.now_ms();
+        let mut seen = self.seen();
+        let passed = now.saturating_sub(seen.at);
+        let report = &mut seen.report;
+        report.activity = Activity::Settling;
+        report.owner_since_ms = report.owner_since_ms.map(|ms| ms + passed);
+        (report.waiting_for, report.waiting_since_ms) = (Some(BED.into()), Some(0));
+        seen.at = now;
     }
 
     /// Shows how far a window is.
@@ -199,9 +232,31 @@ impl Shared {
         Err(Fault { owner: Some(owner.clone()), since_ms: Some(since), ..fault })
     }
 
-    /// Takes room for a request of so many bytes.
-    pub fn admit(&self, bytes: usize) -> Result<(), Fault> {
+    /// Refuses what comes faster than this component answers, whoever sends it; the owner is not counted, for
+    /// what it asks waits in its turn.
+    pub fn check_rate(&self) -> Result<(), Fault> {
+        let now = self.now_ns();
         let mut seen = self.seen();
+        let passed = now.saturating_sub(seen.allowed_at) as f64 * 1e-9;
+        seen.allowance = (seen.allowance + passed * PER_SECOND).min(BURST);
+        seen.allowed_at = now;
+        if seen.allowance >= 1.0 {
+            seen.allowance -= 1.0;
+            return Ok(());
+        }
+        let expected = format!("at most {PER_SECOND} of others than the owner");
+        Err(Fault::expected(Code::TooManyRequests, "requests per second", expected, "more"))
+    }
+
+    /// Takes room for a request of so many bytes.
+    pub fn admit(&self, bytes: usize, attaches: bool) -> Result<(), Fault> {
+        let mut seen = self.seen();
+        if attaches && seen.attaches >= MOST_ATTACHES {
+            let expected = format!("at most {MOST_ATTACHES}");
+            let found = format!("{}, and one more", seen.attaches);
+            let place = "clients that wait to attach";
+            return Err(Fault::expected(Code::TooManyRequests, place, expected, found));
+        }
         if seen.requests >= MOST_REQUESTS || seen.bytes + bytes > MOST_BYTES {
             let expected = format!("at most {MOST_REQUESTS} with {MOST_BYTES} bytes");
             let found = format!("{} with {}, and one more", seen.requests, seen.bytes);
@@ -213,13 +268,15 @@ impl Shared {
             ));
         }
         seen.requests += 1;
+        seen.attaches += usize::from(attaches);
         seen.bytes += bytes;
         Ok(())
     }
 
     /// Gives the room back.
-    pub fn dismiss(&self, bytes: usize) {
+    pub fn dismiss(&self, bytes: usize, attaches: bool) {
         let mut seen = self.seen();
+        seen.attaches = seen.attaches.saturating_sub(usize::from(attaches));
         seen.requests = seen.requests.saturating_sub(1);
         seen.bytes = seen.bytes.saturating_sub(bytes);
     }

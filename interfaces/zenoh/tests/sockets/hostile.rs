@@ -3,11 +3,14 @@
 use crate::common::scene::Random;
 use crate::setup::{KEY, Served, WINDOW, shaking, step, times, undisturbed};
 use ballast_protocol::lockstep::{Code, Fault};
-use ballast_protocol::messages::{AdvanceRequest, Message};
+use ballast_protocol::messages::{AdvanceRequest, Knot, Message};
 use ballast_protocol::to_cdr;
 use ballast_zenoh::{Keys, LARGEST_MESSAGE, Link};
 use std::io::{Read, Write};
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
 use zenoh::Wait;
 use zenoh::bytes::Encoding;
 
@@ -28,6 +31,19 @@ impl Stranger {
             std::thread::sleep(Duration::from_millis(20));
         }
         panic!("no connection");
+    }
+
+    /// A token of a client, alive until it is dropped.
+    pub fn come_alive(&self, client: &str) -> zenoh::liveliness::LivelinessToken {
+        self.session.liveliness().declare_token(self.keys.owner(client)).wait().unwrap()
+    }
+
+    /// A sample of motion, without a ticket and with one that is none.
+    pub fn put_motion(&self, body: &str, knot: &Knot) {
+        for ticket in ["", "0123456789abcdef0123456789abcdef"] {
+            let put = self.session.put(self.keys.input(body), to_cdr(knot).unwrap());
+            put.encoding(Encoding::from("application/cdr")).attachment(ticket).wait().unwrap();
+        }
     }
 
     /// The answer, the refusal, or a refusal of no code of ours where there is no answer.
@@ -118,14 +134,16 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
         }
     }
     assert_eq!(refused, times(200));
-    // 2³¹ bodies, in a message that has none.
+    // 2³¹ bodies and more, in a message that has none.
     let mut huge = to_cdr(&AdvanceRequest { motions: vec![], ..request.clone() }).unwrap();
     let one = to_cdr(&AdvanceRequest { motions: vec![Default::default()], ..request.clone() });
     // Where the count of bodies stands, the two differ first.
     let count = huge.iter().zip(&one.unwrap()).position(|(a, b)| a != b).unwrap();
-    huge[count..count + 4].copy_from_slice(&(1u32 << 31).to_le_bytes());
-    let fault = stranger.ask_as("advance", &huge, Some(ticket), cdr()).unwrap_err();
-    assert!(fault.code == Code::Malformed && fault.message.contains("motions"), "{fault}");
+    for k in 0..times(5) as u32 {
+        huge[count..count + 4].copy_from_slice(&((1u32 << 31) + k).to_le_bytes());
+        let fault = stranger.ask_as("advance", &huge, Some(ticket), cdr()).unwrap_err();
+        assert!(fault.code == Code::Malformed && fault.message.contains("motions"), "{fault}");
+    }
     // Endless, deep.
     let endless = vec![b' '; LARGEST_MESSAGE + 1];
     let fault = stranger.ask("advance", &endless, Some(ticket)).unwrap_err();
@@ -143,6 +161,100 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     stranger.ask_as("advance", &good, Some(ticket), cdr()).unwrap();
     drop(token);
     assert_eq!(served.stop().answered_count(), 1);
+}
+
+#[test]
+fn a_flood_of_requests_is_refused_and_holds_nobody_up() {
+    let served = Served::new();
+    let mut client = served.client();
+    step(&mut client).unwrap();
+    let stranger = Stranger::at(&served.link());
+    let flood = std::thread::spawn(move || {
+        let counts = Arc::new([const { AtomicU64::new(0) }; 2]);
+        let many = 20_000;
+        for k in 0..many {
+            let verb = ["status", "attach", "advance", "param"][k % 4];
+            let to = Arc::clone(&counts);
+            let get = stranger.session.get(stranger.keys.control(verb));
+            let get = get.payload(r#"{"client":"nobody"}"#).callback(move |reply| {
+                let bytes = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
+                let is_flood = bytes.is_some_and(|b| {
+                    serde_json::from_slice(&b).is_ok_and(|f: Fault| f.code == Code::TooManyRequests)
+                });
+                to[usize::from(is_flood)].fetch_add(1, Ordering::SeqCst);
+            });
+            get.timeout(Duration::from_secs(60)).wait().unwrap();
+        }
+        let begin = Instant::now();
+        loop {
+            let [answered, refused] = [0, 1].map(|k| counts[k].load(Ordering::SeqCst));
+            if answered + refused == many as u64 {
+                return (answered, refused);
+            }
+            assert!(begin.elapsed() < Duration::from_secs(60), "{answered} and {refused}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    });
+    let mut windows = 1;
+    let mut longest = Duration::ZERO;
+    while !flood.is_finished() {
+        let begin = Instant::now();
+        step(&mut client).unwrap();
+        longest = longest.max(begin.elapsed());
+        windows += 1;
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    // Every one of them is answered, most with a refusal.
+    let (answered, refused) = flood.join().unwrap();
+    assert!(answered > 0 && refused > 0, "{answered}, {refused}");
+    assert!(longest < Duration::from_secs(3), "{longest:?}");
+    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+}
+
+#[test]
+fn an_owner_that_floods_is_refused_what_does_not_fit() {
+    let served = Served::new();
+    let stranger = Stranger::at(&served.link());
+    let token = stranger.session.liveliness().declare_token(stranger.keys.owner("raw")).wait();
+    let attached = stranger.ask("attach", br#"{"client":"raw"}"#, None).unwrap();
+    let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
+    let ticket = attached["ticket"].as_str().unwrap();
+    // A window that takes a while, and behind it a thousand requests.
+    let long = 500 * WINDOW;
+    let request = AdvanceRequest {
+        run_id: attached["run_id"].as_str().unwrap().into(),
+        seq: 1,
+        t1_ns: long as i64,
+        motions: shaking(0, long),
+        ..AdvanceRequest::default()
+    };
+    let (sender, answers) = channel();
+    let ask = |verb: &str, payload: Vec<u8>| {
+        let sender = sender.clone();
+        let get = stranger.session.get(stranger.keys.control(verb)).payload(payload);
+        let get = get.attachment(ticket).timeout(Duration::from_secs(120));
+        let get = get.callback(move |reply| {
+            let fault = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
+            let _ = sender.send(fault);
+        });
+        get.wait().unwrap();
+    };
+    ask("advance", ballast_protocol::to_json(&request).unwrap().into_bytes());
+    for _ in 0..1000 {
+        ask("save", br#"{"name":"x"}"#.to_vec());
+    }
+    let begin = Instant::now();
+    let mut refused = 0;
+    for _ in 0..1001 {
+        let left = Duration::from_secs(60).saturating_sub(begin.elapsed());
+        if let Some(fault) = answers.recv_timeout(left).expect("an answer to each") {
+            let fault: Fault = serde_json::from_slice(&fault).unwrap();
+            assert_eq!(fault.code, Code::TooManyRequests, "{fault}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 800, "{refused}");
+    drop(token);
 }
 
 #[test]

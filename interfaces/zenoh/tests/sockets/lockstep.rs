@@ -26,7 +26,17 @@ fn windows_of_a_millisecond_over_a_socket_give_the_states_of_one_process() {
 fn a_component_says_what_it_is_and_what_it_waits_for() {
     let served = Served::new();
     let line = Line::open(KEY, &served.link(), patient()).unwrap();
-    let description = line.describe().unwrap();
+    // The thread that serves may not have got that far yet.
+    let begin = Instant::now();
+    let description = loop {
+        match line.describe() {
+            Ok(description) => break description,
+            Err(error) => {
+                assert_eq!(error.fault().map(|f| f.code), Some(Code::Settling), "{error}");
+                assert!(begin.elapsed() < Duration::from_secs(20), "never ready");
+            }
+        }
+    };
     assert_eq!((description.key.as_str(), description.step_ns), (KEY, WINDOW / 5));
     assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "held"));
     assert_eq!(description.parameters["schedule"], "synchronous");
@@ -42,6 +52,55 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     let first = status.waiting_since_ms.unwrap();
     std::thread::sleep(Duration::from_millis(60));
     assert!(client.status().unwrap().waiting_since_ms.unwrap() >= first + 50);
+}
+
+#[test]
+fn what_is_asked_and_answered_is_what_the_published_schema_says() {
+    use crate::hostile::Stranger;
+    let served = Served::new();
+    let stranger = Stranger::at(&served.link());
+    let line = Line::open(KEY, &served.link(), patient()).unwrap();
+    let mut compiler = boon::Compiler::new();
+    let url = "http://localhost/protocol.json";
+    compiler.add_resource(url, line.schema().unwrap()).unwrap();
+    let mut schemas = boon::Schemas::new();
+    let mut check = |name: &str, bytes: &[u8]| {
+        let index = compiler.compile(&format!("{url}#/$defs/{name}"), &mut schemas).unwrap();
+        let value = serde_json::from_slice(bytes).unwrap();
+        schemas.validate(&value, index).unwrap_or_else(|e| panic!("{name}: {e:#}\n{value:#}"));
+        value
+    };
+    let _token = stranger.come_alive("raw");
+    let ask = br#"{"client":"raw"}"#;
+    check("attach.request", ask);
+    let attached = check("attach.reply", &stranger.ask("attach", ask, None).unwrap());
+    let ticket = attached["ticket"].as_str();
+    let request = AdvanceRequest {
+        run_id: attached["run_id"].as_str().unwrap().into(),
+        seq: 1,
+        t1_ns: WINDOW as i64,
+        motions: shaking(0, WINDOW),
+        series: true,
+        ..AdvanceRequest::default()
+    };
+    let text = ballast_protocol::to_json(&request).unwrap();
+    check("advance.request", text.as_bytes());
+    check("advance.reply", &stranger.ask("advance", text.as_bytes(), ticket).unwrap());
+    for (verb, ask) in [
+        ("save", &br#"{"name":"here"}"#[..]),
+        ("restore", br#"{"name":"here"}"#),
+        ("drop", br#"{"name":"here"}"#),
+        ("param", br#"{"iterations":20}"#),
+        ("reset", b"{}"),
+        ("status", b"{}"),
+        ("detach", b"{}"),
+    ] {
+        check(&format!("{verb}.request"), ask);
+        check(&format!("{verb}.reply"), &stranger.ask(verb, ask, ticket).unwrap());
+    }
+    let fault = stranger.ask("advance", text.as_bytes(), ticket).unwrap_err();
+    check("refusal", &serde_json::to_vec(&fault).unwrap());
+    check("describe.reply", &serde_json::to_vec(&line.describe().unwrap()).unwrap());
 }
 
 #[test]
@@ -73,6 +132,18 @@ fn states_are_kept_and_taken_up_and_a_window_redone() {
     assert_eq!(client.place().hash, expected[0]);
     client.shut_down().unwrap();
     assert!(served.stop().status(0).activity == Activity::Quitting);
+}
+
+#[test]
+fn a_window_comes_with_its_steps_where_that_is_asked_for() {
+    let served = Served::new();
+    let mut client = served.client();
+    let next = client.next(WINDOW);
+    let request = AdvanceRequest { motions: shaking(0, WINDOW), series: true, ..next };
+    let reply = client.send(Kind::Advance, &request).unwrap();
+    let floor = reply.series.bodies.iter().find(|b| b.body == "floor").unwrap();
+    assert_eq!((reply.series.time_ns.len(), floor.impulse.len()), (5, 5));
+    assert_eq!(client.place().hash, undisturbed(1)[0]);
 }
 
 #[test]

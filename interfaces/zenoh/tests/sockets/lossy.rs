@@ -1,8 +1,10 @@
 //! Requests and replies that get lost, come twice, or come late.
 
 use crate::relay::{Faults, Relay};
-use crate::setup::{Served, attach, step, times, undisturbed};
-use ballast_zenoh::{HEARTBEAT, Link};
+use crate::setup::{KEY, Served, WINDOW, attach, patient, shaking, step, times, undisturbed};
+use ballast_protocol::lockstep::Kind;
+use ballast_protocol::messages::AdvanceRequest;
+use ballast_zenoh::{Client, Error, HEARTBEAT, Link, Patience};
 use std::time::{Duration, Instant};
 
 /// So many windows through a relay; the longest that one took.
@@ -31,20 +33,48 @@ fn run(seed: u64, windows: u64, faults: Faults) -> Duration {
 fn requests_that_are_lost_and_repeated_are_computed_once() {
     let faults =
         Faults { refuse: 0.3, repeat: 0.3, echo: 0.2, lose_reply: 0.3, ..Faults::default() };
-    for seed in 0..times(4) {
-        run(seed, 40, faults);
+    for seed in 0..4 {
+        run(seed, times(40), faults);
     }
 }
 
 #[test]
 fn requests_that_vanish_are_sent_again_within_two_heartbeats_or_so() {
-    let longest = run(1, times(30), Faults { swallow: 0.2, ..Faults::default() });
-    // Each loss costs two to three heartbeats; several in a row are bad luck.
-    assert!(longest < 12 * HEARTBEAT, "{longest:?}");
+    // A fifth of them.
+    let longest = run(1, 5 * times(6), Faults { swallow: 0.2, ..Faults::default() });
+    // Each loss costs two to three heartbeats; six in a row are worse luck than these seeds have.
+    assert!(longest < 18 * HEARTBEAT, "{longest:?}");
 }
 
 #[test]
 fn replies_that_come_late_change_nothing() {
     let faults = Faults { delay: Duration::from_millis(40), repeat: 0.2, ..Faults::default() };
     run(2, times(60), faults);
+}
+
+#[test]
+fn replies_delayed_past_the_deadline_are_told_as_slow_and_got_by_asking_again() {
+    let served = Served::new();
+    let faults = Faults { delay: Duration::from_millis(200), ..Faults::default() };
+    let relay = Relay::before(&served.link(), 3, faults);
+    let hasty = Patience { margin: Duration::ZERO, ..patient() };
+    let link = Link::to(&relay.endpoint);
+    let mut client = Client::attach(KEY, &link, "hasty", None, hasty).unwrap();
+    let (mut late, mut windows) = (0, 0);
+    while late < times(10) {
+        let t0 = client.place().now_ns;
+        let t1 = t0 + WINDOW;
+        let request =
+            AdvanceRequest { motions: shaking(t0, t1), deadline_ms: 10, ..client.next(t1) };
+        let begin = Instant::now();
+        while let Err(error) = client.send(Kind::Advance, &request) {
+            assert!(matches!(error, Error::Slow { .. }), "{error}");
+            assert!(begin.elapsed() < Duration::from_secs(60), "it never comes");
+            late += 1;
+        }
+        windows += 1;
+    }
+    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    client.detach().unwrap();
+    assert_eq!(served.stop().answered_count(), windows, "each was computed once");
 }

@@ -1,6 +1,6 @@
 //! A component on real sockets: the same states as in one process, and what goes wrong between processes.
 //!
-//! `BALLAST_FAULTS` multiplies how often faults are repeated.
+//! `BALLAST_FAULTS=100`: every kind of fault comes at least a hundred times.
 
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
@@ -13,5 +13,6 @@ mod observers;
 mod owners;
 mod proxy;
 mod relay;
+mod running;
 mod security;
 mod setup;

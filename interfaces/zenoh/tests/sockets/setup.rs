@@ -21,10 +21,10 @@ pub const MS: u64 = 1_000_000;
 /// Length of a window, ns: five steps.
 pub const WINDOW: u64 = MS;
 
-/// How often a fault is repeated.
+/// How often a fault is repeated: so often as it is normally, or as often as `BALLAST_FAULTS` says.
 pub fn times(normally: u64) -> u64 {
-    let factor = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
-    normally * factor.unwrap_or(1)
+    let asked = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
+    normally.max(asked.unwrap_or(0))
 }
 
 pub fn hash(_: &Model, state: &State) -> u128 {
@@ -44,7 +44,7 @@ pub fn lockstep() -> Lockstep {
 }
 
 /// The floor at a time: 2 mm at 10 Hz.
-fn knot(time_ns: u64) -> Knot {
+pub fn knot(time_ns: u64) -> Knot {
     let (t, w) = (time_ns as f64 * 1e-9, TAU * 10.0);
     Knot {
         time_ns: time_ns as i64,
@@ -113,11 +113,39 @@ impl Served {
     }
 
     pub fn at(link: &Link, lockstep: Lockstep) -> Self {
-        let server = Server::open(KEY, link).expect("a free port");
-        let endpoint = server.endpoints()[0].clone();
         let stop = Arc::new(AtomicBool::new(false));
-        let mut until = Until(Arc::clone(&stop));
-        let thread = std::thread::spawn(move || server.run(lockstep, &mut until).expect("serves"));
+        Self::with(link, lockstep, Until(Arc::clone(&stop)), stop)
+    }
+
+    /// With a host that ends when it is told to `stop`.
+    pub fn hosted(host: impl Host + Send + 'static, stop: Arc<AtomicBool>) -> Self {
+        Self::with(&Link::listening(free_endpoint().unwrap()), lockstep(), host, stop)
+    }
+
+    fn with(
+        link: &Link,
+        lockstep: Lockstep,
+        host: impl Host + Send + 'static,
+        stop: Arc<AtomicBool>,
+    ) -> Self {
+        let server = Server::open(KEY, link).expect("a free port");
+        Self::run(server, lockstep, host, stop)
+    }
+
+    /// By a server that is open already.
+    pub fn by(server: Server) -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        Self::run(server, lockstep(), Until(Arc::clone(&stop)), stop)
+    }
+
+    fn run(
+        server: Server,
+        lockstep: Lockstep,
+        mut host: impl Host + Send + 'static,
+        stop: Arc<AtomicBool>,
+    ) -> Self {
+        let endpoint = server.endpoints()[0].clone();
+        let thread = std::thread::spawn(move || server.run(lockstep, &mut host).expect("serves"));
         Self { endpoint, stop, thread: Some(thread) }
     }
 

@@ -3,6 +3,7 @@
 use super::*;
 use ballast::component::{self, Input, Waveform};
 use ballast::math::{self, Quat, Vec3};
+use ballast::observe::{SqueezeOutcome, SqueezeRecord};
 
 fn input() -> Input {
     let axis = Vec3::new(0.3, -0.2, 0.9);
@@ -105,6 +106,33 @@ fn outcomes_come_back_to_the_bit() {
     assert_eq!(message.header.stamp, Time { sec: 2, nanosec: 1 });
     assert_eq!(message.header.stamp.ns(), 2_000_000_001);
     assert_eq!(Time::from_ns(u64::MAX).sec, i32::MAX);
+}
+
+#[test]
+fn squeezes_come_back_to_the_bit() {
+    let record = SqueezeRecord {
+        number: 3,
+        began_ns: 5,
+        onset_ns: None,
+        onset_closing: 0.1,
+        peak_force: 1.0 / 3.0,
+        peak_closing: 0.2,
+        peak_step_force: 7.0,
+        closing: -0.0,
+        work: 1e-300,
+        compaction_energy: 4.0,
+        loop_points: vec![[0.1, 0.2], [0.3, 0.4]],
+    };
+    for onset_ns in [None, Some(77)] {
+        let record = SqueezeRecord { onset_ns, ..record.clone() };
+        let told = SqueezeOutcome { name: "pair".into(), is_over: true, record };
+        let message = Squeeze::of(99, &told);
+        assert_eq!(message.header.stamp.ns(), 99);
+        assert_eq!(SqueezeOutcome::try_from(&message).unwrap(), told);
+    }
+    let early = Squeeze { began_ns: -1, ..Squeeze::default() };
+    let refused = SqueezeOutcome::try_from(&early).unwrap_err();
+    assert!(refused.place.contains("began_ns"), "{refused}");
 }
 
 #[test]

@@ -1,13 +1,18 @@
 //! What a component says of itself.
 
+use crate::lockstep::Lockstep;
+use crate::messages::{Point, Quaternion};
+use ballast::component::Component;
 use ballast::model::{Freedom, Model, Role, Schedule};
-use ballast_protocol::lockstep::Lockstep;
-use ballast_protocol::messages::{Point, Quaternion};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+/// Major version of the messages.
+pub const WIRE: u32 = 1;
+
 /// Everything a partner has to know before the first window.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Description {
     /// `site/id`.
     pub key: String,
@@ -24,12 +29,15 @@ pub struct Description {
     pub units: String,
     pub frame: String,
     pub wrench: String,
-    /// What the case has set.
+    /// Where pictures are sent from, endpoints.
+    #[serde(default)]
+    pub pictures: Vec<String>,
+    /// What is set now; `null`: no tolerance, no limit of the penetration (m).
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
 /// A driven body.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Body {
     pub name: String,
     /// `tine`, `sleeper`, `boundary`.
@@ -62,7 +70,7 @@ impl Description {
         Self {
             key: key.into(),
             version: env!("CARGO_PKG_VERSION").into(),
-            wire: crate::keys::VERSION,
+            wire: WIRE,
             step_ns: model.stepping.step_ns,
             grains: model.grains.len(),
             bodies: model.driven.iter().enumerate().map(body).collect(),
@@ -71,20 +79,25 @@ impl Description {
             frame: "world, right-handed, z up; quaternions x, y, z, w, body to world".into(),
             wrench: "by the ballast on the body, world axes, about the body's reference point"
                 .into(),
-            parameters: parameters(model),
+            pictures: Vec::new(),
+            parameters: parameters(component),
         }
     }
 }
 
 /// What decides how a window is computed.
-fn parameters(model: &Model) -> BTreeMap<String, serde_json::Value> {
+fn parameters(component: &Component) -> BTreeMap<String, serde_json::Value> {
+    let model = component.model();
     let solver = &model.solver;
-    let schedule = format!("{:?}", solver.schedule).to_lowercase();
+    let schedule = solver.schedule.name();
+    let limit = component.parameters().penetration;
+    let penetration = limit.is_finite().then_some(limit);
     [
         ("step_ns", serde_json::json!(model.stepping.step_ns)),
         ("iterations", serde_json::json!(solver.iterations)),
         ("tolerance", serde_json::json!(solver.tolerance)),
         ("schedule", serde_json::json!(schedule)),
+        ("penetration", serde_json::json!(penetration)),
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into()

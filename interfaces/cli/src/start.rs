@@ -1,0 +1,27 @@
+//! Where a recording begins: where the case does, or at the checkpoint that it holds.
+
+use crate::case::Case;
+use crate::exit::{Failure, Outcome};
+use ballast::component::Parameters;
+use ballast::model::Model;
+use ballast::state::State;
+use ballast_hdf5::checkpoint;
+use ballast_mcap::recording::Windows;
+
+/// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
+pub fn of(windows: &Windows, case: &Case, model: Model, state: State) -> Outcome<(Model, State)> {
+    let Some(bytes) = windows.start() else { return Ok((model, state)) };
+    // HDF5 reads files.
+    let file = std::env::temp_dir().join(format!("ballast-start-{}.h5", std::process::id()));
+    let read = std::fs::write(&file, bytes)
+        .map_err(|e| Failure::at(&file, e))
+        .and_then(|()| Ok(checkpoint::read(&file)?));
+    let _ = std::fs::remove_file(&file);
+    let kept = read.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
+    if Parameters::alone_differ(&model, &kept.model) {
+        return Ok((kept.model, kept.state));
+    }
+    let name = &case.plan.name;
+    let what = format!("it goes on in another case, bed or with another solver than {name}");
+    Err(Failure::Mismatch(format!("{}: {what}", windows.path().display())))
+}

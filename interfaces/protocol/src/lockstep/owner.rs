@@ -1,0 +1,82 @@
+//! Who drives.
+
+use super::{Attach, Code, Fault};
+
+/// At most one client that may change the state, known by its ticket.
+#[derive(Debug, Default)]
+pub struct Ownership {
+    owner: Option<Owner>,
+}
+
+#[derive(Debug)]
+struct Owner {
+    client: String,
+    ticket: String,
+    since_ms: u64,
+}
+
+impl Ownership {
+    /// Makes the caller the owner.
+    ///
+    /// # Errors
+    /// [`Code::Busy`] while another one drives.
+    pub(super) fn take(&mut self, ask: &Attach, ticket: &str, now_ms: u64) -> Result<(), Fault> {
+        if let Some(owner) = &self.owner
+            && ask.ticket.as_ref() != Some(&owner.ticket)
+        {
+            let since = now_ms.saturating_sub(owner.since_ms);
+            let message = format!("{:?} drives, for {:.1} s", owner.client, since as f64 * 1e-3);
+            let fault = Fault::new(Code::Busy, message);
+            return Err(Fault {
+                owner: Some(owner.client.clone()),
+                since_ms: Some(since),
+                ..fault
+            });
+        }
+        let client = ask.client.clone();
+        self.owner = Some(Owner { client, ticket: ticket.into(), since_ms: now_ms });
+        Ok(())
+    }
+
+    /// Nobody drives any more.
+    pub(super) fn leave(&mut self) {
+        self.owner = None;
+    }
+
+    /// A client is lost; whether it was the owner.
+    pub(super) fn lose(&mut self, client: &str) -> bool {
+        let was = self.owner.as_ref().is_some_and(|o| o.client == client);
+        if was {
+            self.owner = None;
+        }
+        was
+    }
+
+    /// Refuses who does not drive.
+    pub(super) fn check(&self, ticket: &str) -> Result<(), Fault> {
+        match &self.owner {
+            Some(owner) if owner.ticket == ticket => Ok(()),
+            Some(owner) => {
+                let message = format!("ticket: expected that of the owner, {:?}", owner.client);
+                let name = Some(owner.client.clone());
+                Err(Fault { owner: name, ..Fault::new(Code::NotOwner, message) })
+            }
+            None => Err(Fault::new(Code::NotOwner, "ticket: expected an owner; attach first")),
+        }
+    }
+
+    /// Who drives.
+    pub fn client(&self) -> Option<&str> {
+        self.owner.as_ref().map(|o| &o.client[..])
+    }
+
+    /// The owner's ticket, which is for no one else to see.
+    pub fn ticket(&self) -> Option<&str> {
+        self.owner.as_ref().map(|o| &o.ticket[..])
+    }
+
+    /// For how long it has driven, wall ms.
+    pub(super) fn since_ms(&self, now_ms: u64) -> Option<u64> {
+        self.owner.as_ref().map(|o| now_ms.saturating_sub(o.since_ms))
+    }
+}

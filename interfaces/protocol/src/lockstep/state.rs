@@ -1,0 +1,162 @@
+//! States: the beginning, kept ones, and the parameters with which they go on.
+
+use super::{Code, Fault, Lockstep, MOST_STATES, Named, Place, SetParameters, check_name};
+use crate::messages;
+use ballast::component::{Component, Limits, Parameters};
+use ballast::math::Vec3;
+use ballast::model::{Grains, Model, Solver, Stepping};
+use ballast::state::State;
+use std::sync::Arc;
+
+/// A state and the parameters with which windows go on from it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kept {
+    pub state: Arc<State>,
+    pub parameters: Parameters,
+}
+
+impl Kept {
+    /// Where a component is.
+    pub fn of(component: &Component) -> Self {
+        Self { state: component.save(), parameters: component.parameters() }
+    }
+
+    pub(super) fn take_up(self, component: &mut Component) -> Result<(), Fault> {
+        component.restore(self.state)?;
+        Ok(component.set_parameters(&self.parameters)?)
+    }
+}
+
+impl Lockstep {
+    /// A component that is to be told by its partner when to prepare what it steps, see [`Lockstep::begin`].
+    ///
+    /// # Errors
+    /// None: an empty world can be stepped.
+    pub fn unconfigured(hash: fn(&Model, &State) -> u128) -> Result<Self, Fault> {
+        let nothing = Model {
+            shapes: Vec::new(),
+            grains: Grains::default(),
+            driven: Vec::new(),
+            gravity: Vec3::zeros(),
+            grain_friction: 0.0,
+            restitution: 0.0,
+            stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
+            solver: Solver::default(),
+        };
+        let component = Component::new(Arc::new(nothing), State::default(), Limits::default())?;
+        Ok(Self { is_configured: false, ..Self::new(component, "unconfigured", hash) })
+    }
+
+    /// Whether `init` may be asked for: by the owner, unless the component quits.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::Quitting`].
+    pub fn check_init(&self, ticket: &str) -> Result<(), Fault> {
+        self.check_owner(ticket)?;
+        self.check_not_quitting()
+    }
+
+    /// What `init` has prepared, as a run of its own; who drives stays.
+    pub fn begin(&mut self, component: Component, run_id: String, now_ms: u64) -> Place {
+        let owner = std::mem::take(&mut self.owner);
+        let answered_count = self.answered_count;
+        *self = Self::new(component, run_id, self.hash);
+        (self.owner, self.answered_count) = (owner, answered_count);
+        self.idle_since_ms = now_ms;
+        self.place()
+    }
+
+    /// Sets parameters for all windows from now on, and for a redo of the last one.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::InError`], [`Code::ParameterInvalid`]; nothing is changed.
+    pub fn set_parameters(&mut self, ask: &SetParameters, ticket: &str) -> Result<Place, Fault> {
+        self.check_ready(ticket)?;
+        let now = messages::Parameters::from(self.component.parameters());
+        let parameters = messages::Parameters {
+            iterations: ask.iterations.unwrap_or(now.iterations),
+            tolerance: ask.tolerance.unwrap_or(now.tolerance),
+            penetration: ask.penetration.unwrap_or(now.penetration),
+        };
+        let set = self.component.set_parameters(&parameters.into());
+        set.map_err(|e| Fault::new(Code::ParameterInvalid, format!("param: {e}")))?;
+        // They are part of what decides how the run continues.
+        self.hash_again();
+        Ok(self.place())
+    }
+
+    /// Back to the beginning, with the parameters it had there, as a run of its own.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::Quitting`].
+    pub fn reset(&mut self, run_id: String, ticket: &str, now_ms: u64) -> Result<Place, Fault> {
+        self.check_owner(ticket)?;
+        self.check_configured()?;
+        self.put(self.start.clone())?;
+        (self.run_id, self.seq, self.durable_seq) = (run_id, 0, 0);
+        self.kept.clear();
+        self.idle_since_ms = now_ms;
+        Ok(self.place())
+    }
+
+    /// Keeps the state and the parameters under a name; an older one of this name is replaced.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::InError`], [`Code::Malformed`] for a name that cannot be one,
+    /// [`Code::TooManyStates`].
+    pub fn save(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
+        self.check_ready(ticket)?;
+        check_name("name", &ask.name)?;
+        if self.kept.len() >= MOST_STATES && !self.kept.contains_key(&ask.name) {
+            let found = format!("{} and {:?}", self.kept.len(), ask.name);
+            let expected = format!("at most {MOST_STATES}");
+            return Err(Fault::expected(Code::TooManyStates, "kept states", expected, found));
+        }
+        self.kept.insert(ask.name.clone(), Kept::of(&self.component));
+        Ok(self.place())
+    }
+
+    /// Takes up a kept state and its parameters; windows go on counting.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::UnknownState`], [`Code::Quitting`].
+    pub fn restore(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
+        self.check_owner(ticket)?;
+        self.check_not_quitting()?;
+        let state = self.kept.get(&ask.name).cloned().ok_or_else(|| self.unknown(&ask.name))?;
+        self.put(state)?;
+        Ok(self.place())
+    }
+
+    /// Forgets a kept state.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::UnknownState`].
+    pub fn drop_state(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
+        self.check_owner(ticket)?;
+        self.kept.remove(&ask.name).ok_or_else(|| self.unknown(&ask.name))?;
+        Ok(self.place())
+    }
+
+    /// Takes up a state, out of any trouble; the last window cannot be redone or asked for again.
+    fn put(&mut self, kept: Kept) -> Result<(), Fault> {
+        if self.trouble.take().is_some() {
+            self.component.recover(Arc::clone(&kept.state))?;
+        }
+        kept.take_up(&mut self.component)?;
+        self.answered = None;
+        self.hash_again();
+        Ok(())
+    }
+
+    fn unknown(&self, name: &str) -> Fault {
+        let known: Vec<_> = self.kept.keys().collect();
+        let found: String = name.chars().take(50).collect();
+        Fault::expected(
+            Code::UnknownState,
+            "name",
+            format!("one of {known:?}"),
+            format!("{found:?}"),
+        )
+    }
+}

@@ -1,0 +1,309 @@
+//! Free running: simulated time follows the wall clock, and bodies follow the motions that come in meanwhile.
+//!
+//! Reads: samples of motion, the wall clock as given. Writes: nothing; it says which window is due, and with which
+//! inputs. No transport, no clock of its own.
+//!
+//! Contract:
+//! * A sample's time is of the sender's own clock, ns at the pace of the run; only differences count. The first one
+//!   lands a fixed latency after the present of the run, the others as far from it as they were sent apart: what
+//!   comes early or late by less than the latency changes nothing.
+//! * Nothing is extrapolated. A window waits for the samples that cover it; when a body has been silent for longer
+//!   than the greatest age, time stops. It goes on, without a jump, when all bodies are heard of again: then the
+//!   next sample lands the latency after the present, as at first.
+//! * A run that cannot keep the pace falls behind by so much at most; then it takes up the samples of now.
+//! * Memory is bounded: samples beyond it, out of order or of no use are dropped and counted.
+
+use crate::lockstep::{Activity, Code, Fault, StatusReport};
+use crate::messages::{BodyInput, Interpolation, Knot, Twist, ns};
+use ballast::component::{self, Component};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// Most samples of a body that wait.
+pub const MOST_SAMPLES: usize = 4096;
+/// Longest window and latency, simulated ns, and greatest age, wall ms.
+const LONGEST_NS: u64 = 60_000_000_000;
+const OLDEST_MS: u64 = 3_600_000;
+/// Fastest pace.
+const FASTEST: f64 = 1000.0;
+
+/// How time is to run by itself.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FreeRunning {
+    /// Simulated over wall time, above 0.
+    pub factor: f64,
+    /// Length of a window, ns: whole time steps.
+    pub window_ns: u64,
+    /// How long after it has come a sample is reached, simulated ns; at least a window.
+    pub latency_ns: u64,
+    /// How long a body may be silent before time stops, wall ms.
+    pub max_age_ms: u64,
+    /// Bodies that follow their samples; all others stay.
+    pub bodies: Vec<String>,
+    /// Between samples.
+    #[serde(default)]
+    pub interpolation: Interpolation,
+}
+
+/// How a free run goes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FreeRunningReport {
+    /// Simulated over wall time, as asked for.
+    pub factor: f64,
+    /// How far the run is behind its pace, simulated ns.
+    pub behind_ns: u64,
+    /// Samples that were of no use: out of order, too many, not finite.
+    pub dropped: u64,
+    /// How often the pace could not be kept and was taken up anew.
+    pub slips: u64,
+}
+
+/// What is to be done.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Due {
+    /// Compute the window from the present to `t1_ns`.
+    Window { t1_ns: u64, motions: Vec<BodyInput> },
+    /// Nothing before this wall time, ns, unless a sample comes.
+    At(u64),
+    /// Nothing until samples come.
+    Starved,
+}
+
+/// Keeps the pace and the samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pacer {
+    asked: FreeRunning,
+    tracks: Vec<Track>,
+    /// Simulated time, ns.
+    now_ns: u64,
+    /// Simulated less sender's time, ns; none before the first sample.
+    offset: Option<i64>,
+    /// Simulated and wall time from which the pace is counted, ns.
+    anchor: [u64; 2],
+    /// Since when time stands, and for which body, wall ns.
+    starved: Option<(u64, usize)>,
+    dropped: u64,
+    slips: u64,
+}
+
+/// The motion of a body, in simulated time: from the last knot before the present on.
+#[derive(Debug, Clone, PartialEq)]
+struct Track {
+    body: String,
+    knots: VecDeque<Knot>,
+    /// Wall ns.
+    heard_at: u64,
+}
+
+impl Track {
+    fn end_ns(&self) -> u64 {
+        self.knots.back().map_or(0, |k| k.time_ns.max(0) as u64)
+    }
+
+    /// Forgets what lies beyond the first knot at or after the present: the motion so far stays what it was.
+    fn cut(&mut self, now_ns: u64) {
+        let first = self.knots.iter().position(|k| k.time_ns >= ns(now_ns));
+        self.knots.truncate(first.map_or(self.knots.len(), |i| i + 1));
+    }
+}
+
+impl Pacer {
+    /// A run of `component` by itself from now on, wall ns. It stands until every body is heard of.
+    ///
+    /// # Errors
+    /// [`Code::ParameterInvalid`], [`Code::UnknownBody`].
+    pub fn new(asked: FreeRunning, component: &Component, wall_ns: u64) -> Result<Self, Fault> {
+        let refuse = |place: &str, expected: String, found: String| {
+            let place = format!("free_running.{place}");
+            Err(Fault::expected(Code::ParameterInvalid, &place, expected, found))
+        };
+        let FreeRunning { factor, window_ns, latency_ns, max_age_ms, .. } = asked;
+        let (model, state) = (component.model(), component.state());
+        let step = model.stepping.step_ns;
+        if !(factor > 0.0 && factor <= FASTEST) {
+            return refuse("factor", format!("above 0, at most {FASTEST}"), factor.to_string());
+        }
+        if window_ns == 0 || window_ns % step != 0 || window_ns > LONGEST_NS {
+            let expected = format!("whole time steps of {step} ns, at most {LONGEST_NS} ns");
+            return refuse("window_ns", expected, window_ns.to_string());
+        }
+        if !(window_ns..=LONGEST_NS).contains(&latency_ns) {
+            let expected = format!("from a window, {window_ns} ns, to {LONGEST_NS} ns");
+            return refuse("latency_ns", expected, latency_ns.to_string());
+        }
+        if !(1..=OLDEST_MS).contains(&max_age_ms) {
+            return refuse("max_age_ms", format!("1 to {OLDEST_MS} ms"), max_age_ms.to_string());
+        }
+        let repeated =
+            (0..asked.bodies.len()).any(|i| asked.bodies[..i].contains(&asked.bodies[i]));
+        if asked.bodies.is_empty() || repeated {
+            let found = format!("{:?}", asked.bodies);
+            return refuse("bodies", "names of bodies, each once".into(), found);
+        }
+        let now_ns = component.now_ns();
+        let track = |body: &String| {
+            let d = model.driven_index(body).ok_or_else(|| {
+                let known: Vec<_> = model.driven.iter().map(|d| &d.name).collect();
+                let expected = format!("one of {known:?}");
+                Fault::expected(Code::UnknownBody, "free_running.bodies", expected, body)
+            })?;
+            let pose = state.imposed(model, d).into();
+            let rest = Knot { time_ns: ns(now_ns), pose, twist: Twist::default() };
+            Ok(Track { body: body.clone(), knots: [rest].into(), heard_at: wall_ns })
+        };
+        let tracks = asked.bodies.iter().map(track).collect::<Result<_, Fault>>()?;
+        Ok(Self {
+            asked,
+            tracks,
+            now_ns,
+            offset: None,
+            anchor: [now_ns, wall_ns],
+            starved: Some((wall_ns, 0)),
+            dropped: 0,
+            slips: 0,
+        })
+    }
+
+    /// The bodies that follow their samples.
+    pub fn bodies(&self) -> &[String] {
+        &self.asked.bodies
+    }
+
+    /// Takes a sample that has come at `wall_ns`.
+    pub fn take(&mut self, body: &str, sample: Knot, wall_ns: u64) {
+        let Some(b) = self.tracks.iter().position(|t| t.body == body) else {
+            self.dropped += 1;
+            return;
+        };
+        let Some(time_ns) = self.land(sample.time_ns) else {
+            self.dropped += 1;
+            return;
+        };
+        let knot = Knot { time_ns: ns(time_ns), ..sample };
+        let track = &mut self.tracks[b];
+        // What it holds is judged here: a bad one must not end the run later.
+        let is_sound = component::Knot::try_from(knot).is_ok_and(|k| {
+            k.pose.is_finite() && k.velocity.iter().chain(&k.spin).all(|x| x.is_finite())
+        });
+        if !is_sound || time_ns <= track.end_ns() || track.knots.len() >= MOST_SAMPLES {
+            self.dropped += 1;
+            return;
+        }
+        track.knots.push_back(knot);
+        track.heard_at = wall_ns;
+    }
+
+    /// Where a sender's time lands in the run.
+    fn land(&mut self, sent_ns: i64) -> Option<u64> {
+        let lands = |offset: i64| sent_ns.checked_add(offset).and_then(|t| u64::try_from(t).ok());
+        let latency = self.asked.latency_ns;
+        let near = self.now_ns..=self.now_ns.saturating_add(2 * latency);
+        if let Some(time) = self.offset.and_then(lands)
+            && (self.starved.is_none() || near.contains(&time))
+        {
+            return Some(time);
+        }
+        // Time stands, and this is the first that is heard after a while: it sets the time of all.
+        let offset = ns(self.now_ns.saturating_add(latency)).checked_sub(sent_ns)?;
+        self.offset = Some(offset);
+        self.tracks.iter_mut().for_each(|track| track.cut(self.now_ns));
+        lands(offset)
+    }
+
+    /// What is due at `wall_ns`.
+    pub fn due(&mut self, wall_ns: u64) -> Due {
+        let t1_ns = self.now_ns.saturating_add(self.asked.window_ns);
+        let missing = |tracks: &[Track]| {
+            let open = (0..tracks.len()).filter(|b| tracks[*b].end_ns() < t1_ns);
+            open.min_by_key(|b| tracks[*b].heard_at)
+        };
+        let is_missing = missing(&self.tracks);
+        if let Some((_, body)) = &mut self.starved {
+            if let Some(b) = is_missing {
+                *body = b;
+                return Due::Starved;
+            }
+            (self.starved, self.anchor) = (None, [self.now_ns, wall_ns]);
+        }
+        let behind = self.behind_ns(wall_ns);
+        if behind < self.asked.window_ns {
+            let wait = (self.asked.window_ns - behind) as f64 / self.asked.factor;
+            return Due::At(wall_ns.saturating_add((wait as u64).max(1)));
+        }
+        let age_ns = self.asked.max_age_ms * 1_000_000;
+        if let Some(b) = is_missing {
+            let silent = wall_ns.saturating_sub(self.tracks[b].heard_at);
+            if silent < age_ns {
+                return Due::At(self.tracks[b].heard_at + age_ns);
+            }
+            self.stand(b);
+            return Due::Starved;
+        }
+        // What lies so far behind is older than what a body may be silent for.
+        let most = self.asked.latency_ns + (age_ns as f64 * self.asked.factor) as u64;
+        if behind > most.saturating_add(self.asked.window_ns) {
+            self.slips += 1;
+            self.stand(0);
+            self.starved = Some((wall_ns, 0));
+            self.offset = None;
+            return Due::Starved;
+        }
+        Due::Window { t1_ns, motions: self.tracks.iter().map(|t| self.motion(t, t1_ns)).collect() }
+    }
+
+    /// Stops time for a body.
+    fn stand(&mut self, b: usize) {
+        self.starved = Some((self.tracks[b].heard_at, b));
+        self.tracks.iter_mut().for_each(|track| track.cut(self.now_ns));
+    }
+
+    /// The knots that a window needs.
+    fn motion(&self, track: &Track, t1_ns: u64) -> BodyInput {
+        let end = track.knots.iter().position(|k| k.time_ns >= ns(t1_ns));
+        let knots = track.knots.iter().take(end.map_or(track.knots.len(), |i| i + 1));
+        BodyInput {
+            body: track.body.clone(),
+            interpolation: self.asked.interpolation,
+            rebase: false,
+            knots: knots.copied().collect(),
+        }
+    }
+
+    /// The run has come to `now_ns`.
+    pub fn done(&mut self, now_ns: u64) {
+        self.now_ns = now_ns;
+        for track in &mut self.tracks {
+            while track.knots.get(1).is_some_and(|k| k.time_ns <= ns(now_ns)) {
+                track.knots.pop_front();
+            }
+        }
+    }
+
+    /// How far the run is behind its pace, simulated ns.
+    fn behind_ns(&self, wall_ns: u64) -> u64 {
+        let [run, wall] = self.anchor;
+        let passed = wall_ns.saturating_sub(wall) as f64 * self.asked.factor;
+        run.saturating_add(passed as u64).saturating_sub(self.now_ns)
+    }
+
+    /// Says in the status of a component that it runs by itself, or for whom it stands and since when.
+    pub fn tell(&self, status: &mut StatusReport, wall_ns: u64) {
+        let behind_ns = if self.starved.is_some() { 0 } else { self.behind_ns(wall_ns) };
+        let (factor, dropped, slips) = (self.asked.factor, self.dropped, self.slips);
+        status.free_running = Some(FreeRunningReport { factor, behind_ns, dropped, slips });
+        match self.starved {
+            Some((since, b)) => {
+                let from = status.owner.as_deref().unwrap_or("its owner");
+                status.activity = Activity::Starved;
+                status.waiting_for = Some(format!("input of {} from {from}", self.tracks[b].body));
+                status.waiting_since_ms = Some(wall_ns.saturating_sub(since) / 1_000_000);
+            }
+            None => {
+                status.activity = Activity::Playing;
+                (status.waiting_for, status.waiting_since_ms) = (None, None);
+            }
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! Free running by a script: no clock, no network.
+
+#[path = "../../../tests/common/mod.rs"]
+mod common;
+
+use ballast::component::{Component, Limits};
+use ballast::model::Schedule;
+use ballast_protocol::lockstep::{Activity, Code, StatusReport};
+use ballast_protocol::messages::{
+    AdvanceRequest, BodyInput, Interpolation, Knot, Point, Pose, Twist, Vector3,
+};
+use ballast_protocol::pacer::{Due, FreeRunning, MOST_SAMPLES, Pacer};
+use common::scene::Random;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+const MS: u64 = 1_000_000;
+
+fn component() -> Component {
+    let mut scene = common::heap::falling(1, MS).scheduled(Schedule::Synchronous, [2, 1, 1]);
+    scene.model.solver.iterations = 10;
+    scene.model.solver.tolerance = Some(1e-2);
+    Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
+}
+
+/// Twice as slow as the wall; 5 ms of latency, 20 ms of silence.
+fn asked() -> FreeRunning {
+    FreeRunning {
+        factor: 0.5,
+        window_ns: MS,
+        latency_ns: 5 * MS,
+        max_age_ms: 20,
+        bodies: vec!["floor".into()],
+        interpolation: Interpolation::Hermite,
+    }
+}
+
+/// The floor at a time of the sender, ns: 2 mm at 10 Hz, from rest at 0.
+fn sample(time_ns: i64) -> Knot {
+    let (t, w) = (time_ns.max(0) as f64 * 1e-9, TAU * 10.0);
+    let position = Point { z: -2e-3 * (1.0 - (w * t).cos()), ..Point::default() };
+    let linear = Vector3 { z: -2e-3 * w * (w * t).sin(), ..Vector3::default() };
+    let twist = Twist { linear, ..Twist::default() };
+    Knot { time_ns, pose: Pose { position, ..Pose::default() }, twist }
+}
+
+/// A component that runs by itself, and what has been computed: ends of windows and wall times.
+struct Running {
+    component: Component,
+    pacer: Pacer,
+    windows: Vec<(u64, u64)>,
+    motions: Vec<BodyInput>,
+}
+
+impl Running {
+    fn new(asked: FreeRunning) -> Self {
+        let component = component();
+        let pacer = Pacer::new(asked, &component, 0).expect("sound settings");
+        Self { component, pacer, windows: vec![], motions: vec![] }
+    }
+
+    /// Does what is due at a wall time; what comes after that.
+    fn work(&mut self, wall_ns: u64) -> Due {
+        loop {
+            let Due::Window { t1_ns, motions } = self.pacer.due(wall_ns) else {
+                return self.pacer.due(wall_ns);
+            };
+            let request = AdvanceRequest { motions, ..AdvanceRequest::default() };
+            let inputs = request.inputs().expect("good inputs");
+            self.component.advance_to(t1_ns, &inputs.motions[..]).expect("a good window");
+            self.windows.push((t1_ns, wall_ns));
+            self.motions.extend(request.motions);
+            self.pacer.done(self.component.now_ns());
+        }
+    }
+
+    fn status(&self, wall_ns: u64) -> StatusReport {
+        let mut status = StatusReport { owner: Some("driver".into()), ..StatusReport::default() };
+        self.pacer.tell(&mut status, wall_ns);
+        status
+    }
+}
+
+#[test]
+fn time_keeps_its_pace_and_the_latency() {
+    let mut run = Running::new(asked());
+    assert_eq!(run.work(3 * MS), Due::Starved);
+    let status = run.status(3 * MS);
+    assert_eq!(status.activity, Activity::Starved);
+    assert_eq!(status.waiting_for.as_deref(), Some("input of floor from driver"));
+    assert_eq!(status.waiting_since_ms, Some(3));
+    // From 10 ms on a sample per 2 ms of wall time, 1 ms of its own, which begins anywhere.
+    let begin = 7_000_000_000_000;
+    for k in 0..100 {
+        let wall = 10 * MS + k * 2 * MS;
+        run.pacer.take("floor", sample((begin + k * MS) as i64), wall);
+        let next = run.work(wall);
+        assert_eq!(next, Due::At(wall + 2 * MS), "{k}");
+    }
+    // A window is computed when its end has come.
+    assert_eq!(run.windows[..3], [(MS, 12 * MS), (2 * MS, 14 * MS), (3 * MS, 16 * MS)]);
+    assert_eq!(run.windows.len(), 99);
+    // The first sample is reached 5 ms after it came.
+    assert_eq!(run.motions[0].knots[1].time_ns as u64, 5 * MS);
+    assert_eq!(run.motions[20].knots.len(), 2);
+    let status = run.status(10 * MS + 198 * MS);
+    assert_eq!((status.activity, status.free_running.unwrap().dropped), (Activity::Playing, 0));
+}
+
+#[test]
+fn what_comes_early_or_late_within_the_latency_changes_nothing() {
+    let steady = |jitter: f64| {
+        let mut run = Running::new(asked());
+        let mut random = Random(7);
+        let mut events: Vec<(u64, Option<u64>)> = (0..150)
+            .map(|k| (20 * MS + k * 2 * MS, k))
+            // The first one sets the time.
+            .map(|(wall, k)| {
+                let late = if k == 0 { 0.0 } else { jitter * random.next() };
+                (wall + (late * MS as f64) as u64, Some(k))
+            })
+            .chain((0..3000).map(|k| (k * MS / 10, None)))
+            .collect();
+        events.sort();
+        for (wall, event) in events {
+            if let Some(k) = event {
+                run.pacer.take("floor", sample((k * MS) as i64), wall);
+            }
+            run.work(wall);
+        }
+        let status = run.status(300 * MS).free_running.unwrap();
+        assert_eq!((status.dropped, status.slips), (0, 0));
+        let (windows, state) = (run.windows.len(), run.component.save());
+        assert!(windows > 120, "{windows}");
+        (windows, state)
+    };
+    // 1.5 ms of wall time, less than the 2 ms between two samples: they stay in order.
+    let (windows, state) = steady(0.0);
+    let (shaken, same) = steady(1.5);
+    assert_eq!((windows, state.step), (shaken, same.step));
+    assert!(state == same, "the same motion, the same bytes");
+}
+
+#[test]
+fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
+    let mut run = Running::new(asked());
+    for k in 0..50 {
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.work(k * 2 * MS);
+    }
+    let last = 49 * 2 * MS;
+    // 5 ms of latency are left, at half pace; then it waits, and stands 20 ms after the last sample.
+    let mut wall = last;
+    while let Due::At(at) = run.work(wall) {
+        assert!(at > wall && at <= last + 20 * MS, "{at}");
+        wall = at;
+    }
+    assert_eq!(wall, last + 20 * MS);
+    let stands = run.component.now_ns();
+    assert_eq!(stands, 54 * MS, "as far as there was input");
+    // Ten seconds nothing; time stands, and it is said since when.
+    for s in 1..10 {
+        assert_eq!(run.work(wall + s * 1_000_000_000), Due::Starved);
+    }
+    let status = run.status(last + 5_000 * MS);
+    assert_eq!((status.activity, status.waiting_since_ms), (Activity::Starved, Some(5000)));
+    assert_eq!(run.component.now_ns(), stands);
+    // The sender is back, its clock has gone on, its motion too.
+    let back = last + 10_000 * MS;
+    for k in 0..50 {
+        let wall = back + k * 2 * MS;
+        run.pacer.take("floor", sample((5_049 * MS + k * MS) as i64), wall);
+        run.work(wall);
+    }
+    // Windows go on from where it stood, at the old pace: `advance_to` has refused no jump.
+    assert_eq!(run.component.now_ns(), stands + 49 * MS);
+    assert_eq!(run.status(back + 98 * MS).activity, Activity::Playing);
+}
+
+#[test]
+fn all_bodies_must_be_heard_of_and_set_the_time_together() {
+    let bodies = vec!["floor".into(), "west".into()];
+    let mut run = Running::new(FreeRunning { bodies, ..asked() });
+    let wall_at = run.component.state().imposed(run.component.model(), 1);
+    let west = |time_ns: i64| Knot { time_ns, pose: wall_at.into(), twist: Twist::default() };
+    // One of them alone: time stands, however much it says.
+    for k in 0..3000 {
+        run.pacer.take("floor", sample((k * MS) as i64 % 1000), k * 2 * MS);
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        assert_eq!(run.work(k * 2 * MS), Due::Starved);
+    }
+    assert!(run.status(6_000 * MS).waiting_for.unwrap().contains("west"));
+    // The other one joins, by the same clock: both go on together.
+    for k in 3000..3050 {
+        run.pacer.take("west", west((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.work(k * 2 * MS);
+    }
+    assert!(run.windows.len() >= 40, "{}", run.windows.len());
+}
+
+#[test]
+fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
+    let mut run = Running::new(asked());
+    for k in 0..20 {
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.work(k * 2 * MS);
+    }
+    // The machine is busy elsewhere for half a second; samples come all the while.
+    for k in 20..270 {
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+    }
+    let before = run.component.now_ns();
+    assert_eq!(run.work(540 * MS), Due::Starved);
+    assert_eq!(
+        (run.status(540 * MS).free_running.unwrap().slips, run.component.now_ns()),
+        (1, before)
+    );
+    for k in 270..300 {
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.work(k * 2 * MS);
+    }
+    assert_eq!(run.component.now_ns(), before + 29 * MS);
+}
+
+#[test]
+fn samples_of_no_use_are_dropped_within_bounded_memory() {
+    let mut run = Running::new(asked());
+    for k in 0..2 * MOST_SAMPLES as u64 {
+        run.pacer.take("floor", sample((k * 500) as i64), 0);
+    }
+    let mut bad = sample(MS as i64 * 1000);
+    bad.pose.position.x = f64::NAN;
+    run.pacer.take("floor", bad, 0);
+    bad = sample(MS as i64 * 1000);
+    bad.pose.orientation.w = 3.0;
+    run.pacer.take("floor", bad, 0);
+    run.pacer.take("ceiling", sample(0), 0);
+    run.pacer.take("floor", sample(i64::MIN), 0);
+    run.pacer.take("floor", sample(i64::MAX), 0);
+    let dropped = run.status(0).free_running.unwrap().dropped;
+    assert!(dropped >= MOST_SAMPLES as u64 + 5, "{dropped}");
+    run.work(MS);
+}
+
+#[test]
+fn settings_that_make_no_sense_are_refused_with_their_place() {
+    let component = component();
+    for (wrong, place, code) in [
+        (FreeRunning { factor: 0.0, ..asked() }, "factor", Code::ParameterInvalid),
+        (FreeRunning { factor: f64::NAN, ..asked() }, "factor", Code::ParameterInvalid),
+        (FreeRunning { window_ns: MS + 1, ..asked() }, "window_ns", Code::ParameterInvalid),
+        (FreeRunning { window_ns: 0, ..asked() }, "window_ns", Code::ParameterInvalid),
+        (FreeRunning { latency_ns: 1, ..asked() }, "latency_ns", Code::ParameterInvalid),
+        (FreeRunning { latency_ns: u64::MAX, ..asked() }, "latency_ns", Code::ParameterInvalid),
+        (FreeRunning { max_age_ms: 0, ..asked() }, "max_age_ms", Code::ParameterInvalid),
+        (FreeRunning { bodies: vec![], ..asked() }, "bodies", Code::ParameterInvalid),
+        (FreeRunning { bodies: vec!["flor".into()], ..asked() }, "flor", Code::UnknownBody),
+    ] {
+        let fault = Pacer::new(wrong, &component, 0).expect_err("no settings");
+        assert!(fault.code == code && fault.message.contains(place), "{fault}");
+    }
+}

@@ -1,0 +1,89 @@
+//! Time that runs by itself, on the computing thread.
+
+use super::Service;
+use crate::keys::chunk;
+use ballast_protocol::lockstep::{Code, Fault, Kind, SetParameters};
+use ballast_protocol::messages::{AdvanceRequest, Status, ns};
+use ballast_protocol::pacer::{Due, Pacer};
+use std::time::Duration;
+
+impl Service<'_> {
+    /// What a request for parameters asks of time: a pacer of its own, if it is to run.
+    pub(super) fn pacer(&self, ask: &SetParameters) -> Result<Option<Pacer>, Fault> {
+        let Some(Some(running)) = &ask.free_running else { return Ok(None) };
+        self.check_stands()?;
+        let component = self.lockstep.component();
+        Pacer::new(running.clone(), component, self.shared.now_ns()).map(Some)
+    }
+
+    /// Refuses what cannot be done while time runs by itself.
+    pub(super) fn check_stands(&self) -> Result<(), Fault> {
+        if self.pacer.is_some() { Err(stop_first()) } else { Ok(()) }
+    }
+
+    /// Time runs by itself no more.
+    pub(super) fn stop_running(&mut self, why: &str) {
+        if self.pacer.take().is_some() {
+            self.say(&format!("time runs by itself no more: {why}"));
+        }
+    }
+
+    /// Does what is due while time runs by itself; how long nothing will be.
+    pub(super) fn run_on(&mut self) -> Option<Duration> {
+        let wall_ns = self.shared.now_ns();
+        let heard = self.inputs.take();
+        let pacer = self.pacer.as_mut()?;
+        for (part, knot, at_ns) in heard {
+            let body = pacer.bodies().iter().find(|body| chunk(body) == part).cloned();
+            pacer.take(&body.unwrap_or(part), knot, at_ns);
+        }
+        match pacer.due(wall_ns) {
+            Due::Window { t1_ns, motions } => {
+                self.run_window(t1_ns, motions);
+                Some(Duration::ZERO)
+            }
+            Due::At(at_ns) => {
+                self.show();
+                Some(Duration::from_nanos(at_ns.saturating_sub(wall_ns)))
+            }
+            Due::Starved => {
+                self.show();
+                Some(Duration::MAX)
+            }
+        }
+    }
+
+    fn run_window(&mut self, t1_ns: u64, motions: Vec<ballast_protocol::messages::BodyInput>) {
+        let place = self.lockstep.place();
+        let request = AdvanceRequest {
+            run_id: place.run_id,
+            seq: place.seq + 1,
+            t0_ns: ns(place.now_ns),
+            t1_ns: ns(t1_ns),
+            motions,
+            ..AdvanceRequest::default()
+        };
+        let ticket = self.lockstep.owner().ticket().unwrap_or_default().to_string();
+        let before = self.lockstep.answered_count();
+        let result = self.compute(Kind::Advance, &request, &ticket);
+        self.tell(Kind::Advance, &request, &result, before);
+        match result {
+            Ok(reply) if matches!(reply.status, Status::Ok | Status::Warn) => {
+                if let Some(pacer) = &mut self.pacer {
+                    pacer.done(self.lockstep.component().now_ns());
+                }
+            }
+            Ok(reply) => {
+                let why = format!("window {}: {}: {}", reply.seq, reply.code, reply.message);
+                self.stop_running(&why);
+            }
+            Err(fault) => self.stop_running(&fault.to_string()),
+        }
+        self.show();
+    }
+}
+
+fn stop_first() -> Fault {
+    let message = "time runs by itself; `param` with {\"free_running\": null} stops it";
+    Fault::new(Code::FreeRunning, message)
+}

@@ -1,0 +1,132 @@
+//! Time that runs by itself, over sockets.
+
+use crate::hostile::Stranger;
+use crate::setup::{Served, WINDOW, knot, lockstep, step};
+use ballast_protocol::lockstep::{Activity, Code};
+use ballast_protocol::messages::AdvanceRequest;
+use ballast_protocol::pacer::FreeRunning;
+use ballast_zenoh::{Client, Host};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// A tenth of the wall clock's pace: busy machines keep it.
+fn slowly() -> FreeRunning {
+    FreeRunning {
+        factor: 0.1,
+        window_ns: WINDOW,
+        latency_ns: 4 * WINDOW,
+        max_age_ms: 300,
+        bodies: vec!["floor".into()],
+        ..FreeRunning::default()
+    }
+}
+
+/// Sends so many samples, one per window.
+fn shake(client: &Client, from: u64, samples: u64) {
+    for k in from..from + samples {
+        client.put_motion("floor", &knot(k * WINDOW)).unwrap();
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+fn wait_for(client: &Client, activity: Activity) -> ballast_protocol::lockstep::StatusReport {
+    let begin = Instant::now();
+    loop {
+        let status = client.status().unwrap();
+        if status.activity == activity {
+            return status;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(20), "{status:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// Keeps what was computed.
+struct Keeps {
+    stop: Arc<AtomicBool>,
+    windows: Arc<Mutex<Vec<(AdvanceRequest, String)>>>,
+}
+
+impl Host for Keeps {
+    fn computed(
+        &mut self,
+        _: &ballast_protocol::lockstep::Lockstep,
+        _: ballast_protocol::lockstep::Kind,
+        request: &AdvanceRequest,
+        reply: &ballast_protocol::messages::AdvanceReply,
+    ) -> bool {
+        self.windows.lock().unwrap().push((request.clone(), reply.hash.to_string()));
+        false
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::SeqCst)
+    }
+}
+
+#[test]
+fn time_runs_starves_goes_on_and_stops_and_can_be_computed_again() {
+    let windows = Arc::new(Mutex::new(vec![]));
+    let stop = Arc::new(AtomicBool::new(false));
+    let keeps = Keeps { stop: Arc::clone(&stop), windows: Arc::clone(&windows) };
+    let served = Served::hosted(keeps, stop);
+    let mut client = served.client();
+    client.run_freely(&slowly()).unwrap();
+    let status = wait_for(&client, Activity::Starved);
+    let who = format!("input of floor from {}", client.id());
+    assert_eq!((status.waiting_for, status.place.now_ns), (Some(who), 0));
+    // What is not the owner's, or no motion, is not heard.
+    let stranger = Stranger::at(&served.link());
+    stranger.put_motion("floor", &knot(0));
+    // Everything else waits until time stands.
+    let refused = step(&mut client).unwrap_err();
+    assert_eq!(refused.fault().unwrap().code, Code::FreeRunning, "{refused}");
+    assert_eq!(client.reset().unwrap_err().fault().unwrap().code, Code::FreeRunning);
+    shake(&client, 0, 60);
+    assert!(wait_for(&client, Activity::Playing).free_running.is_some());
+    let status = wait_for(&client, Activity::Starved);
+    let first = status.place;
+    assert!(first.now_ns >= 20 * WINDOW && status.waiting_since_ms.unwrap() >= 300, "{first:?}");
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!(client.status().unwrap().place, first, "time stands");
+    shake(&client, 1000, 40);
+    let place = client.stop_running().unwrap().clone();
+    assert!(place.now_ns > first.now_ns, "{place:?}");
+    assert!(client.status().unwrap().free_running.is_none());
+    client.detach().unwrap();
+    served.stop();
+    // The same inputs in one process: the same states.
+    let (mut again, windows) = (lockstep(), windows.lock().unwrap());
+    let ask = ballast_protocol::lockstep::Attach { client: "me".into(), ..Default::default() };
+    again.attach(&ask, "t".into(), 0).unwrap();
+    for (request, hash) in windows.iter() {
+        use ballast_protocol::lockstep::{Kind, Pace};
+        let reply = again.window(Kind::Advance, request, "t", &|| 0, &mut |_| Pace::GoOn).unwrap();
+        assert_eq!(reply.hash.to_string(), *hash);
+    }
+    assert_eq!(again.place().hash, place.hash);
+}
+
+#[test]
+fn when_the_owner_is_gone_time_stands() {
+    let served = Served::new();
+    let mut client = served.client();
+    client.run_freely(&slowly()).unwrap();
+    shake(&client, 0, 30);
+    drop(client);
+    let begin = Instant::now();
+    let client = loop {
+        match crate::setup::attach(&served.link()) {
+            Ok(client) => break client,
+            Err(error) => assert!(begin.elapsed() < Duration::from_secs(10), "{error}"),
+        }
+    };
+    let status = client.status().unwrap();
+    assert!(status.activity == Activity::Paused && status.free_running.is_none(), "{status:?}");
+    let bad = FreeRunning { bodies: vec!["flor".into()], ..slowly() };
+    let mut client = client;
+    let refused = client.run_freely(&bad).unwrap_err();
+    assert_eq!(refused.fault().unwrap().code, Code::UnknownBody, "{refused}");
+    assert_eq!(client.status().unwrap().activity, Activity::Paused);
+}

@@ -1,0 +1,64 @@
+//! What may change between windows without another model: how hard a step is solved, and what it may leave.
+
+use super::{Component, Refusal};
+use crate::error::Error;
+use crate::model::Model;
+use std::sync::Arc;
+
+/// The parameters of a component that its caller may set. Those of the solver are part of the model, and so of its
+/// fingerprint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameters {
+    /// Largest number of iterations per step.
+    pub iterations: u32,
+    /// `None`: all iterations.
+    pub tolerance: Option<f64>,
+    /// Deepest penetration of a sound step, m; infinite: any.
+    pub penetration: f64,
+}
+
+impl Parameters {
+    /// Whether two models differ in nothing but what parameters set.
+    pub fn alone_differ(a: &Model, b: &Model) -> bool {
+        let mut like_b = a.clone();
+        like_b.solver.iterations = b.solver.iterations;
+        like_b.solver.tolerance = b.solver.tolerance;
+        like_b == *b
+    }
+}
+
+impl Component {
+    /// The parameters of the next window.
+    pub fn parameters(&self) -> Parameters {
+        let solver = &self.model.solver;
+        Parameters {
+            iterations: solver.iterations,
+            tolerance: solver.tolerance,
+            penetration: self.limits.penetration,
+        }
+    }
+
+    /// Sets them for all windows from now on, and for a redo of the last one.
+    ///
+    /// # Errors
+    /// Numbers that cannot be used; nothing is changed.
+    pub fn set_parameters(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+        if !(parameters.penetration > 0.0) {
+            return Err(Refusal::Core(Error::Model {
+                place: "limit of the penetration".into(),
+                expected: "above 0 m".into(),
+                found: parameters.penetration.to_string(),
+            }));
+        }
+        let solver = &self.model.solver;
+        if (solver.iterations, solver.tolerance) != (parameters.iterations, parameters.tolerance) {
+            let mut model = Model::clone(&self.model);
+            model.solver.iterations = parameters.iterations;
+            model.solver.tolerance = parameters.tolerance;
+            model.check()?;
+            self.model = Arc::new(model);
+        }
+        self.limits.penetration = parameters.penetration;
+        Ok(())
+    }
+}

@@ -1,0 +1,174 @@
+use super::*;
+use crate::math::Vec3;
+use crate::model::{Grains, Solver, Stepping};
+use crate::step::Reaction;
+use std::f64::consts::TAU;
+
+const H: f64 = 1e-3;
+/// Steps of a period.
+const PERIOD: u32 = 10;
+
+fn model() -> Model {
+    Model {
+        shapes: vec![],
+        grains: Grains::default(),
+        driven: vec![],
+        gravity: Vec3::zeros(),
+        grain_friction: 0.5,
+        restitution: 0.0,
+        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, alert: 0.0 },
+        solver: Solver::default(),
+    }
+}
+
+/// Body 0 is a wall; 1 and 2 face each other, 0.5 m apart.
+fn rule(period: u32) -> Arc<SqueezeRule> {
+    let pair = SqueezePair { name: "pair".into(), tines: vec![(1, 1.0), (2, -1.0)] };
+    Arc::new(SqueezeRule::new(vec![pair], period).unwrap())
+}
+
+/// Step `i`: each side has closed by `closing`, is resisted by `force` and does `work`.
+fn step(meter: &mut SqueezeMeter, i: u64, closing: f64, force: f64, work: f64) {
+    let at = |x: f64| Vec3::new(x, 0.0, 0.0);
+    let state = State {
+        time_ns: i * 1_000_000,
+        position: vec![Vec3::zeros(), at(closing), at(0.5 - closing)],
+        ..State::default()
+    };
+    let reaction =
+        |x: f64| Reaction { impulse: Vec3::new(x * H, 5.0, 7.0), work, ..Reaction::default() };
+    let reactions = vec![Reaction::default(), reaction(-force), reaction(force)];
+    meter.take(&model(), &state, &StepReport { reactions, ..StepReport::default() });
+}
+
+#[test]
+fn a_linear_spring_gives_its_own_loop_and_energy_in_spite_of_vibration() {
+    // 200 kN/m per side after 10 mm of free way; 0.05 mm per step; 5 mm of vibration with a period of ten steps.
+    let mut meter = SqueezeMeter::new(rule(PERIOD));
+    for i in 1..=1000 {
+        let closing = i as f64 * 5e-5;
+        let phase = (i as f64 * 0.1 * TAU).sin();
+        let spring = 2e5 * (closing - 0.01_f64).max(0.0);
+        let felt = if spring > 0.0 { spring + 30.0 * phase } else { 0.0 };
+        step(&mut meter, i, closing + 5e-3 * phase, felt, 0.25);
+    }
+    let told = meter.tell();
+    let [SqueezeOutcome { name, is_over: false, record }] = &told[..] else { panic!("{told:?}") };
+    assert_eq!((&name[..], record.number, record.began_ns), ("pair", 1, 10_000_000));
+    // Means over a period lag by half of one: 4.5 steps, 0.225 mm; the first of them is where closing is zero.
+    assert!((record.onset_closing - 0.0105).abs() < 6e-4, "{}", record.onset_closing);
+    assert!((record.onset_ns.unwrap() as f64 * 1e-9 - 0.22).abs() < 1e-2);
+    assert!((record.closing - (0.05 - 5e-4)).abs() < 1e-12, "{}", record.closing);
+    assert!((record.peak_force - (8000.0 - 45.0)).abs() < 1e-6, "{}", record.peak_force);
+    assert_eq!(record.peak_closing, record.closing);
+    assert!((record.peak_step_force - 8000.0).abs() < 30.0);
+    assert!((record.work - 495.0).abs() < 1e-9, "{}", record.work);
+    // Two sides of k x²/2 with x = 39.775 mm.
+    let energy = 2e5 * 0.039775_f64.powi(2);
+    assert!((record.compaction_energy - energy).abs() < 0.5, "{}", record.compaction_energy);
+    assert_eq!(record.loop_points.len(), 100);
+    assert_eq!(record.loop_points[99], [record.closing, record.peak_force]);
+}
+
+#[test]
+fn a_squeeze_is_over_when_the_pair_opens_and_the_next_one_has_its_own_record() {
+    let mut meter = SqueezeMeter::new(rule(1));
+    let there = (0..=100).map(|i| (i as f64 * 1e-4, 1000.0));
+    let back = (0..=100).rev().map(|i| (i as f64 * 1e-4, 400.0));
+    let mut told = vec![];
+    let mut at = 0;
+    for _ in 0..2 {
+        for (closing, force) in there.clone().chain(back.clone()) {
+            at += 1;
+            step(&mut meter, at, closing, force, 0.0);
+            told.extend(meter.tell());
+        }
+    }
+    let over: Vec<_> = told.iter().filter(|s| s.is_over).map(|s| &s.record).collect();
+    assert_eq!(over.len(), 2);
+    assert_eq!(over.iter().map(|r| r.number).collect::<Vec<_>>(), [1, 2]);
+    // Where it was at its widest before it closed.
+    assert_eq!(over.iter().map(|r| r.began_ns / 1_000_000).collect::<Vec<_>>(), [1, 203]);
+    for record in over {
+        // 10 mm at 1000 N, back over the 2 mm by which its end is known at 400 N; the fall between is at
+        // constant closing. Two sides.
+        let back = 0.01 - record.closing;
+        assert!((2e-3 - 1e-9..2.2e-3).contains(&back), "{back}");
+        assert!(
+            (record.compaction_energy - 2.0 * (10.0 - 400.0 * back)).abs() < 1e-9,
+            "{record:?}"
+        );
+        assert!((record.peak_force, record.onset_closing) == (1000.0, 0.0), "{record:?}");
+    }
+    // It is told while it closes, from its first 2 mm on.
+    assert!(!told[0].is_over && told[0].record.closing > 2e-3 && told[0].record.closing < 2.2e-3);
+}
+
+#[test]
+fn vibration_and_travel_along_the_track_are_no_squeeze() {
+    let mut meter = SqueezeMeter::new(rule(PERIOD));
+    for i in 0..2000 {
+        // Of another frequency than the period's: an eighth faster.
+        step(&mut meter, i, 5e-3 * (i as f64 * 0.1125 * TAU).sin(), 500.0, 0.0);
+    }
+    assert_eq!(meter.tell(), []);
+    let mut meter = SqueezeMeter::new(rule(1));
+    for i in 0..100 {
+        let at = |x: f64| Vec3::new(x + 0.01 * i as f64, 0.0, 0.0);
+        let position = vec![Vec3::zeros(), at(0.0), at(0.5)];
+        let report = StepReport { reactions: vec![Reaction::default(); 3], ..Default::default() };
+        meter.take(&model(), &State { position, ..State::default() }, &report);
+    }
+    assert_eq!(meter.tell(), []);
+}
+
+#[test]
+fn a_long_loop_keeps_its_course_with_fewer_points() {
+    let mut meter = SqueezeMeter::new(rule(1));
+    for i in 0..5000 {
+        let closing = i as f64 * 1e-5;
+        step(&mut meter, i, closing, 1e5 * closing, 0.0);
+        for told in meter.tell() {
+            assert!(told.record.loop_points.len() < MOST_POINTS);
+        }
+    }
+    let points = &meter.tell()[0].record.loop_points;
+    assert!(points.len() >= MOST_POINTS / 2);
+    assert!(points.iter().all(|[c, f]| (f - 1e5 * c).abs() < 1e-6));
+    assert!(points.windows(2).all(|p| p[0][0] < p[1][0]) && points[points.len() - 1][0] > 0.049);
+}
+
+#[test]
+fn what_is_written_down_goes_on_as_if_never_interrupted() {
+    let mut whole = SqueezeMeter::new(rule(PERIOD));
+    let mut broken = whole.clone();
+    for i in 0..700 {
+        let closing = 0.02 * (1.0 - (i as f64 * 0.01).cos());
+        let (force, work) = (3e5 * closing + (i % 7) as f64, 0.1 * (i % 3) as f64);
+        step(&mut whole, i, closing, force, work);
+        step(&mut broken, i, closing, force, work);
+        assert_eq!(broken.tell(), whole.tell());
+        let mut numbers = vec![];
+        broken.write(&mut numbers);
+        broken = SqueezeMeter::read(rule(PERIOD), &numbers).expect("its own numbers");
+        assert_eq!(broken, whole);
+        assert!(SqueezeMeter::read(rule(PERIOD), &numbers[1..]).is_none());
+        numbers.push(0.0);
+        assert!(SqueezeMeter::read(rule(PERIOD), &numbers).is_none());
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let rule = |tines: PairTines, period| {
+        SqueezeRule::new(vec![SqueezePair { name: "p".into(), tines }], period).is_err()
+    };
+    assert!(rule(vec![], 1) && rule(vec![(1, 0.5)], 1) && rule(vec![(1, 1.0)], 0));
+    assert!(!rule(vec![(1, 1.0)], 1));
+    // Tines on one arm add up.
+    let report = |x: f64| StepReport {
+        reactions: vec![Reaction { impulse: Vec3::new(-x * H, 0.0, 0.0), ..Default::default() }; 2],
+        ..Default::default()
+    };
+    assert!((side_force(&vec![(0, 1.0), (1, 1.0)], &report(350.0), H) - 700.0).abs() < 1e-9);
+}

@@ -1,0 +1,29 @@
+//! Which tines of a plan squeeze together, and over which time their motion is averaged.
+//!
+//! Reads: the plan, the model that holds its tines. Writes: nothing.
+
+use super::machine_control::{pairs, period_steps};
+use crate::error::Result;
+use crate::model::Model;
+use crate::observe::{SqueezePair, SqueezeRule};
+use crate::track::plan::Plan;
+
+/// Without tamping in the case there is no vibration whose period could be known, s: about that of 35 Hz, the
+/// frequency of tamping machines.
+const USUAL_PERIOD: f64 = 0.028;
+
+/// The tine pairs of a plan, `pair_0` and so on by their numbers; whoever moves them, their squeezes are followed.
+///
+/// # Errors
+/// Tines that the model does not have.
+pub fn squeezes(plan: &Plan, model: &Model) -> Result<SqueezeRule> {
+    let steps = match &plan.tamping {
+        Some(tamping) => period_steps(tamping, model),
+        None => (USUAL_PERIOD / model.stepping.h()).round().max(1.0),
+    };
+    let named = |pair: super::TinePair| SqueezePair {
+        name: format!("pair_{}", pair.number),
+        tines: pair.tines,
+    };
+    SqueezeRule::new(pairs(&plan.tines, model)?.into_iter().map(named).collect(), steps as u32)
+}
