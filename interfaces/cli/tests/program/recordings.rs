@@ -323,7 +323,7 @@ fn bad_files_end_with_their_codes() {
     assert!(said.contains("folder.mcap"), "{said}");
 
     let mut bytes = std::fs::read(place.path("run.mcap")).unwrap();
-    let key = b"\x06\0\0\0format\x01\0\0\x001";
+    let key = b"\x06\0\0\0format\x01\0\0\x002";
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len() - 1;
     bytes[at] = b'9';
     std::fs::write(place.path("run.mcap"), bytes).unwrap();
