@@ -53,6 +53,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<outcome::Outcome>()?;
     module.add_class::<outcome::Series>()?;
     module.add_class::<outcome::Solver>()?;
+    module.add_class::<outcome::Squeeze>()?;
     module.add_class::<outcome::ZoneMeasure>()?;
     module.add_class::<results::Recording>()?;
     module.add_class::<results::Results>()?;

@@ -2,8 +2,10 @@
 
 use crate::arrays::{self, Matrix, Vector};
 use ballast::component::{self, BodyOutcome, SolverOutcome, ZoneOutcome};
+use ballast::observe::SqueezeOutcome;
 use ballast::state::{EnergyLedger, State};
 use ballast::step::StepReport;
+use ballast_protocol::messages::StepSeries;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -60,6 +62,16 @@ impl Outcome {
     #[getter]
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         zones(py, &self.inner.zones)
+    }
+
+    /// Squeezes that were in progress, by pair; of two of the same pair the later one.
+    #[getter]
+    fn squeezes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for squeeze in &self.inner.squeezes {
+            all.set_item(&squeeze.name, Squeeze(squeeze.clone()))?;
+        }
+        Ok(all)
     }
 
     #[getter]
@@ -238,6 +250,72 @@ impl ZoneMeasure {
     }
 }
 
+/// What a pair of facing tines has done in a squeeze, up to the last whole vibration period.
+#[pyclass(frozen, module = "ballast")]
+pub struct Squeeze(SqueezeOutcome);
+
+#[pymethods]
+impl Squeeze {
+    #[getter]
+    fn number(&self) -> u32 {
+        self.0.record.number
+    }
+
+    #[getter]
+    fn is_over(&self) -> bool {
+        self.0.is_over
+    }
+
+    #[getter]
+    fn began_ns(&self) -> u64 {
+        self.0.record.began_ns
+    }
+
+    #[getter]
+    fn onset_ns(&self) -> Option<u64> {
+        self.0.record.onset_ns
+    }
+
+    #[getter]
+    fn closing(&self) -> f64 {
+        self.0.record.closing
+    }
+
+    #[getter]
+    fn peak_force(&self) -> f64 {
+        self.0.record.peak_force
+    }
+
+    #[getter]
+    fn peak_step_force(&self) -> f64 {
+        self.0.record.peak_step_force
+    }
+
+    #[getter]
+    fn work(&self) -> f64 {
+        self.0.record.work
+    }
+
+    #[getter]
+    fn compaction_energy(&self) -> f64 {
+        self.0.record.compaction_energy
+    }
+
+    /// Closing and mean force of a side `[periods, 2]`.
+    #[getter]
+    fn r#loop<'py>(&self, py: Python<'py>) -> Matrix<'py> {
+        arrays::table(py, self.0.record.loop_points.as_flattened(), 2)
+    }
+
+    fn __repr__(&self) -> String {
+        let record = &self.0.record;
+        format!(
+            "Squeeze({:?}, number {}, closing={:.4} m, peak_force={:.3e} N)",
+            self.0.name, record.number, record.closing, record.peak_force
+        )
+    }
+}
+
 /// Getters of plain numbers.
 macro_rules! numbers {
     ($class:ident: $($name:ident: $kind:ty),* $(,)?; $($more:item)*) => {
@@ -310,6 +388,24 @@ impl Series {
         for reaction in &report.reactions {
             let (p, l) = (reaction.impulse, reaction.angular_impulse);
             self.impulses.push([p.x, p.y, p.z, l.x, l.y, l.z]);
+        }
+    }
+
+    /// As a component elsewhere tells it.
+    pub fn told(names: &Arc<[String]>, series: &StepSeries) -> Self {
+        let row = |step: usize, name: &String| {
+            let body = series.bodies.iter().find(|b| b.body == *name)?;
+            let (p, l) = (body.impulse.get(step)?, body.angular_impulse.get(step)?);
+            Some([p.x, p.y, p.z, l.x, l.y, l.z])
+        };
+        let steps = 0..series.time_ns.len();
+        let rows = steps.flat_map(|step| names.iter().map(move |name| (step, name)));
+        Self {
+            time_ns: series.time_ns.iter().map(|t| u64::try_from(*t).unwrap_or(0)).collect(),
+            iterations: series.iterations.clone(),
+            residual_qm16: series.residual_qm16.clone(),
+            impulses: rows.map(|(step, name)| row(step, name).unwrap_or([f64::NAN; 6])).collect(),
+            names: Arc::clone(names),
         }
     }
 }

@@ -5,7 +5,7 @@
 
 use crate::compute::{Turn, attend};
 use crate::errors::{self, Error, Lost, Unreachable};
-use crate::outcome::Outcome;
+use crate::outcome::{Outcome, Series};
 use crate::simulation::Asked;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
@@ -111,9 +111,6 @@ impl There {
     }
 
     fn request(&self, py: Python<'_>, kind: Kind, asked: &Asked) -> PyResult<AdvanceRequest> {
-        if asked.series {
-            return Err(errors::elsewhere(py, "series"));
-        }
         let mut request = match (kind, asked.t1_ns, &self.last) {
             (Kind::Advance, Some(t1_ns), _) => self.client.next(t1_ns),
             (Kind::Redo, None, Some((ends, _))) => self.client.again(*ends),
@@ -124,6 +121,7 @@ impl There {
         };
         request.motions = asked.motions.iter().map(Into::into).collect();
         request.loads = asked.loads.iter().map(Into::into).collect();
+        request.series = asked.series;
         Ok(request)
     }
 
@@ -150,7 +148,8 @@ impl There {
         }
         let trouble = (!reply.message.is_empty()).then(|| reply.message.clone());
         let names = Arc::clone(&self.names);
-        Ok(Outcome { inner, trouble, wall_s, names, series: None })
+        let series = asked.series.then(|| Py::new(py, Series::told(&names, &reply.series)));
+        Ok(Outcome { inner, trouble, wall_s, names, series: series.transpose()? })
     }
 
     /// Asks for the pending window until there is an answer, and takes up where it leads.

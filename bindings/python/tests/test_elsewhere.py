@@ -72,13 +72,13 @@ def down(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ballast
 def told(sim: ballast.Simulation, out: ballast.Outcome) -> object:
     """An outcome in numbers that can be compared to the bit."""
 
-    def numbers(body: ballast.BodyOutcome) -> list[object]:
+    def numbers(body: object) -> list[object]:
         names = [n for n in dir(body) if not n.startswith("_")]
         return [(n, np.asarray(getattr(body, n)).tobytes()) for n in names]
 
     solver = [getattr(out.solver, n) for n in dir(out.solver) if not n.startswith("_")]
     energy = [getattr(out.energy, n) for n in dir(out.energy) if not n.startswith("_")]
-    bodies = {name: numbers(body) for name, body in out.bodies.items()}
+    bodies = {name: numbers(body) for name, body in {**out.bodies, **out.squeezes}.items()}
     ends = (out.status, out.trouble, out.t0_ns, out.t1_ns, out.steps, out.hint_max_step_ns)
     return ends, bodies, solver, energy, sim.save().hash
 
@@ -117,7 +117,13 @@ def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> No
         assert (there.bodies, there.step_ns) == (sim.bodies, sim.step_ns)
         assert (there.grains, there.schedule) == (sim.grains, sim.schedule)
         assert story(there) == story(sim)
-        assert there.advance_to(there.now_ns + there.step_ns, zones=True).zones
+        outs = [s.advance_to(s.now_ns + 3 * s.step_ns, series=True, zones=True) for s in (sim, there)]
+        assert outs[0].zones.keys() == outs[1].zones.keys() and outs[0].zones
+        here, elsewhere = (out.series for out in outs)
+        assert here and elsewhere and len(here) == len(elsewhere) == 3
+        assert here.time_ns.tolist() == elsewhere.time_ns.tolist()
+        for name, rows in here.impulses.items():
+            assert rows.tobytes() == elsewhere.impulses[name].tobytes()
 
 
 def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:

@@ -65,6 +65,17 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
         out["nobody"]
 
 
+def test_a_squeeze_is_followed(sim: ballast.Simulation) -> None:
+    told = []
+    for _ in range(sim.case.duration_ns // sim.step_ns):
+        told += sim.step_by_machine().squeezes.values()
+    assert told and {s.number for s in told} == {1}
+    assert told[-1].closing > 2e-3 and told[-1].peak_force <= told[-1].peak_step_force
+    assert [s.closing for s in told] == sorted(s.closing for s in told)
+    points = told[-1].loop
+    assert points.shape[1] == 2 and np.all(np.diff(points[:, 0]) > 0.0)
+
+
 def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
     sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
     end = 10 * sim.step_ns

@@ -27,6 +27,7 @@ __all__ = [
     "Series",
     "Simulation",
     "SolverOutcome",
+    "Squeeze",
     "State",
     "Tine",
     "Unreachable",
@@ -404,6 +405,11 @@ class Outcome:
         """At the end of the window, where `zones=True` asked for them."""
 
     @property
+    def squeezes(self) -> dict[str, Squeeze]:
+        """Squeezes that were in progress, by pair of tines ("pair_0"); of two of a pair the later one. How they are told
+        apart: docs/coupling.md."""
+
+    @property
     def solver(self) -> SolverOutcome: ...
     @property
     def energy(self) -> EnergyLedger:
@@ -504,6 +510,50 @@ class ZoneOutcome:
     @property
     def pressure(self) -> float:
         """Mean over the last step, Pa."""
+
+@final
+class Squeeze:
+    """What a pair of facing tines has done in a squeeze, up to the last whole vibration period."""
+
+    @property
+    def number(self) -> int:
+        """Of the pair, from 1 on."""
+
+    @property
+    def is_over(self) -> bool:
+        """The pair has opened again."""
+
+    @property
+    def began_ns(self) -> int:
+        """When the pair was at its widest, ns; closings are counted from there."""
+
+    @property
+    def onset_ns(self) -> int | None:
+        """End of the period in which the ballast first resisted, ns."""
+
+    @property
+    def closing(self) -> float:
+        """Of a side, mean over the last period, m."""
+
+    @property
+    def peak_force(self) -> float:
+        """Largest mean force of a side over a period, N."""
+
+    @property
+    def peak_step_force(self) -> float:
+        """Largest force of a single step, N."""
+
+    @property
+    def work(self) -> float:
+        """Of the pair's tines on the ballast, vibration included, J."""
+
+    @property
+    def compaction_energy(self) -> float:
+        """Work of the mean force along the closing, both sides, J."""
+
+    @property
+    def loop(self) -> _Floats:
+        """(n, 2) closing (m) and mean force (N) of a side, one row per period or per few of them."""
 
 @final
 class SolverOutcome:
