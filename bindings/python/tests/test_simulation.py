@@ -70,10 +70,12 @@ def test_a_squeeze_is_followed(sim: ballast.Simulation) -> None:
     for _ in range(sim.case.duration_ns // sim.step_ns):
         told += sim.step_by_machine().squeezes.values()
     assert told and {s.number for s in told} == {1}
-    assert told[-1].closing > 2e-3 and told[-1].peak_force <= told[-1].peak_step_force
-    assert [s.closing for s in told] == sorted(s.closing for s in told)
-    points = told[-1].loop
-    assert points.shape[1] == 2 and np.all(np.diff(points[:, 0]) > 0.0)
+    last = told[-1]
+    assert last.is_over and not any(s.is_over for s in told[:-1])
+    # The tiny case closes by several millimetres, and opens again in the withdrawal.
+    closing, force = last.loop.T
+    assert closing.max() > 5e-3 and closing.max() == max(s.closing for s in told)
+    assert last.peak_force == np.abs(force).max() <= last.peak_step_force
 
 
 def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
