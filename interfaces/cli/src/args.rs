@@ -53,6 +53,8 @@ pub enum Command {
     Sweep(Sweep),
     /// Say what a bed, checkpoint or results file holds
     Inspect(Inspect),
+    /// Make a page (HTML) about a run: pictures, compactness, forces, energy, quality, settings
+    Report(Report),
     /// Write a results file as plain tables (CSV) and shapes that other programs open
     Export(Export),
     /// Solve published friction-contact problems (FCLIB form, HDF5) and measure the errors
@@ -232,6 +234,15 @@ pub struct Inspect {
 }
 
 #[derive(Debug, Args)]
+pub struct Report {
+    /// Folder of a run, or a file in it
+    pub run: PathBuf,
+    /// The page; by default report.html in the folder of the run
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
 pub struct Export {
     /// Results of a run
     pub results: PathBuf,
@@ -259,8 +270,8 @@ pub struct Solve {
     /// Write the table as CSV
     #[arg(long, value_name = "OUT")]
     pub csv: Option<PathBuf>,
-    /// Write the performance profile of the methods as CSV: the share of problems that each solves
-    /// within a factor of the time of the fastest
+    /// Write the performance profile of the methods, as curves (.html) or CSV: the share of problems that
+    /// each solves within a factor of the time of the fastest
     #[arg(long, value_name = "OUT")]
     pub profile: Option<PathBuf>,
 }

@@ -14,10 +14,12 @@ mod exit;
 mod files;
 mod interrupt;
 mod playback;
+mod plot;
 mod profile;
 mod progress;
 mod record;
 mod recorder;
+mod report;
 mod session;
 mod start;
 mod statistics;
@@ -65,6 +67,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Doctor(args) => coupling::doctor::doctor(args, console),
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
+        Command::Report(args) => commands::report::report(args, console),
         Command::Export(args) => commands::export::export(args, console),
         Command::Solve(args) => commands::solve::solve(args, console),
         Command::Schema { protocol } => commands::schema::schema(protocol),

@@ -7,6 +7,7 @@ pub mod export;
 pub mod inspect;
 pub mod prepare;
 pub mod replay;
+pub mod report;
 pub mod resume;
 pub mod run;
 pub mod schema;

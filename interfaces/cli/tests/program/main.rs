@@ -3,6 +3,7 @@
 mod commands;
 mod endings;
 mod recordings;
+mod report;
 mod restart;
 mod samples;
 #[cfg(feature = "zenoh")]

@@ -61,6 +61,8 @@ fn a_folder_gives_a_table_and_files_that_cannot_be_read_are_told() {
     assert_eq!(place.text("t.csv").lines().count(), 3);
     let profile = place.text("p.csv");
     assert!(profile.contains("1e-3,auto,") && profile.contains("1e-3,nlgs,"), "{profile}");
+    place.call("solve problems --tolerance 1e-3 --profile p.html").with_code(0);
+    assert!(place.text("p.html").contains("<svg"));
 
     let broken = self::place(true);
     let ended = broken.call("solve problems --tolerance 1e-2").with_code(1);
