@@ -9,6 +9,7 @@ mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
 mod coupling;
+mod dump;
 mod engine;
 mod exit;
 mod files;
@@ -27,6 +28,7 @@ mod summary;
 mod summary_text;
 mod table;
 mod taping;
+mod validate;
 
 use args::{Bench, Cli, Command};
 use clap::Parser;
@@ -68,6 +70,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Report(args) => commands::report::report(args, console),
+        Command::Validate(args) => commands::validate::validate(args, console),
         Command::Export(args) => commands::export::export(args, console),
         Command::Solve(args) => commands::solve::solve(args, console),
         Command::Schema { protocol } => commands::schema::schema(protocol),

@@ -14,4 +14,5 @@ pub mod schema;
 pub mod solve;
 mod solve_table;
 pub mod sweep;
+pub mod validate;
 pub mod verify;

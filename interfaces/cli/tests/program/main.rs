@@ -11,3 +11,4 @@ mod serve;
 mod setup;
 mod solve;
 mod sweeps;
+mod validate;
