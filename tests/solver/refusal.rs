@@ -65,3 +65,27 @@ fn a_good_step_after_a_refused_one_is_as_if_nothing_had_been() {
         assert!(bits(&spared.state) == bits(&tried.state), "{schedule:?}");
     }
 }
+
+#[test]
+fn a_number_that_is_none_is_told_with_the_grain() {
+    type Injection = (&'static str, fn(&mut Scene, usize));
+    let injections: [Injection; 4] = [
+        ("position", |s, g| s.state.position[g].y = f64::NAN),
+        ("velocity", |s, g| s.state.velocity[g].x = f64::NAN),
+        ("spin", |s, g| s.state.spin[g].z = f64::NEG_INFINITY),
+        ("orientation", |s, g| {
+            let q = s.state.orientation[g].coords * f64::NAN;
+            s.state.orientation[g] = ballast::math::Quat::new_unchecked(q.into());
+        }),
+    ];
+    let heap = heap_in_contact().state;
+    for grain in [0, 7, heap.velocity.len() - 6] {
+        for (what, inject) in injections {
+            let mut scene = heap_in_contact();
+            inject(&mut scene, grain);
+            let told = scene.try_step().expect_err(what).to_string();
+            // Not a neighbour that the solver would have spoilt next.
+            assert!(told.contains(&format!("grain {grain}:")), "{what} of grain {grain}: {told}");
+        }
+    }
+}

@@ -2,6 +2,7 @@
 
 use ballast::model::Schedule;
 use ballast::nlgs::solution::Method;
+use ballast::track::TampingPhase;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
@@ -53,6 +54,10 @@ pub enum Command {
     Sweep(Sweep),
     /// Say what a bed, checkpoint or results file holds
     Inspect(Inspect),
+    /// Make a page (HTML) about a run: pictures, compactness, forces, energy, quality, settings
+    Report(Report),
+    /// Check the program against known answers: exact laws, published experiments, convergence
+    Validate(Validate),
     /// Write a results file as plain tables (CSV) and shapes that other programs open
     Export(Export),
     /// Solve published friction-contact problems (FCLIB form, HDF5) and measure the errors
@@ -110,6 +115,44 @@ pub struct Run {
     /// Record the run in an MCAP file, which is replaced
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
+    #[command(flatten)]
+    pub dump: DumpProblems,
+}
+
+/// Contact problems kept for `ballast solve` and other programs.
+#[derive(Debug, Args)]
+pub struct DumpProblems {
+    /// Keep contact problems of the run in this folder, in the FCLIB form (local, HDF5)
+    #[arg(long, value_name = "DIR")]
+    pub dump_problems: Option<PathBuf>,
+    /// Steps from one problem to the next
+    #[arg(long, value_name = "K", default_value = "100", requires = "dump_problems")]
+    pub dump_every: NonZeroU32,
+    /// Only of these phases, separated by commas; by default of all
+    #[arg(long, value_name = "PHASE", value_delimiter = ',', requires = "dump_problems")]
+    pub dump_phases: Vec<PhaseName>,
+}
+
+/// The phases of the cycle by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PhaseName {
+    Lift,
+    Insertion,
+    Squeeze,
+    Hold,
+    Withdrawal,
+}
+
+impl From<PhaseName> for TampingPhase {
+    fn from(name: PhaseName) -> Self {
+        match name {
+            PhaseName::Lift => TampingPhase::Lift,
+            PhaseName::Insertion => TampingPhase::Insertion,
+            PhaseName::Squeeze => TampingPhase::Squeeze,
+            PhaseName::Hold => TampingPhase::Hold,
+            PhaseName::Withdrawal => TampingPhase::Withdrawal,
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -232,6 +275,33 @@ pub struct Inspect {
 }
 
 #[derive(Debug, Args)]
+pub struct Report {
+    /// Folder of a run, or a file in it
+    pub run: PathBuf,
+    /// The page; by default report.html in the folder of the run
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// Small samples only
+    #[arg(long)]
+    pub quick: bool,
+    /// Only these checks, separated by commas: incline, column, arch, dice, collapse, repose, silo, cycle, samples
+    #[arg(long, value_name = "CHECK", value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Folder for validation.html and validation.json
+    #[arg(long, value_name = "DIR", default_value = "runs/validation")]
+    pub out: PathBuf,
+    /// Folder with samples that LMGC90 settled, to compare with side by side
+    #[arg(long, value_name = "DIR")]
+    pub samples: Option<PathBuf>,
+    #[command(flatten)]
+    pub beds: Beds,
+}
+
+#[derive(Debug, Args)]
 pub struct Export {
     /// Results of a run
     pub results: PathBuf,
@@ -259,8 +329,8 @@ pub struct Solve {
     /// Write the table as CSV
     #[arg(long, value_name = "OUT")]
     pub csv: Option<PathBuf>,
-    /// Write the performance profile of the methods as CSV: the share of problems that each solves
-    /// within a factor of the time of the fastest
+    /// Write the performance profile of the methods, as curves (.html) or CSV: the share of problems that
+    /// each solves within a factor of the time of the fastest
     #[arg(long, value_name = "OUT")]
     pub profile: Option<PathBuf>,
 }

@@ -9,15 +9,18 @@ mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
 mod coupling;
+mod dump;
 mod engine;
 mod exit;
 mod files;
 mod interrupt;
 mod playback;
+mod plot;
 mod profile;
 mod progress;
 mod record;
 mod recorder;
+mod report;
 mod session;
 mod start;
 mod statistics;
@@ -25,6 +28,7 @@ mod summary;
 mod summary_text;
 mod table;
 mod taping;
+mod validate;
 
 use args::{Bench, Cli, Command};
 use clap::Parser;
@@ -65,6 +69,8 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Doctor(args) => coupling::doctor::doctor(args, console),
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
+        Command::Report(args) => commands::report::report(args, console),
+        Command::Validate(args) => commands::validate::validate(args, console),
         Command::Export(args) => commands::export::export(args, console),
         Command::Solve(args) => commands::solve::solve(args, console),
         Command::Schema { protocol } => commands::schema::schema(protocol),

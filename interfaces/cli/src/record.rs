@@ -176,6 +176,11 @@ impl Row {
         PHASE.get(number).copied().unwrap_or(TampingPhase::Done)
     }
 
+    /// The largest of LMGC90's norms (T-11).
+    pub fn qm16(&self) -> f64 {
+        self.get(Column::Quad).max(self.get(Column::Max16)).max(self.get(Column::Weighted))
+    }
+
     /// Mean force of the step on the `i`-th followed body, N.
     pub fn force(&self, i: usize) -> [f64; 3] {
         let at = NAMES.len() + i * PER_BODY.len();
@@ -187,9 +192,10 @@ impl Row {
         self.0[NAMES.len() + i * PER_BODY.len() + 3]
     }
 
-    /// Height of the `i`-th followed body, m.
-    pub fn height(&self, i: usize) -> f64 {
-        self.0[NAMES.len() + i * PER_BODY.len() + 6]
+    /// Where the reference point of the `i`-th followed body is, m.
+    pub fn place(&self, i: usize) -> [f64; 3] {
+        let at = NAMES.len() + i * PER_BODY.len() + 4;
+        [self.0[at], self.0[at + 1], self.0[at + 2]]
     }
 }
 
@@ -251,6 +257,6 @@ mod tests {
         assert_eq!(row.force(0), [0.2 / 2e-4, 0.0, -0.4 / 2e-4]);
         assert_eq!(row.work(0), 0.5);
         assert_eq!(named("left_work"), 0.5);
-        assert_eq!((named("left_x"), named("left_y"), row.height(0)), (0.1, 0.2, 0.3));
+        assert_eq!((named("left_x"), row.place(0)), (0.1, [0.1, 0.2, 0.3]));
     }
 }

@@ -4,7 +4,7 @@
 use crate::case::Case;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
-use crate::record::{self, Followed, Row};
+use crate::record::{self, Followed};
 use crate::summary::{Setting, Summary};
 use ballast::model::Model;
 use ballast::observe::{self, Zone};
@@ -15,9 +15,9 @@ use ballast::workspace::Workspace;
 use ballast_hdf5::results::{Background, Meta, Reader, Writer};
 
 /// Table of the steps, see [`record`].
-const STEPS: &str = "steps";
+pub const STEPS: &str = "steps";
 /// Table of the compactness of the zones over time.
-const ZONES: &str = "zones";
+pub const ZONES: &str = "zones";
 /// Frames and rows that may wait while the file is written.
 const WAITING: usize = 64;
 
@@ -51,17 +51,10 @@ impl Recorder {
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
         drop(reader);
         let mut recorder = Self::open(Writer::append_to(&path, model, last)?, case, model)?;
-        let kept = steps.steps.iter().filter(|step| **step <= last).count();
-        if kept as u64 != last {
+        let kept = recorder.summary.take_tables(&steps, &zones, last);
+        if kept != last {
             let what = format!("expected a row for each of {last} steps, found {kept}");
             return Err(Failure::at(&path, what));
-        }
-        for row in steps.rows.chunks_exact(steps.columns.len()).take(kept) {
-            recorder.summary.take_step(&Row(row.to_vec()));
-        }
-        let observations = zones.rows.chunks_exact(zones.columns.len()).zip(&zones.steps);
-        for (row, _) in observations.filter(|(_, step)| **step <= last) {
-            recorder.summary.take_zones(&row[1..]);
         }
         Ok(recorder)
     }
@@ -69,17 +62,12 @@ impl Recorder {
     fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
         let zones = zones(case);
         let followed = record::followed(model);
-        let setting = Setting {
-            followed: followed.clone(),
-            zones: zones.iter().map(|zone| zone.name.clone()).collect(),
-            period: case.steps_per_period(),
-            grain_size: case.grain_size(),
-        };
+        let summary = Summary::new(Setting::of(case, model));
         let mut results = Background::new(writer, WAITING);
         declare(&mut results, STEPS, &record::columns(&followed))?;
         declare(&mut results, ZONES, &zone_columns(&zones))?;
         let frames = case.plan.run.output_ns > 0;
-        Ok(Self { zones, followed, results, frames, summary: Summary::new(setting) })
+        Ok(Self { zones, followed, results, frames, summary })
     }
 
     /// Records a step.
@@ -139,6 +127,18 @@ impl Recorder {
             .map(|zone| Ok(observe::compactness(model, state, zone)?.compactness))
             .collect::<ballast::Result<_>>()
             .map_err(|e| Failure::Failed(e.to_string()))
+    }
+}
+
+impl Setting {
+    /// What the case says beforehand of a run of `model`.
+    pub fn of(case: &Case, model: &Model) -> Self {
+        Self {
+            followed: record::followed(model),
+            zones: zones(case).into_iter().map(|zone| zone.name).collect(),
+            period: case.steps_per_period(),
+            grain_size: case.grain_size(),
+        }
     }
 }
 

@@ -6,6 +6,7 @@
 
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
+use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, replace_text};
@@ -32,6 +33,7 @@ pub struct Session {
     engine: Engine,
     recorder: Recorder,
     taping: Option<Taping>,
+    dump: Option<Dump>,
     profile: Profile,
     /// Step at which this process took over.
     first: u64,
@@ -88,7 +90,12 @@ impl Session {
         console: Console,
     ) -> Self {
         let (profile, first) = (Profile::start(), engine.state().step);
-        Self { console, case, files, engine, recorder, taping, profile, first }
+        Self { console, case, files, engine, recorder, taping, dump: None, profile, first }
+    }
+
+    /// The same session, which keeps contact problems.
+    pub fn dumping(self, dump: Option<Dump>) -> Self {
+        Self { dump, ..self }
     }
 
     /// Runs up to step `last` of the run, or the end of case or recording, and sums up.
@@ -139,6 +146,9 @@ impl Session {
         let due = self.is_due(self.case.plan.run.output_ns);
         if due {
             self.recorder.observe(model, state, workspace)?;
+        }
+        if let Some(dump) = &self.dump {
+            dump.step(&self.case.plan.name, engine)?;
         }
         if let Some(taping) = &mut self.taping {
             let zones = due.then(|| self.recorder.zones());

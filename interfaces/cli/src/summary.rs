@@ -7,6 +7,7 @@ use crate::record::{Column, Followed, Row};
 use crate::statistics::{MovingMean, Statistics, norm};
 use ballast::model::Role;
 use ballast::track::TampingPhase;
+use ballast_hdf5::results::Table;
 use serde_json::{Value, json};
 
 /// What the summary needs to know of the run beforehand.
@@ -135,7 +136,7 @@ impl Summary {
         self.not_converged += u64::from(row.get(Column::Converged) == 0.0);
         self.guarded += u64::from(row.get(Column::Guarded) != 0.0);
         self.visits += row.get(Column::Visits);
-        self.residual.take(residual(row));
+        self.residual.take(row.qm16());
         for (statistics, column) in [
             (&mut self.contacts, Column::Contacts),
             (&mut self.active_contacts, Column::ActiveContacts),
@@ -153,6 +154,19 @@ impl Summary {
             body.take(row, i);
         }
         self.last = Some(row.clone());
+    }
+
+    /// Takes the tables of a results file up to step `last`: as many rows of steps as are returned.
+    pub fn take_tables(&mut self, steps: &Table, zones: &Table, last: u64) -> u64 {
+        let rows = |table: &Table| -> Vec<Row> {
+            let upto = table.steps.iter().filter(|step| **step <= last).count();
+            let rows = table.rows.chunks_exact(table.columns.len().max(1));
+            rows.take(upto).map(|row| Row(row.to_vec())).collect()
+        };
+        let steps = rows(steps);
+        steps.iter().for_each(|row| self.take_step(row));
+        rows(zones).iter().for_each(|row| self.take_zones(&row.0[1..]));
+        steps.len() as u64
     }
 
     /// Takes the compactness of each zone at a moment.
@@ -244,7 +258,7 @@ impl BodyFigures {
             self.peak = Some(moment(row, size));
         }
         self.work += row.work(i);
-        self.lowest = self.lowest.min(row.height(i));
+        self.lowest = self.lowest.min(row.place(i)[2]);
         let mean = self.recent.take(force).map_or(0.0, norm);
         self.period_peak = self.period_peak.max(mean);
         match row.phase() {
@@ -274,11 +288,6 @@ impl Moment {
 
 fn moment(row: &Row, value: f64) -> Moment {
     Moment { value, time: row.get(Column::Time), phase: row.phase() }
-}
-
-/// The largest of LMGC90's norms.
-fn residual(row: &Row) -> f64 {
-    row.get(Column::Quad).max(row.get(Column::Max16)).max(row.get(Column::Weighted))
 }
 
 #[cfg(test)]

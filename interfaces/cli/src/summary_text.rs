@@ -10,17 +10,22 @@ use ballast::model::Role;
 
 /// The summary as a text of several tables.
 pub fn text(summary: &Summary) -> String {
-    let tables = [
+    let tables = tables(summary);
+    let sections: Vec<String> =
+        tables.iter().map(Table::text).filter(|text| !text.is_empty()).collect();
+    sections.join("\n")
+}
+
+/// The figures of a run, subject by subject; tables of what the run does not have are empty.
+pub fn tables(summary: &Summary) -> [Table; 6] {
+    [
         compactness(summary),
         coordination(summary),
         forces(summary, Role::Tine, "force on tine (N)"),
         forces(summary, Role::Sleeper, "force on sleeper (N)"),
         energy(summary),
         quality(summary),
-    ];
-    let sections: Vec<String> =
-        tables.iter().map(Table::text).filter(|text| !text.is_empty()).collect();
-    sections.join("\n")
+    ]
 }
 
 fn compactness(summary: &Summary) -> Table {

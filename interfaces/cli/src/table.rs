@@ -26,6 +26,11 @@ impl Table {
         self.rows.len() < 2
     }
 
+    /// Header and lines.
+    pub fn rows(&self) -> &[Vec<String>] {
+        &self.rows
+    }
+
     /// The table as lines, each ended; empty if there is nothing below the header.
     pub fn text(&self) -> String {
         if self.is_empty() {

@@ -1,8 +1,9 @@
 //! `ballast run CASE`: bed, cycle, results.
 
-use crate::args::Run;
+use crate::args::{DumpProblems, Run};
 use crate::case::{self, Choices};
 use crate::console::Console;
+use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
@@ -25,6 +26,9 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let engine = Engine::machine(model, state, cycle);
+    let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
+    let phases = dump_phases.into_iter().map(Into::into).collect();
+    let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), phases));
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.run(args.until.steps, args.until.expect.as_deref())
+    session.dumping(dump.transpose()?).run(args.until.steps, args.until.expect.as_deref())
 }

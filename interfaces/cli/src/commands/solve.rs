@@ -2,7 +2,7 @@
 //!
 //! Time is that of the solution: reading a file and making `W` out of bodies is outside the clock.
 
-use super::solve_table::{Row, csv, performance_profile, report, table};
+use super::solve_table::{Row, csv, performance_profile, profile_csv, profile_page, report, table};
 use crate::args::Solve;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
@@ -54,6 +54,11 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
             ),
         )),
     }
+}
+
+/// Whether a profile is wanted as curves; as CSV otherwise.
+fn is_page(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "html")
 }
 
 /// The HDF5 files of a folder, by name.
@@ -113,7 +118,10 @@ fn finish(args: &Solve, rows: &[Row], console: Console) -> Outcome {
         replace_text(path, &csv(rows))?;
     }
     if let Some(path) = &args.profile {
-        replace_text(path, &performance_profile(rows))?;
+        let profiles = performance_profile(rows);
+        let text =
+            if is_page(path) { profile_page(&profiles, rows) } else { profile_csv(&profiles) };
+        replace_text(path, &text)?;
     }
     let solved = rows.iter().filter(|row| row.solution.converged).count();
     console.event("done", json!({ "solutions": rows.len(), "converged": solved }));

@@ -1,5 +1,6 @@
 //! What solving problems gave, as text and tables.
 
+use crate::plot::{Chart, Mark, Page};
 use crate::table::{Table, figure};
 use ballast::nlgs::solution::Solution;
 use serde_json::{Value, json};
@@ -62,8 +63,13 @@ fn exponent(value: f64) -> String {
     format!("{value:.2e}")
 }
 
-/// One line for each solution.
+/// One line for each solution, as text.
 pub fn table(rows: &[Row]) -> String {
+    lines(rows).text().trim_end().to_string()
+}
+
+/// One line for each solution.
+fn lines(rows: &[Row]) -> Table {
     let header = [
         "contacts",
         "method",
@@ -95,7 +101,7 @@ pub fn table(rows: &[Row]) -> String {
             exponent(errors.unit_free),
         ]);
     }
-    table.text().trim_end().to_string()
+    table
 }
 
 /// The table for programs.
@@ -123,10 +129,19 @@ pub fn csv(rows: &[Row]) -> String {
     text
 }
 
-/// Performance profile after Dolan and Moré: for each tolerance and method, the share of problems that
-/// the method solves within `factor` times the CPU time of the fastest method.
-pub fn performance_profile(rows: &[Row]) -> String {
-    let mut text = String::from("tolerance,method,factor,share\n");
+/// One line of a performance profile after Dolan and Moré.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    pub tolerance: f64,
+    pub method: String,
+    /// Factor over the CPU time of the fastest method, and the share of problems solved within it, rising.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// For each tolerance and method, the share of problems that the method solves within `factor` times the CPU
+/// time of the fastest method.
+pub fn performance_profile(rows: &[Row]) -> Vec<Profile> {
+    let mut profiles = Vec::new();
     for tolerance in distinct(rows.iter().map(|r| r.tolerance)) {
         let of_tolerance: Vec<&Row> = rows.iter().filter(|r| r.tolerance == tolerance).collect();
         let problems = distinct(of_tolerance.iter().map(|r| r.problem.as_str()));
@@ -135,13 +150,47 @@ pub fn performance_profile(rows: &[Row]) -> String {
                 .filter_map(|&problem| factor(&of_tolerance, problem, method))
                 .collect();
             factors.sort_by(f64::total_cmp);
-            for (k, factor) in factors.iter().enumerate() {
-                let share = (k + 1) as f64 / problems.len() as f64;
-                let _ = writeln!(text, "{tolerance:e},{method},{factor:.4},{share:.4}");
-            }
+            let share = |k: usize| (k + 1) as f64 / problems.len() as f64;
+            let points = factors.iter().enumerate().map(|(k, f)| [*f, share(k)]).collect();
+            profiles.push(Profile { tolerance, method: method.into(), points });
+        }
+    }
+    profiles
+}
+
+/// The profile for programs.
+pub fn profile_csv(profiles: &[Profile]) -> String {
+    let mut text = String::from("tolerance,method,factor,share\n");
+    for Profile { tolerance, method, points } in profiles {
+        for [factor, share] in points {
+            let _ = writeln!(text, "{tolerance:e},{method},{factor:.4},{share:.4}");
         }
     }
     text
+}
+
+/// The profile as curves, with the table it is made of.
+pub fn profile_page(profiles: &[Profile], rows: &[Row]) -> String {
+    let mut page = Page::new("Friction-contact problems: performance profile");
+    page.text(
+        "The share of problems that a method solves within a factor of the CPU time of the fastest one (Dolan and \
+         Moré 2002). A curve that ends below 1 belongs to a method that does not solve all of them.",
+    );
+    let longest = profiles.iter().flat_map(|p| &p.points).map(|p| p[0]).fold(10.0, f64::max);
+    for tolerance in distinct(profiles.iter().map(|p| p.tolerance)) {
+        let title = format!("Solved to ‖F‖/‖q‖ <= {tolerance:e}");
+        let (x, y) = ("factor over the fastest method", "share of the problems");
+        let mut chart = Chart::new(&title, x, y).log_x().from_zero();
+        for profile in profiles.iter().filter(|p| p.tolerance == tolerance) {
+            let mut points = profile.points.clone();
+            // Beyond its last problem a method solves no more.
+            points.extend(profile.points.last().map(|last| [longest, last[1]]));
+            chart = chart.with(&profile.method, points, Mark::Steps);
+        }
+        page.figure(&chart.svg());
+    }
+    page.table(&lines(rows));
+    page.html()
 }
 
 /// How many times longer than the fastest `method` takes; none where it does not solve the problem.
@@ -185,13 +234,24 @@ mod tests {
             row("b", "nlgs", 2.0, false),
             row("b", "auto", 4.0, true),
         ];
+        let profiles = performance_profile(&rows);
         assert_eq!(
-            performance_profile(&rows),
+            profile_csv(&profiles),
             "tolerance,method,factor,share\n\
              1e-6,nlgs,3.0000,0.5000\n\
              1e-6,auto,1.0000,0.5000\n\
              1e-6,auto,1.0000,1.0000\n"
         );
+        let page = profile_page(&profiles, &rows);
+        assert!(page.contains("within a factor") && page.contains("nlgs") && page.contains("<svg"));
+        // Half of the problems, from three times the time of the fastest on, and no more.
+        let [_, nlgs_and_auto] = &page.split("<g ").collect::<Vec<_>>()[..] else {
+            panic!("{page}")
+        };
+        let curves: Vec<&str> =
+            nlgs_and_auto.split("<path d=\"M").filter(|c| c.contains("line c")).collect();
+        assert_eq!(curves.len(), 2, "{page}");
+        assert!(curves.iter().all(|c| c.contains('H') && !c.contains("NaN")), "{curves:?}");
     }
 
     #[test]

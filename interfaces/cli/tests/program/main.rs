@@ -3,6 +3,7 @@
 mod commands;
 mod endings;
 mod recordings;
+mod report;
 mod restart;
 mod samples;
 #[cfg(feature = "zenoh")]
@@ -10,3 +11,4 @@ mod serve;
 mod setup;
 mod solve;
 mod sweeps;
+mod validate;

@@ -76,6 +76,45 @@ fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
     assert_eq!(place.summary("stopped"), place.summary("whole"));
 }
 
+/// How many runs are killed; `BALLAST_KILLS` asks for more.
+fn kills() -> u32 {
+    std::env::var("BALLAST_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(4)
+}
+
+#[test]
+fn runs_killed_at_any_instant_go_on_to_the_same_end() {
+    let place = Place::new();
+    let begun = std::time::Instant::now();
+    place.run("--out whole").with_code(0);
+    let whole = begun.elapsed();
+    let (summary, kept) = (place.summary("whole"), records(&place, "whole"));
+    let (mut resumed, mut early) = (0, 0);
+    for k in 0..kills() {
+        let mut child = place
+            .run_command("--out killed --force")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        // Spread over the run without a pattern: multiples of the golden ratio.
+        std::thread::sleep(whole.mul_f64(f64::from(k + 1) * 0.618_034 % 1.0));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        if place.path("killed/summary.json").exists() {
+            // It had ended before.
+        } else if place.path("killed/checkpoint.h5").exists() {
+            place.call("resume killed/checkpoint.h5").with_code(0);
+            resumed += 1;
+        } else {
+            place.run("--out killed").with_code(0);
+            early += 1;
+        }
+        assert_eq!(place.summary("killed"), summary, "kill {k}");
+        assert_eq!(records(&place, "killed"), kept, "kill {k}");
+    }
+    assert!(resumed + early > 0, "no run was killed before its end");
+}
+
 #[test]
 fn an_unfinished_run_is_not_overwritten_by_mistake() {
     let place = Place::new();

@@ -61,6 +61,8 @@ fn a_folder_gives_a_table_and_files_that_cannot_be_read_are_told() {
     assert_eq!(place.text("t.csv").lines().count(), 3);
     let profile = place.text("p.csv");
     assert!(profile.contains("1e-3,auto,") && profile.contains("1e-3,nlgs,"), "{profile}");
+    place.call("solve problems --tolerance 1e-3 --profile p.html").with_code(0);
+    assert!(place.text("p.html").contains("<svg"));
 
     let broken = self::place(true);
     let ended = broken.call("solve problems --tolerance 1e-2").with_code(1);
@@ -97,4 +99,33 @@ fn wrong_calls_end_with_2_and_missing_problems_with_1() {
     assert!(told("solve none.hdf5").contains("none.hdf5"));
     assert!(told("solve problems/notes.txt").contains("HDF5"));
     assert!(told("solve empty").contains("no problem"));
+}
+
+#[test]
+fn problems_of_a_run_are_read_back_and_solved() {
+    let place = Place::new();
+    place.run("--out plain").with_code(0);
+    place.run("--out dumped --dump-problems kept --dump-every 40").with_code(0);
+    assert_eq!(place.summary("dumped"), place.summary("plain"), "dumping changed the run");
+    // Stones that jam between tines and sleeper make hard problems; this is about reading them back.
+    let call = "solve kept --tolerance 1e-2 --max-sweeps 3000 --json";
+    let events = place.call(call).with_code(0).events();
+    let solved: Vec<&Value> = events.iter().filter(|e| e["event"] == "solution").collect();
+    assert!(solved.len() >= 4, "{} problems", solved.len());
+    for event in &solved {
+        let name = event["problem"].as_str().unwrap();
+        assert!(name.starts_with("tiny-") && event["contacts"].as_u64().unwrap() > 20, "{event}");
+        assert_eq!(event["converged"], true, "{event}");
+    }
+
+    let call =
+        "--out squeeze --steps 130 --dump-problems squeeze --dump-every 10 --dump-phases squeeze";
+    place.run(call).with_code(0);
+    let names: Vec<String> = std::fs::read_dir(place.path("squeeze"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with(".hdf5"))
+        .collect();
+    assert!(!names.is_empty() && names.iter().all(|n| n.contains("-squeeze-i")), "{names:?}");
+    place.run("--dump-every 3").with_code(2);
 }

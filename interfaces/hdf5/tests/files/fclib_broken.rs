@@ -157,3 +157,35 @@ fn other_files_and_cut_ones_are_refused() {
         assert!(read(&path).is_err(), "cut to {length}");
     }
 }
+
+/// Bits anywhere: what is read then is a problem or a typed error, in bounded time and memory.
+#[test]
+fn flipped_bits_end_in_a_problem_or_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flipped.hdf5");
+    write_local(&path, &small(), Storage::Rows).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let (mut refused, mut accepted) = (0, 0);
+    for k in 0..400_u64 {
+        let mut bytes = whole.clone();
+        // A linear congruential generator: the same bits in every run.
+        let random = k.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407) >> 20;
+        let at = random as usize % bytes.len();
+        bytes[at] ^= 1 << (random >> 40 & 7);
+        std::fs::write(&path, &bytes).unwrap();
+        match read(&path) {
+            Ok(problem) => {
+                assert!(
+                    problem.local.q.iter().all(|q| q.iter().all(|x| x.is_finite())),
+                    "byte {at}"
+                );
+                accepted += 1;
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("flipped.hdf5"), "byte {at}: {error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 20 && accepted > 20, "{refused} refused, {accepted} accepted");
+}

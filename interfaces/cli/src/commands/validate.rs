@@ -1,0 +1,34 @@
+//! `ballast validate`: checks with known answers, as a page and as JSON.
+
+use crate::args::Validate;
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+use crate::files::{create_folder, replace_text};
+use crate::interrupt;
+use crate::validate::{self, Size, Verdict};
+use serde_json::json;
+
+pub fn validate(args: Validate, console: Console) -> Outcome {
+    interrupt::install()?;
+    let size = Size { quick: args.quick };
+    let (beds, samples) = (&args.beds.beds, args.samples.as_deref());
+    let checks = validate::checks(size, &args.only, beds, samples, console)?;
+    create_folder(&args.out)?;
+    let (page, data) = (args.out.join("validation.html"), args.out.join("validation.json"));
+    replace_text(&page, &validate::page(size, &checks).html())?;
+    replace_text(&data, &format!("{:#}\n", validate::json(size, &checks)))?;
+    let tables: Vec<String> = checks.iter().map(|c| validate::table(c).text()).collect();
+    console.result(&format!("{}\n{}\n{}", tables.join("\n"), page.display(), data.display()));
+    let [passed, failed] = [Verdict::Passed, Verdict::Failed].map(|v| validate::count(&checks, v));
+    console
+        .event("done", json!({ "passed": passed, "failed": failed, "page": page, "json": data }));
+    if failed == 0 {
+        return Ok(());
+    }
+    let names: Vec<&str> = checks.iter().filter(|c| c.failed() > 0).map(|c| &c.name[..]).collect();
+    Err(Failure::Mismatch(format!(
+        "{failed} of {} figures are beyond their tolerance: {}",
+        passed + failed,
+        names.join(", ")
+    )))
+}

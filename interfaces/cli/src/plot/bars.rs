@@ -1,0 +1,64 @@
+//! Horizontal bars: shares of a whole.
+
+use super::{escaped, px};
+use std::fmt::Write;
+
+/// Names with values of one unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bars {
+    pub title: String,
+    /// Name, value, and what stands behind the bar.
+    pub bars: Vec<(String, f64, String)>,
+}
+
+const WIDTH: f64 = 720.0;
+const LEFT: f64 = 130.0;
+const RIGHT: f64 = 150.0;
+const HIGH: f64 = 22.0;
+
+impl Bars {
+    pub fn svg(&self) -> String {
+        let most = self.bars.iter().map(|b| b.1).fold(f64::MIN_POSITIVE, f64::max);
+        let height = 26.0 + HIGH * self.bars.len() as f64;
+        let mut out = format!(
+            "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{1}\">\
+             <text x=\"0\" y=\"13\" class=\"title\">{1}</text>",
+            px(height),
+            escaped(&self.title)
+        );
+        for (k, (name, value, said)) in self.bars.iter().enumerate() {
+            let y = 24.0 + HIGH * k as f64;
+            let width = (WIDTH - LEFT - RIGHT) * (value / most).max(0.0);
+            let _ = write!(
+                out,
+                "<text x=\"{}\" y=\"{text}\" class=\"axis\" text-anchor=\"end\">{}</text>\
+                 <rect x=\"{LEFT}\" y=\"{}\" width=\"{}\" height=\"14\" class=\"f0\"/>\
+                 <text x=\"{}\" y=\"{text}\" class=\"tick\">{}</text>",
+                px(LEFT - 8.0),
+                escaped(name),
+                px(y),
+                px(width),
+                px(LEFT + width + 6.0),
+                escaped(said),
+                text = px(y + 11.0)
+            );
+        }
+        out += "</svg>";
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_bar_fills_the_room() {
+        let bars = Bars {
+            title: "t".into(),
+            bars: vec![("a".into(), 2.0, "2 s".into()), ("b".into(), 1.0, "1 s".into())],
+        };
+        let svg = bars.svg();
+        assert!(svg.contains("width=\"440\"") && svg.contains("width=\"220\""), "{svg}");
+    }
+}

@@ -1,0 +1,293 @@
+//! Lines and marks over two axes.
+
+use super::scale::Scale;
+use super::{escaped, page, px};
+use std::fmt::Write;
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    Line,
+    /// The value holds until the next point.
+    Steps,
+    /// Points, joined by a line.
+    Points,
+    /// A dashed line: what is expected, not measured.
+    Expected,
+}
+
+/// One line of a chart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    pub name: String,
+    pub points: Vec<[f64; 2]>,
+    pub mark: Mark,
+}
+
+/// A stretch of the horizontal axis with a name, such as a phase.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Band {
+    pub from: f64,
+    pub to: f64,
+    pub name: String,
+}
+
+/// A chart; labels carry units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    pub title: String,
+    pub x: String,
+    pub y: String,
+    pub log_x: bool,
+    pub log_y: bool,
+    /// Whether the vertical axis begins at zero.
+    pub from_zero: bool,
+    pub series: Vec<Series>,
+    pub bands: Vec<Band>,
+}
+
+const WIDTH: f64 = 720.0;
+const HEIGHT: f64 = 300.0;
+/// Room around the axes: left, right, above, below.
+const ROOM: [f64; 4] = [64.0, 16.0, 30.0, 44.0];
+/// Height of a line of the legend, and of the names of bands.
+const LINE: f64 = 17.0;
+/// More points than this are drawn by the extremes of as many stretches: a screen shows no more.
+const COLUMNS: usize = 640;
+
+impl Chart {
+    /// A chart of linear axes.
+    pub fn new(title: &str, x: &str, y: &str) -> Self {
+        Self {
+            title: title.into(),
+            x: x.into(),
+            y: y.into(),
+            log_x: false,
+            log_y: false,
+            from_zero: false,
+            series: vec![],
+            bands: vec![],
+        }
+    }
+
+    pub fn log_x(self) -> Self {
+        Self { log_x: true, ..self }
+    }
+
+    pub fn log_y(self) -> Self {
+        Self { log_y: true, ..self }
+    }
+
+    pub fn from_zero(self) -> Self {
+        Self { from_zero: true, ..self }
+    }
+
+    pub fn bands(self, bands: &[Band]) -> Self {
+        Self { bands: bands.to_vec(), ..self }
+    }
+
+    pub fn with(mut self, name: &str, points: Vec<[f64; 2]>, mark: Mark) -> Self {
+        self.series.push(Series { name: name.into(), points, mark });
+        self
+    }
+
+    /// The chart for a page.
+    pub fn svg(&self) -> String {
+        let mut out = String::new();
+        let lines = self.legend(&mut out);
+        // What stands between title and axes, however much it is, leaves the axes as high as they are.
+        let named = if self.bands.is_empty() { 0.0 } else { 1.0 };
+        let down = LINE * (lines + named);
+        let _ = write!(out, "<g transform=\"translate(0 {down})\">");
+        let points = || self.series.iter().flat_map(|s| s.points.iter());
+        let x = match &self.bands[..] {
+            // Time runs to its end, not to the next round number.
+            [first, .., last] => Scale::exactly(first.from, last.to),
+            _ => Scale::over(points().map(|p| p[0]), self.log_x, false),
+        };
+        let y = Scale::over(points().map(|p| p[1]), self.log_y, self.from_zero);
+        self.frame(&x, &y, &mut out);
+        for (k, series) in self.series.iter().enumerate() {
+            draw(series, k, &x, &y, &mut out);
+        }
+        format!(
+            "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\
+             <text x=\"{}\" y=\"15\" class=\"title\">{}</text>{out}</g></svg>",
+            px(HEIGHT + down),
+            escaped(&self.spoken()),
+            px(ROOM[0]),
+            escaped(&self.title),
+        )
+    }
+
+    /// What the chart is, for those who hear it.
+    fn spoken(&self) -> String {
+        let names: Vec<&str> = self.series.iter().map(|s| s.name.as_str()).collect();
+        format!("{}: {} over {}; {}", self.title, self.y, self.x, names.join(", "))
+    }
+
+    fn frame(&self, x: &Scale, y: &Scale, out: &mut String) {
+        let [left, right, above, below] = ROOM;
+        let (floor, edge) = (HEIGHT - below, WIDTH - right);
+        for (k, band) in self.bands.iter().enumerate() {
+            let at = |v: f64| x.place(v).map_or(left, |s| across(s.clamp(0.0, 1.0)));
+            let (from, to) = (at(band.from), at(band.to));
+            let shade = k % 2;
+            let _ = write!(
+                out,
+                "<rect x=\"{}\" y=\"{above}\" width=\"{}\" height=\"{}\" class=\"band{shade}\"/>",
+                px(from),
+                px(to - from),
+                px(floor - above)
+            );
+            // A name that is wider than its band would run into the next one.
+            if to - from > 6.0 * band.name.chars().count() as f64 {
+                let _ = write!(
+                    out,
+                    "<text x=\"{}\" y=\"{}\" class=\"tick\" text-anchor=\"middle\">{}</text>",
+                    px(0.5 * (from + to)),
+                    px(above - 5.0),
+                    escaped(&band.name)
+                );
+            }
+        }
+        for (value, label) in x.ticks() {
+            let Some(place) = x.place(value).map(across) else { continue };
+            let _ = write!(
+                out,
+                "<path d=\"M{0} {1}V{2}\" class=\"grid\"/><text x=\"{0}\" y=\"{3}\" class=\"tick\" \
+                 text-anchor=\"middle\">{label}</text>",
+                px(place),
+                px(above),
+                px(floor),
+                px(floor + 16.0)
+            );
+        }
+        for (value, label) in y.ticks() {
+            let Some(place) = y.place(value).map(up) else { continue };
+            let _ = write!(
+                out,
+                "<path d=\"M{0} {2}H{1}\" class=\"grid\"/><text x=\"{3}\" y=\"{4}\" class=\"tick\" \
+                 text-anchor=\"end\">{label}</text>",
+                px(left),
+                px(edge),
+                px(place),
+                px(left - 6.0),
+                px(place + 4.0)
+            );
+        }
+        let _ = write!(
+            out,
+            "<path d=\"M{0} {1}V{2}H{3}\" class=\"edge\"/>\
+             <text x=\"{4}\" y=\"{5}\" class=\"axis\" text-anchor=\"middle\">{6}</text>\
+             <text transform=\"translate(14 {7}) rotate(-90)\" class=\"axis\" text-anchor=\"middle\">{8}</text>",
+            px(left),
+            px(above),
+            px(floor),
+            px(edge),
+            px(0.5 * (left + edge)),
+            px(HEIGHT - 8.0),
+            escaped(&self.x),
+            px(0.5 * (above + floor)),
+            escaped(&self.y),
+        );
+    }
+
+    /// The names of the series, and how many lines they take.
+    fn legend(&self, out: &mut String) -> f64 {
+        if self.series.len() < 2 {
+            return 0.0;
+        }
+        let (mut x, mut lines) = (ROOM[0], 1.0);
+        for (k, series) in self.series.iter().enumerate() {
+            let dash = if series.mark == Mark::Expected { " dash" } else { "" };
+            let width = 34.0 + 6.3 * series.name.chars().count() as f64;
+            if x + width > WIDTH && x > ROOM[0] {
+                (x, lines) = (ROOM[0], lines + 1.0);
+            }
+            let y = 15.0 + LINE * lines;
+            let _ = write!(
+                out,
+                "<path d=\"M{} {}h16\" class=\"line c{}{dash}\"/><text x=\"{}\" y=\"{}\" class=\"tick\">{}</text>",
+                px(x),
+                px(y - 4.0),
+                k % page::COLOUR_COUNT,
+                px(x + 20.0),
+                px(y),
+                escaped(&series.name)
+            );
+            x += width;
+        }
+        lines
+    }
+}
+
+fn across(share: f64) -> f64 {
+    ROOM[0] + share * (WIDTH - ROOM[0] - ROOM[1])
+}
+
+fn up(share: f64) -> f64 {
+    HEIGHT - ROOM[3] - share * (HEIGHT - ROOM[2] - ROOM[3])
+}
+
+fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) {
+    let colour = number % page::COLOUR_COUNT;
+    let dash = if series.mark == Mark::Expected { " dash" } else { "" };
+    let mut path = String::new();
+    let mut pen_down = false;
+    for [a, b] in thinned(&series.points) {
+        let (Some(a), Some(b)) = (x.place(a), y.place(b)) else {
+            pen_down = false;
+            continue;
+        };
+        let (a, b) = (px(across(a.clamp(-0.01, 1.01))), px(up(b.clamp(-0.01, 1.01))));
+        let _ = match (pen_down, series.mark) {
+            (false, _) => write!(path, "M{a} {b}"),
+            (true, Mark::Steps) => write!(path, "H{a}V{b}"),
+            (true, _) => write!(path, "L{a} {b}"),
+        };
+        pen_down = true;
+        if series.mark == Mark::Points {
+            let _ = write!(out, "<circle cx=\"{a}\" cy=\"{b}\" r=\"3\" class=\"dot f{colour}\"/>");
+        }
+    }
+    let _ = write!(out, "<path d=\"{path}\" class=\"line c{colour}{dash}\"/>");
+}
+
+/// The points, or the extremes of stretches of them where there are more than a screen can show.
+fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    if points.len() <= 2 * COLUMNS {
+        return points.to_vec();
+    }
+    let stretch = points.len().div_ceil(COLUMNS);
+    let mut out = Vec::with_capacity(2 * COLUMNS + 2);
+    for part in points.chunks(stretch) {
+        let by_height = |a: &&[f64; 2], b: &&[f64; 2]| a[1].total_cmp(&b[1]);
+        let ends = [part.iter().min_by(by_height), part.iter().max_by(by_height)];
+        let mut ends: Vec<[f64; 2]> = ends.into_iter().flatten().copied().collect();
+        ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        out.extend(ends);
+    }
+    out.extend(points.last());
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_says_what_it_shows_and_keeps_peaks() {
+        let mut points: Vec<[f64; 2]> = (0..20_000).map(|k| [k as f64, 1.0]).collect();
+        points[12_345][1] = 99.0;
+        assert!(thinned(&points).contains(&[12_345.0, 99.0]));
+        assert!(thinned(&points).len() <= 2 * COLUMNS + 2);
+        let chart = Chart::new("a < b", "time (s)", "force (N)")
+            .with("left", points, Mark::Line)
+            .with("law", vec![[0.0, 1.0], [1.0, f64::NAN], [2.0, 3.0]], Mark::Expected);
+        let svg = chart.svg();
+        assert!(svg.contains("aria-label=\"a &lt; b: force (N) over time (s); left, law\""));
+        assert!(svg.contains("dash") && !svg.contains("NaN"), "{svg}");
+        assert_eq!(svg, chart.svg());
+    }
+}

@@ -1,0 +1,329 @@
+//! The report of a run: one page for an engineer, from the files that the run left.
+//!
+//! Reads: results, checkpoint and summary of a run. Writes: a page. Contract: the page is a function of these
+//! files; everything in it was measured by the run or is measured here on its states.
+
+mod charts;
+mod maps;
+mod section;
+mod source;
+mod squeezes;
+
+pub use source::Source;
+
+use crate::exit::{Failure, Outcome};
+use crate::plot::{Chart, Legend, Mark, Page};
+use crate::record::Column;
+use crate::summary_text;
+use crate::table::{Table, figure};
+use ballast::math::{Pose, Vec3};
+use ballast::model::{PartitionRule, Role, Solver};
+use ballast::track::TampingPhase;
+use maps::Grid;
+use section::Section;
+use squeezes::{Squeeze, TOUCHED, squeezes};
+
+/// The page of a run.
+pub fn page(source: &Source) -> Outcome<Page> {
+    let plan = &source.case.plan;
+    let squeezes = squeezes(plan, &source.summary.setting().followed, &source.rows, period(source))
+        .map_err(|e| Failure::Failed(e.to_string()))?;
+    let mut page = Page::new(&format!("Tamping of {}", plan.name));
+    introduction(source, &mut page);
+    pictures(source, &mut page);
+    compactness(source, &mut page);
+    forces(source, &squeezes, &mut page);
+    quality(source, &mut page);
+    energy(source, &mut page);
+    profile(source, &mut page);
+    provenance(source, &mut page);
+    Ok(page)
+}
+
+fn period(source: &Source) -> usize {
+    source.summary.setting().period
+}
+
+fn introduction(source: &Source, page: &mut Page) {
+    let (summary, steps) = (&source.summary, source.case.steps());
+    let time = summary.last().map_or(0.0, |row| row.get(Column::Time));
+    page.text(&format!(
+        "{} grains, {} of {steps} steps of {} ms, {time:.4} s of simulated time.",
+        source.model.grains.len(),
+        summary.steps,
+        figure(1e3 * source.model.stepping.h(), 3)
+    ));
+    if summary.steps < steps {
+        page.text("This run has not come to its end: what follows is as far as it is kept.");
+    }
+    let mut cards = Vec::new();
+    let zones = summary.setting().zones.iter().zip(&summary.compactness);
+    for (name, [before, after]) in zones.filter(|(name, _)| name.starts_with("under")) {
+        let note = format!("{before:.3} before, {:+.1} %", 100.0 * (after / before - 1.0));
+        cards.push([format!("compactness {name}"), format!("{after:.3}"), note]);
+    }
+    let tines = summary.setting().followed.iter().zip(&summary.bodies);
+    let peak = tines
+        .filter(|(f, _)| f.role == Role::Tine)
+        .max_by(|a, b| a.1.period_peak.total_cmp(&b.1.period_peak));
+    if let Some((tine, figures)) = peak {
+        let value = format!("{} kN", figure(1e-3 * figures.period_peak, 3));
+        cards.push(["largest tine force".into(), value, format!("{}, period mean", tine.name)]);
+    }
+    let percent =
+        |value: f64| format!("{} %", figure(100.0 * value / summary.setting().grain_size, 2));
+    let largest = format!("{} at most; aim 0.1 %, 5 %", percent(summary.max_penetration.max()));
+    cards.push(["mean penetration / d".into(), percent(summary.mean_penetration.mean()), largest]);
+    cards.push([
+        "steps not converged".into(),
+        format!("{} of {}", summary.not_converged, summary.steps),
+        format!("tolerance {}", tolerance(&source.model.solver)),
+    ]);
+    page.cards(&cards);
+}
+
+fn tolerance(solver: &Solver) -> String {
+    solver.tolerance.map_or("none: all iterations".into(), |t| format!("{t:e}"))
+}
+
+/// Where the plane of the pictures stands, m: through a tine, else a sleeper, else the middle.
+fn plane(source: &Source) -> f64 {
+    let plan = &source.case.plan;
+    let tine = plan.tines.first().map(|tine| tine.position[1]);
+    let sleeper = plan.sleepers.first().map(|sleeper| sleeper.centre[1]);
+    tine.or(sleeper).unwrap_or(0.5 * plan.bed.size.y)
+}
+
+/// How far each grain is from where it was in the first frame `[ng]`, mm.
+fn displacements(source: &Source, first: &[Pose]) -> Vec<f64> {
+    let last = &source.state.position[..source.model.grains.len()];
+    last.iter().zip(first).map(|(p, q)| 1e3 * (p - q.position).norm()).collect()
+}
+
+fn last_poses(source: &Source) -> Vec<Pose> {
+    (0..source.model.body_count()).map(|b| source.state.pose(b)).collect()
+}
+
+fn pictures(source: &Source, page: &mut Page) {
+    page.heading("The bed");
+    let Some(first) = source.frames.first() else {
+        page.note(
+            "The case asks for no frames (run.output_every_s = 0): there is nothing to draw.",
+        );
+        return;
+    };
+    let values = displacements(source, &first.poses);
+    let mut sorted = values.clone();
+    sorted.sort_by(f64::total_cmp);
+    // One stone thrown out of the bed must not make all others look at rest.
+    let high = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(1.0).max(1e-3);
+    let legend =
+        Legend { low: 0.0, high, label: "displacement of the grain, start to end (mm)".into() };
+    let bed = &source.case.plan.bed;
+    let section = Section {
+        model: &source.model,
+        y: plane(source),
+        low: [0.0, 0.0],
+        high: [bed.size.x, picture_top(source)],
+        values: &values,
+        legend: &legend,
+    };
+    let mut drawings = vec![section.picture("Before", &first.poses)];
+    if let Some(frame) = source.end_of(TampingPhase::Squeeze) {
+        let title = format!("End of the squeeze, {:.3} s", frame.time);
+        drawings.push(section.picture(&title, &frame.poses));
+    }
+    drawings.push(section.picture("End", &last_poses(source)));
+    page.figures(&drawings);
+    page.note(&format!(
+        "Vertical section along the track at y = {} m through the true polyhedra; sleeper and tines as solids. Stones that \
+         seem to float are held by others beside the plane. A tenth of the grains moved farther than the last shade says.",
+        figure(section.y, 3)
+    ));
+}
+
+/// The picture ends a little above the fill and the sleepers.
+fn picture_top(source: &Source) -> f64 {
+    let plan = &source.case.plan;
+    let preparation = &plan.bed.preparation;
+    let blocks = plan.sleepers.iter().flat_map(|s| &s.blocks).map(|b| b.size.z);
+    let block = preparation.ballast_depth + blocks.fold(0.0, f64::max);
+    preparation.fill_level.max(block) + 2.5 * plan.bed.grains.mean_size()
+}
+
+fn compactness(source: &Source, page: &mut Page) {
+    page.heading("Compactness");
+    let bands = charts::phases(&source.rows);
+    page.figure(&charts::compactness(source, &bands).svg());
+    let plan = &source.case.plan;
+    let y = plan.sleepers.iter().find(|s| s.tamped).and_then(|s| {
+        let block = s.blocks.first()?;
+        let middle = s.centre[1] + block.offset_y;
+        Some([middle - 0.5 * block.size.y, middle + 0.5 * block.size.y])
+    });
+    let y = y.unwrap_or([0.0, plan.bed.size.y]);
+    let d = plan.bed.grains.mean_size();
+    let top = plan.bed.preparation.fill_level + d;
+    let grid = Grid::over(&plan.bed.size, top, y, 0.75 * d);
+    let legend = Legend { low: 0.1, high: 0.7, label: "compactness of the cell".into() };
+    let map = |title: &str, poses: &[Pose]| grid.map(title, &source.model, poses, &legend);
+    let mut drawings = Vec::new();
+    if let Some(first) = source.frames.first() {
+        drawings.push(map("Before", &first.poses));
+    }
+    for phase in [TampingPhase::Insertion, TampingPhase::Squeeze] {
+        if let Some(frame) = source.end_of(phase) {
+            drawings.push(map(&format!("End of the {}", phase.name()), &frame.poses));
+        }
+    }
+    drawings.push(map("End", &last_poses(source)));
+    page.figures(&drawings);
+    page.note(&format!(
+        "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} mm hold few stones, so single \
+         cells scatter. Grey: filled by sleeper or tines.",
+        figure(y[0], 3),
+        figure(y[1], 3),
+        figure(1e3 * 0.75 * d, 2)
+    ));
+    page.table(&summary_text::tables(&source.summary)[0]);
+    page.figure(&charts::coordination(source, &bands).svg());
+}
+
+fn forces(source: &Source, squeezes: &[Squeeze], page: &mut Page) {
+    let bands = charts::phases(&source.rows);
+    let has = |role| source.summary.setting().followed.iter().any(|f| f.role == role);
+    if !has(Role::Tine) && !has(Role::Sleeper) {
+        return;
+    }
+    page.heading("Forces of the ballast on tines and sleepers");
+    if has(Role::Tine) {
+        page.figure(&charts::forces(source, Role::Tine, "Force on tines", &bands).svg());
+    }
+    if has(Role::Sleeper) {
+        page.figure(&charts::forces(source, Role::Sleeper, "Force on sleepers", &bands).svg());
+    }
+    page.note(&format!(
+        "Size of the mean force over a vibration period ({} steps). Single steps jump; their peaks are in the table.",
+        period(source)
+    ));
+    if !squeezes.is_empty() {
+        let mut chart = Chart::new(
+            "Force against closing, per pair of tines",
+            "closing of a side (mm)",
+            "force of a side (kN)",
+        );
+        for squeeze in squeezes {
+            let points = squeeze.record.loop_points.iter().map(|p| [1e3 * p[0], 1e-3 * p[1]]);
+            chart = chart.with(&squeeze.name, points.collect(), Mark::Points);
+        }
+        page.figure(&chart.svg());
+        page.table(&squeeze_table(squeezes));
+        page.note(&format!(
+            "One point per vibration period of squeeze and hold: mean force against the closing, along x, and how far \
+             the tines came in the mean. Compaction energy is the area under the loop, both sides; work counts all \
+             directions and the vibration. Touched: more than {TOUCHED} N in a step."
+        ));
+    }
+    for table in &summary_text::tables(&source.summary)[2..4] {
+        page.table(table);
+    }
+}
+
+fn squeeze_table(squeezes: &[Squeeze]) -> Table {
+    let header = [
+        "touched (s)",
+        "closing then (mm)",
+        "peak force (kN)",
+        "closing then (mm)",
+        "closing, end (mm)",
+        "compaction energy (J)",
+        "work (J)",
+    ];
+    let mut table = Table::new("pair", header);
+    for Squeeze { name, record, start } in squeezes {
+        let onset = record.onset.map_or("never".into(), |t| format!("{:.3}", start + t));
+        table.row([
+            name.clone(),
+            onset,
+            figure(1e3 * record.onset_closing, 3),
+            figure(1e-3 * record.peak_force, 3),
+            figure(1e3 * record.peak_closing, 3),
+            figure(1e3 * record.closing, 3),
+            figure(record.compaction_energy, 3),
+            figure(record.work, 3),
+        ]);
+    }
+    table
+}
+
+fn quality(source: &Source, page: &mut Page) {
+    page.heading("Quality of the solution");
+    let bands = charts::phases(&source.rows);
+    page.figure(&charts::penetration(source, &bands).svg());
+    page.figure(&charts::residual(source, &bands).svg());
+    page.figure(&charts::iterations(source, &bands).svg());
+    page.table(&summary_text::tables(&source.summary)[5]);
+}
+
+fn energy(source: &Source, page: &mut Page) {
+    page.heading("Energy");
+    let bands = charts::phases(&source.rows);
+    for chart in charts::energy(source, &bands) {
+        page.figure(&chart.svg());
+    }
+    page.table(&summary_text::tables(&source.summary)[4]);
+    page.note("Balance error: what the ledger cannot account for; zero for an exact integrator.");
+}
+
+fn profile(source: &Source, page: &mut Page) {
+    page.heading("Where the time went");
+    match charts::profile(source) {
+        Some(bars) => page.figure(&bars.svg()),
+        None => page.note("The run has not ended: its profile is not known."),
+    }
+}
+
+fn provenance(source: &Source, page: &mut Page) {
+    page.heading("Settings and provenance");
+    let plan = &source.case.plan;
+    let (stepping, solver) = (&source.model.stepping, &source.model.solver);
+    let mut table = Table::new("what", ["value"]);
+    let size = |v: &Vec3| format!("{} × {} × {} m", v.x, v.y, v.z);
+    let vibration = plan.tamping.map(|t| t.vibration);
+    for (name, value) in [
+        ("case", plan.name.clone()),
+        ("program", source.program.clone()),
+        ("state hash", source.state_hash.clone()),
+        ("key of the bed", source.bed_key.clone()),
+        ("seed of the bed", plan.bed.seed.to_string()),
+        ("box", size(&plan.bed.size)),
+        ("mean grain size", format!("{} mm", figure(1e3 * plan.bed.grains.mean_size(), 3))),
+        ("friction between grains", source.model.grain_friction.to_string()),
+        (
+            "vibration",
+            vibration.map_or("none".into(), |v| {
+                format!("{} Hz, {} mm", v.frequency, figure(1e3 * v.amplitude, 3))
+            }),
+        ),
+        ("time step", format!("{} ms", figure(1e3 * stepping.h(), 4))),
+        ("θ", stepping.theta.to_string()),
+        ("alert distance", format!("{} mm", figure(1e3 * stepping.alert, 3))),
+        ("schedule", solver.schedule.name().into()),
+        ("subdomains", partition(&solver.partition)),
+        ("most iterations", solver.iterations.to_string()),
+        ("tolerance", tolerance(solver)),
+        ("warm start", solver.warm_start.to_string()),
+    ] {
+        table.row([name.to_string(), value]);
+    }
+    page.table(&table);
+    page.details("The case file", &source.case.text);
+}
+
+fn partition(rule: &PartitionRule) -> String {
+    match rule {
+        PartitionRule::Boxes([x, y, z]) => format!("{x} × {y} × {z} boxes"),
+        PartitionRule::Balanced(n) => format!("{n}, balanced"),
+        PartitionRule::ContactsPer(n) => format!("of about {n} contacts"),
+    }
+}

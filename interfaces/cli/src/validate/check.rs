@@ -1,0 +1,136 @@
+//! What a check found, compared with what is known.
+
+use serde_json::{Value, json};
+
+/// Whether what was measured is what is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    Passed,
+    Failed,
+    /// Nothing is known to compare with: the figure is told.
+    Told,
+}
+
+impl Verdict {
+    pub fn word(self) -> &'static str {
+        match self {
+            Verdict::Passed => "passed",
+            Verdict::Failed => "failed",
+            Verdict::Told => "told",
+        }
+    }
+
+    /// The verdict of a condition; NaN fails every one.
+    pub fn of(passed: bool) -> Self {
+        if passed { Verdict::Passed } else { Verdict::Failed }
+    }
+}
+
+/// One figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    pub quantity: String,
+    pub measured: f64,
+    /// In words: a value, a range, a trend.
+    pub expected: String,
+    pub tolerance: String,
+    pub verdict: Verdict,
+}
+
+impl Finding {
+    /// A figure that has to be within `tolerance` of `expected`.
+    pub fn near(quantity: impl Into<String>, measured: f64, expected: f64, tolerance: f64) -> Self {
+        Self {
+            quantity: quantity.into(),
+            measured,
+            expected: format!("{expected}"),
+            tolerance: format!("± {tolerance}"),
+            verdict: Verdict::of((measured - expected).abs() <= tolerance),
+        }
+    }
+
+    /// A figure that has to be between two bounds.
+    pub fn between(quantity: impl Into<String>, measured: f64, [low, high]: [f64; 2]) -> Self {
+        Self {
+            quantity: quantity.into(),
+            measured,
+            expected: format!("{low} to {high}"),
+            tolerance: "as stated".into(),
+            verdict: Verdict::of((low..=high).contains(&measured)),
+        }
+    }
+
+    /// A figure with nothing to compare with, or with something that decides nothing.
+    pub fn told(quantity: impl Into<String>, measured: f64, expected: impl Into<String>) -> Self {
+        Self {
+            quantity: quantity.into(),
+            measured,
+            expected: expected.into(),
+            tolerance: "none".into(),
+            verdict: Verdict::Told,
+        }
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "quantity": self.quantity, "measured": self.measured, "expected": self.expected,
+            "tolerance": self.tolerance, "verdict": self.verdict.word(),
+        })
+    }
+}
+
+/// A check with its figures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Check {
+    pub name: String,
+    /// What is done, and with how much.
+    pub what: String,
+    /// Where the expected values are from.
+    pub origin: String,
+    pub findings: Vec<Finding>,
+    /// Drawings (SVG).
+    pub charts: Vec<String>,
+    /// Likely reasons, limits.
+    pub remark: String,
+    /// Wall time, s: the only figure that differs from run to run.
+    pub seconds: f64,
+}
+
+impl Check {
+    pub fn new(name: &str, what: impl Into<String>, origin: &str) -> Self {
+        Self {
+            name: name.into(),
+            what: what.into(),
+            origin: origin.into(),
+            findings: vec![],
+            charts: vec![],
+            remark: String::new(),
+            seconds: 0.0,
+        }
+    }
+
+    pub fn failed(&self) -> usize {
+        self.findings.iter().filter(|f| f.verdict == Verdict::Failed).count()
+    }
+
+    pub fn json(&self) -> Value {
+        json!({
+            "check": self.name, "what": self.what, "origin": self.origin, "remark": self.remark,
+            "findings": self.findings.iter().map(Finding::json).collect::<Vec<_>>(),
+            "seconds": self.seconds,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_fails() {
+        assert_eq!(Finding::near("x", f64::NAN, 1.0, 0.1).verdict, Verdict::Failed);
+        assert_eq!(Finding::between("x", f64::NAN, [0.0, 1.0]).verdict, Verdict::Failed);
+        assert_eq!(Finding::near("x", 1.05, 1.0, 0.1).verdict, Verdict::Passed);
+        assert_eq!(Finding::near("x", 1.15, 1.0, 0.1).verdict, Verdict::Failed);
+    }
+}

@@ -1,0 +1,152 @@
+//! Checks with exact answers: incline, column of boxes, arch.
+
+use super::check::{Check, Finding, Verdict};
+use super::size::Size;
+use super::world::{GRAVITY, World};
+use crate::plot::{Chart, Mark};
+use ballast::geometry::{convex_hull, cuboid};
+use ballast::math::{Pose, Quat, Vec3};
+use std::f64::consts::PI;
+
+/// A slab on a slope: it sticks below the angle of friction and slides with `g (sin α - μ cos α)` above.
+pub fn incline(_: &Size) -> ballast::Result<Check> {
+    let mut check = Check::new(
+        "incline",
+        "A slab of 0.2 × 0.2 × 0.02 m on a slope for 0.5 s, steps of 1 ms, 1e-4 rad below the angle of friction and \
+         0.05 rad above it.",
+        "Coulomb's law: sticks iff tan α <= μ, else slides with a = g (sin α − μ cos α)",
+    );
+    for friction in [1.0_f64, 0.8, 0.3] {
+        for above in [-1e-4, 0.05] {
+            let angle = friction.atan() + above;
+            let turn = Quat::from_axis_angle(&Vec3::y_axis(), angle);
+            let mut world = World::new(1_000_000, friction, 2e-3);
+            let slab = world.shape(cuboid(Vec3::new(0.1, 0.1, 0.01)));
+            world.grain(slab, Pose { position: turn * Vec3::z() * 0.01, orientation: turn });
+            world.wall("slope", Vec3::zeros(), turn * Vec3::z(), friction);
+            let start = world.state.position[0];
+            world.run(0.5)?;
+            let way = (world.state.position[0] - start).dot(&(turn * Vec3::x()));
+            if above < 0.0 {
+                let name = format!("way, μ = {friction}, below its angle (m)");
+                check.findings.push(Finding::near(name, way, 0.0, 1e-7));
+            } else {
+                let expected = GRAVITY * (angle.sin() - friction * angle.cos());
+                // From rest, s = a t²/2; the scheme is exact for constant acceleration, friction is kept in f32.
+                let name = format!("acceleration over a, μ = {friction}, above");
+                check.findings.push(Finding::near(name, way / (0.125 * expected), 1.0, 2e-6));
+            }
+        }
+    }
+    Ok(check)
+}
+
+/// Boxes on each other: sweeps until the floor carries the weight.
+pub fn column(size: &Size) -> ballast::Result<Check> {
+    let counts: &[usize] = if size.quick { &[4, 8, 16, 32] } else { &[4, 8, 16, 32, 64, 128] };
+    let mut check = Check::new(
+        "column of boxes",
+        format!(
+            "{counts:?} boxes without friction, one step from nothing, sequential sweeps, until the floor lacks 1 % of \
+             the weight."
+        ),
+        "The weight diffuses through the sweeps: their number grows with the square of the height",
+    );
+    let mut points = Vec::new();
+    for &count in counts {
+        points.push([count as f64, f64::from(sweeps_needed(count)?)]);
+    }
+    let [a, b] = [points[1], points[points.len() - 1]];
+    let exponent = (b[1] / a[1]).ln() / (b[0] / a[0]).ln();
+    check.findings.push(Finding::near("exponent of sweeps over boxes", exponent, 2.0, 0.1));
+    let law = points.iter().map(|p| [p[0], a[1] * (p[0] / a[0]).powi(2)]).collect();
+    let chart = Chart::new("Sweeps that a column needs", "boxes", "sweeps").log_x().log_y();
+    let chart = chart.with("measured", points, Mark::Points).with("square", law, Mark::Expected);
+    check.charts.push(chart.svg());
+    Ok(check)
+}
+
+/// Fewest sweeps after which the floor lacks less than 1 % of the weight.
+fn sweeps_needed(count: usize) -> ballast::Result<u32> {
+    let lacking = |sweeps: u32| -> ballast::Result<f64> {
+        let mut world = World::new(1_000_000, 0.0, 2e-3);
+        let cube = world.shape(cuboid(Vec3::repeat(0.05)));
+        for k in 0..count {
+            world.grain(cube, Pose::at(Vec3::z() * (0.1 * (k as f64 + 0.5))));
+        }
+        world.wall("floor", Vec3::zeros(), Vec3::z(), 0.0);
+        world.model.solver.tolerance = None;
+        world.model.solver.iterations = sweeps;
+        let carried = -world.step()?.reactions[0].impulse.z / world.model.stepping.h();
+        Ok(1.0 - carried / world.weight())
+    };
+    let mut high = 1;
+    while lacking(high)? > 0.01 && high < 1 << 20 {
+        high *= 2;
+    }
+    let mut low = high / 2;
+    while high - low > 1 {
+        let middle = low.midpoint(high);
+        if lacking(middle)? > 0.01 { low = middle } else { high = middle }
+    }
+    Ok(high)
+}
+
+/// A semicircular arch of voussoirs stands iff it is thick enough.
+pub fn arch(size: &Size) -> ballast::Result<Check> {
+    const VOUSSOIRS: usize = 16;
+    let mut check = Check::new(
+        "arch",
+        format!(
+            "A semicircle of {VOUSSOIRS} voussoirs on a floor, μ = 1, for 1 s; mean radius 1 m."
+        ),
+        "Milankovitch 1907: stands iff thickness over mean radius is above 0.1075",
+    );
+    let sinking = |thickness: f64| -> ballast::Result<f64> {
+        let mut world = World::new(2_000_000, 1.0, 2e-3);
+        world.model.solver.tolerance = Some(1e-6);
+        world.model.solver.iterations = 500;
+        for k in 0..VOUSSOIRS {
+            let mut points = vec![];
+            for joint in [k, k + 1] {
+                let angle = PI * joint as f64 / VOUSSOIRS as f64;
+                for radius in [1.0 - 0.5 * thickness, 1.0 + 0.5 * thickness] {
+                    for y in [-0.15, 0.15] {
+                        points.push(Vec3::new(radius * angle.cos(), y, radius * angle.sin()));
+                    }
+                }
+            }
+            let (stone, pose) = convex_hull(&points)?;
+            let shape = world.shape(stone);
+            world.grain(shape, pose);
+        }
+        world.wall("floor", Vec3::zeros(), Vec3::z(), 1.0);
+        let start = world.state.position[VOUSSOIRS / 2].z;
+        world.run(1.0)?;
+        Ok(start - world.state.position[VOUSSOIRS / 2].z)
+    };
+    let (thick, thin) = (sinking(0.12)?, sinking(0.095)?);
+    check.findings.push(Finding::near("crown sinks, thickness 0.12 (m)", thick, 0.0, 1e-4));
+    check.findings.push(Finding {
+        quantity: "crown sinks, thickness 0.095 (m)".into(),
+        measured: thin,
+        expected: "falls".into(),
+        tolerance: "more than 0.1 m".into(),
+        verdict: Verdict::of(thin > 0.1),
+    });
+    if !size.quick {
+        let [mut falls, mut stands] = [0.095, 0.12];
+        while stands - falls > 1e-3 {
+            let middle = 0.5 * (falls + stands);
+            if sinking(middle)?.abs() < 0.01 { stands = middle } else { falls = middle }
+        }
+        let middle = 0.5 * (falls + stands);
+        check.findings.push(Finding::near(
+            "thickness between falling and standing",
+            middle,
+            0.1075,
+            0.005,
+        ));
+    }
+    Ok(check)
+}

@@ -1,0 +1,257 @@
+//! Heaps of ballast grains: column collapse, angle of repose, silo.
+
+use super::check::{Check, Finding, Verdict};
+use super::size::Size;
+use super::world::{World, hang, random};
+use crate::plot::{Chart, Mark};
+use ballast::geometry::{GrainShape, random_grain};
+use ballast::math::{Pose, Vec3};
+use std::f64::consts::TAU;
+
+/// Nominal diameter of the grains, m.
+const D: f64 = 0.04;
+/// Speed that settling grains reach, m/s.
+const FALL: f64 = 0.8;
+
+/// A world with ballast grains hung over a box or what `inside` allows of it.
+fn grains(
+    count: usize,
+    friction: f64,
+    [x, y]: [f64; 2],
+    inside: impl Fn(f64, f64) -> bool,
+) -> ballast::Result<World> {
+    let mut world = World::new(2_000_000, friction, 0.05 * D).pouring(80);
+    let mut rng = random(11);
+    let mut shapes = vec![];
+    for _ in 0..12 {
+        let shape = GrainShape { vertices: [8, 20], ..GrainShape::default() };
+        shapes.push(world.shape(random_grain(&mut rng, &shape, D)?));
+    }
+    hang(&mut world, &mut rng, &shapes, count, [x, y], inside);
+    Ok(world)
+}
+
+/// A column in a tube that is taken away.
+pub fn collapse(size: &Size) -> ballast::Result<Check> {
+    let radius = if size.quick { 3.0 * D } else { 5.0 * D };
+    let aspects: &[f64] = if size.quick { &[0.6, 1.2, 2.4] } else { &[0.5, 1.0, 1.5, 2.5, 4.0] };
+    let mut check = Check::new(
+        "column collapse",
+        format!(
+            "Ballast grains, d = {D} m, μ = 0.6, poured into a tube of radius {} d that vanishes; radius within which \
+             97 % of the grains end.",
+            radius / D
+        ),
+        "Lube et al. 2004, J. Fluid Mech. 508, 175: r/r0 = 1 + 1.24 a for a < 1.7, 1 + 1.6 √a above",
+    );
+    let law = |a: f64| if a < 1.7 { 1.0 + 1.24 * a } else { 1.0 + 1.6 * a.sqrt() };
+    let mut points = Vec::new();
+    for &aspect in aspects {
+        // Loose ballast fills about half of the tube.
+        let volume = 0.5 * TAU * radius.powi(3) * aspect;
+        let count = (0.5 * volume / (D.powi(3) * TAU / 12.0)).round() as usize;
+        let [aspect, runout] = fall_apart(radius, count)?;
+        let name = format!("r/r0 at a = {aspect:.2}");
+        check.findings.push(Finding::told(name, runout, format!("{:.2}", law(aspect))));
+        points.push([aspect, runout]);
+    }
+    let rises = points.windows(2).all(|p| p[1][1] > p[0][1]);
+    let slope = (points[1][1] - 1.0) / points[1][0];
+    check.findings.push(Finding {
+        quantity: "runout rises with the aspect ratio (1: yes)".into(),
+        measured: f64::from(u8::from(rises)),
+        expected: "1".into(),
+        tolerance: "trend".into(),
+        verdict: Verdict::of(rises),
+    });
+    let name = format!("coefficient (r/r0 − 1)/a at a = {:.2}", points[1][0]);
+    let known = (law(points[1][0]) - 1.0) / points[1][0];
+    check.findings.push(Finding::told(name, slope, format!("{known:.2}")));
+    let known = points.iter().map(|p| [p[0], law(p[0])]).collect();
+    let chart = Chart::new("Runout of columns", "aspect ratio a = h0/r0", "r/r0")
+        .with("measured", points, Mark::Points)
+        .with("Lube et al. 2004", known, Mark::Expected);
+    check.charts.push(chart.svg());
+    check.remark = "The law is for R/d > 20; columns this narrow show the trend.".into();
+    Ok(check)
+}
+
+/// Aspect ratio before and runout after, for a column of `count` grains.
+fn fall_apart(radius: f64, count: usize) -> ballast::Result<[f64; 2]> {
+    let middle = [radius, radius];
+    // Far enough from the sides that no corner sticks out.
+    let inside = |x: f64, y: f64| (x - middle[0]).hypot(y - middle[1]) < 0.97 * radius - 0.75 * D;
+    let mut world = grains(count, 0.6, [2.0 * radius; 2], inside)?;
+    world.wall("floor", Vec3::zeros(), Vec3::z(), 0.6);
+    const SIDES: usize = 16;
+    for k in 0..SIDES {
+        let angle = TAU * k as f64 / SIDES as f64;
+        let out = Vec3::new(angle.cos(), angle.sin(), 0.0);
+        let at = Vec3::new(middle[0], middle[1], 0.0) + out * radius;
+        world.wall(&format!("side {k}"), at, -out, 0.2);
+    }
+    world.settle(FALL, 2e-3)?;
+    // An even column is twice as high as its centre of mass.
+    let aspect = 2.0 * world.height() / radius;
+    let before = extent(&world, middle);
+    world.without_walls();
+    world.wall("floor", Vec3::zeros(), Vec3::z(), 0.6);
+    world.run(1.2)?;
+    Ok([aspect, extent(&world, middle) / before])
+}
+
+/// Radius within which 97 % of the grains' centres are, m.
+fn extent(world: &World, middle: [f64; 2]) -> f64 {
+    let n = world.model.grains.len();
+    let mut radii: Vec<f64> = world.state.position[..n]
+        .iter()
+        .map(|p| (p.x - middle[0]).hypot(p.y - middle[1]))
+        .collect();
+    radii.sort_by(f64::total_cmp);
+    radii[(0.97 * (n - 1) as f64) as usize] + 0.5 * D
+}
+
+/// A heap whose wall is drawn away slowly.
+pub fn repose(size: &Size) -> ballast::Result<Check> {
+    let count = size.grains(120, 700);
+    let frictions: &[f64] = if size.quick { &[0.3, 0.8] } else { &[0.2, 0.4, 0.6, 0.8, 1.0] };
+    let mut check = Check::new(
+        "angle of repose",
+        format!(
+            "{count} ballast grains, d = {D} m, behind a wall that is drawn away at 0.25 m/s; floor as rough as the \
+             grains, sides without friction; line through the surface of the slope."
+        ),
+        "Ballast: 37° to 45°, rising with friction",
+    );
+    let mut points = Vec::new();
+    for &friction in frictions {
+        points.push([friction, slope(size, count, friction)?]);
+    }
+    for [friction, angle] in &points {
+        let name = format!("angle at μ = {friction} (°)");
+        if *friction == 0.8 {
+            check.findings.push(Finding::between(name, *angle, [37.0, 45.0]));
+        } else {
+            check.findings.push(Finding::told(name, *angle, "rises with μ"));
+        }
+    }
+    let rises = points[points.len() - 1][1] > points[0][1];
+    check.findings.push(Finding {
+        quantity: "rises from the least to the largest friction (1: yes)".into(),
+        measured: f64::from(u8::from(rises)),
+        expected: "1".into(),
+        tolerance: "trend".into(),
+        verdict: Verdict::of(rises),
+    });
+    let chart = Chart::new("Angle of repose", "friction between grains", "angle (°)").from_zero();
+    check.charts.push(chart.with("measured", points, Mark::Points).svg());
+    check.remark = "Slopes of few grains: the line through their surface scatters by some degrees, and a slope that \
+                    slides ends below the angle at which it began to."
+        .into();
+    Ok(check)
+}
+
+fn slope(size: &Size, count: usize, friction: f64) -> ballast::Result<f64> {
+    let [length, width] = if size.quick { [5.0 * D, 4.0 * D] } else { [11.0 * D, 6.0 * D] };
+    let mut world = grains(count, friction, [length, width], |_, _| true)?;
+    world.wall("floor", Vec3::zeros(), Vec3::z(), friction);
+    world.wall("back", Vec3::zeros(), Vec3::x(), friction);
+    world.wall("south", Vec3::zeros(), Vec3::y(), 0.0);
+    world.wall("north", Vec3::y() * width, -Vec3::y(), 0.0);
+    let front = world.wall("front", Vec3::x() * length, -Vec3::x(), 0.0);
+    world.settle(FALL, 2e-3)?;
+    let way = 2.0 * length;
+    let h = world.model.stepping.h();
+    let steps = (way / 0.25 / h) as usize;
+    for k in 0..steps {
+        world.targets[front] = Pose::at(Vec3::x() * (length + 0.25 * h * (k + 1) as f64));
+        world.step()?;
+        if k > 400 && world.mean_speed() < 2e-3 {
+            break;
+        }
+    }
+    Ok(surface_angle(&world, width))
+}
+
+/// Angle of the line through the uppermost corners of slices of width d, between the highest slice and the toe, °.
+fn surface_angle(world: &World, width: f64) -> f64 {
+    let mut tops: Vec<f64> = Vec::new();
+    for grain in 0..world.model.grains.len() {
+        let position = world.state.position[grain];
+        // The middle third across: sides without friction let grains roll.
+        if (position.y - 0.5 * width).abs() > width / 3.0 {
+            continue;
+        }
+        let slice = (position.x / D).max(0.0) as usize;
+        if tops.len() <= slice {
+            tops.resize(slice + 1, 0.0);
+        }
+        let top = world.corners(grain).map(|p| p.z).fold(0.0, f64::max);
+        tops[slice] = tops[slice].max(top);
+    }
+    // Single stones before the toe are no slope: it ends where less than two layers lie.
+    let end = tops.iter().position(|z| *z < 1.6 * D).unwrap_or(tops.len());
+    let start = (0..end).max_by(|a, b| tops[*a].total_cmp(&tops[*b])).unwrap_or(0);
+    let points: Vec<[f64; 2]> = (start..end).map(|k| [(k as f64 + 0.5) * D, tops[k]]).collect();
+    let n = points.len() as f64;
+    let [mx, mz] = [0, 1].map(|c| points.iter().map(|p| p[c]).sum::<f64>() / n);
+    let covariance: f64 = points.iter().map(|p| (p[0] - mx) * (p[1] - mz)).sum();
+    let variance: f64 = points.iter().map(|p| (p[0] - mx).powi(2)).sum();
+    (-covariance / variance).atan().to_degrees()
+}
+
+/// A narrow silo: its walls carry what is above some diameters.
+pub fn silo(size: &Size) -> ballast::Result<Check> {
+    let across = if size.quick { 3.0 * D } else { 5.0 * D };
+    let counts: &[usize] =
+        if size.quick { &[20, 40, 80, 160] } else { &[100, 200, 400, 800, 1200] };
+    let (friction, walls) = (0.5, 0.8);
+    let mut check = Check::new(
+        "silo",
+        format!(
+            "Up to {} ballast grains, μ = {friction}, in a square silo {} d wide, walls μ = {walls}: what the floor \
+             carries in the mean of 50 steps at rest.",
+            counts[counts.len() - 1],
+            across / D
+        ),
+        "Janssen 1895: the floor's load saturates with the height of the fill",
+    );
+    let mut points = Vec::new();
+    for &count in counts {
+        let mut world = grains(count, friction, [across; 2], |_, _| true)?;
+        world.container([across; 2], friction, walls);
+        world.settle(FALL, 1e-3)?;
+        let mut load = 0.0;
+        for _ in 0..50 {
+            load -= world.step()?.reactions[0].impulse.z / world.model.stepping.h() / 50.0;
+        }
+        points.push([world.weight(), load]);
+    }
+    let share = |p: &[f64; 2]| p[1] / p[0];
+    let [before, last] = [points[points.len() - 2], points[points.len() - 1]];
+    for p in &points {
+        check.findings.push(Finding::told(
+            format!("share of {:.0} N on the floor", p[0]),
+            share(p),
+            "falls",
+        ));
+    }
+    let falls = points.windows(2).all(|p| share(&p[1]) < share(&p[0]));
+    check.findings.push(Finding {
+        quantity: "the share falls with the fill (1: yes)".into(),
+        measured: f64::from(u8::from(falls)),
+        expected: "1".into(),
+        tolerance: "trend".into(),
+        verdict: Verdict::of(falls),
+    });
+    let added = (last[1] - before[1]) / (last[0] - before[0]);
+    let name = "share of the last addition that reaches the floor";
+    check.findings.push(Finding::between(name, added, [-0.2, 0.2]));
+    let weight = points.iter().map(|p| [p[0], p[0]]).collect();
+    let chart = Chart::new("Load on the floor of a silo", "weight of the fill (N)", "load (N)")
+        .from_zero()
+        .with("measured", points, Mark::Points)
+        .with("without walls", weight, Mark::Expected);
+    check.charts.push(chart.svg());
+    Ok(check)
+}

@@ -1,0 +1,203 @@
+//! Scenes built by hand, and stepped.
+
+use ballast::drive::Inputs;
+use ballast::geometry::{Polyhedron, random_rotation};
+use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::{
+    DrivenBody, Grains, Model, Norm, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+};
+use ballast::state::State;
+use ballast::step::{StepReport, step};
+use ballast::workspace::Workspace;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+pub const GRAVITY: f64 = 9.81;
+const DENSITY: f64 = 2700.0;
+
+/// A model that is stepped, and where its driven bodies are told to be.
+pub struct World {
+    pub model: Model,
+    pub state: State,
+    pub workspace: Workspace,
+    pub targets: Vec<Pose>,
+}
+
+impl World {
+    /// An empty world under gravity; θ = 1/2, no restitution, solved far below what checks look at.
+    pub fn new(step_ns: u64, friction: f64, alert: f64) -> Self {
+        let solver = Solver {
+            schedule: Schedule::Sequential,
+            partition: PartitionRule::Balanced(1),
+            iterations: 2000,
+            tolerance: Some(1e-8),
+            norm: Norm::Qm16,
+            check_every: 5,
+            ..Solver::default()
+        };
+        let model = Model {
+            shapes: vec![],
+            grains: Grains::default(),
+            driven: vec![],
+            gravity: Vec3::new(0.0, 0.0, -GRAVITY),
+            grain_friction: friction,
+            restitution: 0.0,
+            stepping: Stepping { step_ns, theta: 0.5, alert },
+            solver,
+        };
+        Self { model, state: State::default(), workspace: Workspace::default(), targets: vec![] }
+    }
+
+    /// As loosely solved as beds are while they are poured, on all cores.
+    pub fn pouring(mut self, iterations: u32) -> Self {
+        self.model.solver = Solver {
+            iterations,
+            tolerance: Some(1e-3),
+            partition: PartitionRule::ContactsPer(1000),
+            ..Solver::default()
+        };
+        self
+    }
+
+    pub fn shape(&mut self, polyhedron: Polyhedron) -> u32 {
+        self.model.shapes.push(polyhedron);
+        self.model.shapes.len() as u32 - 1
+    }
+
+    /// Adds a grain at rest; grains come before driven bodies.
+    pub fn grain(&mut self, shape: u32, pose: Pose) {
+        self.model.grains.push(shape, &self.model.shapes[shape as usize], DENSITY);
+        self.state.push(pose);
+    }
+
+    /// Adds a half-space through `at`, solid behind its normal; its number among the driven bodies.
+    pub fn wall(&mut self, name: &str, at: Vec3, normal: Vec3, friction: f64) -> usize {
+        let normal = normal.normalize();
+        self.model.driven.push(DrivenBody {
+            name: name.into(),
+            role: Role::Boundary,
+            friction,
+            parts: vec![Part::HalfSpace { normal, offset: 0.0 }],
+            mount: None,
+        });
+        self.state.push(Pose::at(at));
+        self.targets.push(Pose::at(at));
+        self.targets.len() - 1
+    }
+
+    /// Floor and four walls of a box whose corner is the origin.
+    pub fn container(&mut self, [x, y]: [f64; 2], floor: f64, walls: f64) {
+        self.wall("floor", Vec3::zeros(), Vec3::z(), floor);
+        self.wall("west", Vec3::zeros(), Vec3::x(), walls);
+        self.wall("east", Vec3::x() * x, -Vec3::x(), walls);
+        self.wall("south", Vec3::zeros(), Vec3::y(), walls);
+        self.wall("north", Vec3::y() * y, -Vec3::y(), walls);
+    }
+
+    /// Removes all driven bodies and what was remembered of contacts with them.
+    pub fn without_walls(&mut self) {
+        let n = self.model.grains.len();
+        self.model.driven.clear();
+        self.targets.clear();
+        let State { position, orientation, velocity, spin, contacts, .. } = &mut self.state;
+        position.truncate(n);
+        orientation.truncate(n);
+        velocity.truncate(n);
+        spin.truncate(n);
+        *contacts = Default::default();
+    }
+
+    pub fn step(&mut self) -> ballast::Result<StepReport> {
+        let inputs = Inputs { targets: &self.targets, loads: &[] };
+        step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())
+    }
+
+    /// Steps for `seconds`.
+    pub fn run(&mut self, seconds: f64) -> ballast::Result<()> {
+        for _ in 0..(seconds / self.model.stepping.h()).round() as usize {
+            self.step()?;
+        }
+        Ok(())
+    }
+
+    /// Lets grains fall no faster than `speed` (m/s), as through a fluid, until the uppermost has had the time to
+    /// come down, then freely until their mean speed is below `rest`, at most 1.5 s.
+    pub fn settle(&mut self, speed: f64, rest: f64) -> ballast::Result<()> {
+        let h = self.model.stepping.h();
+        let keep = 1.0 - GRAVITY * h / speed;
+        let n = self.model.grains.len();
+        let height = self.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max);
+        let falling = (0.8 * height / speed / h) as usize;
+        let most = falling + (1.5 / h) as usize;
+        for k in 0..most {
+            self.step()?;
+            if k < falling {
+                self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
+                self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+            } else if self.mean_speed() < rest {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    pub fn mean_speed(&self) -> f64 {
+        let n = self.model.grains.len();
+        self.state.velocity[..n].iter().map(|v| v.norm()).sum::<f64>() / n.max(1) as f64
+    }
+
+    pub fn weight(&self) -> f64 {
+        GRAVITY * self.model.grains.mass.iter().sum::<f64>()
+    }
+
+    /// Height of the centre of mass, m.
+    pub fn height(&self) -> f64 {
+        let mass = &self.model.grains.mass;
+        let moment: f64 = mass.iter().zip(&self.state.position).map(|(m, p)| m * p.z).sum();
+        moment / mass.iter().sum::<f64>()
+    }
+
+    /// Corners of a grain, m.
+    pub fn corners(&self, grain: usize) -> impl Iterator<Item = Vec3> + '_ {
+        let (shape, pose) = (self.model.grains.shape[grain], self.state.pose(grain));
+        self.model.shapes[shape as usize].vertices.iter().map(move |v| pose.point(v))
+    }
+}
+
+/// Random numbers of a check: the same in every run.
+pub fn random(seed: u64) -> Pcg64 {
+    Pcg64::new(u128::from(seed), 0xa02b_dbf7_bb3c_0a7a_c28f_a16a_64ab_f96)
+}
+
+/// Hangs `count` grains of the shapes, turned at random, at random places over the part of a box that `inside`
+/// allows, each as low as the spheres around those before let it.
+pub fn hang(
+    world: &mut World,
+    rng: &mut Pcg64,
+    shapes: &[u32],
+    count: usize,
+    [x, y]: [f64; 2],
+    inside: impl Fn(f64, f64) -> bool,
+) {
+    let radius = |s: &u32| world.model.shapes[*s as usize].radius;
+    let reach = shapes.iter().map(radius).fold(0.0, f64::max);
+    let apart = 2.02 * reach;
+    for k in 0..count {
+        // A tube so narrow that no place is inside would never be full.
+        for _ in 0..10_000 {
+            let [px, py] = [x, y].map(|l| reach + (l - 2.0 * reach) * rng.random::<f64>());
+            if !inside(px, py) {
+                continue;
+            }
+            let over = |p: &Vec3| {
+                let square = apart * apart - (p.x - px).powi(2) - (p.y - py).powi(2);
+                if square > 0.0 { p.z + square.sqrt() } else { 0.0 }
+            };
+            let z = world.state.position.iter().map(over).fold(1.05 * reach, f64::max);
+            let position = Vec3::new(px, py, z);
+            let orientation: Quat = random_rotation(rng);
+            world.grain(shapes[k % shapes.len()], Pose { position, orientation });
+            break;
+        }
+    }
+}

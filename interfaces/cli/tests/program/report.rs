@@ -1,0 +1,59 @@
+//! Pages about runs.
+
+use crate::setup::Place;
+
+#[test]
+fn a_page_tells_a_whole_run_by_itself() {
+    let place = Place::new();
+    place.run("--out run").with_code(0);
+    let said = place.call("report run").with_code(0);
+    assert!(said.stdout().contains("report.html"));
+    let page = place.text("run/report.html");
+    assert!(page.len() < 1 << 20, "{} bytes", page.len());
+    for word in ["<script", "http:", "https:", "src=", "NaN", "inf"] {
+        assert!(!page.contains(word), "{word}");
+    }
+    for word in [
+        "End of the squeeze",
+        "Compactness of the zones",
+        "Force on tines",
+        "Force against closing",
+        "compaction energy (J)",
+        "Penetration",
+        "Residual QM/16",
+        "Iterations",
+        "Work of tools",
+        "Wall time",
+        "seed of the bed",
+        "prefers-color-scheme:dark",
+        "aria-label",
+        "amplitude_m",
+    ] {
+        assert!(page.contains(word), "{word} is not in the page");
+    }
+    let hash = place.hash("run");
+    assert!(page.contains(&hash), "the page does not name the state");
+    // Grains, sleeper and tines are drawn.
+    assert!(page.matches("class=\"grain ").count() > 30);
+    assert!(page.matches("class=\"tool\"").count() >= 4 && page.contains("class=\"block\""));
+
+    // The same files, the same page; any file of the run names it.
+    let ended = place.call("report run/results.vtkhdf --out again.html --json").with_code(0);
+    assert_eq!(ended.events().last().unwrap()["bytes"], page.len());
+    assert_eq!(place.text("again.html"), page);
+}
+
+#[test]
+fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
+    let place = Place::new();
+    place.run("--out part --steps 60").with_code(0);
+    std::fs::remove_file(place.path("part/summary.json")).unwrap();
+    place.call("report part").with_code(0);
+    let page = place.text("part/report.html");
+    assert!(page.contains("not come to its end") && page.contains("profile is not known"));
+
+    std::fs::remove_file(place.path("part/checkpoint.h5")).unwrap();
+    let refused = place.call("report part").with_code(1);
+    assert!(refused.stderr().contains("checkpoint.h5"), "{}", refused.stderr());
+    place.call("report nowhere").with_code(1);
+}

@@ -1,0 +1,50 @@
+//! The checks with known answers, on small samples.
+
+use crate::setup::Place;
+use serde_json::Value;
+
+/// Checks with figures that are known to miss what is expected, and how far: docs/validation.md says why. Wrong
+/// altogether would be news.
+const KNOWN: [(&str, [f64; 2]); 3] = [
+    ("Platonic dice", [0.44, 0.58]),
+    ("angle of repose", [28.0, 50.0]),
+    ("settings of a tamping cycle", [0.85, 1.15]),
+];
+
+/// The shorter ones; `BALLAST_VALIDATE=all` asks for the whole of `--quick`.
+const SHORT: &str = "--only incline,column,arch,dice";
+
+#[test]
+fn quick_checks_hold_but_for_those_that_are_known_not_to() {
+    let place = Place::new();
+    // 5: some figures are beyond their tolerance.
+    let all = std::env::var("BALLAST_VALIDATE").is_ok_and(|what| what == "all");
+    let only = if all { "" } else { SHORT };
+    place.call(&format!("validate --quick --out checked {only}")).with_code(5);
+    let found: Value = serde_json::from_str(&place.text("checked/validation.json")).unwrap();
+    let checks = found["checks"].as_array().unwrap();
+    assert_eq!(checks.len(), if all { 9 } else { 4 });
+    for check in checks {
+        let name = check["check"].as_str().unwrap();
+        let findings = check["findings"].as_array().unwrap();
+        assert!(!findings.is_empty(), "{name} found nothing");
+        let failed: Vec<&Value> = findings.iter().filter(|f| f["verdict"] == "failed").collect();
+        let known = KNOWN.iter().find(|(known, _)| *known == name);
+        let Some((_, [low, high])) = known else {
+            assert!(failed.is_empty(), "{name}: {failed:#?}");
+            continue;
+        };
+        // A run that broke off measured nothing.
+        for measured in failed.iter().filter_map(|finding| finding["measured"].as_f64()) {
+            assert!((*low..*high).contains(&measured), "{name}: {failed:#?}");
+        }
+    }
+    let page = place.text("checked/validation.html");
+    assert!(
+        !page.contains("<script") && !page.contains("http") && page.matches("<svg").count() >= 2
+    );
+
+    place.call("validate --only incline --out one").with_code(0);
+    let told = place.call("validate --only inclines").with_code(2).stderr();
+    assert!(told.contains("incline, column") && told.contains("inclines"), "{told}");
+}
