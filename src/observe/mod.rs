@@ -23,7 +23,9 @@ pub use energy::energy;
 pub use fabric::{Fabric, fabric};
 pub use inertial_number::{InertialNumber, inertial_number};
 pub use penetration::{Penetration, penetration};
-pub use squeeze::{SqueezeMeter, SqueezeOutcome, SqueezePair, SqueezeRecord, SqueezeRule};
+pub use squeeze::{
+    SqueezeMeter, SqueezeOutcome, SqueezePair, SqueezeRecord, SqueezeRule, TOUCH, TineStep,
+};
 pub use stress::{Stress, stress};
 pub use zone::Zone;
 

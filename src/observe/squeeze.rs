@@ -142,6 +142,17 @@ struct Course {
     record: SqueezeRecord,
 }
 
+/// A tine in a step.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TineStep {
+    /// Of its reference point at the end, along x, m.
+    pub place: f64,
+    /// Of the ballast on it, along x, N s.
+    pub impulse: f64,
+    /// Of it on the ballast, J.
+    pub work: f64,
+}
+
 /// Sums over the steps of the period under way.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Period {
@@ -161,17 +172,27 @@ impl SqueezeMeter {
 
     /// Takes the step that has led to `state`.
     pub fn take(&mut self, model: &Model, state: &State, report: &StepReport) {
-        let (ng, h) = (model.grains.len(), model.stepping.h());
+        let ng = model.grains.len();
+        self.follow(state.time_ns, model.stepping.h(), |d| TineStep {
+            place: state.position[ng + d].x,
+            impulse: report.reactions[d].impulse.x,
+            work: report.reactions[d].work,
+        });
+    }
+
+    /// Takes a step of length `h` (s) that has ended at `time_ns`; `tine` tells what the tines did in it.
+    pub fn follow(&mut self, time_ns: u64, h: f64, tine: impl Fn(usize) -> TineStep) {
         for (pair, course) in self.rule.pairs.iter().zip(&mut self.courses) {
             let tines = &pair.tines;
-            let places = tines.iter().map(|(d, towards)| towards * state.position[ng + d].x);
+            let places = tines.iter().map(|(d, towards)| towards * tine(*d).place);
             let place = places.sum::<f64>() / tines.len() as f64;
-            let work = tines.iter().map(|t| report.reactions[t.0].work).sum::<f64>();
-            course.period.take(side_force(tines, report, h), place, work);
+            let work = tines.iter().map(|t| tine(t.0).work).sum::<f64>();
+            let force = side_force(tines, |d| tine(d).impulse, h);
+            course.period.take(force, place, work);
             if course.period.steps < self.rule.period {
                 continue;
             }
-            if let Some(record) = course.end_period(sides(tines), state.time_ns) {
+            if let Some(record) = course.end_period(sides(tines), time_ns) {
                 self.over.push(SqueezeOutcome { name: pair.name.clone(), is_over: true, record });
             }
         }
@@ -366,8 +387,10 @@ fn sides(pair: &PairTines) -> f64 {
 }
 
 /// Resistance along the closing, N: summed over the tines of a side, averaged over the sides.
-pub(crate) fn side_force(pair: &PairTines, report: &StepReport, h: f64) -> f64 {
-    let resistance: f64 = pair.iter().map(|t| -t.1 * report.reactions[t.0].impulse.x).sum();
+///
+/// `impulse`: of the ballast on a tine in a step of length `h` (s), along x, N s.
+pub(crate) fn side_force(pair: &PairTines, impulse: impl Fn(usize) -> f64, h: f64) -> f64 {
+    let resistance: f64 = pair.iter().map(|t| -t.1 * impulse(t.0)).sum();
     resistance / (h * sides(pair))
 }
 
