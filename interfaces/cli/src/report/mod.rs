@@ -18,15 +18,17 @@ use crate::summary_text;
 use crate::table::{Table, figure};
 use ballast::math::{Pose, Vec3};
 use ballast::model::{PartitionRule, Role, Solver};
+use ballast::observe::SqueezeOutcome;
+use ballast::observe::squeeze::TOUCH;
 use ballast::track::TampingPhase;
 use maps::Grid;
 use section::Section;
-use squeezes::{Squeeze, TOUCHED, squeezes};
+use squeezes::squeezes;
 
 /// The page of a run.
 pub fn page(source: &Source) -> Outcome<Page> {
     let plan = &source.case.plan;
-    let squeezes = squeezes(plan, &source.summary.setting().followed, &source.rows, period(source))
+    let squeezes = squeezes(plan, &source.model, &source.summary.setting().followed, &source.rows)
         .map_err(|e| Failure::Failed(e.to_string()))?;
     let mut page = Page::new(&format!("Tamping of {}", plan.name));
     introduction(source, &mut page);
@@ -189,7 +191,7 @@ fn compactness(source: &Source, page: &mut Page) {
     page.figure(&charts::coordination(source, &bands).svg());
 }
 
-fn forces(source: &Source, squeezes: &[Squeeze], page: &mut Page) {
+fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
     let bands = charts::phases(&source.rows);
     let has = |role| source.summary.setting().followed.iter().any(|f| f.role == role);
     if !has(Role::Tine) && !has(Role::Sleeper) {
@@ -219,9 +221,9 @@ fn forces(source: &Source, squeezes: &[Squeeze], page: &mut Page) {
         page.figure(&chart.svg());
         page.table(&squeeze_table(squeezes));
         page.note(&format!(
-            "One point per vibration period of squeeze and hold: mean force against the closing, along x, and how far \
-             the tines came in the mean. Compaction energy is the area under the loop, both sides; work counts all \
-             directions and the vibration. Touched: more than {TOUCHED} N in a step."
+            "Mean force over a vibration period against the mean closing, along x, from where a pair is widest until \
+             it has opened again. Compaction energy is the area under the loop, both sides; work counts all \
+             directions and the vibration. Touched: more than {TOUCH} N in the mean of a period."
         ));
     }
     for table in &summary_text::tables(&source.summary)[2..4] {
@@ -229,7 +231,7 @@ fn forces(source: &Source, squeezes: &[Squeeze], page: &mut Page) {
     }
 }
 
-fn squeeze_table(squeezes: &[Squeeze]) -> Table {
+fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
     let header = [
         "touched (s)",
         "closing then (mm)",
@@ -240,8 +242,8 @@ fn squeeze_table(squeezes: &[Squeeze]) -> Table {
         "work (J)",
     ];
     let mut table = Table::new("pair", header);
-    for Squeeze { name, record, start } in squeezes {
-        let onset = record.onset.map_or("never".into(), |t| format!("{:.3}", start + t));
+    for SqueezeOutcome { name, record, .. } in squeezes {
+        let onset = record.onset_ns.map_or("never".into(), |t| format!("{:.3}", t as f64 * 1e-9));
         table.row([
             name.clone(),
             onset,
