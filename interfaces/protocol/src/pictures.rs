@@ -86,10 +86,11 @@ pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
 
 /// A force as an arrow, which points along the x axis of its pose; none where there is no force.
 fn arrow(at: &Vec3, force: &Vec3) -> Option<ArrowPrimitive> {
-    let length = (force.norm() * METRES_PER_NEWTON).min(LONGEST_ARROW);
-    if !(length > 0.0) {
+    // A number that is none has no arrow either.
+    if !(force.norm() > 0.0) {
         return None;
     }
+    let length = (force.norm() * METRES_PER_NEWTON).min(LONGEST_ARROW);
     // Opposite to x there is no shortest way round.
     let turn = Quat::rotation_between(&Vec3::x(), force)
         .unwrap_or_else(|| Quat::from_axis_angle(&Vec3::z_axis(), std::f64::consts::PI));
