@@ -83,7 +83,8 @@ pub struct SqueezeRecord {
     pub number: u32,
     /// When the pair was at its widest, ns; closings are counted from there.
     pub began_ns: u64,
-    /// End of the period in which the ballast first resisted by more than [`TOUCH`], ns, and the closing then, m.
+    /// End of the period since which the ballast resists by more than [`TOUCH`], or did so last, ns, and the closing
+    /// then, m.
     pub onset_ns: Option<u64>,
     pub onset_closing: f64,
     /// Largest mean force of a side over a period, N, and the closing at which it occurred, m.
@@ -93,9 +94,11 @@ pub struct SqueezeRecord {
     pub peak_step_force: f64,
     /// Of a side, mean over the last period, m.
     pub closing: f64,
-    /// Work of the pair's tines on the ballast, all directions, vibration included, J.
+    /// Work of the pair's tines on the ballast since it had closed by [`LEAST_CLOSING`], all directions, vibration
+    /// included, J.
     pub work: f64,
-    /// Work of the mean force along the closing, J: the area under the loop, both sides.
+    /// Work of the mean force along the closing as far as it came, J: the area under the loop, both sides; opening
+    /// takes nothing back.
     pub compaction_energy: f64,
     /// The loop: closing of a side (m) and mean force of a side (N).
     pub loop_points: Vec<[f64; 2]>,
@@ -249,16 +252,18 @@ impl Course {
                 return None;
             }
         };
-        let before = self.record.closing;
-        self.record.compaction_energy +=
-            sides * 0.5 * (self.last_force + force) * (closing - before);
-        self.record.work += period.work;
+        // As far as it comes: what the pair gets back in opening is elastic, and seen by a period or two alone.
+        let further = (closing - self.farthest).max(0.0);
+        self.record.compaction_energy += sides * 0.5 * (self.last_force + force) * further;
+        self.farthest += further;
         self.note(&period, closing, force, now_ns);
-        self.farthest = self.farthest.max(closing);
         if !self.is_squeezing && closing > LEAST_CLOSING {
             self.is_squeezing = true;
             self.count += 1;
             self.record.number = self.count;
+        }
+        if self.is_squeezing {
+            self.record.work += period.work;
         }
         if !self.is_squeezing || closing >= self.farthest - LEAST_CLOSING {
             return None;
@@ -279,7 +284,7 @@ impl Course {
     /// Notes forces and the closing at the end of a period.
     fn note(&mut self, period: &Period, closing: f64, force: f64, now_ns: u64) {
         let record = &mut self.record;
-        if record.onset_ns.is_none() && force > TOUCH {
+        if force > TOUCH && self.last_force <= TOUCH {
             (record.onset_ns, record.onset_closing) = (Some(now_ns), closing);
         }
         if force > record.peak_force {

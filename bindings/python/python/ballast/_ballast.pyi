@@ -529,7 +529,7 @@ class Squeeze:
 
     @property
     def onset_ns(self) -> int | None:
-        """End of the period in which the ballast first resisted, ns."""
+        """End of the period since which the ballast resists, or did so last, ns."""
 
     @property
     def closing(self) -> float:
@@ -545,11 +545,11 @@ class Squeeze:
 
     @property
     def work(self) -> float:
-        """Of the pair's tines on the ballast, vibration included, J."""
+        """Of the pair's tines on the ballast since it had closed by 2 mm, vibration included, J."""
 
     @property
     def compaction_energy(self) -> float:
-        """Work of the mean force along the closing, both sides, J."""
+        """Work of the mean force along the closing as far as it came, both sides, J."""
 
     @property
     def loop(self) -> _Floats:

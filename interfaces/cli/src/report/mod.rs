@@ -223,8 +223,8 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
         page.note(&format!(
             "One point per vibration period, or per few of them: mean force of a side along x against how far it has \
              closed in the mean. A squeeze is what is seen in the tines' motion: from where a pair is widest before it \
-             closes to where it opens again. Compaction energy is the area under the loop, both sides; work counts \
-             all directions and the vibration. Touched: a mean force of a side above {TOUCH} N."
+             closes to where it opens again. Compaction energy is the area under the loop as far as it closes, both sides; \
+             work counts all directions and the vibration. Touched: since when the mean force of a side is above {TOUCH} N."
         ));
     }
     for table in &summary_text::tables(&source.summary)[2..4] {

@@ -81,7 +81,7 @@ message!(
         is_over: bool,
         /// When the pair was at its widest, ns; closings are counted from there.
         began_ns: i64,
-        /// End of the period in which the ballast first resisted, ns; -1: not yet. The closing then, m.
+        /// End of the period since which the ballast resists, or did so last, ns; -1: not yet. The closing then, m.
         onset_ns: i64,
         onset_closing: f64,
         /// Of a side, mean over the last period, m.
@@ -91,9 +91,9 @@ message!(
         peak_closing: f64,
         /// Largest force of a single step, N.
         peak_step_force: f64,
-        /// Of the tines on the ballast, vibration included, J.
+        /// Of the tines on the ballast since it had closed by 2 mm, vibration included, J.
         work: f64,
-        /// Of the mean force along the closing, both sides, J.
+        /// Of the mean force along the closing as far as it came, both sides, J.
         compaction_energy: f64,
         /// The force-displacement loop: closing, m, and mean force, N, of a side.
         loop_closing: Vec<f64>,
