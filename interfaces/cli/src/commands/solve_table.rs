@@ -180,7 +180,7 @@ pub fn profile_page(profiles: &[Profile], rows: &[Row]) -> String {
     for tolerance in distinct(profiles.iter().map(|p| p.tolerance)) {
         let title = format!("Solved to ‖F‖/‖q‖ <= {tolerance:e}");
         let (x, y) = ("factor over the fastest method", "share of the problems");
-        let mut chart = Chart::new(&title, x, y).log_x().from_zero();
+        let mut chart = Chart::new(&title, x, y).log_x().starting_at_zero();
         for profile in profiles.iter().filter(|p| p.tolerance == tolerance) {
             let mut points = profile.points.clone();
             // Beyond its last problem a method solves no more.

@@ -41,7 +41,7 @@ pub struct Chart {
     pub log_x: bool,
     pub log_y: bool,
     /// Whether the vertical axis begins at zero.
-    pub from_zero: bool,
+    pub starting_at_zero: bool,
     pub series: Vec<Series>,
     pub bands: Vec<Band>,
 }
@@ -64,7 +64,7 @@ impl Chart {
             y: y.into(),
             log_x: false,
             log_y: false,
-            from_zero: false,
+            starting_at_zero: false,
             series: vec![],
             bands: vec![],
         }
@@ -78,8 +78,8 @@ impl Chart {
         Self { log_y: true, ..self }
     }
 
-    pub fn from_zero(self) -> Self {
-        Self { from_zero: true, ..self }
+    pub fn starting_at_zero(self) -> Self {
+        Self { starting_at_zero: true, ..self }
     }
 
     pub fn bands(self, bands: &[Band]) -> Self {
@@ -105,7 +105,7 @@ impl Chart {
             [first, .., last] => Scale::exactly(first.from, last.to),
             _ => Scale::over(points().map(|p| p[0]), self.log_x, false),
         };
-        let y = Scale::over(points().map(|p| p[1]), self.log_y, self.from_zero);
+        let y = Scale::over(points().map(|p| p[1]), self.log_y, self.starting_at_zero);
         self.frame(&x, &y, &mut out);
         for (k, series) in self.series.iter().enumerate() {
             draw(series, k, &x, &y, &mut out);

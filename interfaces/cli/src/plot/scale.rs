@@ -12,7 +12,7 @@ pub struct Scale {
 
 impl Scale {
     /// An axis that shows all finite values; on a logarithmic one those above zero.
-    pub fn over(values: impl Iterator<Item = f64>, log: bool, from_zero: bool) -> Self {
+    pub fn over(values: impl Iterator<Item = f64>, log: bool, starting_at_zero: bool) -> Self {
         let shown = values.filter(|v| v.is_finite() && (!log || *v > 0.0));
         let [mut low, mut high] = shown
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)]);
@@ -25,7 +25,7 @@ impl Scale {
             high = 10f64.powf((high.log10() - 1e-9).ceil()).max(10.0 * low);
             return Self { low, high, log };
         }
-        if from_zero {
+        if starting_at_zero {
             (low, high) = (low.min(0.0), high.max(0.0));
         }
         if high - low <= 1e-12 * high.abs().max(low.abs()) {

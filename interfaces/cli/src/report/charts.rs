@@ -45,7 +45,7 @@ pub fn compactness(source: &Source, bands: &[Band]) -> Chart {
 /// Force on each body of a role, mean over a vibration period.
 pub fn forces(source: &Source, role: Role, title: &str, bands: &[Band]) -> Chart {
     let setting = source.summary.setting();
-    let mut chart = Chart::new(title, TIME, "force (kN)").bands(bands).from_zero();
+    let mut chart = Chart::new(title, TIME, "force (kN)").bands(bands).starting_at_zero();
     for (i, followed) in setting.followed.iter().enumerate().filter(|(_, f)| f.role == role) {
         let mut mean = MovingMean::new(setting.period);
         let points = over_time(&source.rows, |_| 0.0).into_iter().zip(&source.rows);
@@ -84,7 +84,7 @@ pub fn residual(source: &Source, bands: &[Band]) -> Chart {
 }
 
 pub fn iterations(source: &Source, bands: &[Band]) -> Chart {
-    Chart::new("Iterations of each step", TIME, "iterations").bands(bands).from_zero().with(
+    Chart::new("Iterations of each step", TIME, "iterations").bands(bands).starting_at_zero().with(
         "iterations",
         over_time(&source.rows, |row| row.get(Column::Iterations)),
         Mark::Line,
@@ -92,11 +92,10 @@ pub fn iterations(source: &Source, bands: &[Band]) -> Chart {
 }
 
 pub fn coordination(source: &Source, bands: &[Band]) -> Chart {
-    Chart::new("Coordination", TIME, "touching neighbours per grain").bands(bands).from_zero().with(
-        "mean",
-        over_time(&source.rows, |row| row.get(Column::Coordination)),
-        Mark::Line,
-    )
+    Chart::new("Coordination", TIME, "touching neighbours per grain")
+        .bands(bands)
+        .starting_at_zero()
+        .with("mean", over_time(&source.rows, |row| row.get(Column::Coordination)), Mark::Line)
 }
 
 /// The ledger of the grains' energy: what passes through, and what is left of it.

@@ -143,7 +143,8 @@ pub fn repose(size: &Size) -> ballast::Result<Check> {
         tolerance: "trend".into(),
         verdict: Verdict::of(rises),
     });
-    let chart = Chart::new("Angle of repose", "friction between grains", "angle (°)").from_zero();
+    let chart =
+        Chart::new("Angle of repose", "friction between grains", "angle (°)").starting_at_zero();
     check.charts.push(chart.with("measured", points, Mark::Points).svg());
     check.remark = "Slopes of few grains: the line through their surface scatters by some degrees, and a slope that \
                     slides ends below the angle at which it began to."
@@ -249,7 +250,7 @@ pub fn silo(size: &Size) -> ballast::Result<Check> {
     check.findings.push(Finding::between(name, added, [-0.2, 0.2]));
     let weight = points.iter().map(|p| [p[0], p[0]]).collect();
     let chart = Chart::new("Load on the floor of a silo", "weight of the fill (N)", "load (N)")
-        .from_zero()
+        .starting_at_zero()
         .with("measured", points, Mark::Points)
         .with("without walls", weight, Mark::Expected);
     check.charts.push(chart.svg());
