@@ -5,6 +5,7 @@
 
 mod mounted;
 mod speed_limit;
+mod tumbling;
 
 pub use mounted::Response;
 pub(crate) use mounted::only;
@@ -16,6 +17,7 @@ use crate::math::{Quat, Vec3, rotation};
 use crate::model::Model;
 use crate::state::State;
 use rayon::prelude::*;
+use tumbling::free_spin;
 
 /// Prediction of a step; arrays over all bodies, grains first `[nb]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -95,11 +97,8 @@ impl Motion {
                 *x = state.position[i] + state.velocity[i] * before;
                 *q = rotation::advance(&state.orientation[i], &(spin * before));
                 *v = state.velocity[i] + model.gravity * h;
-                // J_m⁻¹ h (−w × J_m w), in the principal frame where J is diagonal.
-                let inertia = model.grains.inertia[i];
-                let body_spin = q.inverse() * spin;
-                let torque = -body_spin.cross(&body_spin.component_mul(&inertia));
-                *w = spin + *q * (torque.component_div(&inertia) * h);
+                let inertia = &model.grains.inertia[i];
+                *w = free_spin(inertia, &state.orientation[i], q, &spin, &model.stepping);
             });
     }
 

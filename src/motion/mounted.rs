@@ -5,6 +5,7 @@
 //! Any other one has up to three degrees of freedom, which take the place of the grain's whitened spin.
 
 use super::Motion;
+use super::tumbling::free_spin;
 use crate::drive::Load;
 use crate::error::{Error, Result};
 use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
@@ -211,17 +212,29 @@ impl Body<'_> {
         }
     }
 
+    /// Angular momentum about the centre of mass that the body would have without springs and loads.
+    fn own_momentum(&self, q: &Quat) -> Vec3 {
+        let inertia = &self.mount.inertia;
+        let own = |w: &Vec3| q * (q.inverse() * w).component_mul(inertia);
+        if self.mount.rotations().iter().any(|m| m.is_held()) {
+            // What holds it takes the rest of the gyroscopic term.
+            let momentum = own(&self.spin);
+            return momentum - self.spin.cross(&momentum) * self.h();
+        }
+        own(&free_spin(inertia, &self.start.orientation, q, &self.spin, self.stepping))
+    }
+
     /// What momentum and angular momentum about the reference point would be at the end of the step, but for
-    /// what springs and dampers add by the velocity of the end: of a body with the velocity `v` at its start.
-    fn momenta(&self, middle: &Pose, v: &Vec3, d: &Vec3, inertia: &Mat3) -> [Vec3; 2] {
-        let (m, w, h) = (self.mount.mass, self.spin, self.h());
+    /// what springs and dampers add by the velocity of the end: of a body with the velocity `v` at its start,
+    /// whose centre of mass is at `d` from the reference point.
+    fn momenta(&self, middle: &Pose, v: &Vec3, d: &Vec3) -> [Vec3; 2] {
+        let (w, q) = (self.spin, &middle.orientation);
         let [load, torque] = self.loads(d);
         let around = w.cross(d);
+        let carried = (v + around - w.cross(&around) * self.h()) * self.mount.mass;
         [
-            (v + around - w.cross(&around) * h) * m + self.pull(&middle.position) + load,
-            d.cross(v) * m + inertia * w - w.cross(&(inertia * w)) * h
-                + self.twist_pull(&middle.orientation)
-                + torque,
+            carried + self.pull(&middle.position) + load,
+            d.cross(&carried) + self.own_momentum(q) + self.twist_pull(q) + torque,
         ]
     }
 
@@ -231,7 +244,7 @@ impl Body<'_> {
         let (d, inertia) = self.inertia(&middle.orientation);
         let m = mount.mass;
         let mass = m + mount.freedoms[0].added_inertia(self.stepping);
-        let [momentum, angular] = self.momenta(middle, &self.velocity, &d, &inertia);
+        let [momentum, angular] = self.momenta(middle, &self.velocity, &d);
         // The mass counts at 1 m.
         let stiff = HELD * (inertia.trace() + m);
         let modes = mount.rotations();
@@ -259,7 +272,7 @@ impl Body<'_> {
         let (mount, m) = (self.mount, self.mount.mass);
         let (d, inertia) = self.inertia(&middle.orientation);
         let held = self.held_velocity();
-        let [momentum, angular] = self.momenta(middle, &(self.velocity - held), &d, &inertia);
+        let [momentum, angular] = self.momenta(middle, &(self.velocity - held), &d);
         // Unit twists of the degrees of freedom: velocity and spin. One that is not there has none, and
         // an inertia of 1.
         let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
