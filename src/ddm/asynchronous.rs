@@ -87,14 +87,13 @@ fn iterate_with(
         if tests.into_inner().unwrap_or_else(PoisonError::into_inner).diverged {
             return None;
         }
-        let (iterations, visits) = decomposition.visited(&free);
+        let iterations = decomposition.begun();
         decomposition.settle();
         solver.relaxation = f64::from_bits(relaxation.into_inner());
         let pass = if iterations < free.iterations { 1 } else { closing };
         outcome = synchronous::iterate(decomposition, &Solver { iterations: pass, ..solver });
         solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
         outcome.iterations += before.iterations + iterations;
-        outcome.visits += before.visits + visits;
         if outcome.converged || solver.iterations == 0 {
             return Some(outcome);
         }

@@ -33,13 +33,14 @@ impl Set {
         self.boundary.clear();
     }
 
-    /// Sweeps `n` times; the last sweep is measured if asked.
+    /// Sweeps `n` times over what carries; the last sweep is over all and measured, if asked.
     pub fn sweeps(&mut self, n: u32, relaxation: f64, measured: bool) {
         for sweep in 1..=n {
             if measured && sweep == n {
                 self.norms = self.contacts.measured_sweep(relaxation);
+                self.contacts.wake();
             } else {
-                self.contacts.sweep(relaxation);
+                self.contacts.sweep_awake(relaxation);
             }
         }
     }
@@ -167,23 +168,14 @@ impl Decomposition {
         if s < self.subdomains.len() { solver.subdomain_sweeps } else { solver.interface_sweeps }
     }
 
-    /// Iterations begun, and contact visits made, since the velocities were split into parts.
-    pub(super) fn visited(&self, solver: &Solver) -> (u32, u64) {
-        let mut sum = (0, 0);
-        for s in 0..self.sets() {
-            let (visits, contacts) =
-                self.with_set(s, |set| (set.visits, set.contacts.contact_count()));
-            sum.0 = visits.max(sum.0);
-            sum.1 += u64::from(visits) * u64::from(self.sweeps(s, solver)) * contacts as u64;
-        }
-        sum
+    /// Iterations begun since the velocities were split into parts.
+    pub(super) fn begun(&self) -> u32 {
+        (0..self.sets()).map(|s| self.with_set(s, |set| set.visits)).max().unwrap_or(0)
     }
 
-    /// Contact visits of one DDM iteration.
-    pub(super) fn visits(&self, solver: &Solver) -> u64 {
-        let inside = self.partition.contacts.items.len() as u64;
-        let between = self.partition.interface.contacts.items.len() as u64;
-        inside * u64::from(solver.subdomain_sweeps) + between * u64::from(solver.interface_sweeps)
+    /// Contact visits since the contacts were packed.
+    pub(super) fn visits(&self) -> u64 {
+        (0..self.sets()).map(|s| self.with_set(s, |set| set.contacts.visits())).sum()
     }
 
     /// Norms of the last measured sweeps, summed in the order of the sets.

@@ -8,7 +8,6 @@ use crate::model::{Norm, Solver};
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
     let mut softening = Softening::new(solver.relaxation);
-    let visits_per_iteration = decomposition.visits(solver);
     let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
     for done in 1..=solver.iterations {
         let measured = is_test(solver, done);
@@ -17,7 +16,6 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
             .on_subdomains(|set| set.sweeps(solver.subdomain_sweeps, relaxation, measured));
         decomposition.on_interface(|set| set.sweeps(solver.interface_sweeps, relaxation, measured));
         outcome.iterations = done;
-        outcome.visits += visits_per_iteration;
         if measured {
             outcome.residuals = decomposition.visit_norms().residuals();
             if solver.norm == Norm::NaturalMap {
@@ -31,5 +29,6 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
         }
     }
     outcome.residuals.natural_map = decomposition.natural_map();
+    outcome.visits = decomposition.visits();
     outcome
 }

@@ -1,5 +1,6 @@
 //! One contact: rounded frame, arms and Delassus block.
 
+use super::Line;
 use crate::math::{Mat3, Vec3, frame};
 
 /// What a contact needs of one of its mobile bodies.
@@ -48,6 +49,8 @@ pub struct LocalContact {
     pub offset: Vec3,
     /// Impulse on the candidate, N s.
     pub impulse: Vec3,
+    /// Whether it starts with an impulse, or what moves the grains before the solve all but closes it.
+    pub likely: bool,
 }
 
 impl LocalContact {
@@ -85,6 +88,7 @@ impl LocalContact {
             friction: 0.0,
             offset: Vec3::zeros(),
             impulse: Vec3::zeros(),
+            likely: false,
         };
         let inverse_mass = candidate.inverse_mass + antagonist.map_or(0.0, |a| a.inverse_mass);
         let w = contact.delassus(inverse_mass);
@@ -112,6 +116,17 @@ impl LocalContact {
     pub fn world(&self, components: &Vec3) -> Vec3 {
         let [n, t, s] = self.axes();
         n * components.x + t * components.y + s * components.z
+    }
+
+    /// Normal velocity of the bodies that have a line, m/s: without the offset.
+    pub fn normal_velocity(&self, lines: &[Line]) -> f64 {
+        let normal = widen(&self.normal);
+        let along = |body: u32, arms: &[[f32; 3]; 3]| {
+            lines.get(body as usize).map_or(0.0, |line| {
+                normal.dot(&line.velocity()) + widen(&arms[0]).dot(&line.whitened_spin())
+            })
+        };
+        along(self.bodies[0], &self.candidate_arms) - along(self.bodies[1], &self.antagonist_arms)
     }
 
     /// Delassus block as the kernels know it: rounded, [`LocalContact::delassus`] to about 1e-7.

@@ -50,6 +50,8 @@ impl LocalProblem {
         self.build_lines(model, motion);
         let (ng, mobile) = (model.grains.len(), self.lines.len());
         let h = model.stepping.h();
+        // What weight adds to a velocity in a step: an impulse next to the contact may bring as much.
+        let nearly = model.gravity.norm() * h;
         let (lines, whitening, responses) = (&self.lines, &self.whitening, &self.responses);
         (0..contacts.len())
             .into_par_iter()
@@ -103,6 +105,8 @@ impl LocalProblem {
                 if let Some(world) = warm.get(i) {
                     contact.impulse = contact.components(world);
                 }
+                let approach = contact.offset.x + contact.normal_velocity(lines);
+                contact.likely = contact.impulse.x > 0.0 || approach < nearly;
                 contact
             })
             .collect_into_vec(&mut self.contacts);

@@ -166,7 +166,7 @@ pub struct Solver {
     /// Stop when `norm` is below this; `None` runs all iterations.
     pub tolerance: Option<f64>,
     pub norm: Norm,
-    /// DDM iterations between two convergence tests.
+    /// DDM iterations between two convergence tests; those between leave open contacts out (T-12).
     pub check_every: u32,
     /// Relaxation of each visit, 0 to 1 exclusive of 0: `r += relaxation (r⁺ - r)`.
     pub relaxation: f64,

@@ -20,6 +20,10 @@ pub struct ContactSet {
     /// Contacts of the problem lane by lane, in the order of the sweep; padding between.
     order: Vec<u32>,
     contact_count: usize,
+    /// Contacts in blocks that are awake; all while nobody has looked.
+    awake_count: Option<usize>,
+    /// Visits since the contacts were packed.
+    visits: u64,
     singles: Packing,
     pairs: Packing,
     /// The caller's contacts split in two kinds.
@@ -35,6 +39,8 @@ impl Default for ContactSet {
             blocks: Blocks::default(),
             order: Vec::new(),
             contact_count: 0,
+            awake_count: None,
+            visits: 0,
             singles: Packing::default(),
             pairs: Packing::default(),
             single_contacts: Vec::new(),
@@ -55,18 +61,23 @@ impl ContactSet {
         line: impl Fn(u32) -> u32,
     ) {
         self.contact_count = contacts.len();
+        self.awake_count = None;
+        self.visits = 0;
         self.lines.clear();
         self.lines.resize(line_count + 1, Line::default());
         self.blocks.reset(line_count);
         self.single_contacts.clear();
         self.pair_contacts.clear();
-        for &i in contacts {
-            let kind = if problem.is_single(i as usize) {
-                &mut self.single_contacts
-            } else {
-                &mut self.pair_contacts
-            };
-            kind.push(i);
+        // Those that are likely to carry first: blocks in which nothing does need no visit.
+        for likely in [true, false] {
+            for &i in contacts.iter().filter(|&&i| problem.contacts[i as usize].likely == likely) {
+                let kind = if problem.is_single(i as usize) {
+                    &mut self.single_contacts
+                } else {
+                    &mut self.pair_contacts
+                };
+                kind.push(i);
+            }
         }
         let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
         let list = &self.single_contacts;
@@ -130,13 +141,44 @@ impl ContactSet {
         self.blocks.apply_impulses(self.arithmetic, &mut self.lines);
     }
 
+    /// Visits since the contacts were packed.
+    pub fn visits(&self) -> u64 {
+        self.visits
+    }
+
     /// Visits every contact once; `r += relaxation (r⁺ - r)`.
     pub fn sweep(&mut self, relaxation: f64) {
+        self.visits += self.contact_count as u64;
         self.blocks.sweep(self.arithmetic, &mut self.lines, relaxation);
+    }
+
+    /// Visits the contacts that carried an impulse when [`ContactSet::wake`] looked, and those that share
+    /// their blocks.
+    ///
+    /// A visit does not change an open contact that stays open: leaving it out is exact. One that would close
+    /// waits for the next sweep over all.
+    pub fn sweep_awake(&mut self, relaxation: f64) {
+        let Some(count) = self.awake_count else {
+            self.sweep(relaxation);
+            return self.wake();
+        };
+        self.visits += count as u64;
+        self.blocks.sweep_awake(self.arithmetic, &mut self.lines, relaxation);
+    }
+
+    /// Looks which contacts carry an impulse.
+    pub fn wake(&mut self) {
+        self.blocks.wake();
+        let contacts = |block: usize| {
+            let lanes = &self.order[block * LANES..][..LANES];
+            lanes.iter().filter(|&&i| i != PADDING).count()
+        };
+        self.awake_count = Some(self.blocks.awake().map(contacts).sum());
     }
 
     /// [`ContactSet::sweep`] with the same bits, and the norms of its visits.
     pub fn measured_sweep(&mut self, relaxation: f64) -> VisitNorms {
+        self.visits += self.contact_count as u64;
         let norms = self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation);
         let speed_squared = self.lines.iter().map(Line::speed_squared).fold(0.0, f64::max);
         VisitNorms { speed_squared, ..norms }

@@ -171,7 +171,9 @@ fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
             let (solved, runs) = case.play(&[], threads, number);
             let place = format!("{threads} {number}: {:?}", solved.outcome);
             assert_eq!((solved.outcome.iterations, runs), (100, 1), "{place}");
-            assert_eq!(solved.outcome.visits, expected.visits, "{place}");
+            // Which contacts rest between the tests depends on the order of the visits.
+            let (found, synchronous) = (solved.outcome.visits, expected.visits);
+            assert!(5 * found.abs_diff(synchronous) < synchronous, "{place}: {synchronous}");
             assert!(solved.outcome.residuals.qm16() < 2.0 * expected.residuals.qm16(), "{place}");
             assert!(
                 solved.outcome.residuals.natural_map < 2.0 * expected.residuals.natural_map,

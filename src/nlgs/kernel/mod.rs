@@ -22,10 +22,10 @@ pub(super) use lanes::each;
 #[cfg(test)]
 pub use portable::Portable as PortableLanes;
 
-use super::block::{PairBlock, SingleBlock};
+use super::block::{PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::local_problem::{Line, LocalContact};
-use passes::{Apply, MeasuredSweep, NaturalMap, Pass, PlainSweep, Sweep};
+use passes::{Apply, Every, MeasuredSweep, NaturalMap, Pass, PlainSweep, Sweep};
 use portable::Portable;
 
 /// Which instructions compute; the bits are the same.
@@ -103,6 +103,8 @@ unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
 pub struct Blocks {
     singles: Vec<SingleBlock>,
     pairs: Vec<PairBlock>,
+    /// Singles and pairs of which a contact carried an impulse when [`Blocks::wake`] looked.
+    awake: [Vec<u32>; 2],
     /// Lines of grains; the spare line of padding comes after them.
     line_count: u32,
 }
@@ -113,6 +115,7 @@ impl Blocks {
         assert!(line_count < u32::MAX as usize, "more lines than indices");
         self.singles.clear();
         self.pairs.clear();
+        self.awake.iter_mut().for_each(Vec::clear);
         self.line_count = line_count as u32;
     }
 
@@ -164,9 +167,10 @@ impl Blocks {
         assert!(found >= needed, "{found} lines, {needed} needed");
     }
 
-    fn as_sweep<'a>(&'a mut self, lines: &'a mut [Line], relaxation: f64) -> Sweep<'a> {
+    fn as_sweep<'a>(&'a mut self, lines: &'a mut [Line], relaxation: f64) -> Sweep<'a, Every> {
         self.check_lines(lines);
-        Sweep { singles: &mut self.singles, pairs: &mut self.pairs, lines, relaxation }
+        let (singles, pairs) = (&mut self.singles, &mut self.pairs);
+        Sweep { singles, pairs, choice: [Every, Every], lines, relaxation }
     }
 
     /// Visits every contact once.
@@ -174,6 +178,35 @@ impl Blocks {
         let pass = PlainSweep(self.as_sweep(lines, relaxation));
         // SAFETY: indices were checked by `push_*`, lines by `as_sweep`.
         unsafe { run(arithmetic, pass) }
+    }
+
+    /// Visits the contacts of the blocks that are awake.
+    pub fn sweep_awake(&mut self, arithmetic: Arithmetic, lines: &mut [Line], relaxation: f64) {
+        self.check_lines(lines);
+        let (singles, pairs) = (&mut self.singles, &mut self.pairs);
+        let choice = self.awake.each_ref().map(Vec::as_slice);
+        let pass = PlainSweep(Sweep { singles, pairs, choice, lines, relaxation });
+        // SAFETY: indices were checked by `push_*`, lines above.
+        unsafe { run(arithmetic, pass) }
+    }
+
+    /// Looks which blocks carry an impulse: these are awake until the next time.
+    pub fn wake(&mut self) {
+        fn look<'b>(awake: &mut Vec<u32>, normal: impl Iterator<Item = &'b Row64>) {
+            let carries = |row: &Row64| row.iter().any(|&r| r != 0.0);
+            awake.clear();
+            awake.extend((0u32..).zip(normal).filter(|(_, row)| carries(row)).map(|(i, _)| i));
+        }
+        let [singles, pairs] = &mut self.awake;
+        look(singles, self.singles.iter().map(|b| &b.impulse[0]));
+        look(pairs, self.pairs.iter().map(|b| &b.impulse[0]));
+    }
+
+    /// The blocks that are awake, numbered in the order of a sweep.
+    pub fn awake(&self) -> impl Iterator<Item = usize> + '_ {
+        let before = self.singles.len();
+        let [singles, pairs] = &self.awake;
+        singles.iter().map(|&i| i as usize).chain(pairs.iter().map(move |&i| before + i as usize))
     }
 
     /// The same visits with the same bits, and their norms.

@@ -87,16 +87,49 @@ impl<L: Lanes> Record<L> for Sums<L> {
 /// whose end the processor's own prefetching stops: a quarter to a half is gained out of cache.
 const AHEAD: usize = 6;
 
+/// The blocks that a sweep visits, in ascending order.
+pub trait Choice {
+    fn count(&self, all: usize) -> usize;
+    /// The `k`-th of them; any number if `k` is too large.
+    fn block(&self, k: usize) -> usize;
+}
+
+/// All blocks.
+pub struct Every;
+
+impl Choice for Every {
+    #[inline(always)]
+    fn count(&self, all: usize) -> usize {
+        all
+    }
+    #[inline(always)]
+    fn block(&self, k: usize) -> usize {
+        k
+    }
+}
+
+impl Choice for &[u32] {
+    #[inline(always)]
+    fn count(&self, _: usize) -> usize {
+        self.len()
+    }
+    #[inline(always)]
+    fn block(&self, k: usize) -> usize {
+        self.get(k).map_or(0, |&i| i as usize)
+    }
+}
+
 #[inline(always)]
 unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
     blocks: &mut [B],
+    choice: impl Choice,
     lines: &mut [Line],
     relaxation: L,
     record: &mut R,
 ) {
-    for i in 0..blocks.len() {
-        L::prefetch(blocks.as_ptr().wrapping_add(i + AHEAD));
-        let block = &mut blocks[i];
+    for k in 0..choice.count(blocks.len()) {
+        L::prefetch(blocks.as_ptr().wrapping_add(choice.block(k + AHEAD)));
+        let block = &mut blocks[choice.block(k)];
         // SAFETY: the caller's.
         let (held, u) = unsafe { block.read::<L>(lines) };
         let law = Law::load(block.law());
@@ -114,30 +147,33 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
     }
 }
 
-pub struct Sweep<'a> {
+pub struct Sweep<'a, C> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
+    /// Which of the singles and which of the pairs.
+    pub choice: [C; 2],
     pub lines: &'a mut [Line],
     pub relaxation: f64,
 }
 
-impl Sweep<'_> {
+impl<C: Choice> Sweep<'_, C> {
     #[inline(always)]
     unsafe fn recorded<L: Lanes, R: Record<L>>(self) -> VisitNorms {
         let relaxation = L::splat(self.relaxation);
         let mut record = R::none();
+        let [singles, pairs] = self.choice;
         // SAFETY: the caller's.
         unsafe {
-            sweep_blocks(self.singles, self.lines, relaxation, &mut record);
-            sweep_blocks(self.pairs, self.lines, relaxation, &mut record);
+            sweep_blocks(self.singles, singles, self.lines, relaxation, &mut record);
+            sweep_blocks(self.pairs, pairs, self.lines, relaxation, &mut record);
         }
         record.sums()
     }
 }
 
-pub struct PlainSweep<'a>(pub Sweep<'a>);
+pub struct PlainSweep<'a, C>(pub Sweep<'a, C>);
 
-impl Pass for PlainSweep<'_> {
+impl<C: Choice> Pass for PlainSweep<'_, C> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -146,7 +182,7 @@ impl Pass for PlainSweep<'_> {
     }
 }
 
-pub struct MeasuredSweep<'a>(pub Sweep<'a>);
+pub struct MeasuredSweep<'a>(pub Sweep<'a, Every>);
 
 impl Pass for MeasuredSweep<'_> {
     type Output = VisitNorms;

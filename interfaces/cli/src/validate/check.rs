@@ -60,6 +60,17 @@ impl Finding {
         }
     }
 
+    /// Whether something goes as it should.
+    pub fn trend(quantity: &str, holds: bool) -> Self {
+        Self {
+            quantity: format!("{quantity} (1: yes)"),
+            measured: f64::from(u8::from(holds)),
+            expected: "1".into(),
+            tolerance: "trend".into(),
+            verdict: Verdict::of(holds),
+        }
+    }
+
     /// A figure with nothing to compare with, or with something that decides nothing.
     pub fn told(quantity: impl Into<String>, measured: f64, expected: impl Into<String>) -> Self {
         Self {

@@ -2,16 +2,12 @@
 
 use super::check::{Check, Finding};
 use super::size::Size;
-use super::world::{World, hang, random};
+use super::world::{D, FALL, World, hang, random};
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::Vec3;
 use ballast::observe::{self, Zone};
 
-/// Nominal diameter of the dice, m.
-const D: f64 = 0.04;
-/// Speed that settling dice reach, m/s.
-const FALL: f64 = 0.8;
 /// Friction of plastic dice.
 const FRICTION: f64 = 0.4;
 /// Name and published solid fraction of loose packings.

@@ -1,17 +1,12 @@
 //! Heaps of ballast grains: column collapse, angle of repose, silo.
 
-use super::check::{Check, Finding, Verdict};
+use super::check::{Check, Finding};
 use super::size::Size;
-use super::world::{World, hang, random};
+use super::world::{D, FALL, World, hang, random};
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{GrainShape, random_grain};
 use ballast::math::{Pose, Vec3};
 use std::f64::consts::TAU;
-
-/// Nominal diameter of the grains, m.
-const D: f64 = 0.04;
-/// Speed that settling grains reach, m/s.
-const FALL: f64 = 0.8;
 
 /// A world with ballast grains hung over a box or what `inside` allows of it.
 fn grains(
@@ -57,13 +52,7 @@ pub fn collapse(size: &Size) -> ballast::Result<Check> {
     }
     let rises = points.windows(2).all(|p| p[1][1] > p[0][1]);
     let slope = (points[1][1] - 1.0) / points[1][0];
-    check.findings.push(Finding {
-        quantity: "runout rises with the aspect ratio (1: yes)".into(),
-        measured: f64::from(u8::from(rises)),
-        expected: "1".into(),
-        tolerance: "trend".into(),
-        verdict: Verdict::of(rises),
-    });
+    check.findings.push(Finding::trend("runout rises with the aspect ratio", rises));
     let name = format!("coefficient (r/r0 − 1)/a at a = {:.2}", points[1][0]);
     let known = (law(points[1][0]) - 1.0) / points[1][0];
     check.findings.push(Finding::told(name, slope, format!("{known:.2}")));
@@ -136,13 +125,7 @@ pub fn repose(size: &Size) -> ballast::Result<Check> {
         }
     }
     let rises = points[points.len() - 1][1] > points[0][1];
-    check.findings.push(Finding {
-        quantity: "rises from the least to the largest friction (1: yes)".into(),
-        measured: f64::from(u8::from(rises)),
-        expected: "1".into(),
-        tolerance: "trend".into(),
-        verdict: Verdict::of(rises),
-    });
+    check.findings.push(Finding::trend("rises from the least to the largest friction", rises));
     let chart =
         Chart::new("Angle of repose", "friction between grains", "angle (°)").starting_at_zero();
     check.charts.push(chart.with("measured", points, Mark::Points).svg());
@@ -238,13 +221,7 @@ pub fn silo(size: &Size) -> ballast::Result<Check> {
         ));
     }
     let falls = points.windows(2).all(|p| share(&p[1]) < share(&p[0]));
-    check.findings.push(Finding {
-        quantity: "the share falls with the fill (1: yes)".into(),
-        measured: f64::from(u8::from(falls)),
-        expected: "1".into(),
-        tolerance: "trend".into(),
-        verdict: Verdict::of(falls),
-    });
+    check.findings.push(Finding::trend("the share falls with the fill", falls));
     let added = (last[1] - before[1]) / (last[0] - before[0]);
     let name = "share of the last addition that reaches the floor";
     check.findings.push(Finding::between(name, added, [-0.2, 0.2]));

@@ -14,6 +14,10 @@ use rand_pcg::Pcg64;
 
 pub const GRAVITY: f64 = 9.81;
 const DENSITY: f64 = 2700.0;
+/// Nominal diameter of grains, m.
+pub const D: f64 = 0.04;
+/// Speed that grains reach while they settle, m/s.
+pub const FALL: f64 = 0.8;
 
 /// A model that is stepped, and where its driven bodies are told to be.
 pub struct World {

@@ -79,7 +79,7 @@ pub struct Solver {
     pub tolerance: Option<f64>,
     /// Which residual `tolerance` bounds.
     pub norm: Norm,
-    /// DDM iterations between two convergence tests.
+    /// DDM iterations between two convergence tests; those between leave open contacts out.
     #[schemars(with = "Count")]
     pub check_every: u32,
     /// Relaxation of each contact visit.

@@ -38,6 +38,15 @@ impl Stranger {
         self.session.liveliness().declare_token(self.keys.owner(client)).wait().unwrap()
     }
 
+    /// Becomes the owner: its token, its ticket, the run's id.
+    fn attach(&self) -> (zenoh::liveliness::LivelinessToken, String, String) {
+        let token = self.come_alive("raw");
+        let attached = self.ask("attach", br#"{"client":"raw"}"#, None).unwrap();
+        let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
+        let text = |key: &str| attached[key].as_str().unwrap().to_string();
+        (token, text("ticket"), text("run_id"))
+    }
+
     /// A sample of motion, without a ticket and with one that is none.
     pub fn put_motion(&self, body: &str, knot: &Knot) {
         for ticket in ["", "0123456789abcdef0123456789abcdef"] {
@@ -103,12 +112,9 @@ fn random_bytes_are_refused_and_change_nothing() {
 fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     let served = Served::new();
     let stranger = Stranger::at(&served.link());
-    let token = stranger.session.liveliness().declare_token(stranger.keys.owner("raw")).wait();
-    let attached = stranger.ask("attach", br#"{"client":"raw"}"#, None).unwrap();
-    let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
-    let ticket = attached["ticket"].as_str().unwrap();
+    let (_token, ticket, run_id) = stranger.attach();
     let request = AdvanceRequest {
-        run_id: attached["run_id"].as_str().unwrap().into(),
+        run_id,
         seq: 1,
         t1_ns: WINDOW as i64,
         motions: shaking(0, WINDOW),
@@ -125,7 +131,7 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
             bytes[at] = (random.next() * 256.0) as u8;
         }
         bytes.truncate(1 + (random.next() * (bytes.len() - 1) as f64) as usize);
-        match stranger.ask_as("advance", &bytes, Some(ticket), cdr()) {
+        match stranger.ask_as("advance", &bytes, Some(&ticket), cdr()) {
             Ok(_) => panic!("{bytes:?} was computed"),
             Err(fault) => {
                 assert_ne!(fault.message, "no answer", "{bytes:?}");
@@ -141,25 +147,24 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     let count = huge.iter().zip(&one.unwrap()).position(|(a, b)| a != b).unwrap();
     for k in 0..times(5) as u32 {
         huge[count..count + 4].copy_from_slice(&((1u32 << 31) + k).to_le_bytes());
-        let fault = stranger.ask_as("advance", &huge, Some(ticket), cdr()).unwrap_err();
+        let fault = stranger.ask_as("advance", &huge, Some(&ticket), cdr()).unwrap_err();
         assert!(fault.code == Code::Malformed && fault.message.contains("motions"), "{fault}");
     }
     // Endless, deep.
     let endless = vec![b' '; LARGEST_MESSAGE + 1];
-    let fault = stranger.ask("advance", &endless, Some(ticket)).unwrap_err();
+    let fault = stranger.ask("advance", &endless, Some(&ticket)).unwrap_err();
     assert_eq!(fault.code, Code::TooLarge, "{fault}");
     let deep = "[".repeat(1 << 20);
     for verb in ["advance", "save"] {
-        let fault = stranger.ask(verb, deep.as_bytes(), Some(ticket)).unwrap_err();
+        let fault = stranger.ask(verb, deep.as_bytes(), Some(&ticket)).unwrap_err();
         assert!(matches!(fault.code, Code::Malformed | Code::TooLarge), "{fault}");
     }
     // After all this the good one is computed, in either encoding.
     let text = ballast_protocol::to_json(&request).unwrap();
-    let reply = stranger.ask("advance", text.as_bytes(), Some(ticket)).unwrap();
+    let reply = stranger.ask("advance", text.as_bytes(), Some(&ticket)).unwrap();
     let reply: serde_json::Value = serde_json::from_slice(&reply).unwrap();
     assert_eq!(reply["hash"].as_str(), Some(&undisturbed(1)[0][..]));
-    stranger.ask_as("advance", &good, Some(ticket), cdr()).unwrap();
-    drop(token);
+    stranger.ask_as("advance", &good, Some(&ticket), cdr()).unwrap();
     assert_eq!(served.stop().answered_count(), 1);
 }
 
@@ -215,14 +220,11 @@ fn a_flood_of_requests_is_refused_and_holds_nobody_up() {
 fn an_owner_that_floods_is_refused_what_does_not_fit() {
     let served = Served::new();
     let stranger = Stranger::at(&served.link());
-    let token = stranger.session.liveliness().declare_token(stranger.keys.owner("raw")).wait();
-    let attached = stranger.ask("attach", br#"{"client":"raw"}"#, None).unwrap();
-    let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
-    let ticket = attached["ticket"].as_str().unwrap();
+    let (_token, ticket, run_id) = stranger.attach();
     // A window that takes a while, and behind it a thousand requests.
     let long = 500 * WINDOW;
     let request = AdvanceRequest {
-        run_id: attached["run_id"].as_str().unwrap().into(),
+        run_id,
         seq: 1,
         t1_ns: long as i64,
         motions: shaking(0, long),
@@ -232,7 +234,7 @@ fn an_owner_that_floods_is_refused_what_does_not_fit() {
     let ask = |verb: &str, payload: Vec<u8>| {
         let sender = sender.clone();
         let get = stranger.session.get(stranger.keys.control(verb)).payload(payload);
-        let get = get.attachment(ticket).timeout(Duration::from_secs(120));
+        let get = get.attachment(&ticket).timeout(Duration::from_secs(120));
         let get = get.callback(move |reply| {
             let fault = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
             let _ = sender.send(fault);
@@ -254,7 +256,6 @@ fn an_owner_that_floods_is_refused_what_does_not_fit() {
         }
     }
     assert!(refused > 800, "{refused}");
-    drop(token);
 }
 
 #[test]
