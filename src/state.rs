@@ -175,6 +175,20 @@ impl State {
 }
 
 impl ContactMemory {
+    /// Gives driven bodies other numbers.
+    pub fn renumber(&mut self, number: impl Fn(usize) -> usize) {
+        for [_, antagonist] in &mut self.bodies {
+            *antagonist = number(*antagonist as usize) as u32;
+        }
+        let mut order: Vec<usize> = (0..self.bodies.len()).collect();
+        // Stable: points of a pair stay in their order.
+        order.sort_by_key(|&i| self.bodies[i]);
+        self.bodies = order.iter().map(|&i| self.bodies[i]).collect();
+        self.feature = order.iter().map(|&i| self.feature[i]).collect();
+        self.local_point = order.iter().map(|&i| self.local_point[i]).collect();
+        self.impulse = order.iter().map(|&i| self.impulse[i]).collect();
+    }
+
     fn check(&self, model: &Model) -> Result<()> {
         let nc = self.bodies.len();
         let lengths = [self.feature.len(), self.local_point.len(), self.impulse.len()];

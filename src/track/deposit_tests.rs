@@ -1,6 +1,9 @@
 use super::*;
-use crate::track::scene;
+use crate::drive::Inputs;
+use crate::model::Freedom;
+use crate::step::step;
 use crate::track::test_plan::small_plan;
+use crate::track::{scene, sleeper_mount};
 
 /// A bed of some hundred grains: a few seconds of preparation.
 fn tiny() -> Plan {
@@ -80,6 +83,42 @@ fn a_scene_is_the_bed_with_the_tines_clear_above_it() {
     assert_eq!(state.position[n + 6].z, 0.1 + 0.03 + 0.07, "fill level, clearance, blade");
     assert_eq!(state.contacts, bed.state.contacts, "numbers of what was there stay");
     assert!(state.energy.initial_potential > 0.0);
+}
+
+#[test]
+fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
+    let mut plan = tiny();
+    plan.tamping = None;
+    plan.tines.clear();
+    let bed = prepared(&plan);
+    let mut freedoms = [Freedom::Held; 6];
+    freedoms[2] = Freedom::Loaded;
+    let sleeper = &mut plan.sleepers[0];
+    sleeper.mount = Some(sleeper_mount(&sleeper.blocks, Some(40.0), freedoms));
+    let (model, mut state) = scene(&plan, bed.clone()).unwrap();
+    model.check().unwrap();
+    state.check(&model).unwrap();
+    assert_eq!(model.driven_index("sleeper"), Some(0), "before all that are not mounted");
+    assert_eq!(model.driven.len(), bed.model.driven.len());
+    assert_eq!(state.contacts.bodies.len(), bed.state.contacts.bodies.len());
+    let start = state.pose(model.grains.len());
+    assert_eq!(start.position, Vec3::new(0.13, 0.1, 0.06));
+    let targets: Vec<Pose> = (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
+    let mut workspace = Workspace::default();
+    let (steps, mut carried) = (1200, 0.0);
+    for k in 0..steps {
+        let inputs = Inputs { targets: &targets, loads: &[] };
+        let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).unwrap();
+        if k >= steps / 2 {
+            carried += report.reactions[0].impulse.z;
+        }
+    }
+    let end = state.pose(model.grains.len());
+    let sunk = start.position.z - end.position.z;
+    assert!((0.0..0.01).contains(&sunk), "sank by {sunk} m");
+    assert_eq!((end.position.x, end.orientation), (start.position.x, start.orientation));
+    let weight = 40.0 * 9.81 * 0.5 * f64::from(steps) * model.stepping.h();
+    assert!((carried / weight - 1.0).abs() < 0.02, "{carried} of {weight} N s");
 }
 
 #[test]

@@ -24,6 +24,7 @@ pub use deposit::{Bed, deposit};
 pub use machine_control::TinePair;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
+pub use sleeper::sleeper_mount;
 pub use squeeze::squeezes;
 pub use tamping_cycle::{TampingCycle, TampingPhase, TinePath};
 pub use tine::steel_cantilever;

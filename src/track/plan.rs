@@ -103,6 +103,8 @@ pub struct SleeperPlan {
     pub blocks: Vec<BlockPlan>,
     /// Whether the tamping cycle lifts it.
     pub tamped: bool,
+    /// How contacts move it in the run; `None`: not at all. It stands still while the bed is prepared.
+    pub mount: Option<Mount>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

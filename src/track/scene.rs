@@ -8,7 +8,7 @@ use super::tine::tine;
 use crate::error::{Error, Result};
 use crate::integrate;
 use crate::math::{Pose, Vec3};
-use crate::model::{DrivenBody, Model, Role};
+use crate::model::{DrivenBody, Model, Mount, Role};
 use crate::state::State;
 use crate::track::plan::{Plan, SleeperPlan, TinePlan};
 
@@ -20,7 +20,10 @@ use crate::track::plan::{Plan, SleeperPlan, TinePlan};
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     let Bed { mut model, mut state } = bed;
     for s in &plan.sleepers {
-        check_sleeper(plan, s, &model, &state)?;
+        let index = check_sleeper(plan, s, &model, &state)?;
+        if let Some(mount) = s.mount {
+            release(&mut model, &mut state, index, mount);
+        }
     }
     for t in &plan.tines {
         if model.driven_index(&t.name).is_some() {
@@ -42,6 +45,24 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     Ok((model, state))
 }
 
+/// Puts driven body `d`, which stands still, on a mount: behind the other mounted ones.
+fn release(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
+    let (first, ng) = (model.mounted(), model.grains.len());
+    model.driven[d].mount = Some(mount);
+    model.driven[first..=d].rotate_right(1);
+    let bodies = ng + first..=ng + d;
+    state.position[bodies.clone()].rotate_right(1);
+    state.orientation[bodies.clone()].rotate_right(1);
+    state.velocity[bodies.clone()].rotate_right(1);
+    state.spin[bodies.clone()].rotate_right(1);
+    state.mount.push(state.pose(ng + first));
+    state.contacts.renumber(|b| match b {
+        _ if !bodies.contains(&b) => b,
+        _ if b == ng + d => ng + first,
+        _ => b + 1,
+    });
+}
+
 /// Adds a driven body at rest: behind all others, or behind the other mounted ones.
 fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
     if body.mount.is_none() {
@@ -56,9 +77,7 @@ fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
     state.velocity.insert(b, Vec3::zeros());
     state.spin.insert(b, Vec3::zeros());
     state.mount.push(pose);
-    for [_, antagonist] in &mut state.contacts.bodies {
-        *antagonist += u32::from(*antagonist as usize >= b);
-    }
+    state.contacts.renumber(|other| other + usize::from(other >= b));
 }
 
 /// Gives the model what the plan says about the run.
@@ -107,7 +126,8 @@ fn check_clear(tine: &TinePlan, at: Vec3, model: &Model, state: &State) -> Resul
     })
 }
 
-fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<()> {
+/// The sleeper's place among the driven bodies.
+fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<usize> {
     let refused = |found: String| {
         Err(Error::Model {
             place: format!("sleeper {:?}", s.name),
@@ -123,5 +143,5 @@ fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> 
     if (found - expected).norm() > 1e-6 {
         return refused(format!("it stands at {}", found.transpose()));
     }
-    Ok(())
+    Ok(index)
 }

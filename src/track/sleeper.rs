@@ -7,8 +7,8 @@ use super::shape::{cuboid, solid};
 use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
-use crate::model::{DrivenBody, Role};
-use crate::track::plan::SleeperPlan;
+use crate::model::{DrivenBody, Freedom, Mount, Role};
+use crate::track::plan::{BlockPlan, SleeperPlan};
 
 /// The driven body of a sleeper; its shapes are appended to `shapes` unless they are there already.
 ///
@@ -35,10 +35,32 @@ pub fn sleeper(
     Ok(DrivenBody { name: plan.name.clone(), role: Role::Sleeper, friction, parts, mount: None })
 }
 
+/// Density of reinforced concrete, kg/m³.
+const CONCRETE: f64 = 2400.0;
+
+/// Mount of a sleeper whose blocks have one density, that of concrete if its mass (kg) is not given.
+///
+/// Moments of inertia are those about the body's axes: products of inertia, which blocks of different sizes
+/// have, are left out.
+pub fn sleeper_mount(blocks: &[BlockPlan], mass: Option<f64>, freedoms: [Freedom; 6]) -> Mount {
+    let volume: f64 = blocks.iter().map(|b| b.size.product()).sum();
+    let mass = mass.unwrap_or(CONCRETE * volume);
+    let shares = || blocks.iter().map(|b| (mass * b.size.product() / volume, b));
+    let middle = |b: &BlockPlan| Vec3::new(0.0, b.offset_y, 0.5 * b.size.z);
+    let centre = shares().map(|(m, b)| middle(b) * m).sum::<Vec3>() / mass;
+    let inertia = shares()
+        .map(|(m, b)| {
+            let (square, arm) = (b.size.component_mul(&b.size), middle(b) - centre);
+            let arm = arm.component_mul(&arm);
+            (Vec3::repeat(square.sum()) - square) * (m / 12.0) + (Vec3::repeat(arm.sum()) - arm) * m
+        })
+        .sum();
+    Mount { mass, inertia, centre, freedoms }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::track::plan::BlockPlan;
     use crate::track::shape::test_support::extent;
 
     #[test]
@@ -49,6 +71,7 @@ mod tests {
             centre: [0.3, 1.0],
             blocks: vec![BlockPlan { offset_y: -0.6, size }, BlockPlan { offset_y: 0.6, size }],
             tamped: true,
+            mount: None,
         };
         let mut shapes = Vec::new();
         let body = sleeper(&plan, 1.0, &mut shapes).unwrap();
@@ -67,7 +90,27 @@ mod tests {
             centre: [0.3, 1.0],
             blocks: Vec::new(),
             tamped: false,
+            mount: None,
         };
         assert!(sleeper(&plan, 1.0, &mut Vec::new()).is_err());
+    }
+
+    #[test]
+    fn two_blocks_turn_like_the_one_that_they_make_up() {
+        let size = Vec3::new(0.3, 1.0, 0.2);
+        let whole = [BlockPlan { offset_y: 0.1, size }];
+        let half = Vec3::new(0.3, 0.5, 0.2);
+        let halves = [-0.15, 0.35].map(|offset_y| BlockPlan { offset_y, size: half });
+        let loaded = [Freedom::Loaded; 6];
+        let (one, two) =
+            (sleeper_mount(&whole, None, loaded), sleeper_mount(&halves, None, loaded));
+        assert!((one.mass - 144.0).abs() < 1e-10 && (one.mass - two.mass).abs() < 1e-10);
+        assert!((one.centre - Vec3::new(0.0, 0.1, 0.1)).norm() < 1e-15, "{}", one.centre);
+        assert!((one.centre - two.centre).norm() < 1e-15, "{}", two.centre);
+        assert!((one.inertia - two.inertia).norm() < 1e-12 * one.inertia.norm(), "{}", two.inertia);
+        let known = Vec3::new(1.04, 0.13, 1.09) * (144.0 / 12.0);
+        assert!((one.inertia - known).norm() < 1e-12 * known.norm(), "{}", one.inertia);
+        let heavy = sleeper_mount(&whole, Some(288.0), loaded);
+        assert!((heavy.inertia - known * 2.0).norm() < 1e-12 * known.norm(), "{}", heavy.inertia);
     }
 }

@@ -46,6 +46,7 @@ pub fn small_plan() -> Plan {
             centre: [0.3, 0.35],
             blocks: vec![BlockPlan { offset_y: 0.0, size: Vec3::new(0.29, 0.40, 0.15) }],
             tamped: true,
+            mount: None,
         }],
         tines: vec![tine("left", 0.05, 1.0), tine("right", 0.55, -1.0)],
         tamping: Some(TampingPlan {

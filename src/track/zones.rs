@@ -134,6 +134,7 @@ mod tests {
                 name: format!("at {x}"),
                 centre: [x, 1.0],
                 tamped: x == 0.9,
+                mount: None,
                 ..twin.clone()
             })
             .to_vec();

@@ -115,7 +115,7 @@ impl Key {
     }
 
     fn sleeper(&mut self, sleeper: &SleeperPlan) {
-        let SleeperPlan { name, centre, blocks, tamped: _ } = sleeper;
+        let SleeperPlan { name, centre, blocks, tamped: _, mount: _ } = sleeper;
         self.integer(name.len() as u64);
         self.bytes(name.as_bytes());
         self.numbers(centre);

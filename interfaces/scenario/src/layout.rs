@@ -1,11 +1,10 @@
 //! Writes rows of sleepers and tines out as single ones, each with the keys it came from.
 
-use crate::case_file::{self, Block, CaseFile, Sleeper, Tine, Tines, Towards};
+use crate::case_file::{Block, CaseFile, Sleeper, Tine, Tines, Towards};
+use crate::mount;
 use crate::report::{Finding, Report};
 use ballast::math::Vec3;
-use ballast::model::Mount;
 use ballast::track::plan::{BlockPlan, SleeperPlan, TinePlan};
-use ballast::track::steel_cantilever;
 
 /// Sleepers and tines of a case, written out.
 #[derive(Default)]
@@ -39,7 +38,9 @@ pub fn lay_out(case: &CaseFile, report: &mut Report) -> Layout {
         return layout;
     }
     row_of_sleepers(case, report, &mut layout);
-    layout.sleepers.extend(case.sleeper.iter().enumerate().map(single_sleeper));
+    for (i, sleeper) in case.sleeper.iter().enumerate() {
+        layout.sleepers.push(single_sleeper(i, sleeper, report));
+    }
     if let Some(tines) = &case.tines {
         let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
         let count = 2 * tamped * tines.y_offsets_m.len() + layout.sleepers.len();
@@ -93,14 +94,19 @@ fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
     let [size_x, size_y, _] = case.bed.size_m;
     let pitch = row.pitch_m.unwrap_or(0.0);
     let first = row.first_x_m.unwrap_or(0.5 * (size_x - pitch * f64::from(row.count - 1)));
+    let blocks: Vec<BlockPlan> = row.blocks.iter().map(block).collect();
+    let mount = row.mount.and_then(|m| {
+        mount::of_sleeper(&m, &blocks, !row.tamped.is_empty(), "sleepers.mount", report)
+    });
     for number in 1..=row.count {
         let centre = [first + pitch * f64::from(number - 1), row.y_m.unwrap_or(0.5 * size_y)];
         layout.sleepers.push(Placed {
             plan: SleeperPlan {
                 name: format!("sleeper_{number}"),
                 centre,
-                blocks: row.blocks.iter().map(block).collect(),
+                blocks: blocks.clone(),
                 tamped: row.tamped.contains(&number),
+                mount,
             },
             key: "sleepers".into(),
             key_x: match row.first_x_m {
@@ -112,13 +118,18 @@ fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
     }
 }
 
-fn single_sleeper((i, sleeper): (usize, &Sleeper)) -> Placed<SleeperPlan> {
+fn single_sleeper(i: usize, sleeper: &Sleeper, report: &mut Report) -> Placed<SleeperPlan> {
+    let blocks: Vec<BlockPlan> = sleeper.blocks.iter().map(block).collect();
+    let key = format!("sleeper[{i}].mount");
+    let mount =
+        sleeper.mount.and_then(|m| mount::of_sleeper(&m, &blocks, sleeper.tamped, &key, report));
     Placed {
         plan: SleeperPlan {
             name: sleeper.name.clone(),
             centre: [sleeper.x_m, sleeper.y_m],
-            blocks: sleeper.blocks.iter().map(block).collect(),
+            blocks,
             tamped: sleeper.tamped,
+            mount,
         },
         key: format!("sleeper[{i}]"),
         key_x: format!("sleeper[{i}].x_m"),
@@ -165,7 +176,7 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
                         pair,
                         blade: Vec3::from(tines.blade_m),
                         shaft: Vec3::from(tines.shaft_m),
-                        mount: mount(&tines.mount, tines.blade_m, tines.shaft_m),
+                        mount: mount::of_tine(&tines.mount, tines.blade_m, tines.shaft_m),
                     },
                     key: "tines".into(),
                     key_x: "tines.gap_to_sleeper_m".into(),
@@ -200,16 +211,6 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
     report.error(key, finding);
 }
 
-/// What the case leaves open is that of a steel tine of these sizes.
-fn mount(case: &case_file::Mount, blade: [f64; 3], shaft: [f64; 3]) -> Option<Mount> {
-    let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
-    let [steel_stiffness, _] = steel.freedoms[0].spring();
-    let stiffness = case.stiffness.unwrap_or(steel_stiffness);
-    let mass = case.mass_kg.unwrap_or(steel.mass);
-    let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
-    (!case.rigid).then_some(Mount::spring(mass, stiffness, damping))
-}
-
 fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {
     Placed {
         plan: TinePlan {
@@ -222,7 +223,7 @@ fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {
             pair: tine.pair,
             blade: Vec3::from(tine.blade_m),
             shaft: Vec3::from(tine.shaft_m),
-            mount: mount(&tine.mount, tine.blade_m, tine.shaft_m),
+            mount: mount::of_tine(&tine.mount, tine.blade_m, tine.shaft_m),
         },
         key: format!("tine[{i}]"),
         key_x: format!("tine[{i}].x_m"),

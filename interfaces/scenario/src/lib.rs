@@ -7,6 +7,7 @@ mod content_key;
 mod diagnostic;
 mod document;
 mod layout;
+mod mount;
 mod nearest;
 mod read;
 mod report;

@@ -28,6 +28,8 @@ pub struct Sleepers {
     #[serde(default)]
     #[schemars(with = "Vec<Count>", length(max = 1000))]
     pub tamped: Vec<u32>,
+    /// How ballast and loads move them in the run. Absent: they stand, or follow the lift.
+    pub mount: Option<SleeperMount>,
 }
 
 fn default_count() -> u32 {
@@ -65,6 +67,61 @@ pub struct Sleeper {
     /// Whether the tamping cycle lifts it.
     #[serde(default)]
     pub tamped: bool,
+    /// How ballast and loads move it in the run. Absent: it stands, or follows the lift.
+    pub mount: Option<SleeperMount>,
+}
+
+/// How a sleeper is held: each of its degrees of freedom by itself. It stands still while the bed is prepared.
+///
+/// At most three are not held, or all translations are alike.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SleeperMount {
+    /// Mass, kg, with what is fastened to it. Absent: that of concrete blocks, 2400 kg/m³.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Positive>")]
+    pub mass_kg: Option<f64>,
+    /// Along the track.
+    pub x: Mode,
+    /// Across the track.
+    pub y: Mode,
+    /// Upwards.
+    pub z: Mode,
+    /// Rotation about the world's x axis.
+    pub about_x: Mode,
+    /// Rotation about the world's y axis.
+    pub about_y: Mode,
+    /// Rotation about the world's z axis.
+    pub about_z: Mode,
+    /// Of each sprung translation, N/m.
+    #[serde(rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Positive>")]
+    pub stiffness: Option<f64>,
+    /// Of each sprung translation, N s/m.
+    #[serde(rename = "damping_N_s_per_m")]
+    #[schemars(with = "NonNegative")]
+    pub damping: f64,
+    /// Of each sprung rotation, N m/rad.
+    #[serde(rename = "turning_stiffness_N_m_per_rad", skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Positive>")]
+    pub turning_stiffness: Option<f64>,
+    /// Of each sprung rotation, N m s/rad.
+    #[serde(rename = "turning_damping_N_m_s_per_rad")]
+    #[schemars(with = "NonNegative")]
+    pub turning_damping: f64,
+}
+
+/// What a degree of freedom follows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// The imposed motion, whatever pushes back.
+    #[default]
+    Held,
+    /// Loads and gravity alone.
+    Loaded,
+    /// The imposed motion, through a spring and a damper; weight is carried by what imposes it.
+    Sprung,
 }
 
 /// Rows of tines on both sides of every tamped sleeper: one facing pair for each y offset.

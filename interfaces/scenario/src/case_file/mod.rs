@@ -10,7 +10,7 @@ mod run;
 mod tamping;
 
 pub use bed::{Bed, Grains};
-pub use layout::{Block, Mount, Sleeper, Sleepers, Tine, Tines, Towards};
+pub use layout::{Block, Mode, Mount, Sleeper, SleeperMount, Sleepers, Tine, Tines, Towards};
 pub use run::{Norm, Run, Schedule, Solver};
 pub use tamping::Tamping;
 

@@ -101,6 +101,19 @@ const TABLE: &[Broken] = &[
         &["name is taken", "`sleeper_1`"],
     ),
     Broken("\"base\"", "«\"a/b\"", &["cannot be used in files", "`a/b`"]),
+    // Mounts of sleepers.
+    Broken("tamped = [1]", "tamped = [1]\nmount = { «z = \"loaded\" }", &["the lift cannot move"]),
+    Broken("tamped = [1]", "tamped = [1]\nmount = «{ }", &["make no mount", "0 degrees"]),
+    Broken(
+        "tamped = [1]",
+        "tamped = [1]\nmount = «{ z = \"sprung\" }",
+        &["missing key `stiffness_N_per_m`"],
+    ),
+    Broken(
+        "tamped = [1]",
+        "tamped = [1]\nmount = { z = «\"free\" }",
+        &["unknown value", "`held`, `loaded`"],
+    ),
     // The machine.
     Broken("depth_m = 0.018", "depth_m = «0.24", &["reaches the floor", "below 0.2300 m"]),
     Broken("duration_s = 1.764", "duration_s = «1.2", &["before the tines are withdrawn", "1.55"]),

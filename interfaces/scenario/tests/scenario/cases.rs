@@ -2,13 +2,13 @@
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
-use ballast::model::{Grains, Model, Norm, PartitionRule, Schedule};
+use ballast::model::{Freedom, Grains, Model, Norm, PartitionRule, Schedule};
 use ballast::track::TampingCycle;
 use ballast::track::boundary::boundaries;
 use ballast::track::plan::Plan;
 use ballast::track::sleeper::sleeper;
 use ballast::track::tine::tine;
-use ballast_scenario::read_case;
+use ballast_scenario::{content_key, read_case};
 
 const EXAMPLES: [(&str, &str); 4] = [
     ("first", include_str!("../../../../examples/first.toml")),
@@ -70,6 +70,20 @@ fn a_row_of_sleepers_is_written_out() {
     assert_eq!(seven.sleepers[3].centre[1], 1.0);
     assert_eq!(seven.sleepers[6].blocks[0].size, Vec3::new(0.29, 0.67, 0.21));
     assert_eq!(seven.bed.preparation.fill_level, 0.53);
+}
+
+#[test]
+fn sleepers_have_the_freedoms_that_their_mount_says() {
+    let mount = "tamped = [1]\nmount = { mass_kg = 300, z = \"sprung\", stiffness_N_per_m = 2e7, \
+                 about_y = \"loaded\" }";
+    let text = changed("tamped = [1]", mount);
+    let found = plan(&text).sleepers[0].mount.expect("a mount");
+    assert_eq!(found.mass, 300.0);
+    assert_eq!(found.centre, Vec3::new(0.0, 0.0, 0.075));
+    let (held, sprung) = (Freedom::Held, Freedom::Sprung { stiffness: 2e7, damping: 0.0 });
+    assert_eq!(found.freedoms, [held, held, sprung, held, Freedom::Loaded, held]);
+    assert_eq!(plan(BASE).sleepers[0].mount, None);
+    assert_eq!(content_key(&plan(&text)), content_key(&plan(BASE)), "the bed is the same");
 }
 
 #[test]

@@ -1,0 +1,83 @@
+//! What holds tines and sleepers: mounts, from the words of a case file.
+
+use crate::case_file::{self, Mode, SleeperMount};
+use crate::report::{Finding, Report};
+use ballast::math::Vec3;
+use ballast::model::{Freedom, Mount};
+use ballast::track::plan::BlockPlan;
+use ballast::track::{sleeper_mount, steel_cantilever};
+
+/// A tine's mount. What the case leaves open is that of a steel tine of these sizes.
+pub fn of_tine(case: &case_file::Mount, blade: [f64; 3], shaft: [f64; 3]) -> Option<Mount> {
+    let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
+    let [steel_stiffness, _] = steel.freedoms[0].spring();
+    let stiffness = case.stiffness.unwrap_or(steel_stiffness);
+    let mass = case.mass_kg.unwrap_or(steel.mass);
+    let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
+    (!case.rigid).then_some(Mount::spring(mass, stiffness, damping))
+}
+
+/// The mount of a sleeper of these blocks, which stands at `key`; `None` if it is none, or wrong.
+pub fn of_sleeper(
+    case: &SleeperMount,
+    blocks: &[BlockPlan],
+    is_lifted: bool,
+    key: &str,
+    report: &mut Report,
+) -> Option<Mount> {
+    let modes = [case.x, case.y, case.z, case.about_x, case.about_y, case.about_z];
+    let springs = [
+        ("stiffness_N_per_m", case.stiffness, case.damping, &modes[..3]),
+        (
+            "turning_stiffness_N_m_per_rad",
+            case.turning_stiffness,
+            case.turning_damping,
+            &modes[3..],
+        ),
+    ];
+    for (name, stiffness, _, modes) in &springs {
+        if modes.contains(&Mode::Sprung) && stiffness.is_none() {
+            let finding = Finding {
+                problem: format!("missing key `{name}`"),
+                found: "a degree of freedom that is sprung".into(),
+                expected: format!("`{name}`: a number above 0"),
+                hint: None,
+            };
+            report.error(&format!("{key}.{name}"), finding);
+            return None;
+        }
+    }
+    if is_lifted && case.z == Mode::Loaded {
+        let finding = Finding {
+            problem: "the lift cannot move a sleeper that is free upwards".into(),
+            found: "`z = \"loaded\"` and a tamped sleeper".into(),
+            expected: "`z = \"held\"` or `\"sprung\"`, or a sleeper that is not tamped".into(),
+            hint: None,
+        };
+        report.error(&format!("{key}.z"), finding);
+        return None;
+    }
+    let freedom = |(k, mode): (usize, Mode)| {
+        let (_, stiffness, damping, _) = springs[k / 3];
+        match mode {
+            Mode::Held => Freedom::Held,
+            Mode::Loaded => Freedom::Loaded,
+            Mode::Sprung => Freedom::Sprung { stiffness: stiffness.unwrap_or(0.0), damping },
+        }
+    };
+    let mut freedoms = [Freedom::Held; 6];
+    modes.into_iter().enumerate().for_each(|m| freedoms[m.0] = freedom(m));
+    let mount = sleeper_mount(blocks, case.mass_kg, freedoms);
+    let free = mount.free().count();
+    if free == 0 || (free > 3 && !mount.moves_alike()) {
+        let finding = Finding {
+            problem: "these modes make no mount".into(),
+            found: format!("{free} degrees of freedom that are not held"),
+            expected: "one to three, or more with all translations loaded, or all sprung".into(),
+            hint: None,
+        };
+        report.error(key, finding);
+        return None;
+    }
+    Some(mount)
+}
