@@ -93,7 +93,7 @@ pub struct SleeperMount {
     pub about_y: Mode,
     /// Rotation about the world's z axis.
     pub about_z: Mode,
-    /// Of each sprung translation, N/m.
+    /// Of each sprung translation, N/m. Absent: none is sprung.
     #[serde(rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub stiffness: Option<f64>,
@@ -101,7 +101,7 @@ pub struct SleeperMount {
     #[serde(rename = "damping_N_s_per_m")]
     #[schemars(with = "NonNegative")]
     pub damping: f64,
-    /// Of each sprung rotation, N m/rad.
+    /// Of each sprung rotation, N m/rad. Absent: none is sprung.
     #[serde(rename = "turning_stiffness_N_m_per_rad", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub turning_stiffness: Option<f64>,

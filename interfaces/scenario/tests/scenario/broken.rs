@@ -102,11 +102,11 @@ const TABLE: &[Broken] = &[
     ),
     Broken("\"base\"", "«\"a/b\"", &["cannot be used in files", "`a/b`"]),
     // Mounts of sleepers.
-    Broken("tamped = [1]", "tamped = [1]\nmount = { «z = \"loaded\" }", &["the lift cannot move"]),
-    Broken("tamped = [1]", "tamped = [1]\nmount = «{ }", &["make no mount", "0 degrees"]),
+    Broken("tamped = [1]", "tamped = [1]\nmount = { z = «\"loaded\" }", &["the lift cannot move"]),
+    Broken("tamped = [1]", "tamped = [1]\n«mount = { }", &["make no mount", "0 degrees"]),
     Broken(
         "tamped = [1]",
-        "tamped = [1]\nmount = «{ z = \"sprung\" }",
+        "tamped = [1]\n«mount = { z = \"sprung\" }",
         &["missing key `stiffness_N_per_m`"],
     ),
     Broken(

@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the third version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "fb2865127e956b389309636dc5316a6f");
+    assert_eq!(key(BASE), "18af68c4544fa23e833905f002ea36ca");
 }
 
 #[test]
