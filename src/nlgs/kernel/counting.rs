@@ -132,3 +132,35 @@ impl Lanes for Counting {
     }
     fn prefetch<T>(_: *const T) {}
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::nlgs::ContactSet;
+    use crate::nlgs::scenes::Scene;
+
+    #[test]
+    fn a_visit_is_some_hundred_operations_and_counting_changes_nothing() {
+        let scene = Scene::grid([5, 4, 3], 2, 0.0, 3);
+        let problem = &scene.problem;
+        let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
+        let mut set = ContactSet::default();
+        set.pack(problem, &contacts, problem.body_count(), |grain| grain);
+        set.lines[..problem.body_count()].copy_from_slice(&problem.lines);
+        set.apply_impulses();
+        let mut twin = set.clone();
+        let operations = set.operations(1.0);
+        set.sweep(1.0);
+        twin.sweep(1.0);
+        assert_eq!(set.lines, twin.lines);
+        let (flops, lanes) = (operations.flops() as f64, set.contact_count() as f64 / set.fill());
+        assert!((150.0..1000.0).contains(&(flops / lanes)), "{} per lane", flops / lanes);
+        assert!(
+            operations.fused > operations.plain / 2 && operations.divisions > 0,
+            "{operations:?}"
+        );
+        let traffic = set.traffic();
+        let blocks = traffic.held as f64 - 64.0 * set.lines.len() as f64;
+        assert!((144.0..=160.0).contains(&(blocks / lanes)), "{traffic:?}");
+        assert!(traffic.streamed > traffic.held && traffic.core > traffic.held, "{traffic:?}");
+    }
+}

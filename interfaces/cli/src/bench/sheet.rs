@@ -64,6 +64,10 @@ impl Cell {
         }
     }
 
+    fn is_told_by(&self, title: &str) -> bool {
+        matches!(self, Cell::Text(text) if title.contains(text.as_str()))
+    }
+
     fn json(&self) -> Value {
         match self {
             Cell::Text(text) => json!(text),
@@ -141,7 +145,7 @@ impl Sheet {
         fields.into()
     }
 
-    /// For people: columns without anything in a section are left out there.
+    /// For people: columns without anything in a section, or with what its title says, are left out there.
     fn text(&self) -> String {
         let mut text = String::new();
         for (word, note) in &self.notes {
@@ -150,6 +154,7 @@ impl Sheet {
         for (title, rows) in &self.sections {
             let used: Vec<usize> = (0..self.columns.len())
                 .filter(|&c| rows.iter().any(|row| row[c] != Cell::Nothing))
+                .filter(|&c| !rows.iter().all(|row| row[c].is_told_by(title)))
                 .collect();
             let Some((first, rest)) = used.split_first() else { continue };
             let name = |c: &usize| self.columns[*c].replace('_', " ");

@@ -117,9 +117,8 @@ pub fn alternate(
     console: Console,
 ) -> Outcome<State> {
     let (warm_up, steps) = (window.warm_up, window.steps.get());
-    // Others warm up their memory in the last step of the leader's warm-up.
-    let joined = (contenders.len() * (steps as usize + 1)) as f64;
-    let all = f64::from(warm_up.saturating_sub(1)) + joined;
+    // All warm up: the lists that detection keeps are then made anew in the same steps.
+    let all = (contenders.len() * (warm_up + steps) as usize) as f64;
     let mut progress = Progress::start(console, &scene.name, 0.0);
     let (mut state, mut done) = (scene.state.clone(), 0.0);
     for round in 0..warm_up + steps {
@@ -128,9 +127,6 @@ pub fn alternate(
         for turn in 0..contenders.len() {
             // Nobody is always first, with the caches that the others' outputs have left.
             let k = (turn + round as usize) % contenders.len();
-            if k > 0 && round + 1 < warm_up {
-                continue;
-            }
             let mut after = state.clone();
             let contender = &mut contenders[k];
             let sample = contender.step(scene, &mut after)?;
