@@ -195,7 +195,7 @@ fn tables_for_people_have_titles_units_and_the_machine() {
 fn nonsense_is_refused() {
     let place = Place::new();
     for (call, code, says) in [
-        ("bench kernel --seconds -1", 2, "--seconds"),
+        ("bench kernel --seconds 0", 2, "--seconds"),
         ("bench kernel --edge 1000", 2, "at most"),
         ("bench kernel --rounds 0", 2, "--rounds"),
         ("bench step tiny.toml --steps 0", 2, "--steps"),
