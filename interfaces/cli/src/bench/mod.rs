@@ -6,6 +6,7 @@
 pub mod args;
 pub mod detection;
 pub mod kernel;
+mod loads;
 mod machine;
 mod pools;
 mod published;
