@@ -200,8 +200,9 @@ mod tests {
             "steps: 1 to 3\n\ntwo threads\nphase  wall ms\nsolve     12.3\na, b         2\n"
         );
         assert_eq!(sheet.csv(), "# steps: 1 to 3\nphase,wall_ms,ratio\nsolve,12.3457,\na; b,2,\n");
+        let row = cells!["solve", 1.5, None::<f64>];
         assert_eq!(
-            sheet.fields("two threads", &cells!["solve", 1.5, None::<f64>]),
+            sheet.fields("two threads", &row),
             json!({"section": "two threads", "phase": "solve", "wall_ms": 1.5, "ratio": null})
         );
     }

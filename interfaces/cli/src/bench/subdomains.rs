@@ -22,6 +22,7 @@ const COLUMNS: &[&str] = &[
     "step_low_ms",
     "step_high_ms",
     "solve_ms",
+    "cpu_ms",
     "over_sequential",
     "interface_percent",
     "iterations",
@@ -58,6 +59,7 @@ pub fn subdomains(args: &BenchSubdomains, console: Console) -> Outcome {
     let mut sheet = Sheet::new(COLUMNS);
     sheet.note("scene", scene.describe());
     sheet.note("steps", format!("{} measured, in turn from the same states", args.window.steps));
+    sheet.note("step_ms", "wall time: median, low and high quartile; cpu_ms: of all threads, mean");
     sheet.note("over_sequential", "time over that of one set without subdomains, step by step");
     sheet.note("interface_percent", "contacts of the interface, of all");
     let per_rule = contenders.len() / 2;
@@ -129,11 +131,12 @@ fn row(sheet: &mut Sheet, contender: &Contender, sequential: &Contender) {
         1e3 * step.low,
         1e3 * step.high,
         1e3 * solve.median,
+        1e3 * contender.cpu(),
         ratios(&walls, &sequential.walls(&Phase::ALL)).median,
         100.0 * interface / contacts,
         contender.mean(|r| r.iterations.into()),
         contender.mean(|r| r.residuals.qm16()),
-        if contender.converged() { "yes" } else { "no" },
+        contender.converged(),
         1e-6 * contender.visits_per_second(),
     ]);
 }

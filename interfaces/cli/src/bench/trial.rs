@@ -78,14 +78,20 @@ impl Contender {
         self.samples.iter().map(|sample| sample.wall(phases)).collect()
     }
 
+    /// CPU time of all threads for a step, mean, s.
+    pub fn cpu(&self) -> f64 {
+        mean(self.samples.iter().map(|sample| sample.of(&Phase::ALL).cpu.as_secs_f64()))
+    }
+
     /// Mean over the steps of a figure of their reports.
     pub fn mean(&self, figure: impl Fn(&StepReport) -> f64) -> f64 {
         mean(self.samples.iter().map(|sample| figure(&sample.report)))
     }
 
-    /// Whether every step reached its tolerance.
-    pub fn converged(&self) -> bool {
-        self.samples.iter().all(|sample| sample.report.converged)
+    /// Whether every step reached its tolerance, where there is one: `yes` or `no`.
+    pub fn converged(&self) -> Option<&'static str> {
+        let all = self.samples.iter().all(|sample| sample.report.converged);
+        self.model.solver.tolerance.map(|_| if all { "yes" } else { "no" })
     }
 
     /// Contact visits per second of the solve.
