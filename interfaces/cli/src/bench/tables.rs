@@ -55,7 +55,7 @@ pub fn tables(args: &BenchTables, console: Console) -> Outcome {
     let mut sheet = Sheet::new(COLUMNS);
     sheet.note("published rows", published::SOURCE);
     sheet.note(
-        "published rows",
+        "published times",
         "two machines of 2012: their tables are to be compared neither with each other nor in time with ours",
     );
     sheet.note(
