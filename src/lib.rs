@@ -7,10 +7,6 @@
 //!
 //! The crate is pure: no files, no clock, no environment, no async, no logging.
 
-// Files shared with benches name the crate from outside.
-#[cfg(test)]
-extern crate self as ballast;
-
 pub mod error;
 pub mod math;
 

@@ -158,10 +158,24 @@ impl SingleBlock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::mem::offset_of;
 
     #[test]
     fn blocks_are_as_small_as_documented() {
         assert_eq!(size_of::<PairBlock>(), 160 * LANES);
         assert_eq!(size_of::<SingleBlock>(), 144 * LANES);
+    }
+
+    #[test]
+    fn a_visit_writes_four_cache_lines_of_its_block() {
+        let slip = offset_of!(LawRows, slip);
+        for (slip, impulse) in [
+            (offset_of!(PairBlock, law) + slip, offset_of!(PairBlock, impulse)),
+            (offset_of!(SingleBlock, law) + slip, offset_of!(SingleBlock, impulse)),
+        ] {
+            assert_eq!(impulse % 64, 0);
+            assert_eq!(slip / 64, (slip + size_of::<Row32>() - 1) / 64);
+            assert!(slip / 64 < impulse / 64);
+        }
     }
 }

@@ -4,11 +4,24 @@
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
 //! shares nothing with other sets, so sets may be swept in parallel.
 
-use super::kernel::{Arithmetic, Blocks};
+use super::block::{PairBlock, SingleBlock};
+use super::kernel::{Arithmetic, Blocks, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{LANES, PADDING, Packing};
 use crate::local_problem::{Line, LocalProblem};
 use crate::math::Vec3;
+
+/// Bytes of a sweep over a set, padding included.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Blocks and lines: what the set takes in a cache.
+    pub held: usize,
+    /// Loads and stores of the visits: between the processor and its first cache.
+    pub core: usize,
+    /// The least that is moved where nothing is left in a cache from the sweep before: every block and line once in,
+    /// every cache line that was written once out.
+    pub streamed: usize,
+}
 
 /// Contacts and the lines of their grains.
 #[derive(Debug, Clone)]
@@ -133,6 +146,27 @@ impl ContactSet {
     /// Share of the blocks' lanes that hold a contact.
     pub fn fill(&self) -> f64 {
         self.contact_count as f64 / self.order.len().max(1) as f64
+    }
+
+    /// Operations on lanes that the next sweep would do; nothing is changed.
+    pub fn operations(&self, relaxation: f64) -> Operations {
+        self.blocks.count(&self.lines, relaxation)
+    }
+
+    /// Bytes that a sweep moves, counted from the layout.
+    pub fn traffic(&self) -> Traffic {
+        let (singles, pairs) = (self.blocks.singles().len(), self.blocks.pairs().len());
+        let blocks = singles * size_of::<SingleBlock>() + pairs * size_of::<PairBlock>();
+        let lines = self.lines.len() * size_of::<Line>();
+        // Impulses and slip, and the cache lines that they lie in: three of impulses, one with slip.
+        let written = LANES * (3 * size_of::<f64>() + size_of::<f32>());
+        let gathered = LANES * (singles + 2 * pairs) * size_of::<Line>();
+        let dirty = 4 * size_of::<Line>();
+        Traffic {
+            held: blocks + lines,
+            core: blocks + (singles + pairs) * written + 2 * gathered,
+            streamed: blocks + (singles + pairs) * dirty + 2 * lines,
+        }
     }
 
     /// Adds to the lines what the present impulses cause, `V += M⁻¹ H r`: once, after lines were

@@ -11,13 +11,12 @@ pub mod global_form;
 mod kernel;
 pub mod reference;
 pub mod residual;
-#[cfg(test)]
-mod scenes;
+pub mod scenes;
 pub mod solution;
 #[cfg(test)]
 mod tests;
 mod visit;
 
-pub use contact_set::ContactSet;
-pub use kernel::Arithmetic;
+pub use contact_set::{ContactSet, Traffic};
+pub use kernel::{Arithmetic, Operations};
 pub use residual::{NaturalMapSums, Residuals, VisitNorms};

@@ -1,24 +1,34 @@
-//! Synthetic problems for tests and benches: a grid of grains of random mass, inertia and orientation over a
-//! moving floor, with several contact points per neighbour pair.
+//! Synthetic problems for tests and benchmarks: a lattice of grains of random mass, inertia and orientation
+//! over a moving floor, with several contact points per neighbour pair.
+//!
+//! Contract: the same seed gives the same problem. Contacts are made up, not found: the grains have no
+//! shapes, so the scene can be solved but not stepped.
 
-use ballast::detection::Contacts;
-use ballast::local_problem::LocalProblem;
-use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
-use ballast::motion::Motion;
-use ballast::state::State;
+use crate::detection::Contacts;
+use crate::local_problem::LocalProblem;
+use crate::math::{Pose, Quat, Vec3};
+use crate::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
+use crate::motion::Motion;
+use crate::state::State;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+/// A problem and what it was built from.
+#[derive(Debug)]
 pub struct Scene {
+    /// Grains without shapes, and a floor without parts.
     pub model: Model,
     pub state: State,
+    /// Configuration and free velocities of the step.
     pub motion: Motion,
+    /// `[nc]`.
     pub contacts: Contacts,
+    /// Initial impulses on the candidates, world axes, N s `[nc]`.
     pub warm: Vec<Vec3>,
     pub problem: LocalProblem,
 }
 
+/// A random direction.
 pub fn unit(rng: &mut Pcg64) -> Vec3 {
     loop {
         let v = Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0));
@@ -53,7 +63,8 @@ fn empty_model(restitution: f64) -> Model {
 }
 
 impl Scene {
-    /// `size[0] * size[1] * size[2]` grains of 2 cm, `points` contact points per neighbour pair.
+    /// `size[0] * size[1] * size[2]` grains of 2 cm in a cubic lattice, each a neighbour of up to ten
+    /// others, the lowest ones of the floor too; `points` contact points per neighbour pair.
     pub fn grid(size: [usize; 3], points: usize, restitution: f64, seed: u64) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed);
         let mut model = empty_model(restitution);
@@ -134,6 +145,7 @@ impl Scene {
         scene
     }
 
+    /// Builds the problem anew, after something that it is built from was changed.
     pub fn build(&mut self) {
         self.problem.build(&self.model, &self.state, &self.motion, &self.contacts, &self.warm);
     }

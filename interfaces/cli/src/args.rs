@@ -70,10 +70,10 @@ pub enum Command {
     },
     /// Print the completion script of a shell
     Completions { shell: clap_complete::Shell },
-    /// Time the solver on scenes that any program can run
+    /// Measure what the program costs: kernel, detection, steps, threads, subdomains
     Bench {
         #[command(subcommand)]
-        scene: Bench,
+        what: crate::bench::args::Bench,
     },
 }
 
@@ -364,36 +364,6 @@ impl From<MethodName> for Method {
             MethodName::Newton => Method::Newton,
         }
     }
-}
-
-#[derive(Debug, Subcommand)]
-pub enum Bench {
-    /// Run a neutral sample (nscd-sample-1) and print one line of JSON with its timings
-    Sample(BenchSample),
-}
-
-#[derive(Debug, Args)]
-pub struct BenchSample {
-    /// Sample file (JSON)
-    pub file: PathBuf,
-    /// Steps to run; by default the sample's
-    #[arg(long, value_name = "N")]
-    pub steps: Option<u64>,
-    /// Exactly this many iterations per step
-    #[arg(long, value_name = "K", conflicts_with = "tolerance")]
-    pub iterations: Option<NonZeroU32>,
-    /// Iterate until the sample's norm is below this
-    #[arg(long, value_name = "T")]
-    pub tolerance: Option<f64>,
-    /// Order of the sweeps
-    #[arg(long, default_value = "synchronous")]
-    pub schedule: ScheduleName,
-    /// Number of subdomains; by default subdomains of some thousand contacts
-    #[arg(long, value_name = "N")]
-    pub subdomains: Option<NonZeroU32>,
-    /// Write the final state as a sample
-    #[arg(long, value_name = "FILE")]
-    pub save: Option<PathBuf>,
 }
 
 /// The schedules by name.

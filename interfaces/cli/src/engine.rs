@@ -135,14 +135,8 @@ impl Engine {
             Source::Machine { model, state, workspace, targets, speed_limit } => {
                 let before = imposed(model, state);
                 let t0_ns = state.time_ns;
-                cycle.targets(model, state, targets);
-                let failed = |e: ballast::Error| Failure::Failed(e.to_string());
-                speed_limit.check(model, state, targets).map_err(failed)?;
-                let report = step(model, state, &Inputs { targets, loads: &[] }, workspace, watch)
-                    .map_err(failed)?;
-                let mut memory = std::mem::take(&mut state.drive);
-                cycle.observe(model, &report, state, &mut memory);
-                state.drive = memory;
+                let report =
+                    machine_step(cycle, speed_limit, model, state, targets, workspace, watch)?;
                 let imposed = before.into_iter().zip(targets.iter().copied());
                 let imposed = imposed.map(|(a, b)| [a, b]).collect();
                 Ok(Some(Stepped { report, t0_ns, imposed }))
@@ -178,6 +172,27 @@ impl Engine {
             }
         }
     }
+}
+
+/// A step with the bodies where the machine of the case wants them; `targets` is left as what it wanted.
+pub fn machine_step(
+    cycle: &TampingCycle,
+    speed_limit: &SpeedLimit,
+    model: &Model,
+    state: &mut State,
+    targets: &mut Vec<Pose>,
+    workspace: &mut Workspace,
+    watch: &mut Profile,
+) -> Outcome<StepReport> {
+    let failed = |e: ballast::Error| Failure::Failed(e.to_string());
+    cycle.targets(model, state, targets);
+    speed_limit.check(model, state, targets).map_err(failed)?;
+    let report =
+        step(model, state, &Inputs { targets, loads: &[] }, workspace, watch).map_err(failed)?;
+    let mut memory = std::mem::take(&mut state.drive);
+    cycle.observe(model, &report, state, &mut memory);
+    state.drive = memory;
+    Ok(report)
 }
 
 /// Where each driven body, or its mount, was told to be `[nd]`.

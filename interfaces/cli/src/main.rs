@@ -4,6 +4,7 @@
 
 mod args;
 mod beds;
+mod bench;
 mod case;
 mod commands;
 mod console;
@@ -30,7 +31,7 @@ mod table;
 mod taping;
 mod validate;
 
-use args::{Bench, Cli, Command};
+use args::{Cli, Command};
 use clap::Parser;
 use console::Console;
 use exit::{Failure, Outcome};
@@ -75,7 +76,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Solve(args) => commands::solve::solve(args, console),
         Command::Schema { protocol } => commands::schema::schema(protocol),
         Command::Completions { shell } => commands::completions::completions(shell),
-        Command::Bench { scene: Bench::Sample(args) } => commands::bench::sample(args),
+        Command::Bench { what } => commands::bench::bench(what, console),
     }
 }
 

@@ -34,6 +34,29 @@ impl Statistics {
     }
 }
 
+/// Median and quartiles: the middle, and the half around it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Quartiles {
+    pub low: f64,
+    pub median: f64,
+    pub high: f64,
+}
+
+impl Quartiles {
+    /// Of values in any order, between neighbours where a quarter lies between; zeros of nothing.
+    pub fn of(values: &[f64]) -> Self {
+        let mut sorted = values.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let Some(last) = sorted.len().checked_sub(1) else { return Self::default() };
+        let at = |share: f64| {
+            let place = share * last as f64;
+            let (below, above) = (sorted[place as usize], sorted[place.ceil() as usize]);
+            below + (above - below) * place.fract()
+        };
+        Self { low: at(0.25), median: at(0.5), high: at(0.75) }
+    }
+}
+
 /// Mean over the last values of a vector-valued figure, for peaks that are no single impact.
 #[derive(Debug, Clone)]
 pub struct MovingMean {
@@ -78,6 +101,17 @@ mod tests {
         s.take(-4.0);
         s.take(-2.0);
         assert_eq!((s.mean(), s.max()), (-3.0, -2.0));
+    }
+
+    #[test]
+    fn quartiles_lie_between_values() {
+        let of = |values: &[f64]| {
+            let q = Quartiles::of(values);
+            [q.low, q.median, q.high]
+        };
+        assert_eq!(of(&[4.0, 1.0, 3.0, 2.0]), [1.75, 2.5, 3.25]);
+        assert_eq!(of(&[7.0]), [7.0; 3]);
+        assert_eq!(of(&[]), [0.0; 3]);
     }
 
     #[test]

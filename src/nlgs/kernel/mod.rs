@@ -12,11 +12,14 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod counting;
 mod coupling;
 mod lanes;
 mod passes;
 mod portable;
+mod roofline;
 
+pub use counting::Operations;
 pub use lanes::Lanes;
 pub(super) use lanes::each;
 #[cfg(test)]
@@ -66,6 +69,17 @@ impl Arithmetic {
     /// The fastest one that this processor has.
     pub fn detect() -> Self {
         Self::available()[0]
+    }
+
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Instructions::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => "avx512",
+        }
     }
 }
 
@@ -219,6 +233,14 @@ impl Blocks {
         let pass = MeasuredSweep(self.as_sweep(lines, relaxation));
         // SAFETY: indices were checked by `push_*`, lines by `as_sweep`.
         unsafe { run(arithmetic, pass) }
+    }
+
+    /// A sweep that counts its operations on lanes, on copies: nothing is changed.
+    pub fn count(&self, lines: &[Line], relaxation: f64) -> Operations {
+        let (mut blocks, mut lines) = (self.clone(), lines.to_vec());
+        let pass = PlainSweep(blocks.as_sweep(&mut lines, relaxation));
+        // SAFETY: indices were checked by `push_*`, lines by `as_sweep`; the type needs no instructions of its own.
+        counting::counted(|| unsafe { pass.run::<counting::Counting>() })
     }
 
     /// Adds to the lines what the impulses cause: `V += M⁻¹ H r`.

@@ -1,5 +1,6 @@
 //! The program as people and scripts use it, on a case of some sixty grains.
 
+mod bench;
 mod commands;
 mod endings;
 mod recordings;

@@ -1,0 +1,201 @@
+//! The command line of `ballast bench`.
+
+use crate::args::{Beds, Overrides, ScheduleName};
+use clap::{Args, Subcommand, ValueEnum};
+use std::num::{NonZeroU32, NonZeroUsize};
+use std::path::PathBuf;
+
+#[derive(Debug, Subcommand)]
+pub enum Bench {
+    /// Run a neutral sample (nscd-sample-1) and print one line of JSON with its timings
+    Sample(BenchSample),
+    /// Contact visits per second of the kernel, against what memory and arithmetic deliver at most
+    Kernel(BenchKernel),
+    /// Cost of detection per grain and step: from nothing, nearly still, in a run
+    Detection(BenchDetection),
+    /// Time of each phase of a step on 1 to P threads, in turn from the same states
+    Step(BenchStep),
+    /// The two tables of the study of domain decomposition for tamping (Hoang et al. 2012), with our figures
+    Tables(BenchTables),
+    /// Time, residual and interface against the number of subdomains and the schedule
+    Subdomains(BenchSubdomains),
+}
+
+#[derive(Debug, Args)]
+pub struct BenchSample {
+    /// Sample file (JSON)
+    pub file: PathBuf,
+    /// Steps to run; by default the sample's
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u64>,
+    /// Exactly this many iterations per step
+    #[arg(long, value_name = "K", conflicts_with = "tolerance")]
+    pub iterations: Option<NonZeroU32>,
+    /// Iterate until the sample's norm is below this
+    #[arg(long, value_name = "T")]
+    pub tolerance: Option<f64>,
+    /// Order of the sweeps
+    #[arg(long, default_value = "synchronous")]
+    pub schedule: ScheduleName,
+    /// Number of subdomains; by default subdomains of some thousand contacts
+    #[arg(long, value_name = "N")]
+    pub subdomains: Option<NonZeroU32>,
+    /// Write the final state as a sample
+    #[arg(long, value_name = "FILE")]
+    pub save: Option<PathBuf>,
+}
+
+/// Where tables go besides stdout.
+#[derive(Debug, Args)]
+pub struct Csv {
+    /// Write the table as CSV, with the machine in comment lines
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+}
+
+/// On how many threads.
+#[derive(Debug, Args)]
+pub struct Threads {
+    /// Measure on 1 to P threads; by default as many as --threads says
+    #[arg(long, value_name = "P")]
+    pub threads_up_to: Option<NonZeroUsize>,
+}
+
+/// Which steps are measured.
+#[derive(Debug, Args)]
+pub struct Window {
+    /// Steps to measure
+    #[arg(long, value_name = "N", default_value = "10")]
+    pub steps: NonZeroU32,
+    /// Steps before that
+    #[arg(long, value_name = "M", default_value_t = 5)]
+    pub warm_up: u32,
+}
+
+/// What state a measurement begins with.
+#[derive(Debug, Args)]
+pub struct Start {
+    #[command(flatten)]
+    pub overrides: Overrides,
+    #[command(flatten)]
+    pub beds: Beds,
+    /// Begin at the checkpoint of a run of the case, instead of at its start
+    #[arg(long, value_name = "CHECKPOINT")]
+    pub from: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchKernel {
+    /// Grains along an edge of the largest lattice; 40 give 310 000 contacts
+    #[arg(long, value_name = "N", default_value = "40")]
+    pub edge: NonZeroUsize,
+    /// Turns of the measurement
+    #[arg(long, value_name = "N", default_value = "7")]
+    pub rounds: NonZeroU32,
+    /// Time of each figure in each turn, s
+    #[arg(long, value_name = "S", default_value_t = 0.05)]
+    pub seconds: f64,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub csv: Csv,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchDetection {
+    /// Case file (TOML) or sample (JSON)
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub window: Window,
+    /// Exactly this many iterations per step of the run; detection does not depend on it, the motion does
+    #[arg(long, value_name = "K")]
+    pub iterations: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub start: Start,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub csv: Csv,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchStep {
+    /// Case file (TOML) or sample (JSON)
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub window: Window,
+    /// Exactly this many iterations per step, instead of what the case says
+    #[arg(long, value_name = "K")]
+    pub iterations: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub start: Start,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub csv: Csv,
+}
+
+/// A table of the study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TableName {
+    /// Its Table 1: by number of processors
+    Processors,
+    /// Its Table 2: by version, that is schedule
+    Versions,
+    /// Both
+    Both,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchTables {
+    /// Case files (TOML): seven_sleepers is the study's Table 1, one_sleeper its Table 2
+    #[arg(required = true)]
+    pub cases: Vec<PathBuf>,
+    /// Which table; by default the one that the study has of the case, of others both
+    #[arg(long)]
+    pub table: Option<TableName>,
+    #[command(flatten)]
+    pub window: Window,
+    /// Iterations that are fixed, instead of the case's
+    #[arg(long, value_name = "K")]
+    pub iterations: Option<NonZeroU32>,
+    /// Residual (QM/16) that is reached at equal residual
+    #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
+    pub tolerance: f64,
+    /// Most iterations at equal residual; by default four times the fixed ones
+    #[arg(long, value_name = "K")]
+    pub max_iterations: Option<NonZeroU32>,
+    /// Leave out the rows at equal residual
+    #[arg(long)]
+    pub fixed_only: bool,
+    #[command(flatten)]
+    pub start: Start,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub csv: Csv,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchSubdomains {
+    /// Case file (TOML) or sample (JSON)
+    pub scene: PathBuf,
+    /// Largest number of subdomains; the others are 2, 4, 8, ...
+    #[arg(long, value_name = "N", default_value = "32")]
+    pub max: NonZeroU32,
+    #[command(flatten)]
+    pub window: Window,
+    /// Iterations that are fixed, instead of the case's
+    #[arg(long, value_name = "K")]
+    pub iterations: Option<NonZeroU32>,
+    /// Residual (QM/16) of the common tolerance
+    #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
+    pub tolerance: f64,
+    /// Most iterations at the common tolerance; by default four times the fixed ones
+    #[arg(long, value_name = "K")]
+    pub max_iterations: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub start: Start,
+    #[command(flatten)]
+    pub csv: Csv,
+}

@@ -1,0 +1,46 @@
+//! Measurements of the program's speed, one file per command.
+//!
+//! Contract: what is compared is measured in one run, in turn, from the same state; ratios are taken turn
+//! by turn, and told with their spread. Nothing here changes what a step computes.
+
+pub mod args;
+pub mod detection;
+pub mod kernel;
+mod loads;
+mod machine;
+mod pools;
+mod published;
+mod roof;
+pub mod sample;
+mod scene;
+mod sheet;
+pub mod step;
+pub mod subdomains;
+pub mod tables;
+mod trial;
+
+use crate::exit::{Failure, Outcome};
+use crate::progress::Mark;
+use serde_json::{Value, json};
+
+/// Where a measurement stands.
+struct Said(String);
+
+impl Mark for Said {
+    fn text(&self) -> String {
+        self.0.clone()
+    }
+
+    fn fields(&self) -> Value {
+        json!({ "what": self.0 })
+    }
+}
+
+/// Refuses what is no tolerance.
+fn check_tolerance(tolerance: f64) -> Outcome {
+    if tolerance > 0.0 && tolerance < 1.0 {
+        return Ok(());
+    }
+    let text = format!("--tolerance {tolerance}: expected a number above 0 and below 1");
+    Err(Failure::Usage(text))
+}

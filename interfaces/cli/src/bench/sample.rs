@@ -1,0 +1,192 @@
+//! `ballast bench sample FILE`: times a scene that any program of the field can run.
+//!
+//! Measures the step itself: reading and writing files is outside the clocks.
+
+use super::args::BenchSample;
+use super::scene::LIMIT;
+use crate::console::write_out;
+use crate::exit::{Failure, Outcome};
+use crate::files::{read_text, replace_text};
+use crate::profile::{Profile, Spent};
+use crate::statistics::Statistics;
+use ballast::drive::Inputs;
+use ballast::math::{Pose, Vec3};
+use ballast::model::{Model, Part, PartitionRule};
+use ballast::state::State;
+use ballast::step::{Phase, StepReport, step};
+use ballast::workspace::Workspace;
+use ballast_scenario::sample::{self, Sample};
+use serde_json::{Value, json};
+
+pub fn sample(args: BenchSample) -> Outcome {
+    let text = read_text(&args.file, LIMIT)?;
+    let name = args.file.display().to_string();
+    let mut sample = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
+    choose(&args, &mut sample);
+    let steps = args.steps.unwrap_or(sample.steps);
+    let mut trial = Trial::default();
+    let mut profile = Profile::start();
+    run(&mut sample, steps, &mut trial, &mut profile)?;
+    let mut figures = figures(&sample, steps, &trial, &profile);
+    figures["sample"] = json!(name);
+    write_out(&figures.to_string());
+    if let Some(path) = &args.save {
+        let text = sample::write(&sample.model, &sample.state, sample.steps, &sample.meta);
+        replace_text(path, &text)?;
+    }
+    Ok(())
+}
+
+/// Puts the command line's choices in the place of the sample's.
+fn choose(args: &BenchSample, sample: &mut Sample) {
+    let solver = &mut sample.model.solver;
+    solver.schedule = args.schedule.into();
+    if let Some(iterations) = args.iterations {
+        solver.iterations = iterations.get();
+        solver.tolerance = None;
+    }
+    if let Some(tolerance) = args.tolerance {
+        // A sample of fixed sweeps gives no cap for this.
+        if solver.tolerance.is_none() {
+            solver.iterations = 10_000;
+        }
+        solver.tolerance = Some(tolerance);
+    }
+    if let Some(subdomains) = args.subdomains {
+        solver.partition = PartitionRule::Balanced(subdomains.get());
+    }
+}
+
+/// What the steps told.
+#[derive(Default)]
+struct Trial {
+    contacts: Statistics,
+    active: Statistics,
+    iterations: Statistics,
+    residual: Statistics,
+    visits: u64,
+    not_converged: u64,
+    guarded: u64,
+    first: Option<StepReport>,
+    last: StepReport,
+}
+
+impl Trial {
+    fn take(&mut self, report: StepReport) {
+        self.contacts.take(report.contacts as f64);
+        self.active.take(report.active_contacts as f64);
+        self.iterations.take(f64::from(report.iterations));
+        self.residual.take(report.residuals.qm16());
+        self.visits += report.visits;
+        self.not_converged += u64::from(!report.converged);
+        self.guarded += u64::from(report.guarded);
+        self.first.get_or_insert_with(|| report.clone());
+        self.last = report;
+    }
+}
+
+fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile) -> Outcome {
+    let Sample { model, state, .. } = sample;
+    let still: Vec<Pose> =
+        (model.grains.len()..model.body_count()).map(|b| state.pose(b)).collect();
+    let mut workspace = Workspace::default();
+    for _ in 0..steps {
+        profile.output();
+        let inputs = Inputs { targets: &still, loads: &[] };
+        let report = step(model, state, &inputs, &mut workspace, profile)
+            .map_err(|e| Failure::Failed(e.to_string()))?;
+        trial.take(report);
+    }
+    Ok(())
+}
+
+fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Value {
+    let Sample { model, state, .. } = sample;
+    let grains = model.grains.len();
+    let spent = profile.steps();
+    let detection = sum(profile.of(Phase::BroadPhase), profile.of(Phase::NarrowPhase));
+    let grain_steps = grains as f64 * steps as f64;
+    let start = trial.first.as_ref();
+    json!({
+        "grains": grains,
+        "steps": steps,
+        "threads": rayon::current_num_threads(),
+        "schedule": format!("{:?}", model.solver.schedule).to_lowercase(),
+        "subdomains": trial.last.subdomains,
+        "interface_contacts": trial.last.interface_contacts,
+        "contacts": trial.contacts.json(),
+        "active_contacts": trial.active.json(),
+        "sweeps": trial.iterations.json(),
+        "visits": trial.visits,
+        "residual_qm16": trial.residual.json(),
+        "last_residuals": {
+            "quad": trial.last.residuals.quad, "max16": trial.last.residuals.max16,
+            "weighted": trial.last.residuals.weighted,
+            "natural_map": trial.last.residuals.natural_map,
+        },
+        "steps_not_converged": trial.not_converged,
+        "steps_guarded": trial.guarded,
+        "phases": profile.json(),
+        "detection_us_per_grain_step": per(detection, 1e6, grain_steps),
+        "ns_per_visit": per(profile.of(Phase::Solve), 1e9, trial.visits as f64),
+        "ms_per_step": per(spent, 1e3, steps as f64),
+        "penetration_m": {
+            "max_start": start.map(|r| r.max_penetration),
+            "mean_start": start.map(|r| r.mean_penetration),
+            "max_end": trial.last.max_penetration, "mean_end": trial.last.mean_penetration,
+        },
+        "mean_speed_m_per_s": mean_speed(model, state),
+        "kinetic_energy_j": state.energy.kinetic,
+        "height_of_mass_m": height_of_mass(model, state),
+        "grains_lost": lost(model, state),
+        "state_hash": format!("{:032x}", ballast_hdf5::state_hash(model, state)),
+    })
+}
+
+fn sum(a: Spent, b: Spent) -> Spent {
+    Spent { wall: a.wall + b.wall, cpu: a.cpu + b.cpu }
+}
+
+/// Time in units of `1 / scale` s for each of `count`.
+fn per(spent: Spent, scale: f64, count: f64) -> Value {
+    let each = |seconds: f64| if count > 0.0 { scale * seconds / count } else { 0.0 };
+    json!({ "wall": each(spent.wall.as_secs_f64()), "cpu": each(spent.cpu.as_secs_f64()) })
+}
+
+fn mean_speed(model: &Model, state: &State) -> f64 {
+    let grains = model.grains.len();
+    state.velocity[..grains].iter().map(|v| v.norm()).sum::<f64>() / grains.max(1) as f64
+}
+
+fn height_of_mass(model: &Model, state: &State) -> f64 {
+    let mass: f64 = model.grains.mass.iter().sum();
+    let moment: f64 = model.grains.mass.iter().zip(&state.position).map(|(m, p)| m * p.z).sum();
+    if mass > 0.0 { moment / mass } else { 0.0 }
+}
+
+/// Grains whose centre is beside or below all fixed bodies: they fell out of the box.
+fn lost(model: &Model, state: &State) -> usize {
+    let grains = model.grains.len();
+    let mut corners = (0..model.driven.len()).flat_map(|d| {
+        let body = state.pose(grains + d);
+        model.driven[d].parts.iter().filter_map(move |part| match part {
+            Part::Convex { shape, pose } => Some((*shape, body.then(pose))),
+            Part::HalfSpace { .. } => None,
+        })
+    });
+    let mut low = Vec3::repeat(f64::INFINITY);
+    let mut high = Vec3::repeat(f64::NEG_INFINITY);
+    for (shape, pose) in &mut corners {
+        for vertex in &model.shapes[shape as usize].vertices {
+            let p = pose.point(vertex);
+            low = low.inf(&p);
+            high = high.sup(&p);
+        }
+    }
+    if low.x > high.x {
+        return 0;
+    }
+    let outside =
+        |p: &&Vec3| p.x < low.x || p.x > high.x || p.y < low.y || p.y > high.y || p.z < low.z;
+    state.position[..grains].iter().filter(outside).count()
+}

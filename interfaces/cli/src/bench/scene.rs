@@ -1,0 +1,142 @@
+//! What is measured: a case from its bed or from a checkpoint of a run, or a neutral sample.
+
+use super::args::Start;
+use crate::case::{self, Case, Choices};
+use crate::console::Console;
+use crate::engine::machine_step;
+use crate::exit::{Failure, Outcome};
+use crate::files::read_text;
+use crate::profile::Profile;
+use crate::{beds, session};
+use ballast::drive::Inputs;
+use ballast::math::Pose;
+use ballast::model::Model;
+use ballast::motion::SpeedLimit;
+use ballast::state::State;
+use ballast::step::{StepReport, step};
+use ballast::track::TampingCycle;
+use ballast::workspace::Workspace;
+use ballast_hdf5::checkpoint::{self, Kind};
+use ballast_scenario::sample;
+use std::path::Path;
+
+/// Longest sample that is read, bytes.
+pub const LIMIT: u64 = 1 << 30;
+
+/// A model, where it begins, and what moves its bodies.
+pub struct Scene {
+    pub name: String,
+    pub model: Model,
+    pub state: State,
+    pub mover: Mover,
+    /// Steps of the whole run.
+    pub steps: u64,
+}
+
+/// Who moves the bodies.
+pub enum Mover {
+    /// The machine of the case.
+    Machine(Box<(TampingCycle, SpeedLimit)>),
+    /// Nobody: they stay where they are.
+    Nobody(Vec<Pose>),
+}
+
+impl Scene {
+    /// Reads a case, or a sample where the file is one.
+    pub fn load(path: &Path, start: &Start, console: Console) -> Outcome<Self> {
+        if path.extension().is_some_and(|e| e == "json") {
+            return Self::of_sample(path, start);
+        }
+        let case = case::load(path, &Choices::from(&start.overrides), console)?;
+        let (mut model, state) = match &start.from {
+            Some(from) => at_checkpoint(&case, from)?,
+            None => beds::scene(&case, &start.beds.beds, console)?,
+        };
+        if let Some(schedule) = start.overrides.schedule {
+            model.solver.schedule = schedule.into();
+        }
+        let cycle = session::cycle(&case, &model, &state)?;
+        let mover = Mover::Machine(Box::new((cycle, SpeedLimit::of(&model))));
+        Ok(Self { name: case.plan.name.clone(), model, state, mover, steps: case.steps() })
+    }
+
+    fn of_sample(path: &Path, start: &Start) -> Outcome<Self> {
+        if start.from.is_some() || start.overrides.seed.is_some() {
+            let text = format!(
+                "{}: a sample has neither beds nor checkpoints: expected no --from and no --seed",
+                path.display()
+            );
+            return Err(Failure::Usage(text));
+        }
+        let text = read_text(path, LIMIT)?;
+        let name = path.display().to_string();
+        let read = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
+        let (mut model, state) = (read.model, read.state);
+        if let Some(schedule) = start.overrides.schedule {
+            model.solver.schedule = schedule.into();
+        }
+        let still = (model.grains.len()..model.body_count()).map(|b| state.pose(b)).collect();
+        let name = path.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
+        Ok(Self { name, model, state, mover: Mover::Nobody(still), steps: read.steps })
+    }
+
+    /// What the scene is, for notes.
+    pub fn describe(&self) -> String {
+        let (grains, step) = (self.model.grains.len(), self.state.step);
+        format!("{}, {grains} grains, from step {step} of {}", self.name, self.steps)
+    }
+
+    /// Where the imposed bodies are to be at the end of the step from `state` `[nd]`.
+    pub fn targets(&self) -> Vec<Pose> {
+        match &self.mover {
+            Mover::Nobody(still) => still.clone(),
+            Mover::Machine(machine) => {
+                let mut targets = Vec::new();
+                machine.0.targets(&self.model, &self.state, &mut targets);
+                targets
+            }
+        }
+    }
+}
+
+impl Mover {
+    /// Takes a step of `model`.
+    pub fn step(
+        &self,
+        model: &Model,
+        state: &mut State,
+        workspace: &mut Workspace,
+        watch: &mut Profile,
+    ) -> Outcome<StepReport> {
+        match self {
+            Mover::Machine(machine) => {
+                let (cycle, limit) = &**machine;
+                machine_step(cycle, limit, model, state, &mut Vec::new(), workspace, watch)
+            }
+            Mover::Nobody(still) => {
+                let inputs = Inputs { targets: still, loads: &[] };
+                step(model, state, &inputs, workspace, watch)
+                    .map_err(|e| Failure::Failed(e.to_string()))
+            }
+        }
+    }
+}
+
+/// Model and state of a run of `case` that stopped at the checkpoint `from`.
+fn at_checkpoint(case: &Case, from: &Path) -> Outcome<(Model, State)> {
+    let kept = checkpoint::read(from)?;
+    if kept.kind != Kind::Run {
+        let what = format!("it is a {}, expected the checkpoint of a run", kept.kind.name());
+        return Err(Failure::at(from, what));
+    }
+    let (found, expected) = (&kept.key, case.bed_key());
+    if *found != expected {
+        return Err(Failure::Mismatch(format!(
+            "{}: it is of a run of {:?} on the bed {found}; expected one of {:?} on the bed {expected}",
+            from.display(),
+            kept.case_name,
+            case.plan.name
+        )));
+    }
+    Ok((kept.model, kept.state))
+}

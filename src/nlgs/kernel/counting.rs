@@ -1,0 +1,166 @@
+//! Lanes that count what is done with them: how much arithmetic a visit is.
+//!
+//! Values carry nothing but themselves, so the count is the thread's. No result depends on it.
+
+use super::lanes::Lanes;
+use super::portable::Portable;
+use crate::contact_graph::LANES;
+use crate::local_problem::Line;
+use std::cell::Cell;
+
+/// Operations on rows of eight f64; comparisons, selections and conversions are not counted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Operations {
+    /// Additions, subtractions and multiplications.
+    pub plain: u64,
+    /// Products with a sum, rounded once.
+    pub fused: u64,
+    /// Divisions and square roots.
+    pub divisions: u64,
+}
+
+impl Operations {
+    /// Operations on single f64: a fused one is two, a division or root is one.
+    pub fn flops(&self) -> u64 {
+        LANES as u64 * (self.plain + 2 * self.fused + self.divisions)
+    }
+}
+
+thread_local! {
+    static DONE: Cell<Operations> = const { Cell::new(Operations { plain: 0, fused: 0, divisions: 0 }) };
+}
+
+/// What `work` does on this thread with [`Counting`] lanes.
+pub fn counted(work: impl FnOnce()) -> Operations {
+    DONE.set(Operations::default());
+    work();
+    DONE.get()
+}
+
+/// Plain lanes whose arithmetic is counted.
+#[derive(Clone, Copy)]
+pub struct Counting(Portable);
+
+fn plain(result: Portable) -> Counting {
+    DONE.set(Operations { plain: DONE.get().plain + 1, ..DONE.get() });
+    Counting(result)
+}
+
+fn fused(result: Portable) -> Counting {
+    DONE.set(Operations { fused: DONE.get().fused + 1, ..DONE.get() });
+    Counting(result)
+}
+
+fn divided(result: Portable) -> Counting {
+    DONE.set(Operations { divisions: DONE.get().divisions + 1, ..DONE.get() });
+    Counting(result)
+}
+
+impl Lanes for Counting {
+    type Mask = <Portable as Lanes>::Mask;
+
+    fn splat(x: f64) -> Self {
+        Self(Portable::splat(x))
+    }
+    fn load(row: &[f64; LANES]) -> Self {
+        Self(Portable::load(row))
+    }
+    fn load32(row: &[f32; LANES]) -> Self {
+        Self(Portable::load32(row))
+    }
+    fn store(self, row: &mut [f64; LANES]) {
+        self.0.store(row);
+    }
+    fn store32(self, row: &mut [f32; LANES]) {
+        self.0.store32(row);
+    }
+    fn add(self, other: Self) -> Self {
+        plain(self.0.add(other.0))
+    }
+    fn sub(self, other: Self) -> Self {
+        plain(self.0.sub(other.0))
+    }
+    fn mul(self, other: Self) -> Self {
+        plain(self.0.mul(other.0))
+    }
+    fn div(self, other: Self) -> Self {
+        divided(self.0.div(other.0))
+    }
+    fn sqrt(self) -> Self {
+        divided(self.0.sqrt())
+    }
+    fn abs(self) -> Self {
+        Self(self.0.abs())
+    }
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        fused(self.0.mul_add(b.0, c.0))
+    }
+    fn mul_sub(self, b: Self, c: Self) -> Self {
+        fused(self.0.mul_sub(b.0, c.0))
+    }
+    fn neg_mul_add(self, b: Self, c: Self) -> Self {
+        fused(self.0.neg_mul_add(b.0, c.0))
+    }
+    fn lt(self, other: Self) -> Self::Mask {
+        self.0.lt(other.0)
+    }
+    fn le(self, other: Self) -> Self::Mask {
+        self.0.le(other.0)
+    }
+    fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask {
+        Portable::and(a, b)
+    }
+    fn or(a: Self::Mask, b: Self::Mask) -> Self::Mask {
+        Portable::or(a, b)
+    }
+    fn and_not(a: Self::Mask, b: Self::Mask) -> Self::Mask {
+        Portable::and_not(a, b)
+    }
+    fn any(mask: Self::Mask) -> bool {
+        Portable::any(mask)
+    }
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+        Self(Portable::select(mask, yes.0, no.0))
+    }
+    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
+        // SAFETY: the caller's.
+        unsafe { Portable::gather(lines, indices) }.map(Self)
+    }
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
+        // SAFETY: the caller's.
+        unsafe { Portable::scatter(rows.map(|row| row.0), lines, indices) };
+    }
+    fn prefetch<T>(_: *const T) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::nlgs::ContactSet;
+    use crate::nlgs::scenes::Scene;
+
+    #[test]
+    fn a_visit_is_some_hundred_operations_and_counting_changes_nothing() {
+        let scene = Scene::grid([5, 4, 3], 2, 0.0, 3);
+        let problem = &scene.problem;
+        let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
+        let mut set = ContactSet::default();
+        set.pack(problem, &contacts, problem.body_count(), |grain| grain);
+        set.lines[..problem.body_count()].copy_from_slice(&problem.lines);
+        set.apply_impulses();
+        let mut twin = set.clone();
+        let operations = set.operations(1.0);
+        set.sweep(1.0);
+        twin.sweep(1.0);
+        assert_eq!(set.lines, twin.lines);
+        let (flops, lanes) = (operations.flops() as f64, set.contact_count() as f64 / set.fill());
+        assert!((150.0..1000.0).contains(&(flops / lanes)), "{} per lane", flops / lanes);
+        assert!(
+            operations.fused > operations.plain / 2 && operations.divisions > 0,
+            "{operations:?}"
+        );
+        let traffic = set.traffic();
+        let blocks = traffic.held as f64 - 64.0 * set.lines.len() as f64;
+        assert!((144.0..=160.0).contains(&(blocks / lanes)), "{traffic:?}");
+        assert!(traffic.streamed > traffic.held && traffic.core > traffic.held, "{traffic:?}");
+    }
+}

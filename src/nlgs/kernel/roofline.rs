@@ -1,0 +1,160 @@
+//! What a processor can do at most with the instructions of an [`Arithmetic`]: work whose rate bounds that of
+//! sweeps. The caller has the clock.
+
+use super::lanes::Lanes;
+use super::passes::Pass;
+use super::{Arithmetic, run};
+use crate::contact_graph::LANES;
+use crate::local_problem::Line;
+
+/// Numbers per line of the triad.
+const ROW: usize = size_of::<Line>() / size_of::<f64>();
+
+impl Arithmetic {
+    /// Bytes that [`Arithmetic::triad`] moves per line: two reads, and a write of what was read, so that no
+    /// cache has to fetch what is only written.
+    pub const TRIAD_BYTES: usize = 3 * size_of::<Line>();
+
+    /// `a = b + factor a` on lines of eight f64: what memory or cache delivers at most.
+    pub fn triad(self, a: &mut [Line], b: &[Line], factor: f64) {
+        // SAFETY: the pass has no indices.
+        unsafe { run(self, Triad { a, b, factor }) }
+    }
+
+    /// Fused operations on single f64 that a round of [`Arithmetic::multiply_adds`] does, and divisions of
+    /// one of [`Arithmetic::divisions`].
+    pub fn operations_per_round(self) -> usize {
+        LANES * if self.has_many_registers() { MANY } else { FEW }
+    }
+
+    /// `rounds` of `x = x factor + c` in independent chains, summed: the most fused operations that there can be.
+    pub fn multiply_adds(self, rounds: u64, factor: f64) -> f64 {
+        // SAFETY: the passes have no indices.
+        match self.has_many_registers() {
+            true => unsafe { run(self, MultiplyAdds::<MANY> { rounds, factor }) },
+            false => unsafe { run(self, MultiplyAdds::<FEW> { rounds, factor }) },
+        }
+    }
+
+    /// `rounds` of `x = c / x` in independent chains, summed: the most divisions that there can be.
+    pub fn divisions(self, rounds: u64, dividend: f64) -> f64 {
+        // SAFETY: the passes have no indices.
+        match self.has_many_registers() {
+            true => unsafe { run(self, Divisions::<MANY> { rounds, dividend }) },
+            false => unsafe { run(self, Divisions::<FEW> { rounds, dividend }) },
+        }
+    }
+
+    fn has_many_registers(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return self.0 == super::Instructions::Avx512;
+        #[cfg(not(target_arch = "x86_64"))]
+        false
+    }
+}
+
+/// Chains: enough that none is waited for, few enough that all stay in registers.
+const MANY: usize = 12;
+const FEW: usize = 6;
+
+struct Triad<'a> {
+    a: &'a mut [Line],
+    b: &'a [Line],
+    factor: f64,
+}
+
+impl Pass for Triad<'_> {
+    type Output = ();
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        const { assert!(ROW == LANES) };
+        let factor = L::splat(self.factor);
+        for (a, b) in self.a.iter_mut().zip(self.b) {
+            L::load(&a.0).mul_add(factor, L::load(&b.0)).store(&mut a.0);
+        }
+    }
+}
+
+/// The sum of the chains, so that none can be left out.
+#[inline(always)]
+fn sum<L: Lanes, const N: usize>(chains: [L; N]) -> f64 {
+    let mut total = 0.0;
+    for lanes in chains {
+        let mut row = [0.0; LANES];
+        lanes.store(&mut row);
+        total += row.iter().sum::<f64>();
+    }
+    total
+}
+
+/// Chains that start apart.
+#[inline(always)]
+fn start<L: Lanes, const N: usize>() -> [L; N] {
+    let mut chains = [L::splat(1.0); N];
+    for k in 0..N {
+        chains[k] = L::splat(1.0 + k as f64 * 1e-3);
+    }
+    chains
+}
+
+struct MultiplyAdds<const N: usize> {
+    rounds: u64,
+    factor: f64,
+}
+
+impl<const N: usize> Pass for MultiplyAdds<N> {
+    type Output = f64;
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> f64 {
+        let (factor, plus) = (L::splat(self.factor), L::splat(1.0 - self.factor));
+        let mut chains = start::<L, N>();
+        for _ in 0..self.rounds {
+            for k in 0..N {
+                chains[k] = chains[k].mul_add(factor, plus);
+            }
+        }
+        sum(chains)
+    }
+}
+
+struct Divisions<const N: usize> {
+    rounds: u64,
+    dividend: f64,
+}
+
+impl<const N: usize> Pass for Divisions<N> {
+    type Output = f64;
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> f64 {
+        let dividend = L::splat(self.dividend);
+        let mut chains = start::<L, N>();
+        for _ in 0..self.rounds {
+            for k in 0..N {
+                chains[k] = dividend.div(chains[k]);
+            }
+        }
+        sum(chains)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_arithmetic_does_the_work_that_is_counted() {
+        for arithmetic in Arithmetic::available() {
+            let mut a = vec![Line([2.0; 8]); 5];
+            let b = vec![Line([1.0; 8]); 5];
+            arithmetic.triad(&mut a, &b, 0.25);
+            assert!(a.iter().all(|line| line.0 == [1.5; 8]), "{arithmetic:?}");
+            let per_round = arithmetic.operations_per_round() as f64;
+            let chains = per_round / LANES as f64;
+            let starts: f64 = per_round + LANES as f64 * 1e-3 * chains * (chains - 1.0) / 2.0;
+            assert!((arithmetic.multiply_adds(0, 0.5) - starts).abs() < 1e-9);
+            // Fixed point 1 of every chain.
+            assert!((arithmetic.multiply_adds(100, 0.5) - per_round).abs() < 1e-9);
+            assert!((arithmetic.divisions(2, 3.0) - starts).abs() < 1e-9);
+        }
+    }
+}
