@@ -108,7 +108,7 @@ fn problems_of_a_run_are_read_back_and_solved() {
     place.run("--out dumped --dump-problems kept --dump-every 40").with_code(0);
     assert_eq!(place.summary("dumped"), place.summary("plain"), "dumping changed the run");
     // Stones that jam between tines and sleeper make hard problems; this is about reading them back.
-    let call = "solve kept --tolerance 1e-2 --max-sweeps 3000 --json";
+    let call = "solve kept --tolerance 2e-2 --max-sweeps 3000 --json";
     let events = place.call(call).with_code(0).events();
     let solved: Vec<&Value> = events.iter().filter(|e| e["event"] == "solution").collect();
     assert!(solved.len() >= 4, "{} problems", solved.len());

@@ -103,7 +103,7 @@ impl Default for Solver {
             interface_sweeps: 1,
             tolerance: None,
             norm: Norm::Qm16,
-            check_every: 10,
+            check_every: 5,
             relaxation: 1.0,
             warm_start: 1.0,
         }
