@@ -229,20 +229,22 @@ impl There {
 
     /// States that nobody here holds any more need not be kept over there.
     fn forget(&mut self, py: Python<'_>) -> PyResult<()> {
-        let names =
-            std::mem::take(&mut *self.forgotten.lock().unwrap_or_else(PoisonError::into_inner));
+        let forgotten = || self.forgotten.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut names = std::mem::take(&mut *forgotten());
         let client = &mut self.client;
-        py.detach(|| {
-            for name in names {
-                match client.drop_state(&name) {
+        let done = py.detach(|| {
+            while let Some(name) = names.last() {
+                match client.drop_state(name) {
                     // A component that was started anew has none of them.
                     Err(error) if error.fault().is_none() => return Err(error),
-                    _ => {}
-                }
+                    _ => names.pop(),
+                };
             }
             Ok(())
-        })
-        .map_err(|e| failed(py, e))
+        });
+        // Those that it did not hear of are for the next time.
+        forgotten().append(&mut names);
+        done.map_err(|e| failed(py, e))
     }
 
     pub fn restore(&mut self, py: Python<'_>, kept: &Kept) -> PyResult<()> {
