@@ -112,7 +112,7 @@ const TABLE: &[Broken] = &[
     Broken(
         "tamped = [1]",
         "tamped = [1]\nmount = { z = «\"free\" }",
-        &["unknown value", "`held`, `loaded`"],
+        &["unknown value", "\"held\", \"loaded\""],
     ),
     // The machine.
     Broken("depth_m = 0.018", "depth_m = «0.24", &["reaches the floor", "below 0.2300 m"]),
