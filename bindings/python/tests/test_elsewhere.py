@@ -180,10 +180,11 @@ def test_a_component_that_comes_back_goes_on(sim: ballast.Simulation, served: Se
 
 
 def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served: Served) -> None:
-    n = 400
+    # Long enough to be interrupted on any machine.
+    n = 1500
     with served.open() as there:
         end, motions = n * sim.step_ns, down(there, 1e-3, n)
-        threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
+        threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(end, motions)
         # What was asked goes on over there, and the same call gives its outcome.
@@ -191,7 +192,7 @@ def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served
         assert out.steps == n
         assert told(there, out) == told(sim, sim.advance_to(end, down(sim, 1e-3, n)))
         # Any other call comes after it.
-        threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
+        threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(2 * end)
         assert there.save().time_ns == 2 * end == there.now_ns
