@@ -176,9 +176,12 @@ impl State {
 
 impl ContactMemory {
     /// Gives driven bodies other numbers.
-    pub fn renumber(&mut self, number: impl Fn(usize) -> usize) {
+    pub(crate) fn renumber(&mut self, number: impl Fn(usize) -> usize) {
         for [_, antagonist] in &mut self.bodies {
             *antagonist = number(*antagonist as usize) as u32;
+        }
+        if self.bodies.is_sorted() {
+            return;
         }
         let mut order: Vec<usize> = (0..self.bodies.len()).collect();
         // Stable: points of a pair stay in their order.

@@ -10,6 +10,7 @@ use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{LANES, PADDING, Packing};
 use crate::local_problem::{Line, LocalProblem};
 use crate::math::Vec3;
+use std::ops::AddAssign;
 
 /// Bytes of a sweep over a set, padding included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -21,6 +22,14 @@ pub struct Traffic {
     /// The least that is moved where nothing is left in a cache from the sweep before: every block and line once in,
     /// every cache line that was written once out.
     pub streamed: usize,
+}
+
+impl AddAssign for Traffic {
+    fn add_assign(&mut self, other: Self) {
+        self.held += other.held;
+        self.core += other.core;
+        self.streamed += other.streamed;
+    }
 }
 
 /// Contacts and the lines of their grains.

@@ -156,12 +156,8 @@ impl Bench {
         self.state.orientation.splice(n..n, grains.iter().map(|g| g.1.orientation));
         self.state.velocity.splice(n..n, zeros());
         self.state.spin.splice(n..n, zeros());
-        let added = grains.len() as u32;
-        for pair in &mut self.state.contacts.bodies {
-            if pair[1] >= n as u32 {
-                pair[1] += added;
-            }
-        }
+        let added = |b: usize| if b >= n { grains.len() } else { 0 };
+        self.state.contacts.renumber(|b| b + added(b));
     }
 
     /// Denies, of each two grains that the last step found deeper than `deepest` (m) in each other,

@@ -6,6 +6,8 @@
 use ballast::step::{Phase, Stopwatch};
 use nix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
+use std::iter::Sum;
+use std::ops::AddAssign;
 use std::time::{Duration, Instant};
 
 /// Wall and CPU time.
@@ -13,6 +15,21 @@ use std::time::{Duration, Instant};
 pub struct Spent {
     pub wall: Duration,
     pub cpu: Duration,
+}
+
+impl AddAssign for Spent {
+    fn add_assign(&mut self, other: Self) {
+        self.wall += other.wall;
+        self.cpu += other.cpu;
+    }
+}
+
+impl Sum for Spent {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        let mut sum = Self::default();
+        all.for_each(|spent| sum += spent);
+        sum
+    }
 }
 
 /// Time per phase of the step, and of what the program does between steps.
@@ -38,8 +55,7 @@ impl Profile {
     /// What passed since the last mark was observation, writing and reporting.
     pub fn output(&mut self) {
         let spent = self.since_mark();
-        self.output.wall += spent.wall;
-        self.output.cpu += spent.cpu;
+        self.output += spent;
     }
 
     fn since_mark(&mut self) -> Spent {
@@ -66,10 +82,7 @@ impl Profile {
 
     /// Time of all phases, without the output between steps.
     pub fn steps(&self) -> Spent {
-        self.phases.iter().fold(Spent::default(), |sum, s| Spent {
-            wall: sum.wall + s.wall,
-            cpu: sum.cpu + s.cpu,
-        })
+        self.phases.iter().copied().sum()
     }
 
     /// Seconds per phase, by name.

@@ -7,6 +7,7 @@ use super::portable::Portable;
 use crate::contact_graph::LANES;
 use crate::local_problem::Line;
 use std::cell::Cell;
+use std::ops::AddAssign;
 
 /// Operations on rows of eight f64; comparisons, selections and conversions are not counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -17,6 +18,14 @@ pub struct Operations {
     pub fused: u64,
     /// Divisions and square roots.
     pub divisions: u64,
+}
+
+impl AddAssign for Operations {
+    fn add_assign(&mut self, other: Self) {
+        self.plain += other.plain;
+        self.fused += other.fused;
+        self.divisions += other.divisions;
+    }
 }
 
 impl Operations {

@@ -72,6 +72,20 @@ pub struct Window {
     pub warm_up: u32,
 }
 
+/// When steps are done: at fixed iterations, and at a common residual.
+#[derive(Debug, Args)]
+pub struct Ends {
+    /// Iterations that are fixed, instead of the case's
+    #[arg(long, value_name = "K")]
+    pub iterations: Option<NonZeroU32>,
+    /// Residual (QM/16) of the common tolerance
+    #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
+    pub tolerance: f64,
+    /// Most iterations at the common tolerance; by default four times the fixed ones
+    #[arg(long, value_name = "K")]
+    pub max_iterations: Option<NonZeroU32>,
+}
+
 /// What state a measurement begins with.
 #[derive(Debug, Args)]
 pub struct Start {
@@ -156,15 +170,8 @@ pub struct BenchTables {
     pub table: Option<TableName>,
     #[command(flatten)]
     pub window: Window,
-    /// Iterations that are fixed, instead of the case's
-    #[arg(long, value_name = "K")]
-    pub iterations: Option<NonZeroU32>,
-    /// Residual (QM/16) that is reached at equal residual
-    #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
-    pub tolerance: f64,
-    /// Most iterations at equal residual; by default four times the fixed ones
-    #[arg(long, value_name = "K")]
-    pub max_iterations: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub ends: Ends,
     /// Leave out the rows at equal residual
     #[arg(long)]
     pub fixed_only: bool,
@@ -185,15 +192,8 @@ pub struct BenchSubdomains {
     pub max: NonZeroU32,
     #[command(flatten)]
     pub window: Window,
-    /// Iterations that are fixed, instead of the case's
-    #[arg(long, value_name = "K")]
-    pub iterations: Option<NonZeroU32>,
-    /// Residual (QM/16) of the common tolerance
-    #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
-    pub tolerance: f64,
-    /// Most iterations at the common tolerance; by default four times the fixed ones
-    #[arg(long, value_name = "K")]
-    pub max_iterations: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub ends: Ends,
     #[command(flatten)]
     pub start: Start,
     #[command(flatten)]

@@ -6,6 +6,7 @@
 use super::args::BenchDetection;
 use super::machine::Machine;
 use super::pools::pools;
+use super::rule::Rule;
 use super::scene::Scene;
 use super::sheet::{Sheet, cells};
 use super::trial::{Contender, DETECTION, alternate, mean, ratios};
@@ -18,7 +19,6 @@ use crate::statistics::Quartiles;
 use ballast::detection::{Contacts, Detector};
 use ballast::drive::Inputs;
 use ballast::math::Vec3;
-use ballast::model::Solver;
 use ballast::motion::Motion;
 use ballast::step::{Phase, Stopwatch};
 use rayon::ThreadPool;
@@ -160,10 +160,7 @@ fn moving(
     args: &BenchDetection,
     console: Console,
 ) -> Outcome<Vec<Trial>> {
-    let mut solver = scene.model.solver;
-    if let Some(iterations) = args.iterations {
-        solver = Solver { iterations: iterations.get(), tolerance: None, ..solver };
-    }
+    let solver = Rule::fixed(args.iterations, scene.model.solver);
     let mut contenders: Vec<Contender> = pools
         .iter()
         .map(|p| Contender::new(step::on_threads(p.current_num_threads()), scene, solver, p))

@@ -37,13 +37,8 @@ impl Load {
         let counted = if divided { &sets[..] } else { &sets[..1] };
         let (mut traffic, mut operations) = (Traffic::default(), Operations::default());
         for set in counted {
-            let (more, done) = (set.traffic(), set.operations(1.0));
-            traffic.held += more.held;
-            traffic.core += more.core;
-            traffic.streamed += more.streamed;
-            operations.plain += done.plain;
-            operations.fused += done.fused;
-            operations.divisions += done.divisions;
+            traffic += set.traffic();
+            operations += set.operations(1.0);
         }
         let contacts = counted.iter().map(ContactSet::contact_count).sum();
         let sets = sets.into_iter().map(Mutex::new).collect();

@@ -11,6 +11,7 @@ mod machine;
 mod pools;
 mod published;
 mod roof;
+mod rule;
 pub mod sample;
 mod scene;
 mod sheet;
@@ -19,7 +20,6 @@ pub mod subdomains;
 pub mod tables;
 mod trial;
 
-use crate::exit::{Failure, Outcome};
 use crate::progress::Mark;
 use serde_json::{Value, json};
 
@@ -34,13 +34,4 @@ impl Mark for Said {
     fn fields(&self) -> Value {
         json!({ "what": self.0 })
     }
-}
-
-/// Refuses what is no tolerance.
-fn check_tolerance(tolerance: f64) -> Outcome {
-    if tolerance > 0.0 && tolerance < 1.0 {
-        return Ok(());
-    }
-    let text = format!("--tolerance {tolerance}: expected a number above 0 and below 1");
-    Err(Failure::Usage(text))
 }

@@ -4,6 +4,7 @@
 
 use super::args::BenchSample;
 use super::scene::LIMIT;
+use super::trial::DETECTION;
 use crate::console::write_out;
 use crate::exit::{Failure, Outcome};
 use crate::files::{read_text, replace_text};
@@ -104,7 +105,7 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
     let Sample { model, state, .. } = sample;
     let grains = model.grains.len();
     let spent = profile.steps();
-    let detection = sum(profile.of(Phase::BroadPhase), profile.of(Phase::NarrowPhase));
+    let detection = DETECTION.map(|phase| profile.of(phase)).into_iter().sum();
     let grain_steps = grains as f64 * steps as f64;
     let start = trial.first.as_ref();
     json!({
@@ -141,10 +142,6 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
         "grains_lost": lost(model, state),
         "state_hash": format!("{:032x}", ballast_hdf5::state_hash(model, state)),
     })
-}
-
-fn sum(a: Spent, b: Spent) -> Spent {
-    Spent { wall: a.wall + b.wall, cpu: a.cpu + b.cpu }
 }
 
 /// Time in units of `1 / scale` s for each of `count`.

@@ -3,13 +3,14 @@
 use super::args::BenchStep;
 use super::machine::Machine;
 use super::pools::pools;
+use super::rule::Rule;
 use super::scene::Scene;
 use super::sheet::{Sheet, cells};
 use super::trial::{Contender, alternate, mean, ratios};
 use crate::console::Console;
 use crate::exit::Outcome;
 use crate::statistics::Quartiles;
-use ballast::model::{Schedule, Solver};
+use ballast::model::Schedule;
 use ballast::step::Phase;
 
 const COLUMNS: &[&str] = &[
@@ -30,10 +31,7 @@ const COLUMNS: &[&str] = &[
 pub fn step(args: &BenchStep, console: Console) -> Outcome {
     let machine = Machine::watch();
     let scene = Scene::load(&args.scene, &args.start, console)?;
-    let mut solver = scene.model.solver;
-    if let Some(iterations) = args.iterations {
-        solver = Solver { iterations: iterations.get(), tolerance: None, ..solver };
-    }
+    let solver = Rule::fixed(args.iterations, scene.model.solver);
     let mut contenders: Vec<Contender> = pools(&args.threads)?
         .iter()
         .map(|pool| {

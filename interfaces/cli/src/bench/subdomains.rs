@@ -2,16 +2,16 @@
 //! Figures 4 and 5 of Hoang et al. 2012.
 
 use super::args::BenchSubdomains;
-use super::check_tolerance;
 use super::machine::Machine;
 use super::pools::pool;
+use super::rule::Rule;
 use super::scene::Scene;
 use super::sheet::{Sheet, cells};
 use super::trial::{Contender, alternate, ratios};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::statistics::Quartiles;
-use ballast::model::{Norm, PartitionRule, Schedule, Solver};
+use ballast::model::{PartitionRule, Schedule, Solver};
 use ballast::step::Phase;
 
 const COLUMNS: &[&str] = &[
@@ -31,11 +31,8 @@ const COLUMNS: &[&str] = &[
     "mvisits_per_s",
 ];
 
-/// Iterations at the common tolerance, over the fixed ones, where nothing is said.
-pub const CAP: u32 = 4;
-
 pub fn subdomains(args: &BenchSubdomains, console: Console) -> Outcome {
-    check_tolerance(args.tolerance)?;
+    args.ends.check()?;
     let machine = Machine::watch();
     let scene = Scene::load(&args.scene, &args.start, console)?;
     let (most, grains) = (args.max.get(), scene.model.grains.len());
@@ -43,11 +40,9 @@ pub fn subdomains(args: &BenchSubdomains, console: Console) -> Outcome {
         let text = format!("--max {most}: expected at most one subdomain per grain, {grains}");
         return Err(Failure::Usage(text));
     }
-    let iterations = args.iterations.map_or(scene.model.solver.iterations, u32::from);
-    let cap = args.max_iterations.map_or(iterations.saturating_mul(CAP), u32::from);
     let pool = pool(rayon::current_num_threads())?;
     let mut contenders = Vec::new();
-    for rule in rules(iterations, cap, args.tolerance) {
+    for rule in args.ends.rules(&scene.model.solver) {
         for (schedule, n) in ways(most, args.start.overrides.schedule.map(Into::into)) {
             let partition = PartitionRule::Balanced(n);
             let solver = Solver { schedule, partition, ..rule.of(scene.model.solver) };
@@ -68,40 +63,6 @@ pub fn subdomains(args: &BenchSubdomains, console: Console) -> Outcome {
         group.iter().for_each(|contender| row(&mut sheet, contender, &group[0]));
     }
     sheet.publish(&machine, args.csv.csv.as_deref(), console)
-}
-
-/// When a step is done.
-#[derive(Debug, Clone, Copy)]
-pub struct Rule {
-    pub iterations: u32,
-    pub tolerance: Option<f64>,
-}
-
-impl Rule {
-    /// A solver that follows the rule.
-    pub fn of(&self, solver: Solver) -> Solver {
-        let Self { iterations, tolerance } = *self;
-        let norm = if tolerance.is_some() { Norm::Qm16 } else { solver.norm };
-        Solver { iterations, tolerance, norm, ..solver }
-    }
-
-    /// The rule that a solver follows.
-    pub fn of_solver(solver: &Solver) -> Self {
-        Self { iterations: solver.iterations, tolerance: solver.tolerance }
-    }
-
-    pub fn name(&self) -> String {
-        match self.tolerance {
-            None => format!("{} iterations", self.iterations),
-            Some(t) => format!("QM/16 below {t:e}; at most {} iterations", self.iterations),
-        }
-    }
-}
-
-/// Fixed iterations, and a common residual.
-pub fn rules(iterations: u32, cap: u32, tolerance: f64) -> [Rule; 2] {
-    let common = Rule { iterations: cap, tolerance: Some(tolerance) };
-    [Rule { iterations, tolerance: None }, common]
 }
 
 /// One set without subdomains, then each schedule with 2, 4, 8, ... and `most` subdomains.

@@ -1,14 +1,13 @@
 //! `ballast bench tables CASE...`: the two tables of Hoang et al. 2012, with our figures.
 
 use super::args::{BenchTables, TableName};
-use super::check_tolerance;
 use super::machine::Machine;
 use super::pools::pools;
 use super::published::{self, Row};
+use super::rule::Rule;
 use super::scene::Scene;
 use super::sheet::{Sheet, cells};
 use super::step::on_threads;
-use super::subdomains::{CAP, Rule, rules};
 use super::trial::{Contender, DETECTION, alternate, mean, ratios};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
@@ -45,7 +44,7 @@ const COLUMNS: &[&str] = &[
 ];
 
 pub fn tables(args: &BenchTables, console: Console) -> Outcome {
-    check_tolerance(args.tolerance)?;
+    args.ends.check()?;
     if args.start.from.is_some() && args.cases.len() > 1 {
         let text = format!("--from belongs to one case, found {} cases", args.cases.len());
         return Err(Failure::Usage(text));
@@ -78,10 +77,7 @@ fn case(
 ) -> Outcome {
     let scene = Scene::load(path, &args.start, console)?;
     let name = scene.name.clone();
-    let solver = scene.model.solver;
-    let iterations = args.iterations.map_or(solver.iterations, u32::from);
-    let cap = args.max_iterations.map_or(iterations.saturating_mul(CAP), u32::from);
-    let all = rules(iterations, cap, args.tolerance);
+    let all = args.ends.rules(&scene.model.solver);
     let rules = if args.fixed_only { &all[..1] } else { &all[..] };
     let (first, steps) = (scene.state.step + u64::from(args.window.warm_up), args.window.steps);
     sheet.note(

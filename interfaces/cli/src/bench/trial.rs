@@ -36,10 +36,7 @@ pub struct Sample {
 impl Sample {
     /// Time of some phases.
     pub fn of(&self, phases: &[Phase]) -> Spent {
-        phases.iter().fold(Spent::default(), |sum, &phase| {
-            let spent = self.phases[phase as usize];
-            Spent { wall: sum.wall + spent.wall, cpu: sum.cpu + spent.cpu }
-        })
+        phases.iter().map(|&phase| self.phases[phase as usize]).sum()
     }
 
     /// Wall time of some phases, s.
