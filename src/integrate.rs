@@ -1,7 +1,8 @@
 //! From velocities to the configuration at the end of the step (T-4), and what the step did:
 //! reactions of the driven bodies and the energy ledger (T-14).
 //!
-//! Reads: model, prediction, solved velocities, contact impulses. Writes: state, reactions.
+//! Reads: model, state, prediction, solved velocities, contact impulses. Writes: the next state,
+//! reactions.
 //! Cost: O(bodies + contacts).
 
 use crate::detection::Contacts;
@@ -34,18 +35,14 @@ impl Default for Reaction {
     }
 }
 
-/// Moves all bodies to the end of the step with the velocities at its end `[ng]`.
-pub fn configurations(
-    model: &Model,
-    motion: &Motion,
-    velocity: &[Vec3],
-    spin: &[Vec3],
-    targets: &[Pose],
-    state: &mut State,
-) {
-    let (ng, mobile) = (model.grains.len(), model.mobile_count());
+/// Puts all bodies where the step ends: every body of `next` is written.
+pub fn configurations(model: &Model, course: &Course, targets: &[Pose], next: &mut State) {
+    let Course { motion, velocity, spin, .. } = *course;
+    let (ng, mobile, bodies) = (model.grains.len(), velocity.len(), motion.position.len());
     let after = model.stepping.h() * model.stepping.theta;
-    (&mut state.position[..mobile], &mut state.orientation[..mobile])
+    next.position.resize(bodies, Vec3::zeros());
+    next.orientation.resize(bodies, Quat::identity());
+    (&mut next.position[..mobile], &mut next.orientation[..mobile])
         .into_par_iter()
         .enumerate()
         .with_min_len(1024)
@@ -53,22 +50,23 @@ pub fn configurations(
             *x = motion.position[i] + velocity[i] * after;
             *q = rotation::advance(&motion.orientation[i], &(spin[i] * after));
         });
-    state.velocity[..mobile].copy_from_slice(velocity);
-    state.spin[..mobile].copy_from_slice(spin);
-    state.velocity[mobile..].copy_from_slice(&motion.velocity[mobile..]);
-    state.spin[mobile..].copy_from_slice(&motion.spin[mobile..]);
+    next.velocity.clear();
+    next.velocity.extend(velocity.iter().chain(&motion.velocity[mobile..]));
+    next.spin.clear();
+    next.spin.extend(spin.iter().chain(&motion.spin[mobile..]));
     let (mounts, imposed) = targets.split_at(mobile - ng);
+    next.mount.clear();
+    next.mount.extend(mounts);
     for (d, target) in mounts.iter().enumerate() {
-        let (x, q) = (&mut state.position[ng + d], &mut state.orientation[ng + d]);
+        let (x, q) = (&mut next.position[ng + d], &mut next.orientation[ng + d]);
         if let Some(mount) = &model.driven[d].mount {
             hold(mount, target, x, q);
         }
-        state.mount[d] = *target;
     }
     for (b, target) in (mobile..).zip(imposed) {
         // The target itself, not what the velocity leads to: rounding must not add up over steps.
-        state.position[b] = target.position;
-        state.orientation[b] = target.orientation;
+        next.position[b] = target.position;
+        next.orientation[b] = target.orientation;
     }
 }
 

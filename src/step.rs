@@ -1,7 +1,7 @@
 //! One time step, from state to state (T-1 to T-12).
 //!
-//! Reads: model, state, inputs. Writes: state, workspace. Contract: same inputs, same bytes, for
-//! any number of threads (sequential and synchronous schedules); a refused step leaves the state
+//! Reads: model, state, inputs. Writes: another state, workspace. Contract: same inputs, same bytes,
+//! for any number of threads (sequential and synchronous schedules); a refused step leaves the state
 //! as it was.
 
 use crate::ddm::{self, Outcome};
@@ -13,17 +13,39 @@ use crate::integrate::{self, Course};
 use crate::math::Vec3;
 use crate::model::{Model, Schedule};
 pub use crate::nlgs::Residuals;
-use crate::state::State;
+use crate::state::{EnergyLedger, State};
 use crate::workspace::Workspace;
 
 /// Advances `state` by one time step.
 ///
 /// # Errors
-/// [`Error::Input`] for inputs that do not fit, [`Error::Step`] when a velocity is not finite. The
-/// state is then exactly that of before the step.
+/// As for [`advance`]. The state is then exactly that of before the step.
 pub fn step(
     model: &Model,
     state: &mut State,
+    inputs: &Inputs,
+    ws: &mut Workspace,
+    watch: &mut impl Stopwatch,
+) -> Result<StepReport> {
+    let mut next = std::mem::take(&mut ws.next);
+    let report = advance(model, state, &mut next, inputs, ws, watch);
+    if report.is_ok() {
+        std::mem::swap(state, &mut next);
+    }
+    ws.next = next;
+    report
+}
+
+/// The step from `state` to `next`. What `next` was before is not read; its memory is used, so that
+/// a state that others hold need not be copied to go on from it.
+///
+/// # Errors
+/// [`Error::Input`] for inputs that do not fit, [`Error::Step`] when a velocity is not finite. What
+/// `next` holds is then of no use.
+pub fn advance(
+    model: &Model,
+    state: &State,
+    next: &mut State,
     inputs: &Inputs,
     ws: &mut Workspace,
     watch: &mut impl Stopwatch,
@@ -54,10 +76,10 @@ pub fn step(
     collect(model, state, ws)?;
     watch.lap(Phase::Solve);
 
-    let report = integrate_and_report(model, state, inputs, ws, &outcome);
+    let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
     watch.lap(Phase::Integrate);
 
-    remember(&ws.motion, &ws.contacts, &ws.impulse, &mut state.contacts);
+    remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
     watch.lap(Phase::Store);
     Ok(report)
 }
@@ -98,7 +120,8 @@ fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
 /// Moves the bodies, keeps the energy ledger, and tells what the step did.
 fn integrate_and_report(
     model: &Model,
-    state: &mut State,
+    state: &State,
+    next: &mut State,
     inputs: &Inputs,
     ws: &Workspace,
     outcome: &Outcome,
@@ -107,18 +130,20 @@ fn integrate_and_report(
     let course = Course { state, motion, velocity: &ws.velocity, spin: &ws.spin };
     let dissipated = integrate::dissipation(&course, contacts, impulse);
     let reactions = integrate::reactions(model, &course, contacts, impulse);
-    if state.step == 0 {
-        state.energy = integrate::open_ledger(model, state);
-    }
-    let targets = inputs.targets;
-    integrate::configurations(model, motion, &ws.velocity, &ws.spin, targets, state);
-    let (kinetic, potential) = integrate::energies(model, state);
-    state.energy.kinetic = kinetic;
-    state.energy.potential = potential;
-    state.energy.work_in += reactions.iter().map(|r| r.work).sum::<f64>();
-    state.energy.dissipated += dissipated;
-    state.step += 1;
-    state.time_ns += model.stepping.step_ns;
+    integrate::configurations(model, &course, inputs.targets, next);
+    let ledger =
+        if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
+    let (kinetic, potential) = integrate::energies(model, next);
+    next.energy = EnergyLedger {
+        kinetic,
+        potential,
+        work_in: ledger.work_in + reactions.iter().map(|r| r.work).sum::<f64>(),
+        dissipated: ledger.dissipated + dissipated,
+        ..ledger
+    };
+    next.drive.clone_from(&state.drive);
+    next.step = state.step + 1;
+    next.time_ns = state.time_ns + model.stepping.step_ns;
 
     let penetrating = contacts.gap.iter().filter(|&&g| g < 0.0);
     let depths = penetrating.clone().count();

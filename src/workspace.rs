@@ -7,6 +7,7 @@ use crate::detection::{Contacts, Detector};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::motion::Motion;
+use crate::state::State;
 
 /// Buffers of a step. After a step they hold what observables read.
 #[derive(Debug, Default)]
@@ -24,6 +25,8 @@ pub struct Workspace {
     /// Velocities of the grains at the end of the step `[ng]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
     pub(crate) spin: Vec<Vec3>,
+    /// Memory for the state at the end of the step; nothing in it is read.
+    pub(crate) next: State,
 }
 
 impl Workspace {

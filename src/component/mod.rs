@@ -11,6 +11,7 @@ mod memory;
 mod outcome;
 mod parameters;
 mod refusal;
+mod spares;
 mod waveform;
 mod window;
 
@@ -28,10 +29,11 @@ use crate::model::Model;
 use crate::motion::SpeedLimit;
 use crate::observe::{SqueezeRule, Zone};
 use crate::state::State;
-use crate::step::{StepReport, Stopwatch, step};
+use crate::step::{StepReport, Stopwatch, advance};
 use crate::workspace::Workspace;
 use memory::Memory;
 use outcome::Account;
+use spares::Spares;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use window::Plan;
@@ -82,12 +84,11 @@ pub struct Component {
     limits: Limits,
     zones: Arc<[Zone]>,
     squeezes: Arc<SqueezeRule>,
-    /// Copied on writing: whoever was given a state keeps what it was, and pays for no copy.
+    /// Steps go on in another one: whoever was given a state keeps what it was, and nobody pays for a copy.
     state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
     last: Option<(Arc<State>, u64)>,
-    /// A state that nobody needs any more: memory for the next copy.
-    spare: Option<Arc<State>>,
+    spares: Spares,
     workspace: Workspace,
     speed_limit: SpeedLimit,
 }
@@ -113,7 +114,7 @@ impl Component {
             squeezes: Arc::default(),
             state,
             last: None,
-            spare: None,
+            spares: Spares::default(),
             workspace: Workspace::default(),
             speed_limit,
         })
@@ -229,10 +230,10 @@ impl Component {
             memory = Memory::read(&self.state.drive, model.driven.len(), &self.squeezes);
         } else {
             memory.twist = plan.twists(self.now_ns());
-            memory.write(&mut own(&mut self.state, &mut self.spare).drive);
+            memory.write(&mut Arc::make_mut(&mut self.state).drive);
         }
         if let Some((old, _)) = self.last.replace((before, t1_ns)) {
-            self.spare = Some(old);
+            self.spares.keep(old);
         }
         let end = End {
             model: &model,
@@ -265,7 +266,7 @@ impl Component {
         let after = std::mem::replace(&mut self.state, before);
         let result = self.advance_watched(t1, inputs, watch);
         match &result {
-            Ok(_) => self.spare = Some(after),
+            Ok(_) => self.spares.keep(after),
             Err(_) => self.state = after,
         }
         result
@@ -307,7 +308,7 @@ impl Component {
             squeezes: Arc::clone(&self.squeezes),
             state: Arc::clone(&self.state),
             last: self.last.clone(),
-            spare: None,
+            spares: Spares::default(),
             workspace: Workspace::default(),
             speed_limit: self.speed_limit.clone(),
         }
@@ -338,33 +339,19 @@ impl Component {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
         self.speed_limit.check(&self.model, &self.state, &targets)?;
-        // A step is refused before it changes anything, or taken: so penetration is judged on a copy.
-        let before = self.limits.penetration.is_finite().then(|| Arc::clone(&self.state));
         let inputs = Inputs { targets: &targets, loads: &loads };
-        let Self { model, state, spare, workspace, .. } = self;
-        let report = step(model, own(state, spare), &inputs, workspace, stopwatch)?;
-        if let Some(before) = before.filter(|_| report.max_penetration > self.limits.penetration) {
-            let time_s = before.time();
-            self.state = before;
+        let mut next = self.spares.take();
+        let report =
+            advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, stopwatch)?;
+        if report.max_penetration > self.limits.penetration {
             return Err(Error::Step {
-                time_s,
+                time_s: self.state.time(),
                 place: "penetration".into(),
                 expected: format!("at most {:.3e} m", self.limits.penetration),
                 found: format!("{:.3e} m", report.max_penetration),
             });
         }
+        self.spares.keep(std::mem::replace(&mut self.state, Arc::new(next)));
         Ok(report)
     }
-}
-
-/// The state, for writing: if someone else holds it too, a copy in the memory of `spare`, if nobody holds that.
-fn own<'a>(state: &'a mut Arc<State>, spare: &mut Option<Arc<State>>) -> &'a mut State {
-    if Arc::get_mut(state).is_none()
-        && let Some(mut copy) = spare.take()
-        && let Some(memory) = Arc::get_mut(&mut copy)
-    {
-        memory.clone_from(state);
-        *state = copy;
-    }
-    Arc::make_mut(state)
 }

@@ -1,6 +1,6 @@
 //! Cases: read, changed, checked, written; their beds.
 
-use crate::compute::compute;
+use crate::compute::{Crew, compute};
 use crate::errors::{self, CaseError};
 use crate::machine::Machine;
 use crate::simulation::Simulation;
@@ -198,8 +198,8 @@ fn make(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<ballast::track::Bed> {
-    let pool = crate::compute::pool(py, threads)?;
-    let done = compute(py, &pool, progress.as_ref(), |turn| {
+    let crew = Crew::new(py, threads)?;
+    let done = compute(py, &crew, progress.as_ref(), |turn| {
         beds.prepare(&case.plan, &case.text, &mut |at| {
             turn.tell(ballast_beds::share(at), || at.stage.name().to_string());
             if turn.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -240,8 +240,8 @@ pub fn begin(
         case: Arc::new(case.clone()),
         machine,
     };
-    let pool = crate::compute::pool(py, threads)?;
-    Simulation::here(py, &start, limits(max_penetration, keep_early), pool)
+    let crew = Crew::new(py, threads)?;
+    Simulation::here(py, &start, limits(max_penetration, keep_early), crew)
 }
 
 pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {

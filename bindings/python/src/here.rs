@@ -1,7 +1,7 @@
 //! The simulation in this process: windows, redo, states, recording.
 
 use crate::case::Case;
-use crate::compute::compute;
+use crate::compute::{Crew, compute};
 use crate::errors::{self, Lost};
 use crate::machine::Machine;
 use crate::outcome::{Outcome, Series};
@@ -17,7 +17,6 @@ use ballast::step::StepReport;
 use ballast::track;
 use ballast::track::zones::zones;
 use pyo3::prelude::*;
-use rayon::ThreadPool;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,7 +28,7 @@ pub struct Ground {
     pub case: Arc<Case>,
     pub model: Arc<Model>,
     pub names: Arc<[String]>,
-    pub pool: Arc<ThreadPool>,
+    pub crew: Crew,
 }
 
 /// A component of this process, and what belongs to it.
@@ -52,7 +51,7 @@ impl Here {
         py: Python<'_>,
         start: &Snapshot,
         limits: Limits,
-        pool: Arc<ThreadPool>,
+        crew: Crew,
     ) -> PyResult<Self> {
         let Snapshot { model, state, case, machine } = start;
         let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
@@ -63,7 +62,7 @@ impl Here {
         let component = component.with_squeezes(squeezes);
         let names = model.driven.iter().map(|d| d.name.clone()).collect();
         let (case, model) = (Arc::clone(case), Arc::clone(model));
-        let ground = Ground { case, model, names, pool };
+        let ground = Ground { case, model, names, crew };
         Ok(Self::of(ground, component, machine.clone()))
     }
 
@@ -98,11 +97,11 @@ impl Here {
         }
     }
 
-    pub fn zones(&self, py: Python<'_>) -> Vec<ZoneOutcome> {
-        let Ground { case, model, pool, .. } = &self.ground;
+    pub fn zones(&self, py: Python<'_>) -> PyResult<Vec<ZoneOutcome>> {
+        let Ground { case, model, crew, .. } = &self.ground;
         let (state, workspace) = (self.component.state(), self.component.workspace());
         let zones = zones(&case.plan);
-        py.detach(|| pool.install(|| component::measure(model, state, workspace, &zones)))
+        crew.run(py, || component::measure(model, state, workspace, &zones))
     }
 
     /// What the machine of the case asks of the next step.
@@ -120,7 +119,7 @@ impl Here {
 
     pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
         self.check_sound(py)?;
-        let Ground { model, names, pool, .. } = self.ground.clone();
+        let Ground { model, names, crew, .. } = self.ground.clone();
         let before = self.component.save();
         let mut series = asked.series.then(|| Series::new(&names));
         let mut machine = match (&asked.t1_ns, &self.machine_before) {
@@ -131,7 +130,7 @@ impl Here {
         let panics = std::mem::take(&mut self.panics);
         let window = Window { motions: &asked.motions, loads: &asked.loads };
         let component = &mut self.component;
-        let computed = compute(py, &pool, None, |turn| {
+        let computed = compute(py, &crew, None, |turn| {
             let mut watch = |state: &state::State, report: &StepReport| {
                 assert!(!panics, "a failure that was asked for");
                 if let Some(series) = &mut series {
@@ -159,7 +158,7 @@ impl Here {
         self.machine = if is_discarded { machine_before.clone() } else { machine };
         self.machine_before = Some(machine_before);
         if asked.zones && !is_discarded {
-            outcome.zones = self.zones(py);
+            outcome.zones = self.zones(py)?;
         }
         if let Some(recorder) = &mut self.recorder {
             recorder.window(py, &self.component, asked.t1_ns.is_none(), &window, &outcome)?;

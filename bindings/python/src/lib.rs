@@ -30,9 +30,9 @@ fn resume(
     max_penetration: Option<f64>,
     keep_early: bool,
 ) -> PyResult<simulation::Simulation> {
-    let pool = compute::pool(py, threads)?;
+    let crew = compute::Crew::new(py, threads)?;
     let start = state.here(py, "resume")?;
-    simulation::Simulation::here(py, start, case::limits(max_penetration, keep_early), pool)
+    simulation::Simulation::here(py, start, case::limits(max_penetration, keep_early), crew)
 }
 
 /// The JSON Schema of case files.

@@ -2,6 +2,7 @@
 
 use crate::arrays::{Matrix, Vector};
 use crate::case::Case;
+use crate::compute::Crew;
 use crate::errors;
 use crate::here::{Ground, Here};
 use crate::inputs::{Load, Motion};
@@ -13,7 +14,6 @@ use ballast::track::TinePath;
 use ballast_zenoh::Description;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use rayon::ThreadPool;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
@@ -77,9 +77,9 @@ impl Simulation {
         py: Python<'_>,
         start: &Snapshot,
         limits: Limits,
-        pool: Arc<ThreadPool>,
+        crew: Crew,
     ) -> PyResult<Self> {
-        Ok(Self::of(Here::new(py, start, limits, pool)?))
+        Ok(Self::of(Here::new(py, start, limits, crew)?))
     }
 
     fn of(here: Here) -> Self {
@@ -327,7 +327,7 @@ impl Simulation {
 
     #[getter]
     fn threads(&self, py: Python<'_>) -> PyResult<usize> {
-        Ok(self.ground(py, "threads")?.pool.current_num_threads())
+        Ok(self.ground(py, "threads")?.crew.threads())
     }
 
     #[getter]
@@ -359,7 +359,7 @@ impl Simulation {
 
     /// Zones measured now.
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let measured = self.with_here(py, "zones", |here| Ok(here.zones(py)))?;
+        let measured = self.with_here(py, "zones", |here| here.zones(py))?;
         crate::outcome::zones(py, &measured)
     }
 

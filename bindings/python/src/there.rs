@@ -3,7 +3,7 @@
 //! Contract: the same windows give the same outcomes and state hashes as in this process. A window whose answer
 //! did not come, or was not waited for, is asked for again before anything else: it counts once.
 
-use crate::compute::{Turn, attend};
+use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Error, Lost, Unreachable};
 use crate::outcome::{Outcome, Series};
 use crate::simulation::Asked;
@@ -15,7 +15,6 @@ use ballast_zenoh::link::DEFAULT_ENDPOINT;
 use ballast_zenoh::server::Description;
 use ballast_zenoh::{Client, Link, Patience};
 use pyo3::prelude::*;
-use rayon::ThreadPool;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -27,7 +26,7 @@ type Targets = Arc<[Pose]>;
 pub struct There {
     client: Client,
     /// One worker: it waits for answers while the calling thread listens for Ctrl-C.
-    pool: Arc<ThreadPool>,
+    crew: Crew,
     names: Arc<[String]>,
     targets: Targets,
     /// The last window's ends, ns, and the targets at its beginning.
@@ -61,7 +60,7 @@ impl Drop for Kept {
 impl There {
     /// Becomes the owner of the component `site/id`.
     pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
-        let pool = crate::compute::pool(py, Some(1))?;
+        let crew = Crew::workers(py, Some(1))?;
         let link = if link.is_empty() { Link::to(DEFAULT_ENDPOINT) } else { link };
         let attached = py.detach(|| {
             let client = Client::attach(name, &link, "python", None, Patience::default())?;
@@ -76,7 +75,7 @@ impl There {
         let targets: Result<_, Malformed> = about.bodies.iter().map(target).collect();
         let there = Self {
             client,
-            pool,
+            crew,
             names: about.bodies.iter().map(|b| b.name.clone()).collect(),
             targets: targets.map_err(|e| failed(py, e.into()))?,
             last: None,
@@ -160,7 +159,7 @@ impl There {
         let client = &mut self.client;
         let is_given_up = Arc::clone(&client.line().is_given_up);
         let turn = Turn::until(Arc::clone(&is_given_up));
-        let done = attend(py, &self.pool, None, &turn, |_| client.send(kind, &request));
+        let done = attend(py, &self.crew, &turn, |_| client.send(kind, &request));
         is_given_up.store(false, Ordering::Relaxed);
         let (result, raised) = done?;
         let reply = match result {
