@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// Detects one pair and compares it with the oracle; returns the gap.
-fn check(a: &Polyhedron, b: &Polyhedron, poses: [Pose; 2], alert: f64, what: &str) -> f64 {
+pub fn check(a: &Polyhedron, b: &Polyhedron, poses: [Pose; 2], alert: f64, what: &str) -> f64 {
     let size = a.radius + b.radius;
     let tolerance = 1e-9 * size;
     let (wa, wb) = (Body::new(a, &poses[0]), Body::new(b, &poses[1]));

@@ -9,3 +9,4 @@ mod manifolds;
 mod matching;
 mod promises;
 mod samples;
+mod steep_face;

@@ -19,6 +19,11 @@ impl<const N: usize> Few<N> {
         self.count = 0;
     }
 
+    /// The note alone.
+    pub fn too_many() -> Self {
+        Self { count: u8::MAX, items: [0; N] }
+    }
+
     /// Notes that there are more than the list can hold.
     pub fn overflow(&mut self) {
         self.count = u8::MAX;

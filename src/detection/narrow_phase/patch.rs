@@ -27,6 +27,7 @@ use super::pair::Pair;
 use super::reduce::Candidate;
 use super::rim::{EDGES, Rim};
 use super::{SLAB, feature};
+use crate::geometry::Polyhedron;
 use crate::math::{Vec3, frame};
 
 /// How far bodies may move against each other before a list is made again, over the radii.
@@ -45,6 +46,8 @@ pub struct Axis {
     pub normal: Vec3,
     /// Largest gap of interest, m.
     pub alert: f64,
+    /// Separation along the axis less what rounding takes: no corner's gap is below it, m.
+    pub lowest: f64,
     /// How far off the support planes the feet of a corner may be, m.
     pub slab: f64,
     /// How far beside a face a vertex may be and still count as over it, m.
@@ -182,6 +185,19 @@ impl Axis {
         [Frame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
     }
 
+    /// Gap at the vertex at `x`, in the frame of the other body, along `into` it; the faces `below` decide.
+    ///
+    /// They do so where the bodies face each other. Far behind, where only a face that has turned steep bounds the
+    /// body, others may: there the line seems to enter the body below all its corners, or never.
+    #[inline]
+    fn gap_at(&self, into: &Frame, other: &Polyhedron, below: &Below, x: &Vec3) -> Option<f64> {
+        let gap = into.distance(other, below, x, self.tolerance)?;
+        if gap >= self.lowest {
+            return Some(gap);
+        }
+        into.distance(other, &Below::too_many(), x, self.tolerance)
+    }
+
     /// Appends vertices of A over B, with the faces that decide; `into` is the frame of B.
     fn vertices_of_a<'a>(
         &self,
@@ -192,7 +208,7 @@ impl Axis {
     ) {
         for (v, below) in vertices {
             let point = &pair.a.vertices[v];
-            let gap = into.distance(pair.b, below, &pair.point_in_b(point), self.tolerance);
+            let gap = self.gap_at(into, pair.b, below, &pair.point_in_b(point));
             self.vertex(feature::vertex(v), point, gap, 1.0, out);
         }
     }
@@ -207,7 +223,7 @@ impl Axis {
     ) {
         for (v, below) in vertices {
             let point = pair.corner_of_b(v);
-            let gap = into.distance(pair.a, below, &point, self.tolerance);
+            let gap = self.gap_at(into, pair.a, below, &point);
             self.vertex(feature::vertex_of_b(v), &point, gap, -1.0, out);
         }
     }

@@ -119,6 +119,7 @@ impl Pair<'_> {
         let axis = patch::Axis {
             normal: *n,
             alert: self.alert,
+            lowest: separation - LOOSE * self.size,
             slab: (self.alert - separation).max(0.0) + SLAB * self.size,
             tolerance: TIE * self.size,
         };
