@@ -125,8 +125,8 @@ def run(
     """Runs every point that the folder does not hold yet, and returns the table of all.
 
     Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
-    with more points or from another process. A point that fails is told in the column `error` and tried
-    again by the next call.
+    with more points or from another process. A point that fails is told at once, and in the column `error`; the
+    next call tries it again.
 
     Args:
         case: the case that points change.
@@ -145,12 +145,29 @@ def run(
     files = [store / f"{_key(base, point, measure)}.json" for point in points]
     missing = [i for i, file in enumerate(files) if not file.exists()]
     errors: dict[int, str] = {}
+
+    def told(what: str) -> None:
+        if progress:
+            print(f"study: {what}", file=sys.stderr, flush=True)
+
+    def fail(i: int, error: str) -> None:
+        errors[i] = error
+        told(f"{dict(points[i])} failed: {error}")
+
+    def keep(i: int, figures: Figures) -> None:
+        text = json.dumps({"point": dict(points[i]), "figures": figures}, indent=1)
+        part = files[i].with_suffix(".part")
+        part.write_text(text)
+        part.replace(files[i])
+        told(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
+
     if missing:
         pool = executor or ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
         try:
             # Beds first, each once: points that share one would all prepare it.
             shared = {cases[i].bed_key: i for i in missing}
-            _wait({i: pool.submit(_bed, *_told(cases[i]), str(beds)) for i in shared.values()}, errors)
+            made = {i: pool.submit(_bed, *_told(cases[i]), str(beds)) for i in shared.values()}
+            _wait(made, lambda i, bed: None, fail)
             tasks = {
                 i: pool.submit(_point, *_told(cases[i]), str(beds), measure)
                 for i in missing
@@ -159,17 +176,7 @@ def run(
             for i in missing:
                 if i not in tasks:
                     errors.setdefault(i, errors[shared[cases[i].bed_key]])
-
-            def keep(i: int, figures: Figures) -> None:
-                text = json.dumps({"point": dict(points[i]), "figures": figures}, indent=1)
-                part = files[i].with_suffix(".part")
-                part.write_text(text)
-                part.replace(files[i])
-                if progress:
-                    left = sum(not file.exists() for file in files)
-                    print(f"study: {dict(points[i])} done, {left} to go", file=sys.stderr, flush=True)
-
-            _wait(tasks, errors, keep)
+            _wait(tasks, keep, fail)
         finally:
             if isinstance(pool, ProcessPoolExecutor) and executor is None:
                 pool.shutdown(cancel_futures=True)
@@ -210,10 +217,10 @@ def _point(text: str, seed: int, schedule: str, beds: str, measure: Measure) -> 
 
 def _wait(
     tasks: Mapping[int, Any],
-    errors: dict[int, str],
-    keep: Callable[[int, Any], None] = lambda i, result: None,
+    keep: Callable[[int, Any], None],
+    fail: Callable[[int, str], None],
 ) -> None:
-    """Takes results as they come; what was raised goes to `errors`."""
+    """Takes results as they come, and what was raised instead."""
     numbers = {future: i for i, future in tasks.items()}
     if all(isinstance(future, Future) for future in numbers):
         done: Iterable[Any] = as_completed(numbers)
@@ -227,7 +234,7 @@ def _wait(
         except (KeyboardInterrupt, SystemExit):
             raise
         except Exception as error:
-            errors[numbers[future]] = f"{type(error).__name__}: {error}"
+            fail(numbers[future], f"{type(error).__name__}: {error}")
 
 
 def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
