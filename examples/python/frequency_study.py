@@ -33,7 +33,7 @@ def main():
     for name in under:
         gain = table[name] - table[name.replace("after", "before")]
         axes[0].plot(table[axis], 100 * gain, "o", label=name.removesuffix(": after"))
-    axes[0].set(ylabel="gain of compactness, %")
+    axes[0].set(ylabel="gain of compactness, percentage points")
     for name in (c for c in table if c.endswith("mean force N")):
         axes[1].plot(table[axis], table[name] * 1e-3, "o", label=name.split(":")[0])
     axes[1].set(ylabel="mean force in the squeeze, kN")
