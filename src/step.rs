@@ -131,8 +131,7 @@ fn integrate_and_report(
     let dissipated = integrate::dissipation(&course, contacts, impulse);
     let reactions = integrate::reactions(model, &course, contacts, impulse);
     integrate::configurations(model, &course, inputs.targets, next);
-    let ledger =
-        if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
+    let ledger = if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
     let (kinetic, potential) = integrate::energies(model, next);
     next.energy = EnergyLedger {
         kinetic,

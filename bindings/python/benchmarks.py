@@ -3,11 +3,13 @@
     python bindings/python/benchmarks.py [CASE [ROUNDS]]
 
 The same steps, in windows of one step and in one window, in turn. What a window took in the core is told by its
-outcome; the rest of the call is Python's: arguments, checks, threads that wait for each other. What a step costs
-more in a window of its own is all of that, and what the core does once per window; it is the difference of two
-times of computing, and told with its quartiles.
+outcome; the rest of the call is Python's: arguments, checks, threads that wait for each other. It begins and ends
+with caches that the step has left cold, so something else that is called at that moment is timed beside it. What a
+step costs more in a window of its own is all of that, and what the core does once per window; it is the difference
+of two times of computing, and told with its quartiles.
 """
 
+import json
 import sys
 import time
 
@@ -25,7 +27,7 @@ def measure(threads):
     with ballast.open(CASE, threads=threads) as sim:
         sim.advance_to(10 * sim.step_ns)
         print(f"{sim.grains} grains, {len(sim.save().contact_bodies)} contact points, {threads} thread(s)")
-        whole, more, beside, call = [], [], [], []
+        whole, more, beside, call, other = [], [], [], [], []
         for _ in range(ROUNDS):
             begin, start = sim.save(), sim.now_ns
             t = time.perf_counter()
@@ -39,6 +41,9 @@ def measure(threads):
                 took = time.perf_counter() - t
                 apart += took / STEPS
                 beside.append(took - out.wall_s)
+                t = time.perf_counter()
+                json.dumps({"a": 1, "b": [1, 2, 3]})
+                other.append(time.perf_counter() - t)
             more.append(apart - whole[-1])
             t = time.perf_counter()
             for _ in range(1000):
@@ -55,6 +60,7 @@ def measure(threads):
     low, middle, high = np.percentile(more, [25, 50, 75]) * 1e6
     print(f"  a step                        {np.median(whole) * 1e3:9.3f} ms")
     print(f"  a call, beside the core       {np.median(beside) * 1e6:9.1f} us")
+    print(f"  json.dumps, at that moment    {np.median(other) * 1e6:9.1f} us")
     print(f"  a step in its own window more {middle:9.1f} us (quartiles {low:.1f} and {high:.1f})")
     print(f"  a refused call                {np.min(call) * 1e6:9.1f} us")
     print(f"  all positions                 {view * 1e6:9.1f} us")

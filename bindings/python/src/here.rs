@@ -47,12 +47,7 @@ pub struct Here {
 
 impl Here {
     /// Goes on from `start`.
-    pub fn new(
-        py: Python<'_>,
-        start: &Snapshot,
-        limits: Limits,
-        crew: Crew,
-    ) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, start: &Snapshot, limits: Limits, crew: Crew) -> PyResult<Self> {
         let Snapshot { model, state, case, machine } = start;
         let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refused(py, e.code(), e))?;

@@ -73,12 +73,7 @@ impl Asked {
 
 impl Simulation {
     /// A simulation of this process that goes on from `start`.
-    pub fn here(
-        py: Python<'_>,
-        start: &Snapshot,
-        limits: Limits,
-        crew: Crew,
-    ) -> PyResult<Self> {
+    pub fn here(py: Python<'_>, start: &Snapshot, limits: Limits, crew: Crew) -> PyResult<Self> {
         Ok(Self::of(Here::new(py, start, limits, crew)?))
     }
 

@@ -104,6 +104,9 @@ impl<'a> Reader<'a> {
         let Some((0, text)) = bytes.split_last() else {
             return Err(self.fault("a text that ends with a zero", format!("{:?}", bytes.last())));
         };
+        if let Some(at) = text.iter().position(|b| *b == 0) {
+            return Err(self.fault("a text without zeros", format!("one at its byte {at}")));
+        }
         std::str::from_utf8(text).map_err(|e| self.fault("a text in UTF-8", e))
     }
 

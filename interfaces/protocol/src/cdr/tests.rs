@@ -69,6 +69,7 @@ fn what_is_wrong_is_told_with_its_place() {
     );
     assert!(broken(&|b| b[16] = 0xff).contains("frame_id, byte 19: expected a text in UTF-8"));
     assert!(broken(&|b| b[18] = b'c').contains("expected a text that ends with a zero"));
+    assert!(broken(&|b| b[16] = 0).contains("expected a text without zeros"));
     assert!(broken(&|b| b[1] = 3).contains("header of plain CDR"));
     assert!(broken(&|b| b.truncate(3)).contains("found 3 bytes"));
 }
