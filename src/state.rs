@@ -7,7 +7,7 @@ use crate::math::{Pose, Quat, Vec3};
 use crate::model::Model;
 
 /// The state at the end of a step. Body arrays are numbered as in [`crate::model`].
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct State {
     /// Completed steps since the start of the run.
     pub step: u64,
@@ -31,7 +31,7 @@ pub struct State {
 }
 
 /// What the next step's warm start needs from this step's contacts, sorted by bodies.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ContactMemory {
     /// Candidate and antagonist `[nc]`.
     pub bodies: Vec<[u32; 2]>,
@@ -58,45 +58,6 @@ pub struct EnergyLedger {
     pub work_in: f64,
     /// Energy lost in contacts.
     pub dissipated: f64,
-}
-
-impl Clone for State {
-    fn clone(&self) -> Self {
-        let mut copy = Self::default();
-        copy.clone_from(self);
-        copy
-    }
-
-    /// Into the memory that is there: megabytes that the system need not hand out anew.
-    fn clone_from(&mut self, from: &Self) {
-        let Self { step, time_ns, position, orientation, velocity, spin, .. } = from;
-        let Self { contacts, mount, drive, energy, .. } = from;
-        (self.step, self.time_ns, self.energy) = (*step, *time_ns, *energy);
-        self.position.clone_from(position);
-        self.orientation.clone_from(orientation);
-        self.velocity.clone_from(velocity);
-        self.spin.clone_from(spin);
-        self.contacts.clone_from(contacts);
-        self.mount.clone_from(mount);
-        self.drive.clone_from(drive);
-    }
-}
-
-impl Clone for ContactMemory {
-    fn clone(&self) -> Self {
-        let mut copy = Self::default();
-        copy.clone_from(self);
-        copy
-    }
-
-    /// Into the memory that is there.
-    fn clone_from(&mut self, from: &Self) {
-        let Self { bodies, feature, local_point, impulse } = from;
-        self.bodies.clone_from(bodies);
-        self.feature.clone_from(feature);
-        self.local_point.clone_from(local_point);
-        self.impulse.clone_from(impulse);
-    }
 }
 
 impl EnergyLedger {

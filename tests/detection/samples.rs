@@ -1,9 +1,8 @@
 //! A settled sample of another program, which has overlaps that the program itself did not see.
 
 use crate::oracle::{self, Body};
-use crate::scene;
-use ballast::geometry::hull;
-use ballast::math::{Pose, Quat, Vec3};
+use crate::{json, scene};
+use ballast::math::{Pose, Quat};
 use std::path::PathBuf;
 
 /// The sample's text, or a word on why the test is left out.
@@ -18,25 +17,15 @@ fn sample(name: &str) -> Option<serde_json::Value> {
     Some(serde_json::from_str(&text).expect("the sample is JSON"))
 }
 
-fn numbers(v: &serde_json::Value) -> Vec<f64> {
-    v.as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect()
-}
-
 #[test]
 fn settled_sample_with_its_overlap_of_5_mm() {
     let Some(sample) = sample("settled2000.json") else { return };
     let (mut shapes, mut poses) = (vec![], vec![]);
-    for grain in sample["grains"].as_array().expect("grains") {
-        let points: Vec<Vec3> = grain["vertices"]
-            .as_array()
-            .expect("vertices")
-            .iter()
-            .map(|v| Vec3::from_iterator(numbers(v)))
-            .collect();
-        let (shape, frame) = hull::convex_hull(&points).expect("a grain");
-        let q = numbers(&grain["quaternion"]);
+    for grain in json::list(&sample["grains"]) {
+        let (shape, frame) = json::stone(&grain["vertices"]);
+        let q = json::numbers(&grain["quaternion"]);
         let orientation = Quat::new_normalize(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
-        let position = Vec3::from_iterator(numbers(&grain["position"]));
+        let position = json::vector(&grain["position"]);
         poses.push(Pose { position, orientation }.then(&frame));
         shapes.push(shape);
     }

@@ -124,7 +124,9 @@ impl Turn<'_> {
         }
         let heard = Python::attach(|py| -> PyResult<()> {
             py.check_signals()?;
-            if let (Some(progress), Some(news)) = (self.progress, sound(&self.news).take()) {
+            // Taken before it is passed on: the work may tell more meanwhile.
+            let news = sound(&self.news).take();
+            if let (Some(progress), Some(news)) = (self.progress, news) {
                 progress.call1(py, news)?;
             }
             Ok(())

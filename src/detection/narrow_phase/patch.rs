@@ -185,10 +185,9 @@ impl Axis {
         [Frame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
     }
 
-    /// Gap at the vertex at `x`, in the frame of the other body, along `into` it; the faces `below` decide.
-    ///
-    /// They do so where the bodies face each other. Far behind, where only a face that has turned steep bounds the
-    /// body, others may: there the line seems to enter the body below all its corners, or never.
+    /// Gap at the vertex at `x`, in the other body's coordinates. The faces `below` it decide, but not far behind:
+    /// once one of them has turned steep, the line may seem to enter the body where a face that is not listed
+    /// keeps it out, below all corners of the gap.
     #[inline]
     fn gap_at(&self, into: &Frame, other: &Polyhedron, below: &Below, x: &Vec3) -> Option<f64> {
         let gap = into.distance(other, below, x, self.tolerance)?;

@@ -146,20 +146,20 @@ def run(
     missing = [i for i, file in enumerate(files) if not file.exists()]
     errors: dict[int, str] = {}
 
-    def told(what: str) -> None:
+    def say(what: str) -> None:
         if progress:
             print(f"study: {what}", file=sys.stderr, flush=True)
 
     def fail(i: int, error: str) -> None:
         errors[i] = error
-        told(f"{dict(points[i])} failed: {error}")
+        say(f"{dict(points[i])} failed: {error}")
 
     def keep(i: int, figures: Figures) -> None:
         text = json.dumps({"point": dict(points[i]), "figures": figures}, indent=1)
         part = files[i].with_suffix(".part")
         part.write_text(text)
         part.replace(files[i])
-        told(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
+        say(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
 
     if missing:
         pool = executor or ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
@@ -174,8 +174,8 @@ def run(
                 if shared[cases[i].bed_key] not in errors
             }
             for i in missing:
-                if i not in tasks:
-                    errors.setdefault(i, errors[shared[cases[i].bed_key]])
+                if i not in tasks and i not in errors:
+                    fail(i, errors[shared[cases[i].bed_key]])
             _wait(tasks, keep, fail)
         finally:
             if isinstance(pool, ProcessPoolExecutor) and executor is None:
