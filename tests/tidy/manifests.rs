@@ -1,6 +1,8 @@
 //! Who may depend on what, read from the manifests.
 
 use crate::tree;
+use std::collections::BTreeSet;
+use std::process::Command;
 use toml::Table;
 
 /// All that the core may depend on. Each further crate is a decision, not an accident.
@@ -84,4 +86,29 @@ fn interfaces_do_not_see_each_other() {
         tree::around(&["toml"]).into_iter().filter(|f| f.path.ends_with("/Cargo.toml")).collect();
     assert!(manifests.len() >= 3, "the interfaces were not found");
     crate::none(manifests.iter().flat_map(|f| interface_objections(&parse(&f.text))).collect());
+}
+
+/// Crates with their features, as cargo would compile them.
+fn compiled(arguments: &[&str]) -> BTreeSet<String> {
+    let tree =
+        ["tree", "--offline", "--locked", "--prefix", "none", "--no-dedupe", "--format", "{p} {f}"];
+    let done = Command::new(env!("CARGO"))
+        .args(tree)
+        .args(arguments)
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let text = String::from_utf8(done.stdout).expect("names");
+    text.lines().map(|line| line.trim_end_matches(" (*)").to_string()).collect()
+}
+
+#[test]
+fn the_python_package_compiles_nothing_anew() {
+    let package = compiled(&["--package", "ballast-python", "--edges", "normal,build"]);
+    let tests = compiled(&["--workspace", "--edges", "normal,build,dev"]);
+    let anew = package.difference(&tests).map(|c| {
+        format!("bindings/python/Cargo.toml: {c} is compiled for the package alone; ask for the features of the tests")
+    });
+    crate::none(anew.collect());
 }
