@@ -50,6 +50,19 @@ pub fn advance(
     ws: &mut Workspace,
     watch: &mut impl Stopwatch,
 ) -> Result<StepReport> {
+    // Once into the pool: a caller outside of it would hand over each of some thousand parallel loops, and sleep
+    // until it is done.
+    rayon::scope(|_| phases(model, state, next, inputs, ws, watch))
+}
+
+fn phases(
+    model: &Model,
+    state: &State,
+    next: &mut State,
+    inputs: &Inputs,
+    ws: &mut Workspace,
+    watch: &mut impl Stopwatch,
+) -> Result<StepReport> {
     ws.motion.predict(model, state, inputs)?;
     watch.lap(Phase::Predict);
 
@@ -211,7 +224,7 @@ impl Phase {
 }
 
 /// Told when a phase ends. The core has no clock: the caller brings one, or `()`.
-pub trait Stopwatch {
+pub trait Stopwatch: Send {
     /// `phase` has just ended; the next one begins.
     fn lap(&mut self, phase: Phase);
 }

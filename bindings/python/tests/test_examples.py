@@ -56,6 +56,18 @@ def test_frequency_study(place: Path) -> None:
     assert (place / "study/table.csv").read_text().count("\n") == 3
 
 
+def test_window_study(place: Path) -> None:
+    for needed in ("scipy", "matplotlib"):
+        pytest.importorskip(needed)
+    said = run(place, "window_study.py", "study", "4,2", "7,8")
+    assert said.count("100 %") == 6
+    assert (place / "study/windows.png").stat().st_size > 5000
+    rows = (place / "study/table.md").read_text().splitlines()
+    assert rows[0].count("|") == rows[2].count("|") == 11
+    # The beds are two, so they scatter.
+    assert any(float(row.split("|")[-2]) > 0.0 for row in rows[2:])
+
+
 def test_the_notebook(place: Path) -> None:
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")

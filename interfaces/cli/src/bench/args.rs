@@ -17,6 +17,8 @@ pub enum Bench {
     Step(BenchStep),
     /// The two tables of the study of domain decomposition for tamping (Hoang et al. 2012), with our figures
     Tables(BenchTables),
+    /// Cost of a simulated second and the penetration left, by length of the step and number of iterations
+    Cost(BenchCost),
     /// Time, residual and interface against the number of subdomains and the schedule
     Subdomains(BenchSubdomains),
 }
@@ -145,6 +147,23 @@ pub struct BenchStep {
     pub start: Start,
     #[command(flatten)]
     pub threads: Threads,
+    #[command(flatten)]
+    pub csv: Csv,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchCost {
+    /// Sample file (JSON)
+    pub file: PathBuf,
+    /// Lengths of the step, ms
+    #[arg(long, value_name = "H,...", value_delimiter = ',', default_value = "1,2,5")]
+    pub step_ms: Vec<f64>,
+    /// Iterations per step
+    #[arg(long, value_name = "K,...", value_delimiter = ',', default_value = "5,10,30,100")]
+    pub iterations: Vec<NonZeroU32>,
+    /// Time to simulate with each of them, s
+    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    pub time: f64,
     #[command(flatten)]
     pub csv: Csv,
 }

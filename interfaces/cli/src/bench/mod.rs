@@ -4,6 +4,7 @@
 //! by turn, and told with their spread. Nothing here changes what a step computes.
 
 pub mod args;
+pub mod cost;
 pub mod detection;
 pub mod kernel;
 mod loads;

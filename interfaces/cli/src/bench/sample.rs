@@ -4,7 +4,7 @@
 
 use super::args::BenchSample;
 use super::scene::LIMIT;
-use super::trial::DETECTION;
+use super::trial::{DETECTION, mean_speed};
 use crate::console::write_out;
 use crate::exit::{Failure, Outcome};
 use crate::files::{read_text, replace_text};
@@ -148,11 +148,6 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
 fn per(spent: Spent, scale: f64, count: f64) -> Value {
     let each = |seconds: f64| if count > 0.0 { scale * seconds / count } else { 0.0 };
     json!({ "wall": each(spent.wall.as_secs_f64()), "cpu": each(spent.cpu.as_secs_f64()) })
-}
-
-fn mean_speed(model: &Model, state: &State) -> f64 {
-    let grains = model.grains.len();
-    state.velocity[..grains].iter().map(|v| v.norm()).sum::<f64>() / grains.max(1) as f64
 }
 
 fn height_of_mass(model: &Model, state: &State) -> f64 {

@@ -45,7 +45,7 @@ impl Scene {
     /// Reads a case, or a sample where the file is one.
     pub fn load(path: &Path, start: &Start, console: Console) -> Outcome<Self> {
         if path.extension().is_some_and(|e| e == "json") {
-            return Self::of_sample(path, start);
+            return Self::of_sample_from(path, start);
         }
         let case = case::load(path, &Choices::from(&start.overrides), console)?;
         let (mut model, state) = match &start.from {
@@ -60,7 +60,7 @@ impl Scene {
         Ok(Self { name: case.plan.name.clone(), model, state, mover, steps: case.steps() })
     }
 
-    fn of_sample(path: &Path, start: &Start) -> Outcome<Self> {
+    fn of_sample_from(path: &Path, start: &Start) -> Outcome<Self> {
         if start.from.is_some() || start.overrides.seed.is_some() {
             let text = format!(
                 "{}: a sample has neither beds nor checkpoints: expected no --from and no --seed",
@@ -68,13 +68,19 @@ impl Scene {
             );
             return Err(Failure::Usage(text));
         }
+        let mut scene = Self::of_sample(path)?;
+        if let Some(schedule) = start.overrides.schedule {
+            scene.model.solver.schedule = schedule.into();
+        }
+        Ok(scene)
+    }
+
+    /// Reads a sample; nothing moves in it but grains.
+    pub fn of_sample(path: &Path) -> Outcome<Self> {
         let text = read_text(path, LIMIT)?;
         let name = path.display().to_string();
         let read = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
-        let (mut model, state) = (read.model, read.state);
-        if let Some(schedule) = start.overrides.schedule {
-            model.solver.schedule = schedule.into();
-        }
+        let (model, state) = (read.model, read.state);
         let still = (model.grains.len()..model.body_count()).map(|b| state.pose(b)).collect();
         let name = path.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
         Ok(Self { name, model, state, mover: Mover::Nobody(still), steps: read.steps })

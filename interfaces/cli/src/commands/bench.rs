@@ -1,7 +1,7 @@
 //! `ballast bench ...`: what the program costs, measured.
 
 use crate::bench::args::Bench;
-use crate::bench::{detection, kernel, sample, step, subdomains, tables};
+use crate::bench::{cost, detection, kernel, sample, step, subdomains, tables};
 use crate::console::Console;
 use crate::exit::Outcome;
 
@@ -12,6 +12,7 @@ pub fn bench(what: Bench, console: Console) -> Outcome {
         Bench::Detection(args) => detection::detection(&args, console),
         Bench::Step(args) => step::step(&args, console),
         Bench::Tables(args) => tables::tables(&args, console),
+        Bench::Cost(args) => cost::cost(&args, console),
         Bench::Subdomains(args) => subdomains::subdomains(&args, console),
     }
 }

@@ -160,6 +160,29 @@ fn subdomains_cost_an_interface_and_reach_the_same_residual() {
 }
 
 #[test]
+fn what_a_simulated_second_costs_is_told_for_every_step_and_number_of_iterations() {
+    let place = Place::new();
+    let call = format!("bench cost {} --time 0.02", sample());
+    let call = format!("{call} --step-ms 1,4 --iterations 2,40 --csv c.csv --json");
+    let (rows, notes) = sorted(place.call(&call).with_code(0).events());
+    assert!(notes["scene"].as_str().unwrap().contains("500 grains"), "{notes}");
+    let of = |key: &str| rows.iter().map(|row| number(row, key)).collect::<Vec<_>>();
+    assert_eq!(of("step_ms"), [1.0, 1.0, 4.0, 4.0]);
+    assert_eq!(of("iterations"), [2.0, 40.0, 2.0, 40.0]);
+    assert_eq!(of("steps"), [20.0, 20.0, 5.0, 5.0]);
+    for row in &rows {
+        let [mean, p99] = ["mean_penetration_um", "p99_penetration_um"].map(|k| number(row, k));
+        let most = 1e3 * number(row, "max_penetration_mm");
+        assert!(0.0 < mean && mean < p99 && p99 <= most, "{row}");
+        let [step, second] = ["cpu_ms_per_step", "cpu_s_per_simulated_s"].map(|k| number(row, k));
+        assert!((second - step / number(row, "step_ms")).abs() < 1e-9 * second, "{row}");
+    }
+    let mean = of("mean_penetration_um");
+    assert!(mean[1] < mean[0] && mean[3] < mean[2], "iterations help: {mean:?}");
+    assert_eq!(csv(&place, "c.csv").1.len(), 4);
+}
+
+#[test]
 fn tables_stand_beside_what_was_published_and_say_that_they_extrapolate() {
     let place = Place::new();
     let call = "bench tables tiny.toml --steps 2 --warm-up 1 --threads-up-to 2 --iterations 10 \
@@ -209,6 +232,10 @@ fn nonsense_is_refused() {
         ("bench subdomains tiny.toml --tolerance 0", 2, "--tolerance"),
         ("bench tables tiny.toml --tolerance 7", 2, "--tolerance"),
         ("bench tables", 2, "CASES"),
+        ("bench cost none.json", 1, "none.json"),
+        ("bench cost none.json --step-ms 0", 2, "--step-ms"),
+        ("bench cost none.json --time inf", 2, "--time"),
+        ("bench cost none.json --iterations 0", 2, "--iterations"),
         ("bench tables tiny.toml tiny.toml --from run.h5", 2, "--from"),
     ] {
         let beds = call.contains("tiny.toml");

@@ -1,0 +1,189 @@
+"""What the length of the window changes in a whole tamping cycle, beside the scatter over seeds.
+
+    python examples/python/window_study.py [CASE [FOLDER [STEPS [SEEDS [JOBS]]]]]
+    python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4,5 2
+
+The machine of the case tamps the bed of every seed, step by step. How it moved the bodies in the bed of the first seed is
+then told to that bed again in windows of so many STEPS, as a partner would: one knot per end of a window, with the
+velocity there (cubic), or held. Impulses and work are summed up phase by phase. Stopped, it goes on where it was.
+"""
+
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+import ballast
+import matplotlib
+import numpy as np
+from ballast import study
+from scipy.interpolate import CubicSpline
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+FIGURES = ["closing impulse of the tines, N s", "vertical impulse of the tines, N s",
+           "vertical impulse of the sleepers, N s", "work of the tines, J"]  # fmt: skip
+
+
+class Tally:
+    """Impulses and work by phase of the cycle, and what a run is judged by; tells how far it is."""
+
+    def __init__(self, sim, steps, label):
+        self.whole, self.label, self.told = steps, label, 0
+        self.closing = {tine.name: tine.direction for tine in sim.tines}
+        self.sleepers = [name for name in sim.bodies if name.startswith("sleeper")]
+        self.phases, self.steps, self.capped, self.deepest = {}, 0, 0, 0.0
+        self.before = {name: zone.compactness for name, zone in sim.zones().items()}
+
+    def add(self, phase, out):
+        if out.status not in ("ok", "warn"):
+            sys.exit(f"the window up to {out.t1_ns} ns ended {out.status}: {out.trouble}")
+        row = self.phases.setdefault(phase, [0.0] * len(FIGURES))
+        for name, direction in self.closing.items():
+            # The ballast's impulse on the tine is against its way.
+            row[0] -= direction * out[name].impulse[0]
+            row[1] += out[name].impulse[2]
+            row[3] += out[name].work
+        row[2] += sum(out[name].impulse[2] for name in self.sleepers)
+        self.steps += out.steps
+        self.capped += out.solver.steps_not_converged
+        self.deepest = max(self.deepest, out.solver.max_penetration)
+        if 10 * self.steps // self.whole > self.told:
+            self.told = 10 * self.steps // self.whole
+            print(f"{self.label}: {10 * self.told} %", flush=True)
+
+    def result(self, sim):
+        after = {name: zone.compactness for name, zone in sim.zones().items()}
+        return {"phases": self.phases, "before": self.before, "after": after, "steps": self.steps,
+                "capped": self.capped, "max_penetration_m": self.deepest}  # fmt: skip
+
+
+def begin(case, seed, folder):
+    chosen = study.apply(ballast.Case.load(case), {"seed": seed})
+    return chosen, ballast.open(chosen, beds=str(folder / "beds"), threads=1, progress=False)
+
+
+def tamp(case, seed, folder):
+    """A cycle by the case's machine; leaves how it moved the bodies."""
+    chosen, sim = begin(case, seed, folder)
+    with sim:
+        steps = chosen.duration_ns // chosen.step_ns
+        tally, phases, times = Tally(sim, steps, f"seed {seed}, machine"), [], [sim.now_ns]
+        bodies = [*tally.closing, *tally.sleepers]
+        ways = {name: [sim.save().target(name)] for name in bodies}
+        for _ in range(steps):
+            phases.append(sim.phase)
+            tally.add(phases[-1], sim.step_by_machine())
+            times.append(sim.now_ns)
+            state = sim.save()
+            for name in bodies:
+                ways[name].append(state.target(name))
+        motion = {"times_ns": times, "phases": phases}
+        motion |= {name: [np.hstack(pose).tolist() for pose in way] for name, way in ways.items()}
+        keep(folder / f"motion_{seed}.json", motion)
+        return tally.result(sim)
+
+
+def replay(case, seed, folder, kind, n):
+    """The same motion in windows of `n` steps, which end where phases do."""
+    motion = json.loads((folder / f"motion_{seed}.json").read_text())
+    times, phases = motion.pop("times_ns"), motion.pop("phases")
+    _, sim = begin(case, seed, folder)
+    seconds = 1e-9 * np.array(times)
+    ways = {name: np.array(way) for name, way in motion.items()}
+    speeds = {name: CubicSpline(seconds, way[:, :3])(seconds, 1) for name, way in ways.items()}
+    with sim:
+        tally, a = Tally(sim, len(phases), f"seed {seed}, {kind}, windows of {n} steps"), 0
+        while a < len(phases):
+            b = next((i for i in range(a + 1, a + n) if phases[i : i + 1] != [phases[a]]), a + n)
+            ends = [a] if kind == "hold" else [a, b]
+            tools = {
+                name: ballast.Motion([times[i] for i in ends], way[ends, :3], way[ends, 3:],
+                                     velocities=speeds[name][ends] if kind == "hermite" else None,
+                                     interpolation=kind, rebase=kind == "hold")
+                for name, way in ways.items()
+            }  # fmt: skip
+            tally.add(phases[a], sim.advance_to(times[b], tools))
+            a = b
+        return tally.result(sim)
+
+
+def keep(path, values):
+    half = path.with_suffix(".part")
+    half.write_text(json.dumps(values))
+    half.replace(path)
+
+
+def run(case, seed, folder, kind, n):
+    result = tamp(case, seed, folder) if kind == "machine" else replay(case, seed, folder, kind, n)
+    keep(folder / f"{kind}_{n}_{seed}.json", result)
+
+
+def compute(case, folder, wanted, jobs):
+    left = [w for w in wanted if not (folder / "{1}_{2}_{0}.json".format(*w)).exists()]
+    # A motion has to be there before it can be told again.
+    for group in ([w for w in left if w[1] == "machine"], [w for w in left if w[1] != "machine"]):
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(run, case, w[0], folder, *w[1:]) for w in group]):
+                done.result()
+    return {w: json.loads((folder / "{1}_{2}_{0}.json".format(*w)).read_text()) for w in wanted}
+
+
+def draw(runs, seeds, steps, path):
+    """Every figure of every phase: the beds of the seeds as dots, the ways of telling beside them."""
+    phases = list(runs[seeds[0], "machine", 1]["phases"])
+    figure, axes = plt.subplots(1, len(FIGURES), figsize=(16, 4), layout="constrained")
+    told = [("machine", 1), *((kind, n) for kind in ("hermite", "hold") for n in steps)]
+    for k, (ax, label) in enumerate(zip(axes, FIGURES, strict=True)):
+        for i, phase in enumerate(phases):
+            value = lambda *w: runs[w]["phases"].get(phase, [0.0] * len(FIGURES))[k]  # noqa: B023, E731
+            beds = [value(seed, "machine", 1) for seed in seeds]
+            name = "beds of other seeds" if i == 0 else None
+            ax.plot([i - 0.3] * len(beds), beds, "o", color="0.6", ms=4, label=name)
+            for j, (kind, n) in enumerate(told):
+                name = f"{kind}, {n} steps" if i == 0 else None
+                ax.plot(i - 0.15 + 0.12 * j, value(seeds[0], kind, n), "sDd^v<>"[j], color=f"C{j}", ms=5, label=name)
+        ax.set_xticks(range(len(phases)), labels=phases, rotation=30)
+        ax.set_yscale("symlog", linthresh=10)
+        ax.set_title(label, fontsize="medium")
+        ax.grid(alpha=0.3)
+    axes[0].legend(fontsize="x-small")
+    figure.savefig(path, dpi=110)
+
+
+def table(runs, seeds, steps):
+    """Lines of Markdown: each figure by phase, what halving the window changes, the scatter over seeds."""
+    head = ["phase", "figure", "by the machine", *(f"{k}, {n}" for k in ("hermite", "hold") for n in steps),
+            "halving, hermite", "halving, hold", "scatter over seeds"]  # fmt: skip
+    yield from (f"| {' | '.join(head)} |", "|---" * len(head) + "|")
+    for phase in runs[seeds[0], "machine", 1]["phases"]:
+        for k, label in enumerate(FIGURES):
+            value = lambda *w: runs[w]["phases"].get(phase, [0.0] * len(FIGURES))[k]  # noqa: B023, E731
+            told = {kind: [value(seeds[0], kind, n) for n in steps] for kind in ("hermite", "hold")}
+            change = [abs(v[0] - v[-1]) for v in told.values()]
+            scatter = np.std([value(seed, "machine", 1) for seed in seeds], ddof=1 if len(seeds) > 1 else 0)
+            row = [value(seeds[0], "machine", 1), *told["hermite"], *told["hold"], *change, scatter]
+            yield f"| {phase} | {label} | {' | '.join(f'{x:.4g}' for x in row)} |"
+
+
+def main():
+    arguments = dict(enumerate(sys.argv))
+    case = arguments.get(1, "examples/first.toml")
+    folder = Path(arguments.get(2, "runs/windows"))
+    steps = [int(n) for n in arguments.get(3, "4,2").split(",")]
+    seeds = [int(s) for s in arguments.get(4, "1,2,3").split(",")]
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = [(seed, "machine", 1) for seed in seeds]
+    wanted += [(seeds[0], kind, n) for kind in ("hermite", "hold") for n in steps]
+    runs = compute(case, folder, wanted, int(arguments.get(5, "1")))
+    draw(runs, seeds, steps, folder / "windows.png")
+    text = "\n".join(table(runs, seeds, steps))
+    (folder / "table.md").write_text(text + "\n")
+    print(text, folder / "windows.png", sep="\n")
+
+
+# Runs are processes of their own, which read this file again.
+if __name__ == "__main__":
+    main()
