@@ -3,9 +3,10 @@
     python examples/python/window_study.py [CASE [FOLDER [STEPS [SEEDS [JOBS]]]]]
     python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4,5 2
 
-The machine of the case tamps the bed of every seed, step by step. How it moved the bodies in the bed of the first seed is
-then told to that bed again in windows of so many STEPS, as a partner would: one knot per end of a window, with the
-velocity there (cubic), or held. Impulses and work are summed up phase by phase. Stopped, it goes on where it was.
+The machine of the case tamps the bed of every seed, step by step. How it moved the bodies is then told to the same bed again
+in windows of so many STEPS, as a partner would: one knot per end of a window, with the velocity there (cubic). Every bed
+gets the first of these lengths; that of the first seed all of them, and the first one also held. Impulses and work are summed
+up phase by phase. Stopped, it goes on where it was.
 """
 
 import json
@@ -132,19 +133,18 @@ def compute(case, folder, wanted, jobs):
 
 
 def draw(runs, seeds, steps, path):
-    """Every figure of every phase: the beds of the seeds as dots, the ways of telling beside them."""
+    """Every figure of every phase: the beds of all seeds as dots, other ways of telling beside them."""
     phases = list(runs[seeds[0], "machine", 1]["phases"])
     figure, axes = plt.subplots(1, len(FIGURES), figsize=(16, 4), layout="constrained")
-    told = [("machine", 1), *((kind, n) for kind in ("hermite", "hold") for n in steps)]
+    told = [(seeds[0], "hermite", n) for n in steps] + [(seeds[0], "hold", steps[0])]
     for k, (ax, label) in enumerate(zip(axes, FIGURES, strict=True)):
         for i, phase in enumerate(phases):
-            value = lambda *w: runs[w]["phases"].get(phase, [0.0] * len(FIGURES))[k]  # noqa: B023, E731
-            beds = [value(seed, "machine", 1) for seed in seeds]
-            name = "beds of other seeds" if i == 0 else None
-            ax.plot([i - 0.3] * len(beds), beds, "o", color="0.6", ms=4, label=name)
-            for j, (kind, n) in enumerate(told):
-                name = f"{kind}, {n} steps" if i == 0 else None
-                ax.plot(i - 0.15 + 0.12 * j, value(seeds[0], kind, n), "sDd^v<>"[j], color=f"C{j}", ms=5, label=name)
+            beds = [figure_of(runs[seed, "hermite", steps[0]], phase, k) for seed in seeds]
+            name = f"hermite, {steps[0]} steps, beds of all seeds" if i == 0 else None
+            ax.plot([i - 0.2] * len(beds), beds, "o", color="0.6", ms=4, label=name)
+            for j, w in enumerate(told):
+                name = "{1}, {2} steps, seed {0}".format(*w) if i == 0 else None
+                ax.plot(i + 0.15 * j, figure_of(runs[w], phase, k), "sDd^v<>"[j], color=f"C{j}", ms=5, label=name)
         ax.set_xticks(range(len(phases)), labels=phases, rotation=30)
         ax.set_yscale("symlog", linthresh=10)
         ax.set_title(label, fontsize="medium")
@@ -153,18 +153,23 @@ def draw(runs, seeds, steps, path):
     figure.savefig(path, dpi=110)
 
 
+def figure_of(result, phase, k):
+    return result["phases"].get(phase, [0.0] * len(FIGURES))[k]
+
+
 def table(runs, seeds, steps):
-    """Lines of Markdown: each figure by phase, what halving the window changes, the scatter over seeds."""
-    head = ["phase", "figure", "by the machine", *(f"{k}, {n}" for k in ("hermite", "hold") for n in steps),
-            "halving, hermite", "halving, hold", "scatter over seeds"]  # fmt: skip
+    """Lines of Markdown: each figure by phase, what halving the window and holding change, the scatter over seeds."""
+    first = seeds[0]
+    told = [f"hermite, {n}" for n in steps] + [f"hold, {steps[0]}"]
+    head = ["phase", "figure", *told, "halving changes", "holding changes", "scatter over seeds"]
     yield from (f"| {' | '.join(head)} |", "|---" * len(head) + "|")
-    for phase in runs[seeds[0], "machine", 1]["phases"]:
+    for phase in runs[first, "machine", 1]["phases"]:
         for k, label in enumerate(FIGURES):
-            value = lambda *w: runs[w]["phases"].get(phase, [0.0] * len(FIGURES))[k]  # noqa: B023, E731
-            told = {kind: [value(seeds[0], kind, n) for n in steps] for kind in ("hermite", "hold")}
-            change = [abs(v[0] - v[-1]) for v in told.values()]
-            scatter = np.std([value(seed, "machine", 1) for seed in seeds], ddof=1 if len(seeds) > 1 else 0)
-            row = [value(seeds[0], "machine", 1), *told["hermite"], *told["hold"], *change, scatter]
+            cubic = [figure_of(runs[first, "hermite", n], phase, k) for n in steps]
+            held = figure_of(runs[first, "hold", steps[0]], phase, k)
+            beds = [figure_of(runs[seed, "hermite", steps[0]], phase, k) for seed in seeds]
+            scatter = np.std(beds, ddof=1) if len(beds) > 1 else np.nan
+            row = [*cubic, held, abs(cubic[1] - cubic[0]), abs(held - cubic[0]), scatter]
             yield f"| {phase} | {label} | {' | '.join(f'{x:.4g}' for x in row)} |"
 
 
@@ -176,7 +181,8 @@ def main():
     seeds = [int(s) for s in arguments.get(4, "1,2,3").split(",")]
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(seed, "machine", 1) for seed in seeds]
-    wanted += [(seeds[0], kind, n) for kind in ("hermite", "hold") for n in steps]
+    wanted += [(seed, "hermite", steps[0]) for seed in seeds]
+    wanted += [(seeds[0], "hermite", n) for n in steps[1:]] + [(seeds[0], "hold", steps[0])]
     runs = compute(case, folder, wanted, int(arguments.get(5, "1")))
     draw(runs, seeds, steps, folder / "windows.png")
     text = "\n".join(table(runs, seeds, steps))
