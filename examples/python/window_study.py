@@ -179,6 +179,8 @@ def main():
     folder = Path(arguments.get(2, "runs/windows"))
     steps = [int(n) for n in arguments.get(3, "4,2").split(",")]
     seeds = [int(s) for s in arguments.get(4, "1,2,3").split(",")]
+    if len(steps) < 2:
+        sys.exit(f"STEPS: expected two lengths of windows or more, such as 4,2; found {steps}")
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(seed, "machine", 1) for seed in seeds]
     wanted += [(seed, "hermite", steps[0]) for seed in seeds]
