@@ -147,6 +147,7 @@ def draw(runs, seeds, steps, path):
                 ax.plot(i + 0.15 * j, figure_of(runs[w], phase, k), "sDd^v<>"[j], color=f"C{j}", ms=5, label=name)
         ax.set_xticks(range(len(phases)), labels=phases, rotation=30)
         ax.set_yscale("symlog", linthresh=10)
+        ax.margins(y=0.08)
         ax.set_title(label, fontsize="medium")
         ax.grid(alpha=0.3)
     axes[0].legend(fontsize="x-small")
@@ -158,19 +159,22 @@ def figure_of(result, phase, k):
 
 
 def table(runs, seeds, steps):
-    """Lines of Markdown: each figure by phase, what halving the window and holding change, the scatter over seeds."""
+    """Lines of Markdown: each figure by phase, what halving the window and holding change, the scatter over seeds.
+    Figures that are nothing in a phase are left out."""
     first = seeds[0]
     told = [f"hermite, {n}" for n in steps] + [f"hold, {steps[0]}"]
-    head = ["phase", "figure", *told, "halving changes", "holding changes", "scatter over seeds"]
+    head = ["phase", "figure", *told, "halving changes", "holding changes",
+            "deviation over seeds", "range over seeds"]  # fmt: skip
     yield from (f"| {' | '.join(head)} |", "|---" * len(head) + "|")
     for phase in runs[first, "machine", 1]["phases"]:
         for k, label in enumerate(FIGURES):
             cubic = [figure_of(runs[first, "hermite", n], phase, k) for n in steps]
             held = figure_of(runs[first, "hold", steps[0]], phase, k)
             beds = [figure_of(runs[seed, "hermite", steps[0]], phase, k) for seed in seeds]
-            scatter = np.std(beds, ddof=1) if len(beds) > 1 else np.nan
-            row = [*cubic, held, abs(cubic[1] - cubic[0]), abs(held - cubic[0]), scatter]
-            yield f"| {phase} | {label} | {' | '.join(f'{x:.4g}' for x in row)} |"
+            deviation = np.std(beds, ddof=1) if len(beds) > 1 else np.nan
+            row = [*cubic, held, abs(cubic[1] - cubic[0]), abs(held - cubic[0]), deviation, np.ptp(beds)]
+            if np.any(row[:-4]):
+                yield f"| {phase} | {label} | {' | '.join(f'{x:.4g}' for x in row)} |"
 
 
 def main():

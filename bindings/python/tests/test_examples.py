@@ -63,7 +63,7 @@ def test_window_study(place: Path) -> None:
     assert said.count("100 %") == 6
     assert (place / "study/windows.png").stat().st_size > 5000
     rows = (place / "study/table.md").read_text().splitlines()
-    assert rows[0].count("|") == rows[2].count("|") == 9
+    assert rows[0].count("|") == rows[2].count("|") == 10
     # The beds are two, so they scatter.
     assert any(float(row.split("|")[-2]) > 0.0 for row in rows[2:])
 
