@@ -52,49 +52,40 @@ pub fn advance(
 ) -> Result<StepReport> {
     // Once into the pool: a caller outside of it would hand over each of some thousand parallel loops, and sleep
     // until it is done.
-    rayon::scope(|_| phases(model, state, next, inputs, ws, watch))
-}
+    rayon::scope(|_| {
+        ws.motion.predict(model, state, inputs)?;
+        watch.lap(Phase::Predict);
 
-fn phases(
-    model: &Model,
-    state: &State,
-    next: &mut State,
-    inputs: &Inputs,
-    ws: &mut Workspace,
-    watch: &mut impl Stopwatch,
-) -> Result<StepReport> {
-    ws.motion.predict(model, state, inputs)?;
-    watch.lap(Phase::Predict);
+        ws.detector.broad_phase(model, &ws.motion);
+        watch.lap(Phase::BroadPhase);
 
-    ws.detector.broad_phase(model, &ws.motion);
-    watch.lap(Phase::BroadPhase);
+        ws.detector.narrow_phase(model, &ws.motion, &mut ws.contacts);
+        watch.lap(Phase::NarrowPhase);
 
-    ws.detector.narrow_phase(model, &ws.motion, &mut ws.contacts);
-    watch.lap(Phase::NarrowPhase);
+        warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
+        ws.impulse.iter_mut().for_each(|f| *f *= model.solver.warm_start);
+        watch.lap(Phase::WarmStart);
 
-    warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
-    ws.impulse.iter_mut().for_each(|f| *f *= model.solver.warm_start);
-    watch.lap(Phase::WarmStart);
+        divide(model, ws);
+        watch.lap(Phase::Partition);
 
-    divide(model, ws);
-    watch.lap(Phase::Partition);
+        ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
+        watch.lap(Phase::LocalProblem);
 
-    ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
-    watch.lap(Phase::LocalProblem);
+        ws.decomposition.pack(&ws.problem);
+        watch.lap(Phase::ContactGraph);
 
-    ws.decomposition.pack(&ws.problem);
-    watch.lap(Phase::ContactGraph);
+        let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
+        collect(model, state, ws)?;
+        watch.lap(Phase::Solve);
 
-    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
-    collect(model, state, ws)?;
-    watch.lap(Phase::Solve);
+        let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
+        watch.lap(Phase::Integrate);
 
-    let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
-    watch.lap(Phase::Integrate);
-
-    remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
-    watch.lap(Phase::Store);
-    Ok(report)
+        remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
+        watch.lap(Phase::Store);
+        Ok(report)
+    })
 }
 
 /// Distributes grains and contacts as the schedule asks for.
