@@ -1,7 +1,7 @@
 """What the length of the window changes in a whole tamping cycle, beside the scatter over seeds.
 
     python examples/python/window_study.py [CASE [FOLDER [STEPS [SEEDS [JOBS]]]]]
-    python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4,5 2
+    python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4 2
 
 The machine of the case tamps the bed of every seed, step by step. How it moved the bodies is then told to the same bed again
 in windows of so many STEPS, as a partner would: one knot per end of a window, with the velocity there (cubic). Every bed
@@ -117,19 +117,23 @@ def keep(path, values):
     half.replace(path)
 
 
-def run(case, seed, folder, kind, n):
+def file_of(folder, seed, kind, n):
+    return folder / f"{kind}_{n}_{seed}.json"
+
+
+def run(case, folder, seed, kind, n):
     result = tamp(case, seed, folder) if kind == "machine" else replay(case, seed, folder, kind, n)
-    keep(folder / f"{kind}_{n}_{seed}.json", result)
+    keep(file_of(folder, seed, kind, n), result)
 
 
 def compute(case, folder, wanted, jobs):
-    left = [w for w in wanted if not (folder / "{1}_{2}_{0}.json".format(*w)).exists()]
+    left = [w for w in wanted if not file_of(folder, *w).exists()]
     # A motion has to be there before it can be told again.
     for group in ([w for w in left if w[1] == "machine"], [w for w in left if w[1] != "machine"]):
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            for done in as_completed([pool.submit(run, case, w[0], folder, *w[1:]) for w in group]):
+            for done in as_completed([pool.submit(run, case, folder, *w) for w in group]):
                 done.result()
-    return {w: json.loads((folder / "{1}_{2}_{0}.json".format(*w)).read_text()) for w in wanted}
+    return {w: json.loads(file_of(folder, *w).read_text()) for w in wanted}
 
 
 def draw(runs, seeds, steps, path):

@@ -1,7 +1,8 @@
 //! `ballast bench cost SAMPLE`: what a simulated second costs, and how far stones then overlap.
 //!
 //! The question that decides between programs that solve contacts in different ways. Every pair of a length of the
-//! step and a number of iterations takes the same sample through the same stretch of time.
+//! step and a number of iterations takes the same sample through the same stretch of time, one pair after another:
+//! their states part at once, so there are no steps to take in turn.
 
 use super::Said;
 use super::args::BenchCost;
@@ -14,8 +15,9 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::profile::{Profile, Spent};
 use crate::progress::Progress;
-use ballast::model::{Model, Schedule, Stepping};
+use ballast::model::{Model, Schedule, Solver, Stepping};
 use ballast::workspace::Workspace;
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 const COLUMNS: &[&str] = &[
@@ -46,16 +48,15 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
     let whole: f64 = plans.iter().map(|p| p.steps as f64).sum();
     let (mut progress, mut before) = (Progress::start(console, &scene.name, 0.0), 0.0);
     for plan in &plans {
-        let told =
-            Said(format!("{} ms, {} iterations", 1e-6 * plan.step_ns as f64, plan.iterations));
+        let step_ms = 1e-6 * plan.step_ns as f64;
+        let told = Said(format!("{step_ms} ms, {} iterations", plan.iterations));
         let taken =
             plan.take(&scene, |done| progress.advance((before + done as f64) / whole, &told))?;
         before += plan.steps as f64;
-        let step_ms = 1e-6 * plan.step_ns as f64;
         let per_step = |time: Duration| 1e3 * time.as_secs_f64() / plan.steps as f64;
         sheet.row(cells![
             step_ms,
-            plan.iterations,
+            plan.iterations.get(),
             plan.steps,
             taken.contacts,
             per_step(taken.spent.wall),
@@ -74,7 +75,7 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
 /// A way through the stretch of time.
 struct Plan {
     step_ns: u64,
-    iterations: u32,
+    iterations: NonZeroU32,
     steps: usize,
 }
 
@@ -90,9 +91,9 @@ fn plans(args: &BenchCost) -> Outcome<Vec<Plan>> {
             );
             return Err(Failure::Usage(text));
         }
-        plans.extend(args.iterations.iter().map(|k| Plan {
+        plans.extend(args.iterations.iter().map(|&iterations| Plan {
             step_ns: (1e6 * ms).round() as u64,
-            iterations: k.get(),
+            iterations,
             steps: steps as usize,
         }));
     }
@@ -121,9 +122,8 @@ impl Plan {
     fn take(&self, scene: &Scene, mut tell: impl FnMut(usize)) -> Outcome<Taken> {
         let Model { stepping, solver, .. } = scene.model;
         let stepping = Stepping { step_ns: self.step_ns, ..stepping };
-        let rule = Rule { iterations: self.iterations, tolerance: None };
-        let mut solver = rule.of(solver);
-        solver.schedule = Schedule::Synchronous;
+        let solver = Rule::fixed(Some(self.iterations), solver);
+        let solver = Solver { schedule: Schedule::Synchronous, ..solver };
         let model = Model { stepping, solver, ..scene.model.clone() };
         model.check().map_err(|e| Failure::Failed(e.to_string()))?;
         let (mut state, mut workspace) = (scene.state.clone(), Workspace::default());
