@@ -21,11 +21,15 @@ with open(sys.argv[1]) as file:
 if not rows:
     sys.exit(f"{sys.argv[1]}: no rows")
 figure, ax = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
-for step in dict.fromkeys(row["step_ms"] for row in rows):
-    line = [row for row in rows if row["step_ms"] == step]
+lines = dict.fromkeys((row["step_ms"], row["recovery"]) for row in rows)
+colours = {step: f"C{i}" for i, step in enumerate(dict.fromkeys(step for step, _ in lines))}
+for step, share in lines:
+    line = [row for row in rows if (row["step_ms"], row["recovery"]) == (step, share)]
+    taken_back = float(share) > 0.0
     x = [float(row["cpu_s_per_simulated_s"]) for row in line]
     y = [float(row["mean_penetration_um"]) for row in line]
-    ax.loglog(x, y, "o-", label=f"Ballast, steps of {float(step):g} ms")
+    label = f"Ballast, steps of {float(step):g} ms" + (", recovery" if taken_back else "")
+    ax.loglog(x, y, "o--" if taken_back else "o-", color=colours[step], label=label)
     for row, at in zip(line, zip(x, y)):
         ax.annotate(row["iterations"], at, xytext=(4, 4), textcoords="offset points", fontsize="x-small")
 ax.loglog(*RAPIER, "k*", ms=11, label="Rapier, steps of 5 ms, 8 passes")

@@ -70,6 +70,21 @@ pub fn configurations(model: &Model, course: &Course, targets: &[Pose], next: &m
     }
 }
 
+/// Moves the grains of `next` by velocities that last for `h` seconds and leave no speed behind (T-34).
+pub fn shift(velocity: &[Vec3], spin: &[Vec3], h: f64, next: &mut State) {
+    let ng = velocity.len();
+    (&mut next.position[..ng], &mut next.orientation[..ng], velocity, spin)
+        .into_par_iter()
+        .with_min_len(1024)
+        .for_each(|(x, q, v, w)| {
+            // Most grains stay where they are, to the bit.
+            if *v != Vec3::zeros() || *w != Vec3::zeros() {
+                *x += v * h;
+                *q = rotation::advance(q, &(w * h));
+            }
+        });
+}
+
 /// Puts held degrees of freedom where the target says: rounding must not add up over steps.
 fn hold(mount: &Mount, target: &Pose, position: &mut Vec3, orientation: &mut Quat) {
     for (k, mode) in mount.translations().iter().enumerate() {

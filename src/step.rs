@@ -10,11 +10,12 @@ use crate::drive::Inputs;
 use crate::error::{Error, Result};
 pub use crate::integrate::Reaction;
 use crate::integrate::{self, Course};
+use crate::local_problem::Solved;
 use crate::math::Vec3;
-use crate::model::{Model, Schedule};
+use crate::model::{Model, Recovery, Schedule, Solver};
 pub use crate::nlgs::Residuals;
 use crate::state::{EnergyLedger, State};
-use crate::workspace::Workspace;
+use crate::workspace::{self, Workspace};
 
 /// Advances `state` by one time step.
 ///
@@ -82,6 +83,11 @@ pub fn advance(
         let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
         watch.lap(Phase::Integrate);
 
+        if let Some(recovery) = &model.solver.recovery {
+            recover(model, state, next, ws, recovery)?;
+            watch.lap(Phase::Recovery);
+        }
+
         remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
         watch.lap(Phase::Store);
         Ok(report)
@@ -105,6 +111,10 @@ fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
     let Workspace { decomposition, problem, impulse, velocity, spin, .. } = ws;
     impulse.resize(problem.contacts.len(), Vec3::zeros());
     decomposition.unpack(problem, impulse, velocity, spin);
+    finite(model, state, velocity, spin)
+}
+
+fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Result<()> {
     let bad = (0..velocity.len())
         .find(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
     match bad {
@@ -119,6 +129,42 @@ fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
             found: format!("v = {:?} m/s, w = {:?} rad/s", velocity[body], spin[body]),
         }),
     }
+}
+
+/// Moves grains apart that are pressed into each other (T-34); what it lifts, the contacts give back.
+fn recover(
+    model: &Model,
+    state: &State,
+    next: &mut State,
+    ws: &mut Workspace,
+    recovery: &Recovery,
+) -> Result<()> {
+    let Workspace { decomposition, motion, contacts, problem, impulse, velocity, spin, .. } = ws;
+    let (positions, h) = (&mut ws.recovery, model.stepping.h());
+    let solved = Solved { problem, motion, contacts, impulse, velocity, spin };
+    if !positions.problem.build_positions(&solved, recovery, h) {
+        return Ok(());
+    }
+    decomposition.pack(&positions.problem);
+    let solver = Solver {
+        iterations: recovery.iterations,
+        tolerance: None,
+        relaxation: 1.0,
+        ..model.solver
+    };
+    ddm::solve(decomposition, &positions.problem, &solver);
+    let workspace::Recovery { problem, impulse, velocity, spin } = positions;
+    impulse.resize(problem.contacts.len(), Vec3::zeros());
+    decomposition.unpack(problem, impulse, velocity, spin);
+    finite(model, state, velocity, spin)?;
+
+    let ng = model.grains.len();
+    integrate::shift(&velocity[..ng], &spin[..ng], h, next);
+    let (kinetic, potential) = integrate::energies(model, next);
+    let energy = &mut next.energy;
+    energy.dissipated -= kinetic + potential - energy.kinetic - energy.potential;
+    (energy.kinetic, energy.potential) = (kinetic, potential);
+    Ok(())
 }
 
 /// Moves the bodies, keeps the energy ledger, and tells what the step did.
@@ -179,12 +225,13 @@ pub enum Phase {
     ContactGraph,
     Solve,
     Integrate,
+    Recovery,
     Store,
 }
 
 impl Phase {
     /// All phases in the order of the step.
-    pub const ALL: [Phase; 10] = [
+    pub const ALL: [Phase; 11] = [
         Phase::Predict,
         Phase::BroadPhase,
         Phase::NarrowPhase,
@@ -194,6 +241,7 @@ impl Phase {
         Phase::ContactGraph,
         Phase::Solve,
         Phase::Integrate,
+        Phase::Recovery,
         Phase::Store,
     ];
 
@@ -209,6 +257,7 @@ impl Phase {
             Phase::ContactGraph => "contact graph",
             Phase::Solve => "solve",
             Phase::Integrate => "integrate",
+            Phase::Recovery => "recovery",
             Phase::Store => "store",
         }
     }

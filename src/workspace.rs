@@ -22,11 +22,23 @@ pub struct Workspace {
     pub(crate) detector: Detector,
     pub(crate) decomposition: Decomposition,
     pub(crate) problem: LocalProblem,
+    /// Of models with recovery; empty otherwise.
+    pub(crate) recovery: Recovery,
     /// Velocities of the grains at the end of the step `[ng]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
     pub(crate) spin: Vec<Vec3>,
     /// Memory for the state at the end of the step; nothing in it is read.
     pub(crate) next: State,
+}
+
+/// Buffers of the recovery of positions (T-34).
+#[derive(Debug, Default)]
+pub(crate) struct Recovery {
+    pub problem: LocalProblem,
+    pub impulse: Vec<Vec3>,
+    /// Velocities that last for the step, of the mobile bodies `[nm]`, m/s and rad/s.
+    pub velocity: Vec<Vec3>,
+    pub spin: Vec<Vec3>,
 }
 
 impl Workspace {

@@ -11,9 +11,11 @@
 
 pub mod contact;
 pub mod line;
+mod positions;
 
 pub use contact::LocalContact;
 pub use line::Line;
+pub use positions::Solved;
 
 use crate::detection::Contacts;
 use crate::math::{Mat3, Vec3};

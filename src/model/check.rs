@@ -80,6 +80,24 @@ impl Model {
             solver.warm_start,
         )?;
         expect(
+            solver.recovery.is_none_or(|r| r.share > 0.0 && r.share <= 1.0),
+            "solver.recovery.share",
+            "above 0, at most 1",
+            solver.recovery,
+        )?;
+        expect(
+            solver.recovery.is_none_or(|r| r.allowed.is_finite() && r.allowed >= 0.0),
+            "solver.recovery.allowed",
+            "finite, not below 0",
+            solver.recovery,
+        )?;
+        expect(
+            solver.recovery.is_none_or(|r| r.iterations > 0),
+            "solver.recovery.iterations",
+            "at least 1",
+            solver.recovery,
+        )?;
+        expect(
             solver.tolerance.is_none_or(|t| t.is_finite() && t > 0.0),
             "solver.tolerance",
             "finite, above 0",

@@ -175,6 +175,26 @@ pub struct Solver {
     /// 1 needs the fewest sweeps at rest. Where rigid bodies jam, impulses are not unique, and what
     /// one step has pressed in, the next one keeps: tools in motion want a share below 1.
     pub warm_start: f64,
+    /// How penetration is taken back; `None`: it is left as it is (T-34).
+    pub recovery: Option<Recovery>,
+}
+
+/// Recovery of positions (T-34): grains that are pressed into each other are moved apart, without
+/// speed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Recovery {
+    /// Share of what is beyond the allowed penetration that a step takes back, above 0, up to 1.
+    pub share: f64,
+    /// Penetration that is left as it is, m, so that a bed at rest stays as it is.
+    pub allowed: f64,
+    /// DDM iterations over the problem of positions.
+    pub iterations: u32,
+}
+
+impl Default for Recovery {
+    fn default() -> Self {
+        Self { share: 0.1, allowed: 1e-4, iterations: 20 }
+    }
 }
 
 /// Which residual [`Solver::tolerance`] bounds.
@@ -201,6 +221,7 @@ impl Default for Solver {
             check_every: 5,
             relaxation: 1.0,
             warm_start: 1.0,
+            recovery: None,
         }
     }
 }

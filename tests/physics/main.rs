@@ -10,5 +10,6 @@ mod freedoms;
 mod impact;
 mod incline;
 mod mount;
+mod recovery;
 mod rolling;
 mod stack;

@@ -2,13 +2,14 @@
 
 use crate::common::heap;
 use crate::{bits, on_threads};
-use ballast::model::Schedule;
+use ballast::model::{Recovery, Schedule};
 
 /// A heap that falls, collides and comes to lie, with the interface in three directions.
-fn fallen(schedule: Schedule, threads: usize) -> (Vec<u64>, usize) {
+fn fallen(schedule: Schedule, recovery: Option<Recovery>, threads: usize) -> (Vec<u64>, usize) {
     on_threads(threads, || {
         let mut scene = heap::falling(4, 1_000_000).scheduled(schedule, [2, 2, 2]);
         scene.model.solver.iterations = 50;
+        scene.model.solver.recovery = recovery;
         let mut interface = 0;
         for _ in 0..250 {
             interface += scene.step().interface_contacts;
@@ -19,18 +20,21 @@ fn fallen(schedule: Schedule, threads: usize) -> (Vec<u64>, usize) {
 
 #[test]
 fn sequential_runs_do_not_depend_on_the_threads() {
-    let (one, _) = fallen(Schedule::Sequential, 1);
+    let (one, _) = fallen(Schedule::Sequential, None, 1);
     for threads in [2, 4] {
-        assert!(one == fallen(Schedule::Sequential, threads).0, "{threads} threads differ");
+        assert!(one == fallen(Schedule::Sequential, None, threads).0, "{threads} threads differ");
     }
 }
 
 #[test]
 fn synchronous_runs_do_not_depend_on_the_threads() {
-    let (one, interface) = fallen(Schedule::Synchronous, 1);
-    assert!(interface > 1000, "the interface is hardly used: {interface}");
-    for threads in [2, 4] {
-        assert!(one == fallen(Schedule::Synchronous, threads).0, "{threads} threads differ");
+    for recovery in [None, Some(Recovery::default())] {
+        let (one, interface) = fallen(Schedule::Synchronous, recovery, 1);
+        assert!(interface > 1000, "the interface is hardly used: {interface}");
+        for threads in [2, 4] {
+            let other = fallen(Schedule::Synchronous, recovery, threads).0;
+            assert!(one == other, "{threads} threads differ, {recovery:?}");
+        }
     }
 }
 

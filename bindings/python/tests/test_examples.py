@@ -1,4 +1,4 @@
-"""Every example runs, on a small case, from the project's folder."""
+"""Every example runs, on a small case, in a folder of its own; so does the check that others may run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def place(case: ballast.Case, beds: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(place: Path, name: str, *arguments: str) -> str:
+def run(place: Path, name: str | Path, *arguments: str) -> str:
     program = [sys.executable, EXAMPLES / name, "tiny.toml", *arguments]
     done = subprocess.run(program, capture_output=True, text=True, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -66,6 +66,11 @@ def test_window_study(place: Path) -> None:
     assert rows[0].count("|") == rows[2].count("|") == 10
     # The beds are two, so they scatter.
     assert any(float(row.split("|")[-2]) > 0.0 for row in rows[2:])
+
+
+def test_every_way_of_keeping_a_state(place: Path) -> None:
+    said = run(place, ROOT / "scripts/check_states.py", "--steps", "5")
+    assert said.count("  the same: ") == 5
 
 
 def test_the_notebook(place: Path) -> None:

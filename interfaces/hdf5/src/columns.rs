@@ -7,7 +7,7 @@
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Freedom, Model, Mount, Norm, Part, PartitionRule, Role, Schedule, Solver,
+    DrivenBody, Freedom, Model, Mount, Norm, Part, PartitionRule, Recovery, Role, Schedule, Solver,
 };
 use ballast::state::State;
 
@@ -204,6 +204,9 @@ fn placement(part: &Part) -> [f64; 7] {
     }
 }
 
+/// Share and allowed penetration; only in files of models with recovery.
+pub const RECOVERY: &str = "solver/recovery";
+
 fn constants(model: &Model) -> Vec<Column> {
     let Solver {
         schedule,
@@ -216,13 +219,14 @@ fn constants(model: &Model) -> Vec<Column> {
         check_every,
         relaxation,
         warm_start,
+        recovery,
     } = model.solver;
     let (rule, numbers) = match partition {
         PartitionRule::Boxes(n) => ("boxes", n.to_vec()),
         PartitionRule::Balanced(n) => ("balanced", vec![n]),
         PartitionRule::ContactsPer(n) => ("contacts per", vec![n]),
     };
-    vec![
+    let mut columns = vec![
         vectors("model/gravity", [&model.gravity]),
         f64s("model/grain_friction", vec![model.grain_friction]),
         f64s("model/restitution", vec![model.restitution]),
@@ -241,7 +245,13 @@ fn constants(model: &Model) -> Vec<Column> {
         u32s("solver/check_every", vec![check_every]),
         f64s("solver/relaxation", vec![relaxation]),
         f64s("solver/warm_start", vec![warm_start]),
-    ]
+    ];
+    // Not there: no recovery, as in files of before there was any.
+    if let Some(Recovery { share, allowed, iterations }) = recovery {
+        columns.push(f64s(RECOVERY, vec![share, allowed]));
+        columns.push(u32s("solver/recovery_iterations", vec![iterations]));
+    }
+    columns
 }
 
 fn of_state(state: &State) -> Vec<Column> {

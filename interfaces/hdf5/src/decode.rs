@@ -3,13 +3,15 @@
 //! Reads: a [`Source`]. Contract: what comes back has consistent lengths; that its values make sense
 //! is [`crate::validate`]'s task.
 
-use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, NORMS, ROLES, SCHEDULES, SPRUNG};
+use crate::columns::{
+    CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, NORMS, RECOVERY, ROLES, SCHEDULES, SPRUNG,
+};
 use crate::error::{Fault, Result};
 use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Freedom, Grains, Model, Mount, Part, PartitionRule, Solver, Stepping,
+    DrivenBody, Freedom, Grains, Model, Mount, Part, PartitionRule, Recovery, Solver, Stepping,
 };
 use ballast::state::{ContactMemory, EnergyLedger, State};
 use std::ops::Range;
@@ -227,7 +229,20 @@ fn solver(source: &Source) -> Result<Solver> {
         check_every: source.number("solver/check_every")?,
         relaxation: source.real("solver/relaxation")?,
         warm_start: source.real("solver/warm_start")?,
+        recovery: recovery(source)?,
     })
+}
+
+fn recovery(source: &Source) -> Result<Option<Recovery>> {
+    if !source.has(RECOVERY) {
+        return Ok(None);
+    }
+    let numbers = source.reals(RECOVERY, Some(2), 1)?;
+    Ok(Some(Recovery {
+        share: numbers[0],
+        allowed: numbers[1],
+        iterations: source.number("solver/recovery_iterations")?,
+    }))
 }
 
 fn partition(source: &Source) -> Result<PartitionRule> {

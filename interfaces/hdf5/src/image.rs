@@ -167,15 +167,16 @@ impl Source<'_> {
         })
     }
 
-    fn dataset(&self, name: &str) -> Result<Dataset> {
+    /// Whether there is anything of this name.
+    pub fn has(&self, name: &str) -> bool {
         // Link by link: the library does not look for "a/b" where "a" is missing.
-        let mut here = String::new();
-        for part in name.split('/') {
-            here.push_str(part);
-            if !self.file.link_exists(&here) {
-                return Err(Fault::new(name, "a dataset", "nothing").in_file(self.path));
-            }
-            here.push('/');
+        let ends = name.match_indices('/').map(|(end, _)| end).chain([name.len()]);
+        ends.into_iter().all(|end| self.file.link_exists(&name[..end]))
+    }
+
+    fn dataset(&self, name: &str) -> Result<Dataset> {
+        if !self.has(name) {
+            return Err(Fault::new(name, "a dataset", "nothing").in_file(self.path));
         }
         self.file
             .dataset(name)

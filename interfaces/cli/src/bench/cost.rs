@@ -1,7 +1,7 @@
 //! `ballast bench cost SAMPLE`: what a simulated second costs, and how far stones then overlap.
 //!
-//! The question that decides between programs that solve contacts in different ways. Every pair of a length of the
-//! step and a number of iterations takes the same sample through the same stretch of time, one pair after another:
+//! The question that decides between programs that solve contacts in different ways. Every choice of a length of
+//! the step, a number of iterations and a share of recovery takes the same sample through the same stretch of time, one after another:
 //! their states part at once, so there are no steps to take in turn.
 
 use super::Said;
@@ -15,7 +15,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::profile::{Profile, Spent};
 use crate::progress::Progress;
-use ballast::model::{Model, Schedule, Solver, Stepping};
+use ballast::model::{Model, Recovery, Schedule, Solver, Stepping};
 use ballast::workspace::Workspace;
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -23,6 +23,7 @@ use std::time::Duration;
 const COLUMNS: &[&str] = &[
     "step_ms",
     "iterations",
+    "recovery",
     "steps",
     "contacts",
     "wall_ms_per_step",
@@ -49,7 +50,8 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
     let (mut progress, mut before) = (Progress::start(console, &scene.name, 0.0), 0.0);
     for plan in &plans {
         let step_ms = 1e-6 * plan.step_ns as f64;
-        let told = Said(format!("{step_ms} ms, {} iterations", plan.iterations));
+        let share = plan.recovery.map_or(0.0, |r| r.share);
+        let told = Said(format!("{step_ms} ms, {} iterations, recovery {share}", plan.iterations));
         let taken =
             plan.take(&scene, |done| progress.advance((before + done as f64) / whole, &told))?;
         before += plan.steps as f64;
@@ -57,6 +59,7 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
         sheet.row(cells![
             step_ms,
             plan.iterations.get(),
+            share,
             plan.steps,
             taken.contacts,
             per_step(taken.spent.wall),
@@ -76,11 +79,16 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
 struct Plan {
     step_ns: u64,
     iterations: NonZeroU32,
+    recovery: Option<Recovery>,
     steps: usize,
 }
 
-/// Every length of the step with every number of iterations.
+/// Every length of the step with every share of recovery and every number of iterations.
 fn plans(args: &BenchCost) -> Outcome<Vec<Plan>> {
+    if let Some(share) = args.recovery.iter().find(|share| !(0.0..=1.0).contains(*share)) {
+        let text = format!("--recovery {share}: expected shares from 0 to 1");
+        return Err(Failure::Usage(text));
+    }
     let mut plans = Vec::new();
     for &ms in &args.step_ms {
         let steps = (1e3 * args.time / ms).round();
@@ -91,11 +99,15 @@ fn plans(args: &BenchCost) -> Outcome<Vec<Plan>> {
             );
             return Err(Failure::Usage(text));
         }
-        plans.extend(args.iterations.iter().map(|&iterations| Plan {
-            step_ns: (1e6 * ms).round() as u64,
-            iterations,
-            steps: steps as usize,
-        }));
+        for &share in &args.recovery {
+            let recovery = (share != 0.0).then_some(Recovery { share, ..Recovery::default() });
+            plans.extend(args.iterations.iter().map(|&iterations| Plan {
+                step_ns: (1e6 * ms).round() as u64,
+                iterations,
+                recovery,
+                steps: steps as usize,
+            }));
+        }
     }
     Ok(plans)
 }
@@ -123,7 +135,7 @@ impl Plan {
         let Model { stepping, solver, .. } = scene.model;
         let stepping = Stepping { step_ns: self.step_ns, ..stepping };
         let solver = Rule::fixed(Some(self.iterations), solver);
-        let solver = Solver { schedule: Schedule::Synchronous, ..solver };
+        let solver = Solver { schedule: Schedule::Synchronous, recovery: self.recovery, ..solver };
         let model = Model { stepping, solver, ..scene.model.clone() };
         model.check().map_err(|e| Failure::Failed(e.to_string()))?;
         let (mut state, mut workspace) = (scene.state.clone(), Workspace::default());

@@ -91,6 +91,10 @@ fn section(sheet: &mut Sheet, contender: &Contender, leader: &Contender) {
     for (name, phases) in parts.chain([("whole step", &Phase::ALL[..])]) {
         let walls = contender.walls(phases);
         let wall = mean(walls.iter().copied());
+        // A phase that the case does not ask for.
+        if wall == 0.0 {
+            continue;
+        }
         let deviation = mean(walls.iter().map(|w| (w - wall).powi(2))).sqrt();
         let cpu = mean(contender.samples.iter().map(|s| s.of(phases).cpu.as_secs_f64()));
         let speedup = ratios(&leader.walls(phases), &walls);
@@ -101,7 +105,7 @@ fn section(sheet: &mut Sheet, contender: &Contender, leader: &Contender) {
             1e3 * wall,
             1e3 * deviation,
             1e3 * Quartiles::of(&walls).median,
-            if whole > 0.0 { 100.0 * wall / whole } else { 0.0 },
+            100.0 * wall / whole,
             1e3 * cpu,
             speedup.median,
             speedup.low,

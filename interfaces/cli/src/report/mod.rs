@@ -316,6 +316,12 @@ fn provenance(source: &Source, page: &mut Page) {
         ("most iterations", solver.iterations.to_string()),
         ("tolerance", tolerance(solver)),
         ("warm start", solver.warm_start.to_string()),
+        (
+            "recovery of positions",
+            solver.recovery.map_or("none".into(), |r| {
+                format!("{} in a step, beyond {} µm", r.share, figure(1e6 * r.allowed, 3))
+            }),
+        ),
     ] {
         table.row([name.to_string(), value]);
     }

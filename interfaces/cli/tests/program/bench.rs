@@ -160,16 +160,18 @@ fn subdomains_cost_an_interface_and_reach_the_same_residual() {
 }
 
 #[test]
-fn what_a_simulated_second_costs_is_told_for_every_step_and_number_of_iterations() {
+fn what_a_simulated_second_costs_is_told_for_every_step_recovery_and_number_of_iterations() {
     let place = Place::new();
     let call = format!("bench cost {} --time 0.02", sample());
-    let call = format!("{call} --step-ms 1,4 --iterations 2,40 --csv c.csv --json");
+    let call =
+        format!("{call} --step-ms 1,4 --iterations 2,40 --recovery 0,0.5 --csv c.csv --json");
     let (rows, notes) = sorted(place.call(&call).with_code(0).events());
     assert!(notes["scene"].as_str().unwrap().contains("500 grains"), "{notes}");
     let of = |key: &str| rows.iter().map(|row| number(row, key)).collect::<Vec<_>>();
-    assert_eq!(of("step_ms"), [1.0, 1.0, 4.0, 4.0]);
-    assert_eq!(of("iterations"), [2.0, 40.0, 2.0, 40.0]);
-    assert_eq!(of("steps"), [20.0, 20.0, 5.0, 5.0]);
+    assert_eq!(of("step_ms"), [1.0, 1.0, 1.0, 1.0, 4.0, 4.0, 4.0, 4.0]);
+    assert_eq!(of("recovery"), [0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.5, 0.5]);
+    assert_eq!(of("iterations"), [2.0, 40.0, 2.0, 40.0, 2.0, 40.0, 2.0, 40.0]);
+    assert_eq!(of("steps"), [20.0, 20.0, 20.0, 20.0, 5.0, 5.0, 5.0, 5.0]);
     for row in &rows {
         let [mean, p99] = ["mean_penetration_um", "p99_penetration_um"].map(|k| number(row, k));
         let most = 1e3 * number(row, "max_penetration_mm");
@@ -178,8 +180,12 @@ fn what_a_simulated_second_costs_is_told_for_every_step_and_number_of_iterations
         assert!((second - step / number(row, "step_ms")).abs() < 1e-9 * second, "{row}");
     }
     let mean = of("mean_penetration_um");
-    assert!(mean[1] < mean[0] && mean[3] < mean[2], "iterations help: {mean:?}");
-    assert_eq!(csv(&place, "c.csv").1.len(), 4);
+    assert!(mean[1] < mean[0] && mean[5] < mean[4], "iterations help: {mean:?}");
+    let most = of("max_penetration_mm");
+    for (without, with) in [(0, 2), (1, 3), (4, 6), (5, 7)] {
+        assert!(most[with] < 0.5 * most[without], "recovery helps: {most:?}");
+    }
+    assert_eq!(csv(&place, "c.csv").1.len(), 8);
 }
 
 #[test]
@@ -236,6 +242,7 @@ fn nonsense_is_refused() {
         ("bench cost none.json --step-ms 0", 2, "--step-ms"),
         ("bench cost none.json --time inf", 2, "--time"),
         ("bench cost none.json --iterations 0", 2, "--iterations"),
+        ("bench cost none.json --recovery 0.1,1.5", 2, "--recovery 1.5"),
         ("bench tables tiny.toml tiny.toml --from run.h5", 2, "--from"),
     ] {
         let beds = call.contains("tiny.toml");

@@ -122,6 +122,13 @@ fn senseless_values_are_refused_with_their_place() {
         ("model: solver.relaxation", |f| set(f, "solver/relaxation", 0, 0.0)),
         ("solver/check_every", |f| set(f, "solver/check_every", 0, 0_u32)),
         ("model: solver.warm_start", |f| set(f, "solver/warm_start", 0, 2.0)),
+        ("model: solver.recovery.share", |f| set(f, "solver/recovery", 0, 2.0)),
+        ("model: solver.recovery.allowed", |f| set(f, "solver/recovery", 1, -1e-6)),
+        ("solver/recovery_iterations: expected a dataset", |f| {
+            f.unlink("solver/recovery_iterations").unwrap()
+        }),
+        // Without it there would be no recovery: another model.
+        ("about/state_hash: expected", |f| f.unlink("solver/recovery").unwrap()),
         ("parts/kind: expected 0", |f| set(f, "parts/kind", 0, 7_u8)),
         ("expected a known shape", |f| set(f, "parts/shape", 2, 99_u32)),
         ("driven/role: expected", |f| set(f, "driven/role", 0, text("king"))),

@@ -67,7 +67,11 @@ pub fn model() -> Model {
         grain_friction: 0.8,
         restitution: 0.1,
         stepping: Stepping { step_ns: 100_000, theta: 0.5, alert: 1e-3 },
-        solver: Solver { partition: PartitionRule::Boxes([3, 2, 1]), ..Solver::default() },
+        solver: Solver {
+            partition: PartitionRule::Boxes([3, 2, 1]),
+            recovery: Some(Recovery::default()),
+            ..Solver::default()
+        },
     }
 }
 

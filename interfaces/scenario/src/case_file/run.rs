@@ -1,6 +1,7 @@
 //! `[run]` and `[solver]`: time, output and the solution of each step.
 
-use super::range::{Count, Duration, Fraction, Pause, Positive, Ratio, Theta};
+use super::range::{Count, Duration, Fraction, NonNegative, Pause, Positive, Ratio, Theta};
+use ballast::model;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -89,6 +90,31 @@ pub struct Solver {
     /// rest; below 1, forces that a jam has pressed in fade when the tools have passed.
     #[schemars(with = "Fraction")]
     pub warm_start: f64,
+    /// Move grains that have been pressed into each other apart again. Absent: penetration is left as it is,
+    /// as in most studies.
+    pub recovery: Option<Recovery>,
+}
+
+/// Recovery of positions: without speed, so that nothing is flung.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Recovery {
+    /// Share of what is beyond the allowed penetration that a step takes back.
+    #[schemars(with = "Ratio")]
+    pub share: f64,
+    /// Penetration that is left as it is, m, so that a bed at rest stays as it is.
+    #[schemars(with = "NonNegative")]
+    pub allowed_m: f64,
+    /// DDM iterations over the problem of positions.
+    #[schemars(with = "Count")]
+    pub iterations: u32,
+}
+
+impl Default for Recovery {
+    fn default() -> Self {
+        let model::Recovery { share, allowed, iterations } = model::Recovery::default();
+        Self { share, allowed_m: allowed, iterations }
+    }
 }
 
 impl Default for Solver {
@@ -106,6 +132,7 @@ impl Default for Solver {
             check_every: 5,
             relaxation: 1.0,
             warm_start: 1.0,
+            recovery: None,
         }
     }
 }

@@ -113,6 +113,11 @@ fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
         check_every: solver.check_every,
         relaxation: solver.relaxation,
         warm_start: solver.warm_start,
+        recovery: solver.recovery.map(|r| model::Recovery {
+            share: r.share,
+            allowed: r.allowed_m,
+            iterations: r.iterations,
+        }),
     }
 }
 

@@ -1,0 +1,101 @@
+"""Takes one case through every way a state can be kept and gone on from; all must end in the same bytes.
+
+    python scripts/check_states.py CASE [--steps 6] [--beds runs/beds]
+
+The machine of the case moves the tools, one step per window. The first steps are run
+
+* straight, on one thread;
+* with the state saved half way, the run finished, the state restored and the run finished again;
+* with the state of half way written to a file and the run finished by another process, on two threads;
+* with every window redone three times;
+* by a fork, taken half way.
+
+Needs the package of bindings/python.
+"""
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import ballast
+
+
+def finish(sim: ballast.Simulation, steps: int) -> str:
+    """The hash after that many steps of one window each."""
+    for _ in range(steps):
+        sim.step_by_machine()
+    return sim.save().hash
+
+
+def redone(sim: ballast.Simulation, steps: int) -> str:
+    for _ in range(steps):
+        before = sim.save()
+        sim.step_by_machine()
+        after = sim.save()
+        # What the machine asked for in this window, told as motions.
+        told = {name: between(before, after, name) for name in sim.bodies}
+        for _ in range(3):
+            sim.redo(told)
+    return sim.save().hash
+
+
+def between(before: ballast.State, after: ballast.State, name: str) -> ballast.Motion:
+    ends = [state.target(name) for state in (before, after)]
+    times = [before.time_ns, after.time_ns]
+    return ballast.Motion(times, [end[0] for end in ends], [end[1] for end in ends])
+
+
+def elsewhere(args: argparse.Namespace, state: Path) -> str:
+    command = [sys.executable, __file__, args.case, "--beds", args.beds]
+    command += ["--steps", str(args.steps - args.steps // 2), "--resume", str(state)]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def compare(args: argparse.Namespace) -> bool:
+    half = args.steps // 2
+    rest = args.steps - half
+    with ballast.open(args.case, beds=args.beds, threads=1) as sim:
+        start = sim.save()
+        expected = finish(sim, args.steps)
+        print(f"{args.case}: {args.steps} steps of {sim.grains} grains: {expected}")
+
+        sim.restore(start)
+        finish(sim, half)
+        kept = sim.save()
+        ends = {"saved half way": finish(sim, rest)}
+        sim.restore(kept)
+        ends["restored"] = finish(sim, rest)
+
+        with tempfile.TemporaryDirectory() as folder:
+            kept.write(Path(folder) / "half.h5")
+            ends["restored in another process, on two threads"] = elsewhere(args, Path(folder) / "half.h5")
+
+        sim.restore(kept)
+        with sim.fork() as fork:
+            ends["forked"] = finish(fork, rest)
+
+        sim.restore(start)
+        ends["every window redone three times"] = redone(sim, args.steps)
+    for way, end in ends.items():
+        print(f"  {'the same' if end == expected else 'OTHER: ' + end}: {way}")
+    return all(end == expected for end in ends.values())
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("case")
+    parser.add_argument("--steps", type=int, default=6)
+    parser.add_argument("--beds", default="runs/beds")
+    parser.add_argument("--resume", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.resume:
+        with ballast.resume(args.resume, threads=2) as sim:
+            print(finish(sim, args.steps))
+        return 0
+    return 0 if compare(args) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,74 @@
+//! The problem of positions (T-34): how grains that are pressed into each other come apart.
+//!
+//! Reads: the solved problem, contacts, velocities at the end of the step. Writes: [`LocalProblem`]. Cost: O(contacts +
+//! bodies), parallel. Contract: as for the problem of velocities; the same arms and normals, so it is
+//! divided and swept in the same way.
+
+use super::{Line, LocalProblem};
+use crate::detection::Contacts;
+use crate::math::Vec3;
+use crate::model::Recovery;
+use crate::motion::Motion;
+use rayon::prelude::*;
+
+/// A problem of velocities and its solution.
+pub struct Solved<'a> {
+    pub problem: &'a LocalProblem,
+    pub motion: &'a Motion,
+    pub contacts: &'a Contacts,
+    /// World axes, N s `[nc]`.
+    pub impulse: &'a [Vec3],
+    /// Of the mobile bodies `[nm]`, m/s and rad/s.
+    pub velocity: &'a [Vec3],
+    pub spin: &'a [Vec3],
+}
+
+impl Solved<'_> {
+    /// Velocity of the point of `body` that is at `point`, m/s.
+    fn surface(&self, body: u32, point: &Vec3) -> Vec3 {
+        let (b, motion) = (body as usize, self.motion);
+        let (v, w) = if b < self.velocity.len() {
+            (self.velocity[b], self.spin[b])
+        } else {
+            (motion.velocity[b], motion.spin[b])
+        };
+        v + w.cross(&(point - motion.position[b]))
+    }
+
+    /// Gap of contact `i` at configuration m of the next step, `h` seconds later, m.
+    fn next_gap(&self, i: usize, h: f64) -> f64 {
+        let ([c, a], point) = (self.contacts.bodies[i], &self.contacts.point[i]);
+        let opening = self.surface(c, point) - self.surface(a, point);
+        self.contacts.gap[i] + h * self.contacts.normal[i].dot(&opening)
+    }
+}
+
+impl LocalProblem {
+    /// Fills the problem of positions in a step of `h` seconds. Whether there is anything to take back.
+    ///
+    /// Lines are velocities that last for one step and begin at zero; driven bodies stay, and what mounted
+    /// ones are told is for nobody to apply.
+    pub fn build_positions(&mut self, solved: &Solved, recovery: &Recovery, h: f64) -> bool {
+        let still = |line: &Line| Line::new(&Vec3::zeros(), &Vec3::zeros(), line.inverse_mass());
+        self.lines.clear();
+        self.lines.extend(solved.problem.lines.iter().map(still));
+        self.whitening.clone_from(&solved.problem.whitening);
+        self.responses.clone_from(&solved.problem.responses);
+        (0..solved.contacts.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let mut contact = solved.problem.contacts[i];
+                let gap = solved.next_gap(i, h);
+                let way = gap.max(0.0) + recovery.share * (gap + recovery.allowed).min(0.0);
+                // Blocks of pairs keep it in f32.
+                contact.offset = Vec3::new((way / h) as f32 as f64, 0.0, 0.0);
+                contact.friction = 0.0;
+                contact.impulse = Vec3::zeros();
+                contact.likely = way < 0.0 || solved.impulse[i] != Vec3::zeros();
+                contact
+            })
+            .collect_into_vec(&mut self.contacts);
+        self.contacts.par_iter().any(|contact| contact.offset.x < 0.0)
+    }
+}
