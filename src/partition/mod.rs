@@ -14,6 +14,7 @@ mod interface;
 use crate::detection::Contacts;
 use crate::math::Vec3;
 use crate::model::PartitionRule;
+use rayon::prelude::*;
 
 pub use interface::Interface;
 
@@ -27,6 +28,8 @@ pub struct Partition {
     /// Contacts of each subdomain, ascending.
     pub contacts: Lists,
     pub interface: Interface,
+    /// Subdomain of each contact, or [`INTERFACE`] `[nc]`: memory of [`Partition::divide`].
+    keys: Vec<u32>,
 }
 
 /// Lists of numbers in one array: list `i` is `items[starts[i]..starts[i + 1]]`.
@@ -102,11 +105,13 @@ impl Partition {
                 _ => mine,
             }
         };
-        self.contacts.fill(subdomains, contacts.bodies.iter().map(key));
+        contacts.bodies.par_iter().with_min_len(4096).map(key).collect_into_vec(&mut self.keys);
+        self.contacts.fill(subdomains, self.keys.iter().copied());
         let between = (0u32..)
             .zip(&contacts.bodies)
-            .filter(|(_, bodies)| key(bodies) == INTERFACE)
-            .map(|(c, &[a, b])| (c, [owner[a as usize], owner[b as usize]]));
+            .zip(&self.keys)
+            .filter(|(_, key)| **key == INTERFACE)
+            .map(|((c, &[a, b]), _)| (c, [owner[a as usize], owner[b as usize]]));
         self.interface.group(subdomains, between);
     }
 
