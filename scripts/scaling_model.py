@@ -1,0 +1,80 @@
+"""Where more threads stop to help: a model of a step of 100 sweeps, fed with what `ballast bench` measured.
+
+    python3 scripts/scaling_model.py [--bandwidth 200] [--results benches/results]
+
+docs/performance.md says what is in it and what is not. Prints the table as Markdown.
+"""
+
+import argparse
+import csv
+import math
+from pathlib import Path
+
+# Of the measured scene: grains, contact points, visits of 100 sweeps (notes of step_seven_sleepers.csv).
+GRAINS, SWEEPS = 86166, 100
+# Interface contacts over contacts are INTERFACE / (contacts of a subdomain)^(1/3): 9.6 % at 12 000 (seven_sleepers),
+# 14.1 % at 4100 (laptop, subdomains_laptop.csv).
+INTERFACE = 2.2
+# Waiting at a barrier of two threads, s: an iteration of laptop on two slabs has two barriers and takes 43 us less
+# without them (asynchronous 83 ms, synchronous 96 ms, 300 iterations). It grows with the logarithm of the threads.
+BARRIER = 43e-6 / 2
+# Colours of the interface, each with a barrier: a compact subdomain has about 14 neighbours.
+COLOURS = 14
+# Sweeps per visit of a subdomain that fits a cache, and contacts of the largest that does.
+PER_VISIT, LARGEST = 2, 12000
+# Subdomains for each thread that keep them evenly busy.
+PER_THREAD = 4
+
+
+def table(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
+    lines = path.read_text().splitlines()
+    notes = dict(line[2:].split(": ", 1) for line in lines if line.startswith("# ") and ": " in line)
+    return notes, list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--bandwidth", type=float, default=200.0, help="of the memory of the machine, GB/s")
+    parser.add_argument("--results", type=Path, default=Path("benches/results"))
+    args = parser.parse_args()
+
+    notes, rows = table(args.results / "step_seven_sleepers.csv")
+    contacts, visits = float(notes["contacts"].split()[0]), float(notes["visits of a step"])
+    one = {row["phase"]: row for row in rows if row["threads"] == "1"}
+    two = {row["phase"]: row for row in rows if row["threads"] == "2"}
+    # Where a phase is not twice as fast on two threads, part of it is taken for serial; only the small phases, of which
+    # it is known.
+    small = ["predict", "warm start", "partition", "integrate", "store"]
+    wall = {phase: 1e-3 * float(row["wall_mean_ms"]) for phase, row in one.items()}
+    serial = sum(wall[p] * max(0.0, 2.0 / float(two[p]["speedup"]) - 1.0) for p in small)
+    parallel = wall["whole step"] - wall["solve"] - serial
+
+    _, rows = table(args.results / "kernel.csv")
+    best = [row for row in rows if row["threads"] == "1" and row["form"] == "one set per thread"]
+    rate = 1e6 * max(float(row["mvisits_per_s"]) for row in best)
+    streamed = float(best[-1]["bytes_per_visit"])
+
+    print(f"serial: {1e3 * serial:.0f} ms of {1e3 * wall['whole step']:.0f} ms on one thread")
+    print("| grains | threads | contacts of a subdomain | interface | visits bound by | solve, s | whole step, s | efficiency |")
+    print("|---|---|---|---|---|---|---|---|")
+    for grains in (GRAINS, 1_000_000, 10_000_000):
+        scale = grains / GRAINS
+        alone = 0.0
+        for threads in (1, 2, 16, 64, 256):
+            size = min(LARGEST, scale * contacts / (PER_THREAD * threads))
+            arithmetic = scale * visits / (rate * threads)
+            memory = scale * visits * streamed / PER_VISIT / (1e9 * min(args.bandwidth, 17.5 * threads))
+            waiting = SWEEPS / PER_VISIT * (1 + COLOURS) * BARRIER * math.log2(threads) if threads > 1 else 0.0
+            solve = max(arithmetic, memory) + waiting
+            whole = solve + scale * (parallel / threads + serial)
+            alone = alone or whole
+            bound = "barriers" if waiting > max(arithmetic, memory) else "memory" if memory > arithmetic else "arithmetic"
+            share = 100 * INTERFACE / size ** (1 / 3)
+            print(
+                f"| {grains} | {threads} | {size:.0f} | {share:.0f} % | {bound} | {solve:.3g} | {whole:.3g} "
+                f"| {100 * alone / whole / threads:.0f} % |"
+            )
+
+
+if __name__ == "__main__":
+    main()
