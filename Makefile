@@ -10,7 +10,7 @@ demo: setup
 
 test: setup
 	scripts/python.sh
-	cargo test --release --locked --workspace
+	cargo test --release --locked --workspace --no-fail-fast
 	scripts/test_python.sh
 
 # What a change must also pass: format and lints.

@@ -48,13 +48,16 @@ fn examples_have_the_steps_of_the_study() {
     let steps = |p: &Plan| p.run.duration_ns / p.run.stepping.step_ns;
     let seven = example("seven_sleepers");
     assert_eq!((seven.run.stepping.step_ns, steps(&seven)), (200_000, 8820));
-    assert_eq!(seven.run.solver.partition, PartitionRule::Boxes([7, 1, 1]));
-    assert_eq!((seven.run.solver.iterations, seven.run.solver.tolerance), (740, None));
+    let solver = &seven.run.solver;
+    assert_eq!(solver.iterations * solver.subdomain_sweeps, 740);
+    assert_eq!(solver.interface_sweeps, solver.subdomain_sweeps);
+    assert_eq!((solver.tolerance, solver.recovery), (None, None));
     let one = example("one_sleeper");
     assert_eq!((one.run.stepping.step_ns, steps(&one)), (800_000, 2272));
     let laptop = example("laptop");
     assert_eq!(steps(&laptop), 2205);
     assert_eq!(laptop.run.solver.tolerance, Some(1.666e-4));
+    assert!(laptop.run.solver.recovery.is_some());
 }
 
 #[test]
