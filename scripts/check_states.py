@@ -47,9 +47,8 @@ def between(before: ballast.State, after: ballast.State, name: str) -> ballast.M
     return ballast.Motion(times, [end[0] for end in ends], [end[1] for end in ends])
 
 
-def elsewhere(args: argparse.Namespace, state: Path) -> str:
-    command = [sys.executable, __file__, args.case, "--beds", args.beds]
-    command += ["--steps", str(args.steps - args.steps // 2), "--resume", str(state)]
+def elsewhere(case: str, state: Path, steps: int) -> str:
+    command = [sys.executable, __file__, case, "--steps", str(steps), "--resume", str(state)]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
 
@@ -69,8 +68,9 @@ def compare(args: argparse.Namespace) -> bool:
         ends["restored"] = finish(sim, rest)
 
         with tempfile.TemporaryDirectory() as folder:
-            kept.write(Path(folder) / "half.h5")
-            ends["restored in another process, on two threads"] = elsewhere(args, Path(folder) / "half.h5")
+            file = Path(folder) / "half.h5"
+            kept.write(file)
+            ends["restored in another process, on two threads"] = elsewhere(args.case, file, rest)
 
         sim.restore(kept)
         with sim.fork() as fork:

@@ -10,8 +10,8 @@ import csv
 import math
 from pathlib import Path
 
-# Of the measured scene: grains, contact points, visits of 100 sweeps (notes of step_seven_sleepers.csv).
-GRAINS, SWEEPS = 86166, 100
+# Of step_seven_sleepers.csv.
+SWEEPS = 100
 # Interface contacts over contacts are INTERFACE / (contacts of a subdomain)^(1/3): 9.6 % at 12 000 (seven_sleepers),
 # 14.1 % at 4100 (laptop, subdomains_laptop.csv).
 INTERFACE = 2.2
@@ -39,6 +39,8 @@ def main() -> None:
     args = parser.parse_args()
 
     notes, rows = table(args.results / "step_seven_sleepers.csv")
+    # "seven_sleepers, 86166 grains, from step 0 of 8820"
+    measured = int(notes["scene"].split(", ")[1].split()[0])
     contacts, visits = float(notes["contacts"].split()[0]), float(notes["visits of a step"])
     one = {row["phase"]: row for row in rows if row["threads"] == "1"}
     two = {row["phase"]: row for row in rows if row["threads"] == "2"}
@@ -52,18 +54,19 @@ def main() -> None:
     _, rows = table(args.results / "kernel.csv")
     best = [row for row in rows if row["threads"] == "1" and row["form"] == "one set per thread"]
     rate = 1e6 * max(float(row["mvisits_per_s"]) for row in best)
-    streamed = float(best[-1]["bytes_per_visit"])
+    largest = max(best, key=lambda row: int(row["contacts"]))
+    streamed, per_core = float(largest["bytes_per_visit"]), float(largest["triad_gb_per_s"])
 
     print(f"serial: {1e3 * serial:.0f} ms of {1e3 * wall['whole step']:.0f} ms on one thread")
     print("| grains | threads | contacts of a subdomain | interface | visits bound by | solve, s | whole step, s | efficiency |")
     print("|---|---|---|---|---|---|---|---|")
-    for grains in (GRAINS, 1_000_000, 10_000_000):
-        scale = grains / GRAINS
+    for grains in (measured, 1_000_000, 10_000_000):
+        scale = grains / measured
         alone = 0.0
         for threads in (1, 2, 16, 64, 256):
             size = min(LARGEST, scale * contacts / (PER_THREAD * threads))
             arithmetic = scale * visits / (rate * threads)
-            memory = scale * visits * streamed / PER_VISIT / (1e9 * min(args.bandwidth, 17.5 * threads))
+            memory = scale * visits * streamed / PER_VISIT / (1e9 * min(args.bandwidth, per_core * threads))
             waiting = SWEEPS / PER_VISIT * (1 + COLOURS) * BARRIER * math.log2(threads) if threads > 1 else 0.0
             solve = max(arithmetic, memory) + waiting
             whole = solve + scale * (parallel / threads + serial)

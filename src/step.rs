@@ -110,10 +110,12 @@ fn divide(model: &Model, ws: &mut Workspace) {
 fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
     let Workspace { decomposition, problem, impulse, velocity, spin, .. } = ws;
     impulse.resize(problem.contacts.len(), Vec3::zeros());
-    decomposition.unpack(problem, impulse, velocity, spin);
+    decomposition.unpack_impulses(problem, impulse);
+    decomposition.unpack_velocities(problem, velocity, spin);
     finite(model, state, velocity, spin)
 }
 
+/// Refuses velocities that are not finite, and names the body.
 fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Result<()> {
     let bad = (0..velocity.len())
         .find(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
@@ -153,9 +155,8 @@ fn recover(
         ..model.solver
     };
     ddm::solve(decomposition, &positions.problem, &solver);
-    let workspace::Recovery { problem, impulse, velocity, spin } = positions;
-    impulse.resize(problem.contacts.len(), Vec3::zeros());
-    decomposition.unpack(problem, impulse, velocity, spin);
+    let workspace::Recovery { problem, velocity, spin } = positions;
+    decomposition.unpack_velocities(problem, velocity, spin);
     finite(model, state, velocity, spin)?;
 
     let ng = model.grains.len();

@@ -35,7 +35,6 @@ pub struct Workspace {
 #[derive(Debug, Default)]
 pub(crate) struct Recovery {
     pub problem: LocalProblem,
-    pub impulse: Vec<Vec3>,
     /// Velocities that last for the step, of the mobile bodies `[nm]`, m/s and rad/s.
     pub velocity: Vec<Vec3>,
     pub spin: Vec<Vec3>,

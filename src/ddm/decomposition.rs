@@ -211,22 +211,24 @@ impl Decomposition {
         self.partition.interface.pairs[g].map(|s| enter(&self.subdomains[s as usize]))
     }
 
-    /// Writes out the solution: impulses on the candidates, world axes, N s `[nc]`, and the grains'
-    /// velocities, m/s and rad/s `[ng]`.
-    pub fn unpack(
+    /// Writes out the impulses of the solution: on the candidates, world axes, N s `[nc]`.
+    pub fn unpack_impulses(&mut self, problem: &LocalProblem, impulse: &mut [Vec3]) {
+        for group in &mut self.groups {
+            open(group).set.contacts.unpack(problem, impulse);
+        }
+        for set in &mut self.subdomains {
+            open(set).contacts.unpack(problem, impulse);
+        }
+    }
+
+    /// Writes out the velocities of the solution, of the mobile bodies `[nm]`: m/s and rad/s.
+    pub fn unpack_velocities(
         &mut self,
         problem: &LocalProblem,
-        impulse: &mut [Vec3],
         velocity: &mut Vec<Vec3>,
         spin: &mut Vec<Vec3>,
     ) {
-        let Self { subdomains, groups, partition, line_of, .. } = self;
-        for group in groups {
-            open(group).set.contacts.unpack(problem, impulse);
-        }
-        for set in &mut *subdomains {
-            open(set).contacts.unpack(problem, impulse);
-        }
+        let Self { subdomains, partition, line_of, .. } = self;
         let sets: Vec<&ContactSet> = subdomains.iter_mut().map(|set| &open(set).contacts).collect();
         (&partition.owner, &*line_of)
             .into_par_iter()

@@ -105,7 +105,8 @@ pub(super) fn run_with(
     let outcome = work(&mut decomposition, &problem);
     let mut impulse = vec![Vec3::zeros(); contacts.len()];
     let (mut velocity, mut spin) = (Vec::new(), Vec::new());
-    decomposition.unpack(&problem, &mut impulse, &mut velocity, &mut spin);
+    decomposition.unpack_impulses(&problem, &mut impulse);
+    decomposition.unpack_velocities(&problem, &mut velocity, &mut spin);
     Solved { outcome, velocity, impulse }
 }
 

@@ -79,24 +79,14 @@ impl Model {
             "between 0 and 1",
             solver.warm_start,
         )?;
-        expect(
-            solver.recovery.is_none_or(|r| r.share > 0.0 && r.share <= 1.0),
-            "solver.recovery.share",
-            "above 0, at most 1",
-            solver.recovery,
-        )?;
-        expect(
-            solver.recovery.is_none_or(|r| r.allowed.is_finite() && r.allowed >= 0.0),
-            "solver.recovery.allowed",
-            "finite, not below 0",
-            solver.recovery,
-        )?;
-        expect(
-            solver.recovery.is_none_or(|r| r.iterations > 0),
-            "solver.recovery.iterations",
-            "at least 1",
-            solver.recovery,
-        )?;
+        if let Some(r) = &solver.recovery {
+            let share = r.share > 0.0 && r.share <= 1.0;
+            expect(share, "solver.recovery.share", "above 0, at most 1", r.share)?;
+            let allowed = r.allowed.is_finite() && r.allowed >= 0.0;
+            expect(allowed, "solver.recovery.allowed", "finite, not below 0", r.allowed)?;
+            let iterations = r.iterations;
+            expect(iterations > 0, "solver.recovery.iterations", "at least 1", iterations)?;
+        }
         expect(
             solver.tolerance.is_none_or(|t| t.is_finite() && t > 0.0),
             "solver.tolerance",

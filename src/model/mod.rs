@@ -185,7 +185,7 @@ pub struct Solver {
 pub struct Recovery {
     /// Share of what is beyond the allowed penetration that a step takes back, above 0, up to 1.
     pub share: f64,
-    /// Penetration that is left as it is, m, so that a bed at rest stays as it is.
+    /// Penetration that is left as it is, m: the less it is, the more a bed at rest creeps.
     pub allowed: f64,
     /// DDM iterations over the problem of positions.
     pub iterations: u32,

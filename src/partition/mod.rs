@@ -28,8 +28,6 @@ pub struct Partition {
     /// Contacts of each subdomain, ascending.
     pub contacts: Lists,
     pub interface: Interface,
-    /// Subdomain of each contact, or [`INTERFACE`] `[nc]`: memory of [`Partition::divide`].
-    keys: Vec<u32>,
 }
 
 /// Lists of numbers in one array: list `i` is `items[starts[i]..starts[i + 1]]`.
@@ -105,11 +103,11 @@ impl Partition {
                 _ => mine,
             }
         };
-        contacts.bodies.par_iter().with_min_len(4096).map(key).collect_into_vec(&mut self.keys);
-        self.contacts.fill(subdomains, self.keys.iter().copied());
+        let keys: Vec<u32> = contacts.bodies.par_iter().with_min_len(4096).map(key).collect();
+        self.contacts.fill(subdomains, keys.iter().copied());
         let between = (0u32..)
             .zip(&contacts.bodies)
-            .zip(&self.keys)
+            .zip(&keys)
             .filter(|(_, key)| **key == INTERFACE)
             .map(|((c, &[a, b]), _)| (c, [owner[a as usize], owner[b as usize]]));
         self.interface.group(subdomains, between);

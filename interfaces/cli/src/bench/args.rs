@@ -161,7 +161,7 @@ pub struct BenchCost {
     /// Iterations per step
     #[arg(long, value_name = "K,...", value_delimiter = ',', default_value = "5,10,30,100")]
     pub iterations: Vec<NonZeroU32>,
-    /// Shares of penetration that a step takes back; 0: none is
+    /// Shares of the penetration that a step takes back; 0: nothing
     #[arg(long, value_name = "S,...", value_delimiter = ',', default_value = "0,0.1")]
     pub recovery: Vec<f64>,
     /// Time to simulate with each of them, s

@@ -1,8 +1,8 @@
 //! `ballast bench cost SAMPLE`: what a simulated second costs, and how far stones then overlap.
 //!
 //! The question that decides between programs that solve contacts in different ways. Every choice of a length of
-//! the step, a number of iterations and a share of recovery takes the same sample through the same stretch of time, one after another:
-//! their states part at once, so there are no steps to take in turn.
+//! the step, a number of iterations and a share of recovery takes the same sample through the same stretch of
+//! time, one after another: their states part at once, so there are no steps to take in turn.
 
 use super::Said;
 use super::args::BenchCost;

@@ -121,7 +121,9 @@ pub fn profile(source: &Source) -> Option<Bars> {
     let phases = timing["phases"].as_object()?;
     let wall = |name: &str| phases.get(name).and_then(|p| p["wall_s"].as_f64());
     let names = ballast::step::Phase::ALL.iter().map(|phase| phase.name()).chain(["output"]);
-    let spent: Vec<(&str, f64)> = names.filter_map(|name| Some((name, wall(name)?))).collect();
+    // Without phases that the case does not ask for.
+    let spent = names.filter_map(|name| Some((name, wall(name)?))).filter(|s| s.1 > 0.0);
+    let spent: Vec<(&str, f64)> = spent.collect();
     let whole: f64 = spent.iter().map(|s| s.1).sum();
     let said = |s: f64| format!("{} s, {:.1} %", figure(s, 3), 100.0 * s / whole.max(1e-9));
     let title = format!(

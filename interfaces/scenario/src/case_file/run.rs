@@ -102,7 +102,7 @@ pub struct Recovery {
     /// Share of what is beyond the allowed penetration that a step takes back.
     #[schemars(with = "Ratio")]
     pub share: f64,
-    /// Penetration that is left as it is, m, so that a bed at rest stays as it is.
+    /// Penetration that is left as it is, m: the less it is, the more a bed at rest creeps.
     #[schemars(with = "NonNegative")]
     pub allowed_m: f64,
     /// DDM iterations over the problem of positions.
