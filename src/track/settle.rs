@@ -38,13 +38,15 @@ impl DepositStage {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepositProgress {
     pub stage: DepositStage,
-    /// Steps of this stage so far, and at most.
+    /// Steps of this stage so far, before rest is looked for, and at most.
     pub step: u64,
+    pub least_steps: u64,
     pub most_steps: u64,
     pub grains: usize,
     pub contacts: usize,
-    /// m/s.
+    /// Of the grains, and what counts as rest, m/s.
     pub mean_speed: f64,
+    pub rest_speed: f64,
     /// m.
     pub mean_penetration: f64,
     pub max_penetration: f64,
@@ -116,10 +118,12 @@ impl Bench {
         DepositProgress {
             stage: settling.stage,
             step,
+            least_steps: settling.steps[0],
             most_steps: settling.steps[1],
             grains: self.model.grains.len(),
             contacts: report.contacts,
             mean_speed,
+            rest_speed: settling.rest_speed,
             mean_penetration: report.mean_penetration,
             max_penetration: report.max_penetration,
         }

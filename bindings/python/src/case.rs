@@ -8,7 +8,7 @@ use crate::state::Snapshot;
 use ballast::component::Limits;
 use ballast::model::Schedule;
 use ballast::track::plan::Plan;
-use ballast_beds::Beds;
+use ballast_beds::{Beds, Pace};
 use ballast_scenario::{Choices, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -200,8 +200,9 @@ fn make(
 ) -> PyResult<ballast::track::Bed> {
     let crew = Crew::new(py, threads)?;
     let done = compute(py, &crew, progress.as_ref(), |turn| {
+        let mut pace = Pace::default();
         beds.prepare(&case.plan, &case.text, &mut |at| {
-            turn.tell(ballast_beds::share(at), || at.stage.name().to_string());
+            turn.tell(pace.share(at), || at.stage.name().to_string());
             if turn.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
     });

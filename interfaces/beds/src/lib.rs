@@ -6,15 +6,15 @@
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::track::plan::Plan;
-use ballast::track::{self, Bed, DepositProgress, DepositStage};
+use ballast::track::{self, Bed, DepositProgress};
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// The stages of the preparation, in order.
-const STAGES: [DepositStage; 4] =
-    [DepositStage::Pour, DepositStage::Fill, DepositStage::Trim, DepositStage::Rest];
+mod pace;
+
+pub use pace::Pace;
 
 /// Why there is no bed.
 #[derive(Debug, thiserror::Error)]
@@ -101,14 +101,6 @@ impl Beds {
 /// Tools or sleepers that find no place there.
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State), Error> {
     track::scene(plan, bed).map_err(|source| Error::Scene { case: plan.name.clone(), source })
-}
-
-/// Share of the preparation that is done. How long a stage takes is not known beforehand, only how
-/// long it may take; each counts the same.
-pub fn share(done: &DepositProgress) -> f64 {
-    let before = STAGES.iter().take_while(|stage| **stage != done.stage).count() as f64;
-    let within = done.step as f64 / done.most_steps.max(1) as f64;
-    (before + within.min(1.0)) / STAGES.len() as f64
 }
 
 fn create(folder: &Path) -> Result<(), Error> {

@@ -8,7 +8,7 @@ use crate::progress::{Mark, Progress, duration};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::track::{Bed, DepositProgress};
-use ballast_beds::Beds;
+use ballast_beds::{Beds, Pace};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -48,10 +48,10 @@ fn announce(case: &Case, beds: &Beds, prepared: bool, console: Console) {
 /// Prepares a bed and keeps it.
 fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
     let mut progress = Progress::start(console, "bed", 0.0);
-    let mut last = None;
+    let (mut pace, mut last) = (Pace::default(), None);
     let mut watch = |done: &DepositProgress| {
         last = Some(*done);
-        progress.advance(ballast_beds::share(done), &PrepareMark(*done));
+        progress.advance(pace.share(done), &PrepareMark(*done));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let bed = beds.prepare(&case.plan, &case.text, &mut watch)?;
