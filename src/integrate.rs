@@ -127,48 +127,70 @@ impl Course<'_> {
     }
 }
 
-/// What the ballast did to each driven body: impulses about its reference point as placed in
-/// configuration m, where the contacts were found.
-pub fn reactions(
-    model: &Model,
-    course: &Course,
-    contacts: &Contacts,
-    impulse: &[Vec3],
-) -> Vec<Reaction> {
-    let ng = model.grains.len();
-    let mut reactions = vec![Reaction::default(); model.driven.len()];
-    for (c, &[_, antagonist]) in contacts.bodies.iter().enumerate() {
-        let b = antagonist as usize;
-        if b < ng || impulse[c] == Vec3::zeros() {
-            continue;
-        }
-        let reaction = &mut reactions[b - ng];
-        let lever = contacts.point[c] - course.motion.position[b];
-        reaction.impulse -= impulse[c];
-        reaction.angular_impulse -= lever.cross(&impulse[c]);
-        reaction.work += impulse[c].dot(&course.mean_velocity(b, &contacts.point[c]));
-        reaction.contacts += 1;
-    }
-    reactions
+/// What the contacts did in a step.
+#[derive(Debug, Default)]
+pub struct Balance {
+    /// Contact points that carry an impulse; those of driven bodies one by one, ascending.
+    pub active: usize,
+    driven: Vec<u32>,
+    /// Energy that the contacts took during the step, J: minus the impulses times the mean of the relative
+    /// velocities before and after.
+    pub dissipated: f64,
 }
 
-/// Energy that the contacts took during the step, J: minus the impulses times the mean of the
-/// relative velocities before and after.
-pub fn dissipation(course: &Course, contacts: &Contacts, impulse: &[Vec3]) -> f64 {
-    let chunks: Vec<f64> = impulse
-        .par_chunks(CHUNK)
-        .enumerate()
-        .map(|(k, chunk)| {
-            let mut sum = 0.0;
-            for (c, f) in (k * CHUNK..).zip(chunk) {
-                let [candidate, antagonist] = contacts.bodies[c];
-                let velocity = |b: u32| course.mean_velocity(b as usize, &contacts.point[c]);
-                sum -= f.dot(&(velocity(candidate) - velocity(antagonist)));
-            }
+impl Balance {
+    /// One pass over all contacts.
+    pub fn of(model: &Model, course: &Course, contacts: &Contacts, impulse: &[Vec3]) -> Self {
+        let ng = model.grains.len();
+        let chunks: Vec<Self> = impulse
+            .par_chunks(CHUNK)
+            .enumerate()
+            .map(|(k, chunk)| {
+                let mut part = Self::default();
+                // Most contacts are open, and do nothing.
+                let closed = (k * CHUNK..).zip(chunk).filter(|(_, f)| **f != Vec3::zeros());
+                for (c, f) in closed {
+                    let [candidate, antagonist] = contacts.bodies[c];
+                    let velocity = |b: u32| course.mean_velocity(b as usize, &contacts.point[c]);
+                    part.active += 1;
+                    part.dissipated -= f.dot(&(velocity(candidate) - velocity(antagonist)));
+                    if antagonist as usize >= ng {
+                        part.driven.push(c as u32);
+                    }
+                }
+                part
+            })
+            .collect();
+        chunks.into_iter().fold(Self::default(), |mut sum, part| {
+            sum.active += part.active;
+            sum.driven.extend(part.driven);
+            sum.dissipated += part.dissipated;
             sum
         })
-        .collect();
-    chunks.iter().sum()
+    }
+
+    /// What the ballast did to each driven body: impulses about its reference point as placed in
+    /// configuration m, where the contacts were found. One after another, as sums of floating point want.
+    pub fn reactions(
+        &self,
+        model: &Model,
+        course: &Course,
+        contacts: &Contacts,
+        impulse: &[Vec3],
+    ) -> Vec<Reaction> {
+        let mut reactions = vec![Reaction::default(); model.driven.len()];
+        for &c in &self.driven {
+            let c = c as usize;
+            let (b, f, point) = (contacts.bodies[c][1] as usize, &impulse[c], &contacts.point[c]);
+            let reaction = &mut reactions[b - model.grains.len()];
+            let lever = point - course.motion.position[b];
+            reaction.impulse -= f;
+            reaction.angular_impulse -= lever.cross(f);
+            reaction.work += f.dot(&course.mean_velocity(b, point));
+            reaction.contacts += 1;
+        }
+        reactions
+    }
 }
 
 /// Kinetic and potential energy of the grains, J; potential energy is zero at the world's origin.

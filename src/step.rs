@@ -9,7 +9,7 @@ use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Error, Result};
 pub use crate::integrate::Reaction;
-use crate::integrate::{self, Course};
+use crate::integrate::{self, Balance, Course};
 use crate::local_problem::Solved;
 use crate::math::Vec3;
 use crate::model::{Model, Recovery, Schedule, Solver};
@@ -64,7 +64,6 @@ pub fn advance(
         watch.lap(Phase::NarrowPhase);
 
         warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
-        ws.impulse.iter_mut().for_each(|f| *f *= model.solver.warm_start);
         watch.lap(Phase::WarmStart);
 
         divide(model, ws);
@@ -179,8 +178,8 @@ fn integrate_and_report(
 ) -> StepReport {
     let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
     let course = Course { state, motion, velocity: &ws.velocity, spin: &ws.spin };
-    let dissipated = integrate::dissipation(&course, contacts, impulse);
-    let reactions = integrate::reactions(model, &course, contacts, impulse);
+    let balance = Balance::of(model, &course, contacts, impulse);
+    let reactions = balance.reactions(model, &course, contacts, impulse);
     integrate::configurations(model, &course, inputs.targets, next);
     let ledger = if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
     let (kinetic, potential) = integrate::energies(model, next);
@@ -188,19 +187,21 @@ fn integrate_and_report(
         kinetic,
         potential,
         work_in: ledger.work_in + reactions.iter().map(|r| r.work).sum::<f64>(),
-        dissipated: ledger.dissipated + dissipated,
+        dissipated: ledger.dissipated + balance.dissipated,
         ..ledger
     };
     next.drive.clone_from(&state.drive);
     next.step = state.step + 1;
     next.time_ns = state.time_ns + model.stepping.step_ns;
 
-    let penetrating = contacts.gap.iter().filter(|&&g| g < 0.0);
-    let depths = penetrating.clone().count();
+    let (mut pressed, mut depth, mut deepest) = (0u64, 0.0, 0.0f64);
+    for gap in contacts.gap.iter().filter(|gap| **gap < 0.0) {
+        (pressed, depth, deepest) = (pressed + 1, depth - gap, deepest.max(-gap));
+    }
     let interface = &ws.decomposition.partition().interface;
     StepReport {
         contacts: contacts.len(),
-        active_contacts: impulse.iter().filter(|f| **f != Vec3::zeros()).count(),
+        active_contacts: balance.active,
         interface_contacts: interface.contacts.items.len(),
         subdomains: ws.decomposition.partition().contacts.len(),
         iterations: outcome.iterations,
@@ -208,8 +209,8 @@ fn integrate_and_report(
         residuals: outcome.residuals,
         converged: outcome.converged,
         guarded: outcome.guarded,
-        mean_penetration: -penetrating.clone().sum::<f64>() / depths.max(1) as f64,
-        max_penetration: penetrating.fold(0.0, |depth, g| (-g).max(depth)),
+        mean_penetration: depth / pressed.max(1) as f64,
+        max_penetration: deepest,
         reactions,
     }
 }

@@ -16,8 +16,8 @@ const CHUNK: usize = 1024;
 /// How far, over the candidate's radius, a contact point may have moved in its body to be the same.
 const TOLERANCE: f64 = 0.2;
 
-/// Starting impulse of each contact `[nc]`, world axes, N s: that of the same contact in `memory`,
-/// or zero if there is none (T-20).
+/// Starting impulse of each contact `[nc]`, world axes, N s: the model's share of that of the same
+/// contact in `memory`, or zero if there is none (T-20).
 ///
 /// In a pair of bodies, contacts with equal features are the same. Of the others, the nearest
 /// points in the candidate's frame are matched first, up to a fifth of its radius.
@@ -35,6 +35,7 @@ pub fn warm_start(
     split(impulse, lengths).into_par_iter().zip(&bounds).for_each(|(impulse, &from)| {
         let mut chunk = Matching { model, motion, memory, contacts, used: Vec::new() };
         chunk.run(from, impulse);
+        impulse.iter_mut().for_each(|f| *f *= model.solver.warm_start);
     });
 }
 
