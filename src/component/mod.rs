@@ -155,6 +155,11 @@ impl Component {
         self.state.time_ns
     }
 
+    /// Beginning and end of the last window as they were asked for, ns: what [`Component::redo`] computes again.
+    pub fn last_window(&self) -> Option<[u64; 2]> {
+        self.last.as_ref().map(|(before, t1)| [before.time_ns, *t1])
+    }
+
     /// Advances to `t1_ns`.
     ///
     /// # Errors

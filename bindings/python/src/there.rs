@@ -11,7 +11,6 @@ use ballast::math::Pose;
 use ballast_protocol::Malformed;
 use ballast_protocol::lockstep::{Kind, Place};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
-use ballast_zenoh::link::DEFAULT_ENDPOINT;
 use ballast_zenoh::server::Description;
 use ballast_zenoh::{Client, Link, Patience};
 use pyo3::prelude::*;
@@ -61,7 +60,6 @@ impl There {
     /// Becomes the owner of the component `site/id`.
     pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
         let crew = Crew::workers(py, Some(1))?;
-        let link = if link.is_empty() { Link::to(DEFAULT_ENDPOINT) } else { link };
         let attached = py.detach(|| {
             let client = Client::attach(name, &link, "python", None, Patience::default())?;
             let about = client.describe()?;
@@ -287,6 +285,7 @@ pub fn attach(
     listen: Vec<String>,
     config: Option<std::path::PathBuf>,
 ) -> PyResult<crate::simulation::Simulation> {
-    let (there, about) = There::attach(py, component, Link { config, listen, connect })?;
+    let link = Link { config, listen, connect, ..Link::default() }.or_connecting();
+    let (there, about) = There::attach(py, component, link)?;
     Ok(crate::simulation::Simulation::there(there, about))
 }

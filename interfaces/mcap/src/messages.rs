@@ -41,6 +41,8 @@ pub struct Message {
 pub struct Lost {
     /// What was found instead of more.
     pub reason: String,
+    /// The file only ends too early, as one does whose writer was killed; otherwise it is damaged.
+    pub is_cut: bool,
     /// Messages before it.
     pub kept: u64,
     /// Latest time among them, ns.
@@ -49,7 +51,7 @@ pub struct Lost {
 
 impl std::fmt::Display for Lost {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { reason, kept, last_ns } = self;
+        let Self { reason, kept, last_ns, .. } = self;
         let until = last_ns.map_or(String::new(), |t| format!(", up to {t} ns"));
         write!(f, "{reason}; {kept} messages before it can be used{until}")
     }
@@ -175,14 +177,17 @@ impl Messages {
                 match self.content.take(opcode, data) {
                     Ok(()) if !self.content.complete => return Ok(()),
                     Ok(()) => None,
-                    Err(reason) => Some(reason),
+                    Err(reason) => Some((reason, false)),
                 }
             }
-            Some(Err(error)) => Some(reason(&error)),
-            None => Some("the file ends without the end of a recording".into()),
+            Some(Err(error)) => {
+                Some((reason(&error), matches!(error, mcap::McapError::UnexpectedEof)))
+            }
+            None => Some(("the file ends without the end of a recording".into(), true)),
         };
         self.over = true;
-        self.lost = ended.map(|reason| Lost { reason, kept: self.kept, last_ns: self.last_ns });
+        let (kept, last_ns) = (self.kept, self.last_ns);
+        self.lost = ended.map(|(reason, is_cut)| Lost { reason, is_cut, kept, last_ns });
         Ok(())
     }
 }

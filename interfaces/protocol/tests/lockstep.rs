@@ -319,6 +319,21 @@ fn a_window_is_told_step_by_step_where_that_is_asked_for() {
 }
 
 #[test]
+fn a_redo_is_of_the_times_of_the_last_window() {
+    let (mut lockstep, ticket) = lockstep();
+    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    let asked = window(1);
+    for (t0_ns, t1_ns) in
+        [(asked.t0_ns, 2 * asked.t1_ns), (77 * MS, 3 * MS), (asked.t1_ns, 2 * asked.t1_ns)]
+    {
+        let other = AdvanceRequest { t0_ns, t1_ns, ..window(1) };
+        let fault = ask(&mut lockstep, Kind::Redo, &other, &ticket).unwrap_err();
+        assert_eq!(fault.code, Code::OutOfSequence);
+        assert!(fault.to_string().contains("from 0 to"), "{fault}");
+    }
+}
+
+#[test]
 fn parameters_are_the_owners_to_set_and_go_with_kept_states() {
     // Long enough for the stones to fall onto the floor.
     let long = |seq: u64, deadline_ms: u32| {
@@ -350,8 +365,22 @@ fn parameters_are_the_owners_to_set_and_go_with_kept_states() {
     // The window again, as well as usual.
     let usual = SetParameters { iterations: Some(50), tolerance: Some(1e-4), ..Default::default() };
     lockstep.set_parameters(&usual, &ticket).unwrap();
-    let redone = ask(&mut lockstep, Kind::Redo, &long(1, 1000), &ticket).unwrap();
+    // A lost reply is still a lost reply; a redo of the same content is computed, once.
+    let again = ask(&mut lockstep, Kind::Advance, &long(1, 0), &ticket).unwrap();
+    assert_eq!(again.hash, reply.hash);
+    let redone = ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap();
     assert_eq!(redone.hash, usually);
+    let count = lockstep.answered_count();
+    assert_eq!(ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap(), redone);
+    assert_eq!(lockstep.answered_count(), count);
+    // The penetration that is allowed is in no hash.
+    let strict = SetParameters { penetration: Some(1e-12), ..Default::default() };
+    lockstep.set_parameters(&strict, &ticket).unwrap();
+    let refused = ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap();
+    assert_eq!(refused.status, Status::Discard);
+    let generous = SetParameters { penetration: Some(1.0), ..Default::default() };
+    lockstep.set_parameters(&generous, &ticket).unwrap();
+    assert_eq!(ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap().hash, usually);
     lockstep.set_parameters(&hasty, &ticket).unwrap();
     lockstep.restore(&name, &ticket).unwrap();
     let reply = ask(&mut lockstep, Kind::Advance, &long(2, 0), &ticket).unwrap();

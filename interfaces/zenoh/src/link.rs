@@ -11,6 +11,9 @@ pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
 /// it must not miss something without noticing.
 const PATIENCE_WITH_OBSERVERS_US: u32 = 1_000_000;
 
+const LISTEN: &str = "listen/endpoints";
+const CONNECT: &str = "connect/endpoints";
+
 /// How often a connection is tried, ms.
 const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 500, period_increase_factor: 2 }";
 
@@ -20,12 +23,23 @@ const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 500, period_increase_
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Link {
     /// A Zenoh configuration file (JSON5), for routers, TLS, users, and all else. What it does not say is
-    /// as Zenoh has it, not as below.
+    /// as without it: no scouting, no endpoint but those that are named, bounded messages.
     pub config: Option<PathBuf>,
     /// Endpoints to listen on: `tcp/127.0.0.1:7447`.
     pub listen: Vec<String>,
     /// Endpoints to connect to.
     pub connect: Vec<String>,
+    /// What is done at [`DEFAULT_ENDPOINT`] where nobody names an endpoint, the file neither.
+    pub otherwise: Otherwise,
+}
+
+/// What a process does that nobody gave an endpoint.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Otherwise {
+    #[default]
+    Nothing,
+    Listen,
+    Connect,
 }
 
 impl Link {
@@ -44,9 +58,14 @@ impl Link {
         Self { config: Some(path.into()), ..Self::default() }
     }
 
-    /// Whether nothing at all was said.
-    pub fn is_empty(&self) -> bool {
-        *self == Self::default()
+    /// The same, for one who is looked for: without an endpoint, at the default one.
+    pub fn or_listening(self) -> Self {
+        Self { otherwise: Otherwise::Listen, ..self }
+    }
+
+    /// The same, for one who looks: without an endpoint, at the default one.
+    pub fn or_connecting(self) -> Self {
+        Self { otherwise: Otherwise::Connect, ..self }
     }
 
     /// Opens the session. One that connects does not wait for the other side: partners start in any order.
@@ -67,13 +86,21 @@ impl Link {
             Some(path) => {
                 Config::from_file(path).map_err(|e| Error::link(path.display().to_string(), e))?
             }
-            None => local()?,
+            None => Config::default(),
         };
+        keep_to_this_machine(&mut config)?;
         if !self.listen.is_empty() {
-            set(&mut config, "listen/endpoints", &list(&self.listen))?;
+            set(&mut config, LISTEN, &list(&self.listen))?;
         }
         if !self.connect.is_empty() {
-            set(&mut config, "connect/endpoints", &list(&self.connect))?;
+            set(&mut config, CONNECT, &list(&self.connect))?;
+        }
+        let is_named = [LISTEN, CONNECT].iter().any(|key| names_some(&config, key));
+        let default = list(&[DEFAULT_ENDPOINT.into()]);
+        match self.otherwise {
+            Otherwise::Listen if !is_named => set(&mut config, LISTEN, &default)?,
+            Otherwise::Connect if !is_named => set(&mut config, CONNECT, &default)?,
+            _ => {}
         }
         Ok(config)
     }
@@ -88,16 +115,16 @@ pub fn free_endpoint() -> Result<String, Error> {
     socket.map(|at| format!("tcp/{at}")).map_err(|e| Error::link("loopback", e))
 }
 
-/// Scouting would find, and be found by, strangers on the network; without an endpoint of its own a Zenoh
-/// peer would listen on all interfaces.
-fn local() -> Result<Config, Error> {
-    let mut config = Config::default();
+/// Sets what a configuration leaves as Zenoh has it: scouting would find, and be found by, strangers on the
+/// network; without an endpoint of its own a Zenoh peer would listen on all interfaces; messages would have any size.
+fn keep_to_this_machine(config: &mut Config) -> Result<(), Error> {
+    let usual = Config::default();
     let (largest, lease) = (LARGEST_MESSAGE + (1 << 16), SILENCE.as_millis());
     for (key, value) in [
         ("mode", "\"peer\"".to_string()),
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "false".into()),
-        ("listen/endpoints", "[]".into()),
+        (LISTEN, "[]".into()),
         ("listen/exit_on_failure", "true".into()),
         ("listen/timeout_ms", "0".into()),
         ("connect/timeout_ms", "-1".into()),
@@ -111,9 +138,16 @@ fn local() -> Result<Config, Error> {
             PATIENCE_WITH_OBSERVERS_US.to_string(),
         ),
     ] {
-        set(&mut config, key, &value)?;
+        if config.get_json(key).ok() == usual.get_json(key).ok() {
+            set(config, key, &value)?;
+        }
     }
-    Ok(config)
+    Ok(())
+}
+
+/// Whether a list of endpoints, of any mode, names one.
+fn names_some(config: &Config, key: &str) -> bool {
+    config.get_json(key).is_ok_and(|endpoints| endpoints.contains('/'))
 }
 
 fn set(config: &mut Config, key: &str, value: &str) -> Result<(), Error> {
@@ -122,4 +156,50 @@ fn set(config: &mut Config, key: &str, value: &str) -> Result<(), Error> {
 
 fn list(endpoints: &[String]) -> String {
     serde_json::Value::from(endpoints.to_vec()).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(text: &str, link: impl Fn(PathBuf) -> Link) -> Config {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json5");
+        std::fs::write(&path, text).unwrap();
+        link(path).configuration().unwrap()
+    }
+
+    fn endpoints(config: &Config) -> [bool; 2] {
+        [LISTEN, CONNECT].map(|key| config.get_json(key).unwrap().contains(DEFAULT_ENDPOINT))
+    }
+
+    #[test]
+    fn a_file_that_says_little_leaves_the_rest_as_it_is_without_one() {
+        let without = Link::default().or_listening().configuration().unwrap();
+        let config = with("{ mode: 'peer' }", |path| Link::configured(path).or_listening());
+        for key in [
+            LISTEN,
+            "scouting/multicast/enabled",
+            "transport/link/rx/max_message_size",
+            "transport/link/tx/lease",
+        ] {
+            assert_eq!(config.get_json(key).unwrap(), without.get_json(key).unwrap(), "{key}");
+        }
+        assert_eq!(endpoints(&config), [true, false]);
+        let config = with("{ mode: 'peer' }", |path| Link::configured(path).or_connecting());
+        assert_eq!(endpoints(&config), [false, true]);
+        assert_eq!(config.get_json(LISTEN).unwrap(), "[]");
+    }
+
+    #[test]
+    fn what_a_file_says_stays() {
+        let text = "{ scouting: { multicast: { enabled: true } }, connect: { endpoints: ['tcp/router:7447'] }, \
+                    transport: { link: { rx: { max_message_size: 4096 } } } }";
+        let config = with(text, |path| Link::configured(path).or_listening());
+        assert_eq!(config.get_json("scouting/multicast/enabled").unwrap(), "true");
+        assert_eq!(config.get_json("transport/link/rx/max_message_size").unwrap(), "4096");
+        // Who reaches a router need not be reached.
+        assert_eq!(endpoints(&config), [false, false]);
+        assert!(names_some(&config, CONNECT));
+    }
 }

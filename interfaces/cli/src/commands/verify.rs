@@ -37,8 +37,19 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let file = args.file.display();
     match verdict {
         Verdict::Same { windows: count } => {
-            if let Some(lost) = windows.lost() {
-                console.warning(&format!("{file}: {lost}"));
+            match windows.lost() {
+                Some(lost) if !lost.is_cut => {
+                    let text =
+                        format!("{file}: {count} windows are equal, then it is damaged: {lost}");
+                    return Err(Failure::Failed(text));
+                }
+                Some(lost) => console.warning(&format!("{file}: {lost}")),
+                None => {}
+            }
+            if count == 0 {
+                return Err(Failure::Failed(format!(
+                    "{file}: expected windows to compare, found none"
+                )));
             }
             let now = component.state().time();
             let lost = windows.lost().map(|lost| lost.reason.clone());

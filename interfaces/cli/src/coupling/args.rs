@@ -2,7 +2,6 @@
 
 use crate::args::{Beds, Overrides};
 use ballast_zenoh::Link;
-use ballast_zenoh::link::DEFAULT_ENDPOINT;
 use clap::Args;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -24,19 +23,18 @@ pub struct Endpoints {
 impl Endpoints {
     fn link(&self) -> Link {
         let Self { connect, listen, config } = self;
-        Link { config: config.clone(), listen: listen.clone(), connect: connect.clone() }
+        let (config, listen, connect) = (config.clone(), listen.clone(), connect.clone());
+        Link { config, listen, connect, ..Link::default() }
     }
 
     /// For those who are looked for: without a word, on the loopback.
     pub fn to_listen(&self) -> Link {
-        let link = self.link();
-        if link.is_empty() { Link::listening(DEFAULT_ENDPOINT) } else { link }
+        self.link().or_listening()
     }
 
     /// For those who look: without a word, on the loopback.
     pub fn to_connect(&self) -> Link {
-        let link = self.link();
-        if link.is_empty() { Link::to(DEFAULT_ENDPOINT) } else { link }
+        self.link().or_connecting()
     }
 }
 
@@ -74,7 +72,7 @@ pub struct Serve {
     /// Wait until a partner asks for `init` before the bed is prepared
     #[arg(long)]
     pub wait: bool,
-    /// Record the run in an MCAP file, which is replaced
+    /// Record the run in an MCAP file, which is replaced; with --resume the next free NAME.2.mcap, NAME.3.mcap
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 }

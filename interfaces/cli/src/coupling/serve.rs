@@ -54,7 +54,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
         kept::resume(&checkpoint, &mut lockstep)?;
     }
     let beds = args.beds.beds.clone();
-    let recording = Recording::create(args.record.as_deref(), &case, &lockstep)?;
+    let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
     let mut keeper = Keeper::new(console, case, beds, checkpoint, every, recording);
     // A component that dies before its first checkpoint comes back as the same run.
     if !resumes && keeper.keep(&lockstep) {

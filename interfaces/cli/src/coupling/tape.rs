@@ -3,6 +3,7 @@
 //! Contract: what `ballast verify` computes from the file's beginning on is what is recorded, see [`Redoable`].
 //! Where the run goes elsewhere (restore, reset, init) the file ends, and the next one begins: NAME.2.mcap,
 //! NAME.3.mcap. A file that does not begin where the case does holds the checkpoint from which it goes on.
+//! A process that takes a run up writes beside what the one before it has recorded.
 
 use super::kept;
 use crate::case::Case;
@@ -15,17 +16,23 @@ use std::path::{Path, PathBuf};
 /// The open recording.
 pub struct Recording {
     path: PathBuf,
-    /// Files begun.
+    /// Files begun; whether those of the process before are kept.
     parts: u32,
+    resumes: bool,
     /// `None` before anything is configured.
     windows: Option<Redoable>,
 }
 
 impl Recording {
     /// The recording at `path`, if there is to be one; it begins when there is something to record.
-    pub fn create(path: Option<&Path>, case: &Case, lockstep: &Lockstep) -> Outcome<Option<Self>> {
+    pub fn create(
+        path: Option<&Path>,
+        resumes: bool,
+        case: &Case,
+        lockstep: &Lockstep,
+    ) -> Outcome<Option<Self>> {
         let Some(path) = path else { return Ok(None) };
-        let mut recording = Self { path: path.into(), parts: 0, windows: None };
+        let mut recording = Self { path: path.into(), parts: 0, resumes, windows: None };
         if lockstep.is_configured() {
             recording.part(case, lockstep)?;
         }
@@ -55,15 +62,22 @@ impl Recording {
         if let Some(windows) = &mut self.windows {
             windows.settle()?;
         }
-        self.parts += 1;
-        let path = match self.parts {
-            1 => self.path.clone(),
-            n => self.path.with_extension(format!("{n}.mcap")),
-        };
+        let mut path = self.next_path();
+        while self.resumes && path.exists() {
+            path = self.next_path();
+        }
         let next = start(&path, case, lockstep)?;
         match self.windows.replace(next) {
             Some(windows) => Ok(windows.finish()?),
             None => Ok(()),
+        }
+    }
+
+    fn next_path(&mut self) -> PathBuf {
+        self.parts += 1;
+        match self.parts {
+            1 => self.path.clone(),
+            n => self.path.with_extension(format!("{n}.mcap")),
         }
     }
 

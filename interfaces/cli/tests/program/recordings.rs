@@ -119,6 +119,16 @@ fn a_recording_is_verified_as_a_whole_and_in_part() {
     let ended = verify(&place, "cut.mcap").with_code(0);
     assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
     assert!(!ended.stdout().contains(&format!("{STEPS} windows")), "{}", ended.stdout());
+    // Nothing to compare is not the same as nothing that differs, and damage is no end.
+    let chunk = whole.windows(4).position(|w| w == b"zstd").unwrap();
+    std::fs::write(place.path("start.mcap"), &whole[..chunk]).unwrap();
+    let said = verify(&place, "start.mcap").with_code(1).stderr();
+    assert!(said.contains("found none"), "{said}");
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 1;
+    std::fs::write(place.path("damaged.mcap"), damaged).unwrap();
+    let said = verify(&place, "damaged.mcap").with_code(1).stderr();
+    assert!(said.contains("windows are equal, then it is damaged"), "{said}");
     let ended = replay(&place, "cut.mcap --out cut").with_code(0);
     assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
     let steps = place.summary("cut")["steps"].as_u64().unwrap();

@@ -236,7 +236,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     // Killed: it comes back with the parameters.
     serving.signal(Signal::SIGKILL);
     drop(serving);
-    let serving = Serving::start(&place, &endpoint, "--out s --resume --record t.mcap");
+    let serving = Serving::start(&place, &endpoint, "--out s --resume --record s.mcap");
     step(&mut client).unwrap();
     client.save("hasty").unwrap();
     let before = client.place().hash.clone();
@@ -251,9 +251,10 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     client.shut_down().unwrap();
     serving.end().with_code(0);
     assert_ne!(kept, last.hash);
-    // What was killed is read up to its last whole chunk; one that goes on elsewhere holds its start.
+    // What was killed stays; one that goes on elsewhere holds its start.
     // The second window was lost with the process, and computed again.
-    for (file, windows) in [("t.mcap", 3), ("t.2.mcap", 2)] {
+    assert!(place.path("s.mcap").exists());
+    for (file, windows) in [("s.2.mcap", 3), ("s.3.mcap", 2)] {
         let verified = place.with_beds(&format!("verify {file} --case tiny.toml")).with_code(0);
         assert!(
             verified.stdout().contains(&format!(" {windows} windows")),
@@ -262,12 +263,12 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
         );
     }
     let hash = &last.hash;
-    let replayed = format!("replay t.2.mcap --case tiny.toml --out r --expect {hash}");
+    let replayed = format!("replay s.3.mcap --case tiny.toml --out r --expect {hash}");
     place.with_beds(&replayed).with_code(0);
     // In another case it cannot go on.
     std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
-    let refused = place.with_beds("verify t.2.mcap --case other.toml").with_code(5);
-    assert!(refused.stderr().contains("t.2.mcap"), "{}", refused.stderr());
+    let refused = place.with_beds("verify s.3.mcap --case other.toml").with_code(5);
+    assert!(refused.stderr().contains("s.3.mcap"), "{}", refused.stderr());
 }
 
 #[test]

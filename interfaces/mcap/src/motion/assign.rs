@@ -84,6 +84,12 @@ impl Assignment {
                     return Err(Malformed::new("type", expected, found));
                 }
             };
+            let bodies: Vec<_> = self.maps.iter().filter(|m| m.topic == *topic).collect();
+            if bodies.len() > 1 && !matches!(source, Source::Transforms) {
+                let bodies: Vec<_> = bodies.iter().map(|m| &m.body).collect();
+                let expected = "one body for a topic that is of one";
+                return Err(Malformed::new("map", expected, format!("{bodies:?}")));
+            }
             return Ok(source);
         }
         // The twists of a pose topic are beside it.

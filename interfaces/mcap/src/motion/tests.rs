@@ -162,6 +162,10 @@ fn what_cannot_be_used_is_named() {
         let error = read_all(&path, &[map]).unwrap_err().to_string();
         assert!(error.contains(said) && error.contains("a.mcap"), "{error}");
     }
+    // A pose is of one body.
+    let twice = ["/tine_1/pose=tine-1", "/tine_1/pose=sleeper"];
+    let error = read_all(&path, &twice).unwrap_err().to_string();
+    assert!(error.contains("tine-1") && error.contains("sleeper"), "{error}");
     let error = read_all(&place.file(&entries[..1]), &[]).unwrap_err().to_string();
     assert!(error.contains("/clock") && error.contains("--map"), "{error}");
     for text in ["", "=a", "/a=", "/a"] {

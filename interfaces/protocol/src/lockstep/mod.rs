@@ -48,6 +48,8 @@ pub struct Lockstep {
     seq: u64,
     /// Content of the last window's request, and its reply.
     answered: Option<(Digest, AdvanceReply)>,
+    /// Other parameters were set since.
+    is_outdated: bool,
     kept: BTreeMap<String, Kept>,
     owner: Ownership,
     /// What failed inside.
@@ -78,6 +80,7 @@ impl Lockstep {
             hash_now,
             seq: 0,
             answered: None,
+            is_outdated: false,
             kept: BTreeMap::new(),
             owner: Ownership::default(),
             trouble: None,
@@ -103,9 +106,16 @@ impl Lockstep {
     ) -> Result<(), Fault> {
         kept.take_up(&mut self.component)?;
         (self.run_id, self.seq, self.durable_seq) = (run_id.into(), seq, seq);
-        self.answered = answered;
         self.hash_again();
+        // The hash covers the parameters of the solver.
+        self.is_outdated = answered.as_ref().is_some_and(|(_, reply)| reply.hash != self.hash_now);
+        self.answered = answered;
         Ok(())
+    }
+
+    /// Fingerprint of the present state.
+    pub fn hash_now(&self) -> StateHash {
+        self.hash_now
     }
 
     /// What the last window was answered, under the digest of its request: kept beside a checkpoint.

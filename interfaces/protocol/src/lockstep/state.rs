@@ -78,8 +78,10 @@ impl Lockstep {
             tolerance: ask.tolerance.unwrap_or(now.tolerance),
             penetration: ask.penetration.unwrap_or(now.penetration),
         };
+        let changes = parameters != now;
         let set = self.component.set_parameters(&parameters.into());
         set.map_err(|e| Fault::new(Code::ParameterInvalid, format!("param: {e}")))?;
+        self.is_outdated |= changes;
         // They are part of what decides how the run continues.
         self.hash_again();
         Ok(self.place())
@@ -144,7 +146,7 @@ impl Lockstep {
             self.component.recover(Arc::clone(&kept.state))?;
         }
         kept.take_up(&mut self.component)?;
-        self.answered = None;
+        (self.answered, self.is_outdated) = (None, false);
         self.hash_again();
         Ok(())
     }

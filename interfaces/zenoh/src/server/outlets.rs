@@ -7,7 +7,7 @@ use super::answer::cdr;
 use crate::{Error, Keys};
 use ballast::model::Model;
 use ballast_protocol::messages::{
-    AdvanceReply, Clock, Log, Message, PoseStamped, Time, TwistStamped, WrenchImpulse,
+    AdvanceReply, Clock, Log, Message, PoseStamped, StateHash, Time, TwistStamped, WrenchImpulse,
     WrenchStamped,
 };
 use ballast_protocol::to_cdr;
@@ -103,6 +103,14 @@ impl Outlets {
         self.put(self.keys.out("hash"), &reply.hash);
         let now = u64::try_from(reply.t1_ns).unwrap_or(0);
         self.put(self.keys.out("clock"), &Clock { clock: Time::from_ns(now) });
+    }
+
+    /// Tells everyone that the run goes on from elsewhere; what windows before that have said holds no more.
+    pub fn elsewhere(&mut self, hash: StateHash, now_ns: u64) {
+        let log = self.keys.out("log");
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).retain(|key, _| *key == log);
+        self.put(self.keys.out("hash"), &hash);
+        self.put(self.keys.out("clock"), &Clock { clock: Time::from_ns(now_ns) });
     }
 
     /// Tells everyone a line of the log, at a time of the run.

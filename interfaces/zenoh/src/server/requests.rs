@@ -173,6 +173,8 @@ impl Service<'_> {
     fn taken_elsewhere(&mut self, text: &str) {
         self.say(text);
         self.describe();
+        let now_ns = self.lockstep.component().now_ns();
+        self.outlets.elsewhere(self.lockstep.hash_now(), now_ns);
         self.host.taken_elsewhere(&self.lockstep);
         self.picture(None);
         self.keep();

@@ -66,6 +66,15 @@ fn an_observer_sees_every_window_and_a_late_one_the_last() {
     // And within two heartbeats it knows what the component does.
     std::thread::sleep(2 * HEARTBEAT);
     assert_eq!(late.last_status().unwrap().place, *client.place());
+    // Of a run that has begun again, nothing of the one before is told.
+    let begin = client.reset().unwrap().clone();
+    let last = late.last_told().unwrap();
+    let told = |what: String| last.iter().find(|(key, ..)| *key == what).map(|t| &t.2[..]);
+    let clock: Clock = from_cdr(told(late.keys().out("clock")).unwrap()).unwrap();
+    assert_eq!((clock.clock.ns(), begin.now_ns), (0, 0));
+    let hash: StateHash = from_cdr(told(late.keys().out("hash")).unwrap()).unwrap();
+    assert_eq!(hash.to_string(), begin.hash);
+    assert_eq!(told(late.keys().out_body("floor", "impulse")), None);
 }
 
 /// Not a check of its own: an observer whose callback never returns, so that what is sent to it fills every
