@@ -54,7 +54,8 @@ pub struct Outcome {
     pub solver: SolverOutcome,
     /// Since the start of the run.
     pub energy: EnergyLedger,
-    /// How far apart knots may be, ns, for no body to move too far between them at its speed now.
+    /// How far apart knots may be, ns, for no body to move too far between them at its speed now;
+    /// 0 where nothing moves.
     pub hint_max_step_ns: u64,
 }
 
@@ -272,10 +273,11 @@ pub fn measure(
 }
 
 impl End<'_> {
-    /// At least a step: no finer motion is of use.
+    /// At least a step: no finer motion is of use. None where no body moves.
     fn hint(&self, bodies: &[BodyOutcome]) -> u64 {
         let fastest = bodies.iter().map(|b| b.velocity.norm()).fold(0.0, f64::max);
-        // Saturates where nothing moves.
-        ((self.farthest / fastest * 1e9) as u64).max(self.model.stepping.step_ns)
+        let time = self.farthest / fastest * 1e9;
+        // Partners count time in signed numbers.
+        if time < i64::MAX as f64 { (time as u64).max(self.model.stepping.step_ns) } else { 0 }
     }
 }

@@ -166,9 +166,9 @@ pub struct Replay {
     /// or the topics /<body>/pose and transforms to the frame <body>
     #[arg(long, value_name = "MAP")]
     pub map: Vec<ballast_mcap::motion::Map>,
-    /// Which time of a message counts
-    #[arg(long, default_value = "stamp")]
-    pub time: TimeName,
+    /// Which time of a message counts; by default its stamp
+    #[arg(long)]
+    pub time: Option<TimeName>,
     /// Let the bodies begin wherever the recording has them, not where the case has them
     #[arg(long)]
     pub rebase: bool,

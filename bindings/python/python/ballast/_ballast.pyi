@@ -417,7 +417,8 @@ class Outcome:
 
     @property
     def hint_max_step_ns(self) -> int:
-        """How far apart knots may be for no body to move too far between them at its speed now, ns."""
+        """How far apart knots may be for no body to move too far between them at its speed now, ns;
+        0 where nothing moves."""
 
     @property
     def wall_s(self) -> float:

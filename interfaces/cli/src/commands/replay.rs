@@ -22,6 +22,14 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         true => Some(Windows::open(&args.file)?),
         false => None,
     };
+    if windows.is_some() && (args.rebase || args.time.is_some()) {
+        let text = format!(
+            "{}: --time and --rebase are for poses; this recording holds the windows of a run (--map TOPIC=BODY \
+             takes its poses instead)",
+            args.file.display()
+        );
+        return Err(Failure::Usage(text));
+    }
     let mut choices = Choices::from(&args.overrides);
     if let Some(windows) = &windows {
         choices = choices.or(Choices::from_notes(&windows.meta().choices)?);
@@ -68,8 +76,8 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Play
 fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Outcome<Playback> {
     let bodies: Vec<String> = model.driven.iter().map(|d| d.name.clone()).collect();
     let time = match args.time {
-        TimeName::Stamp => TimeOf::Stamp,
-        TimeName::Log => TimeOf::Log,
+        None | Some(TimeName::Stamp) => TimeOf::Stamp,
+        Some(TimeName::Log) => TimeOf::Log,
     };
     let motion = motion::read(&args.file, &bodies, &args.map, time, state.time_ns)?;
     for note in &motion.notes {

@@ -327,6 +327,10 @@ fn bad_files_end_with_their_codes() {
     }
     place.call("replay bad.mcap --case tiny.toml --map x").with_code(2);
     place.run("--out run --record run.mcap --steps 3").with_code(0);
+    for for_poses in ["--rebase", "--time log"] {
+        let said = replay(&place, &format!("run.mcap {for_poses}")).with_code(2).stderr();
+        assert!(said.contains("holds the windows of a run"), "{said}");
+    }
     let said = replay(&place, "run.mcap --record run.mcap").with_code(2).stderr();
     assert!(said.contains("run.mcap") || said.contains("reads"), "{said}");
     let said = place.run("--out run --record no/such/folder.mcap --steps 3").with_code(1).stderr();
