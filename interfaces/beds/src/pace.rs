@@ -1,6 +1,7 @@
 //! How far a preparation is.
 
 use ballast::track::{DepositProgress, DepositStage};
+use std::cmp::Ordering;
 
 /// The stages, and what share of the whole each usually takes.
 const STAGES: [(DepositStage, f64); 4] = [
@@ -41,13 +42,12 @@ impl Pace {
         let fallen = FALL * (steps / FALL_STEPS).min(1.0);
         let rested = (1.0 - FALL) * decay.clamp(0.0, 1.0) * sure;
         self.within = self.within.max(fallen + rested).max(steps).min(1.0);
-        let before: f64 = STAGES
-            .iter()
-            .take_while(|(stage, _)| *stage != done.stage)
-            .map(|(_, share)| share)
-            .sum();
-        let own = STAGES.iter().find(|(stage, _)| *stage == done.stage).map_or(0.0, |(_, s)| *s);
-        before + own * self.within
+        let part = |(stage, share): (DepositStage, f64)| match stage.cmp(&done.stage) {
+            Ordering::Less => share,
+            Ordering::Equal => share * self.within,
+            Ordering::Greater => 0.0,
+        };
+        STAGES.map(part).iter().sum()
     }
 }
 

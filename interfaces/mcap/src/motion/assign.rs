@@ -71,7 +71,8 @@ impl Assignment {
         let topic = &channel.topic;
         let (encoding, kind) = (&channel.encoding[..], channel.schema.replacen("/msg/", "/", 1));
         let is = |name: &str| encoding == "cdr" && kind == name;
-        if let Some(map) = self.maps.iter().find(|m| m.topic == *topic) {
+        let mut maps = self.maps.iter().filter(|m| m.topic == *topic);
+        if let Some(map) = maps.next() {
             let source = match encoding {
                 "json" => Source::Json(&map.body),
                 _ if is("geometry_msgs/PoseStamped") => Source::Pose(&map.body),
@@ -84,13 +85,14 @@ impl Assignment {
                     return Err(Malformed::new("type", expected, found));
                 }
             };
-            let bodies: Vec<_> = self.maps.iter().filter(|m| m.topic == *topic).collect();
-            if bodies.len() > 1 && !matches!(source, Source::Transforms) {
-                let bodies: Vec<_> = bodies.iter().map(|m| &m.body).collect();
-                let expected = "one body for a topic that is of one";
-                return Err(Malformed::new("map", expected, format!("{bodies:?}")));
-            }
-            return Ok(source);
+            return match (&source, maps.next()) {
+                (Source::Transforms, _) | (_, None) => Ok(source),
+                (_, Some(other)) => {
+                    let expected = "one body for a topic that is of one";
+                    let found = format!("{:?} and {:?}", map.body, other.body);
+                    Err(Malformed::new("map", expected, found))
+                }
+            };
         }
         // The twists of a pose topic are beside it.
         let beside = |m: &&Map| {

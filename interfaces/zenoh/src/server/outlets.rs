@@ -100,15 +100,18 @@ impl Outlets {
             self.put(self.keys.out("squeeze"), squeeze);
         }
         self.put(self.keys.out("solver"), &reply.solver);
-        self.put(self.keys.out("hash"), &reply.hash);
-        let now = u64::try_from(reply.t1_ns).unwrap_or(0);
-        self.put(self.keys.out("clock"), &Clock { clock: Time::from_ns(now) });
+        self.moment(reply.hash, u64::try_from(reply.t1_ns).unwrap_or(0));
     }
 
     /// Tells everyone that the run goes on from elsewhere; what windows before that have said holds no more.
     pub fn elsewhere(&mut self, hash: StateHash, now_ns: u64) {
         let log = self.keys.out("log");
         self.last.lock().unwrap_or_else(PoisonError::into_inner).retain(|key, _| *key == log);
+        self.moment(hash, now_ns);
+    }
+
+    /// State and time of the run.
+    fn moment(&mut self, hash: StateHash, now_ns: u64) {
         self.put(self.keys.out("hash"), &hash);
         self.put(self.keys.out("clock"), &Clock { clock: Time::from_ns(now_ns) });
     }
