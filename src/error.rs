@@ -17,7 +17,30 @@ pub enum Error {
     Input { place: String, expected: String, found: String },
     /// The step was refused; the state is exactly that of before the step.
     #[error("step at t = {time_s} s: {place}: expected {expected}, found {found}")]
-    Step { time_s: f64, place: String, expected: String, found: String },
+    Step { cause: Cause, time_s: f64, place: String, expected: String, found: String },
+}
+
+/// Why a step was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// A body is led too far in one step.
+    OverSpeed,
+    /// A velocity is not finite.
+    NotFinite,
+    /// Grains are pressed into each other deeper than allowed.
+    Penetration,
+}
+
+impl Error {
+    /// What kind of error it is, as messages call it.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Error::Step { cause: Cause::OverSpeed, .. } => "over_speed",
+            Error::Step { cause: Cause::NotFinite, .. } => "not_finite",
+            Error::Step { cause: Cause::Penetration, .. } => "penetration",
+            _ => "step_failed",
+        }
+    }
 }
 
 /// Result of the core.

@@ -7,7 +7,7 @@
 use crate::ddm::{self, Outcome};
 use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
-use crate::error::{Error, Result};
+use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
 use crate::integrate::{self, Balance, Course};
 use crate::local_problem::Solved;
@@ -121,6 +121,7 @@ fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Res
     match bad {
         None => Ok(()),
         Some(body) => Err(Error::Step {
+            cause: Cause::NotFinite,
             time_s: state.time(),
             place: match body.checked_sub(model.grains.len()) {
                 None => format!("grain {body}"),

@@ -24,7 +24,7 @@ pub use waveform::{Interpolation, Knot, Waveform};
 pub use window::{Input, LoadInput, Window};
 
 use crate::drive::Inputs;
-use crate::error::Error;
+use crate::error::{Cause, Error};
 use crate::model::Model;
 use crate::motion::SpeedLimit;
 use crate::observe::{SqueezeRule, Zone};
@@ -46,6 +46,15 @@ pub enum OnTrouble {
     Discard,
     /// Keep what was computed before the trouble.
     Early,
+}
+
+impl From<OnTrouble> for Stop {
+    fn from(on_trouble: OnTrouble) -> Self {
+        match on_trouble {
+            OnTrouble::Discard => Stop::Discard,
+            OnTrouble::Early => Stop::Early,
+        }
+    }
 }
 
 /// What a component accepts.
@@ -74,8 +83,19 @@ impl Default for Limits {
     }
 }
 
+/// How a window is ended by who watches it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stop {
+    /// What was computed is kept.
+    Early,
+    /// The window is taken back.
+    Discard,
+    /// The window is taken back, and was never asked for: the one before can still be redone.
+    Abandon,
+}
+
 /// What looks at every step of a window, and may end it.
-pub type Watch<'a> = &'a mut dyn FnMut(&State, &StepReport) -> ControlFlow<OnTrouble>;
+pub type Watch<'a> = &'a mut dyn FnMut(&State, &StepReport) -> ControlFlow<Stop>;
 
 /// A model that is stepped in windows.
 #[derive(Debug)]
@@ -173,7 +193,10 @@ impl Component {
         self.advance_watched(t1_ns, inputs, &mut |_, _| ControlFlow::Continue(()))
     }
 
-    /// The same; `watch` sees every step and may end the window after it, keeping what is done or not.
+    /// The same; `watch` sees every step and may end the window after it.
+    ///
+    /// # Errors
+    /// As for [`Component::advance_to`]; [`Refusal::Abandoned`].
     pub fn advance_watched<'a>(
         &mut self,
         t1_ns: u64,
@@ -208,24 +231,28 @@ impl Component {
                     account.take(&report, &self.state, model.stepping.h());
                     memory.recent.take(&report.reactions, model.stepping.step_ns);
                     memory.squeezes.take(&model, &self.state, &report);
-                    if let ControlFlow::Break(kept) = watch(&self.state, &report)
+                    if let ControlFlow::Break(stop) = watch(&self.state, &report)
                         && self.now_ns() < t1_ns
                     {
-                        stopped = Some(kept);
+                        stopped = Some(stop);
                         break;
                     }
                 }
                 Err(error) => {
                     trouble = Some(error);
-                    stopped = Some(limits.on_trouble);
+                    stopped = Some(limits.on_trouble.into());
                     break;
                 }
             }
         }
         let status = match stopped {
-            Some(OnTrouble::Discard) => Status::Discard,
-            Some(OnTrouble::Early) if account.steps() == 0 => Status::Discard,
-            Some(OnTrouble::Early) => Status::Early,
+            Some(Stop::Abandon) => {
+                self.state = before;
+                return Err(Refusal::Abandoned);
+            }
+            Some(Stop::Discard) => Status::Discard,
+            Some(Stop::Early) if account.steps() == 0 => Status::Discard,
+            Some(Stop::Early) => Status::Early,
             None if account.is_sound() => Status::Ok,
             None => Status::Warn,
         };
@@ -350,6 +377,7 @@ impl Component {
             advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, stopwatch)?;
         if report.max_penetration > self.limits.penetration {
             return Err(Error::Step {
+                cause: Cause::Penetration,
                 time_s: self.state.time(),
                 place: "penetration".into(),
                 expected: format!("at most {:.3e} m", self.limits.penetration),

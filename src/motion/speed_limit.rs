@@ -1,6 +1,6 @@
 //! How fast driven bodies may be led: a faster tool would pass through grains unseen.
 
-use crate::error::{Error, Result};
+use crate::error::{Cause, Error, Result};
 use crate::math::{Pose, rotation};
 use crate::model::{Model, Part};
 use crate::state::State;
@@ -33,6 +33,7 @@ impl SpeedLimit {
             let way = (target.position - from.position).norm() + turn * self.reach[d];
             if way > self.way {
                 return Err(Error::Step {
+                    cause: Cause::OverSpeed,
                     time_s: state.time(),
                     place: format!("{:?}", model.driven[d].name),
                     expected: format!(

@@ -2,7 +2,7 @@
 
 use crate::common::scene::Scene;
 use crate::{FLOOR, MS, floor, heap, same, shaken};
-use ballast::component::{Component, Limits, OnTrouble, Status};
+use ballast::component::{Component, Limits, OnTrouble, Refusal, Status, Stop};
 use ballast::drive::Inputs;
 use ballast::math::Vec3;
 use ballast::step::step;
@@ -122,7 +122,7 @@ fn a_watcher_ends_a_window_in_a_valid_state() {
     let rest = floor(&component);
     let mut watch = |state: &ballast::state::State, _: &_| {
         if state.time_ns == 20 * MS {
-            ControlFlow::Break(OnTrouble::Early)
+            ControlFlow::Break(Stop::Early)
         } else {
             ControlFlow::Continue(())
         }
@@ -137,6 +137,27 @@ fn a_watcher_ends_a_window_in_a_valid_state() {
 }
 
 #[test]
+fn a_window_that_is_abandoned_was_never_asked_for() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    shake(&mut component, rest, 20, 10);
+    let (end, last) = (component.save(), component.last_window());
+    let mut abandon = |_: &_, _: &_| ControlFlow::Break(Stop::Abandon);
+    let next = shaken(rest, 20 * MS, 30 * MS);
+    let refusal = component.advance_watched(30 * MS, &[next], &mut abandon).unwrap_err();
+    assert_eq!(
+        (refusal.code(), component.save(), component.last_window()),
+        ("abandoned", end.clone(), last)
+    );
+    // Neither was the redo that is given up, nor does it stand in the way of the next one.
+    let again = [shaken(rest, 10 * MS, 20 * MS)];
+    assert_eq!(component.redo_watched(&again, &mut abandon), Err(Refusal::Abandoned));
+    assert_eq!(component.save(), end);
+    component.redo(&again).expect("the last window");
+    assert_eq!(component.save(), end);
+}
+
+#[test]
 fn trouble_is_discarded_or_cut_off() {
     for on_trouble in [OnTrouble::Discard, OnTrouble::Early] {
         let mut component = heap(Limits { on_trouble, ..Limits::default() });
@@ -148,7 +169,9 @@ fn trouble_is_discarded_or_cut_off() {
             knot.pose.position.x -= 1.0;
         }
         let outcome = component.advance_to(50 * MS, &[input]).expect("a request in good form");
-        let trouble = outcome.trouble.clone().expect("a word on it").to_string();
+        let trouble = outcome.trouble.clone().expect("a word on it");
+        assert_eq!(trouble.code(), "over_speed");
+        let trouble = trouble.to_string();
         assert!(trouble.contains("half of the smallest grain"), "{trouble}");
         if on_trouble == OnTrouble::Discard {
             assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
@@ -171,7 +194,7 @@ fn a_step_that_penetrates_too_deep_is_trouble() {
     let start = component.save();
     let outcome = component.advance_to(50 * MS, &[]).expect("a request in good form");
     assert_eq!(outcome.status, Status::Discard);
-    assert!(outcome.trouble.expect("a word").to_string().contains("penetration"));
+    assert_eq!(outcome.trouble.expect("a word").code(), "penetration");
     assert_eq!(component.save(), start);
 }
 

@@ -8,9 +8,7 @@ use crate::outcome::{Outcome, Series};
 use crate::recorder::Recorder;
 use crate::simulation::Asked;
 use crate::state::Snapshot;
-use ballast::component::{
-    self, Component, Limits, OnTrouble, Refusal, Status, Window, ZoneOutcome,
-};
+use ballast::component::{self, Component, Limits, Refusal, Status, Stop, Window, ZoneOutcome};
 use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
@@ -135,7 +133,7 @@ impl Here {
                     machine.observe(&model, state, report);
                 }
                 if turn.is_over() {
-                    ControlFlow::Break(OnTrouble::Early)
+                    ControlFlow::Break(Stop::Early)
                 } else {
                     ControlFlow::Continue(())
                 }

@@ -105,7 +105,12 @@ impl Tape {
             other => other,
         };
         let (run_id, series) = (self.run_id.clone(), StepSeries::default());
-        (request, AdvanceReply { run_id, status, series, ..reply.clone() })
+        // As far as it came, nothing was wrong.
+        let (code, message) = match reply.status {
+            Status::Early => Default::default(),
+            _ => (reply.code.clone(), reply.message.clone()),
+        };
+        (request, AdvanceReply { run_id, status, code, message, series, ..reply.clone() })
     }
 
     /// Adds a window that has led to `state`.

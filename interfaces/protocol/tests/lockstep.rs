@@ -272,11 +272,84 @@ fn a_deadline_ends_a_window_as_it_asks() {
         assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");
         assert_eq!(reply.t1_ns, steps as i64 * MS);
         assert_eq!(reply.hash.to_string() == start, policy == DeadlinePolicy::Discard);
+        let code = if policy == DeadlinePolicy::Finish { "" } else { "deadline" };
+        assert_eq!(reply.code, code);
+        assert_eq!(
+            reply.message.contains(&format!("{steps} are kept")),
+            !code.is_empty(),
+            "{reply:?}"
+        );
         // It is answered: a retry gets the same, and a redo makes it whole.
         assert_eq!(ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap(), reply);
         let whole = ask(&mut lockstep, Kind::Redo, &window(1), &ticket).unwrap();
         assert_eq!(whole, straight(1), "{policy:?}");
     }
+}
+
+/// The refusal of window 1 with a change.
+fn refused(change: impl FnOnce(&mut AdvanceRequest)) -> Fault {
+    let (mut lockstep, ticket) = lockstep();
+    let mut request = window(1);
+    change(&mut request);
+    let before = lockstep.place();
+    let fault = ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap_err();
+    assert_eq!(lockstep.place(), before, "{fault}");
+    fault
+}
+
+#[test]
+fn a_refusal_has_its_code_and_says_where_what_was_expected_and_found() {
+    let cases = [
+        (refused(|r| r.t1_ns += 1), Code::TimeGrid, "t1_ns", "5000001 ns"),
+        (refused(|r| r.motions[0].knots[0].time_ns = MS), Code::InputGap, "floor", "from 1000000"),
+        (refused(|r| r.motions[0].knots[0].pose.position.x = 0.1), Code::InputJump, "floor", "m"),
+        (
+            refused(|r| r.motions[0].knots[1].twist.linear.x = f64::NAN),
+            Code::InputInvalid,
+            "floor",
+            "NaN",
+        ),
+        (refused(|r| r.motions[0].body = "door".into()), Code::UnknownBody, "body", "door"),
+        (refused(|r| r.t1_ns = -1), Code::Malformed, "t1_ns", "-1"),
+        (refused(|r| r.run_id = "run-0".into()), Code::WrongRun, "run_id", "run-0"),
+        (refused(|r| r.seq = 5), Code::OutOfSequence, "seq", "window 5"),
+    ];
+    for (fault, code, place, found) in cases {
+        assert_eq!(fault.code, code, "{fault}");
+        let finding = fault.finding.clone().unwrap_or_default();
+        assert_eq!(finding.place, place, "{fault}");
+        assert!(!finding.expected.is_empty() && finding.found.contains(found), "{finding:?}");
+        let nearest = (code == Code::TimeGrid).then_some([5_000_000, 6_000_000]);
+        assert_eq!(finding.nearest_ns, nearest);
+        // As partners get it.
+        let text = serde_json::to_string(&fault).unwrap();
+        assert!(text.contains("\"place\"") && !text.contains("finding"), "{text}");
+        assert_eq!(serde_json::from_str::<Fault>(&text).unwrap(), fault);
+    }
+    // One without parts comes through, too.
+    let plain = Fault::new(Code::Busy, "someone drives");
+    let text = serde_json::to_string(&plain).unwrap();
+    assert_eq!(serde_json::from_str::<Fault>(&text).unwrap(), plain);
+}
+
+#[test]
+fn a_window_that_cannot_be_computed_is_taken_back_and_says_why() {
+    let (mut lockstep, ticket) = lockstep();
+    let start = lockstep.place();
+    let mut fast = window(1);
+    fast.motions[0].interpolation = Interpolation::Linear;
+    fast.motions[0].knots[1].pose.position.x = 10.0;
+    let reply = ask(&mut lockstep, Kind::Advance, &fast, &ticket).unwrap();
+    assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "over_speed"));
+    assert!(reply.message.contains("floor"), "{}", reply.message);
+    assert_eq!(lockstep.place().hash, start.hash);
+    let deepest = SetParameters { penetration: Some(1e-12), ..SetParameters::default() };
+    lockstep.set_parameters(&deepest, &ticket).unwrap();
+    // Long enough for the stones to come down.
+    let fall = AdvanceRequest { seq: 2, t1_ns: 300 * MS, motions: vec![], ..window(1) };
+    let reply = ask(&mut lockstep, Kind::Advance, &fall, &ticket).unwrap();
+    assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "penetration"));
+    assert_eq!(lockstep.place().hash, start.hash);
 }
 
 #[test]
@@ -465,11 +538,16 @@ fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
         other.motions[0].knots[1].pose.position.z += 1e-4;
         let mut stop = |p: &Progress| if p.step == 3 { Pace::Abandon } else { Pace::GoOn };
         let fault = lockstep.window(kind, &other, &ticket, &|| 0, &mut stop).unwrap_err();
-        assert_eq!(fault.code, Code::Quitting, "{kind:?}");
-        assert_eq!((lockstep.place(), lockstep.status(0).activity), (before, Activity::Quitting));
+        assert_eq!(fault.code, Code::Abandoned, "{kind:?}");
+        assert_eq!((lockstep.place(), lockstep.status(0).activity), (before, Activity::Paused));
         assert_eq!(lockstep.place().hash, last.hash.to_string());
-        // What was answered before stays answered.
+        // What was answered before stays answered, and can be asked for and redone as if nothing had been.
         assert_eq!(ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap(), last);
+        let (mut undisturbed, t) = self::lockstep();
+        ask(&mut undisturbed, Kind::Advance, &window(1), &t).unwrap();
+        let replies = [(&mut lockstep, &ticket), (&mut undisturbed, &t)]
+            .map(|(lockstep, ticket)| ask(lockstep, kind, &other, ticket).unwrap());
+        assert_eq!(replies[0], replies[1], "{kind:?}");
     }
 }
 
@@ -488,7 +566,17 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     // The last window was answered by a process that is gone; a retry is answered all the same.
     assert_eq!(ask(&mut second, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));
     assert_eq!(second.answered_count(), 0);
+    // How it began is not known to this one.
+    let redo = AdvanceRequest { motions: vec![], ..window(3) };
+    let fault = ask(&mut second, Kind::Redo, &redo, &ticket).unwrap_err();
+    assert_eq!(fault.code, Code::NothingToRedo, "{fault}");
     assert_eq!(ask(&mut second, Kind::Advance, &window(4), &ticket).unwrap(), straight(4));
+    // Nor is a state taken up that is none of this model's.
+    let mut foreign = Kept::of(first.component());
+    Arc::make_mut(&mut foreign.state).velocity.pop();
+    let fault = second.resume("run-1", 3, foreign, None).unwrap_err();
+    assert_eq!(fault.code, Code::StateInvalid, "{fault}");
+    assert_eq!(second.place().seq, 4);
 }
 
 #[test]

@@ -22,6 +22,21 @@ pub struct Fault {
     pub owner: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub since_ms: Option<u64>,
+    /// The message in parts, where it has any.
+    #[serde(flatten)]
+    pub finding: Option<Box<Finding>>,
+}
+
+/// What is wrong with a request.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Finding {
+    /// The field, or the body whose input it is.
+    pub place: String,
+    pub expected: String,
+    pub found: String,
+    /// The times next to it at which a window may end, ns.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearest_ns: Option<[u64; 2]>,
 }
 
 /// What kind of refusal it is.
@@ -60,6 +75,8 @@ pub enum Code {
     UnknownState,
     /// No more states can be kept.
     TooManyStates,
+    /// The window was taken back, as if it had never been asked for: nobody waited for it any more.
+    Abandoned,
     /// Something failed inside; only restore, reset and detach are possible.
     InError,
     /// The component is being shut down.
@@ -90,6 +107,7 @@ impl Fault {
             now_ns: None,
             owner: None,
             since_ms: None,
+            finding: None,
         }
     }
 
@@ -100,13 +118,17 @@ impl Fault {
         expected: impl std::fmt::Display,
         found: impl std::fmt::Display,
     ) -> Self {
-        Self::new(code, format!("{place}: expected {expected}, found {found}"))
+        let (expected, found) = (expected.to_string(), found.to_string());
+        let message = format!("{place}: expected {expected}, found {found}");
+        let place = place.to_string();
+        let finding = Finding { place, expected, found, nearest_ns: None };
+        Self { finding: Some(Box::new(finding)), ..Self::new(code, message) }
     }
 }
 
 impl From<Malformed> for Fault {
     fn from(e: Malformed) -> Self {
-        Self::new(Code::Malformed, e.to_string())
+        Self::expected(Code::Malformed, &e.place, e.expected, e.found)
     }
 }
 
@@ -119,8 +141,30 @@ impl From<Refusal> for Fault {
             Refusal::Input { .. } => Code::InputInvalid,
             Refusal::UnknownBody { .. } => Code::UnknownBody,
             Refusal::NothingToRedo => Code::NothingToRedo,
+            Refusal::Abandoned => Code::Abandoned,
             Refusal::Core(_) => Code::StateInvalid,
         };
-        Self::new(code, refusal.to_string())
+        let message = refusal.to_string();
+        let finding = match refusal {
+            Refusal::Time { now_ns, step_ns, nearest_ns, found_ns } => Some(Finding {
+                place: "t1_ns".into(),
+                expected: format!("a whole number of steps of {step_ns} ns after {now_ns} ns"),
+                found: format!("{found_ns} ns"),
+                nearest_ns: Some(nearest_ns),
+            }),
+            Refusal::Gap { body, expected, found }
+            | Refusal::Jump { body, expected, found }
+            | Refusal::Input { body, expected, found } => {
+                Some(Finding { place: body, expected, found, nearest_ns: None })
+            }
+            Refusal::UnknownBody { known, found } => Some(Finding {
+                place: "body".into(),
+                expected: format!("one of {known:?}"),
+                found,
+                nearest_ns: None,
+            }),
+            Refusal::NothingToRedo | Refusal::Abandoned | Refusal::Core(_) => None,
+        };
+        Self { finding: finding.map(Box::new), ..Self::new(code, message) }
     }
 }

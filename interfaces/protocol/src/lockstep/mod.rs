@@ -20,7 +20,7 @@ mod window;
 pub use control::{
     Activity, Attach, Attached, Init, Named, Place, Progress, SetParameters, StatusReport,
 };
-pub use fault::{Code, Fault};
+pub use fault::{Code, Fault, Finding};
 pub use owner::Ownership;
 pub use state::Kept;
 pub use window::{Kind, Pace, Watch};

@@ -4,12 +4,11 @@ use super::{Code, Fault, Lockstep, Progress};
 use crate::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, ns,
 };
-use ballast::component::{OnTrouble, Outcome, Window};
+use ballast::component::{Outcome, Stop, Window};
 use ballast::state::State;
 use ballast::step::StepReport;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 
 /// Whether a window is new or the last one again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -27,7 +26,7 @@ pub enum Pace {
     GoOn,
     /// The time allowed has passed: what happens now is for the request's policy to say.
     TimeIsUp,
-    /// The component is being shut down: the window is taken back and not answered.
+    /// Nobody waits for the window any more: it is taken back, as if it had never been asked for.
     Abandon,
 }
 
@@ -36,8 +35,8 @@ impl Lockstep {
     ///
     /// # Errors
     /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
-    /// [`Code::Quitting`] (also when `watch` abandons the window), and what [`Component::advance_to`]
-    /// refuses. What goes wrong while computing is told by the reply.
+    /// [`Code::Quitting`], [`Code::Abandoned`] if `watch` says so, and what [`Component::advance_to`] refuses.
+    /// What goes wrong while computing is told by the reply.
     pub fn window(
         &mut self,
         kind: Kind,
@@ -74,30 +73,23 @@ impl Lockstep {
         }
         self.check_series(request)?;
         let before = self.component.save();
-        let mut abandoned = false;
-        let mut seen = |progress: &Progress| {
-            let pace = watch(progress);
-            abandoned |= pace == Pace::Abandon;
-            pace
-        };
         let mut series = request.series.then(|| StepSeries::begin(self.component.model()));
-        let result = self.compute(kind, request, clock, &mut seen, &mut series);
+        let result = self.compute(kind, request, clock, watch, &mut series);
         self.idle_since_ms = clock();
-        if abandoned {
-            // A redo would have begun before the window that counts.
-            self.component.restore(Arc::clone(&before))?;
-            self.quit();
-            self.check_not_quitting()?;
-        }
         let reply = match result {
             Ok(outcome) => {
                 let outcome = outcome?;
                 self.hash_again();
                 let model = self.component.model();
-                let reply = AdvanceReply::of(request, model, &outcome, self.hash_now);
+                let mut reply = AdvanceReply::of(request, model, &outcome, self.hash_now);
+                if outcome.trouble.is_none()
+                    && matches!(reply.status, Status::Early | Status::Discard)
+                {
+                    (reply.code, reply.message) = self.overdue(request, outcome.steps);
+                }
                 // Of what was taken back there is nothing to tell.
-                let series = series.filter(|_| outcome.steps > 0).unwrap_or_default();
-                AdvanceReply { series, ..reply }
+                reply.series = series.filter(|_| outcome.steps > 0).unwrap_or_default();
+                reply
             }
             Err(panic) => {
                 self.component.recover(before)?;
@@ -140,10 +132,9 @@ impl Lockstep {
             progress.left_ms =
                 progress.elapsed_ms * steps.saturating_sub(progress.step) / progress.step;
             match (watch(&progress), request.deadline_policy) {
-                (Pace::Abandon, _) | (Pace::TimeIsUp, DeadlinePolicy::Discard) => {
-                    ControlFlow::Break(OnTrouble::Discard)
-                }
-                (Pace::TimeIsUp, DeadlinePolicy::Early) => ControlFlow::Break(OnTrouble::Early),
+                (Pace::Abandon, _) => ControlFlow::Break(Stop::Abandon),
+                (Pace::TimeIsUp, DeadlinePolicy::Discard) => ControlFlow::Break(Stop::Discard),
+                (Pace::TimeIsUp, DeadlinePolicy::Early) => ControlFlow::Break(Stop::Early),
                 (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => {
                     ControlFlow::Continue(())
                 }
@@ -164,6 +155,13 @@ impl Lockstep {
     fn is_last_window(&self, request: &AdvanceRequest) -> bool {
         let asked = [request.t0_ns, request.t1_ns];
         self.component.last_window().is_none_or(|times| times.map(ns) == asked)
+    }
+
+    /// Code and message of a window that only ran out of time, of which so many steps are kept.
+    fn overdue(&self, request: &AdvanceRequest, kept: u64) -> (String, String) {
+        let (steps, ms) = (self.steps(request), request.deadline_ms);
+        let text = format!("expected {steps} steps within {ms} ms, found fewer; {kept} are kept");
+        ("deadline".into(), format!("deadline: {text}"))
     }
 
     /// How many steps a window has that is on the grid.

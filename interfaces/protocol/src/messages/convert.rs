@@ -414,7 +414,7 @@ impl AdvanceReply {
             run_id: request.run_id.clone(),
             seq: request.seq,
             status: outcome.status.into(),
-            code: trouble.map_or("", |_| "step_failed").into(),
+            code: trouble.map_or("", ballast::error::Error::code).into(),
             message: trouble.map_or(String::new(), ToString::to_string),
             t0_ns: ns(outcome.t0_ns),
             t1_ns: ns(outcome.t1_ns),

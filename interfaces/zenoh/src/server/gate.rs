@@ -5,6 +5,7 @@
 //! before its size is known to be allowed; who does not drive can only make `attach` wait.
 
 use super::answer::{self, Answer};
+use super::requests::quitting;
 use super::shared::Shared;
 use crate::keys::{SCHEMA, last};
 use crate::{Error, Keys, LARGEST_MESSAGE};
@@ -168,8 +169,7 @@ fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Call>, query: Query) {
                 Ok(pass) => {
                     let request = Call::Request(Request { query, verb, pass, bytes });
                     if let Err(SendError(Call::Request(refused))) = sender.send(request) {
-                        let fault = Fault::new(Code::Quitting, "the component is being shut down");
-                        answer::send(&refused.query, key, Err(fault));
+                        answer::send(&refused.query, key, Err(quitting()));
                     }
                 }
                 Err(fault) => answer::send(&query, key, Err(fault)),

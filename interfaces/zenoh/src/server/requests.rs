@@ -28,6 +28,11 @@ fn message<T: Message>(query: &Query) -> Result<T, Fault> {
     Ok(if is_cdr(query) { from_cdr(&bytes)? } else { from_json(&bytes)? })
 }
 
+/// What is not begun any more when the component ends.
+pub(super) fn quitting() -> Fault {
+    Fault::new(Code::Quitting, "the component is being shut down")
+}
+
 fn fresh() -> Result<String, Fault> {
     random().map_err(|e| Fault::new(Code::InError, e.to_string()))
 }
@@ -58,8 +63,7 @@ impl Service<'_> {
 
     /// Refuses what was not begun when the component quits.
     pub fn refuse(&self, request: &Request) {
-        let fault = Fault::new(Code::Quitting, "the component is being shut down");
-        answer::send(&request.query, self.keys.control(request.verb.word()), Err(fault));
+        answer::send(&request.query, self.keys.control(request.verb.word()), Err(quitting()));
         self.shared.dismiss(request.bytes, request.verb == Verb::Attach);
     }
 
@@ -94,7 +98,7 @@ impl Service<'_> {
         let (shared, host) = (Arc::clone(&self.shared), &mut *self.host);
         let mut watch = |progress: &Progress| {
             shared.show_progress(progress);
-            if host.is_stopped() {
+            if host.is_stopped() || shared.is_forsaken() {
                 Pace::Abandon
             } else if due.is_some_and(|due| clock() >= due) {
                 Pace::TimeIsUp
@@ -108,7 +112,12 @@ impl Service<'_> {
         self.shared.show_progress(&Progress { seq: request.seq, steps, ..Progress::default() });
         let result = self.lockstep.window(kind, request, ticket, &clock, &mut watch);
         self.show();
-        result
+        result.map_err(|fault| match fault.code {
+            Code::Abandoned if self.host.is_stopped() => quitting(),
+            // What its ticket is worth from now on.
+            Code::Abandoned => Fault::new(Code::NotOwner, "window: taken back, its owner is gone"),
+            _ => fault,
+        })
     }
 
     /// Tells everyone of a window, unless it was answered from memory: `before` windows had been computed.

@@ -3,7 +3,7 @@
 //! Contract: a short lock, never held while waiting; a picture that is whole at any time.
 
 use super::Description;
-use crate::LARGEST_MESSAGE;
+use crate::{HEARTBEAT, LARGEST_MESSAGE};
 use ballast_protocol::lockstep::{Activity, Code, Fault, Lockstep, Progress, StatusReport};
 use std::collections::BTreeSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -21,6 +21,9 @@ const PER_SECOND: f64 = 4000.0;
 /// Most clients whose tokens are remembered; others are looked up.
 const MOST_CLIENTS: usize = 1000;
 
+/// A window is computed for an owner that is gone for so long, in case it comes back: ten heartbeats.
+const FORSAKEN_MS: u64 = 10 * HEARTBEAT.as_millis() as u64;
+
 /// What is waited for while a bed is prepared.
 const BED: &str = "the bed to be prepared";
 
@@ -37,8 +40,8 @@ struct Seen {
     description: Option<[String; 2]>,
     /// Who drives, with the ticket.
     owner: Option<(String, String)>,
-    /// The owner's token is gone.
-    owner_is_gone: bool,
+    /// Since when the owner's token is gone, ms after the start.
+    owner_gone_at: Option<u64>,
     /// Clients that are alive.
     live: BTreeSet<String>,
     requests: usize,
@@ -63,7 +66,7 @@ impl Shared {
             at: 0,
             description: None,
             owner: None,
-            owner_is_gone: false,
+            owner_gone_at: None,
             live: BTreeSet::new(),
             requests: 0,
             attaches: 0,
@@ -118,7 +121,7 @@ impl Shared {
         if seen.owner != owner {
             // A token may have gone while its owner was still asking.
             let live = owner.as_ref().is_none_or(|(client, _)| seen.live.contains(client));
-            (seen.owner_is_gone, seen.owner) = (!live, owner);
+            (seen.owner_gone_at, seen.owner) = ((!live).then_some(now), owner);
         }
         (seen.report, seen.at) = (report, now);
     }
@@ -178,7 +181,7 @@ impl Shared {
     pub fn client_is_alive(&self, client: String) {
         let mut seen = self.seen();
         if seen.owner.as_ref().is_some_and(|(owner, _)| *owner == client) {
-            seen.owner_is_gone = false;
+            seen.owner_gone_at = None;
         }
         if seen.live.len() < MOST_CLIENTS {
             seen.live.insert(client);
@@ -186,9 +189,12 @@ impl Shared {
     }
 
     pub fn client_is_gone(&self, client: &str) {
+        let now = self.now_ms();
         let mut seen = self.seen();
         seen.live.remove(client);
-        seen.owner_is_gone |= seen.owner.as_ref().is_some_and(|(owner, _)| owner == client);
+        if seen.owner.as_ref().is_some_and(|(owner, _)| owner == client) {
+            seen.owner_gone_at.get_or_insert(now);
+        }
     }
 
     pub fn is_live(&self, client: &str) -> bool {
@@ -198,8 +204,14 @@ impl Shared {
     /// The owner, if it has gone since it was asked last.
     pub fn take_lost_owner(&self) -> Option<String> {
         let mut seen = self.seen();
-        let gone = std::mem::take(&mut seen.owner_is_gone);
-        seen.owner.as_ref().filter(|_| gone).map(|(client, _)| client.clone())
+        let gone = seen.owner_gone_at.take();
+        seen.owner.as_ref().filter(|_| gone.is_some()).map(|(client, _)| client.clone())
+    }
+
+    /// Whether the owner has been gone for so long that its window is not worth computing any more.
+    pub fn is_forsaken(&self) -> bool {
+        let now = self.now_ms();
+        self.seen().owner_gone_at.is_some_and(|at| now.saturating_sub(at) >= FORSAKEN_MS)
     }
 
     /// Refuses who does not drive, before its request takes any room.
@@ -225,8 +237,11 @@ impl Shared {
             return Ok(());
         }
         let since = status.owner_since_ms.unwrap_or(0);
-        let gone =
-            if seen.owner_is_gone { "; it is gone, its last window is being computed" } else { "" };
+        let gone = if seen.owner_gone_at.is_some() {
+            "; it is gone, its last window is being computed"
+        } else {
+            ""
+        };
         let message = format!("{owner:?} drives, for {:.1} s{gone}", since as f64 * 1e-3);
         let fault = Fault::new(Code::Busy, message);
         Err(Fault { owner: Some(owner.clone()), since_ms: Some(since), ..fault })

@@ -109,6 +109,24 @@ fn random_bytes_are_refused_and_change_nothing() {
 }
 
 #[test]
+fn who_is_not_alive_does_not_drive_and_what_is_not_known_is_told() {
+    let served = Served::new();
+    let stranger = Stranger::at(&served.link());
+    let fault = stranger.ask("attach", br#"{"client":"ghost"}"#, None).unwrap_err();
+    assert_eq!(fault.code, Code::NotAlive, "{fault}");
+    assert!(
+        fault.finding.is_some_and(|f| f.expected.contains("owner/CLIENT") && f.found == "ghost")
+    );
+    let fault = stranger.ask("explode", b"", None).unwrap_err();
+    assert_eq!(fault.code, Code::UnknownRequest, "{fault}");
+    assert!(
+        fault
+            .finding
+            .is_some_and(|f| f.expected.contains("advance") && f.found.contains("explode"))
+    );
+}
+
+#[test]
 fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     let served = Served::new();
     let stranger = Stranger::at(&served.link());

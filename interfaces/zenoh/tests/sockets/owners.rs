@@ -3,7 +3,7 @@
 use crate::setup::{KEY, MS, Served, WINDOW, attach, patient, shaking, step, times, undisturbed};
 use ballast_protocol::lockstep::{Code, Kind};
 use ballast_protocol::messages::AdvanceRequest;
-use ballast_zenoh::{Client, Error};
+use ballast_zenoh::{Client, Error, HEARTBEAT};
 use std::time::{Duration, Instant};
 
 #[test]
@@ -56,6 +56,33 @@ fn when_an_owner_is_gone_the_next_one_goes_on() {
     let lockstep = served.stop();
     assert_eq!(lockstep.place().hash, undisturbed(windows)[windows as usize - 1]);
     assert_eq!(lockstep.answered_count(), windows);
+}
+
+#[test]
+fn a_window_without_end_does_not_outlive_its_owner_for_long() {
+    let served = Served::new();
+    let mut client = served.client();
+    // 58 years of simulated time.
+    let given_up = std::sync::Arc::clone(&client.line().is_given_up);
+    let forever =
+        AdvanceRequest { motions: vec![], ..client.next(i64::MAX as u64 / 5 / WINDOW * WINDOW) };
+    let computing = std::thread::spawn(move || client.send(Kind::Advance, &forever).unwrap_err());
+    std::thread::sleep(Duration::from_millis(300));
+    given_up.store(true, std::sync::atomic::Ordering::SeqCst);
+    let error = computing.join().unwrap();
+    assert!(matches!(error, Error::Abandoned { .. }), "{error}");
+    let begin = Instant::now();
+    let mut next = loop {
+        match attach(&served.link()) {
+            Ok(next) => break next,
+            Err(error) => assert_eq!(error.fault().unwrap().code, Code::Busy, "{error}"),
+        }
+        assert!(begin.elapsed() < 20 * HEARTBEAT, "the window is never taken back");
+    };
+    assert!(begin.elapsed() > 8 * HEARTBEAT, "an owner has no time to come back");
+    step(&mut next).unwrap();
+    assert_eq!(next.place().hash, undisturbed(1)[0]);
+    assert_eq!(served.stop().answered_count(), 1);
 }
 
 #[test]
