@@ -6,9 +6,11 @@ use crate::machine::Machine;
 use crate::simulation::Simulation;
 use crate::state::Snapshot;
 use ballast::component::Limits;
-use ballast::model::Schedule;
+use ballast::model::{Model, Schedule};
+use ballast::state::State;
 use ballast::track::plan::Plan;
 use ballast_beds::{Beds, Pace};
+use ballast_hdf5::checkpoint::{Checkpoint, Kind};
 use ballast_scenario::{Choices, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -28,6 +30,25 @@ pub struct Case {
 }
 
 impl Case {
+    /// A checkpoint of a run of it, with notes besides those of its choices.
+    pub fn checkpoint(
+        &self,
+        model: &Model,
+        state: &State,
+        mut notes: BTreeMap<String, String>,
+    ) -> Checkpoint {
+        notes.extend(self.choices.notes());
+        Checkpoint {
+            model: model.clone(),
+            state: state.clone(),
+            kind: Kind::Run,
+            case_name: self.plan.name.clone(),
+            case_text: self.text.clone(),
+            key: ballast_scenario::content_key(&self.plan),
+            extra: notes,
+        }
+    }
+
     /// The case of a checkpoint, with what its notes changed.
     pub fn restored(
         py: Python<'_>,

@@ -3,9 +3,11 @@
 use crate::case::Case;
 use crate::errors;
 use ballast::component::{Component, Outcome, Window};
-use ballast_mcap::{Drive, Meta, Redoable, Tape};
+use ballast_hdf5::checkpoint;
+use ballast_mcap::{Drive, Meta, Redoable, Tape, is_the_beginning};
 use ballast_protocol::messages::AdvanceReply;
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// An open recording.
@@ -19,11 +21,20 @@ impl Recorder {
         component: &Component,
     ) -> PyResult<Self> {
         let (model, state) = (component.model(), component.state());
-        let names = [case.plan.name.clone(), ballast_scenario::content_key(&case.plan)];
+        let key = ballast_scenario::content_key(&case.plan);
+        let names = [case.plan.name.clone(), key, case.text.clone()];
         let hash = ballast_hdf5::state_hash(model, state).into();
         let meta = Meta::of(names, case.choices.notes(), model, Drive::Inputs, hash);
-        let tape = Tape::create(&path, &meta, model, state).map_err(|e| errors::file(py, e))?;
-        Ok(Self(Redoable::new(tape)))
+        let start = match is_the_beginning(&case.plan, model, state) {
+            true => None,
+            false => {
+                let kept = case.checkpoint(model, state, BTreeMap::new());
+                Some(checkpoint::to_bytes(&path, &kept).map_err(|e| errors::file(py, e))?)
+            }
+        };
+        let recording = Tape::create(&path, &meta, model, state, start.as_deref())
+            .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));
+        Ok(Self(recording.map_err(|e| errors::file(py, e))?))
     }
 
     /// Takes a window that `component` is at the end of.

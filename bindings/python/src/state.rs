@@ -7,7 +7,7 @@ use crate::machine::Machine;
 use crate::there::Kept;
 use ballast::model::Model;
 use ballast::state;
-use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_hdf5::checkpoint;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -56,19 +56,10 @@ impl Snapshot {
     }
 
     fn write(&self, py: Python<'_>, path: &Path) -> PyResult<()> {
-        let mut notes = self.case.choices.notes();
         let memory = serde_json::to_string(self.machine.memory())
             .map_err(|e| errors::file(py, format!("{}: {e}", path.display())))?;
-        notes.insert(MACHINE.into(), memory);
-        let kept = Checkpoint {
-            model: Model::clone(&self.model),
-            state: state::State::clone(&self.state),
-            kind: Kind::Run,
-            case_name: self.case.plan.name.clone(),
-            case_text: self.case.text.clone(),
-            key: ballast_scenario::content_key(&self.case.plan),
-            extra: notes,
-        };
+        let notes = [(MACHINE.into(), memory)].into();
+        let kept = self.case.checkpoint(&self.model, &self.state, notes);
         py.detach(|| checkpoint::write(path, &kept)).map_err(|e| errors::file(py, e))
     }
 

@@ -297,8 +297,18 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
     assert [(w["request"]["t0_ns"], w["request"]["t1_ns"]) for w in windows] == [
         (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
     ]
-    call(sim, tmp_path, "verify", path)
-    assert final in call(sim, tmp_path, "replay", path, "--out", tmp_path / "replay")
+    call(tmp_path, "verify", path)
+    assert final in call(tmp_path, "replay", path, "--out", tmp_path / "replay")
+
+
+def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path) -> None:
+    sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
+    sim.record(tmp_path / "later.mcap")
+    sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 5))
+    final = sim.save().hash
+    sim.stop_recording()
+    assert "1 windows" in call(tmp_path, "verify", tmp_path / "later.mcap")
+    assert final in call(tmp_path, "replay", tmp_path / "later.mcap", "--out", tmp_path / "replay")
 
 
 def test_an_interrupted_window_is_recorded_as_far_as_it_went(
@@ -308,17 +318,15 @@ def test_an_interrupted_window_is_recorded_as_far_as_it_went(
     interrupted_window(sim)
     advance(sim)
     sim.stop_recording()
-    call(sim, tmp_path, "verify", tmp_path / "run.mcap")
+    call(tmp_path, "verify", tmp_path / "run.mcap")
 
 
-def call(sim: ballast.Simulation, folder: Path, command: str, path: Path, *more: str | Path) -> str:
-    """What the program says to a recording of the simulation."""
+def call(folder: Path, command: str, path: Path, *more: str | Path) -> str:
+    """What the program says to a recording of a simulation."""
     program = Path(os.environ.get("BALLAST_PROGRAM", ROOT / "target/release/ballast"))
     if not program.exists():
         pytest.skip(f"{program} is not built")
-    case = folder / "tiny.toml"
-    sim.case.write(case)
-    called = [program, command, path, "--case", case, "--beds", folder / "beds", *more]
+    called = [program, command, path, "--beds", folder / "beds", *more]
     done = subprocess.run(called, capture_output=True, text=True, cwd=folder)
     assert done.returncode == 0, done.stderr
     return done.stdout

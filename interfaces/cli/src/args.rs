@@ -159,9 +159,9 @@ impl From<PhaseName> for TampingPhase {
 pub struct Replay {
     /// Recording (MCAP): one of `run --record`, or any with poses of bodies
     pub file: PathBuf,
-    /// Case file (TOML) that the bodies belong to
+    /// Case file (TOML) that the bodies belong to; by default the one in the recording, if it is of ours
     #[arg(long, value_name = "CASE")]
-    pub case: PathBuf,
+    pub case: Option<PathBuf>,
     /// Topic that moves a body, TOPIC=BODY, or TOPIC:FRAME=BODY for transforms; by default our own windows,
     /// or the topics /<body>/pose and transforms to the frame <body>
     #[arg(long, value_name = "MAP")]
@@ -190,9 +190,9 @@ pub struct Replay {
 pub struct Verify {
     /// Recording of `run --record` (MCAP)
     pub file: PathBuf,
-    /// Case file (TOML) that was run
+    /// Case file (TOML) to compute with; by default the one in the recording
     #[arg(long, value_name = "CASE")]
-    pub case: PathBuf,
+    pub case: Option<PathBuf>,
     #[command(flatten)]
     pub beds: Beds,
 }

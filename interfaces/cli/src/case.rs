@@ -9,6 +9,7 @@ use ballast::model::Model;
 use ballast::state::State;
 use ballast::track;
 use ballast::track::plan::Plan;
+use ballast_mcap::recording::Windows;
 pub use ballast_scenario::Choices;
 use std::path::Path;
 use std::sync::Arc;
@@ -40,6 +41,25 @@ pub fn load(path: &Path, choices: &Choices, console: Console) -> Outcome<Case> {
     parse(text, &path.display().to_string(), choices, console)
 }
 
+/// The case of a recording of ours: that in the file, or the one that is given, with what the recorded run chose
+/// where `choices` say nothing else.
+pub fn recorded(
+    windows: &Windows,
+    given: Option<&Path>,
+    choices: Choices,
+    console: Console,
+) -> Outcome<Case> {
+    let meta = windows.meta();
+    let choices = choices.or(Choices::from_notes(&meta.choices)?);
+    match given {
+        Some(path) => load(path, &choices, console),
+        None => {
+            let name = format!("{}, its case", windows.path().display());
+            parse(meta.case_text.clone(), &name, &choices, console)
+        }
+    }
+}
+
 /// Reads a case from its text; `name` is what messages call the file.
 pub fn parse(text: String, name: &str, choices: &Choices, console: Console) -> Outcome<Case> {
     let read = ballast_scenario::read_case(&text, name)
@@ -68,6 +88,11 @@ impl Case {
     /// The case cannot be run.
     pub fn invalid(&self, what: impl std::fmt::Display) -> Failure {
         Failure::InvalidCase(format!("{}: {what}", self.plan.name))
+    }
+
+    /// Name, key of the bed and text, for recordings.
+    pub fn names(&self) -> [String; 3] {
+        [self.plan.name.clone(), self.bed_key(), self.text.clone()]
     }
 
     /// What the prepared bed depends on, as a short text.

@@ -11,13 +11,8 @@ use ballast_mcap::recording::Windows;
 /// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
 pub fn of(windows: &Windows, case: &Case, model: Model, state: State) -> Outcome<(Model, State)> {
     let Some(bytes) = windows.start() else { return Ok((model, state)) };
-    // HDF5 reads files.
-    let file = std::env::temp_dir().join(format!("ballast-start-{}.h5", std::process::id()));
-    let read = std::fs::write(&file, bytes)
-        .map_err(|e| Failure::at(&file, e))
-        .and_then(|()| Ok(checkpoint::read(&file)?));
-    let _ = std::fs::remove_file(&file);
-    let kept = read.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
+    let kept = checkpoint::from_bytes(bytes);
+    let kept = kept.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
     if Parameters::alone_differ(&model, &kept.model) {
         return Ok((kept.model, kept.state));
     }

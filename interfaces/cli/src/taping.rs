@@ -36,9 +36,8 @@ impl Taping {
             _ => Drive::Case,
         };
         let (model, state) = (engine.model(), engine.state());
-        let names = [case.plan.name.clone(), case.bed_key()];
-        let meta = Meta::of(names, case.choices.notes(), model, drive, engine.hash().into());
-        let tape = Tape::create(path, &meta, model, state)?;
+        let meta = Meta::of(case.names(), case.choices.notes(), model, drive, engine.hash().into());
+        let tape = Tape::create(path, &meta, model, state, None)?;
         let frames = case.plan.run.output_ns > 0;
         let (recent, farthest) = (component::Recent::default(), SpeedLimit::of(model).way);
         let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;

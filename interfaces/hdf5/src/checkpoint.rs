@@ -5,13 +5,14 @@
 //! changed anywhere is refused; a failed `write` leaves the earlier file as it was.
 
 use crate::columns::{self, Column, Data};
-use crate::error::{Error, Fault, Result, hdf5 as hdf5_error};
+use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::hash;
 use crate::image::{self, Source};
 use crate::{decode, seal, validate};
 use ballast::model::Model;
 use ballast::state::State;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 /// Version of the format that this program writes and reads.
@@ -60,11 +61,29 @@ pub struct Checkpoint {
 /// [`Error::Io`] from the operating system (no room: the earlier file is left as it was).
 pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
     let path = path.as_ref();
-    validate::check(&checkpoint.model, &checkpoint.state).map_err(|f| f.refused(path))?;
     seal::write(path, &FORMAT, &image_of(path, checkpoint)?)
 }
 
+/// The file that [`write`] would leave, as bytes to be put into another one: that at `path`, which errors name.
+///
+/// Errors: as for [`write`].
+pub fn to_bytes(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
+    Ok(seal::bytes(&FORMAT, &image_of(path.as_ref(), checkpoint)?))
+}
+
+/// Reads the checkpoint in `bytes`.
+///
+/// Errors: as for [`read`]; they name a file of the moment, since HDF5 reads files.
+pub fn from_bytes(bytes: &[u8]) -> Result<Checkpoint> {
+    let folder = std::env::temp_dir();
+    let mut file =
+        tempfile::NamedTempFile::new_in(&folder).map_err(io(&folder, "create a file in"))?;
+    file.write_all(bytes).map_err(io(file.path(), "write"))?;
+    read(file.path())
+}
+
 fn image_of(path: &Path, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
+    validate::check(&checkpoint.model, &checkpoint.state).map_err(|f| f.refused(path))?;
     let file = image::new_image(path)?;
     let columns = columns::of(&checkpoint.model, &checkpoint.state);
     let fingerprint = format!("{:032x}", hash::of_columns(&columns));

@@ -31,8 +31,16 @@ fn block(format: &Format, bytes: u64, digest: &blake3::Hash) -> [u8; BLOCK] {
 /// The content goes to a new file beside it which takes its place only when it is on the disk; a
 /// failure removes the new file and leaves the old one as it was.
 pub(crate) fn write(path: &Path, format: &Format, image: &[u8]) -> Result<()> {
-    let header = block(format, image.len() as u64, &blake3::hash(image));
-    replace(path, &[&header, image])
+    replace(path, &[&header(format, image), image])
+}
+
+/// A sealed file with this content, as bytes.
+pub(crate) fn bytes(format: &Format, image: &[u8]) -> Vec<u8> {
+    [&header(format, image)[..], image].concat()
+}
+
+fn header(format: &Format, image: &[u8]) -> [u8; BLOCK] {
+    block(format, image.len() as u64, &blake3::hash(image))
 }
 
 /// Replaces `path` by a file with this content, under the same promise.

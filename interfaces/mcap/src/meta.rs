@@ -9,7 +9,7 @@ use std::path::Path;
 /// Name of the metadata record.
 pub(crate) const NAME: &str = "ballast";
 /// The format that this crate writes and reads.
-const FORMAT: &str = "2";
+const FORMAT: &str = "3";
 
 /// Who moved the bodies of a recorded run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +28,8 @@ pub struct Meta {
     pub case_name: String,
     /// Key of the bed's content.
     pub case_key: String,
+    /// The case file.
+    pub case_text: String,
     /// ns.
     pub step_ns: u64,
     pub schedule: String,
@@ -41,10 +43,10 @@ pub struct Meta {
 const CHOICE: &str = "choice.";
 
 impl Meta {
-    /// Of a recording that begins now: of a case by its name, the key of its bed, and what was chosen in it,
-    /// with `model`; `initial_hash` fingerprints model and state.
+    /// Of a recording that begins now: of a case by its name, the key of its bed, its text, and what was chosen
+    /// in it, with `model`; `initial_hash` fingerprints model and state.
     pub fn of(
-        [case_name, case_key]: [String; 2],
+        [case_name, case_key, case_text]: [String; 3],
         choices: BTreeMap<String, String>,
         model: &Model,
         drive: Drive,
@@ -54,6 +56,7 @@ impl Meta {
             program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
             case_name,
             case_key,
+            case_text,
             step_ns: model.stepping.step_ns,
             schedule: model.solver.schedule.name().into(),
             drive,
@@ -72,6 +75,7 @@ impl Meta {
             ("program", self.program.clone()),
             ("case_name", self.case_name.clone()),
             ("case_key", self.case_key.clone()),
+            ("case_text", self.case_text.clone()),
             ("step_ns", self.step_ns.to_string()),
             ("schedule", self.schedule.clone()),
             ("drive", drive.to_string()),
@@ -107,6 +111,7 @@ impl Meta {
             program: text("program")?,
             case_name: text("case_name")?,
             case_key: text("case_key")?,
+            case_text: text("case_text")?,
             step_ns: step.parse().map_err(|_| wrong("step_ns", "a whole number", &step))?,
             schedule: text("schedule")?,
             drive: match &text("drive")?[..] {

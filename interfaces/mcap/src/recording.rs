@@ -19,6 +19,8 @@ pub struct Window {
     pub record: StepRecord,
     /// All messages of the window's end, in order; the record itself comes last.
     pub messages: Vec<Message>,
+    /// Those before it that are of another time: of the recording's start, pictures of the last window's end.
+    pub before: Vec<Message>,
 }
 
 /// Reads a recording window by window.
@@ -102,9 +104,9 @@ impl Windows {
             }
             let mut messages = std::mem::take(&mut self.open);
             messages.push(message);
-            messages.retain(|m| Some(m.log_time) == end);
+            let (messages, before) = messages.into_iter().partition(|m| Some(m.log_time) == end);
             let parameters = self.parameters.take();
-            return Ok(Some(Window { parameters, record, messages }));
+            return Ok(Some(Window { parameters, record, messages, before }));
         }
         Ok(None)
     }

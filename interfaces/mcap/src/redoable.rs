@@ -1,7 +1,9 @@
 //! The recording of windows that may be redone.
 
 use crate::error::Result;
+use crate::scene;
 use crate::tape::Tape;
+use ballast::math::Vec3;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
@@ -16,7 +18,14 @@ pub struct Redoable {
     tape: Tape,
     /// The last window, and the state that it has led to.
     last: Option<Last>,
+    /// Between pictures, ns; 0: there are none.
+    picture_ns: u64,
+    /// Of points, so far.
+    pictures: u64,
 }
+
+/// Polyhedra, which are many times larger, stand beside every so many pictures of points.
+const POINTS_PER_SCENE: u64 = 10;
 
 /// A window: what was asked and answered, the model that it was computed with, the state that it has led to.
 struct Last {
@@ -27,8 +36,27 @@ struct Last {
 }
 
 impl Redoable {
-    pub fn new(tape: Tape) -> Self {
-        Self { tape, last: None }
+    /// A recording of windows on a tape that begins at `state`, with pictures `picture_ns` of simulated time apart;
+    /// 0: without.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn new(tape: Tape, picture_ns: u64, model: &Model, state: &State) -> Result<Self> {
+        let mut recording = Self { tape, last: None, picture_ns, pictures: 0 };
+        if picture_ns > 0 {
+            recording.picture(model, state, &[])?;
+        }
+        Ok(recording)
+    }
+
+    fn picture(&mut self, model: &Model, state: &State, forces: &[Vec3]) -> Result<()> {
+        self.tape.write_all(scene::stones(model, state).map(|stones| vec![stones]))?;
+        if self.pictures.is_multiple_of(POINTS_PER_SCENE) {
+            let scene = scene::scene(model, state, forces);
+            self.tape.write_all(scene.map(|scene| vec![scene]))?;
+        }
+        self.pictures += 1;
+        Ok(())
     }
 
     pub fn tape(&mut self) -> &mut Tape {
@@ -64,7 +92,14 @@ impl Redoable {
     /// The system refuses.
     pub fn settle(&mut self) -> Result<()> {
         let Some(Last { request, reply, model, state }) = self.last.take() else { return Ok(()) };
-        self.tape.window(&model, &state, &request, &reply)
+        self.tape.window(&model, &state, &request, &reply)?;
+        let frame = |time_ns: i64| u64::try_from(time_ns).ok()?.checked_div(self.picture_ns);
+        if frame(reply.t1_ns) > frame(reply.t0_ns) {
+            let forces: Vec<Vec3> =
+                reply.bodies.iter().map(|body| body.moving_mean.force.into()).collect();
+            self.picture(&model, &state, &forces)?;
+        }
+        Ok(())
     }
 
     /// Ends the recording.

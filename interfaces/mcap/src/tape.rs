@@ -7,8 +7,9 @@ use crate::recording::START;
 use crate::window;
 use crate::writer::Writer;
 use ballast::component;
-use ballast::model::Model;
+use ballast::model::{Model, Solver};
 use ballast::state::State;
+use ballast::track::plan::Plan;
 use ballast_protocol::Malformed;
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyInput, Log, Parameters, Status, StepSeries, Time, ns,
@@ -37,21 +38,20 @@ fn parameters(model: &Model) -> Parameters {
     .into()
 }
 
-impl Tape {
-    /// Starts the recording of a run that begins at `state`.
-    ///
-    /// # Errors
-    /// The system refuses.
-    pub fn create(path: &Path, meta: &Meta, model: &Model, state: &State) -> Result<Self> {
-        Self::create_at(path, meta, model, state, None)
-    }
+/// Whether a run of a case is at its beginning, solved as the case says: what a recording from there on needs is
+/// the case alone.
+pub fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
+    let how = |solver: &Solver| (solver.iterations, solver.tolerance);
+    state.step == 0 && how(&model.solver) == how(&plan.run.solver)
+}
 
-    /// The same of a run that goes on at `state`; `start` is its checkpoint, from which the recording can be
-    /// computed again.
+impl Tape {
+    /// Starts the recording of a run that is at `state`. Where the case does not begin there, `start` is the run's
+    /// checkpoint, from which the recording can be computed again.
     ///
     /// # Errors
     /// The system refuses.
-    pub fn create_at(
+    pub fn create(
         path: &Path,
         meta: &Meta,
         model: &Model,
@@ -66,8 +66,7 @@ impl Tape {
         let run_id = meta.initial_hash.to_string();
         let parameters = parameters(model);
         let mut tape = Self { path: path.into(), writer, run_id, seq: 0, parameters };
-        tape.write_all(window::statics(model, state))?;
-        tape.write_all(window::configuration(model, state))?;
+        tape.write_all(window::start(model, state))?;
         Ok(tape)
     }
 

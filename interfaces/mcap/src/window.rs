@@ -22,15 +22,20 @@ pub(crate) fn zone_topic(zone: &str) -> String {
 /// Topic of transforms that do not change.
 pub(crate) const STATIC: &str = "/tf_static";
 
+/// What a recording begins with.
+pub(crate) fn start(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+    Ok([statics(model, state)?, configuration(model, state)?].concat())
+}
+
 /// Frames of floor and walls, once.
-pub(crate) fn statics(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+fn statics(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
     let fixed = (0..model.driven.len()).filter(|d| model.driven[*d].role == Role::Boundary);
     let transforms = fixed.map(|d| transform(model, state, d)).collect();
     Ok(vec![Entry::of(STATIC, state.time_ns, &TFMessage { transforms })?])
 }
 
 /// Where the tools and sleepers are: clock, transforms, poses, twists.
-pub(crate) fn configuration(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+fn configuration(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
     let time = state.time_ns;
     let tools: Vec<usize> =
         (0..model.driven.len()).filter(|d| model.driven[*d].role != Role::Boundary).collect();

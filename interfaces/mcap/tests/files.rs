@@ -14,6 +14,7 @@ fn meta() -> Meta {
         program: "ballast 0".into(),
         case_name: "case".into(),
         case_key: "key".into(),
+        case_text: "[case]".into(),
         step_ns: 1000,
         schedule: "synchronous".into(),
         drive: Drive::Inputs,

@@ -30,11 +30,15 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         );
         return Err(Failure::Usage(text));
     }
-    let mut choices = Choices::from(&args.overrides);
-    if let Some(windows) = &windows {
-        choices = choices.or(Choices::from_notes(&windows.meta().choices)?);
-    }
-    let case = case::load(&args.case, &choices, console)?;
+    let choices = Choices::from(&args.overrides);
+    let case = match (&windows, &args.case) {
+        (Some(windows), given) => case::recorded(windows, given.as_deref(), choices, console)?,
+        (None, Some(given)) => case::load(given, &choices, console)?,
+        (None, None) => {
+            let text = "--case: expected the case whose bodies are to be moved; poses do not tell";
+            return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
+        }
+    };
     let folder = format!("{}-replay", case.plan.name);
     let files = RunFiles::in_folder(args.out.clone().unwrap_or(Path::new("runs").join(folder)));
     if args.record.as_ref().is_some_and(|record| same_file(record, &args.file)) {

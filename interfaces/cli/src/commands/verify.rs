@@ -1,4 +1,4 @@
-//! `ballast verify FILE --case CASE`: computes a recording again and compares.
+//! `ballast verify FILE`: computes a recording again and compares.
 
 use crate::args::Verify;
 use crate::case::{self, Case, Choices};
@@ -18,7 +18,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     interrupt::install()?;
     let mut windows = Windows::open(&args.file)?;
     let meta = windows.meta().clone();
-    let case = case::load(&args.case, &Choices::from_notes(&meta.choices)?, console)?;
+    let case = case::recorded(&windows, args.case.as_deref(), Choices::default(), console)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let (model, state) = start::of(&windows, &case, model, state)?;

@@ -20,6 +20,15 @@ const REPLY: &str = "answered_reply";
 
 /// Writes the checkpoint of a run.
 pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
+    Ok(checkpoint::write(path, &of(path, case, lockstep)?)?)
+}
+
+/// The same as bytes, for the recording at `path`.
+pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> {
+    Ok(checkpoint::to_bytes(path, &of(path, case, lockstep)?)?)
+}
+
+fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
     let component = lockstep.component();
     let place = lockstep.place();
     let mut extra = case.choices.notes();
@@ -31,7 +40,7 @@ pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
         extra.insert(REQUEST.into(), request.to_string());
         extra.insert(REPLY.into(), bytes.iter().map(|b| format!("{b:02x}")).collect());
     }
-    let kept = Checkpoint {
+    Ok(Checkpoint {
         model: component.model().clone(),
         state: component.state().clone(),
         kind: Kind::Run,
@@ -39,17 +48,7 @@ pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
         case_text: case.text.clone(),
         key: case.bed_key(),
         extra,
-    };
-    Ok(checkpoint::write(path, &kept)?)
-}
-
-/// The same as bytes, for the recording at `path`, beside which the file lies for a moment.
-pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> {
-    let file = path.with_extension("start.h5");
-    write(&file, case, lockstep)?;
-    let bytes = std::fs::read(&file).map_err(|e| Failure::at(&file, e))?;
-    std::fs::remove_file(&file).map_err(|e| Failure::at(&file, e))?;
-    Ok(bytes)
+    })
 }
 
 /// Which run a checkpoint is of, in words; `None` for one that is of no served run.

@@ -1,6 +1,7 @@
 //! The program as a component: driven by another process, interrupted, killed, taken up again.
 
 use crate::setup::{CASE, Ended, Place};
+use ballast_mcap::messages::Messages;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::{Activity, Code, Init, Kind, SetParameters};
 use ballast_protocol::messages::{
@@ -170,11 +171,19 @@ fn what_two_processes_compute_is_what_one_computes_and_its_recording_verifies() 
     let hash = client.place().hash.clone();
     client.shut_down().unwrap();
     serving.end().with_code(0);
-    let verified = place.with_beds("verify s.mcap --case tiny.toml --json").with_code(0);
+    let verified = place.with_beds("verify s.mcap --json").with_code(0);
     let events = verified.events();
     let verdict = events.iter().find(|e| e["event"] == "verified").expect("a verdict");
     assert_eq!(verdict["windows"], 40);
     assert_eq!(hash, undisturbed(40));
+    // A tenth of the pictures of points are beside one of polyhedra; the case wants one in 10 ms.
+    let mut pictures = std::collections::BTreeMap::<String, Vec<u64>>::new();
+    let mut messages = Messages::open(&place.path("s.mcap")).unwrap();
+    while let Some(message) = messages.next().unwrap() {
+        pictures.entry(message.channel.topic.clone()).or_default().push(message.log_time);
+    }
+    assert_eq!(pictures["/stones"], [0, 10, 20, 30, 40].map(|ms| ms * MS));
+    assert_eq!(pictures["/scene"], [0]);
     let refused = place.call("resume s/checkpoint.h5").with_code(1);
     assert!(refused.stderr().contains("serve"), "{}", refused.stderr());
 }
@@ -208,7 +217,7 @@ fn a_component_that_waits_is_prepared_by_its_partner_and_can_be_prepared_anew() 
     client.shut_down().unwrap();
     serving.end().with_code(0);
     for (file, windows) in [("s.mcap", 3), ("s.2.mcap", 1)] {
-        let verified = place.with_beds(&format!("verify {file} --case tiny.toml")).with_code(0);
+        let verified = place.with_beds(&format!("verify {file}")).with_code(0);
         assert!(verified.stdout().contains(&format!("{windows} windows")), "{}", verified.stdout());
     }
 }
@@ -255,7 +264,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     // The second window was lost with the process, and computed again.
     assert!(place.path("s.mcap").exists());
     for (file, windows) in [("s.2.mcap", 3), ("s.3.mcap", 2)] {
-        let verified = place.with_beds(&format!("verify {file} --case tiny.toml")).with_code(0);
+        let verified = place.with_beds(&format!("verify {file}")).with_code(0);
         assert!(
             verified.stdout().contains(&format!(" {windows} windows")),
             "{}",
@@ -263,7 +272,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
         );
     }
     let hash = &last.hash;
-    let replayed = format!("replay s.3.mcap --case tiny.toml --out r --expect {hash}");
+    let replayed = format!("replay s.3.mcap --out r --expect {hash}");
     place.with_beds(&replayed).with_code(0);
     // In another case it cannot go on.
     std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
