@@ -4,9 +4,8 @@
     python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4 2
 
 The machine of the case tamps the bed of every seed, step by step. How it moved the bodies is then told to the same bed again
-in windows of so many STEPS, as a partner would: one knot per end of a window, with the velocity there (cubic). Every bed
-gets the first of these lengths; that of the first seed all of them, and the first one also held. Impulses and work are summed
-up phase by phase. Stopped, it goes on where it was.
+in windows of so many STEPS, as a partner would: one knot per end of a window, with the velocity there (cubic); that of the
+first seed also held. Impulses and work are summed up phase by phase. Stopped, it goes on where it was.
 """
 
 import json
@@ -139,16 +138,16 @@ def compute(case, folder, wanted, jobs):
 def draw(runs, seeds, steps, path):
     """Every figure of every phase: the beds of all seeds as dots, other ways of telling beside them."""
     phases = list(runs[seeds[0], "machine", 1]["phases"])
+    marks = {("hermite", n): (seeds, f"cubic, {n} steps, all beds") for n in steps}
+    marks["hold", steps[0]] = (seeds[:1], f"held, {steps[0]} steps, the first bed")
     figure, axes = plt.subplots(1, len(FIGURES), figsize=(16, 4), layout="constrained")
-    told = [(seeds[0], "hermite", n) for n in steps] + [(seeds[0], "hold", steps[0])]
     for k, (ax, label) in enumerate(zip(axes, FIGURES, strict=True)):
         for i, phase in enumerate(phases):
-            beds = [figure_of(runs[seed, "hermite", steps[0]], phase, k) for seed in seeds]
-            name = f"hermite, {steps[0]} steps, beds of all seeds" if i == 0 else None
-            ax.plot([i - 0.2] * len(beds), beds, "o", color="0.6", ms=4, label=name)
-            for j, w in enumerate(told):
-                name = "{1}, {2} steps, seed {0}".format(*w) if i == 0 else None
-                ax.plot(i + 0.15 * j, figure_of(runs[w], phase, k), "sDd^v<>"[j], color=f"C{j}", ms=5, label=name)
+            for j, (told, (beds, name)) in enumerate(marks.items()):
+                values = [figure_of(runs[seed, *told], phase, k) for seed in beds]
+                places = i + 0.2 * (j - 0.5 * (len(marks) - 1))
+                label = name if i == 0 else None
+                ax.plot([places] * len(beds), values, "osDd^v<>"[j], color=f"C{j}", ms=4, label=label)
         ax.set_xticks(range(len(phases)), labels=phases, rotation=30)
         ax.set_yscale("symlog", linthresh=10)
         ax.margins(y=0.08)
@@ -163,21 +162,22 @@ def figure_of(result, phase, k):
 
 
 def table(runs, seeds, steps):
-    """Lines of Markdown: each figure by phase, what halving the window and holding change, the scatter over seeds.
-    Figures that are nothing in a phase are left out."""
-    first = seeds[0]
-    told = [f"hermite, {n}" for n in steps] + [f"hold, {steps[0]}"]
-    head = ["phase", "figure", *told, "halving changes", "holding changes",
-            "deviation over seeds", "range over seeds"]  # fmt: skip
+    """Lines of Markdown: each figure by phase, mean over the beds; by how much the second length differs from the first,
+    bed by bed, mean and standard error; the deviation over the beds; what holding changes in the first bed. Figures that
+    are nothing in a phase are left out."""
+    told = [f"cubic, {n}" for n in steps]
+    head = ["phase", "figure", *told, "halving changes", "standard error", "deviation over beds",
+            f"cubic, {steps[0]}, first bed", f"held, {steps[0]}, first bed"]  # fmt: skip
     yield from (f"| {' | '.join(head)} |", "|---" * len(head) + "|")
-    for phase in runs[first, "machine", 1]["phases"]:
+    for phase in runs[seeds[0], "machine", 1]["phases"]:
         for k, label in enumerate(FIGURES):
-            cubic = [figure_of(runs[first, "hermite", n], phase, k) for n in steps]
-            held = figure_of(runs[first, "hold", steps[0]], phase, k)
-            beds = [figure_of(runs[seed, "hermite", steps[0]], phase, k) for seed in seeds]
-            deviation = np.std(beds, ddof=1) if len(beds) > 1 else np.nan
-            row = [*cubic, held, abs(cubic[1] - cubic[0]), abs(held - cubic[0]), deviation, np.ptp(beds)]
-            if np.any(row[:-4]):
+            beds = np.array([[figure_of(runs[s, "hermite", n], phase, k) for s in seeds] for n in steps])
+            change = beds[1] - beds[0]
+            scatter = [np.std(x, ddof=1) if len(seeds) > 1 else np.nan for x in (change, beds[0])]
+            held = figure_of(runs[seeds[0], "hold", steps[0]], phase, k)
+            row = [*beds.mean(axis=1), change.mean(), scatter[0] / len(seeds) ** 0.5, scatter[1],
+                   beds[0, 0], held]  # fmt: skip
+            if np.any(row):
                 yield f"| {phase} | {label} | {' | '.join(f'{x:.4g}' for x in row)} |"
 
 
@@ -191,8 +191,7 @@ def main():
         sys.exit(f"STEPS: expected two lengths of windows or more, such as 4,2; found {steps}")
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [(seed, "machine", 1) for seed in seeds]
-    wanted += [(seed, "hermite", steps[0]) for seed in seeds]
-    wanted += [(seeds[0], "hermite", n) for n in steps[1:]] + [(seeds[0], "hold", steps[0])]
+    wanted += [(seed, "hermite", n) for n in steps for seed in seeds] + [(seeds[0], "hold", steps[0])]
     runs = compute(case, folder, wanted, int(arguments.get(5, "1")))
     draw(runs, seeds, steps, folder / "windows.png")
     text = "\n".join(table(runs, seeds, steps))

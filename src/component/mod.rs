@@ -156,6 +156,10 @@ impl Component {
         &self.model
     }
 
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
     /// The model, shared: it stays what it is when parameters change.
     pub fn shared_model(&self) -> Arc<Model> {
         Arc::clone(&self.model)
@@ -275,7 +279,7 @@ impl Component {
             zones: if status == Status::Discard { &[] } else { &self.zones },
             recent: &memory.recent,
             squeezes: memory.squeezes.tell(),
-            farthest: self.speed_limit.way,
+            speed_limit: &self.speed_limit,
         };
         Ok(account.close(status, trouble, end))
     }
@@ -294,9 +298,22 @@ impl Component {
         inputs: impl Into<Window<'a>>,
         watch: Watch,
     ) -> Result<Outcome, Refusal> {
+        self.redo_timed(inputs, watch, &mut ())
+    }
+
+    /// The same, with the caller's stopwatch on the phases of the steps.
+    ///
+    /// # Errors
+    /// As for [`Component::redo`].
+    pub fn redo_timed<'a>(
+        &mut self,
+        inputs: impl Into<Window<'a>>,
+        watch: Watch,
+        stopwatch: &mut impl Stopwatch,
+    ) -> Result<Outcome, Refusal> {
         let (before, t1) = self.last.clone().ok_or(Refusal::NothingToRedo)?;
         let after = std::mem::replace(&mut self.state, before);
-        let result = self.advance_watched(t1, inputs, watch);
+        let result = self.advance_timed(t1, inputs, watch, stopwatch);
         match &result {
             Ok(_) => self.spares.keep(after),
             Err(_) => self.state = after,

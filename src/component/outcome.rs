@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::geometry::AxisBox;
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
+use crate::motion::SpeedLimit;
 use crate::observe::{self, SqueezeOutcome, Zone};
 use crate::state::{EnergyLedger, State};
 use crate::step::StepReport;
@@ -102,8 +103,9 @@ pub struct BodyOutcome {
     /// Mean over the last 4 ms, which may have begun before the window: N, N m.
     pub moving_force: Vec3,
     pub moving_torque: Vec3,
-    /// Largest mean force of a step, N, and the end of that step, ns.
+    /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns.
     pub peak_force: Vec3,
+    pub peak_torque: Vec3,
     pub peak_time_ns: u64,
     /// Work of the body on the ballast, J.
     pub work: f64,
@@ -145,9 +147,8 @@ pub struct End<'a> {
     pub recent: &'a Recent,
     /// As the meter that has taken the last step tells them.
     pub squeezes: Vec<SqueezeOutcome>,
-    /// Farthest that a point of a driven body may be led in a step, m: that of a
-    /// [`SpeedLimit`](crate::motion::SpeedLimit).
-    pub farthest: f64,
+    /// How far a body may be led in a step.
+    pub speed_limit: &'a SpeedLimit,
 }
 
 /// The sums of a window so far.
@@ -169,6 +170,7 @@ impl Account {
             moving_force: zero,
             moving_torque: zero,
             peak_force: zero,
+            peak_torque: zero,
             peak_time_ns: t0_ns,
             work: 0.0,
             contacts: 0,
@@ -200,6 +202,7 @@ impl Account {
             let force = reaction.impulse / h;
             if force.norm() > body.peak_force.norm() {
                 body.peak_force = force;
+                body.peak_torque = reaction.angular_impulse / h;
                 body.peak_time_ns = state.time_ns;
             }
         }
@@ -275,8 +278,9 @@ pub fn measure(
 impl End<'_> {
     /// At least a step: no finer motion is of use. None where no body moves.
     fn hint(&self, bodies: &[BodyOutcome]) -> u64 {
-        let fastest = bodies.iter().map(|b| b.velocity.norm()).fold(0.0, f64::max);
-        let time = self.farthest / fastest * 1e9;
+        let times = bodies.iter().enumerate();
+        let times = times.map(|(d, b)| self.speed_limit.time(d, &b.velocity, &b.spin));
+        let time = times.fold(f64::INFINITY, f64::min) * 1e9;
         // Partners count time in signed numbers.
         if time < i64::MAX as f64 { (time as u64).max(self.model.stepping.step_ns) } else { 0 }
     }

@@ -1,7 +1,7 @@
 //! How fast driven bodies may be led: a faster tool would pass through grains unseen.
 
 use crate::error::{Cause, Error, Result};
-use crate::math::{Pose, rotation};
+use crate::math::{Pose, Vec3, rotation};
 use crate::model::{Model, Part};
 use crate::state::State;
 
@@ -20,6 +20,11 @@ impl SpeedLimit {
         let smallest = model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min);
         let reach = model.driven.iter().map(|d| reach(model, &d.parts)).collect();
         Self { way: 0.5 * smallest, reach }
+    }
+
+    /// In which time body `d` is led so far at this velocity (m/s) and spin (rad/s), s; infinite at rest.
+    pub fn time(&self, d: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
+        self.way / (velocity.norm() + spin.norm() * self.reach[d])
     }
 
     /// Refuses targets (`[nd]`) that lead a body too far in the step from `state`.

@@ -8,7 +8,7 @@ use ballast::component::{
 };
 use ballast::drive::Load;
 use ballast::geometry::hull::cuboid;
-use ballast::math::{Pose, Vec3};
+use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{Freedom, Mount, Part};
 use ballast::observe::Zone;
 use std::f64::consts::TAU;
@@ -212,15 +212,22 @@ fn the_hint_is_the_time_in_which_no_tool_gets_too_far() {
     assert_eq!(resting.hint_max_step_ns, 0);
     let up = |time_ns: u64| Knot {
         time_ns,
-        pose: Pose::at(Vec3::z() * (TOP + 0.5 * (time_ns - MS) as f64 * 1e-9)),
+        pose: Pose {
+            position: Vec3::z() * (TOP + 0.5 * (time_ns - MS) as f64 * 1e-9),
+            orientation: Quat::from_axis_angle(&Vec3::z_axis(), (time_ns - MS) as f64 * 1e-9),
+        },
         velocity: Vec3::z() * 0.5,
-        spin: Vec3::zeros(),
+        spin: Vec3::z(),
     };
     let waveform =
         Waveform { interpolation: Interpolation::Hermite, knots: vec![up(MS), up(41 * MS)] };
     let input = Input { body: "tool".into(), waveform, rebase: true };
     let moving = component.advance_to(41 * MS, &[input]).expect("a window");
-    let speed = moving.bodies[0].velocity.norm();
+    let body = &moving.bodies[0];
+    // What turns goes farther at its corners than at its reference point.
+    let corner = Vec3::new(0.05, 0.05, 0.02).norm();
+    assert!(body.spin.norm() > 0.5);
+    let speed = body.velocity.norm() + body.spin.norm() * corner;
     let farthest = moving.hint_max_step_ns as f64 * 1e-9 * speed;
     // Half of the nominal diameter of a cube of 60 mm.
     let expected = 0.5 * 0.06 * (6.0 / std::f64::consts::PI).cbrt();

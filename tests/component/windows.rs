@@ -46,7 +46,8 @@ fn a_window_is_its_steps() {
 
     let floor_index = model.driven_index(FLOOR).expect("the floor");
     let mut workspace = Workspace::default();
-    let (mut impulse, mut work, mut peak) = (Vec3::zeros(), 0.0, 0.0_f64);
+    let (mut impulse, mut work) = (Vec3::zeros(), 0.0);
+    let (mut peak, mut peak_torque) = (0.0, Vec3::zeros());
     for k in 1..=50 {
         let mut targets: Vec<_> =
             (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
@@ -55,13 +56,20 @@ fn a_window_is_its_steps() {
         let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).expect("a step");
         impulse += report.reactions[floor_index].impulse;
         work += report.reactions[floor_index].work;
-        peak = peak.max(report.reactions[floor_index].impulse.norm() / 1e-3);
+        let reaction = &report.reactions[floor_index];
+        if reaction.impulse.norm() / 1e-3 > peak {
+            peak = reaction.impulse.norm() / 1e-3;
+            peak_torque = reaction.angular_impulse / 1e-3;
+        }
     }
     assert!(same(&state, component.state()));
     let body = &outcome.bodies[floor_index];
     assert!(impulse.norm() > 0.0, "the floor shakes the stones");
     assert_eq!((body.impulse, body.work), (impulse, work));
     assert!((body.peak_force.norm() - peak).abs() < 1e-12 * peak);
+    // Of the same step.
+    assert!(body.peak_torque.norm() > 0.0);
+    assert!((body.peak_torque - peak_torque).norm() < 1e-12 * peak_torque.norm());
     assert!((body.mean_force * 0.05 - impulse).norm() < 1e-12 * impulse.norm());
     assert_eq!((outcome.t0_ns, outcome.t1_ns, outcome.steps), (0, 50 * MS, 50));
     assert_eq!(outcome.energy, state.energy);

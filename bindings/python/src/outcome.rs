@@ -165,6 +165,11 @@ impl Body {
     }
 
     #[getter]
+    fn peak_torque<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.peak_torque)
+    }
+
+    #[getter]
     fn peak_time_ns(&self) -> u64 {
         self.0.peak_time_ns
     }

@@ -3,7 +3,7 @@
 use crate::args::Overrides;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::read_text;
+use crate::files::read_case;
 use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
@@ -37,7 +37,7 @@ pub struct Case {
 
 /// Reads a case file; warnings go to the console.
 pub fn load(path: &Path, choices: &Choices, console: Console) -> Outcome<Case> {
-    let text = read_text(path, LIMIT)?;
+    let text = read_case(path, LIMIT)?;
     parse(text, &path.display().to_string(), choices, console)
 }
 
@@ -54,18 +54,23 @@ pub fn recorded(
     match given {
         Some(path) => load(path, &choices, console),
         None => {
+            // Whoever ran it was warned.
             let name = format!("{}, its case", windows.path().display());
-            parse(meta.case_text.clone(), &name, &choices, console)
+            read(meta.case_text.clone(), &name, &choices, |_| {})
         }
     }
 }
 
 /// Reads a case from its text; `name` is what messages call the file.
 pub fn parse(text: String, name: &str, choices: &Choices, console: Console) -> Outcome<Case> {
+    read(text, name, choices, |warning| console.warning(warning))
+}
+
+fn read(text: String, name: &str, choices: &Choices, warn: impl Fn(&str)) -> Outcome<Case> {
     let read = ballast_scenario::read_case(&text, name)
         .map_err(|errors| Failure::InvalidCase(errors.to_string()))?;
     for warning in &read.warnings {
-        console.warning(&warning.to_string());
+        warn(&warning.to_string());
     }
     let mut plan = read.plan;
     choices.apply(&mut plan);

@@ -70,14 +70,28 @@ pub fn create_folder(folder: &Path) -> Outcome {
 
 /// Reads a text file of at most `limit` bytes.
 pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
+    read(path, limit, Failure::Failed)
+}
+
+/// The same of a text that says what is to be run.
+pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
+    read(path, limit, Failure::InvalidCase)
+}
+
+fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
     use std::io::Read;
     let file = std::fs::File::open(path).map_err(|e| Failure::at(path, e))?;
-    let mut text = String::new();
-    let read = file.take(limit + 1).read_to_string(&mut text).map_err(|e| Failure::at(path, e))?;
+    let mut bytes = Vec::new();
+    let read = file.take(limit + 1).read_to_end(&mut bytes).map_err(|e| Failure::at(path, e))?;
     if read as u64 > limit {
         return Err(Failure::at(path, format!("larger than {limit} bytes; is it the right file?")));
     }
-    Ok(text)
+    String::from_utf8(bytes).map_err(|e| {
+        let good = &e.as_bytes()[..e.utf8_error().valid_up_to()];
+        let line = 1 + good.iter().filter(|b| **b == b'\n').count();
+        let name = path.display();
+        not_text(format!("{name}:{line}: expected text in UTF-8, found other bytes"))
+    })
 }
 
 /// A name beside `path` that no other process uses: several may replace one file, as array jobs of a scheduler do.

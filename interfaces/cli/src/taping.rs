@@ -24,8 +24,7 @@ pub struct Taping {
     frames: bool,
     recent: component::Recent,
     squeezes: SqueezeMeter,
-    /// Farthest that a body may be led in a step, m.
-    farthest: f64,
+    speed_limit: SpeedLimit,
 }
 
 impl Taping {
@@ -39,10 +38,11 @@ impl Taping {
         let meta = Meta::of(case.names(), case.choices.notes(), model, drive, engine.hash().into());
         let tape = Tape::create(path, &meta, model, state, None)?;
         let frames = case.plan.run.output_ns > 0;
-        let (recent, farthest) = (component::Recent::default(), SpeedLimit::of(model).way);
+        let (recent, speed_limit) = (component::Recent::default(), SpeedLimit::of(model));
         let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;
         let squeezes = SqueezeMeter::new(Arc::new(rule));
-        let mut taping = Self { tape, phase: engine.phase(), frames, recent, squeezes, farthest };
+        let mut taping =
+            Self { tape, phase: engine.phase(), frames, recent, squeezes, speed_limit };
         taping
             .tape
             .log(state.time_ns, &format!("{}: {} grains", case.plan.name, model.grains.len()))?;
@@ -65,7 +65,7 @@ impl Taping {
             zones: zones.unwrap_or_default(),
             recent: &self.recent,
             squeezes: self.squeezes.tell(),
-            farthest: self.farthest,
+            speed_limit: &self.speed_limit,
         };
         let outcome = component::Outcome::of_step(&stepped.report, end);
         let reply = AdvanceReply::of(&request, model, &outcome, engine.hash().into());

@@ -214,7 +214,7 @@ fn other_files_and_versions_are_told() {
 
     write(&path, Some(&meta()));
     let mut bytes = std::fs::read(&path).unwrap();
-    let key = b"\x06\0\0\0format\x01\0\0\x002";
+    let key = b"\x06\0\0\0format\x01\0\0\x003";
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len() - 1;
     bytes[at] = b'9';
     std::fs::write(&path, bytes).unwrap();

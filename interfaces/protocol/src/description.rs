@@ -24,6 +24,8 @@ pub struct Description {
     pub step_ns: u64,
     pub grains: usize,
     pub bodies: Vec<Body>,
+    /// How closely a window has to join the one before it.
+    pub join: Join,
     /// What the same inputs give.
     pub determinism: String,
     pub units: String,
@@ -36,6 +38,17 @@ pub struct Description {
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
+/// How far apart two windows may be where they join.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Join {
+    pub distance_m: f64,
+    pub angle_rad: f64,
+    #[serde(rename = "speed_m_per_s")]
+    pub speed: f64,
+    #[serde(rename = "spin_rad_per_s")]
+    pub spin: f64,
+}
+
 /// A driven body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Body {
@@ -44,6 +57,11 @@ pub struct Body {
     pub role: String,
     /// Of x, y, z, and of the rotations about them: `held` (its motion is imposed), `loaded`, `sprung`.
     pub freedoms: [String; 6],
+    /// Where it is sprung, in the same order: N/m, N s/m, of rotations N m/rad, N m s/rad; elsewhere 0.
+    pub stiffness: [f64; 6],
+    pub damping: [f64; 6],
+    /// That moves with it, kg; none of a body whose motion is imposed.
+    pub mass_kg: Option<f64>,
     /// Where the reference point was, m, and how the body was turned, when a client last attached: what its
     /// motion goes on from. Of a body on springs that is where its mount was.
     pub position: Point,
@@ -55,14 +73,17 @@ impl Description {
     pub fn of(key: &str, lockstep: &Lockstep) -> Self {
         let component = lockstep.component();
         let (model, state) = (component.model(), component.state());
+        let limits = component.limits();
         let body = |(d, body): (usize, &ballast::model::DrivenBody)| {
             let pose = state.imposed(model, d);
+            let freedoms = body.mount.map_or([Freedom::Held; 6], |m| m.freedoms);
             Body {
                 name: body.name.clone(),
                 role: role(body.role).into(),
-                freedoms: std::array::from_fn(|k| {
-                    body.mount.map_or("held", |m| mode(m.freedoms[k])).into()
-                }),
+                freedoms: freedoms.map(|f| mode(f).into()),
+                stiffness: freedoms.map(|f| f.spring()[0]),
+                damping: freedoms.map(|f| f.spring()[1]),
+                mass_kg: body.mount.map(|m| m.mass),
                 position: pose.position.into(),
                 orientation: pose.orientation.into(),
             }
@@ -74,6 +95,12 @@ impl Description {
             step_ns: model.stepping.step_ns,
             grains: model.grains.len(),
             bodies: model.driven.iter().enumerate().map(body).collect(),
+            join: Join {
+                distance_m: limits.join_distance,
+                angle_rad: limits.join_angle,
+                speed: limits.join_speed,
+                spin: limits.join_spin,
+            },
             determinism: determinism(model).into(),
             units: "SI: m, s, kg, N, N s, rad".into(),
             frame: "world, right-handed, z up; quaternions x, y, z, w, body to world".into(),

@@ -35,7 +35,7 @@ pub enum Error {
 
 impl Error {
     pub(crate) fn link(place: impl Into<String>, reason: impl ToString) -> Self {
-        Self::Link { place: place.into(), reason: reason.to_string() }
+        Self::Link { place: place.into(), reason: without_sources(&reason.to_string()) }
     }
 
     /// Short name of the kind, as codes of refusals are.
@@ -61,8 +61,39 @@ impl Error {
     }
 }
 
+/// A reason without the places in Zenoh's source code, which it names as `at FILE.rs:LINE.`.
+fn without_sources(text: &str) -> String {
+    let mut parts = text.split(" at ");
+    let mut reason = parts.next().unwrap_or_default().to_string();
+    for part in parts {
+        let (word, rest) = part.split_once(' ').unwrap_or((part, ""));
+        match word.contains(".rs:") {
+            true if rest.is_empty() => {}
+            true => reason += &format!(" {rest}"),
+            false => reason += &format!(" at {part}"),
+        }
+    }
+    reason
+}
+
 impl From<Malformed> for Error {
     fn from(e: Malformed) -> Self {
         Self::Answer { request: "message".into(), what: e.to_string() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_name_no_source_code() {
+        for (zenoh, ours) in [
+            ("no such name at /a/zenoh-1/src/lib.rs:62.", "no such name"),
+            ("in use at /a/l.rs:1. - Caused by: bad at /a/m.rs:22.", "in use - Caused by: bad"),
+            ("found at noon", "found at noon"),
+        ] {
+            assert_eq!(without_sources(zenoh), ours);
+        }
     }
 }

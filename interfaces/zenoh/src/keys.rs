@@ -102,6 +102,11 @@ impl Keys {
         format!("{}/out/{}/{what}", self.base, chunk(body))
     }
 
+    /// What is told of the squeezes of a pair of tines.
+    pub fn out_squeeze(&self, pair: &str) -> String {
+        format!("{}/out/squeeze/{}", self.base, chunk(pair))
+    }
+
     /// What is told of a zone of the bed.
     pub fn out_zone(&self, zone: &str) -> String {
         format!("{}/out/zone/{}", self.base, chunk(zone))

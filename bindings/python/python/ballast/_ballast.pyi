@@ -461,6 +461,10 @@ class BodyOutcome:
         """(3,) largest mean force of a step, N."""
 
     @property
+    def peak_torque(self) -> _Floats:
+        """(3,) mean torque of that step, N m."""
+
+    @property
     def peak_time_ns(self) -> int: ...
     @property
     def work(self) -> float:

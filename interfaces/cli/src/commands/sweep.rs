@@ -4,7 +4,7 @@ use crate::args;
 use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{RunFiles, create_folder, read_text, replace_text};
+use crate::files::{RunFiles, create_folder, read_case, read_text, replace_text};
 use crate::interrupt;
 use ballast_hdf5::export::quoted;
 use ballast_scenario::sweep::{Point, Sweep, changed};
@@ -26,10 +26,10 @@ const LOOK: Duration = Duration::from_millis(50);
 pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
     interrupt::install()?;
     let name = args.plan.display().to_string();
-    let text = read_text(&args.plan, LIMIT)?;
+    let text = read_case(&args.plan, LIMIT)?;
     let sweep = Sweep::read(&text, &name).map_err(Failure::InvalidCase)?;
     let case = args.plan.parent().unwrap_or(Path::new("")).join(&sweep.case);
-    let case_text = read_text(&case, LIMIT)?;
+    let case_text = read_case(&case, LIMIT)?;
     let texts = texts(&sweep, &case_text, &name)?;
     let folder = args.out.clone().unwrap_or_else(|| {
         Path::new("runs").join(args.plan.file_stem().unwrap_or(std::ffi::OsStr::new("sweep")))

@@ -30,6 +30,13 @@ fn text(d: &Description) -> String {
         ("units", d.units.clone()),
         ("frame", d.frame.clone()),
         ("wrench", d.wrench.clone()),
+        (
+            "windows join",
+            format!(
+                "within {:.0e} m, {:.0e} rad, {:.0e} m/s, {:.0e} rad/s",
+                d.join.distance_m, d.join.angle_rad, d.join.speed, d.join.spin
+            ),
+        ),
         ("same inputs", d.determinism.clone()),
     ];
     let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));

@@ -128,6 +128,13 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
     if let Some(trouble) = &status.trouble {
         lines.push(("trouble", trouble.clone()));
     }
+    if let Some(cost) = &status.last_window {
+        let mut phases: Vec<_> = cost.phases_ms.iter().collect();
+        phases.sort_by(|a, b| b.1.total_cmp(a.1));
+        let most = phases.iter().take(3).map(|(name, ms)| format!("{name} {ms:.1}"));
+        let (steps, most) = (cost.steps, most.collect::<Vec<_>>().join(", "));
+        lines.push(("last window", format!("{:.1} ms for {steps} steps: {most} ms", cost.wall_ms)));
+    }
     if let Some(pace) = pace {
         lines.push(("pace", format!("{pace:.0} s per simulated s")));
     }

@@ -36,6 +36,9 @@ fn broken_cases_end_with_3_and_name_the_place() {
         assert!(ended.stderr().contains("broken.toml:14:1"), "{}", ended.stderr());
         assert!(ended.stderr().contains("angularity"), "{}", ended.stderr());
     }
+    std::fs::write(place.path("broken.toml"), b"name = \"b\"\n# \xff\n").unwrap();
+    let said = place.call("check broken.toml").with_code(3).stderr();
+    assert!(said.contains("broken.toml:2") && said.contains("UTF-8"), "{said}");
     assert!(!place.path("runs").exists(), "a refused case leaves nothing behind");
 }
 

@@ -469,7 +469,7 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     assert!(done.force >= 4000.0 && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
     // Nobody has said when the squeeze began; it was seen.
     let told = client.line().last_told().unwrap();
-    let key = client.line().keys().out("squeeze");
+    let key = client.line().keys().out_squeeze("pair_0");
     let squeeze = told.into_iter().find(|(told, ..)| *told == key).expect("a squeeze").2;
     let squeeze: Squeeze = from_cdr(&squeeze).unwrap();
     assert!((squeeze.pair.as_str(), squeeze.number) == ("pair_0", 1), "{squeeze:?}");

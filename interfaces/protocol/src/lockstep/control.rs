@@ -1,6 +1,7 @@
 //! The control plane's messages, JSON all of them. What changes a state goes with the owner's ticket, which
 //! the transport carries beside the message.
 
+use super::cost::Cost;
 use crate::pacer::{FreeRunning, FreeRunningReport};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -122,6 +123,9 @@ pub struct StatusReport {
     pub free_running: Option<FreeRunningReport>,
     /// What failed, in error.
     pub trouble: Option<String>,
+    /// What the last window that was computed has cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub last_window: Option<Cost>,
     /// Windows up to this one survive a crash: they are in a checkpoint.
     pub durable_seq: u64,
     /// Since the component started, wall ms.

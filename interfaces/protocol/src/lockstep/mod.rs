@@ -12,6 +12,7 @@
 //! * A panic inside does not get out: the component is then in error until it is restored or reset.
 
 mod control;
+mod cost;
 mod fault;
 mod owner;
 mod state;
@@ -20,6 +21,7 @@ mod window;
 pub use control::{
     Activity, Attach, Attached, Init, Named, Place, Progress, SetParameters, StatusReport,
 };
+pub use cost::{Clock, Cost};
 pub use fault::{Code, Fault, Finding};
 pub use owner::Ownership;
 pub use state::Kept;
@@ -59,6 +61,8 @@ pub struct Lockstep {
     is_quitting: bool,
     durable_seq: u64,
     answered_count: u64,
+    /// Of the last window.
+    cost: Option<Cost>,
     /// Since when nothing was asked, wall ms.
     idle_since_ms: u64,
 }
@@ -88,6 +92,7 @@ impl Lockstep {
             is_quitting: false,
             durable_seq: 0,
             answered_count: 0,
+            cost: None,
             idle_since_ms: 0,
         }
     }
@@ -165,6 +170,7 @@ impl Lockstep {
             progress: None,
             free_running: None,
             trouble: self.trouble.clone(),
+            last_window: self.cost.clone(),
             durable_seq: self.durable_seq,
             uptime_ms: now_ms,
         }

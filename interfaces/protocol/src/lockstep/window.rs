@@ -1,5 +1,6 @@
 //! One window: in its turn, computed, answered, and its answer kept.
 
+use super::cost::{Clock, Laps};
 use super::{Code, Fault, Lockstep, Progress};
 use crate::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, ns,
@@ -9,6 +10,8 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+
+const NS_PER_MS: u64 = 1_000_000;
 
 /// Whether a window is new or the last one again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -31,7 +34,7 @@ pub enum Pace {
 }
 
 impl Lockstep {
-    /// Computes a window, or the last one again; `clock` tells the wall time in ms.
+    /// Computes a window, or the last one again; `clock` tells the wall time, ns.
     ///
     /// # Errors
     /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
@@ -42,7 +45,7 @@ impl Lockstep {
         kind: Kind,
         request: &AdvanceRequest,
         ticket: &str,
-        clock: &dyn Fn() -> u64,
+        clock: Clock,
         watch: Watch,
     ) -> Result<AdvanceReply, Fault> {
         self.check_owner(ticket)?;
@@ -74,8 +77,10 @@ impl Lockstep {
         self.check_series(request)?;
         let before = self.component.save();
         let mut series = request.series.then(|| StepSeries::begin(self.component.model()));
-        let result = self.compute(kind, request, clock, watch, &mut series);
-        self.idle_since_ms = clock();
+        let mut laps = Laps::begin(clock);
+        let result = self.compute(kind, request, clock, watch, &mut series, &mut laps);
+        self.cost = Some(laps.end(request.seq));
+        self.idle_since_ms = clock() / NS_PER_MS;
         let reply = match result {
             Ok(outcome) => {
                 let outcome = outcome?;
@@ -109,9 +114,10 @@ impl Lockstep {
         &mut self,
         kind: Kind,
         request: &AdvanceRequest,
-        clock: &dyn Fn() -> u64,
+        clock: Clock,
         watch: Watch,
         series: &mut Option<StepSeries>,
+        laps: &mut Laps,
     ) -> Result<Result<Outcome, Fault>, String> {
         let inputs = match request.inputs() {
             Ok(inputs) => inputs,
@@ -128,7 +134,7 @@ impl Lockstep {
             progress.step += 1;
             progress.iterations = report.iterations;
             progress.residual_qm16 = report.residuals.qm16();
-            progress.elapsed_ms = clock().saturating_sub(begin);
+            progress.elapsed_ms = clock().saturating_sub(begin) / NS_PER_MS;
             progress.left_ms =
                 progress.elapsed_ms * steps.saturating_sub(progress.step) / progress.step;
             match (watch(&progress), request.deadline_policy) {
@@ -142,8 +148,8 @@ impl Lockstep {
         };
         let component = &mut self.component;
         let result = catch_unwind(AssertUnwindSafe(|| match kind {
-            Kind::Advance => component.advance_watched(inputs.t1_ns, window, &mut each),
-            Kind::Redo => component.redo_watched(window, &mut each),
+            Kind::Advance => component.advance_timed(inputs.t1_ns, window, &mut each, laps),
+            Kind::Redo => component.redo_timed(window, &mut each, laps),
         }));
         match result {
             Ok(outcome) => Ok(outcome.map_err(Fault::from)),

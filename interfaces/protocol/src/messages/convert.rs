@@ -214,6 +214,7 @@ impl From<state::EnergyLedger> for EnergyLedger {
             potential: e.potential,
             work_in: e.work_in,
             dissipated: e.dissipated,
+            balance_error: e.balance_error(),
         }
     }
 }
@@ -304,6 +305,7 @@ impl WrenchImpulse {
             mean: wrench(outcome.mean_force, outcome.mean_torque),
             moving_mean: wrench(outcome.moving_force, outcome.moving_torque),
             peak_force: outcome.peak_force.into(),
+            peak_torque: outcome.peak_torque.into(),
             peak_time_ns: ns(outcome.peak_time_ns),
             work: outcome.work,
             contacts: outcome.contacts,
@@ -325,6 +327,7 @@ impl TryFrom<&WrenchImpulse> for component::BodyOutcome {
             moving_force: message.moving_mean.force.into(),
             moving_torque: message.moving_mean.torque.into(),
             peak_force: message.peak_force.into(),
+            peak_torque: message.peak_torque.into(),
             peak_time_ns: time("peak_time_ns", message.peak_time_ns)?,
             work: message.work,
             contacts: message.contacts,

@@ -22,8 +22,9 @@ message!(
         mean: Wrench,
         /// Over the last 4 ms, which may have begun before the window: N, N m.
         moving_mean: Wrench,
-        /// Largest mean force of a step, N, and the end of that step, ns.
+        /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns.
         peak_force: Vector3,
+        peak_torque: Vector3,
         peak_time_ns: i64,
         /// Of the body on the ballast, J.
         work: f64,
@@ -144,6 +145,8 @@ message!(
         potential: f64,
         work_in: f64,
         dissipated: f64,
+        /// What these do not account for.
+        balance_error: f64,
     }
 );
 

@@ -160,7 +160,7 @@ impl Server {
     /// The session breaks down.
     pub fn run(self, lockstep: Lockstep, host: &mut dyn Host) -> Result<Lockstep, Error> {
         let Self { session, keys, shared, inbox, inputs, heartbeat, pictures, .. } = self;
-        let outlets = Outlets::declare(&session, &keys, lockstep.component().model())?;
+        let outlets = Outlets::declare(&session, &keys, &shared, lockstep.component().model())?;
         let mut service = Service {
             session: &session,
             keys: &keys,

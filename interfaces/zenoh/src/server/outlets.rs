@@ -3,7 +3,8 @@
 //! Contract: whoever listens gets all of it or is cut off by the transport; the last message of every key is
 //! kept for those who come later and ask with a query.
 
-use super::answer::cdr;
+use super::answer::{self, cdr};
+use super::shared::Shared;
 use crate::{Error, Keys};
 use ballast::model::Model;
 use ballast_protocol::messages::{
@@ -32,7 +33,12 @@ pub(super) struct Outlets {
 }
 
 impl Outlets {
-    pub fn declare(session: &Session, keys: &Keys, model: &Model) -> Result<Self, Error> {
+    pub fn declare(
+        session: &Session,
+        keys: &Keys,
+        shared: &Arc<Shared>,
+        model: &Model,
+    ) -> Result<Self, Error> {
         let last = Last::default();
         let mut outlets = Self {
             session: session.clone(),
@@ -49,7 +55,11 @@ impl Outlets {
             outlets.open(keys.out(what))?;
         }
         let late = session.declare_queryable(keys.out_any());
-        let late = late.callback(move |query| tell_late(&last, &query));
+        let (shared, status) = (Arc::clone(shared), keys.out("status"));
+        let late = late.callback(move |query| match shared.check_rate() {
+            Ok(()) => tell_late(&last, &query, &status, &shared),
+            Err(fault) => answer::send(&query, status.clone(), Err(fault)),
+        });
         late.background().wait().map_err(|e| Error::link("zenoh", e))?;
         Ok(outlets)
     }
@@ -97,7 +107,7 @@ impl Outlets {
             self.put(self.keys.out_zone(&zone.zone), zone);
         }
         for squeeze in &reply.squeezes {
-            self.put(self.keys.out("squeeze"), squeeze);
+            self.put(self.keys.out_squeeze(&squeeze.pair), squeeze);
         }
         self.put(self.keys.out("solver"), &reply.solver);
         self.moment(reply.hash, u64::try_from(reply.t1_ns).unwrap_or(0));
@@ -129,17 +139,21 @@ impl Outlets {
     }
 }
 
-/// Answers with the last messages under the keys that are asked for.
-fn tell_late(last: &Last, query: &Query) {
+/// Answers with the last messages under the keys that are asked for; under `status` with what the component does now.
+fn tell_late(last: &Last, query: &Query, status: &str, shared: &Shared) {
+    let is_wanted =
+        |key: &str| KeyExpr::try_from(key).is_ok_and(|key| query.key_expr().intersects(&key));
     let last = last.lock().unwrap_or_else(PoisonError::into_inner);
-    let wanted: Vec<_> = last
+    let mut wanted: Vec<_> = last
         .iter()
-        .filter(|(key, _)| {
-            KeyExpr::try_from(key.as_str()).is_ok_and(|key| query.key_expr().intersects(&key))
-        })
+        .filter(|(key, _)| is_wanted(key))
         .map(|(key, (bytes, encoding))| (key.clone(), bytes.clone(), encoding.clone()))
         .collect();
     drop(last);
+    if is_wanted(status) {
+        let text = serde_json::to_vec(&shared.status()).unwrap_or_default();
+        wanted.push((status.to_string(), text, Encoding::APPLICATION_JSON));
+    }
     for (key, bytes, encoding) in wanted {
         // Who has gone meanwhile does not miss it.
         let _ = query.reply(key, bytes).encoding(encoding).wait();

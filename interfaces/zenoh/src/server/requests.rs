@@ -93,8 +93,9 @@ impl Service<'_> {
         ticket: &str,
     ) -> Result<AdvanceReply, Fault> {
         let shared = Arc::clone(&self.shared);
-        let clock = move || shared.now_ms();
-        let due = (request.deadline_ms > 0).then(|| clock() + u64::from(request.deadline_ms));
+        let clock = move || shared.now_ns();
+        let allowed = Duration::from_millis(request.deadline_ms.into()).as_nanos() as u64;
+        let due = (allowed > 0).then(|| clock() + allowed);
         let (shared, host) = (Arc::clone(&self.shared), &mut *self.host);
         let mut watch = |progress: &Progress| {
             shared.show_progress(progress);
@@ -164,13 +165,17 @@ impl Service<'_> {
             }
             Verb::Drop => self.lockstep.drop_state(&object::<Named>(query)?, ticket)?,
             Verb::Detach => {
+                object::<Nothing>(query)?;
                 let place = self.lockstep.detach(ticket)?;
                 self.stop_running("the owner has left");
                 self.say("the owner has left; the run holds");
                 self.keep();
                 place
             }
-            Verb::Shutdown => self.lockstep.shut_down(ticket)?,
+            Verb::Shutdown => {
+                object::<Nothing>(query)?;
+                self.lockstep.shut_down(ticket)?
+            }
             Verb::Window(_) | Verb::Status => {
                 let message = format!("{}: is answered elsewhere", verb.word());
                 return Err(Fault::new(Code::UnknownRequest, message));

@@ -39,6 +39,9 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     };
     assert_eq!((description.key.as_str(), description.step_ns), (KEY, WINDOW / 5));
     assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "held"));
+    let floor = description.bodies.iter().find(|b| b.name == "floor").unwrap();
+    assert_eq!((floor.stiffness, floor.mass_kg), ([0.0; 6], None));
+    assert_eq!((description.join.distance_m, description.join.spin), (1e-6, 1e-3));
     assert_eq!(description.parameters["schedule"], "synchronous");
     let status = line.status().unwrap();
     assert_eq!(status.activity, Activity::Paused);
@@ -49,6 +52,10 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     let who = format!("window 2 from {}", client.id());
     assert_eq!((status.waiting_for, status.owner.as_deref()), (Some(who), Some(client.id())));
     assert_eq!(status.place, *client.place());
+    let cost = status.last_window.expect("a window was computed");
+    assert_eq!((cost.seq, cost.steps), (1, 5));
+    let phases = cost.phases_ms.values().sum::<f64>();
+    assert!(0.0 < cost.phases_ms["solve"] && phases <= cost.wall_ms, "{cost:?}");
     let first = status.waiting_since_ms.unwrap();
     std::thread::sleep(Duration::from_millis(60));
     assert!(client.status().unwrap().waiting_since_ms.unwrap() >= first + 50);

@@ -2,6 +2,7 @@
 
 use crate::setup::{KEY, Served, patient, step, times, undisturbed};
 use ballast_protocol::from_cdr;
+use ballast_protocol::lockstep::StatusReport;
 use ballast_protocol::messages::{Clock, PointCloud2, SceneUpdate, StateHash, WrenchImpulse};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, HEARTBEAT, Line, Link, Server};
@@ -59,6 +60,9 @@ fn an_observer_sees_every_window_and_a_late_one_the_last() {
         assert_eq!(hash.to_string(), expected[29]);
         let clock: Clock = from_cdr(&find(late.keys().out("clock"))).unwrap();
         assert_eq!(clock.clock.ns() as u64, client.place().now_ns);
+        let status: StatusReport =
+            serde_json::from_slice(&find(late.keys().out("status"))).unwrap();
+        assert_eq!(status.place, *client.place());
         late
     };
     (1..times(3)).for_each(|_| drop(look()));

@@ -85,13 +85,16 @@ fn loads_come_back_to_the_bit() {
 #[test]
 fn outcomes_come_back_to_the_bit() {
     let energy = ballast::state::EnergyLedger { kinetic: 0.1, work_in: -3.0, ..Default::default() };
-    assert_eq!(ballast::state::EnergyLedger::from(EnergyLedger::from(energy)), energy);
+    let message = EnergyLedger::from(energy);
+    assert_eq!(message.balance_error, 0.1 + 3.0);
+    assert_eq!(ballast::state::EnergyLedger::from(message), energy);
     let body = component::BodyOutcome {
         impulse: Vec3::new(1.0, 2.0, 3.0),
         angular_impulse: Vec3::new(4.0, 5.0, 6.0),
         mean_force: Vec3::new(7.0, 8.0, 9.0),
         mean_torque: Vec3::new(0.1, 0.2, 0.3),
         peak_force: Vec3::new(10.0, 11.0, 12.0),
+        peak_torque: Vec3::new(0.7, 0.8, 0.9),
         peak_time_ns: 77,
         moving_force: Vec3::new(7.5, 8.5, 9.5),
         moving_torque: Vec3::new(0.4, 0.5, 0.6),

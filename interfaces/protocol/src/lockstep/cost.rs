@@ -1,0 +1,57 @@
+//! Where the time of a window went. Wall time: in no reply and no recording, which are the same for the same inputs.
+
+use ballast::step::{Phase, Stopwatch};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Tells the wall time, ns.
+pub type Clock<'a> = &'a (dyn Fn() -> u64 + Sync);
+
+/// Wall time of a window.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Cost {
+    pub seq: u64,
+    /// Steps that were computed, kept or not.
+    pub steps: u64,
+    /// From the request to the reply, ms.
+    pub wall_ms: f64,
+    /// Of the phases of all steps, by name, ms; what lies between two steps counts with the first phase.
+    pub phases_ms: BTreeMap<String, f64>,
+}
+
+/// A clock on a window.
+pub(super) struct Laps<'a> {
+    clock: Clock<'a>,
+    begin: u64,
+    mark: u64,
+    steps: u64,
+    phases: [u64; Phase::ALL.len()],
+}
+
+impl<'a> Laps<'a> {
+    pub fn begin(clock: Clock<'a>) -> Self {
+        let now = clock();
+        Self { clock, begin: now, mark: now, steps: 0, phases: Default::default() }
+    }
+
+    pub fn end(self, seq: u64) -> Cost {
+        let ms = |ns: u64| ns as f64 * 1e-6;
+        let phases = Phase::ALL.iter().zip(self.phases);
+        Cost {
+            seq,
+            steps: self.steps,
+            wall_ms: ms((self.clock)().saturating_sub(self.begin)),
+            phases_ms: phases.map(|(phase, ns)| (phase.name().into(), ms(ns))).collect(),
+        }
+    }
+}
+
+impl Stopwatch for Laps<'_> {
+    fn lap(&mut self, phase: Phase) {
+        let now = (self.clock)();
+        self.phases[phase as usize] += now.saturating_sub(self.mark);
+        self.steps += u64::from(phase == Phase::Store);
+        self.mark = now;
+    }
+}
