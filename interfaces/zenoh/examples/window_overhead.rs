@@ -1,9 +1,11 @@
 //! What a window costs beside its computing, between two processes on the loopback: prints a CSV.
 //!
 //!     cargo run --release -p ballast-zenoh --example window_overhead -- [WINDOWS] > overhead.csv
+//!     cargo run --release -p ballast-zenoh --example window_overhead -- WINDOWS SITE/ID > overhead.csv
 //!
-//! The same windows of 1 ms are computed in this process first, then by another one over Zenoh; window by
-//! window the difference is what numbering, messages, sockets, hashes and status cost.
+//! Nine stones in a process of its own, whose windows of 1 ms are about as long as the overhead; or, with SITE/ID, the
+//! component that `ballast serve` serves, with its hashes, checkpoints and recording, in windows of one time step in
+//! which nothing moves. From each round trip is taken what the component says that computing the window took.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -11,10 +13,9 @@ mod common;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
+use ballast_protocol::description::Body;
 use ballast_protocol::lockstep::Lockstep;
-use ballast_protocol::messages::{
-    AdvanceRequest, BodyInput, Digest, Interpolation, Knot, Point, Pose, Quaternion, Twist,
-};
+use ballast_protocol::messages::{BodyInput, Digest, Interpolation, Knot, Pose, Twist};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Link, Patience, Server};
 use std::error::Error;
@@ -27,21 +28,32 @@ const KEY: &str = "bench/heap";
 const MS: u64 = 1_000_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let argument = std::env::args().nth(1);
-    if argument.as_deref() == Some("serve") {
+    let mut arguments = std::env::args().skip(1);
+    let (first, component) = (arguments.next(), arguments.next());
+    if first.as_deref() == Some("serve") {
         return serve();
     }
-    let windows: u64 = argument.map_or(Ok(3000), |n| n.parse())?;
-    let computing = alone(windows)?;
-    let round_trip = over_zenoh(windows)?;
-    let overhead =
-        round_trip.iter().zip(&computing).map(|(all, own)| (all - own).max(0.0)).collect();
+    let windows: u64 = first.map_or(Ok(3000), |n| n.parse())?;
+    let times = match component {
+        Some(key) => {
+            let mut client = Client::attach(
+                &key,
+                &Link::default().or_connecting(),
+                "bench",
+                None,
+                Patience::default(),
+            )?;
+            let times = measure(&mut client, windows)?;
+            client.detach()?;
+            times
+        }
+        None => beside(windows)?,
+    };
+    let of = |pick: fn(&[f64; 2]) -> f64| times.iter().map(pick).collect();
     println!("what,windows,median_us,p99_us,max_us");
-    for (what, times) in
-        [("computing", computing), ("round trip", round_trip), ("overhead", overhead)]
-    {
-        print(what, times);
-    }
+    print("computing", of(|[_, own]| *own));
+    print("round trip", of(|[all, _]| *all));
+    print("overhead", of(|[all, own]| all - own));
     Ok(())
 }
 
@@ -51,24 +63,8 @@ fn print(what: &str, mut times: Vec<f64>) {
     println!("{what},{},{:.0},{:.0},{:.0}", times.len(), at(0.5), at(0.99), at(1.0));
 }
 
-/// The times of the windows in this process, µs.
-fn alone(windows: u64) -> Result<Vec<f64>, Box<dyn Error>> {
-    let mut component = component()?;
-    (1..=windows)
-        .map(|k| {
-            let (t0_ns, t1_ns) = (((k - 1) * MS) as i64, (k * MS) as i64);
-            let request =
-                AdvanceRequest { t0_ns, t1_ns, motions: still(k), ..AdvanceRequest::default() };
-            let inputs = request.inputs()?;
-            let begin = Instant::now();
-            component.advance_to(k * MS, &inputs.motions[..])?;
-            Ok(begin.elapsed().as_secs_f64() * 1e6)
-        })
-        .collect()
-}
-
-/// The times of the windows in another process, µs.
-fn over_zenoh(windows: u64) -> Result<Vec<f64>, Box<dyn Error>> {
+/// Windows of a component in another process.
+fn beside(windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     let mut child =
         Command::new(std::env::current_exe()?).arg("serve").stdout(Stdio::piped()).spawn()?;
     let mut endpoint = String::new();
@@ -76,15 +72,29 @@ fn over_zenoh(windows: u64) -> Result<Vec<f64>, Box<dyn Error>> {
     BufReader::new(told).read_line(&mut endpoint)?;
     let link = Link::to(endpoint.trim());
     let mut client = Client::attach(KEY, &link, "bench", None, Patience::default())?;
-    let mut times = Vec::new();
-    for k in 1..=windows {
-        let motions = still(k);
-        let begin = Instant::now();
-        client.advance_to(k * MS, motions, vec![])?;
-        times.push(begin.elapsed().as_secs_f64() * 1e6);
-    }
+    let times = measure(&mut client, windows)?;
     client.shut_down()?;
     child.wait()?;
+    Ok(times)
+}
+
+/// How long each round trip has taken, and its computing, µs.
+fn measure(client: &mut Client, windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
+    let (step_ns, bodies) = {
+        let told = client.describe()?;
+        (told.step_ns, told.bodies)
+    };
+    let mut times = Vec::new();
+    for _ in 0..windows {
+        let t0 = client.place().now_ns;
+        let t1 = t0 + step_ns;
+        let motions = bodies.iter().map(|body| still(body, [t0, t1])).collect();
+        let begin = Instant::now();
+        client.advance_to(t1, motions, vec![])?;
+        let all = begin.elapsed().as_secs_f64() * 1e6;
+        let cost = client.status()?.last_window.ok_or("the component tells no cost")?;
+        times.push([all, cost.wall_ms * 1e3]);
+    }
     Ok(times)
 }
 
@@ -109,17 +119,14 @@ fn hash(_: &Model, state: &State) -> u128 {
     u128::from_be_bytes(Digest::of(&bytes).0)
 }
 
-/// The floor stays where it is through window `k`: an input all the same.
-fn still(k: u64) -> Vec<BodyInput> {
-    let knot = |time_ns: u64| Knot {
-        time_ns: time_ns as i64,
-        pose: Pose {
-            position: Point::default(),
-            orientation: Quaternion { w: 1.0, ..Quaternion::default() },
-        },
-        twist: Twist::default(),
-    };
-    let (body, interpolation) = ("floor".into(), Interpolation::Hermite);
-    let knots = vec![knot((k - 1) * MS), knot(k * MS)];
-    vec![BodyInput { body, interpolation, rebase: false, knots }]
+/// A body that stays where it is: an input all the same.
+fn still(body: &Body, times_ns: [u64; 2]) -> BodyInput {
+    let pose = Pose { position: body.position, orientation: body.orientation };
+    let knot = |ns: u64| Knot { time_ns: ns as i64, pose, twist: Twist::default() };
+    BodyInput {
+        body: body.name.clone(),
+        interpolation: Interpolation::Hermite,
+        rebase: false,
+        knots: times_ns.map(knot).into(),
+    }
 }

@@ -7,16 +7,16 @@ use ballast_protocol::messages::AdvanceRequest;
 use ballast_zenoh::{Client, Error, HEARTBEAT, Link, Patience};
 use std::time::{Duration, Instant};
 
-/// So many windows through a relay; the longest that one took.
-fn run(seed: u64, windows: u64, faults: Faults) -> Duration {
+/// So many windows through a relay; how long each took.
+fn run(seed: u64, windows: u64, faults: Faults) -> Vec<Duration> {
     let served = Served::new();
     let relay = Relay::before(&served.link(), seed, faults);
     let mut client = attach(&Link::to(&relay.endpoint)).unwrap();
-    let mut longest = Duration::ZERO;
+    let mut took = vec![];
     for k in 0..windows {
         let begin = Instant::now();
         step(&mut client).unwrap_or_else(|e| panic!("seed {seed}, window {}: {e}", k + 1));
-        longest = longest.max(begin.elapsed());
+        took.push(begin.elapsed());
         // Requests that are no windows have their effect once, too.
         if k % 10 == 5 {
             client.save("here").unwrap();
@@ -26,7 +26,7 @@ fn run(seed: u64, windows: u64, faults: Faults) -> Duration {
     assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1], "seed {seed}");
     client.detach().unwrap();
     assert_eq!(served.stop().answered_count(), windows, "seed {seed}");
-    longest
+    took
 }
 
 #[test]
@@ -39,11 +39,15 @@ fn requests_that_are_lost_and_repeated_are_computed_once() {
 }
 
 #[test]
-fn requests_that_vanish_are_sent_again_within_two_heartbeats_or_so() {
+fn requests_that_vanish_are_sent_again_within_two_heartbeats() {
     // A fifth of them.
-    let longest = run(1, 5 * times(6), Faults { swallow: 0.2, ..Faults::default() });
-    // Each loss costs two to three heartbeats; six in a row are worse luck than these seeds have.
-    assert!(longest < 18 * HEARTBEAT, "{longest:?}");
+    let mut took = run(1, 10 * times(6), Faults { swallow: 0.2, ..Faults::default() });
+    took.retain(|time| *time > HEARTBEAT / 4);
+    took.sort();
+    // Some are lost once only. Half a beat of slack for a machine that does other things.
+    assert!(took[took.len() / 4] < 2 * HEARTBEAT + HEARTBEAT / 2, "{took:?}");
+    // Six in a row are worse luck than these seeds have.
+    assert!(took[took.len() - 1] < 15 * HEARTBEAT, "{took:?}");
 }
 
 #[test]
