@@ -18,6 +18,7 @@ import ballast
 import matplotlib
 import numpy as np
 from ballast import study
+from scipy import stats
 from scipy.interpolate import CubicSpline
 
 matplotlib.use("Agg")
@@ -146,8 +147,8 @@ def draw(runs, seeds, steps, path):
             for j, (told, (beds, name)) in enumerate(marks.items()):
                 values = [figure_of(runs[seed, *told], phase, k) for seed in beds]
                 places = i + 0.2 * (j - 0.5 * (len(marks) - 1))
-                label = name if i == 0 else None
-                ax.plot([places] * len(beds), values, "osDd^v<>"[j], color=f"C{j}", ms=4, label=label)
+                ax.plot([places] * len(beds), values, "osDd^v<>"[j], color=f"C{j}", ms=4,
+                        label=name if i == 0 else None)  # fmt: skip
         ax.set_xticks(range(len(phases)), labels=phases, rotation=30)
         ax.set_yscale("symlog", linthresh=10)
         ax.margins(y=0.08)
@@ -161,15 +162,29 @@ def figure_of(result, phase, k):
     return result["phases"].get(phase, [0.0] * len(FIGURES))[k]
 
 
+def judge(runs, seeds, steps):
+    """How often halving the window does more to a figure of a bed than another bed would, and whether the means differ."""
+    phases = runs[seeds[0], "machine", 1]["phases"]
+    beds = np.array([[[runs[s, "hermite", n]["phases"][p] for p in phases] for s in seeds] for n in steps[:2]])
+    beds = beds.reshape(2, len(seeds), -1)
+    beds = beds[:, :, np.abs(beds).max(axis=(0, 1)) > 1.0]
+    beyond = np.abs(beds[1] - beds[0]) > np.ptp(beds[0], axis=0)
+    yield f"{beyond.sum()} of {beyond.size} changes are larger than the range over the beds"
+    if len(seeds) > 1:
+        yield f"smallest p of the means, bed by bed: {stats.ttest_rel(*beds, axis=0).pvalue.min():.2f}"
+
+
 def table(runs, seeds, steps):
     """Lines of Markdown: each figure by phase, mean over the beds; by how much the second length differs from the first,
     bed by bed, mean and standard error; the deviation over the beds; what holding changes in the first bed. Figures that
-    are nothing in a phase are left out."""
+    are nothing in a phase beside the largest are left out."""
     told = [f"cubic, {n}" for n in steps]
     head = ["phase", "figure", *told, "halving changes", "standard error", "deviation over beds",
             f"cubic, {steps[0]}, first bed", f"held, {steps[0]}, first bed"]  # fmt: skip
     yield from (f"| {' | '.join(head)} |", "|---" * len(head) + "|")
-    for phase in runs[seeds[0], "machine", 1]["phases"]:
+    phases = runs[seeds[0], "machine", 1]["phases"]
+    largest = np.abs([run["phases"][p] for w, run in runs.items() if w[1] == "hermite" for p in phases]).max(axis=0)
+    for phase in phases:
         for k, label in enumerate(FIGURES):
             beds = np.array([[figure_of(runs[s, "hermite", n], phase, k) for s in seeds] for n in steps])
             change = beds[1] - beds[0]
@@ -177,7 +192,7 @@ def table(runs, seeds, steps):
             held = figure_of(runs[seeds[0], "hold", steps[0]], phase, k)
             row = [*beds.mean(axis=1), change.mean(), scatter[0] / len(seeds) ** 0.5, scatter[1],
                    beds[0, 0], held]  # fmt: skip
-            if np.any(row):
+            if np.abs(beds).max() > 1e-3 * largest[k]:
                 yield f"| {phase} | {label} | {' | '.join(f'{x:.4g}' for x in row)} |"
 
 
@@ -196,7 +211,7 @@ def main():
     draw(runs, seeds, steps, folder / "windows.png")
     text = "\n".join(table(runs, seeds, steps))
     (folder / "table.md").write_text(text + "\n")
-    print(text, folder / "windows.png", sep="\n")
+    print(text, *judge(runs, seeds, steps), folder / "windows.png", sep="\n")
 
 
 # Runs are processes of their own, which read this file again.
