@@ -1,8 +1,9 @@
 """Decodes every message of MCAP files twice and compares; see check_recording.sh."""
 
-import dataclasses
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy
 from mcap.reader import make_reader
@@ -10,41 +11,43 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 
-def leaves(value, path=""):
+def leaves(value: Any, store: Any = None, path: str = "") -> Iterator[tuple[str, Any]]:
     """Path and value of everything in a message of either decoder, or in dictionaries and lists, that has no
     parts. A float is given as the text that stands for its bits: the two zeros differ, nan is nan."""
     if isinstance(value, numpy.ndarray):
         value = value.tolist()
     if isinstance(value, (bytes, bytearray, memoryview)):
         value = list(value)
-    if dataclasses.is_dataclass(value):
+    if hasattr(value, "__msgtype__"):
         # rosbags: constants of a definition are attributes, but no fields.
-        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        _, fields = store.fielddefs[value.__msgtype__]
+        value = {name: getattr(value, name) for name, _ in fields}
     elif hasattr(value, "__slots__"):
         value = {name: getattr(value, name) for name in value.__slots__}
     if isinstance(value, dict):
         for name, item in value.items():
-            yield from leaves(item, f"{path}.{name}")
+            yield from leaves(item, store, f"{path}.{name}")
     elif isinstance(value, (list, tuple)):
         for i, item in enumerate(value):
-            yield from leaves(item, f"{path}[{i}]")
+            yield from leaves(item, store, f"{path}[{i}]")
         yield path + ".length", len(value)
     else:
         yield path, float.__repr__(value) if isinstance(value, float) else value
 
 
-def messages(path):
-    """Topic, time (ns), message and its leaves of everything in a file. Each package opens the file on its own;
-    that both see the same, and ROS 2's encoding everywhere, is asserted."""
+def messages(path: str | Path) -> Iterator[tuple[str, int, Any, dict[str, Any]]]:
+    """Topic, time (ns), message and its leaves of everything in a file. Each package opens the file on its
+    own; that both see the same, and ROS 2's encoding everywhere, is asserted."""
     with open(path, "rb") as file, AnyReader([Path(path)]) as bag:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         assert reader.get_header().profile == "ros2"
         pairs = zip(reader.iter_decoded_messages(), bag.messages(), strict=True)
         for (schema, channel, message, decoded), (connection, time_ns, raw) in pairs:
-            assert (channel.message_encoding, schema.encoding) == ("cdr", "ros2msg"), channel
+            assert schema and (channel.message_encoding, schema.encoding) == ("cdr", "ros2msg"), channel
             where = (channel.topic, schema.name, message.log_time)
             assert where == (connection.topic, connection.msgtype, time_ns)
-            a, b = dict(leaves(decoded)), dict(leaves(bag.deserialize(raw, connection.msgtype)))
+            other = bag.deserialize(raw, connection.msgtype)
+            a, b = dict(leaves(decoded)), dict(leaves(other, bag.typestore))
             assert a and a.keys() == b.keys(), (where, a.keys() ^ b.keys())
             for key in a:
                 assert a[key] == b[key], (where, key, a[key], b[key])
@@ -54,8 +57,9 @@ def messages(path):
             yield channel.topic, time_ns, decoded, a
 
 
-def check(path):
-    counts, poses = {}, {}
+def check(path: str) -> None:
+    counts: dict[str, int] = {}
+    poses: dict[tuple[str, int], Any] = {}
     for topic, time_ns, message, _ in messages(path):
         counts[topic] = counts.get(topic, 0) + 1
         if topic.endswith("/pose"):
