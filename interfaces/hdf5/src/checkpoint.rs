@@ -93,12 +93,12 @@ fn image_of(path: &Path, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
     image::bytes_of(&file, path)
 }
 
-fn about(checkpoint: &Checkpoint, fingerprint: String) -> Vec<Column> {
+fn about(checkpoint: &Checkpoint, fingerprint: String) -> Vec<Column<'static>> {
     let texts = |name, texts| Column { name, width: 1, data: Data::Text(texts) };
     let extra = &checkpoint.extra;
     vec![
         texts("about/format", vec![FORMAT.name.into()]),
-        Column { name: "about/version", width: 1, data: Data::U32(vec![VERSION]) },
+        Column { name: "about/version", width: 1, data: Data::U32(vec![VERSION].into()) },
         texts("about/kind", vec![checkpoint.kind.name().into()]),
         texts("about/case_name", vec![checkpoint.case_name.clone()]),
         texts("about/case_text", vec![checkpoint.case_text.clone()]),

@@ -1,6 +1,7 @@
 //! Model and state as named columns: the one list that is hashed, written and documented.
 //!
-//! Reads: model, state. Writes: nothing. Cost: one copy of everything.
+//! Reads: model, state. Writes: nothing. Cost: none for what a state has most of, which is lent; the hash of a state is
+//! taken after every window.
 //! Contract: every field of [`Model`] and [`State`] is here, f64 bit for bit; variable lengths are
 //! stored as starts `[n + 1]` into flat arrays.
 
@@ -10,16 +11,17 @@ use ballast::model::{
     DrivenBody, Freedom, Model, Mount, Norm, Part, PartitionRule, Recovery, Role, Schedule, Solver,
 };
 use ballast::state::State;
+use std::borrow::Cow;
 
 /// A named array `[rows]` or, where `width` is above 1, `[rows, width]`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Column {
+pub(crate) struct Column<'a> {
     pub name: &'static str,
     pub width: usize,
-    pub data: Data,
+    pub data: Data<'a>,
 }
 
-impl Column {
+impl Column<'_> {
     /// What the column belongs to: the first part of its name.
     pub fn group(&self) -> &'static str {
         self.name.split('/').next().unwrap_or_default()
@@ -27,13 +29,26 @@ impl Column {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Data {
-    F64(Vec<f64>),
-    U64(Vec<u64>),
-    U32(Vec<u32>),
+pub(crate) enum Data<'a> {
+    F64(Cow<'a, [f64]>),
+    /// Rows x, y, z.
+    Vectors(&'a [Vec3]),
+    /// Rows w, x, y, z: as people and numpy programs write them.
+    Quaternions(&'a [Quat]),
+    U64(Cow<'a, [u64]>),
+    U32(Cow<'a, [u32]>),
     U16(Vec<u16>),
     U8(Vec<u8>),
     Text(Vec<String>),
+}
+
+/// The row of a vector, and of a quaternion.
+pub(crate) fn xyz(v: &Vec3) -> [f64; 3] {
+    [v.x, v.y, v.z]
+}
+
+pub(crate) fn wxyz(q: &Quat) -> [f64; 4] {
+    [q.w, q.i, q.j, q.k]
 }
 
 /// Names of the schedules, in files.
@@ -58,7 +73,7 @@ pub(crate) fn name_of<T: PartialEq + Copy>(table: &[(T, &'static str)], value: T
 }
 
 /// All columns of a model and a state, in the order of the format.
-pub(crate) fn of(model: &Model, state: &State) -> Vec<Column> {
+pub(crate) fn of<'a>(model: &'a Model, state: &'a State) -> Vec<Column<'a>> {
     let mut columns = shapes(&model.shapes);
     columns.extend(bodies(model));
     columns.extend(constants(model));
@@ -66,56 +81,69 @@ pub(crate) fn of(model: &Model, state: &State) -> Vec<Column> {
     columns
 }
 
-fn f64s(name: &'static str, data: Vec<f64>) -> Column {
-    Column { name, width: 1, data: Data::F64(data) }
+fn f64s<'a>(name: &'static str, data: impl Into<Cow<'a, [f64]>>) -> Column<'a> {
+    Column { name, width: 1, data: Data::F64(data.into()) }
 }
 
-fn u64s(name: &'static str, data: Vec<u64>) -> Column {
-    Column { name, width: 1, data: Data::U64(data) }
+fn u64s<'a>(name: &'static str, data: impl Into<Cow<'a, [u64]>>) -> Column<'a> {
+    Column { name, width: 1, data: Data::U64(data.into()) }
 }
 
-fn u32s(name: &'static str, data: Vec<u32>) -> Column {
-    Column { name, width: 1, data: Data::U32(data) }
+fn u32s<'a>(name: &'static str, data: impl Into<Cow<'a, [u32]>>) -> Column<'a> {
+    Column { name, width: 1, data: Data::U32(data.into()) }
 }
 
-fn text(name: &'static str, data: Vec<String>) -> Column {
+fn text(name: &'static str, data: Vec<String>) -> Column<'static> {
     Column { name, width: 1, data: Data::Text(data) }
 }
 
-fn vectors<'a>(name: &'static str, data: impl IntoIterator<Item = &'a Vec3>) -> Column {
-    let data = data.into_iter().flat_map(|v| [v.x, v.y, v.z]).collect();
-    Column { name, width: 3, data: Data::F64(data) }
+fn vectors<'a>(name: &'static str, data: &'a [Vec3]) -> Column<'a> {
+    Column { name, width: 3, data: Data::Vectors(data) }
 }
 
-/// Components w, x, y, z: as people and numpy programs write them.
-fn quaternions(name: &'static str, data: &[Quat]) -> Column {
-    let data = data.iter().flat_map(|q| [q.w, q.i, q.j, q.k]).collect();
-    Column { name, width: 4, data: Data::F64(data) }
+fn quaternions<'a>(name: &'static str, data: &'a [Quat]) -> Column<'a> {
+    Column { name, width: 4, data: Data::Quaternions(data) }
 }
 
-fn starts<T>(name: &'static str, items: &[T], len: impl Fn(&T) -> usize) -> Column {
+/// Rows of numbers that lie nowhere as such.
+fn rows<const N: usize>(
+    name: &'static str,
+    rows: impl Iterator<Item = [f64; N]>,
+) -> Column<'static> {
+    Column { name, width: N, data: Data::F64(rows.flatten().collect()) }
+}
+
+fn starts<T>(name: &'static str, items: &[T], len: impl Fn(&T) -> usize) -> Column<'static> {
     let mut sum = 0;
     let rest = items.iter().map(|item| {
         sum += len(item) as u64;
         sum
     });
-    u64s(name, std::iter::once(0).chain(rest).collect())
+    u64s(name, std::iter::once(0).chain(rest).collect::<Vec<_>>())
 }
 
-fn shapes(shapes: &[Polyhedron]) -> Vec<Column> {
+fn shapes(shapes: &[Polyhedron]) -> Vec<Column<'static>> {
     let edges = shapes.iter().flat_map(|s| &s.edges);
     vec![
         starts("shapes/first_vertex", shapes, |s| s.vertices.len()),
-        vectors("shapes/vertices", shapes.iter().flat_map(|s| &s.vertices)),
+        rows("shapes/vertices", shapes.iter().flat_map(|s| &s.vertices).map(xyz)),
         starts("shapes/first_face", shapes, |s| s.face_normals.len()),
-        vectors("shapes/face_normals", shapes.iter().flat_map(|s| &s.face_normals)),
-        f64s("shapes/face_offsets", shapes.iter().flat_map(|s| &s.face_offsets).copied().collect()),
-        u32s("shapes/face_starts", shapes.iter().flat_map(|s| &s.face_starts).copied().collect()),
+        rows("shapes/face_normals", shapes.iter().flat_map(|s| &s.face_normals).map(xyz)),
+        f64s(
+            "shapes/face_offsets",
+            shapes.iter().flat_map(|s| &s.face_offsets).copied().collect::<Vec<_>>(),
+        ),
+        u32s(
+            "shapes/face_starts",
+            shapes.iter().flat_map(|s| &s.face_starts).copied().collect::<Vec<_>>(),
+        ),
         starts("shapes/first_face_vertex", shapes, |s| s.face_vertices.len()),
         Column {
             name: "shapes/face_vertices",
             width: 1,
-            data: Data::U16(shapes.iter().flat_map(|s| &s.face_vertices).copied().collect()),
+            data: Data::U16(
+                shapes.iter().flat_map(|s| &s.face_vertices).copied().collect::<Vec<_>>(),
+            ),
         },
         starts("shapes/first_edge", shapes, |s| s.edges.len()),
         Column {
@@ -127,13 +155,13 @@ fn shapes(shapes: &[Polyhedron]) -> Vec<Column> {
                     .collect(),
             ),
         },
-        f64s("shapes/volume", shapes.iter().map(|s| s.volume).collect()),
-        vectors("shapes/unit_inertia", shapes.iter().map(|s| &s.unit_inertia)),
-        f64s("shapes/radius", shapes.iter().map(|s| s.radius).collect()),
+        f64s("shapes/volume", shapes.iter().map(|s| s.volume).collect::<Vec<_>>()),
+        rows("shapes/unit_inertia", shapes.iter().map(|s| xyz(&s.unit_inertia))),
+        f64s("shapes/radius", shapes.iter().map(|s| s.radius).collect::<Vec<_>>()),
     ]
 }
 
-fn bodies(model: &Model) -> Vec<Column> {
+fn bodies(model: &Model) -> Vec<Column<'_>> {
     let driven: &[DrivenBody] = &model.driven;
     let parts = || driven.iter().flat_map(|d| &d.parts);
     let mounts = driven.iter().map_while(|d| d.mount);
@@ -147,17 +175,17 @@ fn bodies(model: &Model) -> Vec<Column> {
         Part::HalfSpace { .. } => 0,
     };
     vec![
-        u32s("grains/shape", model.grains.shape.clone()),
-        f64s("grains/mass", model.grains.mass.clone()),
+        u32s("grains/shape", &model.grains.shape),
+        f64s("grains/mass", &model.grains.mass),
         vectors("grains/inertia", &model.grains.inertia),
         text("driven/name", driven.iter().map(|d| d.name.clone()).collect()),
         text("driven/role", driven.iter().map(|d| name_of(&ROLES, d.role).into()).collect()),
-        f64s("driven/friction", driven.iter().map(|d| d.friction).collect()),
+        f64s("driven/friction", driven.iter().map(|d| d.friction).collect::<Vec<_>>()),
         // Of the mounted bodies alone, which come first.
         Column { name: "driven/mount", width: MOUNT, data: Data::F64(mounts) },
         starts("driven/first_part", driven, |d| d.parts.len()),
         Column { name: "parts/kind", width: 1, data: Data::U8(parts().map(kind).collect()) },
-        u32s("parts/shape", parts().map(shape).collect()),
+        u32s("parts/shape", parts().map(shape).collect::<Vec<_>>()),
         Column {
             name: "parts/placement",
             width: 7,
@@ -207,7 +235,7 @@ fn placement(part: &Part) -> [f64; 7] {
 /// Share and allowed penetration; only in files of models with recovery.
 pub const RECOVERY: &str = "solver/recovery";
 
-fn constants(model: &Model) -> Vec<Column> {
+fn constants(model: &Model) -> Vec<Column<'_>> {
     let Solver {
         schedule,
         partition,
@@ -227,7 +255,7 @@ fn constants(model: &Model) -> Vec<Column> {
         PartitionRule::ContactsPer(n) => ("contacts per", vec![n]),
     };
     let mut columns = vec![
-        vectors("model/gravity", [&model.gravity]),
+        vectors("model/gravity", std::slice::from_ref(&model.gravity)),
         f64s("model/grain_friction", vec![model.grain_friction]),
         f64s("model/restitution", vec![model.restitution]),
         u64s("stepping/step_ns", vec![model.stepping.step_ns]),
@@ -240,7 +268,7 @@ fn constants(model: &Model) -> Vec<Column> {
         u32s("solver/subdomain_sweeps", vec![subdomain_sweeps]),
         u32s("solver/interface_sweeps", vec![interface_sweeps]),
         // Empty: no tolerance.
-        f64s("solver/tolerance", tolerance.into_iter().collect()),
+        f64s("solver/tolerance", tolerance.into_iter().collect::<Vec<_>>()),
         text("solver/norm", vec![name_of(&NORMS, norm).into()]),
         u32s("solver/check_every", vec![check_every]),
         f64s("solver/relaxation", vec![relaxation]),
@@ -254,7 +282,7 @@ fn constants(model: &Model) -> Vec<Column> {
     columns
 }
 
-fn of_state(state: &State) -> Vec<Column> {
+fn of_state(state: &State) -> Vec<Column<'_>> {
     let memory = &state.contacts;
     let energy = &state.energy;
     vec![
@@ -267,17 +295,13 @@ fn of_state(state: &State) -> Vec<Column> {
         Column {
             name: "contacts/bodies",
             width: 2,
-            data: Data::U32(memory.bodies.as_flattened().to_vec()),
+            data: Data::U32(memory.bodies.as_flattened().into()),
         },
-        u64s("contacts/feature", memory.feature.clone()),
+        u64s("contacts/feature", &memory.feature),
         vectors("contacts/local_point", &memory.local_point),
         vectors("contacts/impulse", &memory.impulse),
-        Column {
-            name: "state/mount",
-            width: 7,
-            data: Data::F64(state.mount.iter().flat_map(pose_row).collect()),
-        },
-        f64s("state/drive", state.drive.clone()),
+        rows("state/mount", state.mount.iter().map(pose_row)),
+        f64s("state/drive", &state.drive),
         f64s(
             "state/energy",
             vec![

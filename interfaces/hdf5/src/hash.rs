@@ -26,19 +26,26 @@ fn feed(hasher: &mut blake3::Hasher, column: &Column) {
     frame(hasher, column.name.as_bytes());
     hasher.update(&(column.width as u64).to_le_bytes());
     match &column.data {
-        Data::F64(values) => words(hasher, 1, values, |v| v.to_bits().to_le_bytes()),
+        Data::F64(values) => words(hasher, 1, values, |v| v.to_le_bytes()),
+        Data::Vectors(rows) => floats(hasher, rows, columns::xyz),
+        Data::Quaternions(rows) => floats(hasher, rows, columns::wxyz),
         Data::U64(values) => words(hasher, 2, values, |v| v.to_le_bytes()),
         Data::U32(values) => words(hasher, 3, values, |v| v.to_le_bytes()),
         Data::U16(values) => words(hasher, 4, values, |v| v.to_le_bytes()),
         Data::U8(values) => words(hasher, 5, values, |v| [*v]),
         Data::Text(values) => {
-            hasher.update(&[6]);
-            hasher.update(&(values.len() as u64).to_le_bytes());
+            head(hasher, 6, values.len());
             for value in values {
                 frame(hasher, value.as_bytes());
             }
         }
     }
+}
+
+/// What kind of values, and how many.
+fn head(hasher: &mut blake3::Hasher, tag: u8, count: usize) {
+    hasher.update(&[tag]);
+    hasher.update(&(count as u64).to_le_bytes());
 }
 
 /// Length first, so that neighbouring texts cannot trade letters.
@@ -47,19 +54,43 @@ fn frame(hasher: &mut blake3::Hasher, bytes: &[u8]) {
     hasher.update(bytes);
 }
 
+/// Rows of numbers, as the same numbers one after the other.
+fn floats<T, const N: usize>(
+    hasher: &mut blake3::Hasher,
+    rows: &[T],
+    row: impl Fn(&T) -> [f64; N],
+) {
+    head(hasher, 1, N * rows.len());
+    through_buffer(hasher, rows, 8 * N, |item, place| {
+        for (place, value) in place.as_chunks_mut::<8>().0.iter_mut().zip(row(item)) {
+            *place = value.to_le_bytes();
+        }
+    });
+}
+
 fn words<T, const N: usize>(
     hasher: &mut blake3::Hasher,
     tag: u8,
     values: &[T],
     bytes: impl Fn(&T) -> [u8; N],
 ) {
-    hasher.update(&[tag]);
-    hasher.update(&(values.len() as u64).to_le_bytes());
-    let mut buffer = [0; 4096];
-    for chunk in values.chunks(buffer.len() / N) {
-        for (place, value) in buffer.chunks_exact_mut(N).zip(chunk) {
-            place.copy_from_slice(&bytes(value));
+    head(hasher, tag, values.len());
+    through_buffer(hasher, values, N, |value, place| place.copy_from_slice(&bytes(value)));
+}
+
+/// Puts the bytes of items, `size` of each, into a buffer that is large enough for all lanes of the hash and small
+/// enough for a cache.
+fn through_buffer<T>(
+    hasher: &mut blake3::Hasher,
+    items: &[T],
+    size: usize,
+    put: impl Fn(&T, &mut [u8]),
+) {
+    let mut buffer = [0; 1 << 16];
+    for chunk in items.chunks(buffer.len() / size) {
+        for (place, item) in buffer.chunks_exact_mut(size).zip(chunk) {
+            put(item, place);
         }
-        hasher.update(&buffer[..chunk.len() * N]);
+        hasher.update(&buffer[..chunk.len() * size]);
     }
 }

@@ -5,7 +5,7 @@
 //! Contract of reading: type, rank, width and number of rows are compared, and the claimed size is
 //! bounded by the file's, before anything is allocated.
 
-use crate::columns::{Column, Data};
+use crate::columns::{Column, Data, wxyz, xyz};
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
 use hdf5::types::{TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, H5Type};
@@ -51,6 +51,14 @@ pub(crate) fn put(file: &File, path: &Path, column: &Column) -> Result<()> {
     let name = column.name;
     let done = match &column.data {
         Data::F64(v) => put_array(file, name, column.width, v),
+        Data::Vectors(rows) => {
+            let flat: Vec<f64> = rows.iter().flat_map(xyz).collect();
+            put_array(file, name, column.width, &flat)
+        }
+        Data::Quaternions(rows) => {
+            let flat: Vec<f64> = rows.iter().flat_map(wxyz).collect();
+            put_array(file, name, column.width, &flat)
+        }
         Data::U64(v) => put_array(file, name, column.width, v),
         Data::U32(v) => put_array(file, name, column.width, v),
         Data::U16(v) => put_array(file, name, column.width, v),

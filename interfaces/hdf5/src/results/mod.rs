@@ -368,7 +368,8 @@ fn add_contacts(block: &Block, frame: &Snapshot) -> hdf5::Result<()> {
 
 /// Fingerprint of bodies and shapes: a file can only go on with the same ones.
 fn bodies_hash(model: &Model) -> String {
-    let mut columns = columns::of(model, &State::default());
+    let nothing = State::default();
+    let mut columns = columns::of(model, &nothing);
     columns.retain(|c| ["shapes", "grains", "driven", "parts"].contains(&c.group()));
     format!("{:032x}", hash::of_columns(&columns))
 }
