@@ -1,5 +1,7 @@
 //! Exceptions. Each says where, what was expected, what was found; `code` is that of the interface contract.
 
+use ballast::component::Refusal;
+use ballast_protocol::lockstep::Fault;
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -21,7 +23,8 @@ create_exception!(
     ballast,
     Refused,
     Error,
-    "A request that makes no sense; nothing has changed. `code`: time_grid, input_gap, input_jump, \
+    "A request that makes no sense; nothing has changed. Where the message has parts, `place` (a field, or the body whose \
+     input it is), `expected` and `found` are they, and `nearest_ns` the times at which a window may end. `code`: time_grid, input_gap, input_jump, \
      input_invalid, unknown_body, nothing_to_redo, state_invalid, recording, elsewhere; of a component \
      elsewhere also busy, unknown_state, too_many_states, and others of the control plane."
 );
@@ -58,6 +61,27 @@ pub fn refused(py: Python<'_>, code: &str, what: impl Display) -> PyErr {
     error::<Refused>(py, code, what)
 }
 
+/// The same in its parts.
+pub fn fault(py: Python<'_>, fault: &Fault) -> PyErr {
+    let error = refused(py, &fault.code.to_string(), fault);
+    let Some(finding) = &fault.finding else { return error };
+    let value = error.value(py);
+    let set = value
+        .setattr("place", &finding.place)
+        .and_then(|()| value.setattr("expected", &finding.expected))
+        .and_then(|()| value.setattr("found", &finding.found))
+        .and_then(|()| value.setattr("nearest_ns", finding.nearest_ns.map(|[a, b]| (a, b))));
+    match set {
+        Ok(()) => error,
+        Err(other) => other,
+    }
+}
+
+/// What a component of this process refuses.
+pub fn refusal(py: Python<'_>, refusal: Refusal) -> PyErr {
+    fault(py, &refusal.into())
+}
+
 /// What only a simulation, or a state, of this process has.
 pub fn elsewhere(py: Python<'_>, what: &str) -> PyErr {
     let text =
@@ -78,6 +102,9 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     // The attributes that stubs promise, also where nobody has set them.
     py.get_type::<Error>().setattr("code", "failed")?;
     py.get_type::<CaseError>().setattr("diagnostics", pyo3::types::PyTuple::empty(py))?;
+    for part in ["place", "expected", "found", "nearest_ns"] {
+        py.get_type::<Refused>().setattr(part, py.None())?;
+    }
     module.add("Error", py.get_type::<Error>())?;
     module.add("CaseError", py.get_type::<CaseError>())?;
     module.add("Refused", py.get_type::<Refused>())?;

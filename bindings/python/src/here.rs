@@ -4,11 +4,11 @@ use crate::case::Case;
 use crate::compute::{Crew, compute};
 use crate::errors::{self, Lost};
 use crate::machine::Machine;
-use crate::outcome::{Outcome, Series};
+use crate::outcome::{Outcome, Series, Trouble};
 use crate::recorder::Recorder;
 use crate::simulation::Asked;
 use crate::state::Snapshot;
-use ballast::component::{self, Component, Limits, Refusal, Status, Stop, Window, ZoneOutcome};
+use ballast::component::{self, Component, Limits, Status, Stop, Window, ZoneOutcome};
 use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
@@ -48,7 +48,7 @@ impl Here {
     pub fn new(py: Python<'_>, start: &Snapshot, limits: Limits, crew: Crew) -> PyResult<Self> {
         let Snapshot { model, state, case, machine } = start;
         let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
-            .map_err(|e| errors::refused(py, e.code(), e))?;
+            .map_err(|e| errors::refusal(py, e))?;
         // What is known of squeezes is part of the state: as every other face has it.
         let squeezes = track::squeezes(&case.plan, model)
             .map_err(|e| errors::refused(py, "state_invalid", e))?;
@@ -146,7 +146,7 @@ impl Here {
             (result, begin.elapsed())
         });
         let ((result, took), raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
-        let mut outcome = result.map_err(|e: Refusal| errors::refused(py, e.code(), e))?;
+        let mut outcome = result.map_err(|e| errors::refusal(py, e))?;
         let is_discarded = outcome.status == Status::Discard;
         self.machine = if is_discarded { machine_before.clone() } else { machine };
         self.machine_before = Some(machine_before);
@@ -159,7 +159,8 @@ impl Here {
         if let Some(raised) = raised {
             return Err(raised);
         }
-        let trouble = outcome.trouble.as_ref().map(ToString::to_string);
+        let trouble = outcome.trouble.as_ref();
+        let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
         let series = series.map(|s| Py::new(py, s)).transpose()?;
         Ok(Outcome { inner: outcome, trouble, wall_s: took.as_secs_f64(), names, series })
     }
@@ -192,9 +193,7 @@ impl Here {
             let text = "state: expected one of this case and seed, found one of another model";
             return Err(errors::refused(py, "state_invalid", text));
         }
-        self.component
-            .restore(Arc::clone(&saved.state))
-            .map_err(|e| errors::refused(py, e.code(), e))?;
+        self.component.restore(Arc::clone(&saved.state)).map_err(|e| errors::refusal(py, e))?;
         self.lost = None;
         (self.machine, self.machine_before) = (saved.machine.clone(), None);
         Ok(())

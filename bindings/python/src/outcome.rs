@@ -10,12 +10,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 
+/// What ended a window, for programs and for people.
+pub struct Trouble {
+    pub code: String,
+    pub text: String,
+}
+
 /// The result of a window.
 #[pyclass(frozen, module = "ballast")]
 pub struct Outcome {
     pub inner: component::Outcome,
     /// What ended the window, where something did.
-    pub trouble: Option<String>,
+    pub trouble: Option<Trouble>,
     /// How long the window took, s: to compute, or elsewhere until it was answered.
     pub wall_s: f64,
     /// Of the driven bodies `[nd]`.
@@ -31,8 +37,13 @@ impl Outcome {
     }
 
     #[getter]
-    fn trouble(&self) -> Option<String> {
-        self.trouble.clone()
+    fn trouble(&self) -> Option<&str> {
+        self.trouble.as_ref().map(|trouble| &trouble.text[..])
+    }
+
+    #[getter]
+    fn code(&self) -> Option<&str> {
+        self.trouble.as_ref().map(|trouble| &trouble.code[..])
     }
 
     #[getter]

@@ -5,7 +5,7 @@
 
 use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Error, Lost, Unreachable};
-use crate::outcome::{Outcome, Series};
+use crate::outcome::{Outcome, Series, Trouble};
 use crate::simulation::Asked;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
@@ -143,7 +143,8 @@ impl There {
         if !asked.zones {
             inner.zones.clear();
         }
-        let trouble = (!reply.message.is_empty()).then(|| reply.message.clone());
+        let trouble = (!reply.message.is_empty())
+            .then(|| Trouble { code: reply.code.clone(), text: reply.message.clone() });
         let names = Arc::clone(&self.names);
         let series = asked.series.then(|| Py::new(py, Series::told(&names, &reply.series)));
         Ok(Outcome { inner, trouble, wall_s, names, series: series.transpose()? })
@@ -271,7 +272,7 @@ fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
     let code = error.code();
     match error.fault() {
         Some(fault) if code == "in_error" => errors::error::<Lost>(py, "lost", fault),
-        Some(fault) => errors::refused(py, &code, fault),
+        Some(fault) => errors::fault(py, fault),
         None => errors::error::<Unreachable>(py, &code, error),
     }
 }

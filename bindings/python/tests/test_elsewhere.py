@@ -79,7 +79,7 @@ def told(sim: ballast.Simulation, out: ballast.Outcome) -> object:
     solver = [getattr(out.solver, n) for n in dir(out.solver) if not n.startswith("_")]
     energy = [getattr(out.energy, n) for n in dir(out.energy) if not n.startswith("_")]
     bodies = {name: numbers(body) for name, body in {**out.bodies, **out.squeezes}.items()}
-    ends = (out.status, out.trouble, out.t0_ns, out.t1_ns, out.steps, out.hint_max_step_ns)
+    ends = (out.status, out.code, out.trouble, out.t0_ns, out.t1_ns, out.steps, out.hint_max_step_ns)
     return ends, bodies, solver, energy, sim.save().hash
 
 
@@ -141,6 +141,9 @@ def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: 
             with pytest.raises(ballast.Refused, match="state: expected") as refused:
                 to.restore(state)
             assert refused.value.code == "state_invalid"
+        with pytest.raises(ballast.Refused) as refused:
+            there.advance_to(there.step_ns + 1)
+        assert refused.value.nearest_ns == (there.step_ns, 2 * there.step_ns)
         with pytest.raises(ballast.Refused, match="python") as refused:
             served.open()
         assert refused.value.code == "busy"

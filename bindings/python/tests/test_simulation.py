@@ -228,6 +228,18 @@ def test_requests_without_sense_are_refused(sim: ballast.Simulation, code: str, 
     assert sim.save().hash == before and sim.now_ns == 0
 
 
+def test_refusals_tell_their_parts(sim: ballast.Simulation) -> None:
+    with pytest.raises(ballast.Refused) as refused:
+        sim.advance_to(sim.step_ns + 1)
+    assert (refused.value.place, refused.value.found) == ("t1_ns", f"{sim.step_ns + 1} ns")
+    assert refused.value.nearest_ns == (sim.step_ns, 2 * sim.step_ns)
+    tine = sim.tines[0].name
+    with pytest.raises(ballast.Refused) as refused:
+        advance_with(sim, tine, [0, sim.step_ns - 1])
+    assert refused.value.place == tine and refused.value.nearest_ns is None
+    assert f"{refused.value.expected}, found {refused.value.found}" in str(refused.value)
+
+
 def advance_with(
     sim: ballast.Simulation, body: str, times: list[int], off: float = 0.0
 ) -> ballast.Outcome:
@@ -275,7 +287,7 @@ def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:
     options = {"beds": beds, "threads": 1, "progress": False, "max_penetration": 1e-12}
     with ballast.open(case, **options) as sim:
         out = advance(sim)
-        assert out.status == "discard" and "penetration" in (out.trouble or "")
+        assert (out.status, out.code) == ("discard", "penetration") and "expected" in (out.trouble or "")
         assert sim.now_ns == 0
 
 

@@ -56,6 +56,11 @@ pub fn recorded(
         None => {
             // Whoever ran it was warned.
             let name = format!("{}, its case", windows.path().display());
+            if meta.case_text.len() as u64 > LIMIT {
+                let size = meta.case_text.len();
+                let text = format!("{name}: expected at most {LIMIT} bytes, found {size}");
+                return Err(Failure::InvalidCase(text));
+            }
             read(meta.case_text.clone(), &name, &choices, |_| {})
         }
     }

@@ -60,6 +60,13 @@ class Refused(Error):
     plane.
     """
 
+    place: str | None
+    """Where the message has parts: a field, or the body whose input it is."""
+    expected: str | None
+    found: str | None
+    nearest_ns: tuple[int, int] | None
+    """For time_grid: the times next to it at which a window may end."""
+
 class Unreachable(Error):
     """A component that another process computes has not answered as it should. The same call may be made again:
     a window counts once, however often it is asked for.
@@ -385,6 +392,10 @@ class Outcome:
     def status(self) -> str:
         """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
         state; "discard": nothing was kept."""
+
+    @property
+    def code(self) -> str | None:
+        """What ended the window, for programs: "over_speed", "penetration", "not_finite"."""
 
     @property
     def trouble(self) -> str | None:
