@@ -221,7 +221,7 @@ impl Component {
     /// The same, with the caller's stopwatch on the phases of the steps.
     ///
     /// # Errors
-    /// As for [`Component::advance_to`].
+    /// As for [`Component::advance_watched`].
     pub fn advance_timed<'a>(
         &mut self,
         t1_ns: u64,
@@ -283,8 +283,8 @@ impl Component {
             model: &model,
             state: &self.state,
             workspace: &self.workspace,
-            // After a step that failed, the contacts are not those of the state.
-            zones: if status == Status::Discard { &[] } else { &self.zones },
+            // After a step that failed, or was taken back, the contacts are not those of the state.
+            zones: if status == Status::Discard || trouble.is_some() { &[] } else { &self.zones },
             recent: &memory.recent,
             squeezes: memory.squeezes.tell(),
             speed_limit: &self.speed_limit,
@@ -301,6 +301,9 @@ impl Component {
     }
 
     /// The same; `watch` as in [`Component::advance_watched`].
+    ///
+    /// # Errors
+    /// As for [`Component::redo`]; [`Refusal::Abandoned`].
     pub fn redo_watched<'a>(
         &mut self,
         inputs: impl Into<Window<'a>>,
@@ -312,7 +315,7 @@ impl Component {
     /// The same, with the caller's stopwatch on the phases of the steps.
     ///
     /// # Errors
-    /// As for [`Component::redo`].
+    /// As for [`Component::redo_watched`].
     pub fn redo_timed<'a>(
         &mut self,
         inputs: impl Into<Window<'a>>,

@@ -112,6 +112,9 @@ impl Here {
 
     pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
         self.check_sound(py)?;
+        if let (None, Some(recorder)) = (asked.t1_ns, &self.recorder) {
+            recorder.check_redo(py, &self.component)?;
+        }
         let Ground { model, names, crew, .. } = self.ground.clone();
         let before = self.component.save();
         let mut series = asked.series.then(|| Series::new(&names));
@@ -150,7 +153,8 @@ impl Here {
         let is_discarded = outcome.status == Status::Discard;
         self.machine = if is_discarded { machine_before.clone() } else { machine };
         self.machine_before = Some(machine_before);
-        if asked.zones && !is_discarded {
+        // After a step that failed, the contacts are not those of the state.
+        if asked.zones && !is_discarded && outcome.trouble.is_none() {
             outcome.zones = self.zones(py)?;
         }
         if let Some(recorder) = &mut self.recorder {

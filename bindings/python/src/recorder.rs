@@ -11,7 +11,11 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// An open recording.
-pub struct Recorder(Redoable);
+pub struct Recorder {
+    windows: Redoable,
+    /// Simulated time at its beginning.
+    begins_ns: u64,
+}
 
 impl Recorder {
     pub fn create(
@@ -34,7 +38,22 @@ impl Recorder {
         };
         let recording = Tape::create(&path, &meta, model, state, start.as_deref())
             .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));
-        Ok(Self(recording.map_err(|e| errors::file(py, e))?))
+        let windows = recording.map_err(|e| errors::file(py, e))?;
+        Ok(Self { windows, begins_ns: state.time_ns })
+    }
+
+    /// Refuses a redo of a window that stands in no file.
+    pub fn check_redo(&self, py: Python<'_>, component: &Component) -> PyResult<()> {
+        match component.last_window() {
+            Some([t0, _]) if t0 < self.begins_ns => {
+                let text = format!(
+                    "redo: expected a window of the recording, which begins at {} ns, found one from {t0} ns",
+                    self.begins_ns
+                );
+                Err(errors::refused(py, "recording", text))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Takes a window that `component` is at the end of.
@@ -49,19 +68,19 @@ impl Recorder {
         let model = component.model();
         if !is_redone {
             // Windows are numbered on from the last one that is written.
-            self.0.settle().map_err(|e| errors::file(py, e))?;
+            self.windows.settle().map_err(|e| errors::file(py, e))?;
         }
         let motions = window.motions.iter().map(Into::into).collect();
-        let mut request = self.0.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
+        let mut request = self.windows.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
         request.loads = window.loads.iter().map(Into::into).collect();
         let hash = ballast_hdf5::state_hash(model, component.state()).into();
         let reply = AdvanceReply::of(&request, model, outcome, hash);
-        self.0
+        self.windows
             .window(component.shared_model(), is_redone, &request, &reply, component.save())
             .map_err(|e| errors::file(py, e))
     }
 
     pub fn finish(self, py: Python<'_>) -> PyResult<()> {
-        self.0.finish().map_err(|e| errors::file(py, e))
+        self.windows.finish().map_err(|e| errors::file(py, e))
     }
 }

@@ -316,6 +316,9 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
 def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path) -> None:
     sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
     sim.record(tmp_path / "later.mcap")
+    with pytest.raises(ballast.Refused, match="begins at") as refused:
+        sim.redo()
+    assert refused.value.code == "recording"
     sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 5))
     final = sim.save().hash
     sim.stop_recording()

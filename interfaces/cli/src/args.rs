@@ -157,9 +157,9 @@ impl From<PhaseName> for TampingPhase {
 
 #[derive(Debug, Args)]
 pub struct Replay {
-    /// Recording (MCAP): one of `run --record`, or any with poses of bodies
+    /// Recording (MCAP): one of ours, or any with poses of bodies
     pub file: PathBuf,
-    /// Case file (TOML) that the bodies belong to; by default the one in the recording, if it is of ours
+    /// Case file (TOML) that the bodies belong to; by default the one in a recording of our windows
     #[arg(long, value_name = "CASE")]
     pub case: Option<PathBuf>,
     /// Topic that moves a body, TOPIC=BODY, or TOPIC:FRAME=BODY for transforms; by default our own windows,
@@ -188,7 +188,7 @@ pub struct Replay {
 
 #[derive(Debug, Args)]
 pub struct Verify {
-    /// Recording of `run --record` (MCAP)
+    /// Recording of ours (MCAP)
     pub file: PathBuf,
     /// Case file (TOML) to compute with; by default the one in the recording
     #[arg(long, value_name = "CASE")]

@@ -4,13 +4,11 @@ use crate::case::Case;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
 use ballast::component;
-use ballast::math::Vec3;
 use ballast::model::Role;
 use ballast::motion::SpeedLimit;
 use ballast::observe::{SqueezeMeter, Zone};
 use ballast::track::{self, TampingPhase};
 use ballast_mcap::{Drive, Meta, Tape, scene};
-use ballast_protocol::Malformed;
 use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
 use std::path::Path;
 use std::sync::Arc;
@@ -47,7 +45,7 @@ impl Taping {
             .tape
             .log(state.time_ns, &format!("{}: {} grains", case.plan.name, model.grains.len()))?;
         if frames {
-            taping.tape.write_all(pictures(engine, true, &[]))?;
+            taping.tape.write_all(scene::pictures(model, state, &[], true))?;
         }
         Ok(taping)
     }
@@ -76,9 +74,10 @@ impl Taping {
             self.tape.log(state.time_ns, &format!("phase: {}", phase.name()))?;
             self.phase = phase;
         }
+        // Polyhedra where a phase begins.
         if self.frames && (zones.is_some() || changed) {
             let forces: Vec<_> = outcome.bodies.iter().map(|b| b.moving_force).collect();
-            self.tape.write_all(pictures(engine, changed, &forces))?;
+            self.tape.write_all(scene::pictures(model, state, &forces, changed))?;
         }
         Ok(())
     }
@@ -87,20 +86,6 @@ impl Taping {
     pub fn finish(self) -> Outcome {
         Ok(self.tape.finish()?)
     }
-}
-
-/// Points at every frame; polyhedra, which are many times larger, where a phase begins.
-fn pictures(
-    engine: &Engine,
-    whole: bool,
-    forces: &[Vec3],
-) -> Result<Vec<ballast_mcap::Entry>, Malformed> {
-    let (model, state) = (engine.model(), engine.state());
-    let mut entries = vec![scene::stones(model, state)?];
-    if whole {
-        entries.push(scene::scene(model, state, forces)?);
-    }
-    Ok(entries)
 }
 
 /// The motions of a step as inputs: of tines and sleepers always, of other bodies where they move.

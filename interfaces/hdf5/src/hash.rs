@@ -13,84 +13,75 @@ pub fn state_hash(model: &Model, state: &State) -> u128 {
 }
 
 pub(crate) fn of_columns(columns: &[Column]) -> u128 {
-    let mut hasher = blake3::Hasher::new();
-    for column in columns {
-        feed(&mut hasher, column);
-    }
+    let mut sink = Sink { hasher: blake3::Hasher::new(), buffer: vec![0; BUFFER] };
+    columns.iter().for_each(|column| sink.feed(column));
+    let Sink { hasher, .. } = sink;
     let mut first = [0; 16];
     first.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
     u128::from_be_bytes(first)
 }
 
-fn feed(hasher: &mut blake3::Hasher, column: &Column) {
-    frame(hasher, column.name.as_bytes());
-    hasher.update(&(column.width as u64).to_le_bytes());
-    match &column.data {
-        Data::F64(values) => words(hasher, 1, values, |v| v.to_le_bytes()),
-        Data::Vectors(rows) => floats(hasher, rows, columns::xyz),
-        Data::Quaternions(rows) => floats(hasher, rows, columns::wxyz),
-        Data::U64(values) => words(hasher, 2, values, |v| v.to_le_bytes()),
-        Data::U32(values) => words(hasher, 3, values, |v| v.to_le_bytes()),
-        Data::U16(values) => words(hasher, 4, values, |v| v.to_le_bytes()),
-        Data::U8(values) => words(hasher, 5, values, |v| [*v]),
-        Data::Text(values) => {
-            head(hasher, 6, values.len());
-            for value in values {
-                frame(hasher, value.as_bytes());
+/// Large enough for all lanes of the hash, small enough for a cache, bytes.
+const BUFFER: usize = 1 << 16;
+
+struct Sink {
+    hasher: blake3::Hasher,
+    buffer: Vec<u8>,
+}
+
+impl Sink {
+    fn feed(&mut self, column: &Column) {
+        self.frame(column.name.as_bytes());
+        self.hasher.update(&(column.width as u64).to_le_bytes());
+        match &column.data {
+            Data::F64(values) => self.words(1, values, |v| v.to_le_bytes()),
+            Data::Vectors(rows) => self.floats(rows, columns::xyz),
+            Data::Quaternions(rows) => self.floats(rows, columns::wxyz),
+            Data::U64(values) => self.words(2, values, |v| v.to_le_bytes()),
+            Data::U32(values) => self.words(3, values, |v| v.to_le_bytes()),
+            Data::U16(values) => self.words(4, values, |v| v.to_le_bytes()),
+            Data::U8(values) => self.words(5, values, |v| [*v]),
+            Data::Text(values) => {
+                self.head(6, values.len());
+                values.iter().for_each(|value| self.frame(value.as_bytes()));
             }
         }
     }
-}
 
-/// What kind of values, and how many.
-fn head(hasher: &mut blake3::Hasher, tag: u8, count: usize) {
-    hasher.update(&[tag]);
-    hasher.update(&(count as u64).to_le_bytes());
-}
+    /// What kind of values, and how many.
+    fn head(&mut self, tag: u8, count: usize) {
+        self.hasher.update(&[tag]);
+        self.hasher.update(&(count as u64).to_le_bytes());
+    }
 
-/// Length first, so that neighbouring texts cannot trade letters.
-fn frame(hasher: &mut blake3::Hasher, bytes: &[u8]) {
-    hasher.update(&(bytes.len() as u64).to_le_bytes());
-    hasher.update(bytes);
-}
+    /// Length first, so that neighbouring texts cannot trade letters.
+    fn frame(&mut self, bytes: &[u8]) {
+        self.hasher.update(&(bytes.len() as u64).to_le_bytes());
+        self.hasher.update(bytes);
+    }
 
-/// Rows of numbers, as the same numbers one after the other.
-fn floats<T, const N: usize>(
-    hasher: &mut blake3::Hasher,
-    rows: &[T],
-    row: impl Fn(&T) -> [f64; N],
-) {
-    head(hasher, 1, N * rows.len());
-    through_buffer(hasher, rows, 8 * N, |item, place| {
-        for (place, value) in place.as_chunks_mut::<8>().0.iter_mut().zip(row(item)) {
-            *place = value.to_le_bytes();
+    /// Rows of numbers, as the same numbers one after the other.
+    fn floats<T, const N: usize>(&mut self, rows: &[T], row: impl Fn(&T) -> [f64; N]) {
+        self.head(1, N * rows.len());
+        self.through_buffer(rows, 8 * N, |item, place| {
+            for (place, value) in place.as_chunks_mut::<8>().0.iter_mut().zip(row(item)) {
+                *place = value.to_le_bytes();
+            }
+        });
+    }
+
+    fn words<T, const N: usize>(&mut self, tag: u8, values: &[T], bytes: impl Fn(&T) -> [u8; N]) {
+        self.head(tag, values.len());
+        self.through_buffer(values, N, |value, place| place.copy_from_slice(&bytes(value)));
+    }
+
+    /// The bytes of items, `size` of each.
+    fn through_buffer<T>(&mut self, items: &[T], size: usize, put: impl Fn(&T, &mut [u8])) {
+        for chunk in items.chunks(BUFFER / size) {
+            for (place, item) in self.buffer.chunks_exact_mut(size).zip(chunk) {
+                put(item, place);
+            }
+            self.hasher.update(&self.buffer[..chunk.len() * size]);
         }
-    });
-}
-
-fn words<T, const N: usize>(
-    hasher: &mut blake3::Hasher,
-    tag: u8,
-    values: &[T],
-    bytes: impl Fn(&T) -> [u8; N],
-) {
-    head(hasher, tag, values.len());
-    through_buffer(hasher, values, N, |value, place| place.copy_from_slice(&bytes(value)));
-}
-
-/// Puts the bytes of items, `size` of each, into a buffer that is large enough for all lanes of the hash and small
-/// enough for a cache.
-fn through_buffer<T>(
-    hasher: &mut blake3::Hasher,
-    items: &[T],
-    size: usize,
-    put: impl Fn(&T, &mut [u8]),
-) {
-    let mut buffer = [0; 1 << 16];
-    for chunk in items.chunks(buffer.len() / size) {
-        for (place, item) in buffer.chunks_exact_mut(size).zip(chunk) {
-            put(item, place);
-        }
-        hasher.update(&buffer[..chunk.len() * size]);
     }
 }

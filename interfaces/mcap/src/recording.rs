@@ -50,7 +50,7 @@ impl Windows {
         let mut messages = Messages::open(path)?;
         messages.read_to_first()?;
         let Some(entries) = messages.metadata(meta::NAME) else {
-            let expected = "a recording of `ballast run --record`";
+            let expected = "a recording of windows of ours";
             return Err(Error::unsuitable(path, "metadata", expected, "none"));
         };
         let meta = Meta::from_entries(path, entries)?;

@@ -9,6 +9,9 @@ use ballast::state::State;
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use std::sync::Arc;
 
+/// Polyhedra, which are many times larger, stand beside every so many pictures of points.
+const POINTS_PER_SCENE: u64 = 10;
+
 /// A recording whose last window waits until nothing changes it any more.
 ///
 /// Contract: what stands in it is what is computed from its beginning on: windows as they were in the end. A
@@ -23,9 +26,6 @@ pub struct Redoable {
     /// Of points, so far.
     pictures: u64,
 }
-
-/// Polyhedra, which are many times larger, stand beside every so many pictures of points.
-const POINTS_PER_SCENE: u64 = 10;
 
 /// A window: what was asked and answered, the model that it was computed with, the state that it has led to.
 struct Last {
@@ -50,13 +50,9 @@ impl Redoable {
     }
 
     fn picture(&mut self, model: &Model, state: &State, forces: &[Vec3]) -> Result<()> {
-        self.tape.write_all(scene::stones(model, state).map(|stones| vec![stones]))?;
-        if self.pictures.is_multiple_of(POINTS_PER_SCENE) {
-            let scene = scene::scene(model, state, forces);
-            self.tape.write_all(scene.map(|scene| vec![scene]))?;
-        }
+        let whole = self.pictures.is_multiple_of(POINTS_PER_SCENE);
         self.pictures += 1;
-        Ok(())
+        self.tape.write_all(scene::pictures(model, state, forces, whole))
     }
 
     pub fn tape(&mut self) -> &mut Tape {

@@ -21,3 +21,20 @@ pub fn stones(model: &Model, state: &State) -> Result<Entry, Malformed> {
 pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> Result<Entry, Malformed> {
     Entry::of("/scene", state.time_ns, &pictures::scene(model, state, forces))
 }
+
+/// The points, and where it is to be `whole` the polyhedra, which are many times larger.
+///
+/// # Errors
+/// None for a state of any sensible size.
+pub fn pictures(
+    model: &Model,
+    state: &State,
+    forces: &[Vec3],
+    whole: bool,
+) -> Result<Vec<Entry>, Malformed> {
+    let mut entries = vec![stones(model, state)?];
+    if whole {
+        entries.push(scene(model, state, forces)?);
+    }
+    Ok(entries)
+}

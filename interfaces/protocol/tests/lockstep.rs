@@ -326,6 +326,16 @@ fn a_refusal_has_its_code_and_says_where_what_was_expected_and_found() {
         assert!(text.contains("\"place\"") && !text.contains("finding"), "{text}");
         assert_eq!(serde_json::from_str::<Fault>(&text).unwrap(), fault);
     }
+    let (mut lockstep, ticket) = lockstep();
+    let deepest = SetParameters { penetration: Some(-1.0), ..SetParameters::default() };
+    let fault = lockstep.set_parameters(&deepest, &ticket).unwrap_err();
+    assert_eq!(fault.code, Code::ParameterInvalid, "{fault}");
+    assert!(fault.finding.is_some_and(|f| f.place.contains("penetration") && f.found == "-1"));
+    // What was refused is not the last window that was computed.
+    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    ask(&mut lockstep, Kind::Advance, &AdvanceRequest { t1_ns: 11 * MS + 1, ..window(2) }, &ticket)
+        .unwrap_err();
+    assert_eq!(lockstep.status(0).last_window.map(|cost| (cost.seq, cost.steps)), Some((1, 5)));
     // One without parts comes through, too.
     let plain = Fault::new(Code::Busy, "someone drives");
     let text = serde_json::to_string(&plain).unwrap();

@@ -395,7 +395,8 @@ class Outcome:
 
     @property
     def code(self) -> str | None:
-        """What ended the window, for programs: "over_speed", "penetration", "not_finite"."""
+        """What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed"; of
+        a component elsewhere also "deadline"."""
 
     @property
     def trouble(self) -> str | None:

@@ -1,4 +1,4 @@
-//! `ballast replay FILE --case CASE`: the case's bed, moved by a recording.
+//! `ballast replay FILE`: the case's bed, moved by a recording.
 
 use crate::args::{Replay, TimeName};
 use crate::case::{self, Choices};
@@ -35,7 +35,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         (Some(windows), given) => case::recorded(windows, given.as_deref(), choices, console)?,
         (None, Some(given)) => case::load(given, &choices, console)?,
         (None, None) => {
-            let text = "--case: expected the case whose bodies are to be moved; poses do not tell";
+            let text = "--case: expected the case whose bodies the poses move, found none";
             return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
         }
     };

@@ -68,11 +68,8 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     };
     let (run_id, seq) = (note(RUN_ID)?, note(SEQ)?);
     let seq = seq.parse().map_err(|_| Failure::at(path, format!("{SEQ}: found {seq:?}")))?;
-    let penetration = notes.get(PENETRATION).map(|text| text.parse());
-    let penetration = penetration
-        .transpose()
-        .map_err(|e| Failure::at(path, format!("{PENETRATION}: {e}")))?
-        .unwrap_or(f64::INFINITY);
+    let penetration = note(PENETRATION)?.parse();
+    let penetration = penetration.map_err(|e| Failure::at(path, format!("{PENETRATION}: {e}")))?;
     if !Parameters::alone_differ(lockstep.component().model(), &kept.model) {
         let what = "it is of another case, bed or solver; start over with --force";
         return Err(Failure::at(path, what));

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Tells the wall time, ns.
-pub type Clock<'a> = &'a (dyn Fn() -> u64 + Sync);
+pub type WallClock<'a> = &'a (dyn Fn() -> u64 + Sync);
 
 /// Wall time of a window.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -22,7 +22,7 @@ pub struct Cost {
 
 /// A clock on a window.
 pub(super) struct Laps<'a> {
-    clock: Clock<'a>,
+    clock: WallClock<'a>,
     begin: u64,
     mark: u64,
     steps: u64,
@@ -30,20 +30,21 @@ pub(super) struct Laps<'a> {
 }
 
 impl<'a> Laps<'a> {
-    pub fn begin(clock: Clock<'a>) -> Self {
+    pub fn begin(clock: WallClock<'a>) -> Self {
         let now = clock();
         Self { clock, begin: now, mark: now, steps: 0, phases: Default::default() }
     }
 
-    pub fn end(self, seq: u64) -> Cost {
+    /// The cost of the window, if it has steps.
+    pub fn end(self, seq: u64) -> Option<Cost> {
         let ms = |ns: u64| ns as f64 * 1e-6;
         let phases = Phase::ALL.iter().zip(self.phases);
-        Cost {
+        (self.steps > 0).then(|| Cost {
             seq,
             steps: self.steps,
             wall_ms: ms((self.clock)().saturating_sub(self.begin)),
             phases_ms: phases.map(|(phase, ns)| (phase.name().into(), ms(ns))).collect(),
-        }
+        })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::Malformed;
 use ballast::component::Refusal;
+use ballast::error::Error;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -163,8 +164,21 @@ impl From<Refusal> for Fault {
                 found,
                 nearest_ns: None,
             }),
-            Refusal::NothingToRedo | Refusal::Abandoned | Refusal::Core(_) => None,
+            Refusal::Core(error) => Some(parts(error)),
+            Refusal::NothingToRedo | Refusal::Abandoned => None,
         };
         Self { finding: finding.map(Box::new), ..Self::new(code, message) }
     }
+}
+
+/// The parts of what the core says.
+fn parts(error: Error) -> Finding {
+    let (place, expected, found) = match error {
+        Error::Geometry { expected, found } => ("polyhedron".into(), expected.into(), found),
+        Error::Model { place, expected, found }
+        | Error::State { place, expected, found }
+        | Error::Input { place, expected, found }
+        | Error::Step { place, expected, found, .. } => (place, expected, found),
+    };
+    Finding { place, expected, found, nearest_ns: None }
 }

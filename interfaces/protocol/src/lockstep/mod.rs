@@ -21,7 +21,7 @@ mod window;
 pub use control::{
     Activity, Attach, Attached, Init, Named, Place, Progress, SetParameters, StatusReport,
 };
-pub use cost::{Clock, Cost};
+pub use cost::{Cost, WallClock};
 pub use fault::{Code, Fault, Finding};
 pub use owner::Ownership;
 pub use state::Kept;

@@ -80,7 +80,7 @@ impl Lockstep {
         };
         let changes = parameters != now;
         let set = self.component.set_parameters(&parameters.into());
-        set.map_err(|e| Fault::new(Code::ParameterInvalid, format!("param: {e}")))?;
+        set.map_err(|e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) })?;
         self.is_outdated |= changes;
         // They are part of what decides how the run continues.
         self.hash_again();

@@ -1,6 +1,6 @@
 //! One window: in its turn, computed, answered, and its answer kept.
 
-use super::cost::{Clock, Laps};
+use super::cost::{Laps, WallClock};
 use super::{Code, Fault, Lockstep, Progress};
 use crate::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, ns,
@@ -45,7 +45,7 @@ impl Lockstep {
         kind: Kind,
         request: &AdvanceRequest,
         ticket: &str,
-        clock: Clock,
+        clock: WallClock,
         watch: Watch,
     ) -> Result<AdvanceReply, Fault> {
         self.check_owner(ticket)?;
@@ -79,7 +79,8 @@ impl Lockstep {
         let mut series = request.series.then(|| StepSeries::begin(self.component.model()));
         let mut laps = Laps::begin(clock);
         let result = self.compute(kind, request, clock, watch, &mut series, &mut laps);
-        self.cost = Some(laps.end(request.seq));
+        // What was refused has cost nothing.
+        self.cost = laps.end(request.seq).or(self.cost.take());
         self.idle_since_ms = clock() / NS_PER_MS;
         let reply = match result {
             Ok(outcome) => {
@@ -114,7 +115,7 @@ impl Lockstep {
         &mut self,
         kind: Kind,
         request: &AdvanceRequest,
-        clock: Clock,
+        clock: WallClock,
         watch: Watch,
         series: &mut Option<StepSeries>,
         laps: &mut Laps,
@@ -136,7 +137,8 @@ impl Lockstep {
             progress.residual_qm16 = report.residuals.qm16();
             progress.elapsed_ms = clock().saturating_sub(begin) / NS_PER_MS;
             progress.left_ms =
-                progress.elapsed_ms * steps.saturating_sub(progress.step) / progress.step;
+                progress.elapsed_ms.saturating_mul(steps.saturating_sub(progress.step))
+                    / progress.step;
             match (watch(&progress), request.deadline_policy) {
                 (Pace::Abandon, _) => ControlFlow::Break(Stop::Abandon),
                 (Pace::TimeIsUp, DeadlinePolicy::Discard) => ControlFlow::Break(Stop::Discard),

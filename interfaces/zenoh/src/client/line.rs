@@ -152,16 +152,27 @@ impl Line {
     /// What the component told last under every key, for those who came late: key, encoding, bytes.
     ///
     /// # Errors
-    /// The session breaks down.
+    /// The session breaks down; more is asked than the component answers.
     pub fn last_told(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
         let get = self.session.get(self.keys.out_any()).timeout(self.patience.control);
         let replies = get.wait().map_err(|e| Error::link("zenoh", e))?;
-        let samples = replies.into_iter().filter_map(|reply| reply.into_result().ok());
-        let told = samples.map(|s| {
-            let bytes = s.payload().to_bytes().into_owned();
-            (s.key_expr().to_string(), s.encoding().to_string(), bytes)
-        });
-        Ok(told.collect())
+        let mut told = Vec::new();
+        for reply in replies {
+            match reply.into_result() {
+                Ok(s) => {
+                    let bytes = s.payload().to_bytes().into_owned();
+                    told.push((s.key_expr().to_string(), s.encoding().to_string(), bytes));
+                }
+                // What is no refusal of ours comes from Zenoh itself: nobody is there.
+                Err(error) => {
+                    if let Ok(fault) = serde_json::from_slice::<Fault>(&error.payload().to_bytes())
+                    {
+                        return Err(fault.into());
+                    }
+                }
+            }
+        }
+        Ok(told)
     }
 
     /// What the component says of itself.
