@@ -34,5 +34,9 @@ with ballast.open(sys.argv[1] if len(sys.argv) > 1 else "examples/first.toml") a
             x, v = zip(*(position(tine, t * 1e-9) for t in times))
             tools[tine.name] = ballast.Motion(times.tolist(), x, velocities=v)
         out = sim.advance_to(t1, tools)
+        if out.status not in ("ok", "warn"):
+            # The same window again would end in the same way.
+            print(f"{out.t1_ns * 1e-9:.3f} s  {out.status}  {out.code}: {out.trouble}")
+            break
         forces = ", ".join(f"{np.linalg.norm(out[name].moving_force):6.0f} N" for name in tools)
         print(f"{t1 * 1e-9:.3f} s  {out.status}  {forces}")

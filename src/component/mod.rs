@@ -83,14 +83,6 @@ impl Default for Limits {
     }
 }
 
-impl Limits {
-    /// The usual ones, and half the smallest grain of `model` as the deepest penetration: deeper, a grain is about to
-    /// come out on the other side, and what is computed then is no ballast.
-    pub fn of(model: &Model) -> Self {
-        Self { penetration: SpeedLimit::of(model).way, ..Self::default() }
-    }
-}
-
 /// How a window is ended by who watches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stop {

@@ -263,18 +263,18 @@ pub fn begin(
         machine,
     };
     let crew = Crew::new(py, threads)?;
-    let limits = limits(&start.model, max_penetration, keep_early);
+    let limits = limits(max_penetration, keep_early);
     Simulation::here(py, &start, limits, crew)
 }
 
-pub fn limits(model: &Model, max_penetration: Option<f64>, keep_early: bool) -> Limits {
+pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {
     let on_trouble = if keep_early {
         ballast::component::OnTrouble::Early
     } else {
         ballast::component::OnTrouble::Discard
     };
-    let usual = Limits::of(model);
-    Limits { penetration: max_penetration.unwrap_or(usual.penetration), on_trouble, ..usual }
+    let penetration = max_penetration.unwrap_or(f64::INFINITY);
+    Limits { penetration, on_trouble, ..Limits::default() }
 }
 
 /// A dictionary as a table of TOML.

@@ -32,12 +32,7 @@ fn resume(
 ) -> PyResult<simulation::Simulation> {
     let crew = compute::Crew::new(py, threads)?;
     let start = state.here(py, "resume")?;
-    simulation::Simulation::here(
-        py,
-        start,
-        case::limits(&start.model, max_penetration, keep_early),
-        crew,
-    )
+    simulation::Simulation::here(py, start, case::limits(max_penetration, keep_early), crew)
 }
 
 /// The JSON Schema of case files.

@@ -89,9 +89,9 @@ impl Case {
     }
 
     /// The case as a component at `state`, which follows the squeezes of its tines.
-    pub fn component(&self, model: Arc<Model>, state: State, limits: Limits) -> Outcome<Component> {
+    pub fn component(&self, model: Arc<Model>, state: State) -> Outcome<Component> {
         let squeezes = track::squeezes(&self.plan, &model).map_err(|e| self.invalid(e))?;
-        let component = Component::new(model, state, limits);
+        let component = Component::new(model, state, Limits::default());
         Ok(component.map_err(|e| self.invalid(e))?.with_squeezes(squeezes))
     }
 

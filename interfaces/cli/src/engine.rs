@@ -7,7 +7,7 @@ use crate::case::Case;
 use crate::exit::{Failure, Outcome};
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Limits, Status};
+use ballast::component::{Component, Status};
 use ballast::drive::Inputs;
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -71,7 +71,7 @@ impl Engine {
         playback: Playback,
     ) -> Outcome<Self> {
         let memory = Box::new(Memory::new(&cycle, &state, playback.is_of_the_machine()));
-        let component = case.component(Arc::new(model), state, Limits::default())?;
+        let component = case.component(Arc::new(model), state)?;
         let (component, playback) = (Box::new(component), Box::new(playback));
         let source = Source::Recording { component, playback, memory };
         Ok(Self { cycle, source })

@@ -116,7 +116,7 @@ def open(
         threads: workers of this simulation; by default one per processor.
         beds: folder of prepared beds, found again by content; `ballast run` uses the same.
         progress: show how far a preparation is, or a function that is told.
-        max_penetration: m; a step that goes deeper ends its window. None: half the smallest grain; math.inf: any depth.
+        max_penetration: m; a step that goes deeper ends its window. None: any depth.
         keep_early: what a window that cannot be computed to its end leaves: the state of the last
             sound step (status "early") rather than that of its beginning ("discard").
         connect: "zenoh:" only: endpoints to connect to; by default tcp/127.0.0.1:7447, where `ballast serve` listens.

@@ -7,7 +7,6 @@ use crate::engine::Memory;
 use crate::exit::{Failure, Outcome};
 use crate::progress::{Mark, Progress};
 use crate::{beds, interrupt, recorder, session, start};
-use ballast::component::Limits;
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
 use ballast_mcap::{Drive, Meta};
@@ -24,8 +23,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let cycle = session::cycle(&case, &model, &state)?;
     let (model, state) = start::of(&windows, &case, model, state)?;
     let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
-    // What stands in a recording was let through when it was made.
-    let mut component = case.component(Arc::new(model), state, Limits::default())?;
+    let mut component = case.component(Arc::new(model), state)?;
     let mut progress = Progress::start(console, "verify", 0.0);
     let whole = case.plan.run.duration_ns.max(1) as f64;
     let mut watch = |now_ns: u64| {

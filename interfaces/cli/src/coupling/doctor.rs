@@ -4,7 +4,6 @@ use super::args::Doctor;
 use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use ballast::component::Limits;
 use ballast::math::Vec3;
 use ballast::model::{Grains, Model, Solver, Stepping};
 use ballast_hdf5::checkpoint;
@@ -109,7 +108,7 @@ fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, St
     }
     let (model, state) = crate::beds::scene(&case, beds, console).map_err(|e| e.to_string())?;
     let (grains, bodies) = (model.grains.len(), model.driven.len());
-    case.component(Arc::new(model), state, Limits::default()).map_err(|e| e.to_string())?;
+    case.component(Arc::new(model), state).map_err(|e| e.to_string())?;
     Ok(format!("{}: {grains} grains, {bodies} driven bodies, bed prepared", case.plan.name))
 }
 

@@ -6,7 +6,7 @@ use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::{beds, interrupt, recorder};
-use ballast::component::{Component, Limits};
+use ballast::component::Component;
 use ballast::model::Schedule;
 use ballast_protocol::lockstep::{Code, Fault, Init, Kind, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
@@ -19,8 +19,7 @@ use std::time::{Duration, Instant};
 /// A case as it is served: stepped, and its zones measured.
 pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> {
     let (model, state) = beds::scene(case, beds, console)?;
-    let limits = Limits::of(&model);
-    Ok(case.component(Arc::new(model), state, limits)?.with_zones(recorder::zones(case)))
+    Ok(case.component(Arc::new(model), state)?.with_zones(recorder::zones(case)))
 }
 
 pub struct Keeper {
