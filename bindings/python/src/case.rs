@@ -263,8 +263,7 @@ pub fn begin(
         machine,
     };
     let crew = Crew::new(py, threads)?;
-    let limits = limits(max_penetration, keep_early);
-    Simulation::here(py, &start, limits, crew)
+    Simulation::here(py, &start, limits(max_penetration, keep_early), crew)
 }
 
 pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {

@@ -9,8 +9,10 @@ use ballast::model::Model;
 use ballast::state::State;
 use ballast::track;
 use ballast::track::plan::Plan;
+use ballast_hdf5::checkpoint::{Checkpoint, Kind};
 use ballast_mcap::recording::Windows;
 pub use ballast_scenario::Choices;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -98,6 +100,24 @@ impl Case {
     /// The case cannot be run.
     pub fn invalid(&self, what: impl std::fmt::Display) -> Failure {
         Failure::InvalidCase(format!("{}: {what}", self.plan.name))
+    }
+
+    /// A checkpoint of a run of it, with the caller's notes.
+    pub fn checkpoint(
+        &self,
+        model: &Model,
+        state: &State,
+        extra: BTreeMap<String, String>,
+    ) -> Checkpoint {
+        Checkpoint {
+            model: model.clone(),
+            state: state.clone(),
+            kind: Kind::Run,
+            case_name: self.plan.name.clone(),
+            case_text: self.text.clone(),
+            key: self.bed_key(),
+            extra,
+        }
     }
 
     /// Name, key of the bed and text, for recordings.

@@ -21,7 +21,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
-use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_hdf5::checkpoint::{self, Kind};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -198,15 +198,8 @@ impl Session {
     /// Writes the checkpoint; all records that it relies on are handed over first.
     fn checkpoint(&mut self) -> Outcome {
         self.recorder.flush()?;
-        let kept = Checkpoint {
-            model: self.engine.model().clone(),
-            state: self.engine.state().clone(),
-            kind: Kind::Run,
-            case_name: self.case.plan.name.clone(),
-            case_text: self.case.text.clone(),
-            key: self.case.bed_key(),
-            extra: self.case.choices.notes(),
-        };
+        let (model, state) = (self.engine.model(), self.engine.state());
+        let kept = self.case.checkpoint(model, state, self.case.choices.notes());
         let path = self.files.checkpoint();
         checkpoint::write(&path, &kept)?;
         self.console.event("checkpoint", json!({ "step": self.engine.state().step, "path": path }));

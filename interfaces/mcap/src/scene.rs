@@ -10,7 +10,7 @@ use ballast_protocol::{Malformed, pictures};
 ///
 /// # Errors
 /// None for a state of any sensible size.
-pub fn stones(model: &Model, state: &State) -> Result<Entry, Malformed> {
+fn stones(model: &Model, state: &State) -> Result<Entry, Malformed> {
     Entry::of("/stones", state.time_ns, &pictures::stones(model, state))
 }
 
@@ -18,7 +18,7 @@ pub fn stones(model: &Model, state: &State) -> Result<Entry, Malformed> {
 ///
 /// # Errors
 /// None for a state of any sensible size.
-pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> Result<Entry, Malformed> {
+fn scene(model: &Model, state: &State, forces: &[Vec3]) -> Result<Entry, Malformed> {
     Entry::of("/scene", state.time_ns, &pictures::scene(model, state, forces))
 }
 

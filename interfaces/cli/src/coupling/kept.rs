@@ -3,7 +3,7 @@
 use crate::case::{self, Case, RUN_ID};
 use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
-use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_hdf5::checkpoint::{self, Checkpoint};
 use ballast_protocol::lockstep::{Kept, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, Digest};
 use ballast_protocol::{from_cdr, to_cdr};
@@ -40,15 +40,7 @@ fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
         extra.insert(REQUEST.into(), request.to_string());
         extra.insert(REPLY.into(), bytes.iter().map(|b| format!("{b:02x}")).collect());
     }
-    Ok(Checkpoint {
-        model: component.model().clone(),
-        state: component.state().clone(),
-        kind: Kind::Run,
-        case_name: case.plan.name.clone(),
-        case_text: case.text.clone(),
-        key: case.bed_key(),
-        extra,
-    })
+    Ok(case.checkpoint(component.model(), component.state(), extra))
 }
 
 /// Which run a checkpoint is of, in words; `None` for one that is of no served run.

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::CongestionControl;
+use zenoh::query::ReplyError;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
@@ -163,10 +164,8 @@ impl Line {
                     let bytes = s.payload().to_bytes().into_owned();
                     told.push((s.key_expr().to_string(), s.encoding().to_string(), bytes));
                 }
-                // What is no refusal of ours comes from Zenoh itself: nobody is there.
                 Err(error) => {
-                    if let Ok(fault) = serde_json::from_slice::<Fault>(&error.payload().to_bytes())
-                    {
+                    if let Some(fault) = refusal(&error) {
                         return Err(fault.into());
                     }
                 }
@@ -246,9 +245,8 @@ impl Line {
                     Ok(sample) => {
                         return Ok(Attempt::Answered(sample.payload().to_bytes().into_owned()));
                     }
-                    // What is no refusal of ours comes from Zenoh itself: the time of the attempt is over.
                     Err(error) => {
-                        if let Ok(fault) = serde_json::from_slice(&error.payload().to_bytes()) {
+                        if let Some(fault) = refusal(&error) {
                             return Ok(Attempt::Refused(fault));
                         }
                     }
@@ -285,6 +283,11 @@ impl Line {
         let doing = doing(self.presence.status().as_ref());
         Err(Error::Slow { request, component, waited_s: waited.as_secs_f64(), doing })
     }
+}
+
+/// A refusal of ours; what is none comes from Zenoh itself: nobody is there, or the time of the query is over.
+fn refusal(error: &ReplyError) -> Option<Fault> {
+    serde_json::from_slice(&error.payload().to_bytes()).ok()
 }
 
 fn doing(status: Option<&StatusReport>) -> String {
