@@ -12,7 +12,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
-use ballast_hdf5::results::{Background, Meta, Reader, Writer};
+use ballast_hdf5::results::{self, Background, Meta, Reader, Writer};
 
 /// Table of the steps, see [`record`].
 pub const STEPS: &str = "steps";
@@ -47,6 +47,7 @@ impl Recorder {
     /// Takes the records of a run up after step `last`; later ones are cut off.
     pub fn reopen(files: &RunFiles, case: &Case, model: &Model, last: u64) -> Outcome<Self> {
         let path = files.results();
+        results::restore(&path)?;
         let reader = Reader::open(&path)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
         drop(reader);
@@ -108,9 +109,9 @@ impl Recorder {
         Ok(())
     }
 
-    /// Hands all records to the system.
-    pub fn flush(&mut self) -> Outcome {
-        Ok(self.results.flush()?)
+    /// Makes sure that no kill from here on costs a record.
+    pub fn secure(&mut self) -> Outcome {
+        Ok(self.results.secure()?)
     }
 
     pub fn zones(&self) -> &[Zone] {

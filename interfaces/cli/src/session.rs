@@ -197,7 +197,7 @@ impl Session {
 
     /// Writes the checkpoint; all records that it relies on are handed over first.
     fn checkpoint(&mut self) -> Outcome {
-        self.recorder.flush()?;
+        self.recorder.secure()?;
         let (model, state) = (self.engine.model(), self.engine.state());
         let kept = self.case.checkpoint(model, state, self.case.choices.notes());
         let path = self.files.checkpoint();
@@ -212,7 +212,7 @@ impl Session {
         }
         let (step, all) = (self.engine.state().step, self.case.steps());
         if self.engine.playback().is_some() {
-            self.recorder.flush()?;
+            self.recorder.secure()?;
             let text =
                 format!("stopped after step {step}; a replay starts from the beginning again");
             return Err(Failure::Interrupted(text));
@@ -234,7 +234,7 @@ impl Session {
                 if let Some(lost) = playback.lost() {
                     self.console.warning(&format!("{}: {lost}", playback.path().display()));
                 }
-                self.recorder.flush()?;
+                self.recorder.secure()?;
             }
         }
         if let Some(taping) = self.taping.take() {

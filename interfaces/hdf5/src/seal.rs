@@ -1,6 +1,6 @@
 //! Whole files: written at once or not at all, sealed so that any changed byte is noticed.
 //!
-//! A sealed file is an HDF5 file with a user block of 512 bytes in front: the format's name and
+//! A sealed file has a block of 512 bytes in front of its content, mostly an HDF5 file: the format's name and
 //! version, the number of bytes that follow and their BLAKE3 digest, as text. HDF5 programs skip it.
 //! Contract: the digest is checked before the HDF5 library sees a byte, which it does not survive
 //! unharmed on every damaged file.
@@ -122,6 +122,17 @@ pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
         .in_file(path));
     }
     Ok(size)
+}
+
+/// The content of a sealed file, once the seal is checked.
+pub(crate) fn read(path: &Path, format: &Format) -> Result<Vec<u8>> {
+    check(path, format)?;
+    let mut file = File::open(path).map_err(io(path, "open"))?;
+    let mut content = vec![];
+    let read =
+        file.seek(SeekFrom::Start(BLOCK as u64)).and_then(|_| file.read_to_end(&mut content));
+    read.map_err(io(path, "read"))?;
+    Ok(content)
 }
 
 /// How many bytes a header says that follow it.

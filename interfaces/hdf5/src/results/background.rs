@@ -16,7 +16,7 @@ enum Message {
     Frame(Box<Snapshot>),
     Series(String, Vec<(String, String)>),
     Row(String, u64, Vec<f64>),
-    Flush(SyncSender<()>),
+    Secure(SyncSender<()>),
 }
 
 /// A [`Writer`] on its own thread.
@@ -53,10 +53,10 @@ impl Background {
         self.send(Message::Row(name.into(), step, row.to_vec()))
     }
 
-    /// Returns when all that was handed over is with the operating system.
-    pub fn flush(&mut self) -> Result<()> {
+    /// See [`Writer::secure`]; returns when it is done.
+    pub fn secure(&mut self) -> Result<()> {
         let (done, wait) = sync_channel(1);
-        self.send(Message::Flush(done))?;
+        self.send(Message::Secure(done))?;
         match wait.recv() {
             Ok(()) => Ok(()),
             Err(_) => Err(self.end()),
@@ -108,8 +108,8 @@ fn serve(mut writer: Writer, receiver: Receiver<Message>) -> Result<()> {
                 writer.series(&name, &columns)?;
             }
             Message::Row(name, step, row) => writer.append(&name, step, &row)?,
-            Message::Flush(done) => {
-                writer.flush()?;
+            Message::Secure(done) => {
+                writer.secure()?;
                 // The other side may have given up waiting.
                 let _ = done.send(());
             }

@@ -5,7 +5,8 @@
 //! force). `/frames`: step of each frame, poses. `/series`: tables of numbers over the steps.
 //! `/about`: the case. Reads: model, state, workspace.
 //! Contract: after [`Writer::frame`] everything so far is with the operating system; a run that is
-//! killed leaves a file that is readable up to its last frame, or series' last flush.
+//! killed leaves a file that is readable up to its last frame, or series' last flush, unless it is killed
+//! among the writes of a flush itself; from what was last secured [`Writer::append_to`] goes on after either.
 
 mod background;
 mod block;
@@ -13,11 +14,13 @@ mod growing;
 mod reader;
 mod series;
 mod snapshot;
+mod spare;
 mod surface;
 
 pub use background::Background;
 pub use reader::{Array, BlockFrame, Reader, Table};
 pub use snapshot::Snapshot;
+pub use spare::restore;
 
 use crate::columns;
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
@@ -33,6 +36,7 @@ use hdf5::plist::file_access::{
 };
 use hdf5::{File, Group};
 use series::Buffer;
+use spare::Spare;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use surface::{Extent, Surface};
@@ -64,9 +68,11 @@ pub struct Writer {
     /// Known from the first frame on.
     surfaces: Vec<Surface>,
     series: BTreeMap<String, Buffer>,
+    spare: Spare,
 }
 
-/// Opens for writing so that a kill between two flushes leaves the file of the first one.
+/// Opens for writing so that a kill between two flushes leaves the file of the first one; for kills inside a flush see
+/// [`spare`].
 fn open(path: &Path, new: bool) -> hdf5::Result<File> {
     let mut options = File::with_options();
     options.with_fapl(|p| {
@@ -92,6 +98,7 @@ impl Writer {
         let path = path.as_ref();
         // The library's message for a missing folder does not say so.
         std::fs::File::create(path).map_err(io(path, "create"))?;
+        spare::forget(path)?;
         let file = open(path, true).map_err(hdf5_error(path, "file"))?;
         let writer = Self {
             path: path.into(),
@@ -100,6 +107,7 @@ impl Writer {
             last_step: None,
             surfaces: vec![],
             series: BTreeMap::new(),
+            spare: Spare::default(),
         };
         writer.start(meta).map_err(hdf5_error(path, "start of the file"))?;
         Ok(writer)
@@ -133,6 +141,7 @@ impl Writer {
     /// which a run wrote before it was stopped, are forgotten.
     pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
         let path = path.as_ref();
+        restore(path)?;
         let reader = Reader::open(path)?;
         let about = reader.about("bodies_hash")?;
         let expected = bodies_hash(model);
@@ -153,12 +162,14 @@ impl Writer {
             last_step: kept.checked_sub(1).map(|k| steps[k]),
             surfaces: vec![],
             series: BTreeMap::new(),
+            spare: Spare::default(),
         };
         if let Some(poses) = poses {
             let extent = surface::extent(model, &poses);
             writer.surfaces = surface::all(model, &poses, &extent);
         }
         writer.cut(kept, at_step, &tables).map_err(hdf5_error(path, "earlier frames"))?;
+        writer.spare.keep(path, &writer.file)?;
         Ok(writer)
     }
 
@@ -309,6 +320,14 @@ impl Writer {
         self.flush_all().map_err(hdf5_error(&self.path, "flush"))
     }
 
+    /// Hands over all that was written, and keeps what a run that is killed later needs to come back to here.
+    ///
+    /// Before every checkpoint: what the checkpoint relies on then outlasts any kill, and the machine.
+    pub fn secure(&mut self) -> Result<()> {
+        self.flush()?;
+        self.spare.keep(&self.path, &self.file)
+    }
+
     fn flush_all(&mut self) -> hdf5::Result<()> {
         let group: Group = self.file.group("series")?;
         for (name, table) in &mut self.series {
@@ -323,7 +342,8 @@ impl Writer {
         let Self { path, file, .. } = self;
         file.close().map_err(hdf5_error(&path, "close"))?;
         let file = std::fs::File::open(&path).map_err(io(&path, "open"))?;
-        file.sync_all().map_err(io(&path, "bring to the disk"))
+        file.sync_all().map_err(io(&path, "bring to the disk"))?;
+        spare::forget(&path)
     }
 
     /// The file.

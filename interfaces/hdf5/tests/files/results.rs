@@ -7,14 +7,14 @@ use ballast::state::State;
 use ballast::workspace::Workspace;
 use ballast_hdf5::Error;
 use ballast_hdf5::export::export;
-use ballast_hdf5::results::{Background, Meta, Reader, Writer};
+use ballast_hdf5::results::{Background, BlockFrame, Meta, Reader, Writer};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 const COLUMNS: [(&str, &str); 2] = [("iterations", "1"), ("kinetic energy", "J")];
 
-/// Grains that rise by 1 cm a frame, frames 10 steps apart; `frame` contacts carry a force.
+/// Grains that rise by 1 cm a frame, frames 10 steps apart; `frame % 20` contacts carry a force.
 fn frame(model: &Model, frame: u64) -> (State, Workspace) {
     let mut state = scene::state(model);
     state.step = 10 * frame;
@@ -24,11 +24,12 @@ fn frame(model: &Model, frame: u64) -> (State, Workspace) {
         state.velocity[g] = Vec3::new(3.0, 4.0, 0.0) * g as f64;
     }
     let mut workspace = Workspace::default();
-    for k in 0..frame as u32 + 1 {
+    let carry = frame as u32 % 20;
+    for k in 0..=carry {
         let point = Vec3::new(0.0, 0.0, f64::from(k));
         workspace.contacts.push([k, k + 1], 0, point, Vec3::z(), -1e-4);
         // The last one carries nothing and is left out.
-        let newtons = if u64::from(k) == frame { 0.0 } else { 2.0 };
+        let newtons = if k == carry { 0.0 } else { 2.0 };
         workspace.impulse.push(Vec3::new(0.0, 1.5, newtons) * (newtons * 1e-4));
     }
     (state, workspace)
@@ -161,9 +162,7 @@ fn a_killed_run_leaves_its_frames() {
         let mut writer = Writer::create(path, &model, &meta()).unwrap();
         writer.series("solver", &COLUMNS).unwrap();
         for f in 0.. {
-            // At most 20 contacts: grains are few.
-            let (_, workspace) = frame(&model, f % 20);
-            let (state, _) = frame(&model, f);
+            let (state, workspace) = frame(&model, f);
             writer.append("solver", 10 * f, &[0.0, 0.0]).unwrap();
             writer.frame(&model, &state, &workspace).unwrap();
             println!("written {f}");
@@ -199,6 +198,84 @@ fn a_killed_run_leaves_its_frames() {
     }
 }
 
+/// A flush is many writes: killed among them, a program leaves any part of the file's pages new and the others old.
+#[test]
+fn a_flush_that_was_cut_short_costs_no_frame_of_before_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, whole) = (folder.path().join("results.h5"), folder.path().join("whole.h5"));
+    write_frames(&whole, 0..60).close().unwrap();
+    let whole = all_of(&whole).unwrap();
+    let model = scene::model();
+    let mut writer = write_frames(&path, 0..40);
+    writer.secure().unwrap();
+    let old = std::fs::read(&path).unwrap();
+    add_frames(&mut writer, &model, 40..50);
+    let new = std::fs::read(&path).unwrap();
+    let spare = std::fs::read(folder.path().join("results.h5.spare")).unwrap();
+    std::mem::forget(writer);
+
+    let mut unreadable = 0;
+    for round in 0..24_u64 {
+        let path = folder.path().join(format!("torn{round}.h5"));
+        std::fs::write(&path, torn(&old, &new, round)).unwrap();
+        let as_it_is = all_of(&path);
+        unreadable += u32::from(as_it_is.is_none_or(|found| found[..40] != whole[..40]));
+        std::fs::write(folder.path().join(format!("torn{round}.h5.spare")), &spare).unwrap();
+        let mut writer = Writer::append_to(&path, &model, 395).unwrap();
+        assert_eq!(writer.last_step(), Some(390));
+        writer.series("solver", &COLUMNS).unwrap();
+        add_frames(&mut writer, &model, 40..60);
+        writer.close().unwrap();
+        assert!(all_of(&path).unwrap() == whole, "round {round}");
+        assert!(!folder.path().join(format!("torn{round}.h5.spare")).exists());
+    }
+    assert!(unreadable > 0, "no file was torn where it hurts");
+}
+
+/// The old file with some of its pages, and some of those behind its end, new.
+fn torn(old: &[u8], new: &[u8], seed: u64) -> Vec<u8> {
+    const PAGE: usize = 512;
+    let mut mixed = old.to_vec();
+    for (page, bytes) in new.chunks(PAGE).enumerate() {
+        let chance =
+            (page as u64 + 1).wrapping_mul(2 * seed + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        if chance >> 62 == 0 {
+            continue;
+        }
+        let at = page * PAGE;
+        mixed.resize(mixed.len().max(at + bytes.len()), 0);
+        mixed[at..at + bytes.len()].copy_from_slice(bytes);
+    }
+    mixed
+}
+
+/// Every frame of a file: `None` if it cannot be read.
+fn all_of(path: &Path) -> Option<Vec<(Vec<Pose>, Vec<BlockFrame>)>> {
+    let reader = Reader::open(path).ok()?;
+    let blocks = reader.blocks().ok()?;
+    let frame = |f: usize| -> Option<_> {
+        let blocks = blocks.iter().map(|name| reader.block(name, f).ok()).collect::<Option<_>>()?;
+        Some((reader.poses(f).ok()?, blocks))
+    };
+    (0..reader.steps().len()).map(frame).collect()
+}
+
+#[test]
+fn a_damaged_copy_is_refused_and_nothing_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    let mut writer = write_frames(&path, 0..3);
+    writer.secure().unwrap();
+    std::mem::forget(writer);
+    let spare = folder.path().join("results.h5.spare");
+    let (was, mut kept) = (std::fs::read(&path).unwrap(), std::fs::read(&spare).unwrap());
+    *kept.last_mut().unwrap() ^= 1;
+    std::fs::write(&spare, kept).unwrap();
+    let error = Writer::append_to(&path, &scene::model(), 20).unwrap_err().to_string();
+    assert!(error.contains("results.h5.spare: checksum"), "{error}");
+    assert!(std::fs::read(&path).unwrap() == was);
+}
+
 #[test]
 fn a_thread_writes_the_same_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -215,7 +292,7 @@ fn a_thread_writes_the_same_file() {
         let (state, workspace) = frame(&model, f);
         background.frame(&model, &state, &workspace).unwrap();
     }
-    background.flush().unwrap();
+    background.secure().unwrap();
     background.close().unwrap();
     let (a, b) = (Reader::open(&path).unwrap(), Reader::open(&direct).unwrap());
     assert_eq!(a.steps(), b.steps());
@@ -230,9 +307,9 @@ fn an_error_on_the_thread_reaches_the_caller() {
     let writer = Writer::create(folder.path().join("r.h5"), &model, &meta()).unwrap();
     let mut background = Background::new(writer, 1);
     background.append("nothing", 0, &[1.0]).unwrap();
-    let error = background.flush().unwrap_err();
+    let error = background.secure().unwrap_err();
     assert!(error.to_string().contains("nothing"), "{error}");
-    assert!(matches!(background.flush(), Err(Error::WriterGone { .. })));
+    assert!(matches!(background.secure(), Err(Error::WriterGone { .. })));
 }
 
 /// A child whose files may not grow meets a full disk in the middle of its frames.
