@@ -145,6 +145,53 @@ impl World {
         Ok(())
     }
 
+    /// Brings grains that hang together until they take the share `fraction` of the column over `area` (m²), as they
+    /// float in a fluidised bed: without weight, carried down each in proportion to its height.
+    pub fn suspend(&mut self, area: f64, fraction: f64) -> ballast::Result<()> {
+        // Slow enough (1/s) that neighbours touch gently, and how fast grains take on the stream and lose their spin.
+        let (rate, takes_on, spins_on) = (1.0, 0.2, 0.95);
+        let n = self.model.grains.len();
+        let aim = self.weight() / (GRAVITY * DENSITY * area * fraction);
+        let gravity = std::mem::replace(&mut self.model.gravity, Vec3::zeros());
+        // A column a thousand times too high would have come together by then.
+        let most = (7.0 / (rate * self.model.stepping.h())) as usize;
+        for _ in 0..most {
+            if 2.0 * self.height() < aim {
+                break;
+            }
+            self.step()?;
+            let State { position, velocity, spin, .. } = &mut self.state;
+            for ((p, v), w) in position[..n].iter().zip(velocity).zip(spin) {
+                *v += (Vec3::z() * (-rate * p.z) - *v) * takes_on;
+                *w *= spins_on;
+            }
+        }
+        self.model.gravity = gravity;
+        self.state.velocity[..n].fill(Vec3::zeros());
+        Ok(())
+    }
+
+    /// Lets grains sink no faster than `speed` (m/s) through a liquid whose drag stays, until none of them has moved
+    /// for 50 steps, at most 3 s after the uppermost has had the time to come down.
+    pub fn sink(&mut self, speed: f64) -> ballast::Result<()> {
+        let h = self.model.stepping.h();
+        let keep = 1.0 / (1.0 + GRAVITY * h / speed);
+        let n = self.model.grains.len();
+        let height = self.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max);
+        let mut quiet = 0;
+        for _ in 0..((height / speed + 3.0) / h) as usize {
+            self.step()?;
+            self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
+            self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+            let fastest = self.state.velocity[..n].iter().map(|v| v.norm()).fold(0.0, f64::max);
+            quiet = if fastest < 0.04 * speed { quiet + 1 } else { 0 };
+            if quiet == 50 {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     pub fn mean_speed(&self) -> f64 {
         let n = self.model.grains.len();
         self.state.velocity[..n].iter().map(|v| v.norm()).sum::<f64>() / n.max(1) as f64
