@@ -48,8 +48,8 @@ pub fn column(size: &Size) -> ballast::Result<Check> {
     let mut check = Check::new(
         "column of boxes",
         format!(
-            "{counts:?} boxes without friction, one step from nothing, sequential sweeps, until the floor lacks 1 % of \
-             the weight."
+            "{counts:?} boxes without friction, one step from nothing, sequential sweeps that are never relaxed, until \
+             the floor lacks 1 % of the weight."
         ),
         "The weight diffuses through the sweeps: their number grows with the square of the height",
     );
