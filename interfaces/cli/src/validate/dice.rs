@@ -74,10 +74,10 @@ pub fn dice(size: &Size) -> ballast::Result<Check> {
         check.findings.push(Finding::told(name, mean(found, |p| p.whole), "less"));
     }
     if !size.quick {
-        for (k, (name, _)) in SOLIDS.iter().enumerate() {
+        for (k, (name, expected)) in SOLIDS.iter().enumerate() {
             let blunt = packing(&blunted(&solid(k)?, CUT)?, &sample, k as u64)?.middle;
             let name = format!("{name}, {CUT} of each edge cut off at its corners");
-            check.findings.push(Finding::told(name, blunt, "no other than sharp"));
+            check.findings.push(Finding::told(name, blunt, format!("{expected}")));
         }
         let spread = all.iter().map(|found| spread(found)).fold(0.0, f64::max);
         check.findings.push(Finding::told("largest less smallest of the seeds", spread, "scatter"));
