@@ -38,15 +38,8 @@ impl Case {
         mut notes: BTreeMap<String, String>,
     ) -> Checkpoint {
         notes.extend(self.choices.notes());
-        Checkpoint {
-            model: model.clone(),
-            state: state.clone(),
-            kind: Kind::Run,
-            case_name: self.plan.name.clone(),
-            case_text: self.text.clone(),
-            key: ballast_scenario::content_key(&self.plan),
-            extra: notes,
-        }
+        let scene = (model.clone(), state.clone());
+        ballast_beds::checkpoint(&self.plan, &self.text, Kind::Run, scene, notes)
     }
 
     /// The case of a checkpoint, with what its notes changed.

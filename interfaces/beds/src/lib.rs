@@ -81,17 +81,28 @@ impl Beds {
         create(&self.folder)?;
         let failed = |source| Error::Preparation { case: plan.name.clone(), source };
         let Some(bed) = track::deposit(plan, watch).map_err(failed)? else { return Ok(None) };
-        let kept = Checkpoint {
-            model: bed.model,
-            state: bed.state,
-            kind: Kind::Bed,
-            case_name: plan.name.clone(),
-            case_text: text.to_owned(),
-            key: ballast_scenario::content_key(plan),
-            extra: BTreeMap::new(),
-        };
+        let kept = checkpoint(plan, text, Kind::Bed, (bed.model, bed.state), BTreeMap::new());
         checkpoint::write(self.path(plan), &kept).map_err(Error::Keeping)?;
         Ok(Some(Bed { model: kept.model, state: kept.state }))
+    }
+}
+
+/// A checkpoint that says which plan it is of; `text` is that of its case file, `extra` the caller's notes.
+pub fn checkpoint(
+    plan: &Plan,
+    text: &str,
+    kind: Kind,
+    (model, state): (Model, State),
+    extra: BTreeMap<String, String>,
+) -> Checkpoint {
+    Checkpoint {
+        model,
+        state,
+        kind,
+        case_name: plan.name.clone(),
+        case_text: text.to_owned(),
+        key: ballast_scenario::content_key(plan),
+        extra,
     }
 }
 

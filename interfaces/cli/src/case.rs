@@ -109,15 +109,8 @@ impl Case {
         state: &State,
         extra: BTreeMap<String, String>,
     ) -> Checkpoint {
-        Checkpoint {
-            model: model.clone(),
-            state: state.clone(),
-            kind: Kind::Run,
-            case_name: self.plan.name.clone(),
-            case_text: self.text.clone(),
-            key: self.bed_key(),
-            extra,
-        }
+        let scene = (model.clone(), state.clone());
+        ballast_beds::checkpoint(&self.plan, &self.text, Kind::Run, scene, extra)
     }
 
     /// Name, key of the bed and text, for recordings.

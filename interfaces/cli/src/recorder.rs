@@ -12,7 +12,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
-use ballast_hdf5::results::{self, Background, Meta, Reader, Writer};
+use ballast_hdf5::results::{Background, Meta, Reader, Writer};
 
 /// Table of the steps, see [`record`].
 pub const STEPS: &str = "steps";
@@ -47,11 +47,12 @@ impl Recorder {
     /// Takes the records of a run up after step `last`; later ones are cut off.
     pub fn reopen(files: &RunFiles, case: &Case, model: &Model, last: u64) -> Outcome<Self> {
         let path = files.results();
-        results::restore(&path)?;
+        // First: the file may have to be put right before anything reads it.
+        let writer = Writer::append_to(&path, model, last)?;
         let reader = Reader::open(&path)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
         drop(reader);
-        let mut recorder = Self::open(Writer::append_to(&path, model, last)?, case, model)?;
+        let mut recorder = Self::open(writer, case, model)?;
         let kept = recorder.summary.take_tables(&steps, &zones, last);
         if kept != last {
             let what = format!("expected a row for each of {last} steps, found {kept}");

@@ -148,7 +148,12 @@ fn solid(number: usize) -> ballast::Result<Polyhedron> {
         }
         _ => points = rectangles(1.0, golden),
     }
-    let (rough, _) = convex_hull(&points)?;
+    die(&points)
+}
+
+/// The hull of points, of nominal diameter [`D`].
+fn die(points: &[Vec3]) -> ballast::Result<Polyhedron> {
+    let (rough, _) = convex_hull(points)?;
     let scale = D / rough.nominal_diameter();
     let points: Vec<Vec3> = points.iter().map(|p| p * scale).collect();
     Ok(convex_hull(&points)?.0)
@@ -166,10 +171,7 @@ fn blunted(sharp: &Polyhedron, cut: f64) -> ballast::Result<Polyhedron> {
     };
     let points: Vec<Vec3> =
         corners.iter().flat_map(|p| corners.iter().filter_map(move |q| towards(p, q))).collect();
-    let (rough, _) = convex_hull(&points)?;
-    let scale = D / rough.nominal_diameter();
-    let points: Vec<Vec3> = points.iter().map(|p| p * scale).collect();
-    Ok(convex_hull(&points)?.0)
+    die(&points)
 }
 
 /// Packings of one solid, by seed.
@@ -189,7 +191,7 @@ fn packing(die: &Polyhedron, sample: &Sample, seed: u64) -> ballast::Result<Pack
     world.container([edge; 2], FRICTION, FRICTION);
     world.suspend(edge * edge, FLUIDISED)?;
     world.sink(SINKING * (GRAVITY * D).sqrt())?;
-    let top = world.state.position[..count].iter().map(|p| p.z).fold(0.0, f64::max);
+    let top = world.top();
     let fraction = |margin: f64, floor: f64| -> ballast::Result<f64> {
         let high = Vec3::new(edge - margin, edge - margin, top - 2.0 * D);
         let zone = Zone::new("middle", Vec3::new(margin, margin, floor), high)?;

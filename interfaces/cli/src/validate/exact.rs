@@ -80,7 +80,7 @@ fn sweeps_needed(count: usize) -> ballast::Result<u32> {
     }
     world.wall("floor", Vec3::zeros(), Vec3::z(), 0.0);
     // As fine as a sixty-fourth of the height's square: nothing to the exponent.
-    let at_a_time = (count as u32).pow(2).div_euclid(64).clamp(1, AT_A_TIME);
+    let at_a_time = ((count as u32).pow(2) / 64).clamp(1, AT_A_TIME);
     let solver = &mut world.model.solver;
     (solver.tolerance, solver.iterations, solver.check_every) = (None, at_a_time, 1);
     let start = world.state.clone();

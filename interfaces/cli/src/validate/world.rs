@@ -129,15 +129,12 @@ impl World {
     pub fn settle(&mut self, speed: f64, rest: f64) -> ballast::Result<()> {
         let h = self.model.stepping.h();
         let keep = 1.0 - GRAVITY * h / speed;
-        let n = self.model.grains.len();
-        let height = self.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max);
-        let falling = (0.8 * height / speed / h) as usize;
+        let falling = (0.8 * self.top() / speed / h) as usize;
         let most = falling + (1.5 / h) as usize;
         for k in 0..most {
             self.step()?;
             if k < falling {
-                self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
-                self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+                self.slow_down(keep);
             } else if self.mean_speed() < rest {
                 break;
             }
@@ -177,12 +174,10 @@ impl World {
         let h = self.model.stepping.h();
         let keep = 1.0 / (1.0 + GRAVITY * h / speed);
         let n = self.model.grains.len();
-        let height = self.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max);
         let mut quiet = 0;
-        for _ in 0..((height / speed + 3.0) / h) as usize {
+        for _ in 0..((self.top() / speed + 3.0) / h) as usize {
             self.step()?;
-            self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
-            self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+            self.slow_down(keep);
             let fastest = self.state.velocity[..n].iter().map(|v| v.norm()).fold(0.0, f64::max);
             quiet = if fastest < 0.04 * speed { quiet + 1 } else { 0 };
             if quiet == 50 {
@@ -190,6 +185,19 @@ impl World {
             }
         }
         Ok(())
+    }
+
+    /// Leaves grains the share `keep` of their velocity and spin.
+    fn slow_down(&mut self, keep: f64) {
+        let n = self.model.grains.len();
+        self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
+        self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+    }
+
+    /// Height of the uppermost grain's centre, m.
+    pub fn top(&self) -> f64 {
+        let n = self.model.grains.len();
+        self.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max)
     }
 
     pub fn mean_speed(&self) -> f64 {

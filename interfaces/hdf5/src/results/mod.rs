@@ -20,7 +20,6 @@ mod surface;
 pub use background::Background;
 pub use reader::{Array, BlockFrame, Reader, Table};
 pub use snapshot::Snapshot;
-pub use spare::restore;
 
 use crate::columns;
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
@@ -96,9 +95,10 @@ impl Writer {
     /// Starts a new file; one that is there is replaced.
     pub fn create(path: impl AsRef<Path>, model: &Model, meta: &Meta) -> Result<Self> {
         let path = path.as_ref();
+        // Before the file is emptied: what was kept must never be put into another one.
+        spare::forget(path)?;
         // The library's message for a missing folder does not say so.
         std::fs::File::create(path).map_err(io(path, "create"))?;
-        spare::forget(path)?;
         let file = open(path, true).map_err(hdf5_error(path, "file"))?;
         let writer = Self {
             path: path.into(),
@@ -141,7 +141,7 @@ impl Writer {
     /// which a run wrote before it was stopped, are forgotten.
     pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
         let path = path.as_ref();
-        restore(path)?;
+        spare::restore(path)?;
         let reader = Reader::open(path)?;
         let about = reader.about("bodies_hash")?;
         let expected = bodies_hash(model);

@@ -79,8 +79,8 @@ fn chunks_from(dataset: &Dataset, first: usize) -> Vec<[u64; 2]> {
 /// Makes the results at `path` again what they were when last kept, if a run was killed before it closed them.
 ///
 /// # Errors
-/// The copy is damaged, or the results are shorter than their data; nothing was changed then.
-pub fn restore(path: &Path) -> Result<()> {
+/// The copy is damaged: nothing was changed then. The operating system refuses: it may be tried again.
+pub(crate) fn restore(path: &Path) -> Result<()> {
     let beside = beside(path);
     if !beside.exists() {
         return Ok(());
