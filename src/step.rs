@@ -5,7 +5,7 @@
 //! as it was.
 
 use crate::ddm::{self, Outcome};
-use crate::detection::{remember, warm_start};
+use crate::detection::{remember, top_speed, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
@@ -55,41 +55,91 @@ pub fn advance(
     // until it is done.
     rayon::scope(|_| {
         ws.motion.predict(model, state, inputs)?;
+        ws.reach.predict(model, &ws.motion);
         watch.lap(Phase::Predict);
-
-        ws.detector.broad_phase(model, &ws.motion);
-        watch.lap(Phase::BroadPhase);
-
-        ws.detector.narrow_phase(model, &ws.motion, &mut ws.contacts);
-        watch.lap(Phase::NarrowPhase);
-
-        warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
-        watch.lap(Phase::WarmStart);
-
-        divide(model, ws);
-        watch.lap(Phase::Partition);
-
-        ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
-        watch.lap(Phase::LocalProblem);
-
-        ws.decomposition.pack(&ws.problem);
-        watch.lap(Phase::ContactGraph);
-
-        let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
-        collect(model, state, ws)?;
-        watch.lap(Phase::Solve);
-
-        let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
-        watch.lap(Phase::Integrate);
-
-        if let Some(recovery) = &model.solver.recovery {
-            recover(model, state, next, ws, recovery)?;
-            watch.lap(Phase::Recovery);
+        // Shares grow with each attempt, and no further than to the largest: it ends.
+        let mut attempts = 0;
+        loop {
+            attempts += 1;
+            let report = solve(model, state, next, inputs, ws, watch)?;
+            let overlooked = overlooked(model, ws);
+            watch.lap(Phase::NarrowPhase);
+            if !overlooked {
+                remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
+                watch.lap(Phase::Store);
+                return Ok(StepReport { attempts, ..report });
+            }
         }
+    })
+}
 
-        remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
-        watch.lap(Phase::Store);
-        Ok(report)
+/// The step with the contacts that are within reach.
+fn solve(
+    model: &Model,
+    state: &State,
+    next: &mut State,
+    inputs: &Inputs,
+    ws: &mut Workspace,
+    watch: &mut impl Stopwatch,
+) -> Result<StepReport> {
+    ws.detector.broad_phase(model, &ws.motion, &ws.reach);
+    watch.lap(Phase::BroadPhase);
+
+    ws.detector.narrow_phase(model, &ws.motion, &ws.reach, &mut ws.contacts);
+    watch.lap(Phase::NarrowPhase);
+
+    warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
+    watch.lap(Phase::WarmStart);
+
+    divide(model, ws);
+    watch.lap(Phase::Partition);
+
+    ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
+    watch.lap(Phase::LocalProblem);
+
+    ws.decomposition.pack(&ws.problem);
+    watch.lap(Phase::ContactGraph);
+
+    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
+    collect(model, state, ws)?;
+    watch.lap(Phase::Solve);
+
+    let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
+    watch.lap(Phase::Integrate);
+
+    if let Some(recovery) = &model.solver.recovery {
+        recover(model, state, next, ws, recovery)?;
+        watch.lap(Phase::Recovery);
+    }
+    Ok(report)
+}
+
+/// Whether a body has turned out so fast that it closed a gap in which no contact was looked for (T-35); the reach of
+/// such bodies is raised.
+fn overlooked(model: &Model, ws: &mut Workspace) -> bool {
+    let Workspace { motion, velocity, spin, recovery, reach, .. } = ws;
+    let h = model.stepping.h();
+    // A body's velocity, and the one that recovery moved it with besides.
+    let twists = |b: usize| {
+        let solved = velocity.get(b).zip(spin.get(b));
+        let besides = recovery.velocity.get(b).zip(recovery.spin.get(b));
+        [solved.or(Some((&motion.velocity[b], &motion.spin[b]))), besides].into_iter().flatten()
+    };
+    if !reach.raise(h, |b| twists(b).map(|(v, w)| top_speed(model, b, v, w)).sum()) {
+        return false;
+    }
+    ws.detector.broad_phase(model, motion, reach);
+    ws.detector.look_again(model, motion, reach, &mut ws.fresh);
+    let found = &ws.fresh;
+    (0..found.len()).any(|i| {
+        let pair = found.bodies[i].map(|b| b as usize);
+        let surface = |b: usize| -> Vec3 {
+            let lever = found.point[i] - motion.position[b];
+            twists(b).map(|(v, w)| v + w.cross(&lever)).sum()
+        };
+        let opening = found.normal[i].dot(&(surface(pair[0]) - surface(pair[1])));
+        let gap = found.gap[i];
+        gap > reach.between_before(pair) && gap + h * opening < 0.0
     })
 }
 
@@ -143,6 +193,8 @@ fn recover(
 ) -> Result<()> {
     let Workspace { decomposition, motion, contacts, problem, impulse, velocity, spin, .. } = ws;
     let (positions, h) = (&mut ws.recovery, model.stepping.h());
+    positions.velocity.clear();
+    positions.spin.clear();
     let solved = Solved { problem, motion, contacts, impulse, velocity, spin };
     if !positions.problem.build_positions(&solved, recovery, h) {
         return Ok(());
@@ -210,6 +262,7 @@ fn integrate_and_report(
         residuals: outcome.residuals,
         converged: outcome.converged,
         guarded: outcome.guarded,
+        attempts: 1,
         mean_penetration: depth / pressed.max(1) as f64,
         max_penetration: deepest,
         reactions,
@@ -294,6 +347,8 @@ pub struct StepReport {
     pub converged: bool,
     /// Whether asynchronous iterations diverged and were repeated with the guard on.
     pub guarded: bool,
+    /// How often the step was done: once, and again for each time that a gap had closed unseen (T-35).
+    pub attempts: u32,
     /// Mean (over penetrating points) and largest penetration, m.
     pub mean_penetration: f64,
     pub max_penetration: f64,

@@ -3,7 +3,7 @@
 //! Nothing here changes the next step: a step with a fresh workspace gives the same bytes.
 
 use crate::ddm::Decomposition;
-use crate::detection::{Contacts, Detector};
+use crate::detection::{Contacts, Detector, Reach};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::motion::Motion;
@@ -20,6 +20,10 @@ pub struct Workspace {
     /// from during the step, its result after it.
     pub impulse: Vec<Vec3>,
     pub(crate) detector: Detector,
+    /// How far around each body contacts are looked for.
+    pub(crate) reach: Reach,
+    /// Contacts of bodies that turned out faster than that.
+    pub(crate) fresh: Contacts,
     pub(crate) decomposition: Decomposition,
     pub(crate) problem: LocalProblem,
     /// Of models with recovery; empty otherwise.

@@ -1,12 +1,13 @@
 //! Pairs of bodies that may touch before anything has moved by half the skin.
 //!
-//! Reads: model, motion. Writes: [`PairList`]. Cost: a comparison per body and step; when a body has
+//! Reads: model, motion, reach. Writes: [`PairList`]. Cost: a comparison per body and step; when a body has
 //! moved too far, bounding boxes, a counting sort into cells and O(pairs).
-//! Contract: the list holds every pair at most `alert` apart, and its order is canonical. It may hold
+//! Contract: the list holds every pair that is within reach of each other, and its order is canonical. It may hold
 //! more, so what is found must not depend on pairs that are apart.
 
 use super::grid::Grid;
 use super::narrow_phase::PairMemory;
+use super::reach::{self, Reach};
 use super::travel::{self, Travel};
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Quat, Vec3};
@@ -85,10 +86,11 @@ pub(super) struct PairList {
 struct Built {
     position: Vec<Vec3>,
     orientation: Vec<Quat>,
-    /// Largest distance of a point of a body from its origin `[nb]`.
-    reach: Vec<f64>,
+    /// Largest distance of a point of a body from its origin `[nb]`, m.
+    extent: Vec<f64>,
+    /// Shares in the distances up to which contacts are looked for `[nb]`, m.
+    share: Vec<f64>,
     identity: Identity,
-    alert: f64,
     skin: f64,
 }
 
@@ -145,54 +147,53 @@ struct Fresh {
 }
 
 impl PairList {
-    /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved by
+    /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved, and its reach grown, by
     /// more than half the skin. Pairs of another model are forgotten.
-    pub fn update(&mut self, model: &Model, motion: &Motion) {
-        let known = self.built.take().filter(|b| b.is_of(model));
+    pub fn update(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
+        let known = self.built.take().filter(|b| b.identity.is_of(model));
         if known.is_none() {
             self.starts.clear();
             self.travel.clear();
         }
         if let Some(built) = known
-            && built.still_holds(motion)
+            && built.still_holds(motion, reach)
         {
             self.built = Some(built);
         } else {
-            self.rebuild(model, motion);
+            self.rebuild(model, motion, reach);
         }
     }
 
     /// Adds to the bodies' travel their way to the configuration in which pairs will be examined.
     pub fn advance(&mut self, motion: &Motion) {
         if let Some(built) = &self.built {
-            self.travel.update(motion, &built.reach);
+            self.travel.update(motion, &built.extent);
         }
     }
 
-    fn rebuild(&mut self, model: &Model, motion: &Motion) {
+    fn rebuild(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
         let ng = model.grains.len();
         self.parts = parts_of(model);
-        let built = Built::new(model, motion);
-        let margin = 0.5 * (built.alert + built.skin);
+        let built = Built::new(model, motion, reach);
         let boxes: Vec<Aabb> = (0..ng)
             .into_par_iter()
             .with_min_len(256)
             .map(|i| {
                 let shape = &model.shapes[model.grains.shape[i] as usize];
-                Aabb::of(shape, &pose(motion, i), margin)
+                Aabb::of(shape, &pose(motion, i), built.margin(i))
             })
             .collect();
         self.boxes = boxes;
         self.grid.build(&self.boxes);
         let mut extra = self.grid.large_pairs(&self.boxes);
-        self.part_pairs(model, motion, margin, &mut extra);
+        self.part_pairs(model, motion, &built, &mut extra);
         extra.sort_unstable();
         self.fill(ng, &extra);
         self.built = Some(built);
     }
 
     /// Pairs of grains and convex parts.
-    fn part_pairs(&self, model: &Model, motion: &Motion, margin: f64, out: &mut Vec<(u32, u32)>) {
+    fn part_pairs(&self, model: &Model, motion: &Motion, built: &Built, out: &mut Vec<(u32, u32)>) {
         let ng = model.grains.len();
         for (k, part) in self.parts.iter().enumerate() {
             let body = part.driven as usize;
@@ -200,7 +201,8 @@ impl PairList {
                 &model.driven[body].parts[part.part as usize]
             {
                 let placed = pose(motion, ng + body).then(local);
-                let bounds = Aabb::of(&model.shapes[*shape as usize], &placed, margin);
+                let bounds =
+                    Aabb::of(&model.shapes[*shape as usize], &placed, built.margin(ng + body));
                 self.grid
                     .for_each_meeting(&self.boxes, &bounds, |i| out.push((i, (ng + k) as u32)));
             }
@@ -276,43 +278,36 @@ impl Fresh {
 }
 
 impl Built {
-    fn new(model: &Model, motion: &Motion) -> Self {
-        let grain_reach = |s: &u32| model.shapes[*s as usize].radius;
-        let mut reach: Vec<f64> = model.grains.shape.iter().map(grain_reach).collect();
-        let mean = reach.iter().sum::<f64>() / reach.len().max(1) as f64;
-        reach.extend(model.driven.iter().map(|d| {
-            let parts = d.parts.iter().map(|p| match p {
-                Part::Convex { shape, pose } => {
-                    pose.position.norm() + model.shapes[*shape as usize].radius
-                }
-                // Tested in each step.
-                Part::HalfSpace { .. } => 0.0,
-            });
-            parts.fold(0.0, f64::max)
-        }));
+    fn new(model: &Model, motion: &Motion, reach: &Reach) -> Self {
+        let ng = model.grains.len();
+        let extent: Vec<f64> = (0..model.body_count()).map(|b| reach::extent(model, b)).collect();
+        let mean = extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
         Self {
             position: motion.position.clone(),
             orientation: motion.orientation.clone(),
-            reach,
+            extent,
+            share: reach.shares().to_vec(),
             identity: Identity::of(model),
-            alert: model.stepping.alert,
             skin: SKIN * mean,
         }
     }
 
-    fn is_of(&self, model: &Model) -> bool {
-        self.alert == model.stepping.alert && self.identity.is_of(model)
+    /// What the box of body `b` is wider than the body.
+    fn margin(&self, b: usize) -> f64 {
+        self.share[b] + 0.5 * self.skin
     }
 
-    /// Whether no point of a body has moved by more than half the skin.
-    fn still_holds(&self, motion: &Motion) -> bool {
-        let moved = |b: usize| {
+    /// Whether no body has used up half the skin by moving or by a larger reach.
+    fn still_holds(&self, motion: &Motion, reach: &Reach) -> bool {
+        let shares = reach.shares();
+        let used_up = |b: usize| {
             let turn = travel::turn(&motion.orientation[b], &self.orientation[b]);
-            let path = (motion.position[b] - self.position[b]).norm() + self.reach[b] * turn;
-            path.is_nan() || path > 0.5 * self.skin
+            let path = (motion.position[b] - self.position[b]).norm() + self.extent[b] * turn;
+            let used = path + (shares[b] - self.share[b]).max(0.0);
+            used.is_nan() || used > 0.5 * self.skin
         };
         self.position.len() == motion.position.len()
-            && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(moved)
+            && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(used_up)
     }
 }
 

@@ -1,13 +1,14 @@
 //! Detection of a step: pair list, then contact points of each pair, in parallel over fixed chunks.
 //!
-//! Reads: model, motion. Writes: [`Contacts`]. Cost: six to eight microseconds per grain
+//! Reads: model, motion, reach. Writes: [`Contacts`]. Cost: six to eight microseconds per grain
 //! of a settled bed that creeps.
-//! Contract: contacts are a function of model and motion; neither earlier steps nor the number of
+//! Contract: contacts are a function of model, motion and reach; neither earlier steps nor the number of
 //! threads change a bit.
 
 use super::Contacts;
 use super::broad_phase::{CHUNK, PairList, PartRef, pose};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
+use super::reach::Reach;
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
@@ -42,9 +43,9 @@ impl Detector {
     ///
     /// The list holds for all configurations in which no point of a body has moved by more than half
     /// a skin; it is rebuilt only when one has, or when the number of bodies, their shapes' numbers
-    /// or the alert distance have changed.
-    pub fn broad_phase(&mut self, model: &Model, motion: &Motion) {
-        self.pairs.update(model, motion);
+    /// or their reach have changed.
+    pub fn broad_phase(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
+        self.pairs.update(model, motion, reach);
     }
 
     /// Number of candidate pairs of grains with grains and convex parts.
@@ -53,7 +54,35 @@ impl Detector {
     }
 
     /// Fills `out` with all contacts of the configuration, after [`Detector::broad_phase`] for it.
-    pub fn narrow_phase(&mut self, model: &Model, motion: &Motion, out: &mut Contacts) {
+    pub fn narrow_phase(
+        &mut self,
+        model: &Model,
+        motion: &Motion,
+        reach: &Reach,
+        out: &mut Contacts,
+    ) {
+        self.search(model, motion, reach, |_| true, out);
+    }
+
+    /// The same with the contacts of those bodies only whose reach was raised.
+    pub fn look_again(
+        &mut self,
+        model: &Model,
+        motion: &Motion,
+        reach: &Reach,
+        out: &mut Contacts,
+    ) {
+        self.search(model, motion, reach, |[a, b]| reach.is_raised(a) || reach.is_raised(b), out);
+    }
+
+    fn search(
+        &mut self,
+        model: &Model,
+        motion: &Motion,
+        reach: &Reach,
+        asked: impl Fn([usize; 2]) -> bool + Sync,
+        out: &mut Contacts,
+    ) {
         self.pairs.advance(motion);
         let ng = model.grains.len();
         place_parts(&self.pairs.parts, model, motion, &mut self.placed);
@@ -62,7 +91,8 @@ impl Detector {
         let PairList { starts, antagonists, memory, parts, travel, .. } = &mut self.pairs;
         let (starts, antagonists, placed) = (&*starts, &*antagonists, &*self.placed);
         let travel = &*travel.length;
-        let search = Search { model, motion, starts, antagonists, parts, placed, travel };
+        let search =
+            Search { model, motion, reach, asked, starts, antagonists, parts, placed, travel };
         let bounds = (0..count).map(|c| starts[ng.min((c + 1) * CHUNK)] - starts[c * CHUNK]);
         let memory = split(memory, bounds);
         (&mut self.chunks, memory).into_par_iter().enumerate().for_each(|(c, (chunk, memory))| {
@@ -88,9 +118,12 @@ fn place_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut V
 }
 
 /// What all chunks read.
-struct Search<'a> {
+struct Search<'a, F> {
     model: &'a Model,
     motion: &'a Motion,
+    reach: &'a Reach,
+    /// Whether contacts of two bodies are wanted.
+    asked: F,
     starts: &'a [usize],
     antagonists: &'a [u32],
     parts: &'a [PartRef],
@@ -98,7 +131,7 @@ struct Search<'a> {
     travel: &'a [f64],
 }
 
-impl Search<'_> {
+impl<F: Fn([usize; 2]) -> bool> Search<'_, F> {
     fn chunk(&self, grains: std::ops::Range<usize>, memory: &mut [PairMemory], out: &mut Chunk) {
         out.scratch.points.clear();
         out.bodies.clear();
@@ -110,13 +143,10 @@ impl Search<'_> {
             let of_grains =
                 antagonists.partition_point(|j| (*j as usize) < self.model.grains.len());
             for (j, memory) in antagonists[..of_grains].iter().zip(&mut *memory) {
-                let travel = self.travel[i] + self.travel[*j as usize];
-                if memory.sleeps(travel) {
-                    continue;
+                let b = || self.grain(*j as usize);
+                if self.touch([i, *j as usize], b, memory, &mut out.scratch) {
+                    out.note([i as u32, *j], 0);
                 }
-                let (a, b) = (self.grain(i), self.grain(*j as usize));
-                narrow_phase::touch(a, b, self.alert(), travel, memory, &mut out.scratch);
-                out.note([i as u32, *j], 0);
             }
             self.parts_of(i, &antagonists[of_grains..], &mut memory[of_grains..], out);
         }
@@ -127,9 +157,13 @@ impl Search<'_> {
         let ng = self.model.grains.len();
         let mut next = 0;
         for (k, (part, placed)) in self.parts.iter().zip(self.placed).enumerate() {
+            let pair = [i, ng + part.driven as usize];
             match placed {
                 Placed::HalfSpace { normal, offset } => {
-                    let (a, alert) = (self.grain(i), self.alert());
+                    if !(self.asked)(pair) {
+                        continue;
+                    }
+                    let (a, alert) = (self.grain(i), self.reach.between(pair));
                     narrow_phase::touch_half_space(a, normal, *offset, alert, &mut out.scratch);
                 }
                 Placed::Convex { shape, pose } => {
@@ -137,29 +171,38 @@ impl Search<'_> {
                         continue;
                     }
                     let shape = &self.model.shapes[*shape as usize];
-                    let b = Solid { shape, pose: *pose };
                     let memory = &mut memory[next];
                     next += 1;
-                    let travel = self.travel[i] + self.travel[ng + part.driven as usize];
-                    if memory.sleeps(travel) {
+                    let b = || Solid { shape, pose: *pose };
+                    if !self.touch(pair, b, memory, &mut out.scratch) {
                         continue;
                     }
-                    let (a, alert) = (self.grain(i), self.alert());
-                    narrow_phase::touch(a, b, alert, travel, memory, &mut out.scratch);
                 }
             }
-            let bodies = [i as u32, ng as u32 + part.driven];
-            out.note(bodies, part.part as usize);
+            out.note(pair.map(|b| b as u32), part.part as usize);
         }
+    }
+
+    /// Finds the contacts of a grain with another body, `b` of it; whether the two had to be looked at.
+    fn touch<'s>(
+        &self,
+        pair: [usize; 2],
+        b: impl Fn() -> Solid<'s>,
+        memory: &mut PairMemory,
+        scratch: &mut Scratch,
+    ) -> bool {
+        let travel = pair.map(|b| self.travel[b]).iter().sum();
+        let alert = self.reach.between(pair);
+        if !(self.asked)(pair) || memory.sleeps(travel, alert) {
+            return false;
+        }
+        narrow_phase::touch(self.grain(pair[0]), b(), alert, travel, memory, scratch);
+        true
     }
 
     fn grain(&self, i: usize) -> Solid<'_> {
         let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
         Solid { shape, pose: pose(self.motion, i) }
-    }
-
-    fn alert(&self) -> f64 {
-        self.model.stepping.alert
     }
 }
 

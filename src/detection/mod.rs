@@ -8,10 +8,12 @@ mod detector;
 mod grid;
 mod matching;
 mod narrow_phase;
+mod reach;
 mod travel;
 
 pub use detector::Detector;
 pub use matching::{remember, warm_start};
+pub use reach::{Reach, top_speed};
 
 use crate::math::Vec3;
 

@@ -100,11 +100,21 @@ pub struct Stepping {
     pub step_ns: u64,
     /// Parameter of the θ-scheme, 1/2 to 1.
     pub theta: f64,
-    /// Contacts with a gap up to this distance are kept, m.
+    /// Contacts are looked for at least up to this distance between two bodies, and further where they
+    /// are fast (T-35), m.
     pub alert: f64,
 }
 
 impl Stepping {
+    /// Alert distance that serves well over the time step, m/s: less, and steps are more often repeated because a body
+    /// turned out faster; more, and there are more contacts that no step closes.
+    const SIGHT: f64 = 0.5;
+
+    /// The usual alert distance for a time step, m.
+    pub fn usual_alert(step_ns: u64) -> f64 {
+        Self::SIGHT * step_ns as f64 * 1e-9
+    }
+
     /// Time step `h`, s.
     pub fn h(&self) -> f64 {
         self.step_ns as f64 * 1e-9

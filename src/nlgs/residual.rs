@@ -32,9 +32,9 @@ impl Residuals {
 
 /// Sums over the visits of a sweep (T-11).
 ///
-/// `Δv = W_αα Δr` is the velocity that a visit changes at its own contact, `W_αα r` the velocity that
-/// the contact's whole impulse accounts for. Visits count that end with `r_n > 0` or changed the
-/// impulse. After `prep_check` and `comp_check` of LMGC90's `nlgs_3D`.
+/// `Δv = W_αα Δr` is the velocity that a visit changes at its own contact, or would change if it were not
+/// relaxed, `W_αα r` the velocity that the contact's whole impulse accounts for. Visits count that end
+/// with `r_n > 0` or would change the impulse. After `prep_check` and `comp_check` of LMGC90's `nlgs_3D`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct VisitNorms {
     /// Number of visits that count.

@@ -197,8 +197,7 @@ fn pouring<'a>(
         stepping: Stepping {
             step_ns: preparation.step_ns,
             theta: plan.run.stepping.theta,
-            // Grains that meet at full speed must be seen a step ahead.
-            alert: plan.run.stepping.alert.max(2.0 * FALL_SPEED * h),
+            alert: Stepping::usual_alert(preparation.step_ns),
         },
         solver: solver(preparation.iterations, None),
         grain_friction: preparation.friction,

@@ -3,12 +3,12 @@
 
 use crate::oracle::{self, Body};
 use crate::scene;
-use ballast::detection::{Contacts, Detector};
+use ballast::detection::{Contacts, Detector, Reach};
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{DrivenBody, Model, Part, Role};
 use ballast::motion::Motion;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 /// A dense heap of random grains between a floor of half-space, a wall and a turning bar.
@@ -67,6 +67,14 @@ fn stir(motion: &mut Motion, rng: &mut Pcg64, step: usize) {
     }
 }
 
+/// Gives some bodies speeds that ask for a wider look around, and takes them from others.
+fn hurry(motion: &mut Motion, rng: &mut Pcg64) {
+    for velocity in &mut motion.velocity {
+        let speed = [0.0, 0.0, 0.0, 1.0, 5.0, 20.0][rng.random_range(0..6)];
+        *velocity = scene::random_unit(rng) * speed;
+    }
+}
+
 fn assert_same(a: &Contacts, b: &Contacts, what: &str) {
     for k in 0..a.len().min(b.len()) {
         let of = |c: &Contacts| (c.bodies[k], c.feature[k], c.point[k], c.normal[k], c.gap[k]);
@@ -85,6 +93,7 @@ fn contacts_bear_no_trace_of_the_past() {
         assert!(contacts.len() > 500, "{}", contacts.len());
         assert_same(&contacts, &scene::fresh(&model, &motion), &format!("step {step}"));
         stir(&mut motion, &mut rng, step);
+        hurry(&mut motion, &mut rng);
     }
     // Another model in the same detector.
     let (model, motion) = heap(3, 200);
@@ -112,6 +121,9 @@ fn slow_drift_wears_out_what_is_kept_but_changes_nothing() {
                 motion.position[b] += drift[b];
                 let turn = Quat::from_scaled_axis(roll[b]);
                 motion.orientation[b] = turn * motion.orientation[b];
+            }
+            if step % 4 == 0 {
+                hurry(&mut motion, &mut rng);
             }
         }
     }
@@ -206,6 +218,42 @@ fn no_pair_is_missed() {
         }
         stir(&mut motion, &mut rng, step);
     }
+}
+
+/// Pairs of bodies that move are looked for as far apart as both may come in a step, with reserve.
+#[test]
+fn no_pair_that_speed_can_close_is_missed() {
+    let (model, mut motion) = heap(17, 120);
+    let mut rng = Pcg64::seed_from_u64(18);
+    let mut detector = Detector::default();
+    let mut wide = 0;
+    for step in 0..4 {
+        hurry(&mut motion, &mut rng);
+        let contacts = scene::detect(&mut detector, &model, &motion);
+        let reach = Reach::of(&model, &motion);
+        let body = |i: usize| {
+            let pose = Pose { position: motion.position[i], orientation: motion.orientation[i] };
+            Body::new(&model.shapes[i], &pose)
+        };
+        let bodies: Vec<Body> = (0..120).map(body).collect();
+        for i in 0..120 {
+            for j in i + 1..120 {
+                let way = (motion.velocity[i].norm() + motion.velocity[j].norm()) * 2e-4;
+                let looked = reach.between([i, j]);
+                assert!(looked >= (1.5 * way).min(0.01) && looked >= 1e-3, "{looked} for {way}");
+                let (s, _) = oracle::separation(&bodies[i], &bodies[j]);
+                let gap = if s > 0.0 { oracle::distance(&bodies[i], &bodies[j]) } else { s };
+                if (gap - looked).abs() < 1e-9 {
+                    continue;
+                }
+                let found = contacts.bodies.binary_search(&[i as u32, j as u32]).is_ok();
+                assert_eq!(found, gap <= looked, "step {step}, pair {i} {j}, gap {gap:e}");
+                wide += usize::from(found && gap > 1e-3);
+            }
+        }
+        stir(&mut motion, &mut rng, step);
+    }
+    assert!(wide > 50, "{wide} pairs beyond the alert distance");
 }
 
 /// A body far off, and one in an impossible place: neither memory nor the others suffer.

@@ -1,6 +1,6 @@
 //! Small models and configurations.
 
-use ballast::detection::{Contacts, Detector};
+use ballast::detection::{Contacts, Detector, Reach};
 use ballast::geometry::{Polyhedron, hull};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{DrivenBody, Grains, Model, Solver, Stepping};
@@ -46,8 +46,9 @@ pub fn fresh(model: &Model, motion: &Motion) -> Contacts {
 /// Contacts of a detector with a past.
 pub fn detect(detector: &mut Detector, model: &Model, motion: &Motion) -> Contacts {
     let mut contacts = Contacts::default();
-    detector.broad_phase(model, motion);
-    detector.narrow_phase(model, motion, &mut contacts);
+    let reach = Reach::of(model, motion);
+    detector.broad_phase(model, motion, &reach);
+    detector.narrow_phase(model, motion, &reach, &mut contacts);
     contacts
 }
 

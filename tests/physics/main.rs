@@ -6,6 +6,7 @@ mod common;
 mod arch;
 mod balance;
 mod flight;
+mod flung;
 mod freedoms;
 mod impact;
 mod incline;

@@ -22,6 +22,7 @@ pub enum Column {
     NaturalMap,
     Converged,
     Guarded,
+    Attempts,
     MeanPenetration,
     MaxPenetration,
     Coordination,
@@ -33,7 +34,7 @@ pub enum Column {
 }
 
 /// Names and units of [`Column`]s in the file, in order.
-const NAMES: [(&str, &str); 22] = [
+const NAMES: [(&str, &str); 23] = [
     ("time", "s"),
     ("phase", PHASES),
     ("contacts", ""),
@@ -48,6 +49,7 @@ const NAMES: [(&str, &str); 22] = [
     ("natural_map", ""),
     ("converged", ""),
     ("guarded", ""),
+    ("attempts", ""),
     ("mean_penetration", "m"),
     ("max_penetration", "m"),
     ("coordination", ""),
@@ -140,6 +142,7 @@ pub fn row(
         residuals.natural_map,
         f64::from(u8::from(report.converged)),
         f64::from(u8::from(report.guarded)),
+        f64::from(report.attempts),
         report.mean_penetration,
         report.max_penetration,
         coordination,

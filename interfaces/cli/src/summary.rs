@@ -29,6 +29,7 @@ pub struct Summary {
     pub steps: u64,
     pub not_converged: u64,
     pub guarded: u64,
+    pub repeated: u64,
     pub visits: f64,
     pub contacts: Statistics,
     pub active_contacts: Statistics,
@@ -114,6 +115,7 @@ impl Summary {
             steps: 0,
             not_converged: 0,
             guarded: 0,
+            repeated: 0,
             visits: 0.0,
             contacts: Statistics::default(),
             active_contacts: Statistics::default(),
@@ -135,6 +137,7 @@ impl Summary {
         self.steps += 1;
         self.not_converged += u64::from(row.get(Column::Converged) == 0.0);
         self.guarded += u64::from(row.get(Column::Guarded) != 0.0);
+        self.repeated += u64::from(row.get(Column::Attempts) > 1.0);
         self.visits += row.get(Column::Visits);
         self.residual.take(row.qm16());
         for (statistics, column) in [
@@ -244,6 +247,7 @@ impl Summary {
                 "iterations": self.iterations.json(), "residual_qm16": self.residual.json(),
                 "residual_natural_map": self.natural_map.json(),
                 "steps_not_converged": self.not_converged, "steps_guarded": self.guarded,
+                "steps_repeated": self.repeated,
             },
         })
     }

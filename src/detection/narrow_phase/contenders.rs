@@ -37,6 +37,8 @@ const NEAR: f64 = 1e-3;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Contenders {
     anchor: Anchor,
+    /// Alert distance that the pairs of edges were listed for, m.
+    alert: f64,
     /// No face, no pair of edges that is not listed separated by more, m.
     bounds: [f32; 2],
     /// Faces of A and of B.
@@ -60,7 +62,7 @@ impl Contenders {
     /// Bounds on what is not listed, if the lists hold for `pair`.
     pub fn bounds(&self, pair: &Pair) -> Option<Bounds> {
         let Moved { at_point, turn } = self.anchor.moved(pair)?;
-        if at_point > PATH * pair.size || turn > TURN {
+        if at_point > PATH * pair.size || turn > TURN || pair.alert > self.alert {
             return None;
         }
         let more = at_point + (LEVER * turn + SLAB + TIE) * pair.size;
@@ -130,6 +132,7 @@ impl Contenders {
         });
         self.crossing = crossing;
         self.supports = Supports::new(pair, normal);
+        self.alert = pair.alert;
         self.anchor = if whole { Anchor::new(pair, c) } else { Anchor::default() };
     }
 }

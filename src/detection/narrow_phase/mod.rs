@@ -71,7 +71,7 @@ pub struct Solid<'a> {
 pub struct PairMemory {
     /// An axis from A to B, in the frame of A, that separated the pair; zero if none.
     axis: [f32; 3],
-    /// The bodies are apart until they have travelled this far together, m.
+    /// The bodies' distance is at least this less what they have travelled together, m.
     apart_until: f64,
     /// Elsewhere, as most pairs that are listed do not touch.
     touching: Option<Box<Touching>>,
@@ -89,16 +89,15 @@ struct Touching {
 }
 
 impl PairMemory {
-    /// Whether bodies that have travelled this far together, m, are certainly apart.
-    pub fn sleeps(&self, travel: f64) -> bool {
-        travel < self.apart_until
+    /// Whether bodies that have travelled this far together, m, are certainly more than `alert` apart.
+    pub fn sleeps(&self, travel: f64, alert: f64) -> bool {
+        travel + alert < self.apart_until
     }
 
-    /// Notes that bodies that have travelled this far together are apart by `beyond` more than the
-    /// alert distance.
-    fn sleep(&mut self, travel: f64, beyond: f64) {
+    /// Notes that bodies that have travelled this far together are at least `apart` from each other.
+    fn sleep(&mut self, travel: f64, apart: f64) {
         // A sum this large has lost too many digits to be compared.
-        self.apart_until = travel + (beyond - 1e-12 * travel);
+        self.apart_until = travel + (apart - 1e-12 * (travel + apart));
     }
 }
 
@@ -142,10 +141,10 @@ pub fn touch(
 ) {
     let pair = match Pair::new(a, b, alert) {
         Ok(pair) => pair,
-        Err(beyond) => return memory.sleep(travel, beyond),
+        Err(beyond) => return memory.sleep(travel, alert + beyond),
     };
     if let Some(beyond) = pair.still_apart(memory) {
-        return memory.sleep(travel, beyond);
+        return memory.sleep(travel, alert + beyond);
     }
     let mut touching = memory.touching.take().or_else(|| scratch.spare.take()).unwrap_or_default();
     let apart = pair.search(&mut touching, scratch).err();

@@ -59,6 +59,8 @@ pub struct Axis {
 pub struct PatchList {
     anchor: Anchor,
     axis: [f32; 3],
+    /// Alert distance that it was made for, m.
+    alert: f64,
     /// How far feet may have moved apart, and their distance, m.
     reach: f32,
     /// No foot is further from the anchor's point, m.
@@ -85,6 +87,7 @@ impl PatchList {
             && turn <= TURN
             && moved.turn <= TURN
             && reach <= self.reach.into()
+            && axis.alert <= self.alert
     }
 
     /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
@@ -110,6 +113,7 @@ impl PatchList {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
             self.axis = [n.x as f32, n.y as f32, n.z as f32];
+            self.alert = axis.alert;
             self.reach = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
             self.unsure = sides.unsure;
             self.lever = (sides.lever * 1.000_001) as f32;

@@ -18,7 +18,7 @@ pub trait Pass {
 /// What a sweep takes down of its visits.
 trait Record<L: Lanes>: Copy {
     fn none() -> Self;
-    fn visit(&mut self, law: &Law<L>, delta: &[L; 3], r: &[L; 3]);
+    fn visit(&mut self, law: &Law<L>, change: &[L; 3], r: &[L; 3]);
     fn sums(self) -> VisitNorms;
 }
 
@@ -43,11 +43,11 @@ impl<L: Lanes> Record<L> for Sums<L> {
         Self([L::splat(0.0); 7])
     }
     #[inline(always)]
-    fn visit(&mut self, law: &Law<L>, delta: &[L; 3], r: &[L; 3]) {
+    fn visit(&mut self, law: &Law<L>, change: &[L; 3], r: &[L; 3]) {
         let zero = L::splat(0.0);
-        let delta_squared = dot(delta, *delta, zero);
-        let active = L::or(zero.lt(r[0]), zero.lt(delta_squared));
-        let dv = visit::delassus_times(law, delta, active);
+        let change_squared = dot(change, *change, zero);
+        let active = L::or(zero.lt(r[0]), zero.lt(change_squared));
+        let dv = visit::delassus_times(law, change, active);
         let wr = visit::delassus_times(law, r, active);
         let dv_squared = dot(&dv, dv, zero);
         let terms = [
@@ -136,12 +136,14 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let (impulse, slip) = block.outcome();
         let solved = visit::solve(&law, &u, &r, slip);
-        let delta = each!(K in 3 => relaxation.mul(solved[K].sub(r[K])));
+        let change = each!(K in 3 => solved[K].sub(r[K]));
+        let delta = each!(K in 3 => relaxation.mul(change[K]));
         let after = each!(K in 3 => r[K].add(delta[K]));
         for k in 0..3 {
             after[k].store(&mut impulse[k]);
         }
-        record.visit(&law, &delta, &after);
+        // Not what is done of it: a relaxed visit is no better solved.
+        record.visit(&law, &change, &after);
         // SAFETY: the caller's.
         unsafe { block.push(held, &delta, lines) };
     }

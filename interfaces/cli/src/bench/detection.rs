@@ -16,7 +16,7 @@ use crate::exit::{Failure, Outcome};
 use crate::profile::{Profile, Spent};
 use crate::progress::Progress;
 use crate::statistics::Quartiles;
-use ballast::detection::{Contacts, Detector};
+use ballast::detection::{Contacts, Detector, Reach};
 use ballast::drive::Inputs;
 use ballast::math::Vec3;
 use ballast::motion::Motion;
@@ -145,9 +145,10 @@ fn detect(
     let (detector, contacts) = memory;
     pool.install(|| {
         let mut profile = Profile::start();
-        detector.broad_phase(&scene.model, motion);
+        let reach = Reach::of(&scene.model, motion);
+        detector.broad_phase(&scene.model, motion, &reach);
         profile.lap(Phase::BroadPhase);
-        detector.narrow_phase(&scene.model, motion, contacts);
+        detector.narrow_phase(&scene.model, motion, &reach, contacts);
         profile.lap(Phase::NarrowPhase);
         DETECTION.map(|phase| profile.of(phase))
     })

@@ -20,10 +20,10 @@ pub struct Run {
     #[serde(default = "default_theta")]
     #[schemars(with = "Theta")]
     pub theta: f64,
-    /// Contacts with a gap up to this distance are kept, m.
-    #[serde(default = "default_alert")]
-    #[schemars(with = "Positive")]
-    pub alert_m: f64,
+    /// Contacts are looked for at least up to this distance between two bodies, and further where they are fast, m.
+    /// Absent: 0.5 m/s times the time step.
+    #[schemars(with = "Option<Positive>")]
+    pub alert_m: Option<f64>,
     /// Newton restitution of every contact.
     #[serde(default)]
     #[schemars(with = "Fraction")]
@@ -44,10 +44,6 @@ fn default_step() -> f64 {
 
 fn default_theta() -> f64 {
     0.5
-}
-
-fn default_alert() -> f64 {
-    0.002
 }
 
 /// How each step is solved. At most one of `boxes`, `balanced` and `contacts_per_subdomain`;

@@ -1,6 +1,6 @@
 //! Checks of `[run]` and `[solver]`; times become whole nanoseconds here.
 
-use crate::case_file::{CaseFile, Run, Solver};
+use crate::case_file::{CaseFile, Solver};
 use crate::report::{Finding, Report};
 use ballast::model::{self, PartitionRule, Stepping};
 use ballast::track::plan::RunPlan;
@@ -66,9 +66,10 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
         Some(every) => whole_steps(every, step, "run.output_every_s", report),
         None => step * ((10_000_000 + step / 2) / step).max(1),
     };
-    alert(run, case, report);
+    let alert = run.alert_m.unwrap_or(Stepping::usual_alert(step));
+    check_alert(alert, case, report);
     RunPlan {
-        stepping: Stepping { step_ns: step, theta: run.theta, alert: run.alert_m },
+        stepping: Stepping { step_ns: step, theta: run.theta, alert },
         solver: solver(&case.solver, report),
         restitution: run.restitution,
         duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
@@ -77,13 +78,13 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
     }
 }
 
-fn alert(run: &Run, case: &CaseFile, report: &mut Report) {
+fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
     let classes = &case.bed.grains.classes;
     let smallest = classes.iter().map(|c| c.size_m).fold(f64::INFINITY, f64::min);
-    if report.clean(&["run.alert_m", "bed.grains.classes"]) && run.alert_m > 0.25 * smallest {
+    if report.clean(&["run.alert_m", "bed.grains.classes"]) && alert > 0.25 * smallest {
         let finding = Finding {
             problem: "contacts are kept from very far away".into(),
-            found: format!("{} m", run.alert_m),
+            found: format!("{alert} m"),
             expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
             hint: Some("most of these contacts cost time and carry nothing".into()),
         };

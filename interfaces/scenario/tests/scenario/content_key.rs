@@ -10,8 +10,8 @@ fn key(text: &str) -> String {
 
 #[test]
 fn the_key_is_the_same_on_every_machine() {
-    // Obtained from the third version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "18af68c4544fa23e833905f002ea36ca");
+    // Obtained from the fifth version of the key; changes with it, and with the base case.
+    assert_eq!(key(BASE), "b3da151959c9bba483b5bdcfdd6dea31");
 }
 
 #[test]

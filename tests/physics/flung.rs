@@ -1,0 +1,80 @@
+//! Bodies that a step makes much faster than they were: what is in their way holds them all the same (T-35).
+
+use crate::common::scene::{SCHEDULES, Scene};
+use ballast::geometry::hull::cuboid;
+use ballast::math::{Pose, Vec3};
+
+const EDGE: f64 = 0.02;
+const SPEED: f64 = 5.0;
+
+/// A cube about to strike the last of `count` others at rest, which stand in a row with `space` between them and before
+/// the wall x = 0, without gravity and friction.
+fn row(count: usize, space: f64) -> Scene {
+    let mut scene = Scene::new(1_000_000, 0.0);
+    scene.model.gravity = Vec3::zeros();
+    scene.model.stepping.alert = 1e-4;
+    let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
+    for k in 0..count {
+        let x = -space - (k as f64) * (EDGE + space) - 0.5 * EDGE;
+        scene.grain(cube, Pose::at(Vec3::new(x, 0.0, 0.0)));
+    }
+    // Half a step of flight comes before contacts are looked for.
+    let flight = 0.5 * SPEED * scene.h();
+    let x = -(count as f64) * (EDGE + space) - 0.5 * EDGE - flight;
+    let striker = scene.grain(cube, Pose::at(Vec3::new(x, 0.0, 0.0)));
+    scene.state.velocity[striker].x = SPEED;
+    let facing = nalgebra::UnitQuaternion::rotation_between(&Vec3::z(), &-Vec3::x());
+    let wall = Pose { position: Vec3::zeros(), orientation: facing.expect("no half turn") };
+    scene.plane("wall", wall, 0.0);
+    scene
+}
+
+#[test]
+fn a_flung_cube_does_not_enter_what_was_out_of_its_reach() {
+    for schedule in SCHEDULES {
+        for space in [3e-4, 1.5e-3, 3.5e-3] {
+            let mut scene = row(1, space);
+            scene.model.solver.schedule = schedule;
+            for step in 0..10 {
+                let report = scene.step();
+                assert!(step > 0 || report.attempts == 2, "{report:?}");
+                let deep = report.max_penetration;
+                assert!(deep < 1e-9, "{schedule:?}, {space} m, step {step}: {deep} m");
+            }
+            let face = scene.state.position[0].x + 0.5 * EDGE;
+            assert!(face.abs() < 1e-9, "it ends at the wall, not at {face}");
+        }
+    }
+}
+
+/// Each look around finds the next cube only.
+#[test]
+fn a_row_is_held_to_its_last_cube() {
+    let mut scene = row(5, 4e-4);
+    for step in 0..10 {
+        let report = scene.step();
+        assert!(step > 0 || report.attempts > 2, "{report:?}");
+        assert!(report.max_penetration < 1e-9, "step {step}: {} m", report.max_penetration);
+    }
+    let ends: Vec<f64> = (0..5).map(|k| scene.state.position[k].x).collect();
+    for (k, x) in ends.iter().enumerate() {
+        let expected = -(k as f64 + 0.5) * EDGE;
+        assert!((x - expected).abs() < 1e-8, "cube {k} ends at {x}, not at {expected}");
+    }
+}
+
+/// What is looked at again leaves no trace: the same bytes without what earlier steps have left in memory.
+#[test]
+fn looking_again_is_repeatable() {
+    let run = |forget: bool| {
+        let mut scene = row(4, 7e-4);
+        for _ in 0..6 {
+            if forget {
+                scene.workspace = Default::default();
+            }
+            scene.step();
+        }
+        scene.state
+    };
+    assert_eq!(run(false), run(true));
+}
