@@ -114,32 +114,37 @@ fn solve(
     Ok(report)
 }
 
-/// Whether a body has turned out so fast that it closed a gap in which no contact was looked for (T-35); the reach of
-/// such bodies is raised.
+/// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
+/// (T-35); more is allowed for such bodies then.
 fn overlooked(model: &Model, ws: &mut Workspace) -> bool {
     let Workspace { motion, velocity, spin, recovery, reach, .. } = ws;
-    let h = model.stepping.h();
-    // A body's velocity, and the one that recovery moved it with besides.
-    let twists = |b: usize| {
+    let moved_besides = |b: usize| recovery.velocity.get(b).zip(recovery.spin.get(b));
+    let twist = |b: usize| {
         let solved = velocity.get(b).zip(spin.get(b));
-        let besides = recovery.velocity.get(b).zip(recovery.spin.get(b));
-        [solved.or(Some((&motion.velocity[b], &motion.spin[b]))), besides].into_iter().flatten()
+        let (v, w) = solved.unwrap_or((&motion.velocity[b], &motion.spin[b]));
+        moved_besides(b).map_or((*v, *w), |(dv, dw)| (v + dv, w + dw))
     };
-    if !reach.raise(h, |b| twists(b).map(|(v, w)| top_speed(model, b, v, w)).sum()) {
+    let change = |b: usize| {
+        let (v, w) = twist(b);
+        top_speed(model, b, &(v - motion.velocity[b]), &(w - motion.spin[b]))
+    };
+    if !reach.raise(change) {
         return false;
     }
     ws.detector.broad_phase(model, motion, reach);
-    ws.detector.look_again(model, motion, reach, &mut ws.fresh);
-    let found = &ws.fresh;
+    let asked =
+        |pair: [usize; 2]| reach.may_overlook(motion, model.grain_radius(pair[0]), pair, twist);
+    ws.detector.look_again(model, motion, reach, asked, &mut ws.fresh);
+    let (found, h) = (&ws.fresh, model.stepping.h());
     (0..found.len()).any(|i| {
         let pair = found.bodies[i].map(|b| b as usize);
-        let surface = |b: usize| -> Vec3 {
-            let lever = found.point[i] - motion.position[b];
-            twists(b).map(|(v, w)| v + w.cross(&lever)).sum()
+        let surface = |b: usize| {
+            let (v, w) = twist(b);
+            v + w.cross(&(found.point[i] - motion.position[b]))
         };
         let opening = found.normal[i].dot(&(surface(pair[0]) - surface(pair[1])));
-        let gap = found.gap[i];
-        gap > reach.between_before(pair) && gap + h * opening < 0.0
+        let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
+        gap > reach.between_before(motion, radius, pair) && gap + h * opening < 0.0
     })
 }
 

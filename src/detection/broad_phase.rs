@@ -286,7 +286,7 @@ impl Built {
             position: motion.position.clone(),
             orientation: motion.orientation.clone(),
             extent,
-            share: reach.shares().to_vec(),
+            share: (0..reach.body_count()).map(|b| reach.share(b)).collect(),
             identity: Identity::of(model),
             skin: SKIN * mean,
         }
@@ -299,11 +299,10 @@ impl Built {
 
     /// Whether no body has used up half the skin by moving or by a larger reach.
     fn still_holds(&self, motion: &Motion, reach: &Reach) -> bool {
-        let shares = reach.shares();
         let used_up = |b: usize| {
             let turn = travel::turn(&motion.orientation[b], &self.orientation[b]);
             let path = (motion.position[b] - self.position[b]).norm() + self.extent[b] * turn;
-            let used = path + (shares[b] - self.share[b]).max(0.0);
+            let used = path + (reach.share(b) - self.share[b]).max(0.0);
             used.is_nan() || used > 0.5 * self.skin
         };
         self.position.len() == motion.position.len()

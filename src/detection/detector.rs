@@ -64,15 +64,16 @@ impl Detector {
         self.search(model, motion, reach, |_| true, out);
     }
 
-    /// The same with the contacts of those bodies only whose reach was raised.
+    /// The same with the contacts of those pairs only that are asked for.
     pub fn look_again(
         &mut self,
         model: &Model,
         motion: &Motion,
         reach: &Reach,
+        asked: impl Fn([usize; 2]) -> bool + Sync,
         out: &mut Contacts,
     ) {
-        self.search(model, motion, reach, |[a, b]| reach.is_raised(a) || reach.is_raised(b), out);
+        self.search(model, motion, reach, asked, out);
     }
 
     fn search(
@@ -163,7 +164,8 @@ impl<F: Fn([usize; 2]) -> bool> Search<'_, F> {
                     if !(self.asked)(pair) {
                         continue;
                     }
-                    let (a, alert) = (self.grain(i), self.reach.between(pair));
+                    let a = self.grain(i);
+                    let alert = self.reach.between(self.motion, a.shape.radius, pair);
                     narrow_phase::touch_half_space(a, normal, *offset, alert, &mut out.scratch);
                 }
                 Placed::Convex { shape, pose } => {
@@ -192,12 +194,16 @@ impl<F: Fn([usize; 2]) -> bool> Search<'_, F> {
         scratch: &mut Scratch,
     ) -> bool {
         let travel = pair.map(|b| self.travel[b]).iter().sum();
-        let alert = self.reach.between(pair);
-        if !(self.asked)(pair) || memory.sleeps(travel, alert) {
+        if !(self.asked)(pair) || memory.sleeps(travel, self.reach.at_most(pair)) {
             return false;
         }
-        narrow_phase::touch(self.grain(pair[0]), b(), alert, travel, memory, scratch);
-        true
+        let a = self.grain(pair[0]);
+        let alert = self.reach.between(self.motion, a.shape.radius, pair);
+        let looked = !memory.sleeps(travel, alert);
+        if looked {
+            narrow_phase::touch(a, b(), alert, travel, memory, scratch);
+        }
+        looked
     }
 
     fn grain(&self, i: usize) -> Solid<'_> {

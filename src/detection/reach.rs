@@ -1,33 +1,36 @@
-//! How far around a body a step looks for contacts: as far as the step can carry it (T-35).
+//! How far around a body a step looks for contacts: as far as the step can close a gap (T-35).
 //!
-//! Reads: model, motion, solved velocities. Writes: [`Reach`]. Cost: two roots per body and step.
-//! Contract: a gap that no contact was looked for in stays open as long as both bodies keep within their shares;
-//! [`Reach::raise`] tells which do not.
+//! Reads: model, motion, solved velocities. Writes: [`Reach`]. Cost: a root per body and step, two per pair.
+//! Contract: a gap in which no contact was looked for stays open as long as the solve changes the velocities of both bodies
+//! by no more than was allowed for; [`Reach::raise`] tells where it does.
 //!
-//! Two bodies share the distance between them. What a body needs of it is known for certain only after the solve: so it
-//! gets half as much again as it would need at its free velocity, and who turns out faster than that is looked at again.
+//! How two bodies approach each other without contacts is known beforehand. By how much contacts change that is known
+//! after the solve: each body is allowed some change, and where it was more, its surroundings are looked at again.
 
 use crate::math::Vec3;
 use crate::model::{Model, Part};
 use crate::motion::Motion;
 use rayon::prelude::*;
 
-/// How much faster than at its free velocity a body may get before it is looked at again.
+/// What is allowed for on looking again, over what the solve has just asked for.
 const AMPLE: f64 = 1.5;
 
-/// Shares of all bodies in the distances up to which contacts are looked for.
+/// Distances up to which contacts are looked for.
 #[derive(Debug, Clone, Default)]
 pub struct Reach {
-    /// m `[nb]`
-    share: Vec<f64>,
-    /// Shares before some were raised `[nb]`.
+    h: f64,
+    /// How far the free velocity carries any point of a body in the step, m `[nb]`.
+    way: Vec<f64>,
+    /// How much further, or elsewhere, the solve may carry it, m `[nb]`.
+    allowance: Vec<f64>,
+    /// Allowances before some were raised `[nb]`.
     before: Vec<f64>,
-    /// No share is larger than the largest grain: what moves that far in a step is past the others anyway, m.
+    /// The radius of the largest grain: what moves that far in a step is past the others anyway, m.
     most: f64,
 }
 
 impl Reach {
-    /// What the motion of the bodies without contacts asks for: half the alert distance each, and more for fast bodies.
+    /// Allows half the alert distance to each body.
     pub fn of(model: &Model, motion: &Motion) -> Self {
         let mut reach = Self::default();
         reach.predict(model, motion);
@@ -36,60 +39,105 @@ impl Reach {
 
     /// The same in place.
     pub fn predict(&mut self, model: &Model, motion: &Motion) {
-        let (h, least) = (model.stepping.h(), 0.5 * model.stepping.alert);
-        let radius = |s: &u32| model.shapes[*s as usize].radius;
-        let most = model.grains.shape.iter().map(radius).fold(least, f64::max);
-        self.most = most;
+        let (h, allowance) = (model.stepping.h(), 0.5 * model.stepping.alert);
+        let most = (0..model.grains.len()).map(|i| model.grain_radius(i)).fold(allowance, f64::max);
+        (self.h, self.most) = (h, most);
         (&motion.velocity, &motion.spin)
             .into_par_iter()
             .enumerate()
             .with_min_len(1024)
-            .map(|(b, (v, w))| {
-                let needed = AMPLE * h * top_speed(model, b, v, w);
-                round_up(needed).max(least).min(most)
-            })
-            .collect_into_vec(&mut self.share);
-        self.before.clone_from(&self.share);
+            .map(|(b, (v, w))| round_up(h * top_speed(model, b, v, w)).min(most))
+            .collect_into_vec(&mut self.way);
+        self.allowance.clear();
+        self.allowance.resize(self.way.len(), allowance);
+        self.before.clone_from(&self.allowance);
     }
 
-    /// Raises the shares of bodies that some of their points leave within the step; whether there are any. `speed` are the
-    /// largest speeds of the bodies' points, m/s.
-    pub fn raise(&mut self, h: f64, speed: impl Fn(usize) -> f64 + Sync) -> bool {
-        self.before.clone_from(&self.share);
-        let most = self.most;
-        let faster = self.share.par_iter_mut().enumerate().with_min_len(1024).map(|(b, share)| {
-            let needed = h * speed(b);
-            let beyond = *share < needed && *share < most;
-            if beyond {
-                *share = round_up(AMPLE * needed).min(most);
+    /// Raises the allowances of bodies that the solve has changed by more; whether there are any. `change` is the largest
+    /// change of velocity of a body's points, m/s.
+    pub fn raise(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
+        self.before.clone_from(&self.allowance);
+        let (h, most) = (self.h, self.most);
+        let bodies = self.allowance.par_iter_mut().enumerate().with_min_len(1024);
+        let raised = bodies.map(|(b, allowance)| {
+            let needed = h * change(b);
+            let is_more = *allowance < needed && *allowance < most;
+            if is_more {
+                *allowance = round_up(AMPLE * needed).min(most);
             }
-            beyond
+            is_more
         });
-        faster.reduce(|| false, |a, b| a | b)
+        raised.reduce(|| false, |a, b| a | b)
     }
 
-    /// Whether the share of body `b` was raised.
+    /// Whether the allowance of body `b` was raised.
     pub fn is_raised(&self, b: usize) -> bool {
-        self.share[b] > self.before[b]
+        self.allowance[b] > self.before[b]
     }
 
-    /// Distance up to which contacts of two bodies are looked for, m.
-    pub fn between(&self, [a, b]: [usize; 2]) -> f64 {
-        self.share[a] + self.share[b]
+    /// Distance up to which contacts of a grain of this radius with another body are looked for, m.
+    pub fn between(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
+        let [a, b] = pair;
+        self.approach(motion, radius, pair) + (self.allowance[a] + self.allowance[b])
     }
 
-    /// The same before shares were raised.
-    pub fn between_before(&self, [a, b]: [usize; 2]) -> f64 {
-        self.before[a] + self.before[b]
+    /// Whether a grain of this radius and another body may close a gap in which no contact was looked for before
+    /// allowances were raised; `twist` are the bodies' velocities and spins, m/s and rad/s.
+    pub fn may_overlook(
+        &self,
+        motion: &Motion,
+        radius: f64,
+        pair: [usize; 2],
+        twist: impl Fn(usize) -> (Vec3, Vec3),
+    ) -> bool {
+        let [a, b] = pair;
+        (self.is_raised(a) || self.is_raised(b))
+            && self.h * approach_speed(motion, radius, pair, twist)
+                > self.between_before(motion, radius, pair)
     }
 
-    /// All shares, m `[nb]`.
-    pub(super) fn shares(&self) -> &[f64] {
-        &self.share
+    /// [`Reach::between`] before allowances were raised.
+    pub fn between_before(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
+        let [a, b] = pair;
+        self.approach(motion, radius, pair) + (self.before[a] + self.before[b])
+    }
+
+    /// How far the free velocities carry a point of the grain against the other body at most, m.
+    fn approach(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
+        let free = |b: usize| (motion.velocity[b], motion.spin[b]);
+        let way = round_up(self.h * approach_speed(motion, radius, pair, free));
+        way.min(self.way[pair[0]] + self.way[pair[1]])
+    }
+
+    /// What no distance between two bodies that is asked for exceeds, m.
+    pub(super) fn at_most(&self, [a, b]: [usize; 2]) -> f64 {
+        self.share(a) + self.share(b)
+    }
+
+    /// The part of body `b` in this, m.
+    pub(super) fn share(&self, b: usize) -> f64 {
+        self.way[b] + self.allowance[b]
+    }
+
+    /// Number of bodies.
+    pub(super) fn body_count(&self) -> usize {
+        self.way.len()
     }
 }
 
-/// No point of body `b` is faster, m/s.
+/// No point of the grain, of this radius, moves faster against the other body, m/s.
+fn approach_speed(
+    motion: &Motion,
+    radius: f64,
+    [grain, other]: [usize; 2],
+    twist: impl Fn(usize) -> (Vec3, Vec3),
+) -> f64 {
+    let lever = motion.position[grain] - motion.position[other];
+    let ((v, w), (v_other, w_other)) = (twist(grain), twist(other));
+    (v - v_other - w_other.cross(&lever)).norm() + radius * (w - w_other).norm()
+}
+
+/// No point of a body with this velocity and spin is faster, m/s.
 pub fn top_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
     let turning = spin.norm();
     if turning == 0.0 {
@@ -106,7 +154,7 @@ pub fn top_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
 /// Largest distance of a point of body `b` from its origin, half-spaces left out, m.
 pub(super) fn extent(model: &Model, b: usize) -> f64 {
     let radius = |shape: u32| model.shapes[shape as usize].radius;
-    let Some(d) = b.checked_sub(model.grains.len()) else { return radius(model.grains.shape[b]) };
+    let Some(d) = b.checked_sub(model.grains.len()) else { return model.grain_radius(b) };
     let parts = model.driven[d].parts.iter().map(|part| match part {
         Part::Convex { shape, pose } => pose.position.norm() + radius(*shape),
         Part::HalfSpace { .. } => 0.0,
@@ -124,12 +172,8 @@ fn round_up(x: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn reach(least: f64, most: f64, count: usize) -> Reach {
-        Reach { share: vec![least; count], before: vec![least; count], most }
-    }
-
     #[test]
-    fn shares_are_rounded_up_to_halves_of_powers_of_two() {
+    fn lengths_are_rounded_up_to_halves_of_powers_of_two() {
         for (x, expected) in
             [(0.0, 0.0), (1.0, 1.0), (1.01, 1.5), (1.5, 1.5), (1.6, 2.0), (0.3, 0.375)]
         {
@@ -145,14 +189,15 @@ mod tests {
     }
 
     #[test]
-    fn only_bodies_that_leave_their_share_are_raised() {
-        let mut reach = reach(1e-4, 0.02, 4);
-        let speeds = [0.09, 0.11, 1.0, 1e9];
-        assert!(reach.raise(1e-3, |b| speeds[b]));
+    fn only_bodies_that_change_by_more_than_allowed_are_raised() {
+        let allowance = vec![1e-4; 4];
+        let before = allowance.clone();
+        let mut reach = Reach { h: 1e-3, way: vec![0.0; 4], allowance, before, most: 0.02 };
+        let changes = [0.09, 0.11, 1.0, 1e9];
+        assert!(reach.raise(|b| changes[b]));
         assert_eq!([0, 1, 2, 3].map(|b| reach.is_raised(b)), [false, true, true, true]);
-        assert_eq!(reach.between_before([1, 2]), 2e-4);
-        assert!(reach.between([1, 2]) >= 1e-3 * (speeds[1] + speeds[2]));
-        assert_eq!(reach.shares()[3], 0.02);
-        assert!(!reach.raise(1e-3, |b| speeds[b]), "as far as speeds ask for, or as far as may be");
+        assert!(reach.at_most([1, 2]) >= 1e-3 * (changes[1] + changes[2]));
+        assert_eq!(reach.share(3), 0.02);
+        assert!(!reach.raise(|b| changes[b]), "as far as asked for, or as far as may be");
     }
 }

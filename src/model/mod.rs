@@ -237,6 +237,11 @@ impl Default for Solver {
 }
 
 impl Model {
+    /// Largest distance of a point of grain `i` from its centre of mass, m.
+    pub fn grain_radius(&self, i: usize) -> f64 {
+        self.shapes[self.grains.shape[i] as usize].radius
+    }
+
     /// Number of bodies, grains and driven.
     pub fn body_count(&self) -> usize {
         self.grains.len() + self.driven.len()

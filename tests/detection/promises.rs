@@ -238,9 +238,9 @@ fn no_pair_that_speed_can_close_is_missed() {
         let bodies: Vec<Body> = (0..120).map(body).collect();
         for i in 0..120 {
             for j in i + 1..120 {
-                let way = (motion.velocity[i].norm() + motion.velocity[j].norm()) * 2e-4;
-                let looked = reach.between([i, j]);
-                assert!(looked >= (1.5 * way).min(0.01) && looked >= 1e-3, "{looked} for {way}");
+                let way = (motion.velocity[i] - motion.velocity[j]).norm() * 2e-4;
+                let looked = reach.between(&motion, model.grain_radius(i), [i, j]);
+                assert!(looked >= way + 1e-3, "{looked} for {way}");
                 let (s, _) = oracle::separation(&bodies[i], &bodies[j]);
                 let gap = if s > 0.0 { oracle::distance(&bodies[i], &bodies[j]) } else { s };
                 if (gap - looked).abs() < 1e-9 {
