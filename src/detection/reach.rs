@@ -19,6 +19,8 @@ const AMPLE: f64 = 1.5;
 #[derive(Debug, Clone, Default)]
 pub struct Reach {
     h: f64,
+    /// The alert distance: the least that is looked for, m.
+    least: f64,
     /// How far the free velocity carries any point of a body in the step, m `[nb]`.
     way: Vec<f64>,
     /// How much further, or elsewhere, the solve may carry it, m `[nb]`.
@@ -30,7 +32,7 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// Allows half the alert distance to each body.
+    /// Allows a quarter of the alert distance to each body.
     pub fn of(model: &Model, motion: &Motion) -> Self {
         let mut reach = Self::default();
         reach.predict(model, motion);
@@ -39,9 +41,10 @@ impl Reach {
 
     /// The same in place.
     pub fn predict(&mut self, model: &Model, motion: &Motion) {
-        let (h, allowance) = (model.stepping.h(), 0.5 * model.stepping.alert);
+        let (h, least) = (model.stepping.h(), model.stepping.alert);
+        let allowance = 0.25 * least;
         let most = (0..model.grains.len()).map(|i| model.grain_radius(i)).fold(allowance, f64::max);
-        (self.h, self.most) = (h, most);
+        (self.h, self.least, self.most) = (h, least, most);
         (&motion.velocity, &motion.spin)
             .into_par_iter()
             .enumerate()
@@ -77,8 +80,7 @@ impl Reach {
 
     /// Distance up to which contacts of a grain of this radius with another body are looked for, m.
     pub fn between(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
-        let [a, b] = pair;
-        self.approach(motion, radius, pair) + (self.allowance[a] + self.allowance[b])
+        self.with(&self.allowance, motion, radius, pair)
     }
 
     /// Whether a grain of this radius and another body may close a gap in which no contact was looked for before
@@ -98,15 +100,15 @@ impl Reach {
 
     /// [`Reach::between`] before allowances were raised.
     pub fn between_before(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
-        let [a, b] = pair;
-        self.approach(motion, radius, pair) + (self.before[a] + self.before[b])
+        self.with(&self.before, motion, radius, pair)
     }
 
-    /// How far the free velocities carry a point of the grain against the other body at most, m.
-    fn approach(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
+    /// What the free velocities and these allowances make of the distance.
+    fn with(&self, allowance: &[f64], motion: &Motion, radius: f64, [a, b]: [usize; 2]) -> f64 {
         let free = |b: usize| (motion.velocity[b], motion.spin[b]);
-        let way = round_up(self.h * approach_speed(motion, radius, pair, free));
-        way.min(self.way[pair[0]] + self.way[pair[1]])
+        let approach = round_up(self.h * approach_speed(motion, radius, [a, b], free));
+        let approach = approach.min(self.way[a] + self.way[b]);
+        self.least.max(approach + (allowance[a] + allowance[b]))
     }
 
     /// What no distance between two bodies that is asked for exceeds, m.
@@ -116,7 +118,7 @@ impl Reach {
 
     /// The part of body `b` in this, m.
     pub(super) fn share(&self, b: usize) -> f64 {
-        self.way[b] + self.allowance[b]
+        (0.5 * self.least).max(self.way[b] + self.allowance[b])
     }
 
     /// Number of bodies.
@@ -192,7 +194,8 @@ mod tests {
     fn only_bodies_that_change_by_more_than_allowed_are_raised() {
         let allowance = vec![1e-4; 4];
         let before = allowance.clone();
-        let mut reach = Reach { h: 1e-3, way: vec![0.0; 4], allowance, before, most: 0.02 };
+        let mut reach =
+            Reach { h: 1e-3, least: 0.0, way: vec![0.0; 4], allowance, before, most: 0.02 };
         let changes = [0.09, 0.11, 1.0, 1e9];
         assert!(reach.raise(|b| changes[b]));
         assert_eq!([0, 1, 2, 3].map(|b| reach.is_raised(b)), [false, true, true, true]);
