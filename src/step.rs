@@ -57,7 +57,7 @@ pub fn advance(
         ws.motion.predict(model, state, inputs)?;
         ws.reach.predict(model, &ws.motion);
         watch.lap(Phase::Predict);
-        // Shares grow with each attempt, and no further than to the largest: it ends.
+        // Allowances grow with each attempt, and no further than to the largest: it ends.
         let mut attempts = 0;
         loop {
             attempts += 1;

@@ -465,8 +465,10 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s");
     let mut client = attach(&endpoint, None).unwrap();
-    let done = controller_loop::squeeze(&mut client, 4000.0, 0.02).unwrap();
-    assert!(done.force >= 4000.0 && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
+    // What this bed reaches well before its tines are closed.
+    let force = 1000.0;
+    let done = controller_loop::squeeze(&mut client, force, 0.02).unwrap();
+    assert!(done.force >= force && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
     // Nobody has said when the squeeze began; it was seen.
     let told = client.line().last_told().unwrap();
     let key = client.line().keys().out_squeeze("pair_0");
@@ -489,8 +491,10 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
         return;
     }
     let script = format!("{root}/examples/python/controller_zenoh.py");
-    let output =
-        Command::new(&python).args([&script[..], KEY, "4000", "0.02", &endpoint]).output().unwrap();
+    let output = Command::new(&python)
+        .args([&script[..], KEY, &force.to_string(), "0.02", &endpoint])
+        .output()
+        .unwrap();
     let output = Ended(output).with_code(0);
     assert!(output.stdout().contains(&done.hash), "{done:?}: {}", output.stdout());
     let client = attach(&endpoint, None).unwrap();
