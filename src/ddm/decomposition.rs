@@ -5,6 +5,7 @@
 //! copies of the lines of its grains, gathered before and scattered after: groups of one colour
 //! share no subdomain, so locks are never waited for and the order of threads has no effect.
 
+use super::acceleration::Memory;
 use super::boundary::{Boundary, BoundaryLine};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
@@ -24,6 +25,8 @@ pub(super) struct Set {
     /// lines that are sums of parts.
     pub visits: u32,
     pub boundary: Vec<BoundaryLine>,
+    /// For iterations that do not get on.
+    pub memory: Memory,
 }
 
 impl Set {
@@ -113,8 +116,21 @@ impl Decomposition {
 
     /// Starts from the impulses that the sets hold: `V = V_free + M⁻¹ H r`.
     pub(super) fn apply_impulses(&mut self) {
-        self.on_subdomains(|set| set.contacts.apply_impulses());
-        self.on_interface(|set| set.contacts.apply_impulses());
+        self.on_sets_in_turn(|set| set.contacts.apply_impulses());
+    }
+
+    /// Does `work` that needs no velocities on every set, in parallel.
+    pub(super) fn on_sets(&mut self, work: impl Fn(&mut Set) + Sync) {
+        let Self { subdomains, groups, .. } = self;
+        let sets = subdomains.par_iter_mut().map(open);
+        sets.chain(groups.par_iter_mut().map(|group| &mut open(group).set))
+            .for_each(|set| work(set));
+    }
+
+    /// Does `work` on every set in the order of the synchronous schedule, velocities at hand.
+    pub(super) fn on_sets_in_turn(&mut self, work: impl Fn(&mut Set) + Sync) {
+        self.on_subdomains(&work);
+        self.on_interface(&work);
     }
 
     /// Does `work` on every subdomain, in parallel.

@@ -4,6 +4,7 @@
 //! velocity lines and impulses. Cost: visits. Contract: sequential and synchronous schedules give
 //! the same bytes for any number of threads; with one subdomain all three schedules do.
 
+mod acceleration;
 mod asynchronous;
 mod boundary;
 mod decomposition;
@@ -65,8 +66,8 @@ fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
 
 /// Softens visits when sweeps go round in circles.
 ///
-/// With friction as high as that of ballast, full Gauss-Seidel steps can cycle for ever between two
-/// states of a few contacts that slip and stick by turns. Smaller steps break the circle; they are
+/// With friction as high as that of ballast, full Gauss-Seidel steps can cycle for ever between
+/// states of some contacts that slip and stick by turns. Smaller steps break some of the circles; they are
 /// taken only when the residual has stopped falling, because they are slower otherwise.
 #[derive(Debug, Clone, Copy)]
 struct Softening {
@@ -74,18 +75,21 @@ struct Softening {
     best: f64,
     /// Iteration of the last softening or good progress.
     since: u32,
+    /// Times that the residual did not get on.
+    stalls: u32,
 }
 
 impl Softening {
-    /// Iterations without progress that count as a circle.
+    /// Iterations without progress that count as a stall.
     const PATIENCE: u32 = 200;
     /// A residual that has fallen by this factor is progress.
     const PROGRESS: f64 = 0.7;
     const FACTOR: f64 = 0.8;
-    const LEAST: f64 = 0.5;
+    /// Stalls that are answered by smaller steps.
+    const MOST: u32 = 3;
 
     fn new(relaxation: f64) -> Self {
-        Self { relaxation, best: f64::INFINITY, since: 0 }
+        Self { relaxation, best: f64::INFINITY, since: 0, stalls: 0 }
     }
 
     /// Takes note of the residual after iteration `done`.
@@ -94,10 +98,17 @@ impl Softening {
             self.best = residual;
             self.since = done;
         } else if done - self.since >= Self::PATIENCE {
-            self.relaxation =
-                (Self::FACTOR * self.relaxation).max(Self::LEAST.min(self.relaxation));
+            if self.stalls < Self::MOST {
+                self.stalls += 1;
+                self.relaxation *= Self::FACTOR;
+            }
             self.since = done;
         }
+    }
+
+    /// Whether smaller steps have not helped.
+    fn is_spent(&self) -> bool {
+        self.stalls >= Self::MOST
     }
 }
 

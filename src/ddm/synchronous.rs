@@ -1,17 +1,20 @@
 //! Subdomains in parallel, then the interface, with a barrier between (HSDA, Algorithm 1).
 //!
-//! One set of contacts (the sequential schedule) is the case without interface.
+//! One set of contacts (the sequential schedule) is the case without interface. Where a tolerance is asked for
+//! and neither full nor smaller steps get on, iterations are accelerated.
 
+use super::acceleration::Acceleration;
 use super::{Decomposition, Outcome, Softening, is_solved, is_test};
 use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
-    let mut softening = Softening::new(solver.relaxation);
+    let (mut softening, mut acceleration) = (Softening::new(solver.relaxation), None);
     let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
     for done in 1..=solver.iterations {
         let measured = is_test(solver, done);
-        let relaxation = softening.relaxation;
+        let relaxation =
+            acceleration.as_ref().map_or(softening.relaxation, Acceleration::relaxation);
         decomposition
             .on_subdomains(|set| set.sweeps(solver.subdomain_sweeps, relaxation, measured));
         decomposition.on_interface(|set| set.sweeps(solver.interface_sweeps, relaxation, measured));
@@ -21,11 +24,23 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
             if solver.norm == Norm::NaturalMap {
                 outcome.residuals.natural_map = decomposition.natural_map();
             }
-            softening.observe(done, outcome.residuals.qm16());
             if is_solved(solver, &outcome.residuals) {
                 outcome.converged = true;
                 break;
             }
+            softening.observe(done, outcome.residuals.qm16());
+            if softening.is_spent() && acceleration.is_none() && solver.tolerance.is_some() {
+                let relaxations = [softening.relaxation, solver.relaxation];
+                acceleration = Some(Acceleration::begin(decomposition, done, relaxations));
+            }
+        }
+        // What the cap ends with are sweeps from the best impulses.
+        if solver.iterations - done <= solver.check_every.max(1) {
+            if let Some(mut acceleration) = acceleration.take() {
+                acceleration.retreat(decomposition);
+            }
+        } else if let Some(acceleration) = &mut acceleration {
+            acceleration.go_on(decomposition, done);
         }
     }
     outcome.residuals.natural_map = decomposition.natural_map();

@@ -199,3 +199,50 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     let (model, state, contacts) = wall(6, 5, solver(Schedule::Asynchronous, 4));
     assert!(!run(&model, &state, &contacts, 2).outcome.guarded);
 }
+
+/// A wall so high that sweeps hardly get on: the weight diffuses through them.
+const HIGH: (usize, usize) = (2, 90);
+
+#[test]
+fn iterations_that_do_not_get_on_are_accelerated() {
+    let tight = |schedule| Solver { tolerance: Some(1e-6), ..solver(schedule, 3) };
+    for schedule in [Schedule::Sequential, Schedule::Synchronous] {
+        let (model, state, contacts) = wall(HIGH.0, HIGH.1, tight(schedule));
+        let solved = run(&model, &state, &contacts, 1);
+        let outcome = solved.outcome;
+        assert!(outcome.converged && outcome.iterations > 600, "{schedule:?}: {outcome:?}");
+        // Its points are Gauss-Seidel states: impulses in their cones, and velocities that go with them.
+        assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
+        for (normal, f) in contacts.normal.iter().zip(&solved.impulse) {
+            let along = f.dot(normal);
+            assert!((f - normal * along).norm() <= 0.800_001 * along + 1e-15, "{f}");
+        }
+        let threads = run(&model, &state, &contacts, 3);
+        assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
+        // Twice as many plain iterations (no tolerance: nothing is accelerated) leave more to do.
+        let plain =
+            Solver { tolerance: None, iterations: 2 * outcome.iterations, ..tight(schedule) };
+        let (model, state, contacts) = wall(HIGH.0, HIGH.1, plain);
+        let left = run(&model, &state, &contacts, 1).outcome.residuals.natural_map;
+        assert!(left > 3.0 * outcome.residuals.natural_map, "{schedule:?}: {left}, {outcome:?}");
+    }
+}
+
+#[test]
+fn a_cap_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
+    let capped = |iterations| Solver {
+        tolerance: Some(1e-30),
+        iterations,
+        ..solver(Schedule::Synchronous, 3)
+    };
+    let mut last = f64::INFINITY;
+    for iterations in [700, 1400, 2800] {
+        let (model, state, contacts) = wall(HIGH.0, HIGH.1, capped(iterations));
+        let solved = run(&model, &state, &contacts, 2);
+        assert!(!solved.outcome.converged && solved.outcome.iterations == iterations);
+        assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
+        let residual = solved.outcome.residuals.natural_map;
+        assert!(residual < last, "{iterations}: {residual}, with half of them {last}");
+        last = residual;
+    }
+}

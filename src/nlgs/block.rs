@@ -79,6 +79,17 @@ impl LawRows {
         slip: ZERO32,
     };
 
+    /// `tr W_αα` of a lane, 1/kg; zero without a contact.
+    pub fn trace(&self, lane: usize) -> f64 {
+        if self.normal_mass[lane] == 0.0 {
+            return 0.0;
+        }
+        let [k1, k2] = self.coupling.map(|row| row[lane] as f64);
+        let (normal, across) =
+            (1.0 / self.normal_mass[lane] as f64, 1.0 / self.tangent_mass[lane] as f64);
+        normal * (1.0 + k1 * k1 + k2 * k2) + across * (1.0 + 1.0 / self.tangent_ratio[lane] as f64)
+    }
+
     fn set(&mut self, lane: usize, contact: &LocalContact) {
         self.normal_mass[lane] = contact.normal_mass;
         self.coupling[0][lane] = contact.coupling[0];
@@ -158,12 +169,25 @@ impl SingleBlock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nlgs::scenes::Scene;
     use std::mem::offset_of;
 
     #[test]
     fn blocks_are_as_small_as_documented() {
         assert_eq!(size_of::<PairBlock>(), 160 * LANES);
         assert_eq!(size_of::<SingleBlock>(), 144 * LANES);
+    }
+
+    #[test]
+    fn traces_are_those_of_the_delassus_blocks() {
+        let problem = Scene::grid([2, 2, 2], 2, 0.0, 5).problem;
+        for (i, contact) in problem.contacts.iter().enumerate() {
+            let mut block = SingleBlock::empty(0);
+            block.set(3, contact, 0);
+            let expected = contact.law_block().trace();
+            assert!((block.law.trace(3) / expected - 1.0).abs() < 1e-6, "{i}: {expected}");
+            assert_eq!(block.law.trace(2), 0.0);
+        }
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
 //! shares nothing with other sets, so sets may be swept in parallel.
 
-use super::block::{PairBlock, SingleBlock};
-use super::kernel::{Arithmetic, Blocks, Operations};
+use super::block::{LawRows, PairBlock, Row64, SingleBlock};
+use super::kernel::{Arithmetic, Blocks, Chosen, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{LANES, PADDING, Packing};
 use crate::local_problem::{Line, LocalProblem};
@@ -225,6 +225,33 @@ impl ContactSet {
         let norms = self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation);
         let speed_squared = self.lines.iter().map(Line::speed_squared).fold(0.0, f64::max);
         VisitNorms { speed_squared, ..norms }
+    }
+
+    /// The blocks that are awake, to be kept in `chosen`.
+    pub fn choose_awake(&self, chosen: &mut Chosen) {
+        self.blocks.choose_awake(chosen);
+    }
+
+    /// Impulses of the chosen blocks, N s, padding included: the numbers that [`ContactSet::replace_impulses`]
+    /// takes.
+    pub fn chosen_impulses<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = f64> {
+        self.blocks.chosen(chosen).flat_map(|(_, r)| r.as_flattened()).copied()
+    }
+
+    /// The root of a third of `tr W_αα` for each of these numbers, kg^(-1/2).
+    pub fn chosen_weights<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = f64> {
+        let weight =
+            |law: &LawRows| -> Row64 { std::array::from_fn(|lane| (law.trace(lane) / 3.0).sqrt()) };
+        self.blocks.chosen(chosen).flat_map(move |(law, _)| [weight(law); 3]).flatten()
+    }
+
+    /// Gives the contacts of the chosen blocks the impulses of their cones nearest to `impulses`, and the
+    /// grains the velocities that go with them.
+    pub fn replace_impulses(&mut self, chosen: &Chosen, impulses: &[f64]) {
+        let (rows, rest) = impulses.as_chunks::<LANES>();
+        let (triples, more) = rows.as_chunks();
+        assert!(rest.is_empty() && more.is_empty(), "{} numbers", impulses.len());
+        self.blocks.replace_impulses(self.arithmetic, chosen, triples, &mut self.lines);
     }
 
     /// Sums of the natural map at the present impulses and velocities.

@@ -4,6 +4,7 @@
 //! state, one arithmetic for every processor. [`mod@reference`] is what it is checked with: the same
 //! method written plainly and with the assembled Delassus operator.
 
+pub mod acceleration;
 pub mod block;
 pub mod contact_law;
 pub mod contact_set;
@@ -18,5 +19,5 @@ mod tests;
 mod visit;
 
 pub use contact_set::{ContactSet, Traffic};
-pub use kernel::{Arithmetic, Operations};
+pub use kernel::{Arithmetic, Chosen, Operations};
 pub use residual::{NaturalMapSums, Residuals, VisitNorms};

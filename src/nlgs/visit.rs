@@ -218,7 +218,7 @@ pub fn natural_map<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
 
 /// Projection on Coulomb's cone: [`crate::math::cone::project`] on eight lanes.
 #[inline(always)]
-fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
+pub fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let tangential = x[2].mul_add(x[2], x[1].mul(x[1])).sqrt();
     let inside = tangential.le(mu.mul(x[0]));

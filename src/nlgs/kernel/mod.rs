@@ -25,10 +25,10 @@ pub(super) use lanes::each;
 #[cfg(test)]
 pub use portable::Portable as PortableLanes;
 
-use super::block::{PairBlock, Row64, SingleBlock};
+use super::block::{LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::local_problem::{Line, LocalContact};
-use passes::{Apply, Every, MeasuredSweep, NaturalMap, Pass, PlainSweep, Sweep};
+use passes::{Apply, Every, MeasuredSweep, NaturalMap, Pass, PlainSweep, Replace, Sweep};
 use portable::Portable;
 
 /// Which instructions compute; the bits are the same.
@@ -111,6 +111,10 @@ unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
     // SAFETY: the caller's.
     unsafe { pass.run::<avx512::Avx512>() }
 }
+
+/// Some of the blocks: singles and pairs.
+#[derive(Debug, Clone, Default)]
+pub struct Chosen([Vec<u32>; 2]);
 
 /// Packed contacts whose indices are checked on entry.
 #[derive(Debug, Clone, Default)]
@@ -247,6 +251,46 @@ impl Blocks {
     pub fn apply_impulses(&self, arithmetic: Arithmetic, lines: &mut [Line]) {
         self.check_lines(lines);
         let pass = Apply { singles: &self.singles, pairs: &self.pairs, lines };
+        // SAFETY: indices were checked by `push_*`, lines above.
+        unsafe { run(arithmetic, pass) }
+    }
+
+    /// The blocks that are awake, to be kept.
+    pub fn choose_awake(&self, chosen: &mut Chosen) {
+        for (to, from) in chosen.0.iter_mut().zip(&self.awake) {
+            to.clone_from(from);
+        }
+    }
+
+    /// Laws and impulses of the chosen blocks.
+    pub fn chosen<'a>(
+        &'a self,
+        chosen: &'a Chosen,
+    ) -> impl Iterator<Item = (&'a LawRows, &'a [Row64; 3])> {
+        let [singles, pairs] = &chosen.0;
+        let single = |&i: &u32| (&self.singles[i as usize].law, &self.singles[i as usize].impulse);
+        let pair = |&i: &u32| (&self.pairs[i as usize].law, &self.pairs[i as usize].impulse);
+        singles.iter().map(single).chain(pairs.iter().map(pair))
+    }
+
+    /// Gives the chosen blocks the impulses of their cones nearest to `impulses`, block after block, and the
+    /// lines what the change causes.
+    pub fn replace_impulses(
+        &mut self,
+        arithmetic: Arithmetic,
+        chosen: &Chosen,
+        impulses: &[[Row64; 3]],
+        lines: &mut [Line],
+    ) {
+        self.check_lines(lines);
+        let choice = chosen.0.each_ref().map(Vec::as_slice);
+        assert_eq!(
+            impulses.len(),
+            choice[0].len() + choice[1].len(),
+            "one triple of rows per block"
+        );
+        let (singles, pairs) = (&mut self.singles, &mut self.pairs);
+        let pass = Replace { singles, pairs, choice, impulses, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
     }

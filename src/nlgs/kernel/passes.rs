@@ -3,7 +3,7 @@
 use super::coupling::{Block, dot};
 use super::lanes::{Lanes, each};
 use crate::local_problem::Line;
-use crate::nlgs::block::{PairBlock, SingleBlock};
+use crate::nlgs::block::{PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 use crate::nlgs::visit::{self, Law};
 
@@ -222,6 +222,52 @@ unsafe fn apply_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &mut [Line]) {
             let (held, _) = block.read::<L>(lines);
             block.push(held, &r, lines);
         }
+    }
+}
+
+/// Impulses of the chosen blocks as they are to be, block after block.
+pub struct Replace<'a> {
+    pub singles: &'a mut [SingleBlock],
+    pub pairs: &'a mut [PairBlock],
+    pub choice: [&'a [u32]; 2],
+    pub impulses: &'a [[Row64; 3]],
+    pub lines: &'a mut [Line],
+}
+
+impl Pass for Replace<'_> {
+    type Output = ();
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        let [singles, pairs] = self.choice;
+        let (of_singles, of_pairs) = self.impulses.split_at(singles.len());
+        // SAFETY: the caller's.
+        unsafe {
+            replace_blocks::<L, _>(self.singles, singles, of_singles, self.lines);
+            replace_blocks::<L, _>(self.pairs, pairs, of_pairs, self.lines);
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn replace_blocks<L: Lanes, B: Block>(
+    blocks: &mut [B],
+    choice: &[u32],
+    impulses: &[[Row64; 3]],
+    lines: &mut [Line],
+) {
+    for (&i, wanted) in choice.iter().zip(impulses) {
+        let block = &mut blocks[i as usize];
+        // SAFETY: the caller's.
+        let (held, _) = unsafe { block.read::<L>(lines) };
+        let friction = L::load32(&block.law().friction);
+        let r = visit::project(friction, &each!(K in 3 => L::load(&wanted[K])));
+        let delta = each!(K in 3 => r[K].sub(L::load(&block.impulse()[K])));
+        let (impulse, _) = block.outcome();
+        for k in 0..3 {
+            r[k].store(&mut impulse[k]);
+        }
+        // SAFETY: the caller's.
+        unsafe { block.push(held, &delta, lines) };
     }
 }
 

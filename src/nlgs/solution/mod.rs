@@ -5,8 +5,6 @@
 //! work is kept about equal to that of the sweeps. Contract: the best impulses that any test saw come
 //! back, with the errors of the whole problem; the same problem gives the same bytes.
 
-mod anderson;
-mod guard;
 mod newton;
 mod search;
 

@@ -1,17 +1,10 @@
 //! The course of a solution: sweeps, accelerated sweeps, Newton steps, and tests of the error.
 
-use super::anderson::Memory;
-use super::guard::Guard;
-use super::newton;
-use super::{Settings, Solution};
-use crate::math::{Vec3, cone};
+use super::{Settings, Solution, newton};
+use crate::math::{Mat3, Vec3, cone};
+use crate::nlgs::acceleration::{Guard, History, Mixing, PERIOD, Verdict};
 use crate::nlgs::reference::Assembled;
 
-/// Accelerated points are taken after every third sweep: the sweeps between them settle which
-/// contacts slip.
-const PERIOD: u64 = 3;
-/// Steps that an accelerated point is made of.
-const WINDOW: usize = 10;
 /// Least share of a Newton step that is tried.
 const SHORTEST: f64 = 0.1;
 /// Bounds of the regularisation, relative to the contacts' own W.
@@ -65,19 +58,30 @@ impl<'a> Search<'a> {
 
     /// Sweeps at most `count` times more, with Anderson's acceleration (T-32).
     pub fn sweep_accelerated(&mut self, count: u64) {
-        let weight = self.problem.diagonal.iter().map(|w| (w.trace() / 3.0).sqrt()).collect();
-        let mut memory = Memory::new(WINDOW, weight);
-        let mut guard = Guard::new(&self.impulse, self.sweeps);
-        let mut before = self.impulse.clone();
+        let weight = |w: &Mat3| [(w.trace() / 3.0).sqrt(); 3];
+        let (mut history, mut mixing) = (History::default(), Mixing::default());
+        history.begin(self.problem.diagonal.iter().flat_map(weight));
+        let mut guard = Guard::new(self.sweeps);
+        let mut safe = self.impulse.clone();
+        let (mut before, mut point) = (flat(&self.impulse), Vec::new());
         self.sweep_with(count, |search| {
-            let (point, change) = memory.next_point(&before, &search.impulse);
-            if !guard.accepts(change, &search.impulse, search.sweeps) {
-                memory.forget();
-                search.impulse.clone_from(&guard.safe);
-            } else if search.sweeps.is_multiple_of(PERIOD) && !guard.rests(search.sweeps) {
-                search.impulse = search.admissible(point);
+            let (slot, remembered) = (mixing.slot(), mixing.remembered());
+            let products = history.observe(slot, remembered, &before, &flat(&search.impulse));
+            let shares = mixing.shares(&products);
+            let verdict = guard.judge(products.change_squared.sqrt(), search.sweeps);
+            if verdict == Verdict::Best {
+                safe.clone_from(&search.impulse);
             }
-            before.clone_from(&search.impulse);
+            if verdict == Verdict::Astray {
+                mixing.forget();
+                search.impulse.clone_from(&safe);
+            } else if search.sweeps.is_multiple_of(u64::from(PERIOD)) && !guard.rests(search.sweeps)
+            {
+                history.combine(&shares, &mut point);
+                search.impulse =
+                    search.admissible(point.chunks_exact(3).map(Vec3::from_column_slice));
+            }
+            before = flat(&search.impulse);
         });
     }
 
@@ -121,8 +125,7 @@ impl<'a> Search<'a> {
     fn along(&self, step: &[Vec3], here: f64) -> Option<(f64, Vec<Vec3>, f64)> {
         let mut share = 1.0;
         while share > SHORTEST {
-            let end = self.impulse.iter().zip(step).map(|(r, d)| r + d * share).collect();
-            let end = self.admissible(end);
+            let end = self.admissible(self.impulse.iter().zip(step).map(|(r, d)| r + d * share));
             let error = self.problem.natural_map(&end).unit_free;
             if error < here * (1.0 - 0.1 * share) {
                 return Some((share, end, error));
@@ -133,9 +136,8 @@ impl<'a> Search<'a> {
     }
 
     /// The nearest impulses within Coulomb's cones.
-    fn admissible(&self, impulse: Vec<Vec3>) -> Vec<Vec3> {
-        let cones = self.problem.friction.iter();
-        impulse.iter().zip(cones).map(|(r, &mu)| cone::project(r, mu)).collect()
+    fn admissible(&self, impulse: impl Iterator<Item = Vec3>) -> Vec<Vec3> {
+        impulse.zip(&self.problem.friction).map(|(r, &mu)| cone::project(&r, mu)).collect()
     }
 
     /// Compares the present impulses with the best ones.
@@ -157,4 +159,9 @@ impl<'a> Search<'a> {
             newton_steps: self.newton_steps,
         }
     }
+}
+
+/// The numbers of all impulses end to end.
+fn flat(impulse: &[Vec3]) -> Vec<f64> {
+    impulse.iter().flat_map(|r| [r.x, r.y, r.z]).collect()
 }

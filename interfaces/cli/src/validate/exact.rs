@@ -67,8 +67,8 @@ pub fn column(size: &Size) -> ballast::Result<Check> {
     Ok(check)
 }
 
-/// Sweeps at a time of [`sweeps_needed`]: fewer than those after which slow sweeps are relaxed (T-12), and the law
-/// is that of plain ones.
+/// Sweeps at a time of [`sweeps_needed`]: fewer than those after which slow sweeps are relaxed (T-12): the law is that
+/// of plain ones.
 const AT_A_TIME: u32 = 100;
 
 /// Sweeps after which the floor lacks less than 1 % of the weight.
