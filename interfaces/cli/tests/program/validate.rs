@@ -5,8 +5,11 @@ use serde_json::Value;
 
 /// Checks with figures that are known to miss what is expected, and how far: docs/validation.md says why. Wrong
 /// altogether would be news.
-const KNOWN: [(&str, [f64; 2]); 2] =
-    [("Platonic dice", [0.44, 0.58]), ("settings of a tamping cycle", [0.85, 1.15])];
+const KNOWN: [(&str, [f64; 2]); 3] = [
+    ("Platonic dice", [0.44, 0.58]),
+    ("angle of repose", [22.0, 37.0]),
+    ("settings of a tamping cycle", [0.85, 1.15]),
+];
 
 /// The shorter ones; `BALLAST_VALIDATE=all` asks for the whole of `--quick`.
 const SHORT: &str = "--only incline,column,arch,dice";
