@@ -120,11 +120,10 @@ impl Decomposition {
     }
 
     /// Does `work` that needs no velocities on every set, in parallel.
-    pub(super) fn on_sets(&mut self, work: impl Fn(&mut Set) + Sync) {
+    pub(super) fn on_sets(&mut self, work: impl Fn(&mut Set) + Sync + Send) {
         let Self { subdomains, groups, .. } = self;
         let sets = subdomains.par_iter_mut().map(open);
-        sets.chain(groups.par_iter_mut().map(|group| &mut open(group).set))
-            .for_each(|set| work(set));
+        sets.chain(groups.par_iter_mut().map(|group| &mut open(group).set)).for_each(work);
     }
 
     /// Does `work` on every set in the order of the synchronous schedule, velocities at hand.
