@@ -1,6 +1,8 @@
 //! The command line of `ballast bench`.
 
 use crate::args::{Beds, Overrides, ScheduleName};
+use crate::exit::{Failure, Outcome};
+use ballast::model::Stepping;
 use clap::{Args, Subcommand, ValueEnum};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
@@ -42,9 +44,34 @@ pub struct BenchSample {
     /// Number of subdomains; by default subdomains of some thousand contacts
     #[arg(long, value_name = "N")]
     pub subdomains: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub alert: Alert,
     /// Write the final state as a sample
     #[arg(long, value_name = "FILE")]
     pub save: Option<PathBuf>,
+}
+
+/// How far contacts of a sample are looked for.
+#[derive(Debug, Args)]
+pub struct Alert {
+    /// Look for contacts at least this far, m, instead of the sample's `alert`; further where a step can reach
+    /// further. Cases that say nothing have 0.5 m/s times the step
+    #[arg(long, value_name = "M")]
+    pub alert_m: Option<f64>,
+}
+
+impl Alert {
+    /// Puts the distance in the place of the sample's.
+    pub fn choose(&self, stepping: &mut Stepping) -> Outcome {
+        let Some(alert) = self.alert_m else { return Ok(()) };
+        if !(alert > 0.0 && alert.is_finite()) {
+            return Err(Failure::Usage(format!(
+                "--alert-m {alert}: expected a distance above 0, m"
+            )));
+        }
+        stepping.alert = alert;
+        Ok(())
+    }
 }
 
 /// Where tables go besides stdout.
@@ -167,6 +194,8 @@ pub struct BenchCost {
     /// Time to simulate with each of them, s
     #[arg(long, value_name = "S", default_value_t = 0.5)]
     pub time: f64,
+    #[command(flatten)]
+    pub alert: Alert,
     #[command(flatten)]
     pub csv: Csv,
 }

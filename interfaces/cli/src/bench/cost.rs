@@ -42,9 +42,11 @@ const MOST_STEPS: f64 = 1e7;
 pub fn cost(args: &BenchCost, console: Console) -> Outcome {
     let machine = Machine::watch();
     let plans = plans(args)?;
-    let scene = Scene::of_sample(&args.file)?;
+    let mut scene = Scene::of_sample(&args.file)?;
+    args.alert.choose(&mut scene.model.stepping)?;
     let mut sheet = Sheet::new(COLUMNS);
     sheet.note("scene", scene.describe());
+    sheet.note("alert_m", scene.model.stepping.alert.to_string());
     sheet.note("stretch", format!("{} s, synchronous, penetrations of its last step", args.time));
     let whole: f64 = plans.iter().map(|p| p.steps as f64).sum();
     let (mut progress, mut before) = (Progress::start(console, &scene.name, 0.0), 0.0);

@@ -23,7 +23,7 @@ pub fn sample(args: BenchSample) -> Outcome {
     let text = read_text(&args.file, LIMIT)?;
     let name = args.file.display().to_string();
     let mut sample = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
-    choose(&args, &mut sample);
+    choose(&args, &mut sample)?;
     let steps = args.steps.unwrap_or(sample.steps);
     let mut trial = Trial::default();
     let mut profile = Profile::start();
@@ -39,7 +39,8 @@ pub fn sample(args: BenchSample) -> Outcome {
 }
 
 /// Puts the command line's choices in the place of the sample's.
-fn choose(args: &BenchSample, sample: &mut Sample) {
+fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
+    args.alert.choose(&mut sample.model.stepping)?;
     let solver = &mut sample.model.solver;
     solver.schedule = args.schedule.into();
     if let Some(iterations) = args.iterations {
@@ -56,6 +57,7 @@ fn choose(args: &BenchSample, sample: &mut Sample) {
     if let Some(subdomains) = args.subdomains {
         solver.partition = PartitionRule::Balanced(subdomains.get());
     }
+    Ok(())
 }
 
 /// What the steps told.
@@ -68,6 +70,7 @@ struct Trial {
     visits: u64,
     not_converged: u64,
     guarded: u64,
+    repeated: u64,
     first: Option<StepReport>,
     last: StepReport,
 }
@@ -81,6 +84,7 @@ impl Trial {
         self.visits += report.visits;
         self.not_converged += u64::from(!report.converged);
         self.guarded += u64::from(report.guarded);
+        self.repeated += u64::from(report.attempts > 1);
         self.first.get_or_insert_with(|| report.clone());
         self.last = report;
     }
@@ -111,6 +115,7 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
     json!({
         "grains": grains,
         "steps": steps,
+        "alert_m": model.stepping.alert,
         "threads": rayon::current_num_threads(),
         "schedule": format!("{:?}", model.solver.schedule).to_lowercase(),
         "subdomains": trial.last.subdomains,
@@ -127,6 +132,7 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
         },
         "steps_not_converged": trial.not_converged,
         "steps_guarded": trial.guarded,
+        "steps_repeated": trial.repeated,
         "phases": profile.json(),
         "detection_us_per_grain_step": per(detection, 1e6, grain_steps),
         "ns_per_visit": per(profile.of(Phase::Solve), 1e9, trial.visits as f64),

@@ -4,14 +4,16 @@ use crate::setup::Place;
 use serde_json::Value;
 use std::path::PathBuf;
 
-fn bench_file(place: &Place, file: &str, steps: u32) -> Value {
-    let ended = place.call(&format!("bench sample {file} --steps {steps} --tolerance 1e-4"));
+/// Stones that have come to rest under exact contacts; the file looks for them up to 1 mm.
+const RESTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/rested500.json");
+
+fn bench_file(place: &Place, file: &str, choices: &str) -> Value {
+    let ended = place.call(&format!("bench sample {file} --tolerance 1e-4 {choices}"));
     serde_json::from_str(&ended.with_code(0).stdout()).expect("one JSON line")
 }
 
 fn bench(place: &Place, steps: u32) -> Value {
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/rested500.json");
-    bench_file(place, file, steps)
+    bench_file(place, RESTED, &format!("--steps {steps}"))
 }
 
 #[test]
@@ -33,6 +35,28 @@ fn a_bed_at_rest_stays_at_rest() {
     assert_eq!(again["state_hash"], late["state_hash"]);
 }
 
+#[test]
+fn contacts_that_no_step_reaches_do_not_matter() {
+    let place = Place::new();
+    let [far, near] = ["", "--alert-m 1e-4"]
+        .map(|choice| bench_file(&place, RESTED, &format!("--steps 10 {choice}")));
+    let number = |v: &Value, path: &str| v.pointer(path).and_then(Value::as_f64).expect("a number");
+    assert_eq!((number(&far, "/alert_m"), number(&near, "/alert_m")), (1e-3, 1e-4));
+    assert_eq!(near["steps_repeated"], 0);
+    let [contacts, active] = ["contacts", "active_contacts"].map(|what| {
+        number(&near, &format!("/{what}/mean")) / number(&far, &format!("/{what}/mean"))
+    });
+    assert!(contacts < 0.7, "{contacts} of the contacts");
+    assert!((active - 1.0).abs() < 0.03, "{active} of those that carry");
+    let speed = number(&near, "/mean_speed_m_per_s");
+    assert!(speed < 2e-4, "it stays at rest: {speed} m/s");
+    for wrong in ["0", "-1", "nan", "inf"] {
+        let ended = place.call(&format!("bench sample {RESTED} --alert-m={wrong}"));
+        let said = ended.with_code(2).stderr();
+        assert!(said.contains("--alert-m") && said.contains("above 0"), "{said}");
+    }
+}
+
 /// Stones that fall by gaps of tenths of a millimetre and are caught: sweeps alone go round for ever in a fifth of the
 /// steps.
 #[test]
@@ -44,6 +68,6 @@ fn a_bed_that_rearranges_is_solved_in_every_step() {
         return;
     };
     let place = Place::new();
-    let told = bench_file(&place, &file.display().to_string(), 50);
+    let told = bench_file(&place, &file.display().to_string(), "--steps 50");
     assert_eq!((&told["steps_not_converged"], &told["grains_lost"]), (&0.into(), &0.into()));
 }
