@@ -1,4 +1,5 @@
-//! Pairs of bodies that may touch before anything has moved by half the skin.
+//! Pairs of bodies that may touch before anything has moved by more than its box allows for: half a skin, or some steps of
+//! its speed.
 //!
 //! Reads: model, motion, reach. Writes: [`PairList`]. Cost: a comparison per body and step; when a body has
 //! moved too far, bounding boxes, a counting sort into cells and O(pairs).
@@ -19,6 +20,9 @@ use rayon::prelude::*;
 pub(super) const CHUNK: usize = 64;
 /// Skin over the mean radius of the grains.
 const SKIN: f64 = 0.1;
+/// Steps for which the list should hold, however fast a body is: one stone that was flung would else have it rebuilt
+/// in every step.
+const LASTING: f64 = 4.0;
 
 /// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,8 +94,9 @@ struct Built {
     extent: Vec<f64>,
     /// Shares in the distances up to which contacts are looked for `[nb]`, m.
     share: Vec<f64>,
+    /// By how much a body may move, and its share grow, before the list is rebuilt `[nb]`, m.
+    slack: Vec<f64>,
     identity: Identity,
-    skin: f64,
 }
 
 /// By which a model is known again: pairs' memory is about shapes.
@@ -148,7 +153,7 @@ struct Fresh {
 
 impl PairList {
     /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved, and its reach grown, by
-    /// more than half the skin. Pairs of another model are forgotten.
+    /// more than it was given. Pairs of another model are forgotten.
     pub fn update(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
         let known = self.built.take().filter(|b| b.identity.is_of(model));
         if known.is_none() {
@@ -282,28 +287,29 @@ impl Built {
         let ng = model.grains.len();
         let extent: Vec<f64> = (0..model.body_count()).map(|b| reach::extent(model, b)).collect();
         let mean = extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
+        let bodies = 0..reach.body_count();
         Self {
             position: motion.position.clone(),
             orientation: motion.orientation.clone(),
             extent,
-            share: (0..reach.body_count()).map(|b| reach.share(b)).collect(),
+            share: bodies.clone().map(|b| reach.share(b)).collect(),
+            slack: bodies.map(|b| (0.5 * SKIN * mean).max(LASTING * reach.way(b))).collect(),
             identity: Identity::of(model),
-            skin: SKIN * mean,
         }
     }
 
     /// What the box of body `b` is wider than the body.
     fn margin(&self, b: usize) -> f64 {
-        self.share[b] + 0.5 * self.skin
+        self.share[b] + self.slack[b]
     }
 
-    /// Whether no body has used up half the skin by moving or by a larger reach.
+    /// Whether no body has used up its slack by moving or by a larger reach.
     fn still_holds(&self, motion: &Motion, reach: &Reach) -> bool {
         let used_up = |b: usize| {
             let turn = travel::turn(&motion.orientation[b], &self.orientation[b]);
             let path = (motion.position[b] - self.position[b]).norm() + self.extent[b] * turn;
             let used = path + (reach.share(b) - self.share[b]).max(0.0);
-            used.is_nan() || used > 0.5 * self.skin
+            used.is_nan() || used > self.slack[b]
         };
         self.position.len() == motion.position.len()
             && !(0..self.position.len()).into_par_iter().with_min_len(4096).any(used_up)

@@ -41,9 +41,8 @@ struct Chunk {
 impl Detector {
     /// Brings the list of candidate pairs up to date.
     ///
-    /// The list holds for all configurations in which no point of a body has moved by more than half
-    /// a skin; it is rebuilt only when one has, or when the number of bodies, their shapes' numbers
-    /// or their reach have changed.
+    /// The list holds for all configurations in which no point of a body has moved by more than its box allows for; it is
+    /// rebuilt only when one has, or when the number of bodies, their shapes' numbers or their reach have changed.
     pub fn broad_phase(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
         self.pairs.update(model, motion, reach);
     }

@@ -121,6 +121,11 @@ impl Reach {
         (0.5 * self.least).max(self.way[b] + self.allowance[b])
     }
 
+    /// How far the free velocity carries body `b` in the step, m; no more than the radius of the largest grain.
+    pub(super) fn way(&self, b: usize) -> f64 {
+        self.way[b]
+    }
+
     /// Number of bodies.
     pub(super) fn body_count(&self) -> usize {
         self.way.len()
