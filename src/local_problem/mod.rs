@@ -104,7 +104,8 @@ impl LocalProblem {
                     let surface = motion.velocity[a] + motion.spin[a].cross(&lever);
                     contact.offset -= contact.components(&surface);
                 }
-                if let Some(world) = warm.get(i) {
+                // Where there was none it stays zero: its components might be zeros with a sign.
+                if let Some(world) = warm.get(i).filter(|world| **world != Vec3::zeros()) {
                     contact.impulse = contact.components(world);
                 }
                 let approach = contact.offset.x + contact.normal_velocity(lines);

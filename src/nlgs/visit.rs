@@ -51,15 +51,26 @@ impl<L: Lanes> Law<L> {
     }
 }
 
-/// New impulses of eight contacts with relative velocities `u` and impulses `r`; `slip` is where
-/// the slip solve starts and is overwritten where a contact slips.
+/// `β` of eight contacts with relative velocities `u` and impulses `r`, and which of them it closes.
 #[inline(always)]
-pub fn solve<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3], slip: &mut [f32; 8]) -> [L; 3] {
-    let zero = L::splat(0.0);
+pub fn approach<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> (L, L::Mask) {
     let [k1, k2] = law.coupling;
     let held = k2.mul_add(r[2], k1.mul_add(r[1], r[0]));
     let beta = u[0].mul_sub(law.normal_mass, held);
-    let closed = beta.lt(zero);
+    (beta, beta.lt(L::splat(0.0)))
+}
+
+/// New impulses after [`approach`]; `slip` is where the slip solve starts and is overwritten where a contact slips.
+#[inline(always)]
+pub fn solve<L: Lanes>(
+    law: &Law<L>,
+    (beta, closed): (L, L::Mask),
+    u: &[L; 3],
+    r: &[L; 3],
+    slip: &mut [f32; 8],
+) -> [L; 3] {
+    let zero = L::splat(0.0);
+    let [k1, k2] = law.coupling;
     let slide1 = k1.neg_mul_add(u[0], u[1]);
     let slide2 = k2.neg_mul_add(u[0], u[2]);
     let z1 = law.tangent_mass.mul(law.tangent_ratio).neg_mul_add(slide1, r[1]);
@@ -276,7 +287,8 @@ mod tests {
             type L = PortableLanes;
             let law = Law::<L>::load(&self.rows);
             let (u, r) = (self.u.map(|x| L::load(&x)), self.r.map(|x| L::load(&x)));
-            let rows = solve(&law, &u, &r, &mut self.rows.slip).map(|lanes| {
+            let approach = approach(&law, &u, &r);
+            let rows = solve(&law, approach, &u, &r, &mut self.rows.slip).map(|lanes| {
                 let mut row = [0.0; 8];
                 lanes.store(&mut row);
                 row

@@ -89,6 +89,8 @@ const AHEAD: usize = 6;
 
 /// The blocks that a sweep visits, in ascending order.
 pub trait Choice {
+    /// Whether many of them are likely to carry nothing: then it pays to look before the law is solved.
+    const MANY_REST: bool;
     fn count(&self, all: usize) -> usize;
     /// The `k`-th of them; any number if `k` is too large.
     fn block(&self, k: usize) -> usize;
@@ -98,6 +100,7 @@ pub trait Choice {
 pub struct Every;
 
 impl Choice for Every {
+    const MANY_REST: bool = true;
     #[inline(always)]
     fn count(&self, all: usize) -> usize {
         all
@@ -109,6 +112,7 @@ impl Choice for Every {
 }
 
 impl Choice for &[u32] {
+    const MANY_REST: bool = false;
     #[inline(always)]
     fn count(&self, _: usize) -> usize {
         self.len()
@@ -119,10 +123,18 @@ impl Choice for &[u32] {
     }
 }
 
+/// Where an impulse is not zero, or not a number.
 #[inline(always)]
-unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
+fn carries<L: Lanes>(r: &[L; 3]) -> L::Mask {
+    let zero = L::splat(0.0);
+    let size = r[0].abs().add(r[1].abs().add(r[2].abs()));
+    L::and_not(zero.le(zero), size.le(zero))
+}
+
+#[inline(always)]
+unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     blocks: &mut [B],
-    choice: impl Choice,
+    choice: C,
     lines: &mut [Line],
     relaxation: L,
     record: &mut R,
@@ -134,8 +146,13 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>>(
         let (held, u) = unsafe { block.read::<L>(lines) };
         let law = Law::load(block.law());
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
+        let approach = visit::approach(&law, &u, &r);
+        // Open contacts that stay open: nothing would change.
+        if C::MANY_REST && !L::any(L::or(approach.1, carries(&r))) {
+            continue;
+        }
         let (impulse, slip) = block.outcome();
-        let solved = visit::solve(&law, &u, &r, slip);
+        let solved = visit::solve(&law, approach, &u, &r, slip);
         let change = each!(K in 3 => solved[K].sub(r[K]));
         let delta = each!(K in 3 => relaxation.mul(change[K]));
         let after = each!(K in 3 => r[K].add(delta[K]));
