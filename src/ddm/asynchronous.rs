@@ -76,20 +76,22 @@ fn iterate_with(
     }
     let mut solver = *solver;
     let mut outcome = Outcome::default();
+    let mut softening = Softening::new(solver.relaxation);
     loop {
         let before = outcome;
         let closing = CLOSING.0.min(solver.iterations.div_ceil(CLOSING.1));
         let free = Solver { iterations: solver.iterations.saturating_sub(closing), ..solver };
         decomposition.split();
-        let run = Run::new(decomposition, &free);
+        let run = Run::new(decomposition, &free, softening.anew());
         work(&run);
-        let Run { relaxation, tests, .. } = run;
-        if tests.into_inner().unwrap_or_else(PoisonError::into_inner).diverged {
+        let tests = run.tests.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if tests.diverged {
             return None;
         }
+        softening = tests.softening;
         let iterations = decomposition.begun();
         decomposition.settle();
-        solver.relaxation = f64::from_bits(relaxation.into_inner());
+        solver.relaxation = softening.relaxation;
         let pass = if iterations < free.iterations { 1 } else { closing };
         outcome = synchronous::iterate(decomposition, &Solver { iterations: pass, ..solver });
         solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
@@ -101,20 +103,20 @@ fn iterate_with(
 }
 
 impl<'a> Run<'a> {
-    fn new(decomposition: &'a Decomposition, solver: &'a Solver) -> Self {
+    fn new(decomposition: &'a Decomposition, solver: &'a Solver, softening: Softening) -> Self {
         let sets = decomposition.sets();
         Self {
             decomposition,
             solver,
             tickets: AtomicU64::new(0),
             stop: AtomicBool::new(false),
-            relaxation: AtomicU64::new(solver.relaxation.to_bits()),
+            relaxation: AtomicU64::new(softening.relaxation.to_bits()),
             tests: Mutex::new(Tests {
                 reports: vec![(0, VisitNorms::default()); sets],
                 due: solver.check_every.max(1),
                 missing: sets,
                 scale: None,
-                softening: Softening::new(solver.relaxation),
+                softening,
                 diverged: false,
             }),
         }

@@ -106,6 +106,11 @@ impl Softening {
         }
     }
 
+    /// The same steps, and so many stalls behind it, for iterations that begin again.
+    fn anew(self) -> Self {
+        Self { best: f64::INFINITY, since: 0, ..self }
+    }
+
     /// Whether smaller steps have not helped.
     fn is_spent(&self) -> bool {
         self.stalls >= Self::MOST

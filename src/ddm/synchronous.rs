@@ -13,6 +13,8 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
     let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
     for done in 1..=solver.iterations {
         let measured = is_test(solver, done);
+        // What the cap ends with are sweeps from the best impulses.
+        let closing = solver.iterations - done <= solver.check_every.max(1);
         let relaxation =
             acceleration.as_ref().map_or(softening.relaxation, Acceleration::relaxation);
         decomposition
@@ -28,14 +30,18 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
                 outcome.converged = true;
                 break;
             }
+            // Nothing leads back from what is not a number.
+            if outcome.residuals.quad.is_nan() {
+                break;
+            }
             softening.observe(done, outcome.residuals.qm16());
-            if softening.is_spent() && acceleration.is_none() && solver.tolerance.is_some() {
+            let wanted = solver.tolerance.is_some() && !closing;
+            if softening.is_spent() && acceleration.is_none() && wanted {
                 let relaxations = [softening.relaxation, solver.relaxation];
                 acceleration = Some(Acceleration::begin(decomposition, done, relaxations));
             }
         }
-        // What the cap ends with are sweeps from the best impulses.
-        if solver.iterations - done <= solver.check_every.max(1) {
+        if closing {
             if let Some(mut acceleration) = acceleration.take() {
                 acceleration.retreat(decomposition);
             }

@@ -230,19 +230,32 @@ fn iterations_that_do_not_get_on_are_accelerated() {
 
 #[test]
 fn a_cap_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
-    let capped = |iterations| Solver {
-        tolerance: Some(1e-30),
+    let capped = |iterations, tolerance| Solver {
+        tolerance,
         iterations,
         ..solver(Schedule::Synchronous, 3)
     };
-    let mut last = f64::INFINITY;
-    for iterations in [700, 1400, 2800] {
-        let (model, state, contacts) = wall(HIGH.0, HIGH.1, capped(iterations));
-        let solved = run(&model, &state, &contacts, 2);
-        assert!(!solved.outcome.converged && solved.outcome.iterations == iterations);
-        assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
-        let residual = solved.outcome.residuals.natural_map;
-        assert!(residual < last, "{iterations}: {residual}, with half of them {last}");
-        last = residual;
+    for iterations in [2000, 2800] {
+        let left = |tolerance| {
+            let (model, state, contacts) = wall(HIGH.0, HIGH.1, capped(iterations, tolerance));
+            let solved = run(&model, &state, &contacts, 2);
+            assert!(solved.outcome.iterations == iterations, "{:?}", solved.outcome);
+            assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
+            solved.outcome.residuals.natural_map
+        };
+        // Never below the tolerance: the cap is met in the middle of an acceleration.
+        let (accelerated, plain) = (left(Some(1e-30)), left(None));
+        assert!(accelerated < 0.1 * plain, "{iterations}: {accelerated}, plain {plain}");
     }
+}
+
+#[test]
+fn visits_are_softened_three_times_at_most_however_often_iterations_begin_again() {
+    let mut softening = Softening::new(1.0);
+    for _ in 0..10 {
+        softening = softening.anew();
+        (1..=30).for_each(|k| softening.observe(10 * k, 1.0));
+    }
+    assert!(softening.is_spent());
+    assert!((softening.relaxation - 0.512).abs() < 1e-15, "{softening:?}");
 }

@@ -212,6 +212,10 @@ impl ContactSet {
     /// Looks which contacts carry an impulse.
     pub fn wake(&mut self) {
         self.blocks.wake();
+        self.count_awake();
+    }
+
+    fn count_awake(&mut self) {
         let contacts = |block: usize| {
             let lanes = &self.order[block * LANES..][..LANES];
             lanes.iter().filter(|&&i| i != PADDING).count()
@@ -252,6 +256,9 @@ impl ContactSet {
         let (triples, more) = rows.as_chunks();
         assert!(rest.is_empty() && more.is_empty(), "{} numbers", impulses.len());
         self.blocks.replace_impulses(self.arithmetic, chosen, triples, &mut self.lines);
+        if self.awake_count.is_some() {
+            self.count_awake();
+        }
     }
 
     /// Sums of the natural map at the present impulses and velocities.

@@ -2,7 +2,7 @@
 
 use super::reference::{Assembled, MatrixFree};
 use super::scenes::Scene;
-use super::{Arithmetic, ContactSet};
+use super::{Arithmetic, Chosen, ContactSet};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 
@@ -125,6 +125,12 @@ fn every_arithmetic_gives_the_same_bits() {
             set.sweep(0.9);
         }
         let norms = set.measured_sweep(1.0);
+        set.wake();
+        let mut chosen = Chosen::default();
+        set.choose_awake(&mut chosen);
+        // Some of these are outside of their cones.
+        let moved: Vec<f64> = set.chosen_impulses(&chosen).map(|r| 1.5 * r - 1e-4).collect();
+        set.replace_impulses(&chosen, &moved);
         let bits = |x: &f64| x.to_bits();
         let lines: Vec<u64> = set.lines.iter().flat_map(|l| l.0.iter().map(bits)).collect();
         let impulses: Vec<u64> =

@@ -6,6 +6,9 @@ use std::ops::AddAssign;
 
 /// Keeps the normal equations solvable when steps repeat each other.
 const RIDGE: f64 = 1e-10;
+/// Most of the shares together: no point lies further than so many steps ahead. Where steps go on for ever alike, as between
+/// bodies that are driven into each other, the differences are rounding, and shares of them any number.
+const FURTHEST: f64 = 1e4;
 
 /// Scalar products of a history, to be summed over the sets.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -74,9 +77,13 @@ impl Mixing {
         }
         let shares = Cholesky::new(gram).map(|factor| factor.solve(&right));
         // Impulses that are not finite would stay so.
-        shares
-            .filter(|shares| shares.iter().all(|x| x.is_finite()))
-            .map_or([0.0; WINDOW], |shares| shares.into())
+        shares.filter(|shares| shares.iter().all(|x| x.is_finite())).map_or(
+            [0.0; WINDOW],
+            |shares| {
+                let most = shares.lp_norm(1).max(FURTHEST);
+                (shares * (FURTHEST / most)).into()
+            },
+        )
     }
 }
 
@@ -112,6 +119,24 @@ mod tests {
                 r = parts.concat();
             }
             assert!(change < 1e-6, "cut {cut}: {change}");
+        }
+    }
+
+    #[test]
+    fn steps_that_go_on_for_ever_alike_lead_no_further_than_so_many_of_them() {
+        let (mut set, mut mixing) = (History::default(), Mixing::default());
+        set.begin(vec![1.0; 2]);
+        let (mut r, mut point) = (vec![0.0; 2], vec![]);
+        for k in 0..12 {
+            // Grows by one each time, but for rounding.
+            let rounding = 1e-16 * f64::from((7 * k) % 5);
+            let g = [r[0] + 1.0 + rounding, r[1] + 1.0 - rounding];
+            let products = set.observe(mixing.slot(), mixing.remembered(), &r, &g);
+            let shares = mixing.shares(&products);
+            let sum: f64 = shares.iter().map(|x| x.abs()).sum();
+            assert!(sum <= 1.000_001 * FURTHEST, "{shares:?}");
+            set.combine(&shares, &mut point);
+            r.clone_from(&g.to_vec());
         }
     }
 

@@ -274,7 +274,7 @@ impl Blocks {
     }
 
     /// Gives the chosen blocks the impulses of their cones nearest to `impulses`, block after block, and the
-    /// lines what the change causes.
+    /// lines what the change causes. They are awake from now on: what has just been pushed is to be looked at.
     pub fn replace_impulses(
         &mut self,
         arithmetic: Arithmetic,
@@ -293,6 +293,11 @@ impl Blocks {
         let pass = Replace { singles, pairs, choice, impulses, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
+        for (awake, chosen) in self.awake.iter_mut().zip(&chosen.0) {
+            awake.extend(chosen);
+            awake.sort_unstable();
+            awake.dedup();
+        }
     }
 
     /// Sums of the natural map at the present impulses and velocities.
