@@ -143,6 +143,27 @@ fn every_arithmetic_gives_the_same_bits() {
     }
 }
 
+#[test]
+fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
+    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let mut set = whole(&scene.problem);
+    set.sweep(1.0);
+    set.wake();
+    let mut chosen = Chosen::default();
+    set.choose_awake(&mut chosen);
+    let impulses: Vec<f64> = set.chosen_impulses(&chosen).collect();
+    let visits = |set: &mut ContactSet| {
+        let before = set.visits();
+        set.sweep_awake(1.0);
+        set.visits() - before
+    };
+    set.replace_impulses(&chosen, &vec![0.0; impulses.len()]);
+    set.wake();
+    assert_eq!(visits(&mut set), 0);
+    set.replace_impulses(&chosen, &impulses);
+    assert!(visits(&mut set) > 0);
+}
+
 /// One grain whose contact point is straight below its centre, on a fixed floor: closed forms.
 ///
 /// Free velocity (along x, upwards) and the result, m/s; mass 0.02 kg, friction 0.4.

@@ -126,7 +126,7 @@ mod tests {
     fn steps_that_go_on_for_ever_alike_lead_no_further_than_so_many_of_them() {
         let (mut set, mut mixing) = (History::default(), Mixing::default());
         set.begin(vec![1.0; 2]);
-        let (mut r, mut point) = (vec![0.0; 2], vec![]);
+        let (mut r, mut point, mut furthest) = (vec![0.0; 2], vec![], 0.0_f64);
         for k in 0..12 {
             // Grows by one each time, but for rounding.
             let rounding = 1e-16 * f64::from((7 * k) % 5);
@@ -135,9 +135,11 @@ mod tests {
             let shares = mixing.shares(&products);
             let sum: f64 = shares.iter().map(|x| x.abs()).sum();
             assert!(sum <= 1.000_001 * FURTHEST, "{shares:?}");
+            furthest = furthest.max(sum);
             set.combine(&shares, &mut point);
             r.clone_from(&g.to_vec());
         }
+        assert!(furthest > 0.99 * FURTHEST, "without a bound they would be any number: {furthest}");
     }
 
     #[test]
