@@ -12,6 +12,10 @@ fn bench_file(place: &Place, file: &str, choices: &str) -> Value {
     serde_json::from_str(&ended.with_code(0).stdout()).expect("one JSON line")
 }
 
+fn number(told: &Value, path: &str) -> f64 {
+    told.pointer(path).and_then(Value::as_f64).expect("a number")
+}
+
 fn bench(place: &Place, steps: u32) -> Value {
     bench_file(place, RESTED, &format!("--steps {steps}"))
 }
@@ -23,7 +27,6 @@ fn a_bed_at_rest_stays_at_rest() {
     assert_eq!(late["grains"], 500);
     assert_eq!(late["steps_not_converged"], 0);
     assert_eq!(late["grains_lost"], 0);
-    let number = |v: &Value, path: &str| v.pointer(path).and_then(Value::as_f64).expect("a number");
     let [before, after] = [&early, &late].map(|v| number(v, "/mean_speed_m_per_s"));
     assert!(after < before && after < 5e-5, "it comes to rest: {before} to {after} m/s");
     for (what, slack) in [("max", 1.001), ("mean", 1.02)] {
@@ -40,7 +43,6 @@ fn contacts_that_no_step_reaches_do_not_matter() {
     let place = Place::new();
     let [far, near] = ["", "--alert-m 1e-4"]
         .map(|choice| bench_file(&place, RESTED, &format!("--steps 10 {choice}")));
-    let number = |v: &Value, path: &str| v.pointer(path).and_then(Value::as_f64).expect("a number");
     assert_eq!((number(&far, "/alert_m"), number(&near, "/alert_m")), (1e-3, 1e-4));
     assert_eq!(near["steps_repeated"], 0);
     let [contacts, active] = ["contacts", "active_contacts"].map(|what| {
