@@ -32,6 +32,8 @@ pub mod integrate;
 
 pub mod workspace;
 
+mod second_look;
+
 pub mod step;
 
 pub mod observe;

@@ -5,7 +5,7 @@
 //! as it was.
 
 use crate::ddm::{self, Outcome};
-use crate::detection::{remember, top_speed, warm_start};
+use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
@@ -14,6 +14,7 @@ use crate::local_problem::Solved;
 use crate::math::Vec3;
 use crate::model::{Model, Recovery, Schedule, Solver};
 pub use crate::nlgs::Residuals;
+use crate::second_look::{self, Look};
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{self, Workspace};
 
@@ -57,31 +58,28 @@ pub fn advance(
         ws.motion.predict(model, state, inputs)?;
         ws.reach.predict(model, &ws.motion);
         watch.lap(Phase::Predict);
-        // Allowances grow with each attempt, and no further than to the largest: it ends.
-        let mut attempts = 0;
-        loop {
-            attempts += 1;
-            let report = solve(model, state, next, inputs, ws, watch)?;
-            let overlooked = overlooked(model, ws);
+        detect(model, state, ws, watch);
+        let mut report = solve(model, state, next, inputs, ws, model.solver, watch)?;
+        while let Some(look) = second_look::after(model, ws, report.attempts) {
             watch.lap(Phase::NarrowPhase);
-            if !overlooked {
-                remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
-                watch.lap(Phase::Store);
-                return Ok(StepReport { attempts, ..report });
+            let mut solver = model.solver;
+            match look {
+                Look::Further => detect(model, state, ws, watch),
+                // It goes on from what is solved, to which little is added.
+                Look::AtTheEnd => solver.iterations = solver.iterations.div_ceil(2),
             }
+            let again = solve(model, state, next, inputs, ws, solver, watch)?;
+            report = again.after(report);
         }
+        watch.lap(Phase::NarrowPhase);
+        remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
+        watch.lap(Phase::Store);
+        Ok(report)
     })
 }
 
-/// The step with the contacts that are within reach.
-fn solve(
-    model: &Model,
-    state: &State,
-    next: &mut State,
-    inputs: &Inputs,
-    ws: &mut Workspace,
-    watch: &mut impl Stopwatch,
-) -> Result<StepReport> {
+/// Finds the contacts that are within reach, and what their impulses begin with.
+fn detect(model: &Model, state: &State, ws: &mut Workspace, watch: &mut impl Stopwatch) {
     ws.detector.broad_phase(model, &ws.motion, &ws.reach);
     watch.lap(Phase::BroadPhase);
 
@@ -90,7 +88,18 @@ fn solve(
 
     warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
     watch.lap(Phase::WarmStart);
+}
 
+/// The step with these contacts, from these impulses.
+fn solve(
+    model: &Model,
+    state: &State,
+    next: &mut State,
+    inputs: &Inputs,
+    ws: &mut Workspace,
+    solver: Solver,
+    watch: &mut impl Stopwatch,
+) -> Result<StepReport> {
     divide(model, ws);
     watch.lap(Phase::Partition);
 
@@ -100,7 +109,7 @@ fn solve(
     ws.decomposition.pack(&ws.problem);
     watch.lap(Phase::ContactGraph);
 
-    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &model.solver);
+    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &solver);
     collect(model, state, ws)?;
     watch.lap(Phase::Solve);
 
@@ -112,40 +121,6 @@ fn solve(
         watch.lap(Phase::Recovery);
     }
     Ok(report)
-}
-
-/// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
-/// (T-35); more is allowed for such bodies then.
-fn overlooked(model: &Model, ws: &mut Workspace) -> bool {
-    let Workspace { motion, velocity, spin, recovery, reach, .. } = ws;
-    let moved_besides = |b: usize| recovery.velocity.get(b).zip(recovery.spin.get(b));
-    let twist = |b: usize| {
-        let solved = velocity.get(b).zip(spin.get(b));
-        let (v, w) = solved.unwrap_or((&motion.velocity[b], &motion.spin[b]));
-        moved_besides(b).map_or((*v, *w), |(dv, dw)| (v + dv, w + dw))
-    };
-    let change = |b: usize| {
-        let (v, w) = twist(b);
-        top_speed(model, b, &(v - motion.velocity[b]), &(w - motion.spin[b]))
-    };
-    if !reach.raise(change) {
-        return false;
-    }
-    ws.detector.broad_phase(model, motion, reach);
-    let asked =
-        |pair: [usize; 2]| reach.may_overlook(motion, model.grain_radius(pair[0]), pair, twist);
-    ws.detector.look_again(model, motion, reach, asked, &mut ws.fresh);
-    let (found, h) = (&ws.fresh, model.stepping.h());
-    (0..found.len()).any(|i| {
-        let pair = found.bodies[i].map(|b| b as usize);
-        let surface = |b: usize| {
-            let (v, w) = twist(b);
-            v + w.cross(&(found.point[i] - motion.position[b]))
-        };
-        let opening = found.normal[i].dot(&(surface(pair[0]) - surface(pair[1])));
-        let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
-        gap > reach.between_before(motion, radius, pair) && gap + h * opening < 0.0
-    })
 }
 
 /// Distributes grains and contacts as the schedule asks for.
@@ -344,7 +319,7 @@ pub struct StepReport {
     pub interface_contacts: usize,
     /// Subdomains that hold at least one contact.
     pub subdomains: usize,
-    /// DDM iterations, and contact visits over all sweeps.
+    /// DDM iterations, and contact visits over all sweeps, of all attempts.
     pub iterations: u32,
     pub visits: u64,
     pub residuals: Residuals,
@@ -352,11 +327,24 @@ pub struct StepReport {
     pub converged: bool,
     /// Whether asynchronous iterations diverged and were repeated with the guard on.
     pub guarded: bool,
-    /// How often the step was done: once, and again for each time that a gap had closed unseen (T-35).
+    /// How often the step was done: once, and again for each time that something was overlooked (T-35, T-36).
     pub attempts: u32,
     /// Mean (over penetrating points) and largest penetration, m.
     pub mean_penetration: f64,
     pub max_penetration: f64,
     /// What the ballast did to each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
+}
+
+impl StepReport {
+    /// The last attempt's, with what the ones before have cost.
+    fn after(self, before: Self) -> Self {
+        Self {
+            attempts: self.attempts + before.attempts,
+            iterations: self.iterations + before.iterations,
+            visits: self.visits + before.visits,
+            guarded: self.guarded || before.guarded,
+            ..self
+        }
+    }
 }

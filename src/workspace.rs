@@ -24,6 +24,10 @@ pub struct Workspace {
     pub(crate) reach: Reach,
     /// Contacts of bodies that turned out faster than that.
     pub(crate) fresh: Contacts,
+    /// Contacts of where bodies that turn fast end the step, as seen from configuration m.
+    pub(crate) foreseen: Contacts,
+    /// Configuration m of the next step, in steps in which bodies turn fast.
+    pub(crate) end: Motion,
     pub(crate) decomposition: Decomposition,
     pub(crate) problem: LocalProblem,
     /// Of models with recovery; empty otherwise.

@@ -16,6 +16,7 @@ pub use matching::{remember, warm_start};
 pub use reach::{Reach, top_speed};
 
 use crate::math::Vec3;
+use std::ops::Range;
 
 /// Contact points of one configuration, sorted by bodies, then feature. Structure of arrays.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -60,5 +61,63 @@ impl Contacts {
         self.point.push(point);
         self.normal.push(normal);
         self.gap.push(gap);
+    }
+    /// The contacts of two bodies.
+    pub fn of(&self, bodies: [u32; 2]) -> Range<usize> {
+        let start = self.bodies.partition_point(|b| *b < bodies);
+        start..start + self.bodies[start..].partition_point(|b| *b == bodies)
+    }
+
+    /// Takes over a few contacts, in place of those of the same bodies and feature; what penetrates keeps its gap. `impulse`
+    /// goes with the contacts: new ones have none.
+    pub fn adopt(&mut self, others: &Contacts, impulse: &mut Vec<Vec3>) {
+        for k in 0..others.len() {
+            let (bodies, feature) = (others.bodies[k], others.feature[k]);
+            let (point, normal, gap) = (others.point[k], others.normal[k], others.gap[k]);
+            let known = self.of(bodies);
+            let i = known.start + self.feature[known.clone()].partition_point(|f| *f < feature);
+            if known.contains(&i) && self.feature[i] == feature {
+                (self.point[i], self.normal[i]) = (point, normal);
+                if self.gap[i] >= 0.0 {
+                    self.gap[i] = gap;
+                }
+            } else {
+                self.bodies.insert(i, bodies);
+                self.feature.insert(i, feature);
+                self.point.insert(i, point);
+                self.normal.insert(i, normal);
+                self.gap.insert(i, gap);
+                impulse.insert(i, Vec3::zeros());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn adopted_contacts_take_their_places_and_those_of_the_same_features() {
+        let row = |x: f64| Vec3::repeat(x);
+        let mut contacts = Contacts::default();
+        for (bodies, feature, gap) in
+            [([0, 1], 3, 1e-3), ([0, 1], 7, -1e-3), ([2, 3], 1, 2e-3), ([2, 4], 1, 2e-3)]
+        {
+            contacts.push(bodies, feature, row(0.0), Vec3::x(), gap);
+        }
+        let mut impulse = vec![row(1.0), row(2.0), row(3.0), row(4.0)];
+        let mut others = Contacts::default();
+        for (bodies, feature) in [([2, 3], 5), ([0, 1], 7), ([0, 1], 5), ([0, 1], 3), ([1, 9], 1)] {
+            others.push(bodies, feature, row(9.0), Vec3::z(), 5e-4);
+        }
+        contacts.adopt(&others, &mut impulse);
+        let places = [[0, 1], [0, 1], [0, 1], [1, 9], [2, 3], [2, 3], [2, 4]];
+        assert_eq!(contacts.bodies, places);
+        assert_eq!(contacts.feature, [3, 5, 7, 1, 1, 5, 1]);
+        assert_eq!(contacts.gap, [5e-4, 5e-4, -1e-3, 5e-4, 2e-3, 5e-4, 2e-3]);
+        assert_eq!(impulse, [1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0].map(row));
+        let is_new = |i: usize| contacts.normal[i] == Vec3::z() && contacts.point[i] == row(9.0);
+        assert_eq!([0, 1, 2, 3, 4, 5, 6].map(is_new), [true, true, true, true, false, true, false]);
     }
 }

@@ -26,13 +26,9 @@ pub struct Solved<'a> {
 impl Solved<'_> {
     /// Velocity of the point of `body` that is at `point`, m/s.
     fn surface(&self, body: u32, point: &Vec3) -> Vec3 {
-        let (b, motion) = (body as usize, self.motion);
-        let (v, w) = if b < self.velocity.len() {
-            (self.velocity[b], self.spin[b])
-        } else {
-            (motion.velocity[b], motion.spin[b])
-        };
-        v + w.cross(&(point - motion.position[b]))
+        let b = body as usize;
+        let (v, w) = self.motion.twist(self.velocity, self.spin, b);
+        v + w.cross(&(point - self.motion.position[b]))
     }
 
     /// Gap of contact `i` at configuration m of the next step, `h` seconds later, m.

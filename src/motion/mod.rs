@@ -65,6 +65,14 @@ impl Motion {
         self.predict_driven(model, state, inputs)
     }
 
+    /// Velocity and spin of body `b` at the end of the step, m/s and rad/s; `velocity` and `spin` are the solved ones of the
+    /// mobile bodies.
+    pub fn twist(&self, velocity: &[Vec3], spin: &[Vec3], b: usize) -> (Vec3, Vec3) {
+        let solved = velocity.get(b).zip(spin.get(b));
+        let (v, w) = solved.unwrap_or((&self.velocity[b], &self.spin[b]));
+        (*v, *w)
+    }
+
     /// A grain without a place would find no contact, and be lost in silence.
     fn check_grains(&self, ng: usize) -> Result<()> {
         let is_finite = |i: usize| {

@@ -14,3 +14,4 @@ mod mount;
 mod recovery;
 mod rolling;
 mod stack;
+mod turning;

@@ -133,7 +133,7 @@ fn quality(summary: &Summary) -> Table {
     let not_converged = format!("{} of {}", summary.not_converged, summary.steps);
     table.row(["steps not converged", "", &not_converged]);
     if summary.repeated > 0 {
-        table.row(["steps done again for a gap closed unseen", "", &summary.repeated.to_string()]);
+        table.row(["steps done again for what they overlooked", "", &summary.repeated.to_string()]);
     }
     if summary.guarded > 0 {
         table.row(["steps repeated with the guard", "", &summary.guarded.to_string()]);

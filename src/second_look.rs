@@ -1,0 +1,142 @@
+//! What a solved step has overlooked, and is to be done again with (T-35, T-36).
+//!
+//! Reads: model, the solved step. Writes: reach and foreseen contacts of the workspace. Cost: a norm per body; where bodies
+//! were changed much or turn fast, a search among their pairs.
+//! Contract: a function of the step alone, so bytes do not depend on threads; asked again and again about one step, it
+//! comes to an end.
+
+use crate::detection::{Contacts, top_speed};
+use crate::math::{Vec3, rotation};
+use crate::model::Model;
+use crate::motion::Motion;
+use crate::workspace::{Recovery, Workspace};
+
+/// Grains that turn by more than this in a step, rad, are looked at where they end.
+const TURN: f64 = 0.03;
+/// Penetration at the end that the contacts of a step did not foretell, over the candidate's radius, that is let pass.
+const LET_PASS: f64 = 0.005;
+/// How often a step is done before what is found at its end is let pass.
+const ATTEMPTS: u32 = 6;
+
+/// Why a step is done again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// Contacts are to be looked for further away.
+    Further,
+    /// Contacts were added.
+    AtTheEnd,
+}
+
+/// Whether the step is to be done again; `attempts` is how often it has been done.
+pub fn after(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<Look> {
+    if closed_unseen(model, ws) {
+        return Some(Look::Further);
+    }
+    let added = attempts < ATTEMPTS && turned_into(model, ws);
+    added.then_some(Look::AtTheEnd)
+}
+
+/// Velocities of all bodies over a solved step: those of the next state, and what recovery adds for this step only.
+#[derive(Clone, Copy)]
+struct Course<'a> {
+    motion: &'a Motion,
+    velocity: &'a [Vec3],
+    spin: &'a [Vec3],
+    recovery: &'a Recovery,
+}
+
+impl Course<'_> {
+    /// Velocity and spin of body `b`, m/s and rad/s.
+    fn twist(&self, b: usize) -> (Vec3, Vec3) {
+        let (v, w) = self.motion.twist(self.velocity, self.spin, b);
+        let recovered = self.recovery.velocity.get(b).zip(self.recovery.spin.get(b));
+        recovered.map_or((v, w), |(dv, dw)| (v + dv, w + dw))
+    }
+
+    /// How fast contact `i` opens, m/s.
+    fn opening(&self, contacts: &Contacts, i: usize) -> f64 {
+        let surface = |b: u32| {
+            let (v, w) = self.twist(b as usize);
+            v + w.cross(&(contacts.point[i] - self.motion.position[b as usize]))
+        };
+        let [c, a] = contacts.bodies[i];
+        contacts.normal[i].dot(&(surface(c) - surface(a)))
+    }
+
+    /// How deep two bodies are in each other, or will be in `h` seconds as their contacts have it, m.
+    fn foretold(&self, contacts: &Contacts, bodies: [u32; 2], h: f64) -> f64 {
+        let depth =
+            |i: usize| -contacts.gap[i].min(contacts.gap[i] + h * self.opening(contacts, i));
+        contacts.of(bodies).map(depth).fold(0.0, f64::max)
+    }
+
+    /// Configuration m of the next step, `h` seconds later.
+    fn end(&self, h: f64, end: &mut Motion) {
+        end.clone_from(self.motion);
+        for (b, (x, q)) in end.position.iter_mut().zip(&mut end.orientation).enumerate() {
+            let (v, w) = self.twist(b);
+            *x += v * h;
+            *q = rotation::advance(q, &(w * h));
+        }
+    }
+}
+
+/// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
+/// (T-35); more is allowed for such bodies then.
+fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
+    let Workspace { motion, velocity, spin, recovery, reach, .. } = ws;
+    let course = Course { motion, velocity, spin, recovery };
+    let twist = |b: usize| course.twist(b);
+    let change = |b: usize| {
+        let (v, w) = twist(b);
+        top_speed(model, b, &(v - motion.velocity[b]), &(w - motion.spin[b]))
+    };
+    if !reach.raise(change) {
+        return false;
+    }
+    ws.detector.broad_phase(model, motion, reach);
+    let asked =
+        |pair: [usize; 2]| reach.may_overlook(motion, model.grain_radius(pair[0]), pair, twist);
+    ws.detector.look_again(model, motion, reach, asked, &mut ws.fresh);
+    let (found, h) = (&ws.fresh, model.stepping.h());
+    (0..found.len()).any(|i| {
+        let pair = found.bodies[i].map(|b| b as usize);
+        let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
+        gap > reach.between_before(motion, radius, pair) && gap + h * course.opening(found, i) < 0.0
+    })
+}
+
+/// Whether grains that turn fast end the step deeper in others than any contact of the step foretold (T-36); contacts of
+/// where they end are added then.
+fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
+    let h = model.stepping.h();
+    let Workspace { motion, velocity, spin, recovery, .. } = ws;
+    let course = Course { motion, velocity, spin, recovery };
+    let ng = model.grains.len();
+    let turns = |b: usize| b < ng && h * course.twist(b).1.norm() > TURN;
+    if !(0..ng).any(turns) {
+        return false;
+    }
+    course.end(h, &mut ws.end);
+    // The list of pairs holds there, too: reach is as far as the step can carry bodies.
+    let asked = |[a, b]: [usize; 2]| turns(a) || turns(b);
+    ws.detector.look_again(model, &ws.end, &ws.reach, asked, &mut ws.fresh);
+    ws.foreseen.clear();
+    let (found, way) = (&ws.fresh, |b: u32| course.twist(b as usize).0 * h);
+    for (i, &bodies) in found.bodies.iter().enumerate() {
+        let let_pass = LET_PASS * model.grain_radius(bodies[0] as usize);
+        if -found.gap[i] <= let_pass {
+            continue;
+        }
+        let excess = found.gap[i] + course.foretold(&ws.contacts, bodies, h);
+        if -excess > let_pass {
+            // Levers as they will be, from where the bodies are.
+            let point = found.point[i] - 0.5 * (way(bodies[0]) + way(bodies[1]));
+            let k = ws.foreseen.len();
+            ws.foreseen.push(bodies, found.feature[i], point, found.normal[i], 0.0);
+            ws.foreseen.gap[k] = (excess - h * course.opening(&ws.foreseen, k)).max(0.0);
+        }
+    }
+    ws.contacts.adopt(&ws.foreseen, &mut ws.impulse);
+    !ws.foreseen.is_empty()
+}
