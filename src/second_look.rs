@@ -55,12 +55,7 @@ impl Course<'_> {
 
     /// How fast contact `i` opens, m/s.
     fn opening(&self, contacts: &Contacts, i: usize) -> f64 {
-        let surface = |b: u32| {
-            let (v, w) = self.twist(b as usize);
-            v + w.cross(&(contacts.point[i] - self.motion.position[b as usize]))
-        };
-        let [c, a] = contacts.bodies[i];
-        contacts.normal[i].dot(&(surface(c) - surface(a)))
+        contacts.opening(i, self.motion, |b| self.twist(b))
     }
 
     /// How deep two bodies are in each other, or will be in `h` seconds as their contacts have it, m.

@@ -16,6 +16,7 @@ pub use matching::{remember, warm_start};
 pub use reach::{Reach, top_speed};
 
 use crate::math::Vec3;
+use crate::motion::Motion;
 use std::ops::Range;
 
 /// Contact points of one configuration, sorted by bodies, then feature. Structure of arrays.
@@ -66,6 +67,16 @@ impl Contacts {
     pub fn of(&self, bodies: [u32; 2]) -> Range<usize> {
         let start = self.bodies.partition_point(|b| *b < bodies);
         start..start + self.bodies[start..].partition_point(|b| *b == bodies)
+    }
+
+    /// How fast contact `i` opens when body `b` has velocity and spin `twist(b)`, m/s.
+    pub fn opening(&self, i: usize, motion: &Motion, twist: impl Fn(usize) -> (Vec3, Vec3)) -> f64 {
+        let surface = |b: u32| {
+            let (v, w) = twist(b as usize);
+            v + w.cross(&(self.point[i] - motion.position[b as usize]))
+        };
+        let [c, a] = self.bodies[i];
+        self.normal[i].dot(&(surface(c) - surface(a)))
     }
 
     /// Takes over a few contacts, in place of those of the same bodies and feature; what penetrates keeps its gap. `impulse`

@@ -24,18 +24,10 @@ pub struct Solved<'a> {
 }
 
 impl Solved<'_> {
-    /// Velocity of the point of `body` that is at `point`, m/s.
-    fn surface(&self, body: u32, point: &Vec3) -> Vec3 {
-        let b = body as usize;
-        let (v, w) = self.motion.twist(self.velocity, self.spin, b);
-        v + w.cross(&(point - self.motion.position[b]))
-    }
-
     /// Gap of contact `i` at configuration m of the next step, `h` seconds later, m.
     fn next_gap(&self, i: usize, h: f64) -> f64 {
-        let ([c, a], point) = (self.contacts.bodies[i], &self.contacts.point[i]);
-        let opening = self.surface(c, point) - self.surface(a, point);
-        self.contacts.gap[i] + h * self.contacts.normal[i].dot(&opening)
+        let twist = |b: usize| self.motion.twist(self.velocity, self.spin, b);
+        self.contacts.gap[i] + h * self.contacts.opening(i, self.motion, twist)
     }
 }
 
