@@ -20,7 +20,7 @@ use super::anchor::{Anchor, Moved};
 use super::closest;
 use super::edges::{self, LoneEdge};
 use super::facing::Slack;
-use super::few::Few;
+use super::few::Ranked;
 use super::pair::{self, Faces, Pair, larger, smaller};
 use super::supports::{Supports, TURN};
 use super::{SLAB, TIE};
@@ -41,13 +41,25 @@ pub struct Contenders {
     alert: f64,
     /// No face, no pair of edges that is not listed separated by more, m.
     bounds: [f32; 2],
-    /// Faces of A and of B.
-    pub faces: [Few<5>; 2],
-    edges: [Few<6>; 2],
+    /// Bodies at most this far apart have the best of all pairs of edges among the listed, m.
+    pub reach: f64,
+    /// Body, 0 or 1, and face, with what they separate by at most, m.
+    pub faces: Ranked<10>,
+    /// Of A and of B, with the same.
+    pub edges: Ranked<6>,
     /// Whether all listed pairs of edges make an axis while the lists hold.
     pub crossing: bool,
     /// For axes near the best one.
     pub supports: Supports,
+}
+
+/// Pairs of edges that may hold the deepest points.
+#[derive(Debug, Default)]
+pub struct EdgePairs {
+    pub list: Vec<[usize; 2]>,
+    /// If they are known: bodies at most this far apart have the best of all pairs among them while lists
+    /// hold, m.
+    pub reach: Option<f64>,
 }
 
 /// What no axis that is not listed exceeds by now, m; ties are counted in.
@@ -56,6 +68,8 @@ pub struct Bounds {
     pub faces: f64,
     /// Infinite if pairs of edges are not known.
     pub edges: f64,
+    /// What is listed does not exceed its bound by more.
+    pub more: f64,
 }
 
 impl Contenders {
@@ -67,18 +81,12 @@ impl Contenders {
         }
         let more = at_point + (LEVER * turn + SLAB + TIE) * pair.size;
         let [faces, edges] = self.bounds.map(|b| f64::from(b) + more);
-        Some(Bounds { faces, edges })
+        Some(Bounds { faces, edges, more })
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
         self.anchor = Anchor::default();
-    }
-
-    /// Pairs of edges that may be the best axis.
-    pub fn edge_pairs(&self) -> impl Iterator<Item = [usize; 2]> {
-        let [a, b] = &self.edges;
-        a.iter().zip(b.iter()).map(|(a, b)| [a, b])
     }
 
     /// How far bodies may have moved against each other, all of their points, where lists hold.
@@ -89,7 +97,7 @@ impl Contenders {
     }
 
     /// Lists the axes that are near the best one, of separation `best` along `normal`; `c` is near both
-    /// bodies, `pairs` are the edges that may hold the deepest points while the lists hold, if they are known.
+    /// bodies, `known` are the edges of that axis.
     pub fn make(
         &mut self,
         pair: &Pair,
@@ -97,36 +105,39 @@ impl Contenders {
         best: f64,
         c: &Vec3,
         known: Option<[usize; 2]>,
-        pairs: Option<&[[usize; 2]]>,
+        pairs: &EdgePairs,
     ) {
         let limit = best - NEAR * pair.size;
         let excess = TURN * LEVER * pair.size;
         let excess = |x: &Vec3| larger(TURN * (x - c).norm() - excess, 0.0);
-        let [on_a, on_b] = &mut self.faces;
+        self.faces.clear();
         let excess_in_b = |x: &Vec3| excess(&(pair.rotation * x + pair.offset));
-        let of_a = list_faces(&pair.faces_of_a(), normal, limit, excess, on_a);
-        let of_b = list_faces(&pair.faces_of_b(), &-pair.in_b(normal), limit, excess_in_b, on_b);
+        let list = &mut |f, bound| self.faces.push([0, f], bound);
+        let of_a = list_faces(&pair.faces_of_a(), normal, limit, excess, list);
+        let list = &mut |f, bound| self.faces.push([1, f], bound);
+        let of_b = list_faces(&pair.faces_of_b(), &-pair.in_b(normal), limit, excess_in_b, list);
         let faces = larger(of_a, of_b);
-        self.edges.iter_mut().for_each(Few::clear);
-        let mut list = |edges: [usize; 2]| {
-            self.edges.iter_mut().zip(edges).for_each(|(list, e)| list.push(e));
-        };
+        self.edges.clear();
         let mut bound = f64::INFINITY;
-        if let Some(pairs) = pairs {
+        self.reach = pair.alert;
+        if let Some(reach) = pairs.reach {
             bound = f64::NEG_INFINITY;
-            for edges in pairs {
+            self.reach = reach;
+            for edges in &pairs.list {
                 let [a, b] = [edges::edge_of_a(pair, edges[0]), edges::edge_of_b(pair, edges[1])];
-                match edges_bound(&a, &b, excess) {
-                    Some(b) if b < limit && known != Some(*edges) => bound = larger(bound, b),
-                    _ => list(*edges),
+                let most = edges_bound(&a, &b, excess).unwrap_or(f64::INFINITY);
+                if most < limit && known != Some(*edges) {
+                    bound = larger(bound, most);
+                } else {
+                    self.edges.push(*edges, most);
                 }
             }
         } else if let Some(edges) = known {
-            list(edges);
+            self.edges.push(edges, f64::INFINITY);
         }
         self.bounds = [faces, bound].map(|b| b as f32);
-        let whole = self.faces.iter().all(Few::is_whole) && self.edges.iter().all(Few::is_whole);
-        let crossing = self.edge_pairs().all(|edges| {
+        let whole = self.faces.is_whole() && self.edges.is_whole();
+        let crossing = self.edges.iter().all(|(edges, _)| {
             let [a, b] = [edges::edge_of_a(pair, edges[0]), edges::edge_of_b(pair, edges[1])];
             edges::arcs_cross(pair, edges, [&a.along, &b.along], 1.001 * TURN)
         });
@@ -137,17 +148,16 @@ impl Contenders {
     }
 }
 
-/// Lists the faces that separate by `limit`; what the others separate by, at most.
+/// Lists the faces that may separate by `limit`, with what they separate by at most; what the others do.
 ///
 /// `normal` is the best axis, from `faces.own` to the other body; `excess` is for corners of the other body.
-fn list_faces<const N: usize>(
+fn list_faces(
     faces: &Faces,
     normal: &Vec3,
     limit: f64,
     excess: impl Fn(&Vec3) -> f64,
-    list: &mut Few<N>,
+    list: &mut impl FnMut(usize, f64),
 ) -> f64 {
-    list.clear();
     let lowest = |n: &Vec3| {
         let corner = faces.lowest_corner_along(n);
         (corner, excess(&corner))
@@ -166,7 +176,7 @@ fn list_faces<const N: usize>(
         if least < limit {
             bound = larger(least, bound);
         } else {
-            list.push(f);
+            list(f, least);
         }
     }
     bound

@@ -114,7 +114,8 @@ impl EdgeAxis {
 }
 
 /// The axis of largest separation above `floor` over the given pairs of edges, that of the lowest
-/// numbers among equals; `known` is one of them. The rest is as for [`axis_of`].
+/// numbers among equals; `known` is one of them. No pair and none after it separates by more than what it comes
+/// with. The rest is as for [`axis_of`].
 ///
 /// A pair makes a facet of the Minkowski difference when the arcs of its faces' normals cross on
 /// the sphere (those of B reversed). Edges that are parallel to 1e-10 are left out: their facet
@@ -122,15 +123,18 @@ impl EdgeAxis {
 /// is measured with both supports, so it is true for its direction whatever the rounding.
 pub fn best_edge_axis(
     pair: &Pair,
-    pairs: impl Iterator<Item = [usize; 2]>,
+    pairs: impl Iterator<Item = ([usize; 2], f64)>,
     known: Option<EdgeAxis>,
     floor: f64,
     crossing: bool,
     separation: impl Fn(&Vec3) -> f64,
 ) -> Option<EdgeAxis> {
     let mut best = known;
-    for edges in pairs {
+    for (edges, most) in pairs {
         let limit = best.map_or(floor, |b| b.separation);
+        if most < limit {
+            break;
+        }
         if best.is_some_and(|b| b.edges == edges) {
             continue;
         }

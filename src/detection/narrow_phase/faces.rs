@@ -1,6 +1,5 @@
 //! The face of a polyhedron that separates it best from another.
 
-use super::few::Few;
 use super::pair::Faces;
 
 /// Faces whose bound is this far below the best one, over the sum of the radii, cannot be better: well
@@ -17,7 +16,7 @@ pub struct FaceAxis {
 
 impl FaceAxis {
     /// Whether this one is the better: of larger separation, or of lower number among equals.
-    fn beats(&self, other: &FaceAxis) -> bool {
+    pub fn beats(&self, other: &FaceAxis) -> bool {
         self.separation > other.separation
             || (self.separation == other.separation && self.face < other.face)
     }
@@ -58,25 +57,6 @@ pub fn best_of_all(
         }
         if found.beats(&best) {
             best = found;
-        }
-    }
-    Ok(best)
-}
-
-/// The same among listed faces, their separations given; `None` if there are none.
-pub fn best_of<const N: usize>(
-    list: &Few<N>,
-    alert: f64,
-    separation: impl Fn(usize) -> f64,
-) -> Result<Option<FaceAxis>, usize> {
-    let mut best: Option<FaceAxis> = None;
-    for face in list.iter() {
-        let found = FaceAxis { face, separation: separation(face) };
-        if found.separation > alert {
-            return Err(face);
-        }
-        if best.is_none_or(|b| found.beats(&b)) {
-            best = Some(found);
         }
     }
     Ok(best)

@@ -69,3 +69,50 @@ impl<const N: usize> Few<N> {
         self.items.iter().take(usize::from(self.count)).map(|i| usize::from(*i))
     }
 }
+
+/// At most `N` pairs of numbers below 256, those of the largest bound first, or the note that they were too many.
+#[derive(Debug, Clone, Copy)]
+pub struct Ranked<const N: usize> {
+    /// Above N: too many.
+    count: u8,
+    items: [[u8; 2]; N],
+    bounds: [f32; N],
+}
+
+impl<const N: usize> Default for Ranked<N> {
+    fn default() -> Self {
+        Self { count: 0, items: [[0; 2]; N], bounds: [0.0; N] }
+    }
+}
+
+impl<const N: usize> Ranked<N> {
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    pub fn push(&mut self, item: [usize; 2], bound: f64) {
+        let count = usize::from(self.count);
+        let ([Ok(a), Ok(b)], true) = (item.map(u8::try_from), count < N) else {
+            self.count = u8::MAX;
+            return;
+        };
+        let bound = bound as f32;
+        let place = self.bounds[..count].partition_point(|b| *b >= bound);
+        self.items.copy_within(place..count, place + 1);
+        self.bounds.copy_within(place..count, place + 1);
+        (self.items[place], self.bounds[place]) = ([a, b], bound);
+        self.count += 1;
+    }
+
+    /// Whether all that were pushed are here.
+    pub fn is_whole(&self) -> bool {
+        usize::from(self.count) <= N
+    }
+
+    /// What was pushed and its bound, to single precision; of a list that is not whole, some.
+    pub fn iter(&self) -> impl Iterator<Item = ([usize; 2], f64)> {
+        let bounds = self.bounds.iter().map(|b| f64::from(*b));
+        let items = self.items.iter().map(|item| item.map(usize::from));
+        items.zip(bounds).take(usize::from(self.count))
+    }
+}

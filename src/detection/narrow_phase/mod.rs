@@ -22,6 +22,7 @@
 //! little beside the overlap.
 
 mod anchor;
+mod apart;
 mod closest;
 mod contenders;
 mod edges;
@@ -40,7 +41,7 @@ mod supports;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
-use contenders::Contenders;
+use contenders::{Contenders, EdgePairs};
 use edges::NearEdge;
 use facing::Sides;
 use pair::Pair;
@@ -89,6 +90,11 @@ struct Touching {
 }
 
 impl PairMemory {
+    /// An axis that separated the pair, if there is one.
+    fn axis(&self) -> Option<Vec3> {
+        (self.axis != [0.0; 3]).then(|| anchor::wide(&self.axis))
+    }
+
     /// Whether bodies that have travelled this far together, m, are certainly more than `alert` apart.
     pub fn sleeps(&self, travel: f64, alert: f64) -> bool {
         travel + alert < self.apart_until
@@ -119,9 +125,7 @@ pub struct Scratch {
     near_b: Vec<NearEdge>,
     /// Heights of vertices over the slab.
     heights: Vec<f64>,
-    /// Pairs of edges that may hold the deepest points.
-    edge_pairs: Vec<[usize; 2]>,
-    pairs_are_known: bool,
+    edge_pairs: EdgePairs,
     sides: Sides,
     candidates: Vec<Candidate>,
     hull: Hull,
@@ -143,7 +147,13 @@ pub fn touch(
         Ok(pair) => pair,
         Err(beyond) => return memory.sleep(travel, alert + beyond),
     };
-    if let Some(beyond) = pair.still_apart(memory) {
+    if let Some(beyond) = memory.axis().and_then(|n| pair.apart_along(&n)) {
+        return memory.sleep(travel, alert + beyond);
+    }
+    if memory.touching.is_none()
+        && let Some((n, beyond)) = apart::direction(&pair, memory.axis())
+    {
+        memory.axis = [n.x as f32, n.y as f32, n.z as f32];
         return memory.sleep(travel, alert + beyond);
     }
     let mut touching = memory.touching.take().or_else(|| scratch.spare.take()).unwrap_or_default();

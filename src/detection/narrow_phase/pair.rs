@@ -1,7 +1,6 @@
 //! Two bodies seen from the frame of the first: places, directions, supports, separations.
 
-use super::anchor::wide;
-use super::{PairMemory, Solid};
+use super::Solid;
 use crate::geometry::Polyhedron;
 use crate::math::{Mat3, Pose, Quat, Vec3};
 
@@ -63,14 +62,10 @@ impl<'a> Pair<'a> {
         lowest(&self.b.vertices, &self.in_b(n)) + n.dot(&self.offset) - highest(&self.a.vertices, n)
     }
 
-    /// How much an old axis still separates beyond the alert distance, all rounding taken off.
-    pub fn still_apart(&self, memory: &PairMemory) -> Option<f64> {
-        if memory.axis == [0.0; 3] {
-            return None;
-        }
-        let n = wide(&memory.axis);
-        // The axis is of length 1 to the precision of f32 only.
-        let beyond = self.separation(&n) / 1.000_001 - (self.alert + 1e-9 * self.size);
+    /// How much an axis of length 1, to single precision, separates beyond the alert distance for certain, all rounding
+    /// taken off.
+    pub fn apart_along(&self, n: &Vec3) -> Option<f64> {
+        let beyond = self.separation(n) / 1.000_001 - (self.alert + 1e-9 * self.size);
         (beyond > 0.0).then_some(beyond)
     }
 

@@ -1,9 +1,10 @@
 //! The axis of largest separation.
 
+use super::apart;
 use super::closest::{self, ClosestPoints};
 use super::contenders::Contenders;
 use super::edges::{self, EdgeAxis, NearEdge};
-use super::faces;
+use super::faces::{self, FaceAxis};
 use super::facing::Slack;
 use super::pair::{Faces, Pair};
 use super::report::{BestFace, Chosen, deepest, lowest_gap};
@@ -24,14 +25,14 @@ impl Pair<'_> {
             return found;
         }
         memory.contenders.clear();
-        scratch.edge_pairs.clear();
-        scratch.pairs_are_known = false;
+        scratch.edge_pairs.list.clear();
+        scratch.edge_pairs.reach = None;
         let chosen = self.among_all(memory, scratch)?;
         if let Some(Chosen { normal, separation, edges }) = chosen {
             let points = &scratch.candidates;
             let sum = points.iter().fold(Vec3::zeros(), |sum, c| sum + c.point);
             let middle = sum / points.len() as f64;
-            let pairs = scratch.pairs_are_known.then_some(&*scratch.edge_pairs);
+            let pairs = &scratch.edge_pairs;
             memory.contenders.make(self, &normal, separation, &middle, edges, pairs);
         }
         Ok(())
@@ -40,12 +41,12 @@ impl Pair<'_> {
     /// The same where one of the listed axes is the best for certain.
     fn among_contenders(&self, memory: &mut Touching, scratch: &mut Scratch) -> Option<Found<()>> {
         let others = memory.contenders.bounds(self)?;
-        let face = match self.best_listed_face(&memory.contenders) {
+        let face = match self.best_listed_face(&memory.contenders, others.more) {
             Ok(face) => face,
             Err(apart) => return Some(Err(apart)),
         };
         let floor = face.map_or(f64::NEG_INFINITY, |f| f.separation + TIE * self.size);
-        let pairs = memory.contenders.edge_pairs();
+        let pairs = memory.contenders.edges.iter().map(|(edges, most)| (edges, most + others.more));
         let crossing = memory.contenders.crossing;
         let supports = &memory.contenders.supports;
         let separation = |n: &Vec3| supports.separation(self, n);
@@ -59,7 +60,7 @@ impl Pair<'_> {
             let sure = if e.separation > 0.0 {
                 self.are_closest(&e, &closest)
             } else {
-                closest.distance_squared <= self.alert * self.alert
+                closest.distance_squared <= memory.contenders.reach * memory.contenders.reach
             };
             if sure && e.separation > above {
                 self.push_edges(&e, &closest, memory, scratch);
@@ -82,7 +83,7 @@ impl Pair<'_> {
             return None;
         }
         self.find_patch(&face.normal, face.separation, memory, scratch);
-        let reach = self.alert.max(-face.separation);
+        let reach = memory.contenders.reach;
         if deepest(&scratch.candidates).is_none_or(|c| c.gap.abs() > reach) {
             return None;
         }
@@ -111,7 +112,7 @@ impl Pair<'_> {
             return self.points_of_face_apart(&face, memory, scratch).map(Some);
         }
         let known = known.filter(|e| e.separation > floor && e.separation <= 0.0);
-        match self.best_edges(&face, known, memory, scratch) {
+        match self.best_edges(&face, known, memory, scratch)? {
             Some(e) if e.separation > self.alert => Err(e.normal),
             Some(e) => {
                 let closest = e.closest();
@@ -201,21 +202,33 @@ impl Pair<'_> {
         })
     }
 
-    /// The best of the listed faces, if there are any.
-    fn best_listed_face(&self, lists: &Contenders) -> Found<Option<BestFace>> {
-        let [list_a, list_b] = &lists.faces;
-        let of_a = self.faces_of_a();
-        let on_a = faces::best_of(list_a, self.alert, |f| {
-            let axis = self.face_of_a(f);
-            of_a.separation_by(f, |points, n| lists.supports.lowest_of_b(&axis, points, n))
-        });
-        let on_a = on_a.map_err(|f| self.face_of_a(f))?;
-        let of_b = self.faces_of_b();
-        let on_b = faces::best_of(list_b, self.alert, |f| {
-            let axis = self.face_of_b(f);
-            of_b.separation_by(f, |points, n| lists.supports.lowest_of_a(&axis, points, n))
-        });
-        let on_b = on_b.map_err(|f| self.face_of_b(f))?;
+    /// The best of the listed faces, if there are any; none separates by `more` above its bound.
+    fn best_listed_face(&self, lists: &Contenders, more: f64) -> Found<Option<BestFace>> {
+        let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
+        let mut best: [Option<FaceAxis>; 2] = [None; 2];
+        let mut most = f64::NEG_INFINITY;
+        for ([side, face], bound) in lists.faces.iter() {
+            if bound + more < most {
+                break;
+            }
+            let supports = &lists.supports;
+            let (axis, separation) = if side == 0 {
+                let axis = self.face_of_a(face);
+                (axis, of_a.separation_by(face, |p, n| supports.lowest_of_b(&axis, p, n)))
+            } else {
+                let axis = self.face_of_b(face);
+                (axis, of_b.separation_by(face, |p, n| supports.lowest_of_a(&axis, p, n)))
+            };
+            if separation > self.alert {
+                return Err(axis);
+            }
+            let found = FaceAxis { face, separation };
+            if best[side].is_none_or(|b| found.beats(&b)) {
+                best[side] = Some(found);
+            }
+            most = pair::larger(separation, most);
+        }
+        let [on_a, on_b] = best;
         let floor = on_a.map_or(f64::NEG_INFINITY, |a| a.separation + TIE * self.size);
         let best = match on_b.filter(|b| b.separation > floor) {
             Some(b) => Some((true, self.face_of_b(b.face), b.separation)),
@@ -283,12 +296,12 @@ impl Pair<'_> {
         known: Option<EdgeAxis>,
         memory: &mut Touching,
         scratch: &mut Scratch,
-    ) -> Option<EdgeAxis> {
+    ) -> Found<Option<EdgeAxis>> {
         let floor = face.separation + TIE * self.size;
         self.list_edge_pairs(face, scratch);
         let best = edges::best_edge_axis(
             self,
-            scratch.edge_pairs.iter().copied(),
+            scratch.edge_pairs.list.iter().map(|edges| (*edges, f64::INFINITY)),
             known,
             floor,
             false,
@@ -298,16 +311,19 @@ impl Pair<'_> {
         if let Some(e) = &best
             && (e.separation > 0.0 || e.closest().distance_squared <= reach * reach)
         {
-            return best;
+            return Ok(best);
         }
         self.find_patch(&face.normal, face.separation, memory, scratch);
         if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
-            return best;
+            return Ok(best);
         }
-        scratch.pairs_are_known = false;
-        // Neither a separating axis nor points of both that are near is at hand: ask all edges.
+        // Neither a separating axis nor points of both that are near is at hand.
+        if let Some((apart, _)) = apart::direction(self, None) {
+            return Err(apart);
+        }
+        scratch.edge_pairs.reach = None;
         let all = f64::INFINITY;
-        self.best_near_edges(&face.normal, all, all, known, floor, scratch)
+        Ok(self.best_near_edges(&face.normal, all, all, known, floor, scratch))
     }
 
     /// The best axis over edges with an end in `slab` off the support planes along `n` whose parts in
@@ -326,7 +342,7 @@ impl Pair<'_> {
         let Scratch { near_a, near_b, .. } = scratch;
         let pairs = near_a.iter().flat_map(|a| {
             let near = near_b.iter().filter(move |b| a.may_reach(b, reach));
-            near.map(|b| [a.index, b.index])
+            near.map(|b| ([a.index, b.index], f64::INFINITY))
         });
         edges::best_edge_axis(self, pairs, known, floor, false, |n| self.separation(n))
     }
@@ -339,13 +355,13 @@ impl Pair<'_> {
         let Slack { path, turn } = Contenders::slack(self);
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
+        scratch.edge_pairs.reach = Some(reach);
         self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
         let reach = reach + path + SLAB * self.size;
-        scratch.pairs_are_known = true;
         let Scratch { near_a, near_b, edge_pairs, .. } = scratch;
         for a in near_a {
             let near = near_b.iter().filter(|b| a.may_reach(b, reach) && a.may_cross(b, turn));
-            edge_pairs.extend(near.map(|b| [a.index, b.index]));
+            edge_pairs.list.extend(near.map(|b| [a.index, b.index]));
         }
     }
 }
