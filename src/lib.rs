@@ -10,6 +10,8 @@
 pub mod error;
 pub mod math;
 
+pub mod lanes;
+
 pub mod geometry;
 
 pub mod drive;

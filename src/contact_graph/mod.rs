@@ -4,4 +4,4 @@
 
 pub mod packing;
 
-pub use packing::{LANES, PADDING, Packing};
+pub use packing::{PADDING, Packing};

@@ -9,8 +9,7 @@
 //! lanes*. Blocks are sorted by their first contact, so that this order stays close to the caller's
 //! and a block's grains are those that its neighbours have just brought into the cache.
 
-/// Contacts per block.
-pub const LANES: usize = 8;
+use crate::lanes::LANES;
 
 /// The lane holds no contact.
 pub const PADDING: u32 = u32::MAX;

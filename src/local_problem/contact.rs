@@ -1,7 +1,7 @@
 //! One contact: rounded frame, arms and Delassus block.
 
-use super::Line;
-use crate::math::{Mat3, Vec3, frame};
+use crate::lanes::Line;
+use crate::math::{Mat3, Vec3};
 
 /// What a contact needs of one of its mobile bodies.
 pub struct Side {
@@ -23,7 +23,7 @@ pub struct Side {
 ///
 /// The Delassus block only steers a visit, a solved contact stays solved with any block: rounding
 /// it to f32 does not move the solution.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LocalContact {
     /// Candidate and antagonist, numbered as in the model.
     pub bodies: [u32; 2],
@@ -54,53 +54,6 @@ pub struct LocalContact {
 }
 
 impl LocalContact {
-    /// Contact between two grains.
-    pub fn pair(normal: &Vec3, candidate: &Side, antagonist: &Side) -> Self {
-        Self::build(normal, candidate, Some(antagonist))
-    }
-
-    /// Contact between a grain and a driven body.
-    pub fn single(normal: &Vec3, grain: &Side) -> Self {
-        Self::build(normal, grain, None)
-    }
-
-    fn build(normal: &Vec3, candidate: &Side, antagonist: Option<&Side>) -> Self {
-        let normal = round(normal);
-        let (t, s) = frame::tangents(&widen(&normal));
-        // First with unrounded tangents, to find the turn; then with the turned, rounded ones.
-        let w = delassus(&[widen(&normal), t, s], candidate, antagonist);
-        let (cos, sin) = principal_turn(&tangential_schur(&w));
-        let tangent = round(&(t * cos + s * sin));
-        let axes = axes(&normal, &tangent);
-        let candidate_arms = axes.map(|axis| round(&arm(candidate, &axis)));
-        let antagonist_arms =
-            antagonist.map_or([[0.0; 3]; 3], |side| axes.map(|axis| round(&arm(side, &axis))));
-        let mut contact = Self {
-            bodies: [0, u32::MAX],
-            normal,
-            tangent,
-            candidate_arms,
-            antagonist_arms,
-            normal_mass: 0.0,
-            coupling: [0.0; 2],
-            tangent_mass: 0.0,
-            tangent_ratio: 1.0,
-            friction: 0.0,
-            offset: Vec3::zeros(),
-            impulse: Vec3::zeros(),
-            likely: false,
-        };
-        let inverse_mass = candidate.inverse_mass + antagonist.map_or(0.0, |a| a.inverse_mass);
-        let w = contact.delassus(inverse_mass);
-        let schur = tangential_schur(&w);
-        contact.normal_mass = (1.0 / w.m11) as f32;
-        contact.coupling = [(w.m21 / w.m11) as f32, (w.m31 / w.m11) as f32];
-        contact.tangent_mass = (1.0 / schur[2]) as f32;
-        // Equal up to rounding when S is isotropic: keep the ratio in its interval.
-        contact.tangent_ratio = (schur[2] / schur[0]).min(1.0) as f32;
-        contact
-    }
-
     /// Axes n, t, s as the kernels use them.
     pub fn axes(&self) -> [Vec3; 3] {
         axes(&self.normal, &self.tangent)
@@ -154,7 +107,8 @@ pub fn widen(x: &[f32; 3]) -> Vec3 {
     Vec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
-fn round(x: &Vec3) -> [f32; 3] {
+/// To f32.
+pub fn round(x: &Vec3) -> [f32; 3] {
     [x.x as f32, x.y as f32, x.z as f32]
 }
 
@@ -165,48 +119,10 @@ fn axes(normal: &[f32; 3], tangent: &[f32; 3]) -> [Vec3; 3] {
     [n, t, n.cross(&t)]
 }
 
-fn arm(side: &Side, axis: &Vec3) -> Vec3 {
-    let turning = side.whitening.tr_mul(&side.lever.cross(axis));
-    side.shift.map_or(turning, |shift| turning + shift.tr_mul(axis))
-}
-
-fn delassus(axes: &[Vec3; 3], candidate: &Side, antagonist: Option<&Side>) -> Mat3 {
-    let mut w = Mat3::zeros();
-    for side in [Some(candidate), antagonist].into_iter().flatten() {
-        let arms = axes.map(|axis| arm(side, &axis));
-        w +=
-            Mat3::from_fn(|i, j| side.inverse_mass * axes[i].dot(&axes[j]) + arms[i].dot(&arms[j]));
-    }
-    w
-}
-
-/// `S = W_TT - W_Tn W_nT / W_nn` as (tt, ts, ss).
-fn tangential_schur(w: &Mat3) -> [f64; 3] {
-    [w.m22 - w.m21 * w.m21 / w.m11, w.m23 - w.m21 * w.m31 / w.m11, w.m33 - w.m31 * w.m31 / w.m11]
-}
-
-/// Cosine and sine of the turn that makes `[tt, ts, ss]` diagonal, larger entry first.
-///
-/// By half-angle formulas: square roots and divisions give the same bits on every machine, library
-/// trigonometry does not.
-fn principal_turn(&[tt, ts, ss]: &[f64; 3]) -> (f64, f64) {
-    let (x, y) = (0.5 * (tt - ss), ts);
-    let length = (x * x + y * y).sqrt();
-    if length == 0.0 {
-        return (1.0, 0.0);
-    }
-    if x >= 0.0 {
-        let cos = (0.5 * (1.0 + x / length)).sqrt();
-        (cos, 0.5 * y / (length * cos))
-    } else {
-        let sin = (0.5 * (1.0 - x / length)).sqrt();
-        (0.5 * y / (length * sin), sin)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::local_problem::eight;
     use crate::math::Quat;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
@@ -233,7 +149,7 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(31);
         for _ in 0..100 {
             let (side, inertia, rotation) = side(&mut rng);
-            let contact = LocalContact::single(&vector(&mut rng).normalize(), &side);
+            let contact = eight::one(&vector(&mut rng).normalize(), &side, None);
             let spin = vector(&mut rng);
             let whitened = (rotation.transpose() * spin).component_mul(&inertia.map(f64::sqrt));
             let u = contact.components(&spin.cross(&side.lever));
@@ -251,9 +167,9 @@ mod tests {
             let (a, b) = (side(&mut rng).0, side(&mut rng).0);
             let normal = vector(&mut rng).normalize();
             let (contact, inverse_mass) = if i % 2 == 0 {
-                (LocalContact::pair(&normal, &a, &b), a.inverse_mass + b.inverse_mass)
+                (eight::one(&normal, &a, Some(&b)), a.inverse_mass + b.inverse_mass)
             } else {
-                (LocalContact::single(&normal, &a), a.inverse_mass)
+                (eight::one(&normal, &a, None), a.inverse_mass)
             };
             let w = contact.delassus(inverse_mass);
             // Diagonal S: rebuilding W without its off-diagonal loses nothing but rounding.

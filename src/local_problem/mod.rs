@@ -10,20 +10,24 @@
 //! an impulse times its lever.
 
 pub mod contact;
-pub mod line;
+mod eight;
 mod positions;
 
 pub use contact::LocalContact;
-pub use line::Line;
 pub use positions::Solved;
 
 use crate::detection::Contacts;
+use crate::lanes::{self, Arithmetic, LANES, Lanes, Line, Work};
 use crate::math::{Mat3, Vec3};
 use crate::model::Model;
 use crate::motion::{Motion, Response};
 use crate::state::State;
 use contact::Side;
+use eight::{Built, Eight};
 use rayon::prelude::*;
+
+/// Contacts that a thread builds in one go.
+const CHUNK: usize = 32 * LANES;
 
 /// Contacts in canonical order, and what turns lines into velocities.
 #[derive(Debug, Default)]
@@ -50,69 +54,17 @@ impl LocalProblem {
         warm: &[Vec3],
     ) {
         self.build_lines(model, motion);
-        let (ng, mobile) = (model.grains.len(), self.lines.len());
-        let h = model.stepping.h();
+        let Self { contacts: built, lines, whitening, responses } = self;
+        let (lines, whitening, responses) = (&**lines, &**whitening, &**responses);
         // What weight adds to a velocity in a step: an impulse next to the contact may bring as much.
-        let nearly = model.gravity.norm() * h;
-        let (lines, whitening, responses) = (&self.lines, &self.whitening, &self.responses);
-        (0..contacts.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .map(|i| {
-                let [c, a] = contacts.bodies[i];
-                let (c, a) = (c as usize, a as usize);
-                let point = contacts.point[i];
-                let side = |b: usize| {
-                    let response = b.checked_sub(ng).map(|d| &responses[d]);
-                    let lever = point - motion.position[b];
-                    Side {
-                        lever: response.map_or(lever, |r| lever - r.centre),
-                        inverse_mass: lines[b].inverse_mass(),
-                        whitening: whitening[b],
-                        shift: response.map(|r| r.shift),
-                    }
-                };
-                let mut contact = if a < mobile {
-                    LocalContact::pair(&contacts.normal[i], &side(c), &side(a))
-                } else {
-                    LocalContact::single(&contacts.normal[i], &side(c))
-                };
-                contact.bodies = contacts.bodies[i];
-                let gap = contacts.gap[i];
-                let approach = if model.restitution > 0.0 {
-                    let start = |b: usize| {
-                        state.velocity[b] + state.spin[b].cross(&(point - motion.position[b]))
-                    };
-                    contact.axes()[0].dot(&(start(c) - start(a))).min(0.0)
-                } else {
-                    0.0
-                };
-                // A gap that the approach closes within this step rebounds now: anticipating it
-                // would brake the grains first and leave the rebound with what remains.
-                contact.offset.x = if approach < 0.0 && gap + h * approach <= 0.0 {
-                    model.restitution * approach
-                } else {
-                    gap.max(0.0) / h
-                };
-                let body = a.checked_sub(ng).map(|d| &model.driven[d]);
-                contact.friction = body.map_or(model.grain_friction, |b| b.friction) as f32;
-                if a < mobile {
-                    // Blocks of pairs keep it in f32: 6e-8 of the gap.
-                    contact.offset.x = contact.offset.x as f32 as f64;
-                } else {
-                    let lever = point - motion.position[a];
-                    let surface = motion.velocity[a] + motion.spin[a].cross(&lever);
-                    contact.offset -= contact.components(&surface);
-                }
-                // Where there was none it stays zero: its components might be zeros with a sign.
-                if let Some(world) = warm.get(i).filter(|world| **world != Vec3::zeros()) {
-                    contact.impulse = contact.components(world);
-                }
-                let approach = contact.offset.x + contact.normal_velocity(lines);
-                contact.likely = contact.impulse.x > 0.0 || approach < nearly;
-                contact
-            })
-            .collect_into_vec(&mut self.contacts);
+        let nearly = model.gravity.norm() * model.stepping.h();
+        let step =
+            Step { model, state, motion, contacts, warm, lines, whitening, responses, nearly };
+        let arithmetic = Arithmetic::detect();
+        built.resize(contacts.len(), LocalContact::default());
+        built.par_chunks_mut(CHUNK).enumerate().for_each(|(k, built)| {
+            lanes::compute(arithmetic, Build { step: &step, first: k * CHUNK, built });
+        });
     }
 
     fn build_lines(&mut self, model: &Model, motion: &Motion) {
@@ -154,5 +106,107 @@ impl LocalProblem {
     /// Whether contact `i` is with a driven body.
     pub fn is_single(&self, i: usize) -> bool {
         self.contacts[i].bodies[1] as usize >= self.lines.len()
+    }
+}
+
+/// What contacts are built from.
+struct Step<'a> {
+    model: &'a Model,
+    state: &'a State,
+    motion: &'a Motion,
+    contacts: &'a Contacts,
+    warm: &'a [Vec3],
+    lines: &'a [Line],
+    whitening: &'a [Mat3],
+    responses: &'a [Response],
+    /// m/s
+    nearly: f64,
+}
+
+impl Step<'_> {
+    /// A mobile body as the contact at `point` sees it.
+    fn side(&self, b: usize, point: &Vec3) -> Side {
+        let response = b.checked_sub(self.model.grains.len()).map(|d| &self.responses[d]);
+        let lever = point - self.motion.position[b];
+        Side {
+            lever: response.map_or(lever, |r| lever - r.centre),
+            inverse_mass: self.lines[b].inverse_mass(),
+            whitening: self.whitening[b],
+            shift: response.map(|r| r.shift),
+        }
+    }
+
+    /// Puts contact `i` in a lane.
+    fn set(&self, i: usize, eight: &mut Eight, lane: usize) {
+        let Contacts { bodies, point, normal, .. } = self.contacts;
+        let [c, a] = bodies[i].map(|b| b as usize);
+        let antagonist = (a < self.lines.len()).then(|| self.side(a, &point[i]));
+        eight.set(lane, &normal[i], &self.side(c, &point[i]), antagonist.as_ref());
+    }
+
+    /// Fills what does not follow from frame and bodies.
+    fn finish(&self, i: usize, contact: &mut LocalContact) {
+        let Self { model, state, motion, contacts, warm, lines, .. } = self;
+        let h = model.stepping.h();
+        let (point, gap) = (contacts.point[i], contacts.gap[i]);
+        let [c, a] = contacts.bodies[i].map(|b| b as usize);
+        contact.bodies = contacts.bodies[i];
+        let approach = if model.restitution > 0.0 {
+            let start =
+                |b: usize| state.velocity[b] + state.spin[b].cross(&(point - motion.position[b]));
+            contact.axes()[0].dot(&(start(c) - start(a))).min(0.0)
+        } else {
+            0.0
+        };
+        // A gap that the approach closes within this step rebounds now: anticipating it
+        // would brake the grains first and leave the rebound with what remains.
+        let normal = if approach < 0.0 && gap + h * approach <= 0.0 {
+            model.restitution * approach
+        } else {
+            gap.max(0.0) / h
+        };
+        contact.offset = Vec3::new(normal, 0.0, 0.0);
+        let body = a.checked_sub(model.grains.len()).map(|d| &model.driven[d]);
+        contact.friction = body.map_or(model.grain_friction, |b| b.friction) as f32;
+        if a < lines.len() {
+            // Blocks of pairs keep it in f32: 6e-8 of the gap.
+            contact.offset.x = contact.offset.x as f32 as f64;
+        } else {
+            let lever = point - motion.position[a];
+            let surface = motion.velocity[a] + motion.spin[a].cross(&lever);
+            contact.offset -= contact.components(&surface);
+        }
+        // Where there was none it stays zero: its components might be zeros with a sign.
+        let world = warm.get(i).filter(|world| **world != Vec3::zeros());
+        contact.impulse = world.map_or(Vec3::zeros(), |world| contact.components(world));
+        let approach = contact.offset.x + contact.normal_velocity(lines);
+        contact.likely = contact.impulse.x > 0.0 || approach < self.nearly;
+    }
+}
+
+/// Builds contacts from the number `first` on.
+struct Build<'a> {
+    step: &'a Step<'a>,
+    first: usize,
+    built: &'a mut [LocalContact],
+}
+
+impl Work for Build<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (mut eight, mut rows) = (Eight::default(), Built::default());
+        for (block, contacts) in self.built.chunks_mut(LANES).enumerate() {
+            let first = self.first + block * LANES;
+            for lane in 0..contacts.len() {
+                self.step.set(first + lane, &mut eight, lane);
+            }
+            eight.build::<L>(&mut rows);
+            for (lane, contact) in contacts.iter_mut().enumerate() {
+                rows.get(lane, contact);
+                self.step.finish(first + lane, contact);
+            }
+        }
     }
 }

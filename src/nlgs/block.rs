@@ -4,7 +4,7 @@
 //! lanes. Lanes without a contact are all zero with a tangent ratio of one, and their grain is the
 //! set's spare line: every visit leaves them at zero impulse.
 
-use crate::contact_graph::LANES;
+use crate::lanes::LANES;
 use crate::local_problem::LocalContact;
 
 /// A row of f32.

@@ -5,10 +5,11 @@
 //! shares nothing with other sets, so sets may be swept in parallel.
 
 use super::block::{LawRows, PairBlock, Row64, SingleBlock};
-use super::kernel::{Arithmetic, Blocks, Chosen, Operations};
+use super::kernel::{Blocks, Chosen, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
-use crate::contact_graph::{LANES, PADDING, Packing};
-use crate::local_problem::{Line, LocalProblem};
+use crate::contact_graph::{PADDING, Packing};
+use crate::lanes::{Arithmetic, LANES, Line};
+use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use std::ops::AddAssign;
 

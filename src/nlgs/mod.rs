@@ -19,5 +19,5 @@ mod tests;
 mod visit;
 
 pub use contact_set::{ContactSet, Traffic};
-pub use kernel::{Arithmetic, Chosen, Operations};
+pub use kernel::{Chosen, Operations};
 pub use residual::{NaturalMapSums, Residuals, VisitNorms};

@@ -6,7 +6,8 @@
 
 use super::contact_law;
 use crate::error::{Error, Result};
-use crate::local_problem::{Line, LocalProblem, contact::widen};
+use crate::lanes::Line;
+use crate::local_problem::{LocalProblem, contact::widen};
 use crate::math::{Mat3, Vec3, cone};
 
 /// Contacts visited one after the other, velocities as the running state.

@@ -2,7 +2,8 @@
 
 use super::reference::{Assembled, MatrixFree};
 use super::scenes::Scene;
-use super::{Arithmetic, Chosen, ContactSet};
+use super::{Chosen, ContactSet};
+use crate::lanes::Arithmetic;
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 

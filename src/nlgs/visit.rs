@@ -21,7 +21,7 @@
 //! the contact law, and which one is found depends on where the last solve of this contact ended.
 
 use super::block::LawRows;
-use super::kernel::{Lanes, each};
+use crate::lanes::{Lanes, each};
 
 /// Halley steps that are relatively smaller than this leave an error below rounding: convergence is
 /// cubic.
@@ -244,9 +244,9 @@ pub fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::Portable;
     use crate::math::{Mat3, Vec3};
     use crate::nlgs::contact_law;
-    use crate::nlgs::kernel::PortableLanes;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
@@ -284,7 +284,7 @@ mod tests {
         }
 
         fn solve(&mut self) -> [Vec3; 8] {
-            type L = PortableLanes;
+            type L = Portable;
             let law = Law::<L>::load(&self.rows);
             let (u, r) = (self.u.map(|x| L::load(&x)), self.r.map(|x| L::load(&x)));
             let approach = approach(&law, &u, &r);

@@ -2,10 +2,7 @@
 //!
 //! Values carry nothing but themselves, so the count is the thread's. No result depends on it.
 
-use super::lanes::Lanes;
-use super::portable::Portable;
-use crate::contact_graph::LANES;
-use crate::local_problem::Line;
+use crate::lanes::{LANES, Lanes, Line, Portable};
 use std::cell::Cell;
 use std::ops::AddAssign;
 

@@ -1,7 +1,6 @@
 //! How a block of contacts sees and moves its grains: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
 
-use super::lanes::{Lanes, each};
-use crate::local_problem::Line;
+use crate::lanes::{Lanes, Line, each};
 use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
 
 /// Eight contacts of one kind, and how they see and move their grains.

@@ -3,114 +3,22 @@
 //! Reads: blocks. Writes: lines and impulses. Cost: about 160 bytes of memory traffic per visit.
 //! Contract: the same bits from every [`Arithmetic`].
 //!
-//! This module and its children are the only ones of the crate with `unsafe`. It is sound because
-//! (1) a set is packed with indices checked against its number of lines, and passes check that number
-//! again, so [`Lanes::gather`] and [`Lanes::scatter`] stay inside; (2) types that use instructions
-//! beyond the base ones are private and used only inside [`run`], after the processor was asked.
+//! `unsafe` is sound here because a set is packed with indices checked against its number of lines, and passes
+//! check that number again, so [`Lanes::gather`](crate::lanes::Lanes::gather) and
+//! [`Lanes::scatter`](crate::lanes::Lanes::scatter) stay inside.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(target_arch = "x86_64")]
-mod avx512;
 mod counting;
 mod coupling;
-mod lanes;
 mod passes;
-mod portable;
 mod roofline;
 
 pub use counting::Operations;
-pub use lanes::Lanes;
-pub(super) use lanes::each;
-#[cfg(test)]
-pub use portable::Portable as PortableLanes;
 
 use super::block::{LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
-use crate::local_problem::{Line, LocalContact};
-use passes::{Apply, Every, MeasuredSweep, NaturalMap, Pass, PlainSweep, Replace, Sweep};
-use portable::Portable;
-
-/// Which instructions compute; the bits are the same.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Arithmetic(Instructions);
-
-/// Private, so that an [`Arithmetic`] is proof that the processor was asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Instructions {
-    Portable,
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
-    #[cfg(target_arch = "x86_64")]
-    Avx512,
-}
-
-impl Arithmetic {
-    /// What every processor has.
-    pub const PORTABLE: Self = Self(Instructions::Portable);
-
-    /// All that this processor has, the fastest first.
-    pub fn available() -> Vec<Self> {
-        let mut all = Vec::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-            if fused && is_x86_feature_detected!("avx512f") {
-                all.push(Self(Instructions::Avx512));
-            }
-            if fused {
-                all.push(Self(Instructions::Avx2));
-            }
-        }
-        all.push(Self::PORTABLE);
-        all
-    }
-
-    /// The fastest one that this processor has.
-    pub fn detect() -> Self {
-        Self::available()[0]
-    }
-
-    /// What tables call it.
-    pub fn name(self) -> &'static str {
-        match self.0 {
-            Instructions::Portable => "portable",
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => "avx2",
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => "avx512",
-        }
-    }
-}
-
-/// # Safety
-/// As for [`Pass::run`].
-unsafe fn run<P: Pass>(arithmetic: Arithmetic, pass: P) -> P::Output {
-    // SAFETY: the caller's, and [`Arithmetic::available`] asked the processor.
-    unsafe {
-        match arithmetic.0 {
-            Instructions::Portable => pass.run::<Portable>(),
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => run_avx2(pass),
-            #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => run_avx512(pass),
-        }
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn run_avx2<P: Pass>(pass: P) -> P::Output {
-    // SAFETY: the caller's.
-    unsafe { pass.run::<avx2::Avx2>() }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx2,fma")]
-unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
-    // SAFETY: the caller's.
-    unsafe { pass.run::<avx512::Avx512>() }
-}
+use crate::lanes::{Arithmetic, Line, Pass, run};
+use crate::local_problem::LocalContact;
+use passes::{Apply, Every, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
 
 /// Some of the blocks: singles and pairs.
 #[derive(Debug, Clone, Default)]

@@ -1,19 +1,10 @@
 //! Passes over blocks, written once for all arithmetics.
 
 use super::coupling::{Block, dot};
-use super::lanes::{Lanes, each};
-use crate::local_problem::Line;
+use crate::lanes::{Lanes, Line, Pass, each};
 use crate::nlgs::block::{PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 use crate::nlgs::visit::{self, Law};
-
-/// A pass, written once for all arithmetics.
-pub trait Pass {
-    type Output;
-    /// # Safety
-    /// The indices in the blocks are below the number of lines.
-    unsafe fn run<L: Lanes>(self) -> Self::Output;
-}
 
 /// What a sweep takes down of its visits.
 trait Record<L: Lanes>: Copy {

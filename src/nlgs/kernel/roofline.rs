@@ -1,11 +1,7 @@
 //! What a processor can do at most with the instructions of an [`Arithmetic`]: work whose rate bounds that of
 //! sweeps. The caller has the clock.
 
-use super::lanes::Lanes;
-use super::passes::Pass;
-use super::{Arithmetic, run};
-use crate::contact_graph::LANES;
-use crate::local_problem::Line;
+use crate::lanes::{Arithmetic, LANES, Lanes, Line, Pass, run};
 
 /// Numbers per line of the triad.
 const ROW: usize = size_of::<Line>() / size_of::<f64>();
@@ -43,13 +39,6 @@ impl Arithmetic {
             true => unsafe { run(self, Divisions::<MANY> { rounds, dividend }) },
             false => unsafe { run(self, Divisions::<FEW> { rounds, dividend }) },
         }
-    }
-
-    fn has_many_registers(self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        return self.0 == super::Instructions::Avx512;
-        #[cfg(not(target_arch = "x86_64"))]
-        false
     }
 }
 

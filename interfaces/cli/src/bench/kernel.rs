@@ -14,7 +14,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::progress::Progress;
 use crate::statistics::Quartiles;
-use ballast::nlgs::Arithmetic;
+use ballast::lanes::Arithmetic;
 use rayon::ThreadPool;
 use std::sync::Arc;
 

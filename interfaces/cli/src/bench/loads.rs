@@ -2,9 +2,10 @@
 
 use super::roof::{Rate, enter};
 use super::sheet::Sheet;
+use ballast::lanes::Arithmetic;
 use ballast::model::PartitionRule;
 use ballast::nlgs::scenes::Scene;
-use ballast::nlgs::{Arithmetic, ContactSet, Operations, Traffic};
+use ballast::nlgs::{ContactSet, Operations, Traffic};
 use ballast::partition::Partition;
 use rayon::ThreadPool;
 use rayon::prelude::*;

@@ -1,7 +1,7 @@
 //! What a measurement was made on, and what else the machine did meanwhile.
 
 use crate::profile::cpu_time;
-use ballast::nlgs::Arithmetic;
+use ballast::lanes::Arithmetic;
 use std::time::{Duration, Instant};
 
 /// Ticks per second of the kernel's account of processor time.

@@ -1,8 +1,9 @@
 //! What memory and arithmetic deliver at most on some threads: the roofline that sweeps are held against.
 
 use crate::profile::cpu_time;
-use ballast::local_problem::Line;
-use ballast::nlgs::{Arithmetic, Operations, Traffic};
+use ballast::lanes::Arithmetic;
+use ballast::lanes::Line;
+use ballast::nlgs::{Operations, Traffic};
 use rayon::ThreadPool;
 use std::hint::black_box;
 use std::sync::{Mutex, MutexGuard, PoisonError};

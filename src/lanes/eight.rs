@@ -3,8 +3,7 @@
 //! Every operation is an IEEE operation rounded once (fused where it says fused), so all
 //! implementations give the same bits.
 
-use crate::contact_graph::LANES;
-use crate::local_problem::Line;
+use super::{LANES, Line};
 
 /// `[f(0), f(1), ...]` written out.
 ///
@@ -30,7 +29,7 @@ macro_rules! each {
         }),*]
     };
 }
-pub(in crate::nlgs) use each;
+pub(crate) use each;
 
 /// Eight f64 and the operations of the kernels on them.
 pub trait Lanes: Copy {

@@ -1,8 +1,6 @@
 //! Eight lanes in two registers of AVX2 with FMA.
 
-use super::lanes::{Lanes, each};
-use crate::contact_graph::LANES;
-use crate::local_problem::Line;
+use super::{LANES, Lanes, Line, each};
 use core::arch::x86_64::*;
 
 /// Lanes 0 to 3 and 4 to 7.

@@ -1,8 +1,6 @@
 //! Eight lanes as an array, for any processor.
 
-use super::lanes::Lanes;
-use crate::contact_graph::LANES;
-use crate::local_problem::Line;
+use super::{LANES, Lanes, Line};
 
 /// Plain array of lanes.
 #[derive(Clone, Copy)]

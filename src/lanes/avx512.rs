@@ -1,8 +1,6 @@
 //! Eight lanes in one register of AVX-512F.
 
-use super::lanes::{Lanes, each};
-use crate::contact_graph::LANES;
-use crate::local_problem::Line;
+use super::{LANES, Lanes, Line, each};
 use core::arch::x86_64::*;
 
 /// One 512-bit register.

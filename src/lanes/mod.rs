@@ -1,0 +1,141 @@
+//! Eight numbers at a time, with the instructions that the processor has.
+//!
+//! Contract: the same bits from every [`Arithmetic`]. Work is written once, for any [`Lanes`].
+//!
+//! This room and `nlgs::kernel` are the only ones of the crate with `unsafe`. Here it is sound because types that use
+//! instructions beyond the base ones are private and used only inside [`run`], after the processor was asked.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod eight;
+mod line;
+mod portable;
+
+pub use eight::Lanes;
+pub(crate) use eight::each;
+pub use line::Line;
+pub use portable::Portable;
+
+/// How many.
+pub const LANES: usize = 8;
+
+/// What reads and writes lines by index, written once for all arithmetics.
+pub trait Pass {
+    type Output;
+    /// # Safety
+    /// The indices in what it reads are below the number of lines.
+    unsafe fn run<L: Lanes>(self) -> Self::Output;
+}
+
+/// What needs no lines.
+pub trait Work {
+    type Output;
+    fn run<L: Lanes>(self) -> Self::Output;
+}
+
+impl<W: Work> Pass for W {
+    type Output = W::Output;
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) -> W::Output {
+        Work::run::<L>(self)
+    }
+}
+
+/// Which instructions compute; the bits are the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Arithmetic(Instructions);
+
+/// Private, so that an [`Arithmetic`] is proof that the processor was asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Instructions {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl Arithmetic {
+    /// What every processor has.
+    pub const PORTABLE: Self = Self(Instructions::Portable);
+
+    /// All that this processor has, the fastest first.
+    pub fn available() -> Vec<Self> {
+        let mut all = Vec::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+            if fused && is_x86_feature_detected!("avx512f") {
+                all.push(Self(Instructions::Avx512));
+            }
+            if fused {
+                all.push(Self(Instructions::Avx2));
+            }
+        }
+        all.push(Self::PORTABLE);
+        all
+    }
+
+    /// The fastest one that this processor has.
+    pub fn detect() -> Self {
+        Self::available()[0]
+    }
+
+    /// Whether there are 32 registers instead of 16.
+    pub fn has_many_registers(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        return self.0 == Instructions::Avx512;
+        #[cfg(not(target_arch = "x86_64"))]
+        false
+    }
+
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Instructions::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Runs a pass with these instructions.
+///
+/// # Safety
+/// As for [`Pass::run`].
+pub unsafe fn run<P: Pass>(arithmetic: Arithmetic, pass: P) -> P::Output {
+    // SAFETY: the caller's, and [`Arithmetic::available`] asked the processor.
+    unsafe {
+        match arithmetic.0 {
+            Instructions::Portable => pass.run::<Portable>(),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => run_avx2(pass),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => run_avx512(pass),
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+unsafe fn run_avx2<P: Pass>(pass: P) -> P::Output {
+    // SAFETY: the caller's.
+    unsafe { pass.run::<avx2::Avx2>() }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx2,fma")]
+unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
+    // SAFETY: the caller's.
+    unsafe { pass.run::<avx512::Avx512>() }
+}
+
+/// Does work with these instructions.
+pub fn compute<W: Work>(arithmetic: Arithmetic, work: W) -> W::Output {
+    // SAFETY: work has no indices.
+    unsafe { run(arithmetic, work) }
+}
