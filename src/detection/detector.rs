@@ -9,10 +9,14 @@ use super::Contacts;
 use super::broad_phase::{CHUNK, PairList, PartRef, pose};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
 use super::reach::Reach;
+use crate::lanes;
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
 use rayon::prelude::*;
+
+/// How many pairs before its turn a pair's memory is fetched.
+const AHEAD: usize = 2;
 
 /// Finds contacts; keeps what makes the next step faster.
 #[derive(Debug, Default)]
@@ -142,13 +146,25 @@ impl<F: Fn([usize; 2]) -> bool> Search<'_, F> {
             let memory = &mut memory[pairs.start - first..pairs.end - first];
             let of_grains =
                 antagonists.partition_point(|j| (*j as usize) < self.model.grains.len());
-            for (j, memory) in antagonists[..of_grains].iter().zip(&mut *memory) {
+            for (k, j) in antagonists[..of_grains].iter().enumerate() {
+                if let Some(next) = antagonists[..of_grains].get(k + AHEAD) {
+                    self.expect(*next, &memory[k + AHEAD]);
+                }
                 let b = || self.grain(*j as usize);
-                if self.touch([i, *j as usize], b, memory, &mut out.scratch) {
+                if self.touch([i, *j as usize], b, &mut memory[k], &mut out.scratch) {
                     out.note([i as u32, *j], 0);
                 }
             }
             self.parts_of(i, &antagonists[of_grains..], &mut memory[of_grains..], out);
+        }
+    }
+
+    /// Brings to the cache what a pair with grain `j` will read if it touches.
+    fn expect(&self, j: u32, memory: &PairMemory) {
+        if memory.expect() {
+            let shape = &self.model.shapes[self.model.grains.shape[j as usize] as usize];
+            lanes::prefetch(&*shape.vertices);
+            lanes::prefetch(&*shape.face_normals);
         }
     }
 

@@ -134,6 +134,19 @@ unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
     unsafe { pass.run::<avx512::Avx512>() }
 }
 
+/// Asks for a value's memory to be brought to the cache.
+pub fn prefetch<T: ?Sized>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    for offset in (0..size_of_val(value)).step_by(size_of::<Line>()) {
+        use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let place = std::ptr::from_ref(value).cast::<i8>().wrapping_add(offset);
+        // SAFETY: a prefetch reads nothing.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(place) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
+}
+
 /// Does work with these instructions.
 pub fn compute<W: Work>(arithmetic: Arithmetic, work: W) -> W::Output {
     // SAFETY: work has no indices.

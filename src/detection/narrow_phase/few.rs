@@ -59,6 +59,13 @@ impl<const N: usize> Few<N> {
         })
     }
 
+    /// What was pushed, in order, and the first of it over and over; of nothing, zeros.
+    pub fn filled(mut self) -> [u8; N] {
+        let (first, count) = (self.items[0], self.len());
+        self.items[count..].fill(first);
+        self.items
+    }
+
     /// Whether all that were pushed are here.
     pub fn is_whole(&self) -> bool {
         usize::from(self.count) <= N

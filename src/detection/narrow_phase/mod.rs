@@ -40,6 +40,7 @@ mod search;
 mod supports;
 
 use crate::geometry::Polyhedron;
+use crate::lanes;
 use crate::math::{Pose, Vec3};
 use contenders::{Contenders, EdgePairs};
 use edges::NearEdge;
@@ -98,6 +99,11 @@ impl PairMemory {
     /// Whether bodies that have travelled this far together, m, are certainly more than `alert` apart.
     pub fn sleeps(&self, travel: f64, alert: f64) -> bool {
         travel + alert < self.apart_until
+    }
+
+    /// Brings to the cache what is remembered of bodies that touch; whether there is anything.
+    pub fn expect(&self) -> bool {
+        self.touching.as_deref().map(lanes::prefetch).is_some()
     }
 
     /// Notes that bodies that have travelled this far together are at least `apart` from each other.

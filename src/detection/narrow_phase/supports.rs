@@ -20,8 +20,8 @@ pub const TURN: f64 = 8e-3;
 pub struct Supports {
     /// From A to B, in the frame of A.
     axis: [f32; 3],
-    /// Of A and of B; all may be outermost if there are too many.
-    corners: [Few<6>; 2],
+    /// Of A and of B, some of them repeated; `None` if there are too many.
+    corners: [Option<[u8; 6]>; 2],
 }
 
 impl Supports {
@@ -60,17 +60,19 @@ impl Supports {
 
     #[inline]
     fn lowest(&self, side: usize, points: &[Vec3], n: &Vec3) -> f64 {
-        let corners = &self.corners[side];
-        if !corners.is_whole() {
+        let Some(corners) = &self.corners[side] else {
             return pair::lowest(points, n);
-        }
-        corners.iter().fold(f64::INFINITY, |low, v| smaller(pair::height(n, &points[v]), low))
+        };
+        corners
+            .iter()
+            .fold(f64::INFINITY, |low, v| smaller(pair::height(n, &points[usize::from(*v)]), low))
     }
 }
 
-/// Corners that may be the lowest along an axis near `n`.
-fn lowest_few<const N: usize>(points: &[Vec3], n: &Vec3) -> Few<N> {
-    let mut list = Few::default();
+/// Corners that may be the lowest along an axis near `n`, the first of them as often as it takes to fill the list: how many
+/// there are is nothing that a processor could foresee.
+fn lowest_few<const N: usize>(points: &[Vec3], n: &Vec3) -> Option<[u8; N]> {
+    let mut list = Few::<N>::default();
     let lowest = &points[pair::first_lowest(points, n)];
     for (v, x) in points.iter().enumerate() {
         let aside = x - lowest;
@@ -80,5 +82,5 @@ fn lowest_few<const N: usize>(points: &[Vec3], n: &Vec3) -> Few<N> {
             list.push(v);
         }
     }
-    list
+    list.is_whole().then(|| list.filled())
 }
