@@ -8,7 +8,7 @@ use super::block::{LawRows, PairBlock, Row64, SingleBlock};
 use super::kernel::{Blocks, Chosen, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
-use crate::lanes::{Arithmetic, LANES, Line};
+use crate::lanes::{self, Arithmetic, LANES, Line};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use std::ops::AddAssign;
@@ -102,11 +102,18 @@ impl ContactSet {
                 kind.push(i);
             }
         }
+        // They lie scattered: the next block's are fetched while one is filled.
+        let expect = |list: &[u32], block: Option<&[u32; LANES]>| {
+            for &i in block.into_iter().flatten().filter(|&&i| i != PADDING) {
+                lanes::prefetch(&problem.contacts[list[i as usize] as usize]);
+            }
+        };
         let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
         let list = &self.single_contacts;
         self.singles
             .build(list.len(), line_count, |i| [line(contact(list, i as u32).bodies[0]); 2]);
-        for block in &self.singles.blocks {
+        for (k, block) in self.singles.blocks.iter().enumerate() {
+            expect(list, self.singles.blocks.get(k + 1));
             self.blocks.push_single(|lane| {
                 (block[lane] != PADDING).then(|| {
                     let contact = contact(list, block[lane]);
@@ -116,7 +123,8 @@ impl ContactSet {
         }
         let list = &self.pair_contacts;
         self.pairs.build(list.len(), line_count, |i| contact(list, i as u32).bodies.map(&line));
-        for block in &self.pairs.blocks {
+        for (k, block) in self.pairs.blocks.iter().enumerate() {
+            expect(list, self.pairs.blocks.get(k + 1));
             self.blocks.push_pair(|lane| {
                 (block[lane] != PADDING).then(|| {
                     let contact = contact(list, block[lane]);
