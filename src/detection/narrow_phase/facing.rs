@@ -4,6 +4,7 @@
 //! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, if feet
 //! were in the slab. Where parts in the slab do not overlap, seen along the axis, there is no corner.
 
+use super::SLAB;
 use super::few::Few;
 use super::pair::{Pair, larger, smaller};
 use super::patch::{Axis, STEEP};
@@ -17,6 +18,13 @@ use crate::math::Vec3;
 pub struct Slack {
     pub path: f64,
     pub turn: f64,
+}
+
+impl Slack {
+    /// For the present configuration alone: what rounding takes.
+    pub fn none(pair: &Pair) -> Self {
+        Self { path: SLAB * pair.size, turn: 1e-9 }
+    }
 }
 
 /// Buffers of the search, and what may meet.
@@ -33,7 +41,6 @@ pub struct Sides {
     pub middle: Vec3,
     /// Nothing that may meet is further from the middle, m.
     pub lever: f64,
-    planes: Vec<Plane>,
     /// Of the listed edges of A and of B.
     pub rims: [Placed; 2],
 }
@@ -48,7 +55,7 @@ impl Sides {
         // What may meet is near parts of both bodies, so it is not far from the middle between them.
         let feet = axis.slab.max(axis.alert);
         let most = slack.path + slack.turn * 3.0 * (pair.size + slab + feet);
-        let near = a.whole.common(&b.whole.widened(most)).widened(most);
+        let near = a.area.common(&b.area.widened(most)).widened(most);
         let [x, y] = near.centre();
         let [t, s, n] = &frame_a.axes;
         self.middle = t * x + s * y + n * (b.limit - 0.5 * slab);
@@ -57,18 +64,14 @@ impl Sides {
         let lever = 0.5 * near.diagonal() + slab + feet;
         self.lever = lever;
         let slack = Slack { path: slack.path + slack.turn * lever, ..slack };
-        let planes = &mut self.planes;
         let common = a.area.common(&b.area.widened(slack.path));
         let common = common.widened(slack.path);
         *unsure = a.trim(&common) | b.trim(&common);
-        planes.clear();
-        planes.extend(frame_b.planes(pair.b, 0..pair.b.face_count()));
+        let (relief_a, relief_b) = (a.relief(pair.a), b.relief(pair.b));
         on_a.clear();
-        on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), planes, axis, slack));
-        planes.clear();
-        planes.extend(frame_a.planes(pair.a, 0..pair.a.face_count()));
+        on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), relief_b, axis, slack));
         on_b.clear();
-        on_b.extend(b.over(|v| pair.corner_of_b(v), planes, axis, slack));
+        on_b.extend(b.over(|v| pair.corner_of_b(v), relief_a, axis, slack));
         pairs.clear();
         for ea in &a.edges {
             let area = ea.area.widened(slack.path);
@@ -203,19 +206,38 @@ pub struct Over {
     pub below: Below,
 }
 
+/// A body's faces, their slopes along the axis into the body, and one over these.
+#[derive(Clone, Copy)]
+struct Relief<'a> {
+    shape: &'a Polyhedron,
+    slopes: &'a [f64],
+    inverse: &'a [f64],
+}
+
+impl Relief<'_> {
+    /// How far `x` is below each face's plane, with the slope and one over it.
+    #[inline]
+    fn depths(self, x: &Vec3) -> impl Iterator<Item = (f64, f64, f64)> {
+        let Self { shape, slopes, inverse } = self;
+        let planes = shape.face_normals.iter().zip(&shape.face_offsets);
+        let depths = planes.map(|(n, d)| d - (n.x * x.x + n.y * x.y + n.z * x.z));
+        depths.zip(slopes).zip(inverse).map(|((depth, slope), inverse)| (depth, *slope, *inverse))
+    }
+}
+
 /// The faces that decide about `x` while the line along the axis moves by up to `slack` where it meets the
 /// body at a gap up to `alert`; `None` if it stays beside the body.
 ///
 /// All planes moved out by the slack hold a piece of the line. What is deeper than the slack below a
 /// plane on all of this piece stays below it.
-fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> Option<Below> {
+fn may_be_over(relief: Relief, x: &Vec3, alert: f64, slack: f64) -> Option<Below> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, alert);
-    for plane in planes {
-        let depth = plane.depth(x) + slack;
-        if plane.slope < -STEEP {
-            enter = larger(depth / plane.slope, enter);
-        } else if plane.slope > STEEP {
-            leave = smaller(depth / plane.slope, leave);
+    for (depth, slope, inverse) in relief.depths(x) {
+        let depth = depth + slack;
+        if slope < -STEEP {
+            enter = larger(depth * inverse, enter);
+        } else if slope > STEEP {
+            leave = smaller(depth * inverse, leave);
         } else if depth < 0.0 {
             return None;
         }
@@ -224,8 +246,8 @@ fn may_be_over(planes: &[Plane], x: &Vec3, alert: f64, slack: f64) -> Option<Bel
         return None;
     }
     let mut below = Below::default();
-    for (f, plane) in planes.iter().enumerate() {
-        let lowest = plane.depth(x) - plane.slope * if plane.slope < 0.0 { enter } else { leave };
+    for (f, (depth, slope, _)) in relief.depths(x).enumerate() {
+        let lowest = depth - slope * if slope < 0.0 { enter } else { leave };
         if lowest <= slack {
             below.push(f);
         }
@@ -356,12 +378,12 @@ fn near(p: &[f64; 3], q: &[f64; 3], x: &[f64; 3], reach: f64) -> bool {
 struct Side {
     /// Corners in the coordinates of the axis.
     places: Vec<[f64; 3]>,
+    /// Of the faces along the axis into the body, and one over them.
     slopes: Vec<f64>,
+    inverse: Vec<f64>,
     edges: Vec<Edge>,
     /// Around the edges' parts in the slab.
     area: Area,
-    /// Around the body's part in the slab.
-    whole: Area,
     /// Whether a corner is on a listed edge.
     seen: Vec<bool>,
     vertices: Vec<usize>,
@@ -381,9 +403,10 @@ impl Side {
         let into = frame.axes[2] * frame.into;
         self.slopes.clear();
         self.slopes.extend(shape.face_normals.iter().map(|n| n.dot(&into)));
+        self.inverse.clear();
+        self.inverse.extend(self.slopes.iter().map(|slope| 1.0 / slope));
         self.edges.clear();
         self.area = Area::default();
-        self.whole = Area::default();
         for (index, edge) in shape.edges.iter().enumerate() {
             let [start, end] = edge.vertices;
             let (start, end) = (&self.places[start as usize], &self.places[end as usize]);
@@ -393,15 +416,14 @@ impl Side {
                 continue;
             }
             let [left, right] = edge.faces;
-            let segment = Segment::between(*start, *end);
-            let from = if h0 <= 0.0 { *start } else { segment.at(h0 / (h0 - h1)) };
-            let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
-            let area = Area::around(&from, &to);
-            self.whole = self.whole.with(&area);
             let slope = smaller(self.slopes[left as usize], self.slopes[right as usize]);
             if slope >= -STEEP + turn {
                 continue;
             }
+            let segment = Segment::between(*start, *end);
+            let from = if h0 <= 0.0 { *start } else { segment.at(h0 / (h0 - h1)) };
+            let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
+            let area = Area::around(&from, &to);
             self.area = self.area.with(&area);
             let (vertices, unsure) = (edge.vertices, slope >= -STEEP - turn);
             self.edges.push(Edge { index, vertices, from, to, area, unsure });
@@ -421,17 +443,22 @@ impl Side {
         edges.iter().any(|e| e.unsure)
     }
 
-    /// Those of the vertices that may be over the other body, its planes given.
+    /// The faces of the body.
+    fn relief<'a>(&'a self, shape: &'a Polyhedron) -> Relief<'a> {
+        Relief { shape, slopes: &self.slopes, inverse: &self.inverse }
+    }
+
+    /// Those of the vertices that may be over the other body.
     fn over(
         &self,
         point: impl Fn(usize) -> Vec3,
-        planes: &[Plane],
+        other: Relief,
         axis: &Axis,
         slack: Slack,
     ) -> impl Iterator<Item = Over> {
         let (alert, path) = (axis.alert + slack.path, slack.path);
         self.vertices.iter().filter_map(move |v| {
-            let below = may_be_over(planes, &point(*v), alert, path)?;
+            let below = may_be_over(other, &point(*v), alert, path)?;
             Some(Over { vertex: *v, below })
         })
     }

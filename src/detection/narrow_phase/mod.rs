@@ -38,6 +38,7 @@ mod report;
 mod rim;
 mod search;
 mod supports;
+mod worth;
 
 use crate::geometry::Polyhedron;
 use crate::lanes;
@@ -48,6 +49,7 @@ use facing::Sides;
 use pair::Pair;
 use patch::PatchList;
 use reduce::{Candidate, Hull};
+use worth::Worth;
 
 pub use feature::on_part;
 pub use half_space::touch_half_space;
@@ -87,7 +89,9 @@ struct Touching {
     /// One above the best faces of A and of B; zero if none.
     faces: [u32; 2],
     contenders: Contenders,
+    contenders_worth: Worth,
     patch: PatchList,
+    patch_worth: Worth,
 }
 
 impl PairMemory {

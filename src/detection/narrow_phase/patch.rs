@@ -26,6 +26,7 @@ use super::few::Few;
 use super::pair::Pair;
 use super::reduce::Candidate;
 use super::rim::{EDGES, Rim};
+use super::worth::Worth;
 use super::{SLAB, feature};
 use crate::geometry::Polyhedron;
 use crate::math::{Vec3, frame};
@@ -91,7 +92,7 @@ impl PatchList {
     }
 
     /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
-    fn make(&mut self, pair: &Pair, axis: &Axis, sides: &mut Sides) -> bool {
+    fn make(&mut self, pair: &Pair, axis: &Axis, worth: &mut Worth, sides: &mut Sides) -> bool {
         let slab = axis.slab + THICKER * pair.size;
         let slack = Slack { path: (PATH + SLAB) * pair.size, turn: TURN };
         sides.list(pair, axis, slab, slack);
@@ -109,6 +110,7 @@ impl PatchList {
         let whole = self.vertices.iter().all(Few::is_whole)
             && self.rims.iter().all(Rim::is_whole)
             && self.pairs.is_whole();
+        worth.made();
         if whole {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
@@ -138,12 +140,17 @@ impl Axis {
         &self,
         pair: &Pair,
         list: &mut PatchList,
+        worth: &mut Worth,
         sides: &mut Sides,
         out: &mut Vec<Candidate>,
     ) {
         out.clear();
         let frames = self.frames(pair);
-        if list.holds(pair, self) || list.make(pair, self, sides) {
+        let holds = list.holds(pair, self);
+        if holds {
+            worth.used();
+        }
+        if holds || (worth.ask() && list.make(pair, self, worth, sides)) {
             let [of_a, of_b] = &frames;
             let sure = !list.unsure;
             let [on_a, on_b] = &list.rims;

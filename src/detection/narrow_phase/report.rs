@@ -123,7 +123,8 @@ impl Pair<'_> {
             slab: (self.alert - separation).max(0.0) + SLAB * self.size,
             tolerance: TIE * self.size,
         };
-        axis.corners(self, &mut memory.patch, &mut scratch.sides, &mut scratch.candidates);
+        let Touching { patch, patch_worth, .. } = memory;
+        axis.corners(self, patch, patch_worth, &mut scratch.sides, &mut scratch.candidates);
     }
 
     /// Turns the candidates, at most four and in the frame of A, into contact points of the world.

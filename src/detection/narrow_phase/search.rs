@@ -22,18 +22,22 @@ impl Pair<'_> {
     /// Finds the best axis and reports the contact points along it.
     pub fn search(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<()> {
         if let Some(found) = self.among_contenders(memory, scratch) {
+            memory.contenders_worth.used();
             return found;
         }
         memory.contenders.clear();
+        let worth = memory.contenders_worth.ask();
         scratch.edge_pairs.list.clear();
         scratch.edge_pairs.reach = None;
-        let chosen = self.among_all(memory, scratch)?;
-        if let Some(Chosen { normal, separation, edges }) = chosen {
+        let slack = if worth { Contenders::slack(self) } else { Slack::none(self) };
+        let chosen = self.among_all(slack, memory, scratch)?;
+        if let (true, Some(Chosen { normal, separation, edges })) = (worth, chosen) {
             let points = &scratch.candidates;
             let sum = points.iter().fold(Vec3::zeros(), |sum, c| sum + c.point);
             let middle = sum / points.len() as f64;
             let pairs = &scratch.edge_pairs;
             memory.contenders.make(self, &normal, separation, &middle, edges, pairs);
+            memory.contenders_worth.made();
         }
         Ok(())
     }
@@ -91,8 +95,13 @@ impl Pair<'_> {
         Some(Ok(()))
     }
 
-    /// The same over all axes.
-    fn among_all(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<Option<Chosen>> {
+    /// The same over all axes; `slack` is for the pairs of edges that are listed on the way.
+    fn among_all(
+        &self,
+        slack: Slack,
+        memory: &mut Touching,
+        scratch: &mut Scratch,
+    ) -> Found<Option<Chosen>> {
         let face = self.best_face(&mut memory.faces)?;
         let floor = face.separation + TIE * self.size;
         let known = self.known_edges(&memory.edges);
@@ -112,7 +121,7 @@ impl Pair<'_> {
             return self.points_of_face_apart(&face, memory, scratch).map(Some);
         }
         let known = known.filter(|e| e.separation > floor && e.separation <= 0.0);
-        match self.best_edges(&face, known, memory, scratch)? {
+        match self.best_edges(&face, known, slack, memory, scratch)? {
             Some(e) if e.separation > self.alert => Err(e.normal),
             Some(e) => {
                 let closest = e.closest();
@@ -294,11 +303,12 @@ impl Pair<'_> {
         &self,
         face: &BestFace,
         known: Option<EdgeAxis>,
+        slack: Slack,
         memory: &mut Touching,
         scratch: &mut Scratch,
     ) -> Found<Option<EdgeAxis>> {
         let floor = face.separation + TIE * self.size;
-        self.list_edge_pairs(face, scratch);
+        self.list_edge_pairs(face, slack, scratch);
         let best = edges::best_edge_axis(
             self,
             scratch.edge_pairs.list.iter().map(|edges| (*edges, f64::INFINITY)),
@@ -347,12 +357,12 @@ impl Pair<'_> {
         edges::best_edge_axis(self, pairs, known, floor, false, |n| self.separation(n))
     }
 
-    /// Lists the pairs of edges that may be the best axis while the lists of `memory` hold.
+    /// Lists the pairs of edges that may be the best axis while the bodies move within `slack`.
     ///
     /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
     /// `path`; heights of A along it do not change, those of B by twice `path`.
-    fn list_edge_pairs(&self, face: &BestFace, scratch: &mut Scratch) {
-        let Slack { path, turn } = Contenders::slack(self);
+    fn list_edge_pairs(&self, face: &BestFace, slack: Slack, scratch: &mut Scratch) {
+        let Slack { path, turn } = slack;
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
         scratch.edge_pairs.reach = Some(reach);
