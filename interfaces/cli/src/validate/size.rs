@@ -7,6 +7,12 @@ pub struct Size {
 }
 
 impl Size {
+    /// How many beds each setting of a cycle is tried on: a single one says nothing, for tamping is chaotic. Those of few
+    /// stones differ most.
+    pub fn beds(self) -> u64 {
+        if self.quick { 10 } else { 5 }
+    }
+
     /// One of two numbers of grains.
     pub fn grains(&self, quick: usize, full: usize) -> usize {
         if self.quick { quick } else { full }
