@@ -55,3 +55,45 @@ fn to_parry(x: &Vec3) -> Vector {
 fn from_parry(x: Vector) -> Vec3 {
     Vec3::new(x.x, x.y, x.z)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::detection::narrow_phase::Solid;
+    use crate::geometry::{GrainShape, random_grain, random_rotation};
+    use crate::math::Pose as Placed;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    const ALERT: f64 = 1e-3;
+
+    #[test]
+    fn what_is_apart_is_shown_to_be_and_nothing_else() {
+        let mut rng = Pcg64::seed_from_u64(53);
+        let grains: Vec<_> = (0..40)
+            .map(|_| random_grain(&mut rng, &GrainShape::default(), 0.04).unwrap())
+            .collect();
+        for i in 0..400 {
+            let (a, b) = (&grains[i % 40], &grains[(7 * i + 3) % 40]);
+            let axis = random_rotation(&mut rng) * Vec3::z();
+            let orientation = random_rotation(&mut rng);
+            let rotated: Vec<Vec3> = b.vertices.iter().map(|v| orientation * v).collect();
+            // B stands off A along an axis by a little more or less than has to be shown.
+            let off = ALERT * if i % 2 == 0 { 1.01 } else { rng.random_range(-5.0..0.99) };
+            let touching = pair::highest(&a.vertices, &axis) - pair::lowest(&rotated, &axis);
+            let b =
+                Solid { shape: b, pose: Placed { position: axis * (touching + off), orientation } };
+            let a = Solid { shape: a, pose: Placed::identity() };
+            let Ok(pair) = Pair::new(a, b, ALERT) else { continue };
+            let found = direction(&pair, None);
+            if i % 2 == 0 {
+                let (n, beyond) = found.unwrap_or_else(|| panic!("{i}: apart by {off}"));
+                assert!((n.norm() - 1.0).abs() < 1e-9 && beyond > 0.0, "{i}");
+                assert!(pair.separation(&n) > ALERT + 0.999 * beyond, "{i}");
+            } else if let Some((n, _)) = found {
+                // Bodies close along one axis may well be apart along another.
+                assert!(pair.separation(&n) > ALERT, "{i}");
+            }
+        }
+    }
+}

@@ -327,33 +327,19 @@ impl Pair<'_> {
         if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
             return Ok(best);
         }
-        // Neither a separating axis nor points of both that are near is at hand.
+        // Neither a separating axis nor points of both that are near are at hand.
         if let Some((apart, _)) = apart::direction(self, None) {
             return Err(apart);
         }
         scratch.edge_pairs.reach = None;
-        let all = f64::INFINITY;
-        Ok(self.best_near_edges(&face.normal, all, all, known, floor, scratch))
+        Ok(self.best_of_all_edges(known, floor))
     }
 
-    /// The best axis over edges with an end in `slab` off the support planes along `n` whose parts in
-    /// it come within `reach` of each other.
-    fn best_near_edges(
-        &self,
-        n: &Vec3,
-        slab: f64,
-        reach: f64,
-        known: Option<EdgeAxis>,
-        floor: f64,
-        scratch: &mut Scratch,
-    ) -> Option<EdgeAxis> {
-        self.gather(n, [slab; 2], scratch);
-        let reach = reach + SLAB * self.size;
-        let Scratch { near_a, near_b, .. } = scratch;
-        let pairs = near_a.iter().flat_map(|a| {
-            let near = near_b.iter().filter(move |b| a.may_reach(b, reach));
-            near.map(|b| ([a.index, b.index], f64::INFINITY))
-        });
+    /// The best axis over all pairs of edges.
+    fn best_of_all_edges(&self, known: Option<EdgeAxis>, floor: f64) -> Option<EdgeAxis> {
+        let of_b = 0..self.b.edges.len();
+        let pairs = (0..self.a.edges.len())
+            .flat_map(|a| of_b.clone().map(move |b| ([a, b], f64::INFINITY)));
         edges::best_edge_axis(self, pairs, known, floor, false, |n| self.separation(n))
     }
 
