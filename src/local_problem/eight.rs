@@ -51,6 +51,7 @@ pub struct Built {
 }
 
 impl Sides {
+    #[inline(always)]
     fn set(&mut self, lane: usize, side: &Side) {
         put(&mut self.lever, lane, side.lever.as_slice());
         self.inverse_mass[lane] = side.inverse_mass;
@@ -65,6 +66,7 @@ impl Sides {
 
 impl Eight {
     /// Puts a contact in a lane; the antagonist is `None` if it is driven.
+    #[inline(always)]
     pub fn set(&mut self, lane: usize, normal: &Vec3, candidate: &Side, antagonist: Option<&Side>) {
         let normal = widen(&round(normal));
         let (t, s) = frame::tangents(&normal);
@@ -267,6 +269,7 @@ fn principal_turn<L: Lanes>(&[tt, ts, ss]: &[L; 3]) -> (L, L) {
     (cos, sin)
 }
 
+#[inline(always)]
 fn put<const N: usize>(rows: &mut [Row; N], lane: usize, values: &[f64]) {
     for (row, value) in rows.iter_mut().zip(values) {
         row[lane] = *value;
