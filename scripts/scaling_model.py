@@ -51,7 +51,7 @@ def main() -> None:
     serial = sum(wall[p] * max(0.0, 2.0 / float(two[p]["speedup"]) - 1.0) for p in small)
     parallel = wall["whole step"] - wall["solve"] - serial
 
-    _, rows = table(args.results / "kernel.csv")
+    _, rows = table(args.results / "kernel_epyc.csv")
     best = [row for row in rows if row["threads"] == "1" and row["form"] == "one set per thread"]
     rate = 1e6 * max(float(row["mvisits_per_s"]) for row in best)
     largest = max(best, key=lambda row: int(row["contacts"]))
