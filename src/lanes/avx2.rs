@@ -159,15 +159,6 @@ impl Lanes for Avx2 {
             each!(I in 4 => _mm256_store_pd(line[4 + I].add(4), d[I]));
         }
     }
-    #[inline(always)]
-    fn prefetch<T>(value: *const T) {
-        // SAFETY: a prefetch reads nothing.
-        unsafe {
-            for offset in (0..size_of::<T>()).step_by(64) {
-                _mm_prefetch::<_MM_HINT_T0>(value.cast::<i8>().wrapping_add(offset));
-            }
-        }
-    }
 }
 
 /// Transposes 4 x 4.

@@ -125,15 +125,6 @@ impl Lanes for Avx512 {
             });
         }
     }
-    #[inline(always)]
-    fn prefetch<T>(value: *const T) {
-        // SAFETY: a prefetch reads nothing.
-        unsafe {
-            for offset in (0..size_of::<T>()).step_by(64) {
-                _mm_prefetch::<_MM_HINT_T0>(value.cast::<i8>().wrapping_add(offset));
-            }
-        }
-    }
 }
 
 /// Lanes whose half lines are the lower halves of the four registers that [`transpose`] takes; the upper ones are of the

@@ -78,6 +78,4 @@ pub trait Lanes: Copy {
     /// # Safety
     /// Every index is below `lines.len()`.
     unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]);
-    /// Asks for the memory of `value` to be brought to the cache; the address may be anything.
-    fn prefetch<T>(value: *const T);
 }

@@ -61,26 +61,36 @@ impl Arithmetic {
     /// What every processor has.
     pub const PORTABLE: Self = Self(Instructions::Portable);
 
+    /// All that there are, the fastest first.
+    const ALL: &[Self] = &[
+        #[cfg(target_arch = "x86_64")]
+        Self(Instructions::Avx512),
+        #[cfg(target_arch = "x86_64")]
+        Self(Instructions::Avx2),
+        Self::PORTABLE,
+    ];
+
+    /// Whether this processor has them.
+    fn is_here(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        match self.0 {
+            Instructions::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => fused,
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => fused && is_x86_feature_detected!("avx512f"),
+        }
+    }
+
     /// All that this processor has, the fastest first.
     pub fn available() -> Vec<Self> {
-        let mut all = Vec::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-            if fused && is_x86_feature_detected!("avx512f") {
-                all.push(Self(Instructions::Avx512));
-            }
-            if fused {
-                all.push(Self(Instructions::Avx2));
-            }
-        }
-        all.push(Self::PORTABLE);
-        all
+        Self::ALL.iter().copied().filter(|one| one.is_here()).collect()
     }
 
     /// The fastest one that this processor has.
     pub fn detect() -> Self {
-        Self::available()[0]
+        Self::ALL.iter().copied().find(|one| one.is_here()).unwrap_or(Self::PORTABLE)
     }
 
     /// Whether there are 32 registers instead of 16.
@@ -136,15 +146,20 @@ unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
 
 /// Asks for a value's memory to be brought to the cache.
 pub fn prefetch<T: ?Sized>(value: &T) {
+    prefetch_at(std::ptr::from_ref(value).cast::<u8>(), size_of_val(value));
+}
+
+/// Asks for so many bytes from `place` on to be brought to the cache; the address may be anything.
+#[inline(always)]
+pub fn prefetch_at(place: *const u8, bytes: usize) {
     #[cfg(target_arch = "x86_64")]
-    for offset in (0..size_of_val(value)).step_by(size_of::<Line>()) {
+    for offset in (0..bytes).step_by(size_of::<Line>()) {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let place = std::ptr::from_ref(value).cast::<i8>().wrapping_add(offset);
         // SAFETY: a prefetch reads nothing.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(place) };
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(place.wrapping_add(offset).cast()) };
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = value;
+    let _ = (place, bytes);
 }
 
 /// Does work with these instructions.

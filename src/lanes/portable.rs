@@ -109,6 +109,4 @@ impl Lanes for Portable {
             lines[indices[lane] as usize] = Line(rows.map(|row| row.0[lane]));
         }
     }
-    #[inline(always)]
-    fn prefetch<T>(_: *const T) {}
 }

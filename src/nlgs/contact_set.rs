@@ -102,13 +102,13 @@ impl ContactSet {
                 kind.push(i);
             }
         }
+        let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
         // They lie scattered: the next block's are fetched while one is filled.
         let expect = |list: &[u32], block: Option<&[u32; LANES]>| {
             for &i in block.into_iter().flatten().filter(|&&i| i != PADDING) {
-                lanes::prefetch(&problem.contacts[list[i as usize] as usize]);
+                lanes::prefetch(contact(list, i));
             }
         };
-        let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
         let list = &self.single_contacts;
         self.singles
             .build(list.len(), line_count, |i| [line(contact(list, i as u32).bodies[0]); 2]);

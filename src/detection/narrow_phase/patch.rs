@@ -92,7 +92,7 @@ impl PatchList {
     }
 
     /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
-    fn make(&mut self, pair: &Pair, axis: &Axis, worth: &mut Worth, sides: &mut Sides) -> bool {
+    fn make(&mut self, pair: &Pair, axis: &Axis, sides: &mut Sides) -> bool {
         let slab = axis.slab + THICKER * pair.size;
         let slack = Slack { path: (PATH + SLAB) * pair.size, turn: TURN };
         sides.list(pair, axis, slab, slack);
@@ -110,7 +110,6 @@ impl PatchList {
         let whole = self.vertices.iter().all(Few::is_whole)
             && self.rims.iter().all(Rim::is_whole)
             && self.pairs.is_whole();
-        worth.made();
         if whole {
             let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
@@ -150,7 +149,7 @@ impl Axis {
         if holds {
             worth.used();
         }
-        if holds || (worth.ask() && list.make(pair, self, worth, sides)) {
+        if holds || (worth.ask() && list.make(pair, self, sides)) {
             let [of_a, of_b] = &frames;
             let sure = !list.unsure;
             let [on_a, on_b] = &list.rims;

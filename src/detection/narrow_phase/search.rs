@@ -37,7 +37,6 @@ impl Pair<'_> {
             let middle = sum / points.len() as f64;
             let pairs = &scratch.edge_pairs;
             memory.contenders.make(self, &normal, separation, &middle, edges, pairs);
-            memory.contenders_worth.made();
         }
         Ok(())
     }

@@ -29,14 +29,9 @@ impl Worth {
             self.in_vain = MOST.min(self.in_vain + 1);
             self.pause = 1 << self.in_vain;
         }
-        let worth = self.pause <= 1;
+        self.unused = self.pause <= 1;
         self.pause = self.pause.saturating_sub(1);
-        worth
-    }
-
-    /// A list has been made.
-    pub fn made(&mut self) {
-        self.unused = true;
+        self.unused
     }
 }
 
@@ -56,7 +51,6 @@ mod tests {
             }
             list = None;
             if worth.ask() {
-                worth.made();
                 list = Some(step);
                 made.push(step);
             }

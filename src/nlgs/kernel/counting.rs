@@ -136,7 +136,6 @@ impl Lanes for Counting {
         // SAFETY: the caller's.
         unsafe { Portable::scatter(rows.map(|row| row.0), lines, indices) };
     }
-    fn prefetch<T>(_: *const T) {}
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Passes over blocks, written once for all arithmetics.
 
 use super::coupling::{Block, dot};
-use crate::lanes::{Lanes, Line, Pass, each};
+use crate::lanes::{Lanes, Line, Pass, each, prefetch_at};
 use crate::nlgs::block::{PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 use crate::nlgs::visit::{self, Law};
@@ -131,7 +131,8 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     record: &mut R,
 ) {
     for k in 0..choice.count(blocks.len()) {
-        L::prefetch(blocks.as_ptr().wrapping_add(choice.block(k + AHEAD)));
+        let next = blocks.as_ptr().wrapping_add(choice.block(k + AHEAD));
+        prefetch_at(next.cast(), size_of::<B>());
         let block = &mut blocks[choice.block(k)];
         // SAFETY: the caller's.
         let (held, u) = unsafe { block.read::<L>(lines) };

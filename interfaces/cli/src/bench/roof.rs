@@ -1,8 +1,7 @@
 //! What memory and arithmetic deliver at most on some threads: the roofline that sweeps are held against.
 
 use crate::profile::cpu_time;
-use ballast::lanes::Arithmetic;
-use ballast::lanes::Line;
+use ballast::lanes::{Arithmetic, Line};
 use ballast::nlgs::{Operations, Traffic};
 use rayon::ThreadPool;
 use std::hint::black_box;
