@@ -118,7 +118,7 @@ impl Arithmetic {
 /// # Safety
 /// As for [`Pass::run`].
 pub unsafe fn run<P: Pass>(arithmetic: Arithmetic, pass: P) -> P::Output {
-    // SAFETY: the caller's, and [`Arithmetic::available`] asked the processor.
+    // SAFETY: the caller's, and [`Arithmetic::is_here`] asked the processor.
     unsafe {
         match arithmetic.0 {
             Instructions::Portable => pass.run::<Portable>(),

@@ -6,7 +6,7 @@
 /// What became of a pair's lists.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Worth {
-    /// Whether the present list, if there is one, has never been used.
+    /// Whether the list that was last wanted has never been used; it may not have come about.
     unused: bool,
     /// How many in a row were never used, at most [`MOST`].
     in_vain: u8,
