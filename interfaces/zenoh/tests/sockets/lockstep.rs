@@ -5,6 +5,7 @@ use ballast_protocol::lockstep::{Activity, Code, Kind};
 use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Error, Line, Link, Patience, Server};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 #[test]
@@ -185,8 +186,9 @@ fn what_is_refused_says_why_and_changes_nothing() {
 
 #[test]
 fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
-    let served = Served::new();
+    let (served, is_let_go) = Served::dawdling();
     let mut client = served.client();
+    // Two thousand steps: 20 s, unless it is let go.
     let long = 400 * WINDOW;
     let motions = shaking(0, long);
     let request = AdvanceRequest {
@@ -215,6 +217,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
             Err(error @ Error::Slow { .. }) => {
                 late += 1;
                 assert!(error.to_string().contains("is there"), "{error}");
+                is_let_go.store(true, Ordering::SeqCst);
             }
             Err(error) => panic!("{error}"),
         }

@@ -1,13 +1,17 @@
 //! One drives: others are refused at once, and the run holds for the next one when it is gone.
 
-use crate::setup::{KEY, MS, Served, WINDOW, attach, patient, shaking, step, times, undisturbed};
-use ballast_protocol::lockstep::{Code, Kind};
+use crate::setup::{
+    KEY, MS, Served, WINDOW, attach, patient, shaking, step, times, undisturbed, wait_for,
+};
+use ballast_protocol::lockstep::{Activity, Code, Kind};
 use ballast_protocol::messages::AdvanceRequest;
-use ballast_zenoh::{Client, Error, HEARTBEAT};
+use ballast_zenoh::{Client, Error, HEARTBEAT, Line};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 #[test]
-fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
+fn a_second_owner_is_told_who_drives() {
     let served = Served::new();
     let mut client = served.client();
     for _ in 0..times(100) {
@@ -19,18 +23,25 @@ fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
     }
     let windows = times(100);
     assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
-    // Long enough to be asked in the middle of it.
-    let (t0, link) = (client.place().now_ns, served.link());
-    let t1 = t0 + 1500 * MS;
-    let long = AdvanceRequest { motions: shaking(t0, t1), ..client.next(t1) };
+}
+
+#[test]
+fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
+    let (served, is_let_go) = Served::dawdling();
+    let observer = Line::open(KEY, &served.link(), patient()).unwrap();
+    let mut client = served.client();
+    // More than a minute, unless it is let go.
+    let t1 = 1500 * MS;
+    let long = AdvanceRequest { motions: shaking(0, t1), ..client.next(t1) };
     let computing = std::thread::spawn(move || client.send(Kind::Advance, &long).map(|_| client));
-    std::thread::sleep(Duration::from_millis(50));
-    let begin = Instant::now();
-    let busy = attach(&link).err().expect("someone drives");
+    wait_for(|| observer.status(), Activity::Playing);
+    let busy = attach(&served.link()).err().expect("someone drives");
     assert_eq!(busy.fault().unwrap().code, Code::Busy, "{busy}");
-    assert!(begin.elapsed() < Duration::from_secs(1), "{:?}", begin.elapsed());
-    assert!(!computing.is_finished(), "the window was too short for this test");
-    computing.join().unwrap().unwrap().detach().unwrap();
+    assert_eq!(observer.status().unwrap().activity, Activity::Playing, "it waited for the window");
+    is_let_go.store(true, Ordering::SeqCst);
+    let client = computing.join().unwrap().unwrap();
+    assert_eq!(client.place().now_ns, t1);
+    client.detach().unwrap();
 }
 
 #[test]
@@ -47,7 +58,7 @@ fn when_an_owner_is_gone_the_next_one_goes_on() {
                 Err(Error::Refused(fault)) if fault.code == Code::Busy => {}
                 Err(error) => panic!("{error}"),
             }
-            assert!(begin.elapsed() < Duration::from_secs(5), "the owner never goes");
+            assert!(begin.elapsed() < Duration::from_secs(20), "the owner never goes");
         };
         run = Some(client.place().run_id.clone());
         step(&mut client).unwrap();
@@ -63,21 +74,21 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let served = Served::new();
     let mut client = served.client();
     // 58 years of simulated time.
-    let given_up = std::sync::Arc::clone(&client.line().is_given_up);
+    let given_up = Arc::clone(&client.line().is_given_up);
     let forever =
         AdvanceRequest { motions: vec![], ..client.next(i64::MAX as u64 / 5 / WINDOW * WINDOW) };
     let computing = std::thread::spawn(move || client.send(Kind::Advance, &forever).unwrap_err());
     std::thread::sleep(Duration::from_millis(300));
-    given_up.store(true, std::sync::atomic::Ordering::SeqCst);
+    let begin = Instant::now();
+    given_up.store(true, Ordering::SeqCst);
     let error = computing.join().unwrap();
     assert!(matches!(error, Error::Abandoned { .. }), "{error}");
-    let begin = Instant::now();
     let mut next = loop {
         match attach(&served.link()) {
             Ok(next) => break next,
             Err(error) => assert_eq!(error.fault().unwrap().code, Code::Busy, "{error}"),
         }
-        assert!(begin.elapsed() < 20 * HEARTBEAT, "the window is never taken back");
+        assert!(begin.elapsed() < 60 * HEARTBEAT, "the window is never taken back");
     };
     assert!(begin.elapsed() > 8 * HEARTBEAT, "an owner has no time to come back");
     step(&mut next).unwrap();

@@ -4,7 +4,7 @@ use crate::common;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::Lockstep;
+use ballast_protocol::lockstep::{Activity, Lockstep, StatusReport};
 use ballast_protocol::messages::{
     BodyInput, Digest, Interpolation, Knot, Point, Pose, Quaternion, Twist, Vector3,
 };
@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub const KEY: &str = "yard/bed";
 pub const MS: u64 = 1_000_000;
@@ -107,6 +107,21 @@ impl Host for Until {
     }
 }
 
+/// Takes its time between two steps until it is let go: a window lasts as long as a test wants.
+struct Dawdles {
+    stop: Until,
+    is_let_go: Arc<AtomicBool>,
+}
+
+impl Host for Dawdles {
+    fn is_stopped(&self) -> bool {
+        if !self.is_let_go.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        self.stop.is_stopped()
+    }
+}
+
 impl Served {
     pub fn new() -> Self {
         Self::at(&Link::listening(free_endpoint().unwrap()), lockstep())
@@ -115,6 +130,13 @@ impl Served {
     pub fn at(link: &Link, lockstep: Lockstep) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         Self::with(link, lockstep, Until(Arc::clone(&stop)), stop)
+    }
+
+    /// Such that takes 10 ms and more for each step until it is let go.
+    pub fn dawdling() -> (Self, Arc<AtomicBool>) {
+        let (stop, is_let_go) = <(Arc<AtomicBool>, Arc<AtomicBool>)>::default();
+        let host = Dawdles { stop: Until(Arc::clone(&stop)), is_let_go: Arc::clone(&is_let_go) };
+        (Self::hosted(host, stop), is_let_go)
     }
 
     /// With a host that ends when it is told to `stop`.
@@ -171,6 +193,22 @@ impl Drop for Served {
             let ended = thread.join();
             assert!(ended.is_ok() || std::thread::panicking(), "the server failed");
         }
+    }
+}
+
+/// The first status, asked for again and again, that tells of this activity.
+pub fn wait_for(
+    ask: impl Fn() -> Result<StatusReport, ballast_zenoh::Error>,
+    activity: Activity,
+) -> StatusReport {
+    let begin = Instant::now();
+    loop {
+        let status = ask().unwrap();
+        if status.activity == activity {
+            return status;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(20), "{status:?}");
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
