@@ -137,6 +137,29 @@ fn vibration_and_travel_along_the_track_are_no_squeeze() {
 }
 
 #[test]
+fn tines_that_the_ballast_pushes_together_do_not_squeeze_it() {
+    let mut meter = SqueezeMeter::new(rule(1));
+    // Bent by 4.4 mm and straight again, then a squeeze of 9.9 mm.
+    let bent = (0..=40).chain((0..40).rev()).map(|i| (i as f64 * 1.1e-4, -500.0));
+    let squeezed = (0..=90).map(|i| (i as f64 * 1.1e-4, 1000.0));
+    for (i, (closing, force)) in bent.chain(squeezed).enumerate() {
+        step(&mut meter, i as u64, closing, force, 1.0);
+        // 2.09 mm are more than two.
+        assert_eq!(meter.tell().is_empty(), i < 81 + 19, "{i}");
+    }
+    let told = meter.tell();
+    let [SqueezeOutcome { is_over: false, record, .. }] = &told[..] else { panic!("{told:?}") };
+    assert_eq!((record.number, record.began_ns), (1, 81_000_000));
+    assert!((record.compaction_energy - 2.0 * 9.9).abs() < 1e-9, "{record:?}");
+    // Pushed for 3 mm, then resisted: a squeeze once the push is at most 100 N in the mean, at 4.1 mm.
+    let mut meter = SqueezeMeter::new(rule(1));
+    for i in 0..100 {
+        step(&mut meter, i, i as f64 * 1.1e-4, if i < 28 { -500.0 } else { 1000.0 }, 1.0);
+        assert_eq!(meter.tell().is_empty(), i < 38, "{i}");
+    }
+}
+
+#[test]
 fn a_long_loop_keeps_its_course_with_fewer_points() {
     let mut meter = SqueezeMeter::new(rule(1));
     for i in 0..5000 {
