@@ -1,7 +1,7 @@
 //! One contact: rounded frame, arms and Delassus block.
 
 use crate::lanes::Line;
-use crate::math::{Mat3, Vec3};
+use crate::math::{Mat3, Vec3, widen};
 
 /// What a contact needs of one of its mobile bodies.
 pub struct Side {
@@ -82,7 +82,7 @@ impl LocalContact {
         along(self.bodies[0], &self.candidate_arms) - along(self.bodies[1], &self.antagonist_arms)
     }
 
-    /// Delassus block as the kernels know it: rounded, [`LocalContact::delassus`] to about 1e-7.
+    /// Delassus block `W_αα` as the kernels know it, 1/kg: that of the rounded geometry to about 1e-7.
     pub fn law_block(&self) -> Mat3 {
         let w_nn = 1.0 / self.normal_mass as f64;
         let k = Vec3::new(1.0, self.coupling[0].into(), self.coupling[1].into());
@@ -90,26 +90,6 @@ impl LocalContact {
         let s_tt = s_ss / self.tangent_ratio as f64;
         k * k.transpose() * w_nn + Mat3::from_diagonal(&Vec3::new(0.0, s_tt, s_ss))
     }
-
-    /// Delassus block `W_αα` of the rounded geometry, 1/kg; `inverse_mass` is the grains' sum.
-    pub fn delassus(&self, inverse_mass: f64) -> Mat3 {
-        let axes = self.axes();
-        Mat3::from_fn(|i, j| {
-            inverse_mass * axes[i].dot(&axes[j])
-                + widen(&self.candidate_arms[i]).dot(&widen(&self.candidate_arms[j]))
-                + widen(&self.antagonist_arms[i]).dot(&widen(&self.antagonist_arms[j]))
-        })
-    }
-}
-
-/// To f64.
-pub fn widen(x: &[f32; 3]) -> Vec3 {
-    Vec3::new(x[0].into(), x[1].into(), x[2].into())
-}
-
-/// To f32.
-pub fn round(x: &Vec3) -> [f32; 3] {
-    [x.x as f32, x.y as f32, x.z as f32]
 }
 
 /// Products of two f32 are exact in f64, so each component is rounded once: the kernels' fused
@@ -144,6 +124,18 @@ mod tests {
         (side, inertia, rotation)
     }
 
+    /// Delassus block of the rounded geometry; `inverse_mass` is the grains' sum.
+    fn delassus(contact: &LocalContact, inverse_mass: f64) -> Mat3 {
+        let axes = contact.axes();
+        let along =
+            |arms: &[[f32; 3]; 3], i: usize, j: usize| widen(&arms[i]).dot(&widen(&arms[j]));
+        Mat3::from_fn(|i, j| {
+            inverse_mass * axes[i].dot(&axes[j])
+                + along(&contact.candidate_arms, i, j)
+                + along(&contact.antagonist_arms, i, j)
+        })
+    }
+
     #[test]
     fn arms_are_those_of_rigid_kinematics() {
         let mut rng = Pcg64::seed_from_u64(31);
@@ -171,7 +163,7 @@ mod tests {
             } else {
                 (eight::one(&normal, &a, None), a.inverse_mass)
             };
-            let w = contact.delassus(inverse_mass);
+            let w = delassus(&contact, inverse_mass);
             // Diagonal S: rebuilding W without its off-diagonal loses nothing but rounding.
             let apart = (contact.law_block() - w).amax() / w.amax();
             assert!(apart < 1e-6, "{apart:e}: {w}");

@@ -3,9 +3,9 @@
 //! Contract: each contact is a function of its own bodies alone, whoever is beside it, and the same bits come from any
 //! [`Lanes`].
 
-use super::contact::{LocalContact, Side, round, widen};
+use super::contact::{LocalContact, Side};
 use crate::lanes::{LANES, Lanes, each};
-use crate::math::{Vec3, frame};
+use crate::math::{Vec3, frame, round, widen};
 
 /// A row of f64.
 type Row = [f64; LANES];

@@ -11,6 +11,18 @@ pub type Mat3 = nalgebra::Matrix3<f64>;
 /// Rotation body to world (Hamilton).
 pub type Quat = nalgebra::UnitQuaternion<f64>;
 
+/// A vector kept in single precision.
+#[inline]
+pub fn widen(x: &[f32; 3]) -> Vec3 {
+    Vec3::new(x[0].into(), x[1].into(), x[2].into())
+}
+
+/// A vector to be kept in single precision, rounded to nearest.
+#[inline]
+pub fn round(x: &Vec3) -> [f32; 3] {
+    [x.x as f32, x.y as f32, x.z as f32]
+}
+
 /// Position (m) of a body's origin and its rotation, body to world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {

@@ -7,8 +7,8 @@
 use super::contact_law;
 use crate::error::{Error, Result};
 use crate::lanes::Line;
-use crate::local_problem::{LocalProblem, contact::widen};
-use crate::math::{Mat3, Vec3, cone};
+use crate::local_problem::LocalProblem;
+use crate::math::{Mat3, Vec3, cone, widen};
 
 /// Contacts visited one after the other, velocities as the running state.
 #[derive(Debug, Clone)]

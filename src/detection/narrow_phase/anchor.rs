@@ -5,7 +5,7 @@
 //! being its distance from c.
 
 use super::pair::Pair;
-use crate::math::Vec3;
+use crate::math::{Vec3, round, widen};
 
 /// What single precision takes from a distance, over the sum of the radii.
 const ROUNDING: f64 = 2e-6;
@@ -30,7 +30,7 @@ pub struct Moved {
 impl Anchor {
     /// The configuration of `pair`; `c` is in the frame of A, best a point near both bodies.
     pub fn new(pair: &Pair, c: &Vec3) -> Self {
-        let point = [*c, pair.point_in_b(c)].map(|x| [x.x as f32, x.y as f32, x.z as f32]);
+        let point = [*c, pair.point_in_b(c)].map(|x| round(&x));
         let q = pair.turn.coords;
         let turn = [q.x as f32, q.y as f32, q.z as f32, q.w as f32];
         Self { set: true, point, turn }
@@ -42,7 +42,7 @@ impl Anchor {
             return None;
         }
         let [a, b] = &self.point;
-        let (a, b) = (wide(a), wide(b));
+        let (a, b) = (widen(a), widen(b));
         let at_point = (pair.rotation * b + pair.offset - a).norm() + ROUNDING * pair.size;
         let [x, y, z, w] = self.turn;
         let old = nalgebra::Vector4::new(x.into(), y.into(), z.into(), w.into());
@@ -50,10 +50,4 @@ impl Anchor {
         let turn = 2.0 * (turn - old).norm_squared().min((turn + old).norm_squared()).sqrt();
         Some(Moved { at_point, turn })
     }
-}
-
-/// A vector kept in single precision.
-#[inline]
-pub fn wide(x: &[f32; 3]) -> Vec3 {
-    Vec3::new(x[0].into(), x[1].into(), x[2].into())
 }

@@ -43,7 +43,7 @@ mod worth;
 
 use crate::geometry::Polyhedron;
 use crate::lanes;
-use crate::math::{Pose, Vec3};
+use crate::math::{Pose, Vec3, round, widen};
 use contenders::{Contenders, EdgePairs};
 use edges::NearEdge;
 use facing::Sides;
@@ -98,7 +98,7 @@ struct Touching {
 impl PairMemory {
     /// An axis that separated the pair, if there is one.
     fn axis(&self) -> Option<Vec3> {
-        (self.axis != [0.0; 3]).then(|| anchor::wide(&self.axis))
+        (self.axis != [0.0; 3]).then(|| widen(&self.axis))
     }
 
     /// Whether bodies that have travelled this far together, m, are certainly more than `alert` apart.
@@ -164,7 +164,7 @@ pub fn touch(
     if memory.touching.is_none()
         && let Some((n, beyond)) = apart::direction(&pair, memory.axis())
     {
-        memory.axis = [n.x as f32, n.y as f32, n.z as f32];
+        memory.axis = round(&n);
         return memory.sleep(travel, alert + beyond);
     }
     let mut touching = memory.touching.take().or_else(|| scratch.spare.take()).unwrap_or_default();
@@ -175,5 +175,5 @@ pub fn touch(
         *touching = Touching::default();
         scratch.spare = Some(touching);
     }
-    memory.axis = apart.map_or([0.0; 3], |n| [n.x as f32, n.y as f32, n.z as f32]);
+    memory.axis = apart.map_or([0.0; 3], |n| round(&n));
 }

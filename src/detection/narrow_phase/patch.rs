@@ -20,7 +20,7 @@
 //! were in a slab of r + Δ + φ l - s0, s0 being the separation then, and l is no more than the lever of
 //! what faces the other body in the list's slab.
 
-use super::anchor::{Anchor, wide};
+use super::anchor::Anchor;
 use super::facing::{Below, Frame, Segment, Sides, Slack};
 use super::few::Few;
 use super::pair::Pair;
@@ -29,7 +29,7 @@ use super::rim::{EDGES, Rim};
 use super::worth::Worth;
 use super::{SLAB, feature};
 use crate::geometry::Polyhedron;
-use crate::math::{Vec3, frame};
+use crate::math::{Vec3, frame, round, widen};
 
 /// How far bodies may move against each other before a list is made again, over the radii.
 const PATH: f64 = 3e-3;
@@ -82,7 +82,7 @@ impl PatchList {
     /// Whether the list has all that `axis` can find.
     fn holds(&self, pair: &Pair, axis: &Axis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
-        let turn = (wide(&self.axis) - axis.normal).norm() + 1e-6;
+        let turn = (widen(&self.axis) - axis.normal).norm() + 1e-6;
         let reach = axis.reach() + moved.at_point + f64::from(self.lever) * moved.turn;
         moved.at_point <= PATH * pair.size
             && turn <= TURN
@@ -111,9 +111,8 @@ impl PatchList {
             && self.rims.iter().all(Rim::is_whole)
             && self.pairs.is_whole();
         if whole {
-            let n = axis.normal;
             self.anchor = Anchor::new(pair, &sides.middle);
-            self.axis = [n.x as f32, n.y as f32, n.z as f32];
+            self.axis = round(&axis.normal);
             self.alert = axis.alert;
             self.reach = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
             self.unsure = sides.unsure;

@@ -7,10 +7,9 @@
 //! Let unit vectors turn by at most φ against a body. A corner v at a height h above the lowest one w is
 //! above it still if h > φ |v - w|.
 
-use super::anchor::wide;
 use super::few::Few;
 use super::pair::{self, Pair, larger, smaller};
-use crate::math::Vec3;
+use crate::math::{Vec3, round, widen};
 
 /// How far the axis may turn in A, and B against A besides.
 pub const TURN: f64 = 8e-3;
@@ -29,7 +28,7 @@ impl Supports {
     pub fn new(pair: &Pair, n: &Vec3) -> Self {
         let corners =
             [lowest_few(&pair.a.vertices, &-n), lowest_few(&pair.b.vertices, &pair.in_b(n))];
-        Self { axis: [n.x as f32, n.y as f32, n.z as f32], corners }
+        Self { axis: round(n), corners }
     }
 
     /// [`Pair::separation`], of bodies that have turned by at most [`TURN`] against each other.
@@ -55,7 +54,7 @@ impl Supports {
     }
 
     fn is_near(&self, n: &Vec3) -> bool {
-        (wide(&self.axis) - n).norm_squared() <= TURN * TURN
+        (widen(&self.axis) - n).norm_squared() <= TURN * TURN
     }
 
     #[inline]
