@@ -375,7 +375,7 @@ fn drives_until_it_is_killed() {
         match attach(&endpoint, None) {
             Ok(client) => break client,
             // The one before may not be gone yet.
-            Err(error) => assert!(begin.elapsed() < Duration::from_secs(20), "{error}"),
+            Err(error) => assert!(begin.elapsed() < Duration::from_secs(10), "{error}"),
         }
     };
     loop {
@@ -409,7 +409,7 @@ fn when_a_client_is_killed_the_run_holds_and_the_next_one_goes_on() {
         driver.wait().unwrap();
         let begin = Instant::now();
         while line.status().unwrap().owner.is_some() {
-            assert!(begin.elapsed() < Duration::from_secs(20), "the owner never goes");
+            assert!(begin.elapsed() < Duration::from_secs(5), "the owner never goes");
             std::thread::sleep(Duration::from_millis(5));
         }
         // What it has computed is in the checkpoint.

@@ -123,7 +123,7 @@ fn when_the_owner_is_gone_time_stands() {
     let client = loop {
         match crate::setup::attach(&served.link()) {
             Ok(client) => break client,
-            Err(error) => assert!(begin.elapsed() < Duration::from_secs(20), "{error}"),
+            Err(error) => assert!(begin.elapsed() < Duration::from_secs(10), "{error}"),
         }
     };
     let status = client.status().unwrap();
