@@ -2,7 +2,7 @@
 
 use crate::common::scene::Random;
 use crate::proxy::Proxy;
-use crate::setup::{KEY, Served, attach, patient, step, times, undisturbed};
+use crate::setup::{KEY, Served, attach, once_free, patient, step, times, undisturbed};
 use ballast_zenoh::{Client, Error, Link, Patience, SILENCE};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -86,13 +86,7 @@ fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
         Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
     step(&mut client).unwrap();
     proxy.cut();
-    let begin = Instant::now();
-    let mut other = loop {
-        match attach(&served.link()) {
-            Ok(other) => break other,
-            Err(error) => assert!(begin.elapsed() < Duration::from_secs(5), "{error}"),
-        }
-    };
+    let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
     for _ in 0..3 {
         step(&mut other).unwrap();
     }

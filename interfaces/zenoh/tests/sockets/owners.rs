@@ -1,7 +1,8 @@
 //! One drives: others are refused at once, and the run holds for the next one when it is gone.
 
 use crate::setup::{
-    KEY, MS, Served, WINDOW, attach, patient, shaking, step, times, undisturbed, wait_for,
+    KEY, MS, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
+    wait_for,
 };
 use ballast_protocol::lockstep::{Activity, Code, Kind};
 use ballast_protocol::messages::AdvanceRequest;
@@ -52,16 +53,9 @@ fn when_an_owner_is_gone_the_next_one_goes_on() {
     let mut run = None;
     let windows = times(40);
     for _ in 0..windows {
-        let begin = Instant::now();
         // The old token may not be gone yet.
-        let mut client = loop {
-            match Client::attach(KEY, &served.link(), "next", run.as_deref(), patient()) {
-                Ok(client) => break client,
-                Err(Error::Refused(fault)) if fault.code == Code::Busy => {}
-                Err(error) => panic!("{error}"),
-            }
-            assert!(begin.elapsed() < Duration::from_secs(5), "the owner never goes");
-        };
+        let next = || Client::attach(KEY, &served.link(), "next", run.as_deref(), patient());
+        let mut client = once_free(next, Duration::from_secs(5));
         run = Some(client.place().run_id.clone());
         step(&mut client).unwrap();
         // Dropped without a word.
@@ -86,13 +80,7 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let error = computing.join().unwrap();
     assert!(matches!(error, Error::Abandoned { .. }), "{error}");
     let begin = Instant::now();
-    let mut next = loop {
-        match attach(&served.link()) {
-            Ok(next) => break next,
-            Err(error) => assert_eq!(error.fault().unwrap().code, Code::Busy, "{error}"),
-        }
-        assert!(begin.elapsed() < 20 * HEARTBEAT, "the window is never taken back");
-    };
+    let mut next = once_free(|| attach(&served.link()), 20 * HEARTBEAT);
     assert!(begin.elapsed() > 8 * HEARTBEAT, "an owner has no time to come back");
     step(&mut next).unwrap();
     assert_eq!(next.place().hash, undisturbed(1)[0]);

@@ -1,7 +1,7 @@
 //! Time that runs by itself, over sockets.
 
 use crate::hostile::Stranger;
-use crate::setup::{Served, WINDOW, knot, lockstep, step, wait_for};
+use crate::setup::{Served, WINDOW, attach, knot, lockstep, once_free, step, wait_for};
 use ballast_protocol::lockstep::{Activity, Code};
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_protocol::pacer::FreeRunning;
@@ -119,13 +119,7 @@ fn when_the_owner_is_gone_time_stands() {
     client.run_freely(&slowly()).unwrap();
     shake(&client, 0, 30);
     drop(client);
-    let begin = Instant::now();
-    let client = loop {
-        match crate::setup::attach(&served.link()) {
-            Ok(client) => break client,
-            Err(error) => assert!(begin.elapsed() < Duration::from_secs(10), "{error}"),
-        }
-    };
+    let client = once_free(|| attach(&served.link()), Duration::from_secs(10));
     let status = client.status().unwrap();
     assert!(status.activity == Activity::Paused && status.free_running.is_none(), "{status:?}");
     let bad = FreeRunning { bodies: vec!["flor".into()], ..slowly() };

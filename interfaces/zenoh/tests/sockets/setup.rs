@@ -4,7 +4,7 @@ use crate::common;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::{Activity, Lockstep, StatusReport};
+use ballast_protocol::lockstep::{Activity, Code, Lockstep, StatusReport};
 use ballast_protocol::messages::{
     BodyInput, Digest, Interpolation, Knot, Point, Pose, Quaternion, Twist, Vector3,
 };
@@ -214,6 +214,24 @@ pub fn wait_for(
 
 pub fn attach(link: &Link) -> Result<Client, ballast_zenoh::Error> {
     Client::attach(KEY, link, "test", None, patient())
+}
+
+/// The client that gets in when the one before is gone, which takes less than `most`.
+pub fn once_free(
+    attach: impl Fn() -> Result<Client, ballast_zenoh::Error>,
+    most: Duration,
+) -> Client {
+    let begin = Instant::now();
+    loop {
+        match attach() {
+            Ok(client) => return client,
+            Err(error) => {
+                let is_busy = error.fault().is_some_and(|fault| fault.code == Code::Busy);
+                assert!(is_busy, "{error}");
+            }
+        }
+        assert!(begin.elapsed() < most, "the owner never goes");
+    }
 }
 
 /// Waits longer than usual for partners that are on their way: the machine may be busy.
