@@ -8,7 +8,8 @@
 //! Whoever moves the tines need not say when a squeeze begins: it is seen in their motion, averaged over a
 //! vibration period, which takes the vibration out of it. A squeeze begins where a pair is at its widest before
 //! it closes by more than [`LEAST_CLOSING`], and is over when it has opened again by as much from its narrowest.
-//! A pair that the ballast pushes together does not squeeze it: tines bend by some millimetres while they sink in.
+//! Tines bend by some millimetres while they sink in: before a squeeze has begun, closing that the ballast pushes
+//! the pair to does not count.
 //!
 //! Loops and energies tell worn ballast from good: both are those of published squeeze tests.
 
@@ -24,8 +25,8 @@ pub type PairTines = Vec<(usize, f64)>;
 /// By how much the mean way of a side over a period must change to be closing or opening, m: more than a
 /// vibration of another frequency than the period's leaves in the mean, little against strokes of 20 to 100 mm.
 pub const LEAST_CLOSING: f64 = 2e-3;
-/// Mean force of a side over a period above which the ballast counts as touched, N; as much in closing direction, in the
-/// mean of the way, and the ballast pushes the pair together.
+/// Mean force of a side over a period above which the ballast counts as touched, N; with as much in closing direction
+/// it pushes the pair together.
 pub const TOUCH: f64 = 100.0;
 /// Most points of a loop: a longer one has fewer points per time, each a mean over several periods.
 pub const MOST_POINTS: usize = 128;
@@ -247,8 +248,9 @@ impl Course {
         let period = std::mem::take(&mut self.period);
         let steps = f64::from(period.steps);
         let (place, force) = (period.place / steps, period.force / steps);
+        let is_pushed = force < -TOUCH;
         let closing = match self.widest {
-            Some(widest) if self.is_squeezing || place > widest => place - widest,
+            Some(widest) if self.is_squeezing || (place > widest && !is_pushed) => place - widest,
             _ => {
                 self.begin(&period, place, now_ns);
                 return None;
@@ -259,8 +261,7 @@ impl Course {
         self.record.compaction_energy += sides * 0.5 * (self.last_force + force) * further;
         self.farthest += further;
         self.note(&period, closing, force, now_ns);
-        let is_pushed = self.record.compaction_energy < -TOUCH * sides * self.farthest;
-        if !self.is_squeezing && closing > LEAST_CLOSING && !is_pushed {
+        if !self.is_squeezing && closing > LEAST_CLOSING {
             self.is_squeezing = true;
             self.count += 1;
             self.record.number = self.count;
