@@ -5,18 +5,16 @@
 //! depend on the number of threads.
 
 use super::Decomposition;
+use super::carried::Carried;
+use crate::nlgs::ContactSet;
 use crate::nlgs::acceleration::{Guard, History, Mixing, PERIOD, Products, Verdict};
-use crate::nlgs::{Chosen, ContactSet};
 
-/// What a set remembers. Contacts that were open at the beginning are left to the sweeps.
+/// What a set remembers.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
-    chosen: Chosen,
+    carried: Carried,
     history: History,
-    /// Impulses of the chosen contacts: where the iterations since the last point began, where they led, the next
-    /// point, and those of least change.
-    before: Vec<f64>,
-    image: Vec<f64>,
+    /// The next point, and the impulses of least change.
     point: Vec<f64>,
     safe: Vec<f64>,
     products: Products,
@@ -24,26 +22,19 @@ pub(super) struct Memory {
 
 impl Memory {
     fn begin(&mut self, contacts: &ContactSet) {
-        contacts.choose_awake(&mut self.chosen);
-        self.history.begin(contacts.chosen_weights(&self.chosen));
-        self.resume(contacts);
-        self.safe.clone_from(&self.before);
-    }
-
-    /// Takes the present impulses as those that the next iterations begin with.
-    fn resume(&mut self, contacts: &ContactSet) {
-        self.before.clear();
-        self.before.extend(contacts.chosen_impulses(&self.chosen));
+        self.carried.begin(contacts);
+        self.history.begin(self.carried.weights(contacts));
+        self.safe.clone_from(&self.carried.before);
     }
 
     fn observe(&mut self, contacts: &ContactSet, slot: Option<usize>, remembered: usize) {
-        self.image.clear();
-        self.image.extend(contacts.chosen_impulses(&self.chosen));
-        self.products = self.history.observe(slot, remembered, &self.before, &self.image);
+        self.carried.observe(contacts);
+        let Carried { before, image, .. } = &self.carried;
+        self.products = self.history.observe(slot, remembered, before, image);
     }
 
     fn retreat(&mut self, contacts: &mut ContactSet) {
-        contacts.replace_impulses(&self.chosen, &self.safe);
+        self.carried.replace(contacts, &self.safe);
     }
 }
 
@@ -92,13 +83,13 @@ impl Acceleration {
         decomposition.on_sets_in_turn(|set| {
             let memory = &mut set.memory;
             if verdict == Verdict::Best {
-                memory.safe.clone_from(&memory.image);
+                memory.safe.clone_from(&memory.carried.image);
             }
             if !rests {
                 memory.history.combine(&shares, &mut memory.point);
-                set.contacts.replace_impulses(&memory.chosen, &memory.point);
+                memory.carried.replace(&mut set.contacts, &memory.point);
             }
-            memory.resume(&set.contacts);
+            memory.carried.resume(&set.contacts);
         });
     }
 

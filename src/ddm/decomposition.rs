@@ -5,8 +5,8 @@
 //! copies of the lines of its grains, gathered before and scattered after: groups of one colour
 //! share no subdomain, so locks are never waited for and the order of threads has no effect.
 
-use super::acceleration::Memory;
 use super::boundary::{Boundary, BoundaryLine};
+use super::{acceleration, momentum};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::model::Solver;
@@ -25,8 +25,9 @@ pub(super) struct Set {
     /// lines that are sums of parts.
     pub visits: u32,
     pub boundary: Vec<BoundaryLine>,
+    pub momentum: momentum::Memory,
     /// For iterations that do not get on.
-    pub memory: Memory,
+    pub memory: acceleration::Memory,
 }
 
 impl Set {

@@ -7,7 +7,9 @@
 mod acceleration;
 mod asynchronous;
 mod boundary;
+mod carried;
 mod decomposition;
+mod momentum;
 mod synchronous;
 
 use crate::local_problem::LocalProblem;
@@ -37,7 +39,8 @@ pub fn solve(
     solver: &Solver,
 ) -> Outcome {
     decomposition.apply_impulses();
-    if solver.schedule != Schedule::Asynchronous {
+    // One set has nobody to wait for.
+    if solver.schedule != Schedule::Asynchronous || decomposition.sets() == 1 {
         return synchronous::iterate(decomposition, solver);
     }
     if let Some(outcome) = asynchronous::iterate(decomposition, solver) {

@@ -1,15 +1,17 @@
 //! Subdomains in parallel, then the interface, with a barrier between (HSDA, Algorithm 1).
 //!
-//! One set of contacts (the sequential schedule) is the case without interface. Where a tolerance is asked for
-//! and neither full nor smaller steps get on, iterations are accelerated.
+//! One set of contacts (the sequential schedule) is the case without interface. Where a tolerance is asked for,
+//! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated.
 
 use super::acceleration::Acceleration;
+use super::momentum::Momentum;
 use super::{Decomposition, Outcome, Softening, is_solved, is_test};
 use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
     let (mut softening, mut acceleration) = (Softening::new(solver.relaxation), None);
+    let mut momentum = (solver.momentum && solver.tolerance.is_some()).then(Momentum::new);
     let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
     for done in 1..=solver.iterations {
         let measured = is_test(solver, done);
@@ -47,6 +49,8 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
             }
         } else if let Some(acceleration) = &mut acceleration {
             acceleration.go_on(decomposition, done);
+        } else if let Some(momentum) = &mut momentum {
+            momentum.go_on(decomposition, done, measured);
         }
     }
     outcome.residuals.natural_map = decomposition.natural_map();

@@ -200,6 +200,24 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     assert!(!run(&model, &state, &contacts, 2).outcome.guarded);
 }
 
+#[test]
+fn momentum_needs_a_fraction_of_the_iterations() {
+    for schedule in [Schedule::Sequential, Schedule::Synchronous] {
+        let tight = Solver { tolerance: Some(1e-4), ..solver(schedule, 3) };
+        let (model, state, contacts) = wall(6, 20, tight);
+        let solved = run(&model, &state, &contacts, 1);
+        let outcome = solved.outcome;
+        assert!(outcome.converged, "{schedule:?}: {outcome:?}");
+        assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
+        let threads = run(&model, &state, &contacts, 3);
+        assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
+        let plain = Solver { momentum: false, ..tight };
+        let (model, state, contacts) = wall(6, 20, plain);
+        let plain = run(&model, &state, &contacts, 1).outcome;
+        assert!(3 * outcome.iterations < plain.iterations, "{schedule:?}: {outcome:?}, {plain:?}");
+    }
+}
+
 /// A wall so high that sweeps hardly get on: the weight diffuses through them.
 const HIGH: (usize, usize) = (2, 90);
 

@@ -185,6 +185,8 @@ pub struct Solver {
     /// 1 needs the fewest sweeps at rest. Where rigid bodies jam, impulses are not unique, and what
     /// one step has pressed in, the next one keeps: tools in motion want a share below 1.
     pub warm_start: f64,
+    /// Whether iterations to a tolerance have momentum (T-37); without, they are plain sweeps.
+    pub momentum: bool,
     /// How penetration is taken back; `None`: it is left as it is (T-34).
     pub recovery: Option<Recovery>,
 }
@@ -231,6 +233,7 @@ impl Default for Solver {
             check_every: 5,
             relaxation: 1.0,
             warm_start: 1.0,
+            momentum: true,
             recovery: None,
         }
     }

@@ -222,6 +222,7 @@ fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
         check_every: 10,
         relaxation: 1.0,
         warm_start: 1.0,
+        momentum: true,
         recovery: None,
     }
 }

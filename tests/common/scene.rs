@@ -156,6 +156,7 @@ pub fn tight(schedule: Schedule, partition: PartitionRule) -> Solver {
         check_every: 5,
         relaxation: 1.0,
         warm_start: 1.0,
+        momentum: true,
         recovery: None,
     }
 }

@@ -232,6 +232,8 @@ fn placement(part: &Part) -> [f64; 7] {
     }
 }
 
+/// Only in files of models whose iterations have no momentum; no numbers.
+pub const PLAIN: &str = "solver/plain";
 /// Share and allowed penetration; only in files of models with recovery.
 pub const RECOVERY: &str = "solver/recovery";
 
@@ -247,6 +249,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         check_every,
         relaxation,
         warm_start,
+        momentum,
         recovery,
     } = model.solver;
     let (rule, numbers) = match partition {
@@ -274,6 +277,9 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         f64s("solver/relaxation", vec![relaxation]),
         f64s("solver/warm_start", vec![warm_start]),
     ];
+    if !momentum {
+        columns.push(f64s(PLAIN, Vec::new()));
+    }
     // Not there: no recovery, as in files of before there was any.
     if let Some(Recovery { share, allowed, iterations }) = recovery {
         columns.push(f64s(RECOVERY, vec![share, allowed]));

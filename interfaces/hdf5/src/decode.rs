@@ -4,7 +4,7 @@
 //! is [`crate::validate`]'s task.
 
 use crate::columns::{
-    CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, NORMS, RECOVERY, ROLES, SCHEDULES, SPRUNG,
+    CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, NORMS, PLAIN, RECOVERY, ROLES, SCHEDULES, SPRUNG,
 };
 use crate::error::{Fault, Result};
 use crate::image::Source;
@@ -229,6 +229,7 @@ fn solver(source: &Source) -> Result<Solver> {
         check_every: source.number("solver/check_every")?,
         relaxation: source.real("solver/relaxation")?,
         warm_start: source.real("solver/warm_start")?,
+        momentum: !source.has(PLAIN),
         recovery: recovery(source)?,
     })
 }

@@ -29,6 +29,7 @@ fn everything_comes_back_bit_for_bit() {
         let solver = &mut written.model.solver;
         (solver.schedule, solver.partition, solver.tolerance) = (schedule, partition, tolerance);
         solver.warm_start = tolerance.map_or(1.0, |_| 0.25);
+        solver.momentum = tolerance.is_none();
         solver.recovery = tolerance.map(|_| Recovery { share: 0.25, allowed: 3e-6, iterations: 7 });
         written.kind = kind;
         write(&path, &written).unwrap();
@@ -92,6 +93,7 @@ fn the_fingerprint_sees_every_kind_of_change() {
     assert!(changed(|c| c.state.drive.push(0.0)));
     assert!(changed(|c| c.state.contacts.feature[0] -= 1));
     assert!(changed(|c| c.model.solver.warm_start = 0.5));
+    assert!(changed(|c| c.model.solver.momentum = false));
     assert!(changed(|c| c.model.solver.recovery = None));
     assert!(changed(|c| c.model.driven[0].name.push('x')));
     assert!(changed(|c| c.model.shapes[3].edges.swap(0, 1)));

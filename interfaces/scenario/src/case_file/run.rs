@@ -86,6 +86,9 @@ pub struct Solver {
     /// rest; below 1, forces that a jam has pressed in fade when the tools have passed.
     #[schemars(with = "Fraction")]
     pub warm_start: f64,
+    /// Let iterations to a tolerance have momentum, which saves most of them. false: plain sweeps, to compare with.
+    /// The asynchronous schedule has none.
+    pub momentum: bool,
     /// Move grains that have been pressed into each other apart again. Absent: penetration is left as it is,
     /// as in most studies.
     pub recovery: Option<Recovery>,
@@ -128,6 +131,7 @@ impl Default for Solver {
             check_every: 5,
             relaxation: 1.0,
             warm_start: 1.0,
+            momentum: true,
             recovery: None,
         }
     }

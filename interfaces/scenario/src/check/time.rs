@@ -114,6 +114,7 @@ fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
         check_every: solver.check_every,
         relaxation: solver.relaxation,
         warm_start: solver.warm_start,
+        momentum: solver.momentum,
         recovery: solver.recovery.map(|r| model::Recovery {
             share: r.share,
             allowed: r.allowed_m,
@@ -160,9 +161,10 @@ fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
 fn unused(solver: &Solver, report: &mut Report) {
     let keys: &[&str] = match (solver.tolerance, solver.schedule) {
         (None, crate::case_file::Schedule::Sequential) => {
-            &["norm", "boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
+            &["norm", "momentum", "boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
         }
-        (None, _) => &["norm"],
+        (None, _) => &["norm", "momentum"],
+        (Some(_), crate::case_file::Schedule::Asynchronous) => &["momentum"],
         (Some(_), crate::case_file::Schedule::Sequential) => {
             &["boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
         }
@@ -175,6 +177,9 @@ fn unused(solver: &Solver, report: &mut Report) {
                 problem: format!("`{key}` changes nothing"),
                 found: match *key {
                     "norm" => "a norm without a tolerance".into(),
+                    "momentum" => {
+                        "momentum without a tolerance, or of the asynchronous schedule".into()
+                    }
                     _ => "a division of the bed with the sequential schedule".into(),
                 },
                 ..Finding::default()

@@ -125,6 +125,7 @@ fn solver(solver: &Solver, place: &Place) -> Result<model::Solver, SampleError> 
         check_every: solver.check_every,
         relaxation: solver.relax,
         warm_start: 1.0,
+        momentum: true,
         recovery: None,
     })
 }

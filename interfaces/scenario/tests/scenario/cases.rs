@@ -165,6 +165,7 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
         ("restitution = 0", "alert_m = 0.01", "kept from very far"),
         ("\"synchronous\"", "\"sequential\"", "`boxes` changes nothing"),
+        ("\"synchronous\"", "\"asynchronous\"\nmomentum = false", "`momentum` changes nothing"),
         ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
     ] {
         let case = read_case(&changed(from, to), "case.toml").unwrap_or_else(|e| panic!("{e}"));
