@@ -23,6 +23,8 @@ pub enum Bench {
     Cost(BenchCost),
     /// Time, residual and interface against the number of subdomains and the schedule
     Subdomains(BenchSubdomains),
+    /// Iterations and time to a residual: from nothing, from the last step, with momentum, with subdomains
+    Iterations(BenchIterations),
 }
 
 #[derive(Debug, Args)]
@@ -245,6 +247,24 @@ pub struct BenchSubdomains {
     pub window: Window,
     #[command(flatten)]
     pub ends: Ends,
+    #[command(flatten)]
+    pub start: Start,
+    #[command(flatten)]
+    pub csv: Csv,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchIterations {
+    /// Case file (TOML) or sample (JSON)
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub window: Window,
+    /// Residual (QM/16) to be reached
+    #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
+    pub tolerance: f64,
+    /// Most iterations of a step
+    #[arg(long, value_name = "K", default_value = "20000")]
+    pub max_iterations: NonZeroU32,
     #[command(flatten)]
     pub start: Start,
     #[command(flatten)]

@@ -6,6 +6,7 @@
 pub mod args;
 pub mod cost;
 pub mod detection;
+pub mod iterations;
 pub mod kernel;
 mod loads;
 mod machine;

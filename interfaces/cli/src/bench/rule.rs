@@ -41,14 +41,19 @@ impl Rule {
     }
 }
 
+/// Refuses what is no tolerance.
+pub fn is_tolerance(number: f64) -> Outcome {
+    if number > 0.0 && number < 1.0 {
+        return Ok(());
+    }
+    let text = format!("--tolerance {number}: expected a number above 0 and below 1");
+    Err(Failure::Usage(text))
+}
+
 impl Ends {
     /// Refuses what is no tolerance.
     pub fn check(&self) -> Outcome {
-        if self.tolerance > 0.0 && self.tolerance < 1.0 {
-            return Ok(());
-        }
-        let text = format!("--tolerance {}: expected a number above 0 and below 1", self.tolerance);
-        Err(Failure::Usage(text))
+        is_tolerance(self.tolerance)
     }
 
     /// Fixed iterations, and a common residual; `solver` is the case's.

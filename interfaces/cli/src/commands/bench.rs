@@ -1,7 +1,7 @@
 //! `ballast bench ...`: what the program costs, measured.
 
 use crate::bench::args::Bench;
-use crate::bench::{cost, detection, kernel, sample, step, subdomains, tables};
+use crate::bench::{cost, detection, iterations, kernel, sample, step, subdomains, tables};
 use crate::console::Console;
 use crate::exit::Outcome;
 
@@ -14,5 +14,6 @@ pub fn bench(what: Bench, console: Console) -> Outcome {
         Bench::Tables(args) => tables::tables(&args, console),
         Bench::Cost(args) => cost::cost(&args, console),
         Bench::Subdomains(args) => subdomains::subdomains(&args, console),
+        Bench::Iterations(args) => iterations::iterations(&args, console),
     }
 }

@@ -160,6 +160,29 @@ fn subdomains_cost_an_interface_and_reach_the_same_residual() {
 }
 
 #[test]
+fn the_last_step_and_momentum_save_iterations() {
+    let place = Place::new();
+    let (rows, notes) = rows(
+        &place,
+        "bench iterations tiny.toml --steps 3 --warm-up 2 --tolerance 1e-3 --max-iterations 5000 \
+         --threads 2 --csv i.csv",
+    );
+    assert!(notes["ends"].as_str().unwrap().contains("at most 5000"), "{notes}");
+    let ways: Vec<&str> = rows.iter().map(|row| row["way"].as_str().unwrap()).collect();
+    assert_eq!(ways[0], "plain, from nothing");
+    assert_eq!(ways[3], "momentum, from the last step");
+    assert!(ways[4..] == ["synchronous, subdomains of the case"; 2], "{ways:?}");
+    for row in &rows {
+        assert!(row["converged"] == "yes" && number(row, "residual_qm16") < 1e-3, "{row}");
+    }
+    let taken: Vec<f64> = rows.iter().map(|row| number(row, "iterations")).collect();
+    assert!(taken[1] < taken[0] && taken[2] < taken[0] && taken[3] < taken[0], "{taken:?}");
+    assert_eq!(taken[4], taken[5], "one thread and two");
+    assert_eq!(number(&rows[0], "plain_over_solve"), 1.0);
+    csv(&place, "i.csv");
+}
+
+#[test]
 fn what_a_simulated_second_costs_is_told_for_every_step_recovery_and_number_of_iterations() {
     let place = Place::new();
     let call = format!("bench cost {} --time 0.02", sample());
@@ -236,6 +259,7 @@ fn nonsense_is_refused() {
         ("bench detection none.json", 1, "none.json"),
         ("bench subdomains tiny.toml --max 100000", 2, "per grain"),
         ("bench subdomains tiny.toml --tolerance 0", 2, "--tolerance"),
+        ("bench iterations tiny.toml --tolerance 2", 2, "--tolerance"),
         ("bench tables tiny.toml --tolerance 7", 2, "--tolerance"),
         ("bench tables", 2, "CASES"),
         ("bench cost none.json", 1, "none.json"),
