@@ -5,16 +5,18 @@
 //! depend on the number of threads.
 
 use super::Decomposition;
-use super::carried::Carried;
-use crate::nlgs::ContactSet;
 use crate::nlgs::acceleration::{Guard, History, Mixing, PERIOD, Products, Verdict};
+use crate::nlgs::{Chosen, ContactSet};
 
-/// What a set remembers.
+/// What a set remembers. Contacts that were open at the beginning are left to the sweeps.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
-    carried: Carried,
+    chosen: Chosen,
     history: History,
-    /// The next point, and the impulses of least change.
+    /// Impulses of the chosen contacts: where the iterations since the last point began, where they led, the next
+    /// point, and those of least change.
+    before: Vec<f64>,
+    image: Vec<f64>,
     point: Vec<f64>,
     safe: Vec<f64>,
     products: Products,
@@ -22,19 +24,26 @@ pub(super) struct Memory {
 
 impl Memory {
     fn begin(&mut self, contacts: &ContactSet) {
-        self.carried.begin(contacts);
-        self.history.begin(self.carried.weights(contacts));
-        self.safe.clone_from(&self.carried.before);
+        contacts.choose_awake(&mut self.chosen);
+        self.history.begin(contacts.chosen_weights(&self.chosen));
+        self.resume(contacts);
+        self.safe.clone_from(&self.before);
+    }
+
+    /// Takes the present impulses as those that the next iterations begin with.
+    fn resume(&mut self, contacts: &ContactSet) {
+        self.before.clear();
+        self.before.extend(contacts.chosen_impulses(&self.chosen));
     }
 
     fn observe(&mut self, contacts: &ContactSet, slot: Option<usize>, remembered: usize) {
-        self.carried.observe(contacts);
-        let Carried { before, image, .. } = &self.carried;
-        self.products = self.history.observe(slot, remembered, before, image);
+        self.image.clear();
+        self.image.extend(contacts.chosen_impulses(&self.chosen));
+        self.products = self.history.observe(slot, remembered, &self.before, &self.image);
     }
 
     fn retreat(&mut self, contacts: &mut ContactSet) {
-        self.carried.replace(contacts, &self.safe);
+        contacts.replace_impulses(&self.chosen, &self.safe);
     }
 }
 
@@ -83,13 +92,13 @@ impl Acceleration {
         decomposition.on_sets_in_turn(|set| {
             let memory = &mut set.memory;
             if verdict == Verdict::Best {
-                memory.safe.clone_from(&memory.carried.image);
+                memory.safe.clone_from(&memory.image);
             }
             if !rests {
                 memory.history.combine(&shares, &mut memory.point);
-                memory.carried.replace(&mut set.contacts, &memory.point);
+                set.contacts.replace_impulses(&memory.chosen, &memory.point);
             }
-            memory.carried.resume(&set.contacts);
+            memory.resume(&set.contacts);
         });
     }
 

@@ -7,7 +7,6 @@
 mod acceleration;
 mod asynchronous;
 mod boundary;
-mod carried;
 mod decomposition;
 mod momentum;
 mod synchronous;

@@ -1,11 +1,12 @@
 //! Iterations with momentum (T-37), over all sets: nonsmooth nonlinear conjugate gradients around the sweeps.
 //!
-//! Reads and writes: impulses and lines of the sets. Cost: per point five passes over the impulses that carry, and
-//! half a sweep. Contract: sums go over the sets in their order, so bytes do not depend on the number of threads.
+//! Reads and writes: impulses and lines of the sets. Cost: per point two passes over the blocks that carry, one of them
+//! with what a visit reads and writes. Contract: sums go over the sets in their order, so bytes do not depend on the
+//! number of threads.
 
 use super::Decomposition;
-use super::carried::Carried;
-use crate::nlgs::ContactSet;
+use crate::nlgs::block::{Course, Row64};
+use crate::nlgs::{Chosen, ContactSet};
 
 /// Iterations between two points.
 const PERIOD: u32 = 2;
@@ -14,42 +15,26 @@ const PERIOD: u32 = 2;
 /// iteration that creeps, and momentum helps it most; without a bound, momentum leads away.
 const BOUND: f64 = 1.2;
 
-/// What a set remembers.
+/// What a set remembers. Contacts that were open at the beginning are left to the sweeps.
 #[derive(Debug, Default)]
 pub(super) struct Memory {
-    carried: Carried,
-    weight: Vec<f64>,
-    /// Sum of the last changes, the older the less.
-    direction: Vec<f64>,
+    chosen: Chosen,
+    weights: Vec<Row64>,
+    courses: Vec<Course>,
     change_squared: f64,
 }
 
 impl Memory {
+    /// Takes what stays the same in a step.
+    fn prepare(&mut self, contacts: &ContactSet) {
+        self.weights.clear();
+        self.weights.extend(contacts.weights());
+    }
+
+    /// Without momentum, from the present impulses.
     fn begin(&mut self, contacts: &ContactSet) {
-        self.carried.begin(contacts);
-        self.weight.clear();
-        self.weight.extend(self.carried.weights(contacts));
-        self.direction.clear();
-        self.direction.resize(self.weight.len(), 0.0);
-    }
-
-    fn observe(&mut self, contacts: &ContactSet) {
-        self.carried.observe(contacts);
-        let Carried { before, image, .. } = &self.carried;
-        let changes = image.iter().zip(before).zip(&self.weight);
-        self.change_squared = changes.map(|((g, r), w)| ((g - r) * w).powi(2)).sum();
-    }
-
-    /// Goes on from `r⁺ + β p`.
-    fn go_on(&mut self, contacts: &mut ContactSet, share: f64) {
-        let Carried { before, image, .. } = &mut self.carried;
-        for ((x, r), p) in image.iter_mut().zip(before).zip(&mut self.direction) {
-            let change = *x - *r;
-            *x += share * *p;
-            *p = share * *p + change;
-        }
-        self.carried.replace(contacts, &self.carried.image);
-        self.carried.resume(contacts);
+        contacts.choose_awake(&mut self.chosen);
+        contacts.set_out(&self.chosen, &self.weights, &mut self.courses);
     }
 }
 
@@ -72,14 +57,20 @@ impl Momentum {
         let Some(began) = self.began else {
             if test {
                 self.began = Some(done);
-                decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
+                decomposition.on_sets(|set| {
+                    set.momentum.prepare(&set.contacts);
+                    set.momentum.begin(&set.contacts);
+                });
             }
             return;
         };
         if !(done - began).is_multiple_of(PERIOD) {
             return;
         }
-        decomposition.on_sets(|set| set.momentum.observe(&set.contacts));
+        decomposition.on_sets(|set| {
+            let memory = &mut set.momentum;
+            memory.change_squared = set.contacts.change_squared(&memory.chosen, &memory.courses);
+        });
         let sets = 0..decomposition.sets();
         let change: f64 =
             sets.map(|s| decomposition.with_set(s, |set| set.momentum.change_squared)).sum();
@@ -87,7 +78,10 @@ impl Momentum {
         // Not a number where nothing changes any more.
         if growth <= BOUND {
             let share = growth.min(1.0);
-            decomposition.on_sets_in_turn(|set| set.momentum.go_on(&mut set.contacts, share));
+            decomposition.on_sets_in_turn(|set| {
+                let Memory { chosen, courses, .. } = &mut set.momentum;
+                set.contacts.go_on(chosen, courses, share);
+            });
         } else {
             decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
         }

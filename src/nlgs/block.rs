@@ -65,6 +65,18 @@ pub struct SingleBlock {
     pub grain: [u32; LANES],
 }
 
+/// What iterations with momentum remember of a block (T-37).
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Course {
+    /// Impulses when the iterations under way began, N s.
+    pub before: [Row64; 3],
+    /// Sum of the last changes, the older the less, N s.
+    pub direction: [Row64; 3],
+    /// The root of a third of `tr W_αα`, kg^(-1/2).
+    pub weight: Row64,
+}
+
 const ZERO32: Row32 = [0.0; LANES];
 const ZERO64: Row64 = [0.0; LANES];
 
@@ -88,6 +100,11 @@ impl LawRows {
         let (normal, across) =
             (1.0 / self.normal_mass[lane] as f64, 1.0 / self.tangent_mass[lane] as f64);
         normal * (1.0 + k1 * k1 + k2 * k2) + across * (1.0 + 1.0 / self.tangent_ratio[lane] as f64)
+    }
+
+    /// The root of a third of `tr W_αα` of each lane, kg^(-1/2).
+    pub fn weight(&self) -> Row64 {
+        std::array::from_fn(|lane| (self.trace(lane) / 3.0).sqrt())
     }
 
     fn set(&mut self, lane: usize, contact: &LocalContact) {

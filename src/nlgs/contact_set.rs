@@ -4,7 +4,7 @@
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
 //! shares nothing with other sets, so sets may be swept in parallel.
 
-use super::block::{LawRows, PairBlock, Row64, SingleBlock};
+use super::block::{Course, PairBlock, Row64, SingleBlock};
 use super::kernel::{Blocks, Chosen, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
@@ -253,9 +253,7 @@ impl ContactSet {
 
     /// The root of a third of `tr W_αα` for each of these numbers, kg^(-1/2).
     pub fn chosen_weights<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = f64> {
-        let weight =
-            |law: &LawRows| -> Row64 { std::array::from_fn(|lane| (law.trace(lane) / 3.0).sqrt()) };
-        self.blocks.chosen(chosen).flat_map(move |(law, _)| [weight(law); 3]).flatten()
+        self.blocks.chosen(chosen).flat_map(|(law, _)| [law.weight(); 3]).flatten()
     }
 
     /// Gives the contacts of the chosen blocks the impulses of their cones nearest to `impulses`, and the
@@ -264,7 +262,54 @@ impl ContactSet {
         let (rows, rest) = impulses.as_chunks::<LANES>();
         let (triples, more) = rows.as_chunks();
         assert!(rest.is_empty() && more.is_empty(), "{} numbers", impulses.len());
-        self.blocks.replace_impulses(self.arithmetic, chosen, triples, &mut self.lines);
+        let Self { blocks, arithmetic, lines, .. } = self;
+        if blocks.replace_impulses(*arithmetic, chosen, triples, lines) {
+            self.count_roused();
+        }
+    }
+
+    /// The root of a third of `tr W_αα` of each contact, block after block, kg^(-1/2).
+    pub fn weights(&self) -> impl Iterator<Item = Row64> {
+        let singles = self.blocks.singles().iter().map(|block| block.law.weight());
+        singles.chain(self.blocks.pairs().iter().map(|block| block.law.weight()))
+    }
+
+    /// Courses that begin at the present impulses of the chosen blocks, for [`ContactSet::go_on`]; `weights` are
+    /// those of [`ContactSet::weights`].
+    pub fn set_out(&self, chosen: &Chosen, weights: &[Row64], courses: &mut Vec<Course>) {
+        let impulses = self.blocks.chosen(chosen).map(|(_, impulse)| *impulse);
+        let weights = self.blocks.numbers_of(chosen).map(|i| weights[i]);
+        courses.clear();
+        courses.extend(impulses.zip(weights).map(|(before, weight)| Course {
+            before,
+            direction: [[0.0; LANES]; 3],
+            weight,
+        }));
+    }
+
+    /// Square of the change of the courses' impulses since they were last led on (T-37), N² s²/kg.
+    pub fn change_squared(&self, chosen: &Chosen, courses: &[Course]) -> f64 {
+        let mut sum = 0.0;
+        for ((_, impulse), course) in self.blocks.chosen(chosen).zip(courses) {
+            for (r, before) in impulse.iter().zip(&course.before) {
+                let squares: Row64 =
+                    std::array::from_fn(|i| ((r[i] - before[i]) * course.weight[i]).powi(2));
+                sum = squares.iter().fold(sum, |sum, square| sum + square);
+            }
+        }
+        sum
+    }
+
+    /// Goes on from the impulses of the chosen blocks along their courses, `share` of the way that led there once
+    /// more (T-37), within their cones; the grains' velocities follow.
+    pub fn go_on(&mut self, chosen: &Chosen, courses: &mut [Course], share: f64) {
+        let Self { blocks, arithmetic, lines, .. } = self;
+        if blocks.go_on(*arithmetic, chosen, courses, share, lines) {
+            self.count_roused();
+        }
+    }
+
+    fn count_roused(&mut self) {
         if self.awake_count.is_some() {
             self.count_awake();
         }

@@ -145,6 +145,49 @@ fn every_arithmetic_gives_the_same_bits() {
 }
 
 #[test]
+fn momentum_goes_on_as_its_definition_says() {
+    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let begin = |arithmetic| {
+        let mut set = whole(&scene.problem);
+        set.set_arithmetic(arithmetic);
+        set.measured_sweep(1.0);
+        set.wake();
+        let mut chosen = Chosen::default();
+        set.choose_awake(&mut chosen);
+        (set, chosen)
+    };
+    for arithmetic in Arithmetic::available() {
+        let (mut set, chosen) = begin(arithmetic);
+        let weights: Vec<_> = set.weights().collect();
+        let mut courses = Vec::new();
+        set.set_out(&chosen, &weights, &mut courses);
+        // The same in numbers: where iterations began, where they led, what led there.
+        let (mut plain, _) = begin(Arithmetic::PORTABLE);
+        let weights: Vec<f64> = plain.chosen_weights(&chosen).collect();
+        let mut before: Vec<f64> = plain.chosen_impulses(&chosen).collect();
+        let mut direction = vec![0.0; before.len()];
+        for share in [1.0, 0.6, 0.9] {
+            set.sweep_awake(0.9);
+            plain.sweep_awake(0.9);
+            let image: Vec<f64> = plain.chosen_impulses(&chosen).collect();
+            let change: Vec<f64> = image.iter().zip(&before).map(|(r, b)| r - b).collect();
+            let squares = change.iter().zip(&weights).map(|(c, w)| (c * w).powi(2));
+            assert_eq!(set.change_squared(&chosen, &courses), squares.sum());
+            direction.iter_mut().for_each(|p| *p *= share);
+            let on: Vec<f64> = image.iter().zip(&direction).map(|(r, p)| r + p).collect();
+            direction.iter_mut().zip(&change).for_each(|(p, c)| *p += c);
+            set.go_on(&chosen, &mut courses, share);
+            plain.replace_impulses(&chosen, &on);
+            before = plain.chosen_impulses(&chosen).collect();
+            assert!(
+                set.lines == plain.lines && set.impulses().eq(plain.impulses()),
+                "{arithmetic:?}"
+            );
+        }
+    }
+}
+
+#[test]
 fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
     let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
     let mut set = whole(&scene.problem);

@@ -14,11 +14,11 @@ mod roofline;
 
 pub use counting::Operations;
 
-use super::block::{LawRows, PairBlock, Row64, SingleBlock};
+use super::block::{Course, LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::lanes::{Arithmetic, Line, Pass, run};
 use crate::local_problem::LocalContact;
-use passes::{Apply, Every, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
+use passes::{Apply, Every, GoOn, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
 
 /// Some of the blocks: singles and pairs.
 #[derive(Debug, Clone, Default)]
@@ -130,8 +130,16 @@ impl Blocks {
 
     /// The blocks that are awake, numbered in the order of a sweep.
     pub fn awake(&self) -> impl Iterator<Item = usize> + '_ {
-        let before = self.singles.len();
-        let [singles, pairs] = &self.awake;
+        self.numbers(&self.awake)
+    }
+
+    /// The chosen blocks, numbered in the order of a sweep.
+    pub fn numbers_of<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = usize> + 'a {
+        self.numbers(&chosen.0)
+    }
+
+    fn numbers<'a>(&self, some: &'a [Vec<u32>; 2]) -> impl Iterator<Item = usize> + use<'a> {
+        let (before, [singles, pairs]) = (self.singles.len(), some);
         singles.iter().map(|&i| i as usize).chain(pairs.iter().map(move |&i| before + i as usize))
     }
 
@@ -183,13 +191,15 @@ impl Blocks {
 
     /// Gives the chosen blocks the impulses of their cones nearest to `impulses`, block after block, and the
     /// lines what the change causes. They are awake from now on: what has just been pushed is to be looked at.
+    ///
+    /// Tells whether one was not.
     pub fn replace_impulses(
         &mut self,
         arithmetic: Arithmetic,
         chosen: &Chosen,
         impulses: &[[Row64; 3]],
         lines: &mut [Line],
-    ) {
+    ) -> bool {
         self.check_lines(lines);
         let choice = chosen.0.each_ref().map(Vec::as_slice);
         assert_eq!(
@@ -201,11 +211,45 @@ impl Blocks {
         let pass = Replace { singles, pairs, choice, impulses, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
+        self.rouse(chosen)
+    }
+
+    /// Goes on from the present impulses of the chosen blocks along their courses, `share` of the way that led there
+    /// once more (T-37), within their cones; the lines follow. They are awake from now on.
+    ///
+    /// Tells whether one was not.
+    pub fn go_on(
+        &mut self,
+        arithmetic: Arithmetic,
+        chosen: &Chosen,
+        courses: &mut [Course],
+        share: f64,
+        lines: &mut [Line],
+    ) -> bool {
+        self.check_lines(lines);
+        let choice = chosen.0.each_ref().map(Vec::as_slice);
+        assert_eq!(courses.len(), choice[0].len() + choice[1].len(), "one course per block");
+        let (singles, pairs) = (&mut self.singles, &mut self.pairs);
+        let pass = GoOn { singles, pairs, choice, courses, share, lines };
+        // SAFETY: indices were checked by `push_*`, lines above.
+        unsafe { run(arithmetic, pass) }
+        self.rouse(chosen)
+    }
+
+    /// Wakes the chosen blocks; tells whether one was not awake.
+    fn rouse(&mut self, chosen: &Chosen) -> bool {
+        let mut roused = false;
         for (awake, chosen) in self.awake.iter_mut().zip(&chosen.0) {
-            awake.extend(chosen);
-            awake.sort_unstable();
-            awake.dedup();
+            // Both ascend.
+            let mut rest = awake.iter();
+            if !chosen.iter().all(|i| rest.any(|j| j == i)) {
+                awake.extend(chosen);
+                awake.sort_unstable();
+                awake.dedup();
+                roused = true;
+            }
         }
+        roused
     }
 
     /// Sums of the natural map at the present impulses and velocities.

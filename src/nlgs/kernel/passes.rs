@@ -2,7 +2,7 @@
 
 use super::coupling::{Block, dot};
 use crate::lanes::{Lanes, Line, Pass, each, prefetch_at};
-use crate::nlgs::block::{PairBlock, Row64, SingleBlock};
+use crate::nlgs::block::{Course, PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 use crate::nlgs::visit::{self, Law};
 
@@ -274,6 +274,61 @@ unsafe fn replace_blocks<L: Lanes, B: Block>(
         let (impulse, _) = block.outcome();
         for k in 0..3 {
             r[k].store(&mut impulse[k]);
+        }
+        // SAFETY: the caller's.
+        unsafe { block.push(held, &delta, lines) };
+    }
+}
+
+/// Goes on from the impulses that the chosen blocks have, block after block (T-37).
+pub struct GoOn<'a> {
+    pub singles: &'a mut [SingleBlock],
+    pub pairs: &'a mut [PairBlock],
+    pub choice: [&'a [u32]; 2],
+    pub courses: &'a mut [Course],
+    pub share: f64,
+    pub lines: &'a mut [Line],
+}
+
+impl Pass for GoOn<'_> {
+    type Output = ();
+    #[inline(always)]
+    unsafe fn run<L: Lanes>(self) {
+        let ([singles, pairs], share) = (self.choice, L::splat(self.share));
+        let (of_singles, of_pairs) = self.courses.split_at_mut(singles.len());
+        // SAFETY: the caller's.
+        unsafe {
+            go_on(self.singles, singles, of_singles, share, self.lines);
+            go_on(self.pairs, pairs, of_pairs, share, self.lines);
+        }
+    }
+}
+
+#[inline(always)]
+unsafe fn go_on<L: Lanes, B: Block>(
+    blocks: &mut [B],
+    choice: &[u32],
+    courses: &mut [Course],
+    share: L,
+    lines: &mut [Line],
+) {
+    for (k, (&i, course)) in choice.iter().zip(courses).enumerate() {
+        let next = blocks.as_ptr().wrapping_add(choice.block(k + AHEAD));
+        prefetch_at(next.cast(), size_of::<B>());
+        let block = &mut blocks[i as usize];
+        // SAFETY: the caller's.
+        let (held, _) = unsafe { block.read::<L>(lines) };
+        let friction = L::load32(&block.law().friction);
+        let r = each!(K in 3 => L::load(&block.impulse()[K]));
+        let change = each!(K in 3 => r[K].sub(L::load(&course.before[K])));
+        let further = each!(K in 3 => share.mul(L::load(&course.direction[K])));
+        let on = visit::project(friction, &each!(K in 3 => r[K].add(further[K])));
+        let delta = each!(K in 3 => on[K].sub(r[K]));
+        let (impulse, _) = block.outcome();
+        for k in 0..3 {
+            on[k].store(&mut impulse[k]);
+            on[k].store(&mut course.before[k]);
+            further[k].add(change[k]).store(&mut course.direction[k]);
         }
         // SAFETY: the caller's.
         unsafe { block.push(held, &delta, lines) };
