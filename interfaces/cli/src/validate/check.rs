@@ -133,6 +133,11 @@ impl Check {
     }
 }
 
+/// Exponent of the power law through two points.
+pub fn exponent(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (b[1] / a[1]).ln() / (b[0] / a[0]).ln()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! Checks with exact answers: incline, column of boxes, arch.
 
-use super::check::{Check, Finding, Verdict};
+use super::check::{Check, Finding, Verdict, exponent};
 use super::size::Size;
 use super::world::{GRAVITY, World};
 use crate::plot::{Chart, Mark};
@@ -58,8 +58,7 @@ pub fn column(size: &Size) -> ballast::Result<Check> {
         points.push([count as f64, f64::from(sweeps_needed(count)?)]);
     }
     let [a, b] = [points[1], points[points.len() - 1]];
-    let exponent = (b[1] / a[1]).ln() / (b[0] / a[0]).ln();
-    check.findings.push(Finding::near("exponent of sweeps over boxes", exponent, 2.0, 0.1));
+    check.findings.push(Finding::near("exponent of sweeps over boxes", exponent(a, b), 2.0, 0.1));
     let law = points.iter().map(|p| [p[0], a[1] * (p[0] / a[0]).powi(2)]).collect();
     let chart = Chart::new("Sweeps that a column needs", "boxes", "sweeps").log_x().log_y();
     let chart = chart.with("measured", points, Mark::Points).with("square", law, Mark::Expected);

@@ -1,6 +1,6 @@
 //! Heaps of ballast grains: column collapse, angle of repose, silo.
 
-use super::check::{Check, Finding};
+use super::check::{Check, Finding, exponent};
 use super::size::Size;
 use super::world::{D, FALL, World, hang, random};
 use crate::plot::{Chart, Mark};
@@ -33,7 +33,7 @@ fn grains(
 
 /// A column in a tube that is taken away.
 pub fn collapse(size: &Size) -> ballast::Result<Check> {
-    let radius = if size.quick { 3.0 * D } else { 5.0 * D };
+    let radius = if size.quick { 3.0 * D } else { 8.0 * D };
     let aspects: &[f64] = if size.quick { &[0.6, 1.2, 2.4] } else { &[0.5, 1.0, 1.5, 2.5, 4.0] };
     let mut check = Check::new(
         "column collapse",
@@ -44,7 +44,8 @@ pub fn collapse(size: &Size) -> ballast::Result<Check> {
         ),
         "Lube et al. 2004, J. Fluid Mech. 508, 175: r/r0 = 1 + 1.24 a for a < 1.7, 1 + 1.6 √a above",
     );
-    let law = |a: f64| if a < 1.7 { 1.0 + 1.24 * a } else { 1.0 + 1.6 * a.sqrt() };
+    const TALL: f64 = 1.7;
+    let law = |a: f64| if a < TALL { 1.0 + 1.24 * a } else { 1.0 + 1.6 * a.sqrt() };
     let mut points = Vec::new();
     for &aspect in aspects {
         // Loose ballast fills about half of the tube.
@@ -61,6 +62,17 @@ pub fn collapse(size: &Size) -> ballast::Result<Check> {
     let name = format!("coefficient (r/r0 − 1)/a at a = {:.2}", points[1][0]);
     let known = (law(points[1][0]) - 1.0) / points[1][0];
     check.findings.push(Finding::told(name, slope, format!("{known:.2}")));
+    if !size.quick {
+        let further: Vec<[f64; 2]> = points.iter().map(|[a, runout]| [*a, runout - 1.0]).collect();
+        let (low, tall): (Vec<_>, Vec<_>) = further.into_iter().partition(|p| p[0] < TALL);
+        for (points, which, known, tolerance) in
+            [(low, "below", 1.0, 0.15), (tall, "above", 0.5, 0.1)]
+        {
+            let found = exponent(points[0], points[points.len() - 1]);
+            let name = format!("exponent of r/r0 − 1 over a, {which} {TALL}");
+            check.findings.push(Finding::near(name, found, known, tolerance));
+        }
+    }
     let known = points.iter().map(|p| [p[0], law(p[0])]).collect();
     let chart = Chart::new("Runout of columns", "aspect ratio a = h0/r0", "r/r0")
         .with("measured", points, Mark::Points)
