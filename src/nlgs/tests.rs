@@ -116,6 +116,14 @@ fn contacts_between_grains_keep_momentum() {
     assert!((after.1 - before.1).norm() < 1e-7 * scale * 0.1, "{:?}", after.1 - before.1);
 }
 
+/// The blocks that carry an impulse.
+fn awake(set: &mut ContactSet) -> Chosen {
+    let mut chosen = Chosen::default();
+    set.wake();
+    set.choose_awake(&mut chosen);
+    chosen
+}
+
 #[test]
 fn every_arithmetic_gives_the_same_bits() {
     let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
@@ -126,9 +134,7 @@ fn every_arithmetic_gives_the_same_bits() {
             set.sweep(0.9);
         }
         let norms = set.measured_sweep(1.0);
-        set.wake();
-        let mut chosen = Chosen::default();
-        set.choose_awake(&mut chosen);
+        let chosen = awake(&mut set);
         // Some of these are outside of their cones.
         let moved: Vec<f64> = set.chosen_impulses(&chosen).map(|r| 1.5 * r - 1e-4).collect();
         set.replace_impulses(&chosen, &moved);
@@ -151,9 +157,7 @@ fn momentum_goes_on_as_its_definition_says() {
         let mut set = whole(&scene.problem);
         set.set_arithmetic(arithmetic);
         set.measured_sweep(1.0);
-        set.wake();
-        let mut chosen = Chosen::default();
-        set.choose_awake(&mut chosen);
+        let chosen = awake(&mut set);
         (set, chosen)
     };
     for arithmetic in Arithmetic::available() {
@@ -192,9 +196,7 @@ fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
     let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
     let mut set = whole(&scene.problem);
     set.sweep(1.0);
-    set.wake();
-    let mut chosen = Chosen::default();
-    set.choose_awake(&mut chosen);
+    let chosen = awake(&mut set);
     let impulses: Vec<f64> = set.chosen_impulses(&chosen).collect();
     let visits = |set: &mut ContactSet| {
         let before = set.visits();

@@ -266,18 +266,30 @@ unsafe fn replace_blocks<L: Lanes, B: Block>(
 ) {
     for (&i, wanted) in choice.iter().zip(impulses) {
         let block = &mut blocks[i as usize];
+        let wanted = each!(K in 3 => L::load(&wanted[K]));
         // SAFETY: the caller's.
-        let (held, _) = unsafe { block.read::<L>(lines) };
-        let friction = L::load32(&block.law().friction);
-        let r = visit::project(friction, &each!(K in 3 => L::load(&wanted[K])));
-        let delta = each!(K in 3 => r[K].sub(L::load(&block.impulse()[K])));
-        let (impulse, _) = block.outcome();
-        for k in 0..3 {
-            r[k].store(&mut impulse[k]);
-        }
-        // SAFETY: the caller's.
-        unsafe { block.push(held, &delta, lines) };
+        unsafe { replace(block, &wanted, lines) };
     }
+}
+
+/// Gives a block the impulses of its cones nearest to `wanted`, and the lines what the change causes; returns them.
+#[inline(always)]
+unsafe fn replace<L: Lanes, B: Block>(
+    block: &mut B,
+    wanted: &[L; 3],
+    lines: &mut [Line],
+) -> [L; 3] {
+    // SAFETY: the caller's.
+    let (held, _) = unsafe { block.read::<L>(lines) };
+    let r = visit::project(L::load32(&block.law().friction), wanted);
+    let delta = each!(K in 3 => r[K].sub(L::load(&block.impulse()[K])));
+    let (impulse, _) = block.outcome();
+    for k in 0..3 {
+        r[k].store(&mut impulse[k]);
+    }
+    // SAFETY: the caller's.
+    unsafe { block.push(held, &delta, lines) };
+    r
 }
 
 /// Goes on from the impulses that the chosen blocks have, block after block (T-37).
@@ -316,22 +328,15 @@ unsafe fn go_on<L: Lanes, B: Block>(
         let next = blocks.as_ptr().wrapping_add(choice.block(k + AHEAD));
         prefetch_at(next.cast(), size_of::<B>());
         let block = &mut blocks[i as usize];
-        // SAFETY: the caller's.
-        let (held, _) = unsafe { block.read::<L>(lines) };
-        let friction = L::load32(&block.law().friction);
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let change = each!(K in 3 => r[K].sub(L::load(&course.before[K])));
         let further = each!(K in 3 => share.mul(L::load(&course.direction[K])));
-        let on = visit::project(friction, &each!(K in 3 => r[K].add(further[K])));
-        let delta = each!(K in 3 => on[K].sub(r[K]));
-        let (impulse, _) = block.outcome();
+        // SAFETY: the caller's.
+        let on = unsafe { replace(block, &each!(K in 3 => r[K].add(further[K])), lines) };
         for k in 0..3 {
-            on[k].store(&mut impulse[k]);
             on[k].store(&mut course.before[k]);
             further[k].add(change[k]).store(&mut course.direction[k]);
         }
-        // SAFETY: the caller's.
-        unsafe { block.push(held, &delta, lines) };
     }
 }
 
