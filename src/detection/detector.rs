@@ -140,32 +140,46 @@ impl<F: Fn([usize; 2]) -> bool> Search<'_, F> {
         out.scratch.points.clear();
         out.bodies.clear();
         let first = self.starts[grains.start];
-        for i in grains {
-            let pairs = self.starts[i]..self.starts[i + 1];
-            let antagonists = &self.antagonists[pairs.clone()];
-            let memory = &mut memory[pairs.start - first..pairs.end - first];
-            let of_grains =
-                antagonists.partition_point(|j| (*j as usize) < self.model.grains.len());
-            for (k, j) in antagonists[..of_grains].iter().enumerate() {
-                if let Some(next) = antagonists[..of_grains].get(k + AHEAD) {
+        let all = &self.antagonists[first..first + memory.len()];
+        for i in grains.clone() {
+            if i + 1 < grains.end {
+                self.expect_grain(i + 1);
+            }
+            let pairs = self.starts[i] - first..self.starts[i + 1] - first;
+            let of_grains = all[pairs.clone()].partition_point(|j| self.is_grain(*j));
+            let parts = pairs.start + of_grains;
+            for k in pairs.start..parts {
+                if let Some(next) = all.get(k + AHEAD).filter(|j| self.is_grain(**j)) {
                     self.expect(*next, &memory[k + AHEAD]);
                 }
-                let b = || self.grain(*j as usize);
-                if self.touch([i, *j as usize], b, &mut memory[k], &mut out.scratch) {
-                    out.note([i as u32, *j], 0);
+                let j = all[k];
+                let b = || self.grain(j as usize);
+                if self.touch([i, j as usize], b, &mut memory[k], &mut out.scratch) {
+                    out.note([i as u32, j], 0);
                 }
             }
-            self.parts_of(i, &antagonists[of_grains..], &mut memory[of_grains..], out);
+            self.parts_of(i, &all[parts..pairs.end], &mut memory[parts..pairs.end], out);
         }
+    }
+
+    fn is_grain(&self, body: u32) -> bool {
+        (body as usize) < self.model.grains.len()
     }
 
     /// Brings to the cache what a pair with grain `j` will read if it touches.
     fn expect(&self, j: u32, memory: &PairMemory) {
         if memory.expect() {
-            let shape = &self.model.shapes[self.model.grains.shape[j as usize] as usize];
-            lanes::prefetch(&*shape.vertices);
-            lanes::prefetch(&*shape.face_normals);
+            self.expect_grain(j as usize);
         }
+    }
+
+    /// Brings a grain's shape to the cache.
+    fn expect_grain(&self, i: usize) {
+        let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
+        lanes::prefetch(&*shape.vertices);
+        lanes::prefetch(&*shape.face_normals);
+        lanes::prefetch(&*shape.face_offsets);
+        lanes::prefetch(&*shape.edges);
     }
 
     /// Contacts of grain `i` with all parts: the convex ones that are listed, and all half-spaces.
