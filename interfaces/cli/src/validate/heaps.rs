@@ -1,15 +1,14 @@
-//! Heaps of ballast grains: column collapse, angle of repose, silo.
+//! Heaps of ballast grains: angle of repose, silo.
 
-use super::check::{Check, Finding, exponent};
+use super::check::{Check, Finding};
 use super::size::Size;
 use super::world::{D, FALL, World, hang, random};
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{GrainShape, random_grain};
 use ballast::math::{Pose, Vec3};
-use std::f64::consts::TAU;
 
 /// The stones of the checks.
-fn stones() -> GrainShape {
+pub fn stones() -> GrainShape {
     GrainShape { vertices: [8, 20], ..GrainShape::default() }
 }
 
@@ -29,92 +28,6 @@ fn grains(
     }
     hang(&mut world, &mut rng, &shapes, count, [x, y], inside);
     Ok(world)
-}
-
-/// A column in a tube that is taken away.
-pub fn collapse(size: &Size) -> ballast::Result<Check> {
-    let radius = if size.quick { 3.0 * D } else { 8.0 * D };
-    let aspects: &[f64] = if size.quick { &[0.6, 1.2, 2.4] } else { &[0.5, 1.0, 1.5, 2.5, 4.0] };
-    let mut check = Check::new(
-        "column collapse",
-        format!(
-            "Ballast grains, d = {D} m, μ = 0.6, poured into a tube of radius {} d that vanishes; radius within which \
-             97 % of the grains end.",
-            radius / D
-        ),
-        "Lube et al. 2004, J. Fluid Mech. 508, 175: r/r0 = 1 + 1.24 a for a < 1.7, 1 + 1.6 √a above",
-    );
-    const TALL: f64 = 1.7;
-    let law = |a: f64| if a < TALL { 1.0 + 1.24 * a } else { 1.0 + 1.6 * a.sqrt() };
-    let mut points = Vec::new();
-    for &aspect in aspects {
-        // Loose ballast fills about half of the tube.
-        let volume = 0.5 * TAU * radius.powi(3) * aspect;
-        let count = (0.5 * volume / (D.powi(3) * TAU / 12.0)).round() as usize;
-        let [aspect, runout] = fall_apart(radius, count)?;
-        let name = format!("r/r0 at a = {aspect:.2}");
-        check.findings.push(Finding::told(name, runout, format!("{:.2}", law(aspect))));
-        points.push([aspect, runout]);
-    }
-    let rises = points.windows(2).all(|p| p[1][1] > p[0][1]);
-    let slope = (points[1][1] - 1.0) / points[1][0];
-    check.findings.push(Finding::trend("runout rises with the aspect ratio", rises));
-    let name = format!("coefficient (r/r0 − 1)/a at a = {:.2}", points[1][0]);
-    let known = (law(points[1][0]) - 1.0) / points[1][0];
-    check.findings.push(Finding::told(name, slope, format!("{known:.2}")));
-    if !size.quick {
-        let further: Vec<[f64; 2]> = points.iter().map(|[a, runout]| [*a, runout - 1.0]).collect();
-        let (low, tall): (Vec<_>, Vec<_>) = further.into_iter().partition(|p| p[0] < TALL);
-        for (points, which, known, tolerance) in
-            [(low, "below", 1.0, 0.15), (tall, "above", 0.5, 0.1)]
-        {
-            let found = exponent(points[0], points[points.len() - 1]);
-            let name = format!("exponent of r/r0 − 1 over a, {which} {TALL}");
-            check.findings.push(Finding::near(name, found, known, tolerance));
-        }
-    }
-    let known = points.iter().map(|p| [p[0], law(p[0])]).collect();
-    let chart = Chart::new("Runout of columns", "aspect ratio a = h0/r0", "r/r0")
-        .with("measured", points, Mark::Points)
-        .with("Lube et al. 2004", known, Mark::Expected);
-    check.charts.push(chart.svg());
-    check.remark = "The law is for R/d > 20; columns this narrow show the trend.".into();
-    Ok(check)
-}
-
-/// Aspect ratio before and runout after, for a column of `count` grains.
-fn fall_apart(radius: f64, count: usize) -> ballast::Result<[f64; 2]> {
-    let middle = [radius, radius];
-    // Far enough from the sides that no corner sticks out.
-    let inside = |x: f64, y: f64| (x - middle[0]).hypot(y - middle[1]) < 0.97 * radius - 0.75 * D;
-    let mut world = grains(&stones(), count, 0.6, [2.0 * radius; 2], inside)?;
-    world.wall("floor", Vec3::zeros(), Vec3::z(), 0.6);
-    const SIDES: usize = 16;
-    for k in 0..SIDES {
-        let angle = TAU * k as f64 / SIDES as f64;
-        let out = Vec3::new(angle.cos(), angle.sin(), 0.0);
-        let at = Vec3::new(middle[0], middle[1], 0.0) + out * radius;
-        world.wall(&format!("side {k}"), at, -out, 0.2);
-    }
-    world.settle(FALL, 2e-3)?;
-    // An even column is twice as high as its centre of mass.
-    let aspect = 2.0 * world.height() / radius;
-    let before = extent(&world, middle);
-    world.without_walls();
-    world.wall("floor", Vec3::zeros(), Vec3::z(), 0.6);
-    world.run(1.2)?;
-    Ok([aspect, extent(&world, middle) / before])
-}
-
-/// Radius within which 97 % of the grains' centres are, m.
-fn extent(world: &World, middle: [f64; 2]) -> f64 {
-    let n = world.model.grains.len();
-    let mut radii: Vec<f64> = world.state.position[..n]
-        .iter()
-        .map(|p| (p.x - middle[0]).hypot(p.y - middle[1]))
-        .collect();
-    radii.sort_by(f64::total_cmp);
-    radii[(0.97 * (n - 1) as f64) as usize] + 0.5 * D
 }
 
 /// Speed of the wall that is drawn away, m/s: at five times as much the heap of 700 slides, and ends 3° flatter.

@@ -4,6 +4,7 @@
 //! is told as failed. Everything but times is the same in every run.
 
 mod check;
+mod collapse;
 mod cycle;
 mod dice;
 mod exact;
@@ -32,7 +33,7 @@ const SIMPLE: [(&str, Simple); 7] = [
     ("column", exact::column),
     ("arch", exact::arch),
     ("dice", dice::dice),
-    ("collapse", heaps::collapse),
+    ("collapse", collapse::collapse),
     ("repose", heaps::repose),
     ("silo", heaps::silo),
 ];
