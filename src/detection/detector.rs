@@ -1,6 +1,6 @@
 //! Detection of a step: pair list, then contact points of each pair, in parallel over fixed chunks.
 //!
-//! Reads: model, motion, reach. Writes: [`Contacts`]. Cost: three to five microseconds per grain
+//! Reads: model, motion, reach. Writes: [`Contacts`]. Cost: two to four microseconds per grain
 //! of a settled bed that creeps.
 //! Contract: contacts are a function of model, motion and reach; neither earlier steps nor the number of
 //! threads change a bit.
