@@ -5,77 +5,98 @@ use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::any::Any;
 use std::cell::OnceCell;
+use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How often the calling thread looks for Ctrl-C and tells how far the work is.
 const EVERY: Duration = Duration::from_millis(100);
 
 thread_local! {
-    /// Makes a thread of Python's the one worker of a pool: what the core does in parallel stays on it. rayon
-    /// does not give back the few kilobytes that this takes.
-    static ALONE: OnceCell<ThreadPool> = const { OnceCell::new() };
+    /// Makes a thread of Python's the first worker of a pool: work that it begins there need not wait until another
+    /// thread wakes up, nor the thread until work elsewhere has woken it. rayon does not give back the few kilobytes
+    /// that this takes.
+    static OWN: OnceCell<ThreadPool> = const { OnceCell::new() };
 }
 
 /// The threads that do long work.
 #[derive(Clone)]
-pub enum Crew {
-    /// The calling one: a short window need not wait until another wakes up.
-    Caller,
-    /// Others; the calling one waits and listens.
-    Workers(Arc<ThreadPool>),
+pub struct Crew {
+    threads: usize,
+    /// Without the calling thread, which listens.
+    is_apart: bool,
+    /// Those that work where the calling thread cannot be one of them, once they are needed.
+    others: Arc<OnceLock<ThreadPool>>,
 }
 
 impl Crew {
-    /// `threads` of them; one per processor unless told.
+    /// `threads` of them, the calling one included; one per processor unless told.
     pub fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
-        if threads == Some(1) { Ok(Self::Caller) } else { Self::workers(py, threads) }
+        let threads = match threads {
+            Some(threads) => threads,
+            None => std::thread::available_parallelism().map_err(|e| no_threads(py, &e))?.get(),
+        };
+        let crew = Self { threads, is_apart: false, others: Arc::default() };
+        crew.workers().map_err(|e| no_threads(py, &e))?;
+        Ok(crew)
     }
 
-    /// The same, beside the calling one.
-    pub fn workers(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
-        let pool = ThreadPoolBuilder::new()
-            .num_threads(threads.unwrap_or(0))
-            .thread_name(|i| format!("ballast-{i}"))
-            .build();
-        pool.map(|pool| Self::Workers(Arc::new(pool))).map_err(|e| no_threads(py, &e))
+    /// One beside the calling thread.
+    pub fn apart() -> Self {
+        Self { threads: 1, is_apart: true, others: Arc::default() }
     }
 
     /// How many they are.
     pub fn threads(&self) -> usize {
-        match self {
-            Self::Caller => 1,
-            Self::Workers(pool) => pool.current_num_threads(),
-        }
+        self.threads
     }
 
     /// Runs short work to its end.
     pub fn run<R: Send>(&self, py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
-        let done = py.detach(|| match self {
-            Self::Caller => alone(work),
-            Self::Workers(pool) => Ok(pool.install(work)),
+        let done: Result<R, ThreadPoolBuildError> = py.detach(|| {
+            Ok(match self.workers()? {
+                None => work(),
+                Some(others) => others.install(work),
+            })
         });
         done.map_err(|e| no_threads(py, &e))
     }
-}
 
-fn no_threads(py: Python<'_>, error: &ThreadPoolBuildError) -> PyErr {
-    errors::error::<errors::Error>(py, "threads", error)
-}
-
-/// Runs `work` on the calling thread, and on no other.
-fn alone<R>(work: impl FnOnce() -> R) -> Result<R, ThreadPoolBuildError> {
-    ALONE.with(|alone| {
-        if alone.get().is_none() {
-            let pool = ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()?;
-            alone.get_or_init(|| pool);
+    /// The pool that works; none if the calling thread is one of the crew.
+    fn workers(&self) -> Result<Option<&ThreadPool>, ThreadPoolBuildError> {
+        if !self.is_apart && self.is_own()? {
+            return Ok(None);
         }
-        Ok(())
-    })?;
-    Ok(work())
+        if self.others.get().is_none() {
+            let pool = pool(self.threads).build()?;
+            // Another thread may have been faster; then this one's go home.
+            let _ = self.others.set(pool);
+        }
+        Ok(self.others.get())
+    }
+
+    /// Whether the calling thread belongs to a pool of as many threads; it joins one if it is free, for good.
+    fn is_own(&self) -> Result<bool, ThreadPoolBuildError> {
+        OWN.with(|own| {
+            // A worker of another pool calls back into Python.
+            if own.get().is_none() && rayon::current_thread_index().is_none() {
+                let pool = pool(self.threads).use_current_thread().build()?;
+                own.get_or_init(|| pool);
+            }
+            Ok(own.get().is_some_and(|own| own.current_num_threads() == self.threads))
+        })
+    }
+}
+
+fn pool(threads: usize) -> ThreadPoolBuilder {
+    ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("ballast-{i}"))
+}
+
+fn no_threads(py: Python<'_>, error: &dyn Display) -> PyErr {
+    errors::error::<errors::Error>(py, "threads", error)
 }
 
 /// What the work and the calling thread tell each other.
@@ -88,7 +109,7 @@ pub struct Turn<'a> {
     /// Ctrl-C, or an exception of `progress`.
     raised: Mutex<Option<PyErr>>,
     /// When the work listened last, if it runs on the calling thread.
-    listened: Option<Mutex<Instant>>,
+    listened: Mutex<Option<Instant>>,
 }
 
 impl Turn<'_> {
@@ -99,12 +120,11 @@ impl Turn<'_> {
 
     /// Whether the work is to end at the next sound point.
     pub fn is_over(&self) -> bool {
-        if let Some(listened) = &self.listened {
-            let mut listened = sound(listened);
-            if listened.elapsed() >= EVERY {
-                self.listen();
-                *listened = Instant::now();
-            }
+        if let Some(last) = sound(&self.listened).as_mut()
+            && last.elapsed() >= EVERY
+        {
+            self.listen();
+            *last = Instant::now();
         }
         self.is_over.load(Ordering::Relaxed)
     }
@@ -156,8 +176,7 @@ pub fn compute<R: Send>(
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Turn) -> R + Send,
 ) -> PyResult<(R, Option<PyErr>)> {
-    let listened = matches!(crew, Crew::Caller).then(|| Mutex::new(Instant::now()));
-    attend(py, crew, &Turn { progress, listened, ..Turn::default() }, work)
+    attend(py, crew, &Turn { progress, ..Turn::default() }, work)
 }
 
 /// The same, in a given turn.
@@ -171,9 +190,14 @@ pub fn attend<R: Send>(
     work: impl FnOnce(&Turn) -> R + Send,
 ) -> PyResult<(R, Option<PyErr>)> {
     let guarded = || catch_unwind(AssertUnwindSafe(|| work(turn)));
-    let result = py.detach(|| match crew {
-        Crew::Caller => alone(guarded),
-        Crew::Workers(pool) => Ok(listening(pool, turn, guarded)),
+    let result: Result<_, ThreadPoolBuildError> = py.detach(|| {
+        Ok(match crew.workers()? {
+            None => {
+                *sound(&turn.listened) = Some(Instant::now());
+                guarded()
+            }
+            Some(others) => listening(others, turn, guarded),
+        })
     });
     match result.map_err(|e| no_threads(py, &e))? {
         Ok(result) => Ok((result, sound(&turn.raised).take())),

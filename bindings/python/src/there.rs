@@ -59,7 +59,7 @@ impl Drop for Kept {
 impl There {
     /// Becomes the owner of the component `site/id`.
     pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
-        let crew = Crew::workers(py, Some(1))?;
+        let crew = Crew::apart();
         let attached = py.detach(|| {
             let client = Client::attach(name, &link, "python", None, Patience::default())?;
             let about = client.describe()?;

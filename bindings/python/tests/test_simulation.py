@@ -172,6 +172,22 @@ def test_ten_simulations_in_ten_threads(case: ballast.Case, beds: Path) -> None:
         assert set(pool.map(run, range(10))) == {alone}
 
 
+def test_whoever_steps_gets_the_same(case: ballast.Case, beds: Path) -> None:
+    """A thread belongs to one pool: with two threads it is one of them, beside three it waits for others."""
+
+    def run(stepping: list[ThreadPoolExecutor], threads: int) -> str:
+        opened = stepping[0].submit(ballast.open, case, beds=beds, threads=threads, progress=False)
+        with opened.result() as sim:
+            assert sim.threads == threads
+            for thread in stepping:
+                end = thread.submit(end_of, sim).result()
+        return end
+
+    with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(1) as other:
+        alone = run([one, one, one], 2)
+        assert [run([one, other, one], threads) for threads in (2, 3, 1)] == [alone] * 3
+
+
 def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> None:
     thread = threading.Thread(target=advance, args=(sim, 200))
     thread.start()
@@ -281,6 +297,20 @@ def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
     sim.restore(interrupted)
     advance(sim)
     assert sim.save().hash == after
+
+
+def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds: Path) -> None:
+    case.write(beds / "case.toml")
+    code = (
+        "import sys, ballast; from test_simulation import interrupted_window\n"
+        "with ballast.open(sys.argv[1], beds=sys.argv[2], threads=2, progress=False) as sim:\n"
+        "    interrupted_window(sim)\n"
+        "    print(sim.now_ns)"
+    )
+    again = [sys.executable, "-c", code, str(beds / "case.toml"), str(beds)]
+    done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 0
 
 
 def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:
