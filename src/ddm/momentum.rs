@@ -31,6 +31,11 @@ impl Memory {
         self.weights.extend(contacts.weights());
     }
 
+    /// Takes note of how far the sweeps have come since the last point.
+    pub fn measure(&mut self, contacts: &ContactSet) {
+        self.change_squared = contacts.change_squared(&self.chosen, &self.courses);
+    }
+
     /// Without momentum, from the present impulses.
     fn begin(&mut self, contacts: &ContactSet) {
         contacts.choose_awake(&mut self.chosen);
@@ -51,39 +56,35 @@ impl Momentum {
         Self { began: None, last: f64::INFINITY }
     }
 
-    /// Goes on to a further point after iteration `done`, if it is time for one. It begins with the first `test`,
+    /// Whether iteration `done` ends at a point: its sets are to be measured after their sweeps.
+    pub fn is_point(&self, done: u32) -> bool {
+        self.began.is_some_and(|began| (done - began).is_multiple_of(PERIOD))
+    }
+
+    /// Goes on to a further point after iteration `done`, if it has ended at one. It begins with the first `test`,
     /// which says what carries.
     pub fn go_on(&mut self, decomposition: &mut Decomposition, done: u32, test: bool) {
-        let Some(began) = self.began else {
-            if test {
-                self.began = Some(done);
-                decomposition.on_sets(|set| {
-                    set.momentum.prepare(&set.contacts);
-                    set.momentum.begin(&set.contacts);
-                });
-            }
-            return;
-        };
-        if !(done - began).is_multiple_of(PERIOD) {
-            return;
-        }
-        decomposition.on_sets(|set| {
-            let memory = &mut set.momentum;
-            memory.change_squared = set.contacts.change_squared(&memory.chosen, &memory.courses);
-        });
-        let sets = 0..decomposition.sets();
-        let change: f64 =
-            sets.map(|s| decomposition.with_set(s, |set| set.momentum.change_squared)).sum();
-        let growth = change / std::mem::replace(&mut self.last, change);
-        // Not a number where nothing changes any more.
-        if growth <= BOUND {
-            let share = growth.min(1.0);
-            decomposition.on_sets_in_turn(|set| {
-                let Memory { chosen, courses, .. } = &mut set.momentum;
-                set.contacts.go_on(chosen, courses, share);
+        if self.began.is_none() && test {
+            self.began = Some(done);
+            decomposition.on_sets(|set| {
+                set.momentum.prepare(&set.contacts);
+                set.momentum.begin(&set.contacts);
             });
-        } else {
-            decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
+        } else if self.is_point(done) {
+            let sets = 0..decomposition.sets();
+            let change: f64 =
+                sets.map(|s| decomposition.with_set(s, |set| set.momentum.change_squared)).sum();
+            let growth = change / std::mem::replace(&mut self.last, change);
+            // Not a number where nothing changes any more.
+            if growth <= BOUND {
+                let share = growth.min(1.0);
+                decomposition.on_sets_in_turn(|set| {
+                    let Memory { chosen, courses, .. } = &mut set.momentum;
+                    set.contacts.go_on(chosen, courses, share);
+                });
+            } else {
+                decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
+            }
         }
     }
 }

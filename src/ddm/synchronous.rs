@@ -4,6 +4,7 @@
 //! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated.
 
 use super::acceleration::Acceleration;
+use super::decomposition::Set;
 use super::momentum::Momentum;
 use super::{Decomposition, Outcome, Softening, is_solved, is_test};
 use crate::model::{Norm, Solver};
@@ -19,9 +20,15 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
         let closing = solver.iterations - done <= solver.check_every.max(1);
         let relaxation =
             acceleration.as_ref().map_or(softening.relaxation, Acceleration::relaxation);
-        decomposition
-            .on_subdomains(|set| set.sweeps(solver.subdomain_sweeps, relaxation, measured));
-        decomposition.on_interface(|set| set.sweeps(solver.interface_sweeps, relaxation, measured));
+        let is_point = momentum.as_ref().is_some_and(|momentum| momentum.is_point(done));
+        let visit = |set: &mut Set, sweeps| {
+            set.sweeps(sweeps, relaxation, measured);
+            if is_point {
+                set.momentum.measure(&set.contacts);
+            }
+        };
+        decomposition.on_subdomains(|set| visit(set, solver.subdomain_sweeps));
+        decomposition.on_interface(|set| visit(set, solver.interface_sweeps));
         outcome.iterations = done;
         if measured {
             outcome.residuals = decomposition.visit_norms().residuals();
