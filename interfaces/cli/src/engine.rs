@@ -184,11 +184,9 @@ pub fn machine_step(
     workspace: &mut Workspace,
     watch: &mut Profile,
 ) -> Outcome<StepReport> {
-    let failed = |e: ballast::Error| Failure::Failed(e.to_string());
     cycle.targets(model, state, targets);
-    speed_limit.check(model, state, targets).map_err(failed)?;
-    let report =
-        step(model, state, &Inputs { targets, loads: &[] }, workspace, watch).map_err(failed)?;
+    speed_limit.check(model, state, targets)?;
+    let report = step(model, state, &Inputs { targets, loads: &[] }, workspace, watch)?;
     let mut memory = std::mem::take(&mut state.drive);
     cycle.observe(model, &report, state, &mut memory);
     state.drive = memory;

@@ -75,6 +75,12 @@ impl Failure {
     }
 }
 
+impl From<ballast::Error> for Failure {
+    fn from(error: ballast::Error) -> Self {
+        Failure::Failed(error.to_string())
+    }
+}
+
 impl From<ballast_hdf5::Error> for Failure {
     fn from(error: ballast_hdf5::Error) -> Self {
         match error {

@@ -127,8 +127,7 @@ impl Recorder {
         self.zones
             .iter()
             .map(|zone| Ok(observe::compactness(model, state, zone)?.compactness))
-            .collect::<ballast::Result<_>>()
-            .map_err(|e| Failure::Failed(e.to_string()))
+            .collect()
     }
 }
 

@@ -139,7 +139,7 @@ impl Plan {
         let solver = Rule::fixed(Some(self.iterations), solver);
         let solver = Solver { schedule: Schedule::Synchronous, recovery: self.recovery, ..solver };
         let model = Model { stepping, solver, ..scene.model.clone() };
-        model.check().map_err(|e| Failure::Failed(e.to_string()))?;
+        model.check()?;
         let (mut state, mut workspace) = (scene.state.clone(), Workspace::default());
         let mut profile = Profile::start();
         for done in 1..=self.steps {

@@ -74,7 +74,7 @@ fn predicted(scene: &Scene) -> Outcome<Motion> {
     let inputs = Inputs { targets: &targets, loads: &[] };
     let mut motion = Motion::default();
     let predicted = motion.predict(&scene.model, &scene.state, &inputs);
-    predicted.map_err(|e| Failure::Failed(e.to_string()))?;
+    predicted?;
     Ok(motion)
 }
 

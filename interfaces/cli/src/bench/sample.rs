@@ -98,8 +98,7 @@ fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile
     for _ in 0..steps {
         profile.output();
         let inputs = Inputs { targets: &still, loads: &[] };
-        let report = step(model, state, &inputs, &mut workspace, profile)
-            .map_err(|e| Failure::Failed(e.to_string()))?;
+        let report = step(model, state, &inputs, &mut workspace, profile)?;
         trial.take(report);
     }
     Ok(())

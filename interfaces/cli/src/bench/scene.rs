@@ -121,8 +121,7 @@ impl Mover {
             }
             Mover::Nobody(still) => {
                 let inputs = Inputs { targets: still, loads: &[] };
-                step(model, state, &inputs, workspace, watch)
-                    .map_err(|e| Failure::Failed(e.to_string()))
+                Ok(step(model, state, &inputs, workspace, watch)?)
             }
         }
     }

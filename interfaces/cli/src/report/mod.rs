@@ -11,7 +11,7 @@ mod squeezes;
 
 pub use source::Source;
 
-use crate::exit::{Failure, Outcome};
+use crate::exit::Outcome;
 use crate::plot::{Chart, Legend, Mark, Page};
 use crate::record::Column;
 use crate::summary_text;
@@ -28,8 +28,7 @@ use squeezes::squeezes;
 pub fn page(source: &Source) -> Outcome<Page> {
     let plan = &source.case.plan;
     let followed = &source.summary.setting().followed;
-    let squeezes = squeezes(plan, &source.model, followed, &source.rows)
-        .map_err(|e| Failure::Failed(e.to_string()))?;
+    let squeezes = squeezes(plan, &source.model, followed, &source.rows)?;
     let mut page = Page::new(&format!("Tamping of {}", plan.name));
     introduction(source, &mut page);
     pictures(source, &mut page);

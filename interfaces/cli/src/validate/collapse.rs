@@ -1,13 +1,14 @@
 //! Columns of ballast grains that collapse.
 
 use super::check::{Check, Finding, exponent};
-use super::heaps::stones;
+use super::heaps::{grains, stones};
 use super::size::Size;
-use super::world::{D, FALL, GRAVITY, World, random};
+use super::world::{D, FALL, GRAVITY, World};
+use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
-use ballast::geometry::{random_grain, random_rotation};
-use ballast::math::{Pose, Vec3};
+use ballast::math::Vec3;
 use rand::RngExt;
+use rand_pcg::Pcg64;
 use std::f64::consts::PI;
 
 /// Of grains and floor.
@@ -16,6 +17,8 @@ const FRICTION: f64 = 0.6;
 const LOOSE: f64 = 0.5;
 /// Solid fraction of the suspension that grains sink from.
 const SUSPENDED: f64 = 0.35;
+/// Places that a grain is hung at the lowest of: the fewer, the higher the pile of the spheres.
+const PLACES: usize = 10;
 /// Aspect ratio between low and tall columns.
 const TALL: f64 = 1.7;
 
@@ -68,46 +71,20 @@ impl Sector {
         }
     }
 
-    /// Hangs grains above each other, turned at random, each at the lowest of some places.
-    fn hang(&self, world: &mut World, count: usize) -> ballast::Result<()> {
-        const PLACES: usize = 10;
-        let mut rng = random(11);
-        let mut shapes = vec![];
-        let mut reach = 0.0_f64;
-        for _ in 0..12 {
-            let grain = random_grain(&mut rng, &stones(), D)?;
-            reach = reach.max(grain.radius);
-            shapes.push(world.shape(grain));
-        }
-        let apart = 2.02 * reach;
-        for k in 0..count {
-            let mut lowest = Vec3::repeat(f64::INFINITY);
-            let mut tried = 0;
-            while tried < PLACES {
-                let [along, across] = [rng.random::<f64>(), rng.random::<f64>()];
-                let at = Vec3::new(along, across * self.angle.sin(), 0.0) * self.radius;
-                if !self.holds(&at, reach) {
-                    continue;
-                }
-                tried += 1;
-                let over = |p: &Vec3| {
-                    let square = apart * apart - (p.xy() - at.xy()).norm_squared();
-                    if square > 0.0 { p.z + square.sqrt() } else { 0.0 }
-                };
-                let z = world.state.position.iter().map(over).fold(1.05 * reach, f64::max);
-                if z < lowest.z {
-                    lowest = Vec3::new(at.x, at.y, z);
-                }
+    /// Any place in it for a sphere of a radius (m).
+    fn place(&self, rng: &mut Pcg64, reach: f64) -> [f64; 2] {
+        loop {
+            let [along, across] = [rng.random::<f64>(), rng.random::<f64>()];
+            let at = Vec3::new(along, across * self.angle.sin(), 0.0) * self.radius;
+            if self.holds(&at, reach) {
+                return [at.x, at.y];
             }
-            let orientation = random_rotation(&mut rng);
-            world.grain(shapes[k % shapes.len()], Pose { position: lowest, orientation });
         }
-        Ok(())
     }
 }
 
 /// A column in a tube that is taken away.
-pub fn collapse(size: &Size) -> ballast::Result<Check> {
+pub fn collapse(size: &Size) -> Outcome<Check> {
     let (radius, degrees, aspects): (_, f64, &[f64]) = if size.quick {
         (5.0, 90.0, &[0.6, 1.2, 2.4])
     } else {
@@ -159,9 +136,9 @@ pub fn collapse(size: &Size) -> ballast::Result<Check> {
 }
 
 /// Aspect ratio before and runout after, for a column of about this aspect ratio.
-fn fall_apart(sector: &Sector, aspect: f64) -> ballast::Result<[f64; 2]> {
-    let mut world = World::new(2_000_000, FRICTION, 0.05 * D).pouring(80);
-    sector.hang(&mut world, sector.count(aspect))?;
+fn fall_apart(sector: &Sector, aspect: f64) -> Outcome<[f64; 2]> {
+    let place = |rng: &mut Pcg64, reach: f64| sector.place(rng, reach);
+    let mut world = grains(&stones(), sector.count(aspect), FRICTION, PLACES, place)?;
     sector.frame(&mut world);
     for (k, out) in sector.tube().into_iter().enumerate() {
         world.wall(&format!("tube {k}"), out * sector.radius, -out, 0.2);

@@ -61,7 +61,7 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
             Ok(observe::compactness(engine.model(), engine.state(), &zone)?.compactness)
         });
         let measured: ballast::Result<Vec<f64>> = measured.collect();
-        summary.take_zones(&measured.map_err(|e| Failure::Failed(e.to_string()))?);
+        summary.take_zones(&measured?);
         Ok(())
     };
     observe(&engine, &mut summary)?;

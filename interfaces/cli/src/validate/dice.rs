@@ -2,7 +2,8 @@
 
 use super::check::{Check, Finding};
 use super::size::Size;
-use super::world::{D, GRAVITY, World, hang, random};
+use super::world::{D, GRAVITY, World, hang, in_box, random};
+use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::Vec3;
@@ -53,7 +54,7 @@ struct Packing {
 
 /// Dice of a fluidised bed sink in a box; the solid fraction is that of the middle, away from walls, floor and
 /// surface.
-pub fn dice(size: &Size) -> ballast::Result<Check> {
+pub fn dice(size: &Size) -> Outcome<Check> {
     let sample = if size.quick {
         Sample { count: 250, across: 6.0, margin: 1.5, seeds: 1, solved: (60, 1e-3) }
     } else {
@@ -129,7 +130,7 @@ fn spread(found: &[Packing]) -> f64 {
 }
 
 /// The solid of nominal diameter [`D`].
-fn solid(number: usize) -> ballast::Result<Polyhedron> {
+fn solid(number: usize) -> Outcome<Polyhedron> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let signs = [-1.0, 1.0];
     let mut points: Vec<Vec3> = vec![];
@@ -157,7 +158,7 @@ fn solid(number: usize) -> ballast::Result<Polyhedron> {
 }
 
 /// The hull of points, of nominal diameter [`D`].
-fn die(points: &[Vec3]) -> ballast::Result<Polyhedron> {
+fn die(points: &[Vec3]) -> Outcome<Polyhedron> {
     let (rough, _) = convex_hull(points)?;
     let scale = D / rough.nominal_diameter();
     let points: Vec<Vec3> = points.iter().map(|p| p * scale).collect();
@@ -166,7 +167,7 @@ fn die(points: &[Vec3]) -> ballast::Result<Polyhedron> {
 
 /// The solid with fillets of a radius (m) at edges and corners, each as flat as a cut from where one face turns round
 /// to where the next does; of the same volume.
-fn filleted(sharp: &Polyhedron, radius: f64) -> ballast::Result<Polyhedron> {
+fn filleted(sharp: &Polyhedron, radius: f64) -> Outcome<Polyhedron> {
     let mut points = vec![];
     let faces = sharp.face_normals.iter().zip(&sharp.face_offsets);
     for ((normal, inradius), range) in faces.zip(sharp.face_starts.windows(2)) {
@@ -181,11 +182,11 @@ fn filleted(sharp: &Polyhedron, radius: f64) -> ballast::Result<Polyhedron> {
 }
 
 /// Packings of one solid, by seed.
-fn packings(die: &Polyhedron, sample: &Sample, number: u64) -> ballast::Result<Vec<Packing>> {
+fn packings(die: &Polyhedron, sample: &Sample, number: u64) -> Outcome<Vec<Packing>> {
     (0..sample.seeds).map(|seed| packing(die, sample, 10 * seed + number)).collect()
 }
 
-fn packing(die: &Polyhedron, sample: &Sample, seed: u64) -> ballast::Result<Packing> {
+fn packing(die: &Polyhedron, sample: &Sample, seed: u64) -> Outcome<Packing> {
     let (count, edge) = (sample.count, sample.across * D);
     let mut world = World::new(4_000_000, FRICTION, 0.05 * D).pouring(sample.solved.0);
     world.model.solver.tolerance = Some(sample.solved.1);
@@ -193,12 +194,12 @@ fn packing(die: &Polyhedron, sample: &Sample, seed: u64) -> ballast::Result<Pack
     let recovery = Recovery { share: 0.2, allowed: 5e-4 * D, iterations: 20 };
     world.model.solver.recovery = Some(recovery);
     let shape = world.shape(die.clone());
-    hang(&mut world, &mut random(seed), &[shape], count, [edge; 2], |_, _| true);
+    hang(&mut world, &mut random(seed), &[shape], count, 1, in_box([edge; 2]));
     world.container([edge; 2], FRICTION, FRICTION);
     world.suspend(edge * edge, FLUIDISED)?;
     world.sink(SINKING * (GRAVITY * D).sqrt())?;
     let top = world.top();
-    let fraction = |margin: f64, floor: f64| -> ballast::Result<f64> {
+    let fraction = |margin: f64, floor: f64| -> Outcome<f64> {
         let high = Vec3::new(edge - margin, edge - margin, top - 2.0 * D);
         let zone = Zone::new("middle", Vec3::new(margin, margin, floor), high)?;
         Ok(observe::compactness(&world.model, &world.state, &zone)?.compactness)

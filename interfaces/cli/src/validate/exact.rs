@@ -3,6 +3,7 @@
 use super::check::{Check, Finding, Verdict, exponent};
 use super::size::Size;
 use super::world::{GRAVITY, World};
+use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{convex_hull, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
@@ -10,7 +11,7 @@ use ballast::state::State;
 use std::f64::consts::PI;
 
 /// A slab on a slope: it sticks below the angle of friction and slides with `g (sin α - μ cos α)` above.
-pub fn incline(_: &Size) -> ballast::Result<Check> {
+pub fn incline(_: &Size) -> Outcome<Check> {
     let mut check = Check::new(
         "incline",
         "A slab of 0.2 × 0.2 × 0.02 m on a slope for 0.5 s, steps of 1 ms, 1e-4 rad below the angle of friction and \
@@ -43,7 +44,7 @@ pub fn incline(_: &Size) -> ballast::Result<Check> {
 }
 
 /// Boxes on each other: sweeps until the floor carries the weight.
-pub fn column(size: &Size) -> ballast::Result<Check> {
+pub fn column(size: &Size) -> Outcome<Check> {
     let counts: &[usize] = if size.quick { &[4, 8, 16, 32] } else { &[4, 8, 16, 32, 64, 128] };
     let mut check = Check::new(
         "column of boxes",
@@ -71,7 +72,7 @@ pub fn column(size: &Size) -> ballast::Result<Check> {
 const AT_A_TIME: u32 = 100;
 
 /// Sweeps after which the floor lacks less than 1 % of the weight.
-fn sweeps_needed(count: usize) -> ballast::Result<u32> {
+fn sweeps_needed(count: usize) -> Outcome<u32> {
     let mut world = World::new(1_000_000, 0.0, 2e-3);
     let cube = world.shape(cuboid(Vec3::repeat(0.05)));
     for k in 0..count {
@@ -97,7 +98,7 @@ fn sweeps_needed(count: usize) -> ballast::Result<u32> {
 }
 
 /// A semicircular arch of voussoirs stands iff it is thick enough.
-pub fn arch(size: &Size) -> ballast::Result<Check> {
+pub fn arch(size: &Size) -> Outcome<Check> {
     const VOUSSOIRS: usize = 16;
     let mut check = Check::new(
         "arch",
@@ -106,7 +107,7 @@ pub fn arch(size: &Size) -> ballast::Result<Check> {
         ),
         "Milankovitch 1907: stands iff thickness over mean radius is above 0.1075",
     );
-    let sinking = |thickness: f64| -> ballast::Result<f64> {
+    let sinking = |thickness: f64| -> Outcome<f64> {
         let mut world = World::new(2_000_000, 1.0, 2e-3);
         world.model.solver.tolerance = Some(1e-6);
         world.model.solver.iterations = 500;

@@ -2,31 +2,33 @@
 
 use super::check::{Check, Finding};
 use super::size::Size;
-use super::world::{D, FALL, World, hang, random};
+use super::world::{D, FALL, World, hang, in_box, random};
+use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{GrainShape, random_grain};
 use ballast::math::{Pose, Vec3};
+use rand_pcg::Pcg64;
 
 /// The stones of the checks.
 pub fn stones() -> GrainShape {
     GrainShape { vertices: [8, 20], ..GrainShape::default() }
 }
 
-/// A world with grains of one kind hung over a box or what `inside` allows of it.
-fn grains(
+/// A world with grains of one kind, hung at the lowest of so many `places` that `place` finds.
+pub fn grains(
     kind: &GrainShape,
     count: usize,
     friction: f64,
-    [x, y]: [f64; 2],
-    inside: impl Fn(f64, f64) -> bool,
-) -> ballast::Result<World> {
+    places: usize,
+    place: impl Fn(&mut Pcg64, f64) -> [f64; 2],
+) -> Outcome<World> {
     let mut world = World::new(2_000_000, friction, 0.05 * D).pouring(80);
     let mut rng = random(11);
     let mut shapes = vec![];
     for _ in 0..12 {
         shapes.push(world.shape(random_grain(&mut rng, kind, D)?));
     }
-    hang(&mut world, &mut rng, &shapes, count, [x, y], inside);
+    hang(&mut world, &mut rng, &shapes, count, places, place);
     Ok(world)
 }
 
@@ -34,7 +36,7 @@ fn grains(
 const DRAWN: f64 = 0.05;
 
 /// A heap whose wall is drawn away slowly.
-pub fn repose(size: &Size) -> ballast::Result<Check> {
+pub fn repose(size: &Size) -> Outcome<Check> {
     let count = size.grains(120, 700);
     let frictions: &[f64] = if size.quick { &[0.3, 0.8] } else { &[0.2, 0.4, 0.6, 0.8, 1.0] };
     let mut check = Check::new(
@@ -73,7 +75,7 @@ pub fn repose(size: &Size) -> ballast::Result<Check> {
 }
 
 /// The same with other stones.
-fn shapes(size: &Size, count: usize, check: &mut Check) -> ballast::Result<()> {
+fn shapes(size: &Size, count: usize, check: &mut Check) -> Outcome {
     let round = GrainShape { vertices: [20, 40], angularity: 0.0, ..GrainShape::default() };
     let sharp = GrainShape { vertices: [5, 9], angularity: 1.0, ..GrainShape::default() };
     let mut angles = Vec::new();
@@ -87,9 +89,9 @@ fn shapes(size: &Size, count: usize, check: &mut Check) -> ballast::Result<()> {
     Ok(())
 }
 
-fn slope(size: &Size, kind: &GrainShape, count: usize, friction: f64) -> ballast::Result<f64> {
+fn slope(size: &Size, kind: &GrainShape, count: usize, friction: f64) -> Outcome<f64> {
     let [length, width] = if size.quick { [5.0 * D, 4.0 * D] } else { [11.0 * D, 6.0 * D] };
-    let mut world = grains(kind, count, friction, [length, width], |_, _| true)?;
+    let mut world = grains(kind, count, friction, 1, in_box([length, width]))?;
     world.wall("floor", Vec3::zeros(), Vec3::z(), friction);
     world.wall("back", Vec3::zeros(), Vec3::x(), friction);
     world.wall("south", Vec3::zeros(), Vec3::y(), 0.0);
@@ -141,7 +143,7 @@ fn surface_angle(world: &World, width: f64) -> f64 {
 }
 
 /// A narrow silo: its walls carry what is above some diameters.
-pub fn silo(size: &Size) -> ballast::Result<Check> {
+pub fn silo(size: &Size) -> Outcome<Check> {
     let across = if size.quick { 3.0 * D } else { 5.0 * D };
     let counts: &[usize] =
         // From some four layers on: fewer lean on the walls as it happens.
@@ -159,7 +161,7 @@ pub fn silo(size: &Size) -> ballast::Result<Check> {
     );
     let mut points = Vec::new();
     for &count in counts {
-        let mut world = grains(&stones(), count, friction, [across; 2], |_, _| true)?;
+        let mut world = grains(&stones(), count, friction, 1, in_box([across; 2]))?;
         world.container([across; 2], friction, walls);
         world.settle(FALL, 1e-3)?;
         let mut load = 0.0;

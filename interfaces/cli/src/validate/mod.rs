@@ -25,7 +25,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-type Simple = fn(&Size) -> ballast::Result<Check>;
+type Simple = fn(&Size) -> Outcome<Check>;
 
 /// The checks that need nothing but their size, by the names that choose them.
 const SIMPLE: [(&str, Simple); 7] = [
@@ -61,10 +61,7 @@ pub fn checks(
     let wanted = |name: &str| only.is_empty() || only.iter().any(|n| n == name);
     let mut done: Vec<Check> = Vec::new();
     for (_, check) in SIMPLE.into_iter().filter(|(name, _)| wanted(name)) {
-        timed(&mut done, console, || {
-            let found = check(&size).map_err(|e| Failure::Failed(e.to_string()))?;
-            Ok(vec![found])
-        })?;
+        timed(&mut done, console, || Ok(vec![check(&size)?]))?;
     }
     if wanted(CYCLE) {
         timed(&mut done, console, || Ok(cycle::cycle(&size, beds, console)?.to_vec()))?;

@@ -41,7 +41,7 @@ struct Measured {
     forces: Vec<f64>,
 }
 
-fn measure(mut world: World) -> ballast::Result<Measured> {
+fn measure(mut world: World) -> Outcome<Measured> {
     let height = world.height();
     let kinetic = observe::energy(&world.model, &world.state).kinetic;
     world.model.solver.tolerance = Some(1e-4);
@@ -67,7 +67,6 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
         ),
         "final state of LMGC90, `settled500`; both measured by one step of Ballast to 1e-4",
     );
-    let failed = |e: ballast::Error| Failure::Failed(e.to_string());
     let mut own = world(&folder.join("loose500.json"))?;
     let settled = world(&folder.join("settled500.json"))?;
     own.model.solver.tolerance = None;
@@ -75,11 +74,11 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
     own.model.stepping.step_ns = STEP_NS;
     own.model.stepping.alert = ALERT;
     for _ in 0..STEPS {
-        own.step().map_err(failed)?;
+        own.step()?;
     }
     own.model.stepping = settled.model.stepping;
     own.model.solver.norm = settled.model.solver.norm;
-    let (ours, theirs) = (measure(own).map_err(failed)?, measure(settled).map_err(failed)?);
+    let (ours, theirs) = (measure(own)?, measure(settled)?);
     let height = Finding::near(
         "height of the centre of mass over LMGC90's",
         ours.height / theirs.height,

@@ -1,5 +1,7 @@
 //! Scenes built by hand, and stepped.
 
+use crate::exit::{Failure, Outcome};
+use crate::interrupt;
 use ballast::drive::Inputs;
 use ballast::geometry::{Polyhedron, random_rotation};
 use ballast::math::{Pose, Quat, Vec3};
@@ -111,13 +113,16 @@ impl World {
         *contacts = Default::default();
     }
 
-    pub fn step(&mut self) -> ballast::Result<StepReport> {
+    pub fn step(&mut self) -> Outcome<StepReport> {
+        if interrupt::requested() {
+            return Err(Failure::Interrupted("stopped inside a check; nothing is kept".into()));
+        }
         let inputs = Inputs { targets: &self.targets, loads: &[] };
-        step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())
+        Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
 
     /// Steps for `seconds`.
-    pub fn run(&mut self, seconds: f64) -> ballast::Result<()> {
+    pub fn run(&mut self, seconds: f64) -> Outcome {
         for _ in 0..(seconds / self.model.stepping.h()).round() as usize {
             self.step()?;
         }
@@ -126,7 +131,7 @@ impl World {
 
     /// Lets grains fall no faster than `speed` (m/s), as through a fluid, until the uppermost has had the time to
     /// come down, then freely until their mean speed is below `rest`, at most 1.5 s.
-    pub fn settle(&mut self, speed: f64, rest: f64) -> ballast::Result<()> {
+    pub fn settle(&mut self, speed: f64, rest: f64) -> Outcome {
         let h = self.model.stepping.h();
         let keep = 1.0 - GRAVITY * h / speed;
         let falling = (0.8 * self.top() / speed / h) as usize;
@@ -144,7 +149,7 @@ impl World {
 
     /// Brings grains that hang together until they take the share `fraction` of the column over `area` (m²), as they
     /// float in a fluidised bed: without weight, carried down each in proportion to its height.
-    pub fn suspend(&mut self, area: f64, fraction: f64) -> ballast::Result<()> {
+    pub fn suspend(&mut self, area: f64, fraction: f64) -> Outcome {
         // Slow enough (1/s) that neighbours touch gently, and how fast grains take on the stream and lose their spin.
         let (rate, takes_on, spins_on) = (1.0, 0.2, 0.95);
         let n = self.model.grains.len();
@@ -170,7 +175,7 @@ impl World {
 
     /// Lets grains sink no faster than `speed` (m/s) through a liquid whose drag stays, until none of them has moved
     /// for 50 steps, at most 3 s after the uppermost has had the time to come down.
-    pub fn sink(&mut self, speed: f64) -> ballast::Result<()> {
+    pub fn sink(&mut self, speed: f64) -> Outcome {
         let h = self.model.stepping.h();
         let keep = 1.0 / (1.0 + GRAVITY * h / speed);
         let n = self.model.grains.len();
@@ -228,35 +233,38 @@ pub fn random(seed: u64) -> Pcg64 {
     Pcg64::new(u128::from(seed), 0x0a02_bdbf_7bb3_c0a7_ac28_fa16_a64a_bf96)
 }
 
-/// Hangs `count` grains of the shapes, turned at random, at random places over the part of a box that `inside`
-/// allows, each as low as the spheres around those before let it.
+/// Hangs `count` grains of the shapes, turned at random, each as low as the spheres around those before let it, at the
+/// lowest of so many `places` that `place` finds for spheres of a radius (m).
 pub fn hang(
     world: &mut World,
     rng: &mut Pcg64,
     shapes: &[u32],
     count: usize,
-    [x, y]: [f64; 2],
-    inside: impl Fn(f64, f64) -> bool,
+    places: usize,
+    place: impl Fn(&mut Pcg64, f64) -> [f64; 2],
 ) {
     let radius = |s: &u32| world.model.shapes[*s as usize].radius;
     let reach = shapes.iter().map(radius).fold(0.0, f64::max);
     let apart = 2.02 * reach;
     for k in 0..count {
-        // A tube so narrow that no place is inside would never be full.
-        for _ in 0..10_000 {
-            let [px, py] = [x, y].map(|l| reach + (l - 2.0 * reach) * rng.random::<f64>());
-            if !inside(px, py) {
-                continue;
-            }
+        let mut lowest = Vec3::repeat(f64::INFINITY);
+        for _ in 0..places {
+            let [x, y] = place(rng, reach);
             let over = |p: &Vec3| {
-                let square = apart * apart - (p.x - px).powi(2) - (p.y - py).powi(2);
+                let square = apart * apart - (p.x - x).powi(2) - (p.y - y).powi(2);
                 if square > 0.0 { p.z + square.sqrt() } else { 0.0 }
             };
             let z = world.state.position.iter().map(over).fold(1.05 * reach, f64::max);
-            let position = Vec3::new(px, py, z);
-            let orientation: Quat = random_rotation(rng);
-            world.grain(shapes[k % shapes.len()], Pose { position, orientation });
-            break;
+            if z < lowest.z {
+                lowest = Vec3::new(x, y, z);
+            }
         }
+        let orientation: Quat = random_rotation(rng);
+        world.grain(shapes[k % shapes.len()], Pose { position: lowest, orientation });
     }
+}
+
+/// Any place in a box for a sphere of a radius (m).
+pub fn in_box([x, y]: [f64; 2]) -> impl Fn(&mut Pcg64, f64) -> [f64; 2] {
+    move |rng, reach| [x, y].map(|l| reach + (l - 2.0 * reach) * rng.random::<f64>())
 }

@@ -11,19 +11,14 @@ const KNOWN: [(&str, [f64; 2]); 3] = [
     ("settings of a tamping cycle", [0.85, 1.15]),
 ];
 
-/// The shorter ones; `BALLAST_VALIDATE=all` asks for the whole of `--quick`.
-const SHORT: &str = "--only incline,column,arch,dice";
-
 #[test]
 fn quick_checks_hold_but_for_those_that_are_known_not_to() {
     let place = Place::new();
     // 5: some figures are beyond their tolerance.
-    let all = std::env::var("BALLAST_VALIDATE").is_ok_and(|what| what == "all");
-    let only = if all { "" } else { SHORT };
-    place.call(&format!("validate --quick --out checked {only}")).with_code(5);
+    place.call("validate --quick --out checked").with_code(5);
     let found: Value = serde_json::from_str(&place.text("checked/validation.json")).unwrap();
     let checks = found["checks"].as_array().unwrap();
-    assert_eq!(checks.len(), if all { 9 } else { 4 });
+    assert_eq!(checks.len(), 9);
     for check in checks {
         let name = check["check"].as_str().unwrap();
         let findings = check["findings"].as_array().unwrap();
