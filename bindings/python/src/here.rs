@@ -115,9 +115,9 @@ impl Here {
         if let (None, Some(recorder)) = (asked.t1_ns, &self.recorder) {
             recorder.check_redo(py, &self.component)?;
         }
-        let Ground { model, names, crew, .. } = self.ground.clone();
+        let Ground { model, names, crew, .. } = &self.ground;
         let before = self.component.save();
-        let mut series = asked.series.then(|| Series::new(&names));
+        let mut series = asked.series.then(|| Series::new(names));
         let mut machine = match (&asked.t1_ns, &self.machine_before) {
             (None, Some(machine)) => machine.clone(),
             _ => self.machine.clone(),
@@ -126,14 +126,14 @@ impl Here {
         let panics = std::mem::take(&mut self.panics);
         let window = Window { motions: &asked.motions, loads: &asked.loads };
         let component = &mut self.component;
-        let computed = compute(py, &crew, None, |turn| {
+        let computed = compute(py, crew, None, |turn| {
             let mut watch = |state: &state::State, report: &StepReport| {
                 assert!(!panics, "a failure that was asked for");
                 if let Some(series) = &mut series {
                     series.take(state, report);
                 }
                 if asked.by_machine {
-                    machine.observe(&model, state, report);
+                    machine.observe(model, state, report);
                 }
                 if turn.is_over() {
                     ControlFlow::Break(Stop::Early)
@@ -166,7 +166,8 @@ impl Here {
         let trouble = outcome.trouble.as_ref();
         let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
         let series = series.map(|s| Py::new(py, s)).transpose()?;
-        Ok(Outcome { inner: outcome, trouble, wall_s: took.as_secs_f64(), names, series })
+        let (names, wall_s) = (Arc::clone(&self.ground.names), took.as_secs_f64());
+        Ok(Outcome { inner: outcome, trouble, wall_s, names, series })
     }
 
     /// The program failed inside.

@@ -13,14 +13,15 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Machine {
     cycle: Arc<TampingCycle>,
-    memory: Vec<f64>,
+    /// Shared until it changes: windows that others move keep it.
+    memory: Arc<Vec<f64>>,
 }
 
 impl Machine {
     /// The machine of `plan` as it is at the start of a run.
     pub fn new(plan: &Plan, model: &Model) -> Result<Self, ballast::Error> {
         let cycle = Arc::new(TampingCycle::new(plan, model)?);
-        Ok(Self { cycle, memory: Vec::new() })
+        Ok(Self { cycle, memory: Arc::default() })
     }
 
     /// The same machine with another memory.
@@ -29,7 +30,7 @@ impl Machine {
     /// A memory that is not one of its own.
     pub fn with_memory(self, memory: Vec<f64>) -> Result<Self, ballast::Error> {
         self.cycle.check_memory(&memory)?;
-        Ok(Self { memory, ..self })
+        Ok(Self { memory: Arc::new(memory), ..self })
     }
 
     /// What it remembers.
@@ -66,6 +67,6 @@ impl Machine {
 
     /// Takes the step that has led to `state`.
     pub fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
-        self.cycle.observe(model, report, state, &mut self.memory);
+        self.cycle.observe(model, report, state, Arc::make_mut(&mut self.memory));
     }
 }
