@@ -36,6 +36,7 @@ impl Crew {
     /// `threads` of them, the calling one included; one per processor unless told.
     pub fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
         let threads = match threads {
+            Some(0) => return Err(no_threads(py, &"threads: expected 1 or more, found 0")),
             Some(threads) => threads,
             None => std::thread::available_parallelism().map_err(|e| no_threads(py, &e))?.get(),
         };

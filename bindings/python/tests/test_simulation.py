@@ -188,6 +188,12 @@ def test_whoever_steps_gets_the_same(case: ballast.Case, beds: Path) -> None:
         assert [run([one, other, one], threads) for threads in (2, 3, 1)] == [alone] * 3
 
 
+def test_somebody_has_to_compute(case: ballast.Case, beds: Path) -> None:
+    with pytest.raises(ballast.Error, match="expected 1 or more, found 0") as none:
+        ballast.open(case, beds=beds, threads=0, progress=False)
+    assert none.value.code == "threads"
+
+
 def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> None:
     thread = threading.Thread(target=advance, args=(sim, 200))
     thread.start()
