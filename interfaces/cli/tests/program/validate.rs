@@ -1,7 +1,11 @@
 //! The checks with known answers, on small samples.
 
-use crate::setup::Place;
+use crate::setup::{Ended, Place};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
 
 /// Checks with figures that are known to miss what is expected, and how far: docs/validation.md says why. Wrong
 /// altogether would be news.
@@ -42,4 +46,22 @@ fn quick_checks_hold_but_for_those_that_are_known_not_to() {
     place.call("validate --only incline --out one").with_code(0);
     let told = place.call("validate --only inclines").with_code(2).stderr();
     assert!(told.contains("incline, column") && told.contains("inclines"), "{told}");
+}
+
+#[test]
+fn a_check_that_takes_long_can_be_stopped() {
+    let place = Place::new();
+    // Columns take many minutes in full.
+    let mut child = place
+        .command("validate --only incline,collapse --json --out stopped")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    assert!(lines.any(|line| line.unwrap().contains("incline")), "the first check says nothing");
+    kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM).unwrap();
+    let ended = Ended(child.wait_with_output().unwrap()).with_code(130);
+    assert!(ended.stderr().contains("stopped inside a check"), "{}", ended.stderr());
+    assert!(!place.path("stopped").exists());
 }
