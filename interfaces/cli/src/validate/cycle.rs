@@ -1,6 +1,7 @@
 //! A whole tamping cycle: its energy balance, and what the settings of the solver change.
 
 use super::check::{Check, Finding, Verdict};
+use super::heed_interrupts;
 use super::size::Size;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
@@ -66,6 +67,7 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
     };
     observe(&engine, &mut summary)?;
     for _ in 0..case.steps() {
+        heed_interrupts()?;
         let Some(stepped) = engine.step(&mut watch)? else { break };
         let h = engine.model().stepping.h();
         let state = engine.state();

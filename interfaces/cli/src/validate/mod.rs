@@ -77,9 +77,6 @@ fn timed(
     console: Console,
     work: impl FnOnce() -> Outcome<Vec<Check>>,
 ) -> Outcome {
-    if interrupt::requested() {
-        return Err(Failure::Interrupted("stopped between two checks; nothing is kept".into()));
-    }
     let start = Instant::now();
     let mut found = work()?;
     // Checks of one run share its time.
@@ -94,6 +91,14 @@ fn timed(
         console.note(&format!("{}: {verdict}, {seconds:.1} s", check.name));
     }
     done.extend(found);
+    Ok(())
+}
+
+/// To be called in each step of a check: ends it if the person asked to stop.
+fn heed_interrupts() -> Outcome {
+    if interrupt::requested() {
+        return Err(Failure::Interrupted("stopped inside a check; nothing is kept".into()));
+    }
     Ok(())
 }
 

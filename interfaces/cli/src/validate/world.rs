@@ -1,7 +1,7 @@
 //! Scenes built by hand, and stepped.
 
-use crate::exit::{Failure, Outcome};
-use crate::interrupt;
+use super::heed_interrupts;
+use crate::exit::Outcome;
 use ballast::drive::Inputs;
 use ballast::geometry::{Polyhedron, random_rotation};
 use ballast::math::{Pose, Quat, Vec3};
@@ -114,9 +114,7 @@ impl World {
     }
 
     pub fn step(&mut self) -> Outcome<StepReport> {
-        if interrupt::requested() {
-            return Err(Failure::Interrupted("stopped inside a check; nothing is kept".into()));
-        }
+        heed_interrupts()?;
         let inputs = Inputs { targets: &self.targets, loads: &[] };
         Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
