@@ -68,5 +68,30 @@ pub(crate) fn io(
 
 pub(crate) fn hdf5(path: &Path, place: &str) -> impl FnOnce(::hdf5::Error) -> Error + use<> {
     let (path, place) = (path.to_path_buf(), place.to_string());
-    move |e| Error::Hdf5 { path, place, message: e.to_string() }
+    move |e| Error::Hdf5 { path, place, message: words(&e.to_string()) }
+}
+
+/// What the library says, and of what it tells about a call to the operating system the system's own words.
+fn words(message: &str) -> String {
+    let told = message.split_once(": time = ").and_then(|(before, call)| {
+        let (_, words) = call.split_once("error message = '")?;
+        Some(format!("{before}: {}", words.split_once('\'')?.0))
+    });
+    told.unwrap_or_else(|| message.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::words;
+
+    #[test]
+    fn of_a_call_to_the_system_its_words_are_told() {
+        let call = "H5Dwrite(): can't write data: file write failed: time = Wed Nov 25 04:12:27 2026\n, filename = 'r.h5', \
+                    file descriptor = 3, errno = 28, error message = 'No space left on device', buf = 0x7f, offset = 0";
+        assert_eq!(
+            words(call),
+            "H5Dwrite(): can't write data: file write failed: No space left on device"
+        );
+        assert_eq!(words("H5Fopen(): no time = left"), "H5Fopen(): no time = left");
+    }
 }

@@ -79,6 +79,9 @@ fn open(path: &Path, new: bool) -> hdf5::Result<File> {
         p.libver_v18();
         // A viewer may look on; many parallel file systems have no locks anyway.
         p.file_locking(false);
+        // Data reach it at once, where a full disk is an error of the write that met it: from a cache they would go when
+        // their dataset is closed, and nobody would hear that they did not.
+        p.chunk_cache(0, 0, 1.0);
         // Metadata reach the file in a flush, all together, never in between.
         p.mdc_config(&MetadataCacheConfig {
             evictions_enabled: false,

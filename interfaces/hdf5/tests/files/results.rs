@@ -312,40 +312,90 @@ fn an_error_on_the_thread_reaches_the_caller() {
     assert!(matches!(background.secure(), Err(Error::WriterGone { .. })));
 }
 
-/// A child whose files may not grow meets a full disk in the middle of its frames.
+/// A child that may not write more: because its files may not grow, or because the disk is full.
 #[cfg(unix)]
 #[test]
 fn no_room_is_an_error_and_not_an_end() {
     const NAME: &str = "results::no_room_is_an_error_and_not_an_end";
-    if let Ok(path) = std::env::var("BALLAST_TEST_NO_ROOM") {
-        let model = scene::model();
-        let mut writer = Writer::create(path, &model, &meta()).unwrap();
-        for f in 0..10_000 {
-            let (state, _) = frame(&model, f);
-            if let Err(error) = writer.frame(&model, &state, &Workspace::default()) {
-                println!("refused at {f}: {error}");
-                drop(writer);
-                // The program lives on and can still write elsewhere.
-                let other = std::env::temp_dir().join(format!("ballast-{}", std::process::id()));
-                ballast_hdf5::checkpoint::write(&other, &scene::checkpoint()).unwrap();
-                std::fs::remove_file(&other).unwrap();
-                println!("lives on");
-                return;
-            }
-        }
-        panic!("no limit met");
+    if let Ok(folder) = std::env::var("BALLAST_TEST_NO_ROOM") {
+        return meet_the_end_of_room(Path::new(&folder));
     }
     let folder = tempfile::tempdir().unwrap();
-    let exe = std::env::current_exe().unwrap();
-    let script =
-        format!("trap '' XFSZ; ulimit -f 400; exec '{}' --exact {NAME} --nocapture", exe.display());
-    let child = Command::new("sh")
-        .args(["-c", &script])
-        .env("BALLAST_TEST_NO_ROOM", folder.path().join("results.h5"))
-        .output()
-        .unwrap();
-    let told = String::from_utf8_lossy(&child.stdout);
-    assert!(child.status.success() && told.contains("lives on"), "{child:?}");
+    let test =
+        format!("exec '{}' --exact {NAME} --nocapture", std::env::current_exe().unwrap().display());
+    let told_by = |command: &mut Command| {
+        let child = command.env("BALLAST_TEST_NO_ROOM", folder.path()).output().unwrap();
+        let told = String::from_utf8_lossy(&child.stdout).into_owned();
+        assert!(child.status.success() && told.contains("lives on"), "{child:?}");
+        told
+    };
+    told_by(Command::new("sh").args(["-c", &format!("trap '' XFSZ; ulimit -f 4000; {test}")]));
+    // A disk of its own, which is full, takes the rights of a name space of its own.
+    let apart = |script: &str| {
+        let mut command = Command::new("unshare");
+        command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script]);
+        command
+    };
+    let disk = format!("mount -t tmpfs -o size=2m tmpfs '{}'", folder.path().display());
+    if apart(&disk).output().is_ok_and(|o| o.status.success()) {
+        let told = told_by(&mut apart(&format!("{disk} && {test}")));
+        assert!(
+            told.contains("frames are whole") && told.contains(": No space left on device\n"),
+            "{told}"
+        );
+    } else {
+        eprintln!("left out: this system lets nobody mount a small disk");
+    }
+}
+
+/// Writes frames until one is refused: those before the last checkpoint come back whole, and the program can still write
+/// elsewhere.
+#[cfg(unix)]
+fn meet_the_end_of_room(folder: &Path) {
+    let (path, model) = (folder.join("results.h5"), scene::model());
+    let mut writer = Writer::create(&path, &model, &meta()).unwrap();
+    let (mut kept, mut last) = (0, 0);
+    let mut write = |f: u64| {
+        last = f;
+        let (state, _) = frame(&model, f);
+        writer.frame(&model, &state, &Workspace::default())?;
+        if f == 19 {
+            writer.secure()?;
+            kept = f + 1;
+        }
+        Ok(())
+    };
+    // Some 300 fit: a write that nobody hears fail would go on.
+    let error: Error = (0..400).find_map(|f| write(f).err()).expect("no limit met");
+    println!("refused at {last}: {error}");
+    drop(writer);
+    let elsewhere = tempfile::tempdir_in("/var/tmp").unwrap();
+    let files = ["results.h5", "results.h5.spare"];
+    // Files that may not grow may not be copied either.
+    let copied = files.map(|name| std::fs::copy(folder.join(name), elsewhere.path().join(name)));
+    if copied.iter().all(|result| result.is_ok()) {
+        let path = elsewhere.path().join(files[0]);
+        Writer::append_to(&path, &model, 10 * kept - 1).unwrap().close().unwrap();
+        all_are_whole(&path, &model, kept);
+    }
+    let other = elsewhere.path().join("checkpoint.h5");
+    ballast_hdf5::checkpoint::write(other, &scene::checkpoint()).unwrap();
+    println!("lives on");
+}
+
+#[cfg(unix)]
+fn all_are_whole(path: &Path, model: &Model, count: u64) {
+    let reader = Reader::open(path).unwrap();
+    assert_eq!(reader.steps(), (0..count).map(|f| 10 * f).collect::<Vec<_>>());
+    for f in 0..count {
+        let (state, _) = frame(model, f);
+        let poses: Vec<Pose> = (0..model.body_count()).map(|b| state.pose(b)).collect();
+        assert_eq!(reader.poses(f as usize).unwrap(), poses, "frame {f}");
+        let corner = state.pose(26).point(&model.shapes[0].vertices[7]).cast::<f32>();
+        let grains = reader.block("grains", f as usize).unwrap();
+        assert_eq!(grains.points[27 * 8 - 1], [corner.x, corner.y, corner.z], "frame {f}");
+    }
+    println!("{count} frames are whole");
 }
 
 /// Facts that VTK tells about `files`; `None` where there is no VTK.
