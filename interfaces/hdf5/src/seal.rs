@@ -1,7 +1,8 @@
 //! Whole files: written at once or not at all, sealed so that any changed byte is noticed.
 //!
 //! A sealed file has a block of 512 bytes in front of its content, mostly an HDF5 file: the format's name and
-//! version, the number of bytes that follow and their BLAKE3 digest, as text. HDF5 programs skip it.
+//! version, the number of bytes that follow and their BLAKE3 digest, as text. HDF5 programs skip it. A file that grows in
+//! place has such a block at its end, once it is complete ([`put_at_end`]); HDF5 programs do not look behind theirs.
 //! Contract: the digest is checked before the HDF5 library sees a byte, which it does not survive
 //! unharmed on every damaged file.
 
@@ -111,16 +112,7 @@ pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
     }
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(&mut file).map_err(io(path, "read"))?;
-    let expected = block(format, content, &hasher.finalize());
-    if found[..] != expected[..] {
-        let digest = |b: &[u8]| String::from_utf8_lossy(b).lines().nth(2).map(str::to_string);
-        return Err(Fault::new(
-            "checksum",
-            digest(&found).unwrap_or_default(),
-            digest(&expected).unwrap_or_default(),
-        )
-        .in_file(path));
-    }
+    compare(&found, &block(format, content, &hasher.finalize()), path)?;
     Ok(size)
 }
 
@@ -133,6 +125,56 @@ pub(crate) fn read(path: &Path, format: &Format) -> Result<Vec<u8>> {
         file.seek(SeekFrom::Start(BLOCK as u64)).and_then(|_| file.read_to_end(&mut content));
     read.map_err(io(path, "read"))?;
     Ok(content)
+}
+
+/// Seals a complete file at its end.
+pub(crate) fn put_at_end(path: &Path, format: &Format) -> Result<()> {
+    let mut file = File::options().read(true).append(true).open(path).map_err(io(path, "open"))?;
+    let size = file.metadata().map_err(io(path, "read"))?.len();
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(&mut file).map_err(io(path, "read"))?;
+    file.write_all(&block(format, size, &hasher.finalize())).map_err(io(path, "write"))?;
+    file.sync_all().map_err(io(path, "bring to the disk"))
+}
+
+/// Checks the seal at the end of `path`, if it has one: a file that is being written, or whose writer was killed, has none.
+pub(crate) fn check_at_end(path: &Path, format: &Format) -> Result<()> {
+    let Some((mut file, size, found)) = end_of(path, format)? else { return Ok(()) };
+    let mut hasher = blake3::Hasher::new();
+    file.rewind().map_err(io(path, "read"))?;
+    hasher.update_reader(file.take(size)).map_err(io(path, "read"))?;
+    compare(&found, &block(format, size, &hasher.finalize()), path)
+}
+
+/// Takes the seal off the end of `path`, if it has one, for a file that is to grow.
+pub(crate) fn take_from_end(path: &Path, format: &Format) -> Result<()> {
+    let Some((_, size, _)) = end_of(path, format)? else { return Ok(()) };
+    let file = File::options().write(true).open(path).map_err(io(path, "open"))?;
+    file.set_len(size).map_err(io(path, "write"))
+}
+
+/// A file with a seal at its end, the size of what comes before, and the seal.
+fn end_of(path: &Path, format: &Format) -> Result<Option<(File, u64, Vec<u8>)>> {
+    let mut file = File::open(path).map_err(io(path, "open"))?;
+    let size = file.metadata().map_err(io(path, "read"))?.len();
+    let Some(size) = size.checked_sub(BLOCK as u64) else { return Ok(None) };
+    let mut found = vec![];
+    let read = file.seek(SeekFrom::Start(size)).and_then(|_| file.read_to_end(&mut found));
+    read.map_err(io(path, "read"))?;
+    let is_seal =
+        found.starts_with(format!("{} {}\nbytes ", format.name, format.version).as_bytes());
+    Ok(is_seal.then_some((file, size, found)))
+}
+
+/// Compares two blocks of the same format.
+fn compare(found: &[u8], expected: &[u8], path: &Path) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    let digest = |b: &[u8]| String::from_utf8_lossy(b).lines().nth(2).map(str::to_string);
+    let [found, expected] = [found, expected].map(|block| digest(block).unwrap_or_default());
+    // What the file says of itself is what its content is expected to be.
+    Err(Fault::new("checksum", found, expected).in_file(path))
 }
 
 /// How many bytes a header says that follow it.

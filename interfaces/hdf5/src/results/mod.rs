@@ -24,6 +24,7 @@ pub use snapshot::Snapshot;
 use crate::columns;
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
 use crate::hash;
+use crate::seal;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{DrivenBody, Model};
@@ -44,6 +45,9 @@ use surface::{Extent, Surface};
 pub const VERSION: u32 = 1;
 
 pub(crate) const FORMAT: &str = "ballast-results";
+
+/// Of complete results: a changed byte is noticed before the HDF5 library stumbles over it.
+const SEAL: seal::Format = seal::Format { name: "ballast-results-end", version: 1 };
 
 /// What a results file says about where it comes from.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -156,6 +160,7 @@ impl Writer {
         let poses = if steps.is_empty() { None } else { Some(reader.poses(0)?) };
         let tables = reader.series_names()?;
         drop(reader);
+        seal::take_from_end(path, &SEAL)?;
         let file = open(path, false).map_err(hdf5_error(path, "file"))?;
         let kept = steps.partition_point(|&step| step <= at_step);
         let mut writer = Self {
@@ -339,13 +344,12 @@ impl Writer {
         self.file.flush()
     }
 
-    /// Completes the file and brings it to the disk.
+    /// Completes the file, seals it and brings it to the disk.
     pub fn close(mut self) -> Result<()> {
         self.flush()?;
         let Self { path, file, .. } = self;
         file.close().map_err(hdf5_error(&path, "close"))?;
-        let file = std::fs::File::open(&path).map_err(io(&path, "open"))?;
-        file.sync_all().map_err(io(&path, "bring to the disk"))?;
+        seal::put_at_end(&path, &SEAL)?;
         spare::forget(&path)
     }
 

@@ -1,12 +1,13 @@
 //! Reads results files back: frames as polygons or points, tables, what they say of themselves.
 //!
 //! Contract: sizes are compared with the file's own size before anything is allocated. A file that
-//! is damaged inside its compressed data gives an error of the HDF5 library, with the place.
+//! is damaged inside its compressed data gives an error of the HDF5 library, with the place. Where results are
+//! complete, and thus sealed, the library does not see a byte of a damaged one.
 
 use super::block::Block;
-use super::{FORMAT, VERSION, growing, pose};
+use super::{FORMAT, SEAL, VERSION, growing, pose};
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
-use crate::image;
+use crate::{image, seal};
 use ballast::math::Pose;
 use hdf5::{Dataset, File, Group, H5Type};
 use std::ops::Range;
@@ -64,6 +65,7 @@ impl Reader {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let size = std::fs::metadata(path).map_err(io(path, "open"))?.len();
+        seal::check_at_end(path, &SEAL)?;
         let file = image::open(path).map_err(hdf5_error(path, "file"))?;
         let mut reader = Self { path: path.into(), file, size, steps: vec![] };
         reader.check_format()?;

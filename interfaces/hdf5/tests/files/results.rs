@@ -276,6 +276,29 @@ fn a_damaged_copy_is_refused_and_nothing_changed() {
     assert!(std::fs::read(&path).unwrap() == was);
 }
 
+/// The HDF5 library reads outside of its memory in some damaged files: it must not see any.
+#[test]
+fn a_changed_byte_of_complete_results_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    write_frames(&path, 0..3).close().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let content = whole.len() - 512;
+    assert!(whole[content..].starts_with(b"ballast-results-end 1\nbytes "));
+    let mut damaged = whole.clone();
+    for at in (0..2000).chain((2000..content).step_by(997)).chain([content - 1, content + 40]) {
+        damaged[at] ^= 1 << (at % 8);
+        std::fs::write(&path, &damaged).unwrap();
+        let error = Reader::open(&path).expect_err("opened");
+        let told = matches!(&error, Error::Damaged { place, .. } if place == "checksum");
+        assert!(told, "byte {at}: {error}");
+        damaged[at] = whole[at];
+    }
+    // Without the seal it is a file that is not complete.
+    std::fs::write(&path, &whole[..content]).unwrap();
+    assert_eq!(Reader::open(&path).unwrap().steps(), [0, 10, 20]);
+}
+
 #[test]
 fn a_thread_writes_the_same_file() {
     let folder = tempfile::tempdir().unwrap();
