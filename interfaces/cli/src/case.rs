@@ -74,8 +74,7 @@ pub fn parse(text: String, name: &str, choices: &Choices, console: Console) -> O
 }
 
 fn read(text: String, name: &str, choices: &Choices, warn: impl Fn(&str)) -> Outcome<Case> {
-    let read = ballast_scenario::read_case(&text, name)
-        .map_err(|errors| Failure::InvalidCase(errors.to_string()))?;
+    let read = ballast_scenario::read_case(&text, name)?;
     for warning in &read.warnings {
         warn(&warning.to_string());
     }

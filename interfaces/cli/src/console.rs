@@ -43,9 +43,12 @@ impl Console {
     /// Why the program ends.
     pub fn failure(&self, failure: &Failure) {
         eprintln!("{}: {failure}", failure.word());
-        let fields = json!({
+        let mut fields = json!({
             "kind": failure.word(), "message": failure.to_string(), "exit_code": failure.code(),
         });
+        if let Failure::Case(found) = failure {
+            fields["errors"] = json!(found.errors);
+        }
         self.event("error", fields);
     }
 

@@ -3,6 +3,7 @@
 //! 0 done · 1 failed · 2 usage · 3 invalid case · 4 transport or deadline · 5 verification
 //! mismatch · 6 incompatible version · 130 interrupted after a clean checkpoint.
 
+use ballast_scenario::CaseErrors;
 use std::fmt::Display;
 use std::path::Path;
 
@@ -15,6 +16,9 @@ pub enum Failure {
     Usage(String),
     #[error("{0}")]
     InvalidCase(String),
+    /// The same, with the places in the case file.
+    #[error(transparent)]
+    Case(#[from] CaseErrors),
     /// Without the feature `zenoh` no command speaks over a transport.
     #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
     #[error("{0}")]
@@ -37,13 +41,16 @@ impl Failure {
 
     /// The same with more to say.
     pub fn with(mut self, more: &str) -> Self {
-        let (Failure::Failed(text)
-        | Failure::Usage(text)
-        | Failure::InvalidCase(text)
-        | Failure::Transport(text)
-        | Failure::Mismatch(text)
-        | Failure::Incompatible(text)
-        | Failure::Interrupted(text)) = &mut self;
+        let text = match &mut self {
+            Failure::Case(errors) => return Failure::InvalidCase(format!("{errors}{more}")),
+            Failure::Failed(text)
+            | Failure::Usage(text)
+            | Failure::InvalidCase(text)
+            | Failure::Transport(text)
+            | Failure::Mismatch(text)
+            | Failure::Incompatible(text)
+            | Failure::Interrupted(text) => text,
+        };
         *text += more;
         self
     }
@@ -53,7 +60,7 @@ impl Failure {
         match self {
             Failure::Failed(_) => 1,
             Failure::Usage(_) => 2,
-            Failure::InvalidCase(_) => 3,
+            Failure::InvalidCase(_) | Failure::Case(_) => 3,
             Failure::Transport(_) => 4,
             Failure::Mismatch(_) => 5,
             Failure::Incompatible(_) => 6,
@@ -66,7 +73,7 @@ impl Failure {
         match self {
             Failure::Failed(_) => "failed",
             Failure::Usage(_) => "usage",
-            Failure::InvalidCase(_) => "invalid case",
+            Failure::InvalidCase(_) | Failure::Case(_) => "invalid case",
             Failure::Transport(_) => "transport or deadline",
             Failure::Mismatch(_) => "verification mismatch",
             Failure::Incompatible(_) => "incompatible version",

@@ -100,7 +100,11 @@ impl Session {
 
     /// Runs up to step `last` of the run, or the end of case or recording, and sums up.
     pub fn run(mut self, last: Option<u64>, expected: Option<&str>) -> Outcome {
-        let end = self.end();
+        let (end, done) = (self.end(), self.engine.state().step);
+        if let Some(last) = last.filter(|last| *last < done) {
+            let text = format!("--steps {last}: expected at least {done}, the steps that are done");
+            return Err(Failure::Usage(text));
+        }
         let last = last.unwrap_or(u64::MAX).min(end.unwrap_or(u64::MAX));
         self.announce(last.min(end.unwrap_or(self.case.steps())));
         let whole = end.unwrap_or(self.case.steps()).max(1) as f64;

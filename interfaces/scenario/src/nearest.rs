@@ -11,11 +11,10 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .into_iter()
         .filter_map(|c| {
             let candidate = fold(c);
-            let mut distance = strsim::damerau_levenshtein(&folded, &candidate);
-            // A key without its unit, `step` for `step_s`, is the commonest slip of all.
-            if distance > 0 && (stem(&candidate) == folded || stem(&folded) == stem(&candidate)) {
-                distance = 1;
-            }
+            let whole = strsim::damerau_levenshtein(&folded, &candidate);
+            // A key without its unit, `step` for `step_s`, or with another one, is the commonest slip of all.
+            let stems = strsim::damerau_levenshtein(stem(&folded), stem(&candidate));
+            let distance = whole.min(1 + stems);
             (distance <= 1 + folded.len() / 4).then_some((distance, c))
         })
         .min_by_key(|(distance, _)| *distance)

@@ -3,6 +3,7 @@
 //! Measures the step itself: reading and writing files is outside the clocks.
 
 use super::args::BenchSample;
+use super::rule::is_tolerance;
 use super::scene::LIMIT;
 use super::trial::{DETECTION, mean_speed};
 use crate::console::write_out;
@@ -48,6 +49,7 @@ fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
         solver.tolerance = None;
     }
     if let Some(tolerance) = args.tolerance {
+        is_tolerance(tolerance)?;
         // A sample of fixed sweeps gives no cap for this.
         if solver.tolerance.is_none() {
             solver.iterations = 10_000;

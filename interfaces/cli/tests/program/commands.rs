@@ -1,6 +1,6 @@
 //! What the commands print.
 
-use crate::setup::{Place, STEPS};
+use crate::setup::{CASE, Place, STEPS};
 use serde_json::Value;
 
 #[test]
@@ -24,6 +24,12 @@ fn events_are_json_lines_from_start_to_done() {
     let events = failed.events();
     assert_eq!(events[0]["event"], "error");
     assert_eq!(events[0]["exit_code"], 1);
+
+    let place = Place::with(&CASE.replace("step_s", "stepp_s"));
+    let events = place.call("check tiny.toml --json").with_code(3).events();
+    let found = &events[0]["errors"][0];
+    assert_eq!(found["key"], "run.stepp_s", "{events:?}");
+    assert!(found["line"].as_u64() > Some(1) && found["column"] == 1, "{found}");
 }
 
 #[test]

@@ -14,6 +14,8 @@ fn a_run_in_parts_leaves_the_files_of_a_run_in_one_go() {
     assert_eq!(place.summary("parts")["complete"], false);
     assert_ne!(place.hash("parts"), place.hash("whole"));
     place.call("resume parts/checkpoint.h5 --steps 101").with_code(0);
+    let said = place.call("resume parts/checkpoint.h5 --steps 100").with_code(2).stderr();
+    assert!(said.contains("expected at least 101"), "{said}");
     place.call("resume parts/checkpoint.h5").with_code(0);
 
     assert_eq!(place.summary("parts"), place.summary("whole"));

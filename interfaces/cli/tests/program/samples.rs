@@ -53,9 +53,11 @@ fn contacts_that_no_step_reaches_do_not_matter() {
     let speed = number(&near, "/mean_speed_m_per_s");
     assert!(speed < 2e-4, "it stays at rest: {speed} m/s");
     for wrong in ["0", "-1", "nan", "inf"] {
-        let ended = place.call(&format!("bench sample {RESTED} --alert-m={wrong}"));
-        let said = ended.with_code(2).stderr();
-        assert!(said.contains("--alert-m") && said.contains("above 0"), "{said}");
+        for option in ["--alert-m", "--tolerance"] {
+            let ended = place.call(&format!("bench sample {RESTED} {option}={wrong}"));
+            let said = ended.with_code(2).stderr();
+            assert!(said.contains(option) && said.contains("above 0"), "{said}");
+        }
     }
 }
 

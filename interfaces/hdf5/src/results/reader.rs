@@ -65,6 +65,12 @@ impl Reader {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let size = std::fs::metadata(path).map_err(io(path, "open"))?.len();
+        let start = seal::start_of(path)?;
+        if start.starts_with(b"ballast-") {
+            let line = String::from_utf8_lossy(&start);
+            let found = line.lines().next().unwrap_or_default();
+            return Err(Fault::new("format", FORMAT, found).in_file(path));
+        }
         seal::check_at_end(path, &SEAL)?;
         let file = image::open(path).map_err(hdf5_error(path, "file"))?;
         let mut reader = Self { path: path.into(), file, size, steps: vec![] };

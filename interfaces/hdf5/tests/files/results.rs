@@ -276,6 +276,15 @@ fn a_damaged_copy_is_refused_and_nothing_changed() {
     assert!(std::fs::read(&path).unwrap() == was);
 }
 
+#[test]
+fn a_checkpoint_is_no_results_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.h5");
+    ballast_hdf5::checkpoint::write(&path, &scene::checkpoint()).unwrap();
+    let told = Reader::open(&path).unwrap_err().to_string();
+    assert!(told.contains("expected ballast-results, found ballast-checkpoint"), "{told}");
+}
+
 /// The HDF5 library reads outside of its memory in some damaged files: it must not see any.
 #[test]
 fn a_changed_byte_of_complete_results_is_noticed() {

@@ -1,7 +1,8 @@
 //! `[bed]`: the box, the grains, and how they are poured.
 
 use super::range::{
-    Corners, Count, Duration, Fraction, NonNegative, Positive, Ratio, Seed, Templates,
+    Coefficient, Corners, Count, Density, Duration, Fraction, Gravity, Positive, Ratio, Seed,
+    Templates,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,11 +23,11 @@ pub struct Bed {
     pub seed: u64,
     /// Density of the grains, kg/m³.
     #[serde(default = "default_density")]
-    #[schemars(with = "Positive")]
+    #[schemars(with = "Density")]
     pub density_kg_per_m3: f64,
     /// Acceleration of gravity, m/s², downwards.
     #[serde(default = "default_gravity")]
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Gravity")]
     pub gravity_m_per_s2: f64,
     /// Sizes and shapes of the grains.
     #[serde(default)]
@@ -109,16 +110,16 @@ pub struct SizeClass {
 #[serde(default, deny_unknown_fields)]
 pub struct Friction {
     /// Grain on grain.
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Coefficient")]
     pub grain: f64,
     /// Grain on sleeper.
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Coefficient")]
     pub sleeper: f64,
     /// Grain on tine.
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Coefficient")]
     pub tine: f64,
     /// Grain on floor and walls.
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Coefficient")]
     pub boundary: f64,
 }
 
@@ -137,7 +138,7 @@ pub struct Preparation {
     #[schemars(with = "Option<Positive>")]
     pub fill_level_m: Option<f64>,
     /// Friction of grain on grain while pouring and settling; low friction packs denser.
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Coefficient")]
     pub friction: f64,
     /// Time step while pouring, s.
     #[schemars(with = "Duration")]

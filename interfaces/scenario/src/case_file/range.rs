@@ -41,6 +41,22 @@ range!(
     NonNegative, "type": "number", "minimum": 0
 );
 range!(
+    /// Of friction: up to far beyond any material, where products of numbers still have all their digits.
+    Coefficient, "type": "number", "minimum": 0, "maximum": 1000
+);
+range!(
+    /// From a gas to far beyond any rock, kg/m³.
+    Density, "type": "number", "minimum": 1, "maximum": 1000000
+);
+range!(
+    /// m/s².
+    Gravity, "type": "number", "minimum": 0, "maximum": 1000
+);
+range!(
+    /// From steps that still get somewhere to full ones.
+    Relaxation, "type": "number", "minimum": 0.01, "maximum": 1
+);
+range!(
     /// From 0 to 1.
     Fraction, "type": "number", "minimum": 0, "maximum": 1
 );

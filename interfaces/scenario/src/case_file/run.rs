@@ -1,6 +1,8 @@
 //! `[run]` and `[solver]`: time, output and the solution of each step.
 
-use super::range::{Count, Duration, Fraction, NonNegative, Pause, Positive, Ratio, Theta};
+use super::range::{
+    Count, Duration, Fraction, NonNegative, Pause, Positive, Ratio, Relaxation, Theta,
+};
 use ballast::model;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -80,7 +82,7 @@ pub struct Solver {
     #[schemars(with = "Count")]
     pub check_every: u32,
     /// Relaxation of each contact visit.
-    #[schemars(with = "Ratio")]
+    #[schemars(with = "Relaxation")]
     pub relaxation: f64,
     /// Share of the previous step's impulses that a step starts from. 1 needs the fewest sweeps at
     /// rest; below 1, forces that a jam has pressed in fade when the tools have passed.
