@@ -23,6 +23,22 @@ fn a_run_in_parts_leaves_the_files_of_a_run_in_one_go() {
     assert_eq!(records(&place, "parts"), records(&place, "whole"));
 }
 
+/// The examples whose beds are poured within a minute; `scripts/check_restart.sh` does it with any.
+#[test]
+fn examples_go_on_in_another_process_with_other_threads() {
+    let place = Place::new();
+    for case in ["first", "laptop"] {
+        let file = format!("{}/../../examples/{case}.toml", env!("CARGO_MANIFEST_DIR"));
+        let run = |more: &str| place.with_beds(&format!("run {file} {more}")).with_code(0);
+        run(&format!("--steps 8 --threads 1 --out {case}"));
+        run(&format!("--steps 4 --threads 2 --out {case}_parts"));
+        let hash = place.hash(case);
+        let resume =
+            format!("resume {case}_parts/checkpoint.h5 --steps 8 --threads 2 --expect {hash}");
+        place.call(&resume).with_code(0);
+    }
+}
+
 /// Everything that the results of a run hold, frame by frame and row by row.
 fn records(place: &Place, folder: &str) -> Vec<(String, String)> {
     let tables = format!("{folder}_exported");
