@@ -32,6 +32,22 @@ fn events_are_json_lines_from_start_to_done() {
     assert!(found["line"].as_u64() > Some(1) && found["column"] == 1, "{found}");
 }
 
+/// Its bytes depend on who was faster, its physics do not.
+#[test]
+fn an_asynchronous_run_is_as_sound_as_a_synchronous_one() {
+    let place = Place::new();
+    for schedule in ["synchronous", "asynchronous"] {
+        place.run(&format!("--out {schedule} --threads 2 --schedule {schedule}")).with_code(0);
+        let summary = place.summary(schedule);
+        let number = |at: &str| summary.pointer(at).and_then(Value::as_f64).expect(at);
+        assert_eq!((&summary["complete"], &summary["steps"]), (&true.into(), &STEPS.into()));
+        let error = number("/energy_j/balance_error") / number("/energy_j/work_in");
+        assert!(error.abs() < 1e-3, "{schedule}: energy balance {error}");
+    }
+    let grains = ["synchronous", "asynchronous"].map(|s| place.summary(s)["grains"].clone());
+    assert_eq!(grains[0], grains[1]);
+}
+
 #[test]
 fn the_summary_tells_the_figures_of_a_tamping_run() {
     let place = Place::new();
