@@ -1,6 +1,7 @@
 //! What each step leaves in the table `steps` of the results.
 
 use ballast::model::{Model, Role};
+use ballast::observe::Coordination;
 use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingPhase;
@@ -26,6 +27,8 @@ pub enum Column {
     MeanPenetration,
     MaxPenetration,
     Coordination,
+    PointsPerGrain,
+    Rattlers,
     Kinetic,
     Potential,
     WorkIn,
@@ -34,7 +37,7 @@ pub enum Column {
 }
 
 /// Names and units of [`Column`]s in the file, in order.
-const NAMES: [(&str, &str); 23] = [
+const NAMES: [(&str, &str); 25] = [
     ("time", "s"),
     ("phase", PHASES),
     ("contacts", ""),
@@ -53,6 +56,8 @@ const NAMES: [(&str, &str); 23] = [
     ("mean_penetration", "m"),
     ("max_penetration", "m"),
     ("coordination", ""),
+    ("points_per_grain", ""),
+    ("rattlers", ""),
     ("kinetic", "J"),
     ("potential", "J"),
     ("work_in", "J"),
@@ -123,7 +128,7 @@ pub fn row(
     state: &State,
     report: &StepReport,
     phase: TampingPhase,
-    coordination: f64,
+    coordination: &Coordination,
     followed: &[Followed],
 ) -> Row {
     let (residuals, energy) = (&report.residuals, &state.energy);
@@ -145,7 +150,9 @@ pub fn row(
         f64::from(report.attempts),
         report.mean_penetration,
         report.max_penetration,
-        coordination,
+        coordination.mean_neighbours[0],
+        coordination.mean_points[0],
+        coordination.rattlers as f64,
         energy.kinetic,
         energy.potential,
         energy.work_in,
@@ -239,7 +246,13 @@ mod tests {
         };
         let tine = Followed { name: "left".into(), role: Role::Tine, driven: 1 };
         let followed = [tine];
-        let row = row(2e-4, &state, &report, TampingPhase::Squeeze, 5.5, &followed);
+        let coordination = Coordination {
+            mean_neighbours: [5.5, 6.5],
+            mean_points: [8.25, 9.0],
+            rattlers: 3,
+            ..Default::default()
+        };
+        let row = row(2e-4, &state, &report, TampingPhase::Squeeze, &coordination, &followed);
         let names = columns(&followed);
         assert_eq!(names.len(), row.0.len());
         let named = |name: &str| row.0[names.iter().position(|n| n.0 == name).unwrap()];
@@ -251,6 +264,8 @@ mod tests {
             ("converged", Column::Converged, 1.0),
             ("max_penetration", Column::MaxPenetration, 1e-5),
             ("coordination", Column::Coordination, 5.5),
+            ("points_per_grain", Column::PointsPerGrain, 8.25),
+            ("rattlers", Column::Rattlers, 3.0),
             ("balance_error", Column::BalanceError, -2.0),
         ] {
             assert_eq!(named(name), value, "{name}");

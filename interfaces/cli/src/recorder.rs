@@ -81,9 +81,9 @@ impl Recorder {
         report: &StepReport,
         phase: TampingPhase,
     ) -> Outcome {
-        let [coordination, _] = observe::coordination(model, workspace).mean_neighbours;
+        let coordination = observe::coordination(model, workspace);
         let h = model.stepping.h();
-        let row = record::row(h, state, report, phase, coordination, &self.followed);
+        let row = record::row(h, state, report, phase, &coordination, &self.followed);
         self.results.append(STEPS, state.step, &row.0)?;
         self.summary.take_step(&row);
         Ok(())

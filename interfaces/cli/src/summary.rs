@@ -228,6 +228,7 @@ impl Summary {
                 .collect::<serde_json::Map<_, _>>(),
             "coordination": self.coordination.as_ref().map(|[start, minimum, end]| json!({
                 "start": start.value, "minimum": minimum.json(), "end": end.value,
+                "points_per_grain": last(Column::PointsPerGrain), "rattlers": last(Column::Rattlers),
             })),
             "tines": bodies(Role::Tine),
             "sleepers": bodies(Role::Sleeper),
@@ -313,6 +314,8 @@ mod tests {
         set("time", time);
         set("phase", phase);
         set("coordination", coordination);
+        set("points_per_grain", 1.5 * coordination);
+        set("rattlers", 10.0 * time);
         set("converged", f64::from(u8::from(converged)));
         set("max_penetration", 0.001 * time);
         set("left_force_x", force);
@@ -335,6 +338,8 @@ mod tests {
         assert_eq!(json["coordination"]["minimum"]["value"], 4.5);
         assert_eq!(json["coordination"]["minimum"]["phase"], "squeeze");
         assert_eq!(json["coordination"]["end"], 5.0);
+        assert_eq!(json["coordination"]["points_per_grain"], 7.5);
+        assert_eq!(json["coordination"]["rattlers"], 30.0);
         let tine = &json["tines"]["left"];
         assert_eq!(tine["peak_force_n"]["value"], 900.0);
         assert_eq!(tine["peak_period_mean_n"], 300.0);

@@ -14,7 +14,7 @@ use crate::recorder::zones;
 use crate::summary::{Setting, Summary};
 use crate::{beds, session};
 use ballast::model::Role;
-use ballast::observe;
+use ballast::observe::{self, Coordination};
 use std::path::Path;
 
 const SMALL: &str = include_str!("cycle.toml");
@@ -76,7 +76,7 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
             state,
             &stepped.report,
             engine.phase(),
-            0.0,
+            &Coordination::default(),
             &setting.followed,
         ));
     }
