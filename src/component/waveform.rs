@@ -127,6 +127,13 @@ impl Waveform {
     }
 }
 
+/// The knots that the stretch from `t0_ns` to `t1_ns` depends on; `time` is that of a knot.
+pub(super) fn around<K>(knots: &[K], time: impl Fn(&K) -> u64, t0_ns: u64, t1_ns: u64) -> &[K] {
+    let first = knots.partition_point(|k| time(k) <= t0_ns).saturating_sub(1);
+    let last = knots.partition_point(|k| time(k) < t1_ns);
+    &knots[first..(last + 1).min(knots.len())]
+}
+
 /// Rotation vector from one knot to the next, world axes.
 fn between(a: &Knot, b: &Knot) -> Vec3 {
     rotation::log(&(b.pose.orientation * a.pose.orientation.inverse()))

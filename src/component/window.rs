@@ -4,7 +4,7 @@ use super::Limits;
 use super::load::LoadWaveform;
 use super::memory::Memory;
 use super::refusal::Refusal;
-use super::waveform::{Twist, Waveform};
+use super::waveform::{Twist, Waveform, around};
 use crate::drive::Load;
 use crate::math::{Pose, rotation};
 use crate::model::Model;
@@ -20,12 +20,32 @@ pub struct Input {
     pub rebase: bool,
 }
 
+impl Input {
+    /// The same motion with no more knots than the stretch from `t0_ns` to `t1_ns` depends on: there it is the same to
+    /// the bit.
+    pub fn cut(&self, t0_ns: u64, t1_ns: u64) -> Self {
+        let Waveform { interpolation, knots } = &self.waveform;
+        let knots = around(knots, |k| k.time_ns, t0_ns, t1_ns).to_vec();
+        let waveform = Waveform { interpolation: *interpolation, knots };
+        Self { body: self.body.clone(), waveform, rebase: self.rebase }
+    }
+}
+
 /// The load on one mounted body through a window, besides its weight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadInput {
     /// The body's name.
     pub body: String,
     pub waveform: LoadWaveform,
+}
+
+impl LoadInput {
+    /// The same load with no more knots than the stretch from `t0_ns` to `t1_ns` depends on.
+    pub fn cut(&self, t0_ns: u64, t1_ns: u64) -> Self {
+        let LoadWaveform { is_held, knots } = &self.waveform;
+        let knots = around(knots, |k| k.time_ns, t0_ns, t1_ns).to_vec();
+        Self { body: self.body.clone(), waveform: LoadWaveform { is_held: *is_held, knots } }
+    }
 }
 
 /// All inputs of a window. A body without motion stays where it is, or where its mount is; one without

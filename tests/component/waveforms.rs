@@ -1,7 +1,7 @@
 //! What lies between knots.
 
 use crate::MS;
-use ballast::component::{Interpolation, Knot, Waveform};
+use ballast::component::{Input, Interpolation, Knot, Waveform};
 use ballast::math::{Pose, Quat, Vec3, rotation};
 use std::f64::consts::TAU;
 
@@ -108,5 +108,25 @@ fn at_a_knot_the_pose_is_the_knot() {
     let (waveform, _) = vibration(Interpolation::Hermite);
     for knot in &waveform.knots {
         assert_eq!(waveform.pose(knot.time_ns), knot.pose);
+    }
+}
+
+/// From knot to knot, across knots, between two of them, and beyond the last one.
+#[test]
+fn a_motion_that_is_cut_is_the_same_and_no_longer_than_it_must_be() {
+    for interpolation in [Interpolation::Hermite, Interpolation::Linear, Interpolation::Hold] {
+        let (waveform, _) = vibration(interpolation);
+        let input = Input { body: "tine".into(), waveform, rebase: true };
+        for (from, to, knots) in
+            [(20, 30, 2), (15, 30, 3), (21, 24, 2), (5, 595, 61), (598, 700, 2)]
+        {
+            let [from, to] = [from, to].map(|k: u64| k * MS / 10);
+            let cut = input.cut(from, to);
+            assert_eq!((&cut.body, cut.rebase), (&input.body, input.rebase));
+            assert_eq!(cut.waveform.knots.len(), knots, "{interpolation:?} from {from} to {to} ns");
+            for time in (from..=to).step_by(10_007) {
+                assert_eq!(cut.waveform.pose(time), input.waveform.pose(time));
+            }
+        }
     }
 }

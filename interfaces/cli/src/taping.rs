@@ -3,8 +3,10 @@
 use crate::case::Case;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
+use crate::playback::Playback;
 use ballast::component;
-use ballast::model::Role;
+use ballast::math::Pose;
+use ballast::model::{DrivenBody, Role};
 use ballast::motion::SpeedLimit;
 use ballast::observe::{SqueezeMeter, Zone};
 use ballast::track::{self, TampingPhase};
@@ -53,7 +55,9 @@ impl Taping {
     /// Records a step; `zones` are measured where an observation is due.
     pub fn step(&mut self, engine: &Engine, stepped: &Stepped, zones: Option<&[Zone]>) -> Outcome {
         let (model, state) = (engine.model(), engine.state());
-        let request = self.tape.request(stepped.t0_ns, state.time_ns, motions(engine, stepped));
+        let (given, [t0_ns, t1_ns]) = (given(engine), [stepped.t0_ns, state.time_ns]);
+        let mut request = self.tape.request(t0_ns, t1_ns, motions(engine, stepped, &given));
+        request.loads = given.loads.iter().map(|load| (&load.cut(t0_ns, t1_ns)).into()).collect();
         self.recent.take(&stepped.report.reactions, model.stepping.step_ns);
         self.squeezes.take(model, state, &stepped.report);
         let end = component::End {
@@ -88,24 +92,31 @@ impl Taping {
     }
 }
 
-/// The motions of a step as inputs: of tines and sleepers always, of other bodies where they move.
-fn motions(engine: &Engine, stepped: &Stepped) -> Vec<BodyInput> {
+/// What a recording that is replayed gave the step; nothing where the machine of the case moves the bodies.
+fn given(engine: &Engine) -> component::Window<'_> {
+    engine.playback().map(Playback::inputs).unwrap_or_default()
+}
+
+/// The motions of a step as inputs: what was given, as it was; besides, of tines and sleepers always, of other bodies where
+/// they move.
+fn motions(engine: &Engine, stepped: &Stepped, given: &component::Window) -> Vec<BodyInput> {
     let times = [stepped.t0_ns, engine.state().time_ns];
-    let bodies = engine.model().driven.iter().zip(&stepped.imposed);
-    bodies
-        .filter(|(body, [from, to])| body.role != Role::Boundary || from != to)
-        .map(|(body, poses)| {
-            let knot = |i: usize| Knot {
-                time_ns: ns(times[i]),
-                pose: poses[i].into(),
-                twist: Twist::default(),
-            };
-            BodyInput {
-                body: body.name.clone(),
-                interpolation: Interpolation::Linear,
-                rebase: false,
-                knots: vec![knot(0), knot(1)],
-            }
+    let input = |body: &DrivenBody, poses: &[Pose; 2]| {
+        if let Some(input) = given.motions.iter().find(|input| input.body == body.name) {
+            return Some((&input.cut(times[0], times[1])).into());
+        }
+        let knot = |i: usize| Knot {
+            time_ns: ns(times[i]),
+            pose: poses[i].into(),
+            twist: Twist::default(),
+        };
+        (body.role != Role::Boundary || poses[0] != poses[1]).then(|| BodyInput {
+            body: body.name.clone(),
+            interpolation: Interpolation::Linear,
+            rebase: false,
+            knots: vec![knot(0), knot(1)],
         })
-        .collect()
+    };
+    let bodies = engine.model().driven.iter().zip(&stepped.imposed);
+    bodies.filter_map(|(body, poses)| input(body, poses)).collect()
 }
