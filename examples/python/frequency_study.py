@@ -3,7 +3,7 @@
     python examples/python/frequency_study.py [CASE [FOLDER [FREQUENCIES [SEEDS]]]]
     python examples/python/frequency_study.py examples/laptop.toml runs/frequency 20,25,30,35,40,45,50 1,2,3
 
-Stopped, it goes on where it was; a whole cycle of `laptop` takes about a quarter of an hour on one core.
+Stopped, it goes on where it was; a whole cycle of `laptop` takes some five minutes on one core.
 """
 
 import sys
