@@ -47,6 +47,18 @@ impl RunFiles {
         self.checkpoint().exists() && !self.summary().exists()
     }
 
+    /// Refuses a folder where a run stopped before its end; `or` is what else can be done than to go on with it.
+    pub fn refuse_unfinished(&self, or: &str) -> Outcome {
+        if !self.is_unfinished() {
+            return Ok(());
+        }
+        Err(Failure::Usage(format!(
+            "{} holds an unfinished run; go on with `ballast resume {}`, or {or}",
+            self.folder.display(),
+            self.checkpoint().display()
+        )))
+    }
+
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
     pub fn remove_all(&self) -> Outcome {
         let files = [self.summary(), self.checkpoint(), self.results()];

@@ -49,6 +49,8 @@ impl Session {
         record: Option<&Path>,
         console: Console,
     ) -> Outcome<Self> {
+        // Before anything is removed.
+        record.map(ballast_mcap::may_become_a_recording).transpose()?;
         files.create_folder()?;
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, engine.model())?;

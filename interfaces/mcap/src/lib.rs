@@ -27,6 +27,6 @@ pub use entry::Entry;
 pub use error::{Error, Result};
 pub use meta::{Drive, Meta};
 pub use redoable::Redoable;
-pub use tape::{Tape, is_the_beginning};
+pub use tape::{Tape, is_the_beginning, may_become_a_recording};
 pub use verify::verify;
 pub use writer::Writer;

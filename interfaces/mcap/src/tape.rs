@@ -14,6 +14,8 @@ use ballast_protocol::Malformed;
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyInput, Log, Parameters, Status, StepSeries, Time, ns,
 };
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// A recording that windows are added to.
@@ -45,12 +47,35 @@ pub fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
     state.step == 0 && how(&model.solver) == how(&plan.run.solver)
 }
 
+/// Refuses a path where something else than a recording lies: a slip of the command line is not to cost a case or results.
+///
+/// # Errors
+/// [`Error::Unsuitable`], or the system refuses.
+pub fn may_become_a_recording(path: &Path) -> Result<()> {
+    if !path.is_file() {
+        return Ok(());
+    }
+    let mut start = vec![];
+    let read =
+        File::open(path).and_then(|f| f.take(mcap::MAGIC.len() as u64).read_to_end(&mut start));
+    read.map_err(|e| Error::io(path, "open", e))?;
+    if start.is_empty() || start == mcap::MAGIC {
+        return Ok(());
+    }
+    Err(Error::unsuitable(
+        path,
+        "recording",
+        "a new file, or a recording to replace",
+        "another file",
+    ))
+}
+
 impl Tape {
     /// Starts the recording of a run that is at `state`. Where the case does not begin there, `start` is the run's
     /// checkpoint, from which the recording can be computed again.
     ///
     /// # Errors
-    /// The system refuses.
+    /// As for [`may_become_a_recording`].
     pub fn create(
         path: &Path,
         meta: &Meta,
@@ -58,6 +83,7 @@ impl Tape {
         state: &State,
         start: Option<&[u8]>,
     ) -> Result<Self> {
+        may_become_a_recording(path)?;
         let mut writer = Writer::create(path, Some(meta))?;
         if let Some(start) = start {
             writer.attach(START, state.time_ns, start)?;

@@ -5,7 +5,7 @@ use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
-use crate::exit::{Failure, Outcome};
+use crate::exit::Outcome;
 use crate::files::RunFiles;
 use crate::session::{self, Session};
 use crate::{beds, interrupt};
@@ -16,12 +16,8 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let case = case::load(&args.case, &Choices::from(&args.overrides), console)?;
     let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
     let files = RunFiles::in_folder(folder);
-    if files.is_unfinished() && !args.force {
-        return Err(Failure::Usage(format!(
-            "{} holds an unfinished run; go on with `ballast resume {}`, or start over with --force",
-            files.folder.display(),
-            files.checkpoint().display()
-        )));
+    if !args.force {
+        files.refuse_unfinished("start over with --force")?;
     }
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;

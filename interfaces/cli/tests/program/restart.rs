@@ -136,12 +136,22 @@ fn runs_killed_at_any_instant_go_on_to_the_same_end() {
 #[test]
 fn an_unfinished_run_is_not_overwritten_by_mistake() {
     let place = Place::new();
-    place.run("--out here --steps 20").with_code(0);
+    place.run("--out here --steps 20 --record here.mcap").with_code(0);
     std::fs::remove_file(place.path("here/summary.json")).unwrap();
+    let refused = place.with_beds("replay here.mcap --out here").with_code(2);
+    assert!(refused.stderr().contains("resume"), "{}", refused.stderr());
     let refused = place.run("--out here").with_code(2);
     assert!(refused.stderr().contains("resume"), "{}", refused.stderr());
     place.run("--out here --steps 10 --force").with_code(0);
     assert_eq!(place.summary("here")["steps"], 10);
+
+    // Nor a case, nor results, by a recording.
+    for file in ["tiny.toml", "here/results.vtkhdf"] {
+        let before = std::fs::read(place.path(file)).unwrap();
+        let refused = place.run(&format!("--out here --steps 10 --record {file}")).with_code(1);
+        assert!(refused.stderr().contains("a recording to replace"), "{}", refused.stderr());
+        assert_eq!(std::fs::read(place.path(file)).unwrap(), before);
+    }
 }
 
 #[test]
