@@ -12,7 +12,8 @@ use std::path::PathBuf;
 
 /// An open recording.
 pub struct Recorder {
-    windows: Redoable,
+    /// There until it is finished.
+    windows: Option<Redoable>,
     /// Simulated time at its beginning.
     begins_ns: u64,
 }
@@ -39,7 +40,7 @@ impl Recorder {
         let recording = Tape::create(&path, &meta, model, state, start.as_deref())
             .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));
         let windows = recording.map_err(|e| errors::file(py, e))?;
-        Ok(Self { windows, begins_ns: state.time_ns })
+        Ok(Self { windows: Some(windows), begins_ns: state.time_ns })
     }
 
     /// Refuses a redo of a window that stands in no file.
@@ -65,22 +66,32 @@ impl Recorder {
         window: &Window,
         outcome: &Outcome,
     ) -> PyResult<()> {
+        let Some(windows) = &mut self.windows else { return Ok(()) };
         let model = component.model();
         if !is_redone {
             // Windows are numbered on from the last one that is written.
-            self.windows.settle().map_err(|e| errors::file(py, e))?;
+            windows.settle().map_err(|e| errors::file(py, e))?;
         }
         let motions = window.motions.iter().map(Into::into).collect();
-        let mut request = self.windows.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
+        let mut request = windows.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
         request.loads = window.loads.iter().map(Into::into).collect();
         let hash = ballast_hdf5::state_hash(model, component.state()).into();
         let reply = AdvanceReply::of(&request, model, outcome, hash);
-        self.windows
+        windows
             .window(component.shared_model(), is_redone, &request, &reply, component.save())
             .map_err(|e| errors::file(py, e))
     }
 
-    pub fn finish(self, py: Python<'_>) -> PyResult<()> {
-        self.windows.finish().map_err(|e| errors::file(py, e))
+    pub fn finish(mut self, py: Python<'_>) -> PyResult<()> {
+        let ended = self.windows.take().map(Redoable::finish).transpose();
+        ended.map(drop).map_err(|e| errors::file(py, e))
+    }
+}
+
+/// A simulation that is let go without being closed: its last window is as good as the others.
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // Nobody is left to tell.
+        let _ = self.windows.take().map(Redoable::finish);
     }
 }

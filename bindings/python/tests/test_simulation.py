@@ -372,6 +372,17 @@ def test_an_interrupted_window_is_recorded_as_far_as_it_went(
     call(tmp_path, "verify", tmp_path / "run.mcap")
 
 
+def test_a_simulation_that_is_let_go_leaves_its_last_window(
+    case: ballast.Case, beds: Path, tmp_path: Path
+) -> None:
+    sim = ballast.open(case, beds=beds, threads=1, progress=False)
+    sim.record(tmp_path / "run.mcap")
+    for _ in range(3):
+        advance(sim)
+    del sim
+    assert "3 windows" in call(tmp_path, "verify", tmp_path / "run.mcap")
+
+
 def call(folder: Path, command: str, path: Path, *more: str | Path) -> str:
     """What the program says to a recording of a simulation."""
     program = Path(os.environ.get("BALLAST_PROGRAM", ROOT / "target/release/ballast"))
