@@ -27,6 +27,18 @@ fn block(format: &Format, bytes: u64, digest: &blake3::Hash) -> [u8; BLOCK] {
     block
 }
 
+/// The block of what `reader` has left, `bytes` long; memory does not depend on that.
+fn block_of(
+    mut reader: impl Read,
+    bytes: u64,
+    format: &Format,
+    path: &Path,
+) -> Result<[u8; BLOCK]> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(&mut reader).map_err(io(path, "read"))?;
+    Ok(block(format, bytes, &hasher.finalize()))
+}
+
 /// Replaces `path` by a sealed file with this content.
 ///
 /// The content goes to a new file beside it which takes its place only when it is on the disk; a
@@ -110,9 +122,7 @@ pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
             Fault::new("size", format!("{claimed} bytes after the header"), content).in_file(path)
         );
     }
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(&mut file).map_err(io(path, "read"))?;
-    compare(&found, &block(format, content, &hasher.finalize()), path)?;
+    compare(&found, &block_of(file, content, format, path)?, path)?;
     Ok(size)
 }
 
@@ -131,19 +141,16 @@ pub(crate) fn read(path: &Path, format: &Format) -> Result<Vec<u8>> {
 pub(crate) fn put_at_end(path: &Path, format: &Format) -> Result<()> {
     let mut file = File::options().read(true).append(true).open(path).map_err(io(path, "open"))?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(&mut file).map_err(io(path, "read"))?;
-    file.write_all(&block(format, size, &hasher.finalize())).map_err(io(path, "write"))?;
+    let seal = block_of(&file, size, format, path)?;
+    file.write_all(&seal).map_err(io(path, "write"))?;
     file.sync_all().map_err(io(path, "bring to the disk"))
 }
 
 /// Checks the seal at the end of `path`, if it has one: a file that is being written, or whose writer was killed, has none.
 pub(crate) fn check_at_end(path: &Path, format: &Format) -> Result<()> {
     let Some((mut file, size, found)) = end_of(path, format)? else { return Ok(()) };
-    let mut hasher = blake3::Hasher::new();
     file.rewind().map_err(io(path, "read"))?;
-    hasher.update_reader(file.take(size)).map_err(io(path, "read"))?;
-    compare(&found, &block(format, size, &hasher.finalize()), path)
+    compare(&found, &block_of(file.take(size), size, format, path)?, path)
 }
 
 /// Takes the seal off the end of `path`, if it has one, for a file that is to grow.
@@ -219,9 +226,7 @@ pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>> {
 pub(crate) fn reseal(path: &Path, format: &Format) -> Result<()> {
     let mut file = File::options().read(true).write(true).open(path).map_err(io(path, "open"))?;
     file.seek(SeekFrom::Start(BLOCK as u64)).map_err(io(path, "read"))?;
-    let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(&mut file).map_err(io(path, "read"))?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
-    let header = block(format, size.saturating_sub(BLOCK as u64), &hasher.finalize());
+    let header = block_of(&file, size.saturating_sub(BLOCK as u64), format, path)?;
     file.rewind().and_then(|()| file.write_all(&header)).map_err(io(path, "write"))
 }
