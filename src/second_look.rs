@@ -67,8 +67,13 @@ impl Course<'_> {
 
     /// Configuration m of the next step, `h` seconds later.
     fn end(&self, h: f64, end: &mut Motion) {
-        end.clone_from(self.motion);
-        for (b, (x, q)) in end.position.iter_mut().zip(&mut end.orientation).enumerate() {
+        let Motion { position, orientation, velocity, spin, responses } = end;
+        position.clone_from(&self.motion.position);
+        orientation.clone_from(&self.motion.orientation);
+        velocity.clone_from(&self.motion.velocity);
+        spin.clone_from(&self.motion.spin);
+        responses.clone_from(&self.motion.responses);
+        for (b, (x, q)) in position.iter_mut().zip(orientation).enumerate() {
             let (v, w) = self.twist(b);
             *x += v * h;
             *q = rotation::advance(q, &(w * h));

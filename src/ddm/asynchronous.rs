@@ -41,10 +41,12 @@ struct Run<'a> {
     tests: Mutex<Tests>,
 }
 
+/// A set's newest norms, and after which of its visits they were taken.
+pub(super) type Report = (u32, VisitNorms);
+
 /// Convergence tests of a run. A test is judged when every set has reported it.
 struct Tests {
-    /// Each set's newest norms, and after which of its visits they were taken.
-    reports: Vec<(u32, VisitNorms)>,
+    reports: Vec<Report>,
     /// Visits after which the next test is due, and sets that have not reported it.
     due: u32,
     missing: usize,
@@ -57,11 +59,7 @@ struct Tests {
 /// Iterates until the tolerance or the cap is reached; `None` if the iterations diverged.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Option<Outcome> {
     iterate_with(decomposition, solver, |run| {
-        rayon::scope(|scope| {
-            for _ in 0..rayon::current_num_threads().min(run.decomposition.subdomains.len()) {
-                scope.spawn(|_| while run.visit_next() {});
-            }
-        });
+        run.visit_all(rayon::current_num_threads().min(run.decomposition.subdomains.len()));
     })
 }
 
@@ -82,9 +80,11 @@ fn iterate_with(
         let closing = CLOSING.0.min(solver.iterations.div_ceil(CLOSING.1));
         let free = Solver { iterations: solver.iterations.saturating_sub(closing), ..solver };
         decomposition.split();
-        let run = Run::new(decomposition, &free, softening.anew());
+        let reports = std::mem::take(&mut decomposition.reports);
+        let run = Run::new(decomposition, &free, softening.anew(), reports);
         work(&run);
         let tests = run.tests.into_inner().unwrap_or_else(PoisonError::into_inner);
+        decomposition.reports = tests.reports;
         if tests.diverged {
             return None;
         }
@@ -103,8 +103,15 @@ fn iterate_with(
 }
 
 impl<'a> Run<'a> {
-    fn new(decomposition: &'a Decomposition, solver: &'a Solver, softening: Softening) -> Self {
+    fn new(
+        decomposition: &'a Decomposition,
+        solver: &'a Solver,
+        softening: Softening,
+        mut reports: Vec<Report>,
+    ) -> Self {
         let sets = decomposition.sets();
+        reports.clear();
+        reports.resize(sets, Report::default());
         Self {
             decomposition,
             solver,
@@ -112,13 +119,25 @@ impl<'a> Run<'a> {
             stop: AtomicBool::new(false),
             relaxation: AtomicU64::new(softening.relaxation.to_bits()),
             tests: Mutex::new(Tests {
-                reports: vec![(0, VisitNorms::default()); sets],
+                reports,
                 due: solver.check_every.max(1),
                 missing: sets,
                 scale: None,
                 softening,
                 diverged: false,
             }),
+        }
+    }
+
+    /// Makes all visits, on so many threads at once if they are free.
+    fn visit_all(&self, threads: usize) {
+        match threads {
+            0 => {}
+            1 => while self.visit_next() {},
+            _ => {
+                let half = threads / 2;
+                rayon::join(|| self.visit_all(half), || self.visit_all(threads - half));
+            }
         }
     }
 

@@ -111,7 +111,7 @@ impl Decomposition {
 
     /// Numbers the parts of every boundary grain: its subdomain's first, then those of the groups.
     fn number_parts(&mut self) {
-        let Self { subdomains, groups, boundary, partition, line_of } = self;
+        let Self { subdomains, groups, boundary, partition, line_of, .. } = self;
         let Boundary { slots, uses } = boundary;
         uses.clear();
         for (group, g) in groups.iter_mut().zip(0u32..) {

@@ -5,6 +5,7 @@
 //! copies of the lines of its grains, gathered before and scattered after: groups of one colour
 //! share no subdomain, so locks are never waited for and the order of threads has no effect.
 
+use super::asynchronous::Report;
 use super::boundary::{Boundary, BoundaryLine};
 use super::{acceleration, momentum};
 use crate::local_problem::LocalProblem;
@@ -21,6 +22,8 @@ pub(super) struct Set {
     pub contacts: ContactSet,
     /// Of the last measured sweep.
     pub norms: VisitNorms,
+    /// Of when the natural map was last asked for.
+    pub map: NaturalMapSums,
     /// For the asynchronous schedule: visits since the velocities were split into parts, and the
     /// lines that are sums of parts.
     pub visits: u32,
@@ -69,6 +72,9 @@ pub struct Decomposition {
     /// Line of each grain in its subdomain `[ng]`.
     pub(super) line_of: Vec<u32>,
     pub(super) boundary: Boundary,
+    /// Buffers: of the tests of the asynchronous schedule, and of what velocities are read from.
+    pub(super) reports: Vec<Report>,
+    sets: Vec<&'static ContactSet>,
 }
 
 /// Access to a lock that no panic leaves in a state to fear: lines hold plain numbers.
@@ -208,17 +214,17 @@ impl Decomposition {
 
     /// Natural map residual of the whole problem at the present velocities and impulses.
     pub(super) fn natural_map(&mut self) -> f64 {
-        let inside: Vec<NaturalMapSums> =
-            self.subdomains.par_iter_mut().map(|set| open(set).contacts.natural_map()).collect();
-        let this = &*self;
-        // The groups only read the subdomains here, but take their locks: one after another.
-        let between = (0..this.groups.len()).map(|g| {
-            let mut group = enter(&this.groups[g]);
-            group.gather(&this.homes(g));
-            group.set.contacts.natural_map()
-        });
+        self.on_subdomains(|set| set.map = set.contacts.natural_map());
         let mut sum = NaturalMapSums::default();
-        inside.into_iter().chain(between).for_each(|part| sum += part);
+        for set in &mut self.subdomains {
+            sum += open(set).map;
+        }
+        // The groups only read the subdomains here, but take their locks: one after another.
+        for g in 0..self.groups.len() {
+            let mut group = enter(&self.groups[g]);
+            group.gather(&self.homes(g));
+            sum += group.set.contacts.natural_map();
+        }
         sum.residual()
     }
 
@@ -245,14 +251,23 @@ impl Decomposition {
         spin: &mut Vec<Vec3>,
     ) {
         let Self { subdomains, partition, line_of, .. } = self;
-        let sets: Vec<&ContactSet> = subdomains.iter_mut().map(|set| &open(set).contacts).collect();
+        let mut sets = emptied(std::mem::take(&mut self.sets));
+        sets.extend(subdomains.iter_mut().map(|set| &open(set).contacts));
         (&partition.owner, &*line_of)
             .into_par_iter()
             .enumerate()
             .with_min_len(1024)
             .map(|(g, (&s, &line))| problem.velocity(g, &sets[s as usize].lines[line as usize]))
             .unzip_into_vecs(velocity, spin);
+        self.sets = emptied(sets);
     }
+}
+
+/// The memory of a list of references, for a list of others.
+fn emptied<'b, T>(mut list: Vec<&T>) -> Vec<&'b T> {
+    list.clear();
+    // Nothing is left to be mapped; what is collected is the list's own memory.
+    list.into_iter().map(|_| unreachable!()).collect()
 }
 
 /// Sets the lines of `set` to the free velocities of `grains`.

@@ -15,6 +15,8 @@ use crate::math::{Pose, Quat, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
 use rayon::prelude::*;
+use std::mem::take;
+use std::ops::Range;
 
 /// Grains per unit of parallel work. Fixed, so that results do not depend on threads.
 pub(super) const CHUNK: usize = 64;
@@ -79,14 +81,16 @@ pub(super) struct PairList {
     pub parts: Vec<PartRef>,
     /// Of all bodies, from configuration to configuration for which pairs were examined.
     pub travel: Travel,
-    built: Option<Built>,
+    built: Built,
     boxes: Vec<Aabb>,
     grid: Grid,
+    /// Pairs that the grid does not find from grain to grain.
+    extra: Vec<(u32, u32)>,
     fresh: Vec<Fresh>,
 }
 
 /// The configuration for which the list was built.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Built {
     position: Vec<Vec3>,
     orientation: Vec<Quat>,
@@ -100,7 +104,7 @@ struct Built {
 }
 
 /// By which a model is known again: pairs' memory is about shapes.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Default)]
 struct Identity {
     /// Of the grains.
     shape: Vec<u32>,
@@ -126,12 +130,12 @@ impl ShapeMark {
 }
 
 impl Identity {
-    fn of(model: &Model) -> Self {
-        Self {
-            shape: model.grains.shape.clone(),
-            shapes: model.shapes.iter().map(ShapeMark::of).collect(),
-            parts: model.driven.iter().map(|d| d.parts.clone()).collect(),
-        }
+    fn note(&mut self, model: &Model) {
+        self.shape.clone_from(&model.grains.shape);
+        self.shapes.clear();
+        self.shapes.extend(model.shapes.iter().map(ShapeMark::of));
+        self.parts.clear();
+        self.parts.extend(model.driven.iter().map(|d| d.parts.clone()));
     }
 
     fn is_of(&self, model: &Model) -> bool {
@@ -155,103 +159,130 @@ impl PairList {
     /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved, and its reach grown, by
     /// more than it was given. Pairs of another model are forgotten.
     pub fn update(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
-        let known = self.built.take().filter(|b| b.identity.is_of(model));
-        if known.is_none() {
+        let known = self.built.identity.is_of(model);
+        if !known {
+            self.built.identity.note(model);
+            self.parts = parts_of(model);
             self.starts.clear();
+            self.starts.resize(model.grains.len() + 1, 0);
+            self.antagonists.clear();
+            self.memory.clear();
             self.travel.clear();
         }
-        if let Some(built) = known
-            && built.still_holds(motion, reach)
-        {
-            self.built = Some(built);
-        } else {
+        if !known || !self.built.still_holds(motion, reach) {
             self.rebuild(model, motion, reach);
         }
     }
 
     /// Adds to the bodies' travel their way to the configuration in which pairs will be examined.
     pub fn advance(&mut self, motion: &Motion) {
-        if let Some(built) = &self.built {
-            self.travel.update(motion, &built.extent);
-        }
+        self.travel.update(motion, &self.built.extent);
     }
 
     fn rebuild(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
         let ng = model.grains.len();
-        self.parts = parts_of(model);
-        let built = Built::new(model, motion, reach);
-        let boxes: Vec<Aabb> = (0..ng)
+        self.built.note(model, motion, reach);
+        let built = &self.built;
+        (0..ng)
             .into_par_iter()
             .with_min_len(256)
             .map(|i| {
                 let shape = &model.shapes[model.grains.shape[i] as usize];
                 Aabb::of(shape, &pose(motion, i), built.margin(i))
             })
-            .collect();
-        self.boxes = boxes;
+            .collect_into_vec(&mut self.boxes);
         self.grid.build(&self.boxes);
-        let mut extra = self.grid.large_pairs(&self.boxes);
-        self.part_pairs(model, motion, &built, &mut extra);
-        extra.sort_unstable();
-        self.fill(ng, &extra);
-        self.built = Some(built);
+        self.extra.clear();
+        self.grid.large_pairs(&self.boxes, &mut self.extra);
+        self.part_pairs(model, motion);
+        self.extra.sort_unstable();
+        self.fill(ng);
     }
 
-    /// Pairs of grains and convex parts.
-    fn part_pairs(&self, model: &Model, motion: &Motion, built: &Built, out: &mut Vec<(u32, u32)>) {
+    /// Adds pairs of grains and convex parts.
+    fn part_pairs(&mut self, model: &Model, motion: &Motion) {
         let ng = model.grains.len();
         for (k, part) in self.parts.iter().enumerate() {
             let body = part.driven as usize;
             if let Part::Convex { shape, pose: local } =
                 &model.driven[body].parts[part.part as usize]
             {
+                let shape = &model.shapes[*shape as usize];
                 let placed = pose(motion, ng + body).then(local);
-                let bounds =
-                    Aabb::of(&model.shapes[*shape as usize], &placed, built.margin(ng + body));
-                self.grid
-                    .for_each_meeting(&self.boxes, &bounds, |i| out.push((i, (ng + k) as u32)));
+                let bounds = Aabb::of(shape, &placed, self.built.margin(ng + body));
+                let mut found = |i| self.extra.push((i, (ng + k) as u32));
+                self.grid.for_each_meeting(&self.boxes, &bounds, &mut found);
             }
         }
     }
 
     /// Collects all pairs by chunk, then joins them; pairs of the old list keep their memory.
-    fn fill(&mut self, ng: usize, extra: &[(u32, u32)]) {
-        let mut fresh = std::mem::take(&mut self.fresh);
+    fn fill(&mut self, ng: usize) {
+        let Self { starts, antagonists, memory, grid, boxes, extra, fresh, .. } = self;
         fresh.resize_with(ng.div_ceil(CHUNK), Fresh::default);
-        fresh.par_iter_mut().enumerate().for_each(|(c, chunk)| {
-            chunk.collect(self, c * CHUNK..ng.min((c + 1) * CHUNK), extra);
+        let meetings = Meetings { grid, boxes, extra, starts, antagonists };
+        by_chunk(starts, 0..ng, memory, fresh, &|grains, memory, chunk| {
+            chunk.collect(&meetings, grains, memory);
         });
-        self.starts.clear();
-        self.antagonists.clear();
-        self.memory.clear();
-        self.starts.push(0);
-        for chunk in &mut fresh {
+        starts.clear();
+        antagonists.clear();
+        memory.clear();
+        starts.push(0);
+        for chunk in fresh {
             for count in &chunk.counts {
-                self.starts.push(self.starts[self.starts.len() - 1] + count);
+                starts.push(starts[starts.len() - 1] + count);
             }
-            self.antagonists.extend_from_slice(&chunk.antagonists);
-            self.memory.append(&mut chunk.memory);
+            antagonists.extend_from_slice(&chunk.antagonists);
+            memory.append(&mut chunk.memory);
         }
-        self.fresh = fresh;
-    }
-
-    /// Old pairs of grain `i`.
-    fn old(&self, i: usize) -> std::ops::Range<usize> {
-        if i + 1 < self.starts.len() { self.starts[i]..self.starts[i + 1] } else { 0..0 }
     }
 }
 
+/// Does `work` for each chunk of `grains` with the memory of their pairs, in parallel.
+pub(super) fn by_chunk<C: Send>(
+    starts: &[usize],
+    grains: Range<usize>,
+    memory: &mut [PairMemory],
+    chunks: &mut [C],
+    work: &(impl Fn(Range<usize>, &mut [PairMemory], &mut C) + Sync),
+) {
+    match chunks {
+        [] => {}
+        [chunk] => work(grains, memory, chunk),
+        _ => {
+            let (left, right) = chunks.split_at_mut(chunks.len() / 2);
+            let middle = grains.start + left.len() * CHUNK;
+            let (before, after) = memory.split_at_mut(starts[middle] - starts[grains.start]);
+            rayon::join(
+                || by_chunk(starts, grains.start..middle, before, left, work),
+                || by_chunk(starts, middle..grains.end, after, right, work),
+            );
+        }
+    }
+}
+
+/// Where boxes meet, and the list so far.
+struct Meetings<'a> {
+    grid: &'a Grid,
+    boxes: &'a [Aabb],
+    extra: &'a [(u32, u32)],
+    starts: &'a [usize],
+    antagonists: &'a [u32],
+}
+
 impl Fresh {
-    fn collect(&mut self, list: &PairList, grains: std::ops::Range<usize>, extra: &[(u32, u32)]) {
+    /// Collects the pairs of these grains; `known` is the memory of those they had.
+    fn collect(&mut self, all: &Meetings, grains: Range<usize>, known: &mut [PairMemory]) {
         self.counts.clear();
         self.antagonists.clear();
         self.memory.clear();
-        let mut next = extra.partition_point(|e| (e.0 as usize) < grains.start);
+        let from = all.starts[grains.start];
+        let mut next = all.extra.partition_point(|e| (e.0 as usize) < grains.start);
         for i in grains {
             let first = self.antagonists.len();
-            list.grid.for_each_above(&list.boxes, i as u32, |j| self.antagonists.push(j));
-            while next < extra.len() && extra[next].0 as usize == i {
-                self.antagonists.push(extra[next].1);
+            all.grid.for_each_above(all.boxes, i as u32, |j| self.antagonists.push(j));
+            while next < all.extra.len() && all.extra[next].0 as usize == i {
+                self.antagonists.push(all.extra[next].1);
                 next += 1;
             }
             self.antagonists[first..].sort_unstable();
@@ -265,37 +296,38 @@ impl Fresh {
             }
             self.antagonists.truncate(kept);
             self.counts.push(kept - first);
-            self.recall(list, list.old(i), first);
+            let old = all.starts[i]..all.starts[i + 1];
+            self.recall(first, &all.antagonists[old.clone()], &mut known[old.start - from..]);
         }
     }
 
-    /// Memory of the pairs from `first` on, out of the old list's range.
-    fn recall(&mut self, list: &PairList, old: std::ops::Range<usize>, first: usize) {
-        let mut k = old.start;
+    /// Takes the memory of the pairs from `first` on from that of the old ones of the same grain.
+    fn recall(&mut self, first: usize, old: &[u32], known: &mut [PairMemory]) {
+        let mut k = 0;
         for j in &self.antagonists[first..] {
-            while k < old.end && list.antagonists[k] < *j {
+            while k < old.len() && old[k] < *j {
                 k += 1;
             }
-            let known = k < old.end && list.antagonists[k] == *j;
-            self.memory.push(if known { list.memory[k].clone() } else { PairMemory::default() });
+            let is_known = old.get(k) == Some(j);
+            self.memory.push(if is_known { take(&mut known[k]) } else { PairMemory::default() });
         }
     }
 }
 
 impl Built {
-    fn new(model: &Model, motion: &Motion, reach: &Reach) -> Self {
+    /// Notes the configuration of the list.
+    fn note(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
         let ng = model.grains.len();
-        let extent: Vec<f64> = (0..model.body_count()).map(|b| reach::extent(model, b)).collect();
-        let mean = extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
-        let bodies = 0..reach.body_count();
-        Self {
-            position: motion.position.clone(),
-            orientation: motion.orientation.clone(),
-            extent,
-            share: bodies.clone().map(|b| reach.share(b)).collect(),
-            slack: bodies.map(|b| (0.5 * SKIN * mean).max(LASTING * reach.way(b))).collect(),
-            identity: Identity::of(model),
-        }
+        self.position.clone_from(&motion.position);
+        self.orientation.clone_from(&motion.orientation);
+        self.extent.clear();
+        self.extent.extend((0..model.body_count()).map(|b| reach::extent(model, b)));
+        let mean = self.extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
+        self.share.clear();
+        self.share.extend((0..reach.body_count()).map(|b| reach.share(b)));
+        self.slack.clear();
+        let slack = |b| (0.5 * SKIN * mean).max(LASTING * reach.way(b));
+        self.slack.extend((0..reach.body_count()).map(slack));
     }
 
     /// What the box of body `b` is wider than the body.

@@ -6,14 +6,13 @@
 //! threads change a bit.
 
 use super::Contacts;
-use super::broad_phase::{CHUNK, PairList, PartRef, pose};
+use super::broad_phase::{CHUNK, PairList, PartRef, by_chunk, pose};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
 use super::reach::Reach;
 use crate::lanes;
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
-use rayon::prelude::*;
 
 /// How many pairs before its turn a pair's memory is fetched.
 const AHEAD: usize = 2;
@@ -90,17 +89,14 @@ impl Detector {
         self.pairs.advance(motion);
         let ng = model.grains.len();
         place_parts(&self.pairs.parts, model, motion, &mut self.placed);
-        let count = ng.div_ceil(CHUNK);
-        self.chunks.resize_with(count, Chunk::default);
+        self.chunks.resize_with(ng.div_ceil(CHUNK), Chunk::default);
         let PairList { starts, antagonists, memory, parts, travel, .. } = &mut self.pairs;
         let (starts, antagonists, placed) = (&*starts, &*antagonists, &*self.placed);
         let travel = &*travel.length;
         let search =
             Search { model, motion, reach, asked, starts, antagonists, parts, placed, travel };
-        let bounds = (0..count).map(|c| starts[ng.min((c + 1) * CHUNK)] - starts[c * CHUNK]);
-        let memory = split(memory, bounds);
-        (&mut self.chunks, memory).into_par_iter().enumerate().for_each(|(c, (chunk, memory))| {
-            search.chunk(c * CHUNK..ng.min((c + 1) * CHUNK), memory, chunk);
+        by_chunk(starts, 0..ng, memory, &mut self.chunks, &|grains, memory, chunk| {
+            search.chunk(grains, memory, chunk);
         });
         join(&self.chunks, out);
     }
@@ -135,7 +131,7 @@ struct Search<'a, F> {
     travel: &'a [f64],
 }
 
-impl<F: Fn([usize; 2]) -> bool> Search<'_, F> {
+impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
     fn chunk(&self, grains: std::ops::Range<usize>, memory: &mut [PairMemory], out: &mut Chunk) {
         out.scratch.points.clear();
         out.bodies.clear();
@@ -254,39 +250,64 @@ impl Chunk {
 
 /// Copies the chunks' contacts to `out`, one after the other.
 fn join(chunks: &[Chunk], out: &mut Contacts) {
-    let count = chunks.iter().map(|c| c.bodies.len()).sum();
+    let count = points(chunks);
     out.bodies.resize(count, [0; 2]);
     out.feature.resize(count, 0);
     out.point.resize(count, Vec3::zeros());
     out.normal.resize(count, Vec3::zeros());
     out.gap.resize(count, 0.0);
-    let lengths = || chunks.iter().map(|c| c.bodies.len());
     let Contacts { bodies, feature, point, normal, gap } = out;
-    (
-        chunks,
-        split(bodies, lengths()),
-        split(feature, lengths()),
-        split(point, lengths()),
-        split(normal, lengths()),
-        split(gap, lengths()),
-    )
-        .into_par_iter()
-        .for_each(|(chunk, bodies, feature, point, normal, gap)| {
-            bodies.copy_from_slice(&chunk.bodies);
-            let places = feature.iter_mut().zip(point).zip(normal).zip(gap);
-            for (p, (((feature, point), normal), gap)) in chunk.scratch.points.iter().zip(places) {
-                (*feature, *point, *normal, *gap) = (p.feature, p.point, p.normal, p.gap);
-            }
-        });
+    Places { bodies, feature, point, normal, gap }.fill(chunks);
 }
 
-/// Cuts a slice into pieces of the given lengths.
-pub(super) fn split<T>(mut all: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
-    lengths
-        .map(|n| {
-            let (piece, rest) = std::mem::take(&mut all).split_at_mut(n);
-            all = rest;
-            piece
-        })
-        .collect()
+fn points(chunks: &[Chunk]) -> usize {
+    chunks.iter().map(|chunk| chunk.bodies.len()).sum()
+}
+
+/// Where contacts of some chunks go.
+struct Places<'a> {
+    bodies: &'a mut [[u32; 2]],
+    feature: &'a mut [u64],
+    point: &'a mut [Vec3],
+    normal: &'a mut [Vec3],
+    gap: &'a mut [f64],
+}
+
+impl Places<'_> {
+    fn fill(self, chunks: &[Chunk]) {
+        match chunks {
+            [] => {}
+            [chunk] => self.copy(chunk),
+            _ => {
+                let (left, right) = chunks.split_at(chunks.len() / 2);
+                let [before, after] = self.split_at(points(left));
+                rayon::join(|| before.fill(left), || after.fill(right));
+            }
+        }
+    }
+
+    fn copy(self, chunk: &Chunk) {
+        let Self { bodies, feature, point, normal, gap } = self;
+        bodies.copy_from_slice(&chunk.bodies);
+        let places = feature.iter_mut().zip(point).zip(normal).zip(gap);
+        for (p, (((feature, point), normal), gap)) in chunk.scratch.points.iter().zip(places) {
+            (*feature, *point, *normal, *gap) = (p.feature, p.point, p.normal, p.gap);
+        }
+    }
+
+    fn split_at(self, n: usize) -> [Self; 2] {
+        let (bodies, bodies_after) = self.bodies.split_at_mut(n);
+        let (feature, feature_after) = self.feature.split_at_mut(n);
+        let (point, point_after) = self.point.split_at_mut(n);
+        let (normal, normal_after) = self.normal.split_at_mut(n);
+        let (gap, gap_after) = self.gap.split_at_mut(n);
+        let after = Self {
+            bodies: bodies_after,
+            feature: feature_after,
+            point: point_after,
+            normal: normal_after,
+            gap: gap_after,
+        };
+        [Self { bodies, feature, point, normal, gap }, after]
+    }
 }

@@ -23,16 +23,27 @@ pub(super) struct Grid {
     large: Vec<u32>,
     is_large: Vec<bool>,
     bounds: [[i64; 3]; 2],
+    /// Buffers of [`Grid::build`]: sizes of boxes, and the bucket of each.
+    sizes: Vec<f64>,
+    bucket_of: Vec<u32>,
 }
 
 impl Grid {
     pub fn build(&mut self, boxes: &[Aabb]) {
-        let mut sizes: Vec<f64> = boxes.iter().map(|b| (b.high - b.low).max()).collect();
-        sizes.sort_unstable_by(f64::total_cmp);
-        let rank = sizes.len().saturating_sub(1 + sizes.len() / 100);
-        self.cell = sizes.get(rank).copied().filter(|s| *s > 0.0).unwrap_or(1.0);
-        self.is_large = boxes.iter().map(|b| (b.high - b.low).max() > self.cell).collect();
-        self.large = (0..boxes.len() as u32).filter(|i| self.is_large[*i as usize]).collect();
+        let size = |b: &Aabb| (b.high - b.low).max();
+        refill(&mut self.sizes, boxes.iter().map(size));
+        self.cell = 1.0;
+        if !boxes.is_empty() {
+            let rank = boxes.len().saturating_sub(1 + boxes.len() / 100);
+            let (_, largest, _) = self.sizes.select_nth_unstable_by(rank, f64::total_cmp);
+            if *largest > 0.0 {
+                self.cell = *largest;
+            }
+        }
+        let is_large = boxes.iter().map(|b| size(b) > self.cell);
+        refill(&mut self.is_large, is_large);
+        let large = (0..boxes.len() as u32).filter(|i| self.is_large[*i as usize]);
+        refill(&mut self.large, large);
         let small = || (0..boxes.len()).filter(|i| !self.is_large[*i]);
 
         self.bounds = [[i64::MAX; 3], [i64::MIN; 3]];
@@ -49,23 +60,22 @@ impl Grid {
         let strides = [width(0) & self.mask, width(0).wrapping_mul(width(1)) & self.mask];
         self.strides = strides;
 
-        let bucket: Vec<u32> = boxes.iter().map(|b| self.bucket(&self.cell_of(b)) as u32).collect();
+        let mut bucket = std::mem::take(&mut self.bucket_of);
+        refill(&mut bucket, boxes.iter().map(|b| self.bucket(&self.cell_of(b)) as u32));
         self.starts.clear();
         self.starts.resize(buckets + 1, 0);
-        for i in small() {
-            self.starts[bucket[i] as usize + 1] += 1;
-        }
+        small().for_each(|i| self.starts[bucket[i] as usize] += 1);
         for k in 0..buckets {
             self.starts[k + 1] += self.starts[k];
         }
-        let mut next = self.starts.clone();
-        let mut members = vec![0; self.starts[buckets] as usize];
-        for i in small() {
-            let slot = &mut next[bucket[i] as usize];
-            members[*slot as usize] = i as u32;
-            *slot += 1;
+        // From the ends of the buckets backwards to their starts.
+        self.members.resize(self.starts[buckets] as usize, 0);
+        for i in (0..boxes.len()).rev().filter(|i| !self.is_large[*i]) {
+            let slot = &mut self.starts[bucket[i] as usize];
+            *slot -= 1;
+            self.members[*slot as usize] = i as u32;
         }
-        self.members = members;
+        self.bucket_of = bucket;
     }
 
     fn cell_of(&self, b: &Aabb) -> [i64; 3] {
@@ -136,9 +146,8 @@ impl Grid {
         }
     }
 
-    /// Pairs with at least one large box, lower number first.
-    pub fn large_pairs(&self, boxes: &[Aabb]) -> Vec<(u32, u32)> {
-        let mut pairs = Vec::new();
+    /// Adds the pairs with at least one large box, lower number first.
+    pub fn large_pairs(&self, boxes: &[Aabb], pairs: &mut Vec<(u32, u32)>) {
         for &l in &self.large {
             self.for_each_meeting(boxes, &boxes[l as usize], |j| {
                 if j != l && (l < j || !self.is_large[j as usize]) {
@@ -146,8 +155,12 @@ impl Grid {
                 }
             });
         }
-        pairs
     }
+}
+
+fn refill<T>(all: &mut Vec<T>, with: impl Iterator<Item = T>) {
+    all.clear();
+    all.extend(with);
 }
 
 /// Cells beyond this are one: sums of their numbers stay within i64.

@@ -4,14 +4,13 @@
 //! Cost: O(contacts). Contract: each old contact is used at most once; independent of threads.
 
 use super::Contacts;
-use super::detector::split;
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::state::ContactMemory;
 use rayon::prelude::*;
 
-/// Contacts per unit of parallel work, about: pairs are not cut.
+/// Contacts per unit of parallel work, at most, but for one pair: pairs are not cut.
 const CHUNK: usize = 1024;
 /// How far, over the candidate's radius, a contact point may have moved in its body to be the same.
 const TOLERANCE: f64 = 0.2;
@@ -30,28 +29,7 @@ pub fn warm_start(
 ) {
     impulse.clear();
     impulse.resize(contacts.len(), Vec3::zeros());
-    let bounds = chunk_bounds(&contacts.bodies);
-    let lengths = bounds.windows(2).map(|w| w[1] - w[0]);
-    split(impulse, lengths).into_par_iter().zip(&bounds).for_each(|(impulse, &from)| {
-        let mut chunk = Matching { model, motion, memory, contacts, used: Vec::new() };
-        chunk.run(from, impulse);
-        impulse.iter_mut().for_each(|f| *f *= model.solver.warm_start);
-    });
-}
-
-/// Fixed chunks, moved up to the next pair's first contact.
-fn chunk_bounds(bodies: &[[u32; 2]]) -> Vec<usize> {
-    let mut bounds = vec![0];
-    let mut last = 0;
-    while last < bodies.len() {
-        let mut end = (last + CHUNK).min(bodies.len());
-        while end < bodies.len() && bodies[end] == bodies[end - 1] {
-            end += 1;
-        }
-        bounds.push(end);
-        last = end;
-    }
-    bounds
+    Matching { model, motion, memory, contacts }.run(0, impulse);
 }
 
 struct Matching<'a> {
@@ -59,16 +37,33 @@ struct Matching<'a> {
     motion: &'a Motion,
     memory: &'a ContactMemory,
     contacts: &'a Contacts,
-    used: Vec<bool>,
 }
 
 impl Matching<'_> {
-    /// Matches the contacts `from..from + impulse.len()`.
-    fn run(&mut self, from: usize, impulse: &mut [Vec3]) {
+    /// Matches the contacts `from..from + impulse.len()`, which are those of whole pairs.
+    fn run(&self, from: usize, impulse: &mut [Vec3]) {
+        match self.cut(from, impulse.len()) {
+            Some(n) => {
+                let (left, right) = impulse.split_at_mut(n);
+                rayon::join(|| self.run(from, left), || self.run(from + n, right));
+            }
+            None => self.match_all(from, impulse),
+        }
+    }
+
+    /// How many of `n` contacts from `from` on are matched beside the others, where they are many.
+    fn cut(&self, from: usize, n: usize) -> Option<usize> {
+        let bodies = &self.contacts.bodies[from..from + n];
+        let starts_pair = |k: &usize| bodies[*k] != bodies[*k - 1];
+        (n > CHUNK).then(|| (n / 2..n).find(starts_pair))?
+    }
+
+    fn match_all(&self, from: usize, impulse: &mut [Vec3]) {
         let Some(first) = self.contacts.bodies.get(from) else { return };
         let old_bodies = &self.memory.bodies;
         let mut old = old_bodies.partition_point(|b| b < first);
         let end = from + impulse.len();
+        let mut used = Vec::new();
         let mut new = from;
         while new < end {
             let bodies = self.contacts.bodies[new];
@@ -78,22 +73,25 @@ impl Matching<'_> {
             }
             if old < old_bodies.len() && old_bodies[old] == bodies {
                 let old_end = run_end(old_bodies, old);
-                self.pair(new..next, old..old_end, &mut impulse[new - from..next - from]);
+                let impulse = &mut impulse[new - from..next - from];
+                self.pair(new..next, old..old_end, impulse, &mut used);
                 old = old_end;
             }
             new = next;
         }
+        impulse.iter_mut().for_each(|f| *f *= self.model.solver.warm_start);
     }
 
     fn pair(
-        &mut self,
+        &self,
         new: std::ops::Range<usize>,
         old: std::ops::Range<usize>,
         impulse: &mut [Vec3],
+        used: &mut Vec<bool>,
     ) {
-        self.used.clear();
-        self.used.resize(old.len() + new.len(), false);
-        let (old_used, new_used) = self.used.split_at_mut(old.len());
+        used.clear();
+        used.resize(old.len() + new.len(), false);
+        let (old_used, new_used) = used.split_at_mut(old.len());
         for n in new.clone() {
             let same = |o: &usize| self.memory.feature[*o] == self.contacts.feature[n];
             let unused = old.clone().filter(|o| !old_used[o - old.start]);

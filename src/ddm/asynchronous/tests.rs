@@ -199,7 +199,7 @@ fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
 fn with_run(check: impl Fn(&Run)) {
     let case = Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, 4) });
     run_with(&case.model, &case.state, &case.contacts, &[], |d, _| {
-        check(&Run::new(d, &case.model.solver, Softening::new(1.0)));
+        check(&Run::new(d, &case.model.solver, Softening::new(1.0), Vec::new()));
         Outcome::default()
     });
 }
