@@ -2,6 +2,7 @@
 
 mod broken;
 mod cases;
+mod contacts;
 mod content_key;
 mod hostile;
 mod samples;

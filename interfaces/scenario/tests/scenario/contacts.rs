@@ -1,0 +1,50 @@
+//! Contacts over a whole tamping cycle: what detection remembers makes it faster and nothing else.
+
+use ballast::detection::Contacts;
+use ballast::drive::Inputs;
+use ballast::step::step;
+use ballast::track::{TampingCycle, deposit::deposit, scene::scene};
+use ballast::workspace::Workspace;
+use ballast_scenario::read_case;
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+
+/// The first contact that only one has, or has elsewhere.
+fn difference(a: &Contacts, b: &Contacts) -> Option<String> {
+    let row = |c: &Contacts, k: usize| {
+        (k < c.len()).then(|| (c.bodies[k], c.feature[k], c.point[k], c.normal[k], c.gap[k]))
+    };
+    let k = (0..a.len().max(b.len())).find(|&k| row(a, k) != row(b, k))?;
+    Some(format!("contact {k}: {:?} and from scratch {:?}", row(a, k), row(b, k)))
+}
+
+#[test]
+fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
+    let text = include_str!("../../../../examples/first.toml");
+    let mut plan = read_case(text, "first").unwrap_or_else(|e| panic!("{e}")).plan;
+    // What is found does not depend on how well it is solved.
+    plan.run.solver.iterations = 40;
+    let watch = &mut |_: &_| ControlFlow::Continue(());
+    let bed = deposit(&plan, watch).expect("a bed").expect("nobody stops it");
+    let (model, mut state) = scene(&plan, bed).expect("a track");
+    let cycle = TampingCycle::new(&plan, &model).expect("a cycle");
+    let (mut workspace, mut targets) = (Workspace::default(), Vec::new());
+    let (mut phases, mut repeated) = (BTreeSet::new(), 0);
+    while state.time_ns < plan.run.duration_ns {
+        phases.insert(cycle.phase(state.time()).name());
+        cycle.targets(&model, &state, &mut targets);
+        let inputs = Inputs { targets: &targets, loads: &[] };
+        let (mut scratch, mut fresh) = (state.clone(), Workspace::default());
+        step(&model, &mut scratch, &inputs, &mut fresh, &mut ()).expect("a good step");
+        let report =
+            step(&model, &mut state, &inputs, &mut workspace, &mut ()).expect("a good step");
+        assert_eq!(difference(&workspace.contacts, &fresh.contacts), None, "step {}", state.step);
+        assert!(state == scratch, "step {}: other states", state.step);
+        repeated += report.attempts - 1;
+        let mut memory = std::mem::take(&mut state.drive);
+        cycle.observe(&model, &report, &mut state, &mut memory);
+        state.drive = memory;
+    }
+    assert_eq!(phases.len(), 5, "{phases:?}");
+    assert!(repeated > 20, "hardly a step looked twice: {repeated}");
+}
