@@ -9,6 +9,7 @@ import argparse
 import csv
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 # Of step_seven_sleepers.csv.
 SWEEPS = 100
@@ -32,13 +33,22 @@ def table(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
     return notes, list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--bandwidth", type=float, default=200.0, help="of the memory of the machine, GB/s")
-    parser.add_argument("--results", type=Path, default=Path("benches/results"))
-    args = parser.parse_args()
+class Row(NamedTuple):
+    """A step of a bed of so many grains on so many threads; times in s, shares of 1."""
 
-    notes, rows = table(args.results / "step_seven_sleepers.csv")
+    grains: int
+    threads: int
+    subdomain: float
+    interface: float
+    bound: str
+    solve: float
+    whole: float
+    efficiency: float
+
+
+def model(results: Path, bandwidth: float) -> tuple[list[Row], float, float]:
+    """The rows, and of the step that was measured on one thread how much does not divide, and the whole, s."""
+    notes, rows = table(results / "step_seven_sleepers.csv")
     # "seven_sleepers, 86166 grains, from step 0 of 8820"
     measured = int(notes["scene"].split(", ")[1].split()[0])
     contacts, visits = float(notes["contacts"].split()[0]), float(notes["visits of a step"])
@@ -51,32 +61,44 @@ def main() -> None:
     serial = sum(wall[p] * max(0.0, 2.0 / float(two[p]["speedup"]) - 1.0) for p in small)
     parallel = wall["whole step"] - wall["solve"] - serial
 
-    _, rows = table(args.results / "kernel_epyc.csv")
+    _, rows = table(results / "kernel_epyc.csv")
     best = [row for row in rows if row["threads"] == "1" and row["form"] == "one set per thread"]
     rate = 1e6 * max(float(row["mvisits_per_s"]) for row in best)
     largest = max(best, key=lambda row: int(row["contacts"]))
     streamed, per_core = float(largest["bytes_per_visit"]), float(largest["triad_gb_per_s"])
 
-    print(f"serial: {1e3 * serial:.0f} ms of {1e3 * wall['whole step']:.0f} ms on one thread")
-    print("| grains | threads | contacts of a subdomain | interface | visits bound by | solve, s | whole step, s | efficiency |")
-    print("|---|---|---|---|---|---|---|---|")
+    modelled = []
     for grains in (measured, 1_000_000, 10_000_000):
         scale = grains / measured
         alone = 0.0
         for threads in (1, 2, 16, 64, 256):
             size = min(LARGEST, scale * contacts / (PER_THREAD * threads))
             arithmetic = scale * visits / (rate * threads)
-            memory = scale * visits * streamed / PER_VISIT / (1e9 * min(args.bandwidth, per_core * threads))
-            waiting = SWEEPS / PER_VISIT * (1 + COLOURS) * BARRIER * math.log2(threads) if threads > 1 else 0.0
+            memory = scale * visits * streamed / PER_VISIT / (1e9 * min(bandwidth, per_core * threads))
+            waiting = SWEEPS / PER_VISIT * (1 + COLOURS) * BARRIER * math.log2(threads)
             solve = max(arithmetic, memory) + waiting
             whole = solve + scale * (parallel / threads + serial)
             alone = alone or whole
             bound = "barriers" if waiting > max(arithmetic, memory) else "memory" if memory > arithmetic else "arithmetic"
-            share = 100 * INTERFACE / size ** (1 / 3)
-            print(
-                f"| {grains} | {threads} | {size:.0f} | {share:.0f} % | {bound} | {solve:.3g} | {whole:.3g} "
-                f"| {100 * alone / whole / threads:.0f} % |"
-            )
+            interface = INTERFACE / size ** (1 / 3)
+            modelled.append(Row(grains, threads, size, interface, bound, solve, whole, alone / whole / threads))
+    return modelled, serial, wall["whole step"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--bandwidth", type=float, default=200.0, help="of the memory of the machine, GB/s")
+    parser.add_argument("--results", type=Path, default=Path("benches/results"))
+    args = parser.parse_args()
+    rows, serial, whole = model(args.results, args.bandwidth)
+    print(f"serial: {1e3 * serial:.0f} ms of {1e3 * whole:.0f} ms on one thread")
+    print("| grains | threads | contacts of a subdomain | interface | visits bound by | solve, s | whole step, s | efficiency |")
+    print("|---|---|---|---|---|---|---|---|")
+    for r in rows:
+        print(
+            f"| {r.grains} | {r.threads} | {r.subdomain:.0f} | {100 * r.interface:.0f} % | {r.bound} "
+            f"| {r.solve:.3g} | {r.whole:.3g} | {100 * r.efficiency:.0f} % |"
+        )
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 use crate::profile::cpu_time;
 use ballast::lanes::Arithmetic;
+use std::ffi::OsString;
 use std::time::{Duration, Instant};
 
 /// Ticks per second of the kernel's account of processor time.
@@ -27,6 +28,7 @@ impl Machine {
         let compiled = if cfg!(debug_assertions) { "dev" } else { "release" };
         let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
         let mut lines = vec![
+            ("command", command(std::env::args_os().skip(1))),
             ("processor", processor()),
             ("caches of a core", caches()),
             ("cores", cores.to_string()),
@@ -49,6 +51,20 @@ impl Machine {
         let all = busy()? - self.busy?;
         (wall > 0.0).then(|| ((all - own) / wall).max(0.0))
     }
+}
+
+/// What was called, as it is typed; the program by its name.
+fn command(arguments: impl Iterator<Item = OsString>) -> String {
+    let quoted = |argument: OsString| {
+        let text = argument.to_string_lossy().into_owned();
+        if text.is_empty() || text.contains(char::is_whitespace) {
+            format!("'{text}'")
+        } else {
+            text
+        }
+    };
+    let words = std::iter::once("ballast".to_string()).chain(arguments.map(quoted));
+    words.collect::<Vec<_>>().join(" ")
 }
 
 fn read(path: &str) -> Option<String> {

@@ -23,6 +23,7 @@ fn number(row: &Value, key: &str) -> f64 {
 fn csv(place: &Place, name: &str) -> (Vec<String>, Vec<Vec<String>>) {
     let text = place.text(name);
     let comments: Vec<&str> = text.lines().filter(|line| line.starts_with("# ")).collect();
+    assert!(comments[0].starts_with("# command: ballast bench "), "{comments:?}");
     for word in ["processor", "caches", "cores", "instructions", "threads", "compiler profile"] {
         assert!(comments.iter().any(|line| line.contains(word)), "{word} in {comments:?}");
     }
@@ -39,7 +40,7 @@ fn sample() -> &'static str {
 }
 
 #[test]
-fn sweeps_stay_below_the_roofline_and_count_their_bytes() {
+fn sweeps_are_held_against_a_roofline_and_count_their_bytes() {
     let place = Place::new();
     let ended = place.call(
         "bench kernel --edge 6 --rounds 3 --seconds 0.002 --threads-up-to 2 --csv k.csv --json",
