@@ -18,6 +18,10 @@ use crate::second_look::{self, Look};
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{self, Workspace};
 
+/// More threads than a step has work for, whatever its size: callers refuse to start more. Thousands of them on a few
+/// processors wait for each other for minutes.
+pub const MOST_THREADS: usize = 1024;
+
 /// Advances `state` by one time step.
 ///
 /// # Errors

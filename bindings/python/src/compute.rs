@@ -1,6 +1,7 @@
 //! Long work with the interpreter released, and somebody who listens for Ctrl-C meanwhile.
 
 use crate::errors::{self, Lost};
+use ballast::step::MOST_THREADS;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::any::Any;
@@ -36,7 +37,10 @@ impl Crew {
     /// `threads` of them, the calling one included; one per processor unless told.
     pub fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
         let threads = match threads {
-            Some(0) => return Err(no_threads(py, &"threads: expected 1 or more, found 0")),
+            Some(threads) if !(1..=MOST_THREADS).contains(&threads) => {
+                let text = format!("threads: expected 1 to {MOST_THREADS}, found {threads}");
+                return Err(no_threads(py, &text));
+            }
             Some(threads) => threads,
             None => std::thread::available_parallelism().map_err(|e| no_threads(py, &e))?.get(),
         };

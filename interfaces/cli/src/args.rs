@@ -20,8 +20,22 @@ pub struct Cli {
     #[arg(long, global = true)]
     pub json: bool,
     /// Worker threads; by default one per processor
-    #[arg(long, global = true, value_name = "N")]
+    #[arg(long, global = true, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
+}
+
+/// A number of threads that can be started: thousands that wait for each other are as good as a hang.
+pub fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let most = ballast::step::MOST_THREADS;
+    let found = text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= most);
+    found.ok_or_else(|| format!("expected 1 to {most} threads"))
+}
+
+/// A state's hash, as it is printed.
+fn hash(text: &str) -> Result<u128, String> {
+    let is_one = text.len() == 32 && text.bytes().all(|c| c.is_ascii_hexdigit());
+    let found = is_one.then(|| u128::from_str_radix(text, 16).ok()).flatten();
+    found.ok_or_else(|| "expected a state's hash, 32 hexadecimal digits".into())
 }
 
 #[derive(Debug, Subcommand)]
@@ -213,8 +227,8 @@ pub struct Until {
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
     /// Hash that the final state must have; exit code 5 if it differs
-    #[arg(long, value_name = "HASH")]
-    pub expect: Option<String>,
+    #[arg(long, value_name = "HASH", value_parser = hash)]
+    pub expect: Option<u128>,
 }
 
 #[derive(Debug, Args)]
@@ -250,7 +264,7 @@ pub struct Sweep {
     #[arg(long, value_name = "N", default_value = "1")]
     pub jobs: NonZeroUsize,
     /// Worker threads of each run
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = threads)]
     pub threads_each: NonZeroUsize,
     /// Only this point, by its number: for the array jobs of a scheduler
     #[arg(long, value_name = "NUMBER")]

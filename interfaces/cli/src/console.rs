@@ -3,6 +3,7 @@
 use crate::exit::Failure;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Where words go. With `json`, stdout carries one event per line and nothing else.
 #[derive(Debug, Clone, Copy)]
@@ -58,11 +59,21 @@ impl Console {
     }
 }
 
+/// Whether something could not be written to stdout. What the program does goes on; how it ends is another matter.
+static IS_SILENT: AtomicBool = AtomicBool::new(false);
+
 /// Writes to stdout. A reader that has seen enough (`| head`) is no error of the run's.
 pub fn write_out(text: &str) {
-    if let Err(e) = writeln!(std::io::stdout(), "{text}")
+    let mut out = std::io::stdout();
+    if let Err(e) = writeln!(out, "{text}").and_then(|()| out.flush())
         && e.kind() != ErrorKind::BrokenPipe
+        && !IS_SILENT.swap(true, Ordering::Relaxed)
     {
         eprintln!("cannot write to standard output: {e}");
     }
+}
+
+/// Whether all that was said on stdout was written.
+pub fn was_heard() -> bool {
+    !IS_SILENT.load(Ordering::Relaxed)
 }

@@ -1,7 +1,7 @@
 //! The files of one run, side by side in one folder.
 
 use crate::exit::{Failure, Outcome};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Paths of a run's files.
@@ -80,6 +80,15 @@ pub fn create_folder(folder: &Path) -> Outcome {
         .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
 }
 
+/// Whether a file begins with these words.
+pub fn begins_with(path: &Path, words: &str) -> Outcome<bool> {
+    let mut start = Vec::new();
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(words.len() as u64).read_to_end(&mut start));
+    read.map_err(|e| Failure::at(path, e))?;
+    Ok(start == words.as_bytes())
+}
+
 /// Reads a text file of at most `limit` bytes.
 pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
     read(path, limit, Failure::Failed)
@@ -91,7 +100,6 @@ pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
 }
 
 fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
-    use std::io::Read;
     let file = std::fs::File::open(path).map_err(|e| Failure::at(path, e))?;
     let mut bytes = Vec::new();
     let read = file.take(limit + 1).read_to_end(&mut bytes).map_err(|e| Failure::at(path, e))?;

@@ -43,6 +43,8 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     let console = Console { json: cli.json };
     match dispatch(cli, console) {
+        // What was not written has been told.
+        Ok(()) if !console::was_heard() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             console.failure(&failure);

@@ -11,6 +11,7 @@ use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, replace_text};
 use crate::interrupt;
+use crate::playback::Playback;
 use crate::profile::Profile;
 use crate::progress::{Mark, Progress};
 use crate::recorder::Recorder;
@@ -101,8 +102,9 @@ impl Session {
     }
 
     /// Runs up to step `last` of the run, or the end of case or recording, and sums up.
-    pub fn run(mut self, last: Option<u64>, expected: Option<&str>) -> Outcome {
+    pub fn run(mut self, last: Option<u64>, expected: Option<u128>) -> Outcome {
         let (end, done) = (self.end(), self.engine.state().step);
+        let stays = last == Some(done);
         if let Some(last) = last.filter(|last| *last < done) {
             let text = format!("--steps {last}: expected at least {done}, the steps that are done");
             return Err(Failure::Usage(text));
@@ -128,7 +130,24 @@ impl Session {
             }
         }
         progress.finish();
-        self.finish(expected)
+        match self.engine.playback() {
+            Some(playback) if self.engine.state().step == done && !stays => {
+                Err(self.nothing_moved(playback))
+            }
+            _ => self.finish(expected),
+        }
+    }
+
+    /// A recording that does not reach to the end of the first step.
+    fn nothing_moved(&self, playback: &Playback) -> Failure {
+        let (state, h) = (self.engine.state(), self.engine.model().stepping.h());
+        let end = playback
+            .end_ns()
+            .map_or("none".into(), |end| format!("an end at {:.9} s", end as f64 * 1e-9));
+        let lost = playback.lost().map_or(String::new(), |lost| format!("; {lost}"));
+        let expected =
+            format!("motions from {:.9} s on for a step of {h} s at least", state.time());
+        Failure::at(playback.path(), format!("expected {expected}, found {end}{lost}"))
     }
 
     /// The last step of case or recording, where it is known.
@@ -231,7 +250,7 @@ impl Session {
         )))
     }
 
-    fn finish(mut self, expected: Option<&str>) -> Outcome {
+    fn finish(mut self, expected: Option<u128>) -> Outcome {
         self.recorder.observe_end(self.engine.model(), self.engine.state())?;
         match self.engine.playback() {
             None => self.checkpoint()?,
@@ -253,8 +272,8 @@ impl Session {
         self.console.event("done", summary);
         self.console.result(&self.text(&hash));
         match expected {
-            Some(expected) if !expected.eq_ignore_ascii_case(&hash) => Err(Failure::Mismatch(
-                format!("the final state has hash {hash}, expected {expected}"),
+            Some(expected) if format!("{expected:032x}") != hash => Err(Failure::Mismatch(
+                format!("the final state has hash {hash}, expected {expected:032x}"),
             )),
             _ => Ok(()),
         }

@@ -107,11 +107,19 @@ fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
+/// Opens a file to be read. Anything else is refused: a pipe would be waited for until somebody writes to it.
+fn open(path: &Path) -> Result<File> {
+    if path.metadata().is_ok_and(|what| !what.is_file()) {
+        return Err(Fault::new("path", "a file", "a folder or a pipe").in_file(path));
+    }
+    File::open(path).map_err(io(path, "open"))
+}
+
 /// Checks the seal of `path`; returns the size of the file.
 ///
 /// Streams: memory does not depend on what the file claims.
 pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
-    let mut file = File::open(path).map_err(io(path, "open"))?;
+    let mut file = open(path)?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
     let mut found = Vec::with_capacity(BLOCK);
     Read::by_ref(&mut file).take(BLOCK as u64).read_to_end(&mut found).map_err(io(path, "read"))?;
@@ -129,7 +137,7 @@ pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
 /// The content of a sealed file, once the seal is checked.
 pub(crate) fn read(path: &Path, format: &Format) -> Result<Vec<u8>> {
     check(path, format)?;
-    let mut file = File::open(path).map_err(io(path, "open"))?;
+    let mut file = open(path)?;
     let mut content = vec![];
     let read =
         file.seek(SeekFrom::Start(BLOCK as u64)).and_then(|_| file.read_to_end(&mut content));
@@ -162,7 +170,7 @@ pub(crate) fn take_from_end(path: &Path, format: &Format) -> Result<()> {
 
 /// A file with a seal at its end, the size of what comes before, and the seal.
 fn end_of(path: &Path, format: &Format) -> Result<Option<(File, u64, Vec<u8>)>> {
-    let mut file = File::open(path).map_err(io(path, "open"))?;
+    let mut file = open(path)?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
     let Some(size) = size.checked_sub(BLOCK as u64) else { return Ok(None) };
     let mut found = vec![];
@@ -216,7 +224,7 @@ fn describe(header: &[u8]) -> String {
 
 /// The first bytes of a file.
 pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>> {
-    let file = File::open(path).map_err(io(path, "open"))?;
+    let file = open(path)?;
     let mut start = vec![];
     file.take(64).read_to_end(&mut start).map_err(io(path, "read"))?;
     Ok(start)

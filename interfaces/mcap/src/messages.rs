@@ -88,6 +88,10 @@ impl Messages {
     /// # Errors
     /// The system refuses; the file does not begin as an MCAP file does.
     pub fn open(path: &Path) -> Result<Self> {
+        if path.metadata().is_ok_and(|what| !what.is_file()) {
+            // A pipe would be waited for until somebody writes to it.
+            return Err(Error::unsuitable(path, "recording", "a file", "a folder or a pipe"));
+        }
         let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)

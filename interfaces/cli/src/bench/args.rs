@@ -88,7 +88,7 @@ pub struct Csv {
 #[derive(Debug, Args)]
 pub struct Threads {
     /// Measure on 1 to P threads; by default as many as --threads says
-    #[arg(long, value_name = "P")]
+    #[arg(long, value_name = "P", value_parser = crate::args::threads)]
     pub threads_up_to: Option<NonZeroUsize>,
 }
 

@@ -5,9 +5,6 @@ use crate::exit::{Failure, Outcome};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;
 
-/// More threads than any machine has that this runs on.
-const MOST: usize = 4096;
-
 /// A pool of `threads` threads.
 pub fn pool(threads: usize) -> Outcome<Arc<ThreadPool>> {
     let made = ThreadPoolBuilder::new().num_threads(threads).build();
@@ -17,9 +14,5 @@ pub fn pool(threads: usize) -> Outcome<Arc<ThreadPool>> {
 /// One pool for each number of threads asked for.
 pub fn pools(args: &Threads) -> Outcome<Vec<Arc<ThreadPool>>> {
     let most = args.threads_up_to.map_or_else(rayon::current_num_threads, usize::from);
-    if most > MOST {
-        let text = format!("--threads-up-to {most}: expected at most {MOST}");
-        return Err(Failure::Usage(text));
-    }
     (1..=most).map(pool).collect()
 }

@@ -60,7 +60,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     };
     let engine = Engine::recording(&case, model, state, cycle, playback)?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.run(args.until.steps, args.until.expect.as_deref())
+    session.run(args.until.steps, args.until.expect)
 }
 
 fn same_file(a: &Path, b: &Path) -> bool {

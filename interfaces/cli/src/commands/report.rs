@@ -2,10 +2,21 @@
 
 use crate::args::Report;
 use crate::console::Console;
-use crate::exit::Outcome;
-use crate::files::{RunFiles, replace_text};
+use crate::exit::{Failure, Outcome};
+use crate::files::{RunFiles, begins_with, replace_text};
+use crate::plot::BEGINNING;
 use crate::report::{self, Source};
 use serde_json::json;
+use std::path::Path;
+
+/// Refuses a path where something else than a page lies: a slip of the command line is not to cost results.
+fn may_become_a_page(path: &Path) -> Outcome {
+    let Ok(what) = path.metadata() else { return Ok(()) };
+    let is_page = what.is_file() && (what.len() == 0 || begins_with(path, BEGINNING)?);
+    let found =
+        || Failure::at(path, "expected a new file, or a page to replace, found something else");
+    if is_page { Ok(()) } else { Err(found()) }
+}
 
 pub fn report(args: Report, console: Console) -> Outcome {
     let source = Source::open(&args.run, console)?;
@@ -16,6 +27,7 @@ pub fn report(args: Report, console: Console) -> Outcome {
         RunFiles::beside(&args.run)
     };
     let path = args.out.unwrap_or_else(|| files.folder.join("report.html"));
+    may_become_a_page(&path)?;
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));
     console.result(&format!("report of {}: {}", source.case.plan.name, path.display()));

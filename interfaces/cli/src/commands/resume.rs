@@ -9,5 +9,5 @@ use crate::session::Session;
 pub fn resume(args: Resume, console: Console) -> Outcome {
     interrupt::install()?;
     let session = Session::resume(&args.checkpoint, console)?;
-    session.run(args.until.steps, args.until.expect.as_deref())
+    session.run(args.until.steps, args.until.expect)
 }

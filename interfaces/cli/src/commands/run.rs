@@ -26,5 +26,5 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let phases = dump_phases.into_iter().map(Into::into).collect();
     let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), phases));
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.dumping(dump.transpose()?).run(args.until.steps, args.until.expect.as_deref())
+    session.dumping(dump.transpose()?).run(args.until.steps, args.until.expect)
 }

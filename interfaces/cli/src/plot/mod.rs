@@ -14,7 +14,7 @@ mod scene;
 pub use bars::Bars;
 pub use chart::{Band, Chart, Mark};
 pub use heat_map::HeatMap;
-pub use page::Page;
+pub use page::{BEGINNING, Page};
 pub use palette::Legend;
 pub use scene::{Outline, Scene};
 

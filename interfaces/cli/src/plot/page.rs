@@ -4,6 +4,9 @@ use super::escaped;
 use crate::table::Table;
 use std::fmt::Write;
 
+/// What pages begin with.
+pub const BEGINNING: &str = "<!DOCTYPE html>";
+
 /// Lines have as many colours, then they start over.
 pub const COLOUR_COUNT: usize = 6;
 
@@ -107,7 +110,7 @@ impl Page {
 
     pub fn html(&self) -> String {
         format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+            "{BEGINNING}\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
              <meta name=\"color-scheme\" content=\"light dark\"><title>{}</title>\n\
              <style>{COLOURS}{LAYOUT}</style></head>\n<body><main>\n{}</main></body></html>\n",

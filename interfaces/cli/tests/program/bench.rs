@@ -255,7 +255,7 @@ fn nonsense_is_refused() {
         ("bench kernel --edge 1000", 2, "at most"),
         ("bench kernel --rounds 0", 2, "--rounds"),
         ("bench step tiny.toml --steps 0", 2, "--steps"),
-        ("bench step tiny.toml --threads-up-to 100000", 2, "at most 4096"),
+        ("bench step tiny.toml --threads-up-to 100000", 2, "expected 1 to 1024 threads"),
         ("bench step none.toml", 1, "none.toml"),
         ("bench detection none.json", 1, "none.json"),
         ("bench subdomains tiny.toml --max 100000", 2, "per grain"),

@@ -20,9 +20,48 @@ fn missing_files_fail_and_are_named() {
 #[test]
 fn wrong_usage_ends_with_2() {
     let place = Place::new();
-    for arguments in ["", "tamp", "run", "run tiny.toml --threads 0", "run tiny.toml --schedule x"]
-    {
-        place.call(arguments).with_code(2);
+    for (arguments, says) in [
+        ("", "Usage"),
+        ("tamp", "tamp"),
+        ("run", "CASE"),
+        ("run tiny.toml --threads 0", "expected 1 to 1024 threads"),
+        // They would be started for minutes.
+        ("run tiny.toml --threads 100000", "expected 1 to 1024 threads"),
+        ("sweep plan.toml --threads-each 20000", "expected 1 to 1024 threads"),
+        ("run tiny.toml --schedule x", "sequential"),
+        // Not after the run.
+        ("run tiny.toml --expect zz", "32 hexadecimal digits"),
+    ] {
+        let said = place.call(arguments).with_code(2).stderr();
+        assert!(said.contains(says), "{arguments}: {said}");
+    }
+}
+
+#[test]
+fn what_cannot_be_written_to_stdout_fails_and_a_reader_that_has_enough_does_not() {
+    let place = Place::new();
+    let shell = |script: &str| {
+        let program = env!("CARGO_BIN_EXE_ballast");
+        let mut bash = std::process::Command::new("bash");
+        bash.current_dir(place.path("")).args(["-o", "pipefail", "-c"]);
+        crate::setup::Ended(bash.arg(script.replace("ballast", program)).output().unwrap())
+    };
+    for call in ["schema", "completions bash", "check tiny.toml", "check tiny.toml --json"] {
+        let ended = shell(&format!("ballast {call} > /dev/full")).with_code(1);
+        let said = ended.stderr();
+        assert_eq!(said.matches("cannot write to standard output").count(), 1, "{call}: {said}");
+    }
+    shell("ballast schema | head -n 1").with_code(0);
+}
+
+#[test]
+fn a_pipe_is_not_waited_for() {
+    let place = Place::new();
+    let made = std::process::Command::new("mkfifo").arg(place.path("pipe")).status().unwrap();
+    assert!(made.success());
+    for command in ["resume pipe", "inspect pipe", "verify pipe", "export pipe"] {
+        let said = place.call(command).with_code(1).stderr();
+        assert!(said.contains("pipe: ") && said.contains("expected a file"), "{command}: {said}");
     }
 }
 

@@ -250,17 +250,16 @@ fn the_choices_of_the_command_line_are_part_of_a_recording() {
     verify(&place, "run.mcap").with_code(0);
 }
 
-/// Poses of a body that goes up from where it is, at 1 mm/s and 1 kHz.
-fn rising(place: &Place, body: &str, from: PoseStamped) {
+/// Poses of a body that goes up from where it is for so many steps, at 1 mm/s and 1 kHz.
+fn rising(place: &Place, from: PoseStamped, steps: u64) {
     let mut writer = Writer::create(&place.path("rising.mcap"), None).unwrap();
-    for i in 0..=20 {
+    for i in 0..=steps {
         let (time, mut pose) = (i * 1_000_000, from.clone());
         pose.header = Header::world(time);
         pose.pose.position.z += 1e-6 * i as f64;
         writer.write(&Entry::of("/machine/arm", time, &pose).unwrap()).unwrap();
     }
     writer.finish().unwrap();
-    assert!(!body.is_empty());
 }
 
 #[test]
@@ -276,7 +275,7 @@ fn poses_of_any_file_move_a_body() {
     };
     let body = first.channel.topic.split('/').nth(1).unwrap().to_string();
     let start: PoseStamped = from_cdr(&first.data).unwrap();
-    rising(&place, &body, start.clone());
+    rising(&place, start.clone(), 20);
 
     let map = format!("--map /machine/arm={body}");
     let ended =
@@ -293,9 +292,9 @@ fn poses_of_any_file_move_a_body() {
     replay(&place, &format!("up.mcap --out once-more --expect {hash}")).with_code(0);
 
     // A body elsewhere is refused, unless it is let go there.
-    let mut elsewhere = start;
+    let mut elsewhere = start.clone();
     elsewhere.pose.position.z += 1e-3;
-    rising(&place, &body, elsewhere);
+    rising(&place, elsewhere, 20);
     let ended = replay(&place, &format!("rising.mcap {map} --out off")).with_code(1);
     assert!(ended.stderr().contains(&body), "{}", ended.stderr());
     replay(&place, &format!("rising.mcap {map} --out off --rebase")).with_code(0);
@@ -304,6 +303,10 @@ fn poses_of_any_file_move_a_body() {
     assert!(ended.stderr().contains("/machine/arm"), "{}", ended.stderr());
     let ended = replay(&place, "rising.mcap --out none --map /machine/arm=crane").with_code(1);
     assert!(ended.stderr().contains("crane"), "{}", ended.stderr());
+    // A pose is no motion.
+    rising(&place, start, 0);
+    let said = replay(&place, &format!("rising.mcap {map} --out none")).with_code(1).stderr();
+    assert!(said.contains("rising.mcap: expected motions"), "{said}");
 }
 
 #[test]

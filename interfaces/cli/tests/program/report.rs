@@ -49,6 +49,12 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     place.run("--out part --steps 60").with_code(0);
     std::fs::remove_file(place.path("part/summary.json")).unwrap();
     place.call("report part").with_code(0);
+    // A page is replaced; anything else is not.
+    place.call("report part --out part/report.html").with_code(0);
+    for taken in ["part/results.vtkhdf", "part", "/dev/null"] {
+        let said = place.call(&format!("report part --out {taken}")).with_code(1).stderr();
+        assert!(said.contains(taken) && said.contains("a page to replace"), "{said}");
+    }
     let page = place.text("part/report.html");
     assert!(page.contains("not come to its end") && page.contains("profile is not known"));
 
