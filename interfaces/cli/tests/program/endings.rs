@@ -59,7 +59,7 @@ fn a_pipe_is_not_waited_for() {
     let place = Place::new();
     let made = std::process::Command::new("mkfifo").arg(place.path("pipe")).status().unwrap();
     assert!(made.success());
-    for command in ["resume pipe", "inspect pipe", "verify pipe", "export pipe"] {
+    for command in ["resume pipe", "inspect pipe", "verify pipe", "export pipe --out csv"] {
         let said = place.call(command).with_code(1).stderr();
         assert!(said.contains("pipe: ") && said.contains("expected a file"), "{command}: {said}");
     }
