@@ -15,7 +15,7 @@ use crate::step::StepReport;
 use crate::track::plan::{TampingPlan, TinePlan};
 
 /// Longest window in steps; beyond this the time step and the frequency do not belong together.
-const LONGEST_WINDOW: f64 = 1e5;
+pub const LONGEST_WINDOW: f64 = 1e5;
 
 /// Tines that close together under one force limit.
 #[derive(Debug, Clone, PartialEq)]

@@ -21,7 +21,7 @@ pub mod tine;
 pub mod zones;
 
 pub use deposit::{Bed, deposit};
-pub use machine_control::TinePair;
+pub use machine_control::{LONGEST_WINDOW, TinePair};
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use sleeper::sleeper_mount;

@@ -107,11 +107,43 @@ fn syntax(file: &str, text: &str, error: &toml::de::Error) -> Diagnostic {
     let span = error.span().unwrap_or(0..0);
     let mut d = Diagnostic::new(file, text, span.clone(), String::new());
     let message = error.message().trim();
-    let (problem, expected) = message.split_once("expected ").unwrap_or((message, ""));
+    let (problem, expected) = match message.split_once(", expected ") {
+        Some((problem, expected)) => (problem, expected),
+        None => message.strip_prefix("expected ").map_or((message, ""), |expected| ("", expected)),
+    };
     d.problem = format!("not TOML: {}", problem.trim().trim_end_matches([',', ';', '\n']));
+    if !problem.contains("duplicate")
+        && let Some((found, expected)) = slip(text, span.start)
+    {
+        (d.found, d.expected) = (quoted(found), expected);
+        return d;
+    }
     d.expected = expected.into();
     if let Some(found) = text.get(span).filter(|s| !s.trim().is_empty()) {
         d.found = quoted(found.trim());
     }
     d
+}
+
+/// What was written instead of what, where a value of another language stands at or around `at`.
+fn slip(text: &str, at: usize) -> Option<(&str, String)> {
+    let line = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
+    let (_, value) = text[line..].lines().next()?.split_once('=')?;
+    let value = value.split('#').next()?.trim();
+    let is_number = |word: &str| word.parse::<f64>().is_ok_and(f64::is_finite);
+    if is_number(&value.replacen(',', ".", 1)) && value.contains(',') {
+        return Some((
+            value,
+            format!("a number with a decimal point: {}", value.replacen(',', ".", 1)),
+        ));
+    }
+    let digits = value.trim_start_matches('0');
+    if value.starts_with('0')
+        && digits.starts_with(|c: char| c.is_ascii_digit())
+        && is_number(digits)
+    {
+        return Some((value, format!("a number without zeros before it: {digits}")));
+    }
+    let is_word = value.starts_with(char::is_alphabetic) && !value.contains(['"', '\'', '[', '{']);
+    is_word.then(|| (value, format!("a text in quotes: \"{value}\"")))
 }

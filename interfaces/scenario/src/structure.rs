@@ -159,7 +159,15 @@ impl<'s> Walker<'_, '_, '_, 's> {
                 && limit("maximum").is_none_or(|m| x <= m)
         });
         if !fits {
-            self.wrong(schema, value, path, "is out of range");
+            // What `limits` does not tell.
+            let what = match (number, limit("maximum")) {
+                (Some(f64::INFINITY), None) => "is not finite".into(),
+                (Some(x), Some(most)) if x > most && most >= STORABLE => {
+                    format!("is more than {most}")
+                }
+                _ => "is out of range".to_string(),
+            };
+            self.wrong(schema, value, path, &what);
         }
     }
 
@@ -240,10 +248,12 @@ impl<'s> Walker<'_, '_, '_, 's> {
     }
 }
 
+/// A limit from here on only keeps a number storable: it says nothing to people who do not meet it.
+const STORABLE: f64 = 4e9;
+
 fn limits(schema: &Value) -> String {
     let bound = |key: &str| schema.get(key).filter(|v| v.is_number()).map(Value::to_string);
-    // A limit that only keeps a number storable says nothing to people.
-    let most = bound("maximum").filter(|_| schema["maximum"].as_f64() < Some(4e9));
+    let most = bound("maximum").filter(|_| schema["maximum"].as_f64() < Some(STORABLE));
     match (bound("exclusiveMinimum"), bound("minimum"), most) {
         (Some(a), _, Some(b)) => format!(" above {a} and up to {b}"),
         (Some(a), _, None) => format!(" above {a}"),

@@ -2,6 +2,7 @@
 
 use crate::layout::Layout;
 use crate::report::{Finding, Report};
+use ballast::track::LONGEST_WINDOW;
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
 
 /// Fastest insertion that machines reach, m/s.
@@ -143,6 +144,15 @@ fn step_resolves(
                 "a step of {:.1e} s would do",
                 1.0 / (STEPS_PER_PERIOD * tamping.vibration.frequency)
             )),
+        };
+        report.error("tamping.vibration.frequency_Hz", finding);
+    }
+    if steps > LONGEST_WINDOW {
+        let finding = Finding {
+            problem: "the time step is too small for the vibration".into(),
+            found: format!("{steps:.0} steps per period"),
+            expected: format!("at most {LONGEST_WINDOW}, of which the machine means its forces"),
+            hint: None,
         };
         report.error("tamping.vibration.frequency_Hz", finding);
     }

@@ -15,6 +15,13 @@ const TABLE: &[Broken] = &[
     Broken("[run]", "[run«", &["not TOML"]),
     Broken("iterations = 300", "iterations = 300\n«iterations = 200", &["not TOML", "duplicate"]),
     Broken("name = \"base\"", "name = \"base«", &["not TOML"]),
+    Broken("step_s = 8e-4", "step_s = 0«,0008", &["not TOML: unexpected", "point: 0.0008"]),
+    Broken(
+        "iterations = 300",
+        "iterations = «0300",
+        &["unexpected leading zero", "before it: 300"],
+    ),
+    Broken("name = \"base\"", "name = «base", &["not TOML", "a text in quotes: \"base\""]),
     // Keys.
     Broken("density_kg_per_m3", "«dencity_kg_per_m3", &["unknown key", "mean `density_kg_per_m3`"]),
     Broken("step_s = 8e-4", "«step = 8e-4", &["unknown key `step`", "did you mean `step_s`?"]),
@@ -48,7 +55,8 @@ const TABLE: &[Broken] = &[
     Broken("= 2700", "= «1e300", &["out of range", "from 1 to 1000000"]),
     Broken("= 2700", "= «1e-300", &["out of range", "from 1 to 1000000"]),
     Broken("= 2700", "= «-2700", &["out of range", "a number from 1"]),
-    Broken("= 0.28", "= «inf", &["out of range", "`inf`"]),
+    Broken("= 0.28", "= «inf", &["not finite", "`inf`"]),
+    Broken("iterations = 300", "iterations = «99999999999", &["is more than 4294967295"]),
     Broken("0.70, 0.45]", "«0.0, 0.45]", &["`size_m[1]` is out of range", "above 0"]),
     Broken("restitution = 0", "restitution = «1.5", &["out of range", "from 0 to 1"]),
     Broken("restitution = 0", "theta = «0.4", &["out of range", "from 0.5 to 1"]),
@@ -134,6 +142,11 @@ const TABLE: &[Broken] = &[
     Broken("depth_m = 0.018", "depth_m = «0.24", &["reaches the floor", "below 0.2300 m"]),
     Broken("duration_s = 1.764", "duration_s = «1.2", &["before the tines are withdrawn", "1.55"]),
     Broken("frequency_Hz = 35", "frequency_Hz = «140", &["8.9 steps per period", "at least 10"]),
+    Broken(
+        "frequency_Hz = 35",
+        "frequency_Hz = «0.001",
+        &["1250000 steps per period", "at most 100000"],
+    ),
     Broken(
         "= 0.45, d",
         "= «0.01, d",

@@ -42,7 +42,7 @@ fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
         assert!(state == scratch, "step {}: other states", state.step);
         repeated += report.attempts - 1;
         let mut memory = std::mem::take(&mut state.drive);
-        cycle.observe(&model, &report, &mut state, &mut memory);
+        cycle.observe(&model, &report, &state, &mut memory);
         state.drive = memory;
     }
     assert_eq!(phases.len(), 5, "{phases:?}");
