@@ -113,11 +113,14 @@ impl State {
             ];
             if let Some((field, _)) = fields.iter().find(|(_, good)| !good) {
                 let expected = "finite components, a unit quaternion".into();
-                return refuse(
-                    format!("{field} of body {b}"),
-                    expected,
-                    format!("{:?}", self.pose(b)),
+                let found = format!(
+                    "x = {:?} m, q = {:?}, v = {:?} m/s, w = {:?} rad/s",
+                    self.position[b].as_slice(),
+                    self.orientation[b].coords.as_slice(),
+                    self.velocity[b].as_slice(),
+                    self.spin[b].as_slice()
                 );
+                return refuse(format!("{field} of body {b}"), expected, found);
             }
         }
         let mounted = model.mounted();

@@ -162,7 +162,11 @@ fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Res
                 Some(d) => format!("driven body {:?}", model.driven[d].name),
             },
             expected: "finite velocity".into(),
-            found: format!("v = {:?} m/s, w = {:?} rad/s", velocity[body], spin[body]),
+            found: format!(
+                "v = {:?} m/s, w = {:?} rad/s",
+                velocity[body].as_slice(),
+                spin[body].as_slice()
+            ),
         }),
     }
 }

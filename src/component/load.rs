@@ -43,7 +43,9 @@ impl LoadWaveform {
             return Err(Refusal::input(body, "at least one knot of its load", "none"));
         };
         if let Some(i) = self.knots.iter().position(|k| !k.load.is_finite()) {
-            let found = format!("{:?} (knot {i})", self.knots[i].load);
+            let Load { force, torque } = &self.knots[i].load;
+            let (force, torque) = (force.as_slice(), torque.as_slice());
+            let found = format!("force {force:?} N, torque {torque:?} N m (knot {i})");
             return Err(Refusal::input(body, "finite loads", found));
         }
         let late = |k: &[LoadKnot]| k[0].time_ns >= k[1].time_ns;

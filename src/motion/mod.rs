@@ -85,7 +85,9 @@ impl Motion {
                 expected: "finite position, orientation and velocities".into(),
                 found: format!(
                     "x = {:?} m, v = {:?} m/s, w = {:?} rad/s",
-                    self.position[i], self.velocity[i], self.spin[i]
+                    self.position[i].as_slice(),
+                    self.velocity[i].as_slice(),
+                    self.spin[i].as_slice()
                 ),
             })
         })

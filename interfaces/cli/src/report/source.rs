@@ -116,11 +116,13 @@ fn check_columns(path: &Path, steps: &Table, summary: &Summary) -> Outcome {
     }
     let differs = steps.columns.iter().zip(&expected).position(|(a, b)| a != b);
     let at = differs.unwrap_or(steps.columns.len().min(expected.len()));
+    let name =
+        |columns: &[String]| columns.get(at).map_or("none".into(), |name| format!("`{name}`"));
     Err(Failure::Incompatible(format!(
-        "{}: {STEPS}, column {at}: expected {:?}, found {:?}; another version wrote it",
+        "{}: {STEPS}, column {at}: expected {}, found {}; another version wrote it",
         path.display(),
-        expected.get(at),
-        steps.columns.get(at)
+        name(&expected),
+        name(&steps.columns)
     )))
 }
 

@@ -73,7 +73,10 @@ pub(crate) fn read(source: &Source, name: &str, rows: usize, columns: usize) -> 
     let most = x.len().min(i.len());
     if p.len() != lines + 1 || p[0] != 0 || !p.is_sorted() || p[lines] > most as i64 {
         let expected = format!("{} starts from 0, rising, up to {most} at most", lines + 1);
-        let found = format!("{} starting {:?}, ending {:?}", p.len(), p.first(), p.last());
+        let found = match (p.first(), p.last()) {
+            (Some(first), Some(last)) => format!("{} from {first} to {last}", p.len()),
+            _ => "none".into(),
+        };
         return Err(fault("p", expected, found));
     }
     let mut entries = Vec::with_capacity(p[lines] as usize);

@@ -102,7 +102,8 @@ impl<'a> Reader<'a> {
         }
         let bytes = self.take(length)?;
         let Some((0, text)) = bytes.split_last() else {
-            return Err(self.fault("a text that ends with a zero", format!("{:?}", bytes.last())));
+            let found = bytes.last().map_or("none".into(), |last| format!("the byte {last}"));
+            return Err(self.fault("a text that ends with a zero", found));
         };
         if let Some(at) = text.iter().position(|b| *b == 0) {
             return Err(self.fault("a text without zeros", format!("one at its byte {at}")));
