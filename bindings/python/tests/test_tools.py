@@ -42,9 +42,27 @@ def test_seeds_reproduce_an_episode(case: ballast.Case, beds: Path) -> None:
             seen += [observation.tolist(), reward]
             ended = terminated or truncated
         assert observation[0] > 0.5 and observation[1] > 0.5, "the tines went down and closed"
+        with pytest.raises(ballast.Error, match="found one that has ended; reset first"):
+            env.step(squeeze)
+        env.reset()
+        env.step(squeeze)
         return seen
 
     assert episode(1) == episode(2)
+
+
+def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds)
+    with pytest.raises(ballast.Error, match="found none; reset first"):
+        env.step(np.zeros(3))
+    before, _ = env.reset(seed=1)
+    for wrong in ([0.0, np.nan, 0.0], [np.inf, 0.0, 0.0], [0.0, 0.0]):
+        with pytest.raises(ballast.Error, match="action: expected 3 numbers from -1 to 1, found"):
+            env.step(np.array(wrong))
+    assert np.isfinite(env.step(np.array([0.0, 2.0, 0.0]))[0]).all()
 
 
 def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path: Path) -> None:

@@ -43,7 +43,8 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     tines in J. `info` has both, and `compaction_per_kJ` since the start of the episode.
 
     An episode ends when the tines are closed for good, is truncated when the time of the case is over, and is
-    truncated with `info["trouble"]` where the motion that was asked for cannot be computed.
+    truncated with `info["trouble"]` where the motion that was asked for cannot be computed. A step after its
+    end is refused until `reset`, and so is an action that is no three numbers; numbers beyond -1 and 1 count as these.
     """
 
     metadata = {"render_modes": []}
@@ -79,6 +80,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         )
         self._begun: dict[int, ballast.State] = {}
         self._sim: ballast.Simulation | None = None
+        self._is_over = False
         tines = len(self._start(self._seeds[0]).tines)
         if tines == 0:
             raise ballast.Error(f"{self._case!r}: expected a case with tines, found none")
@@ -91,7 +93,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         super().reset(seed=seed)
         bed = self._seeds[int(self.np_random.integers(len(self._seeds)))]
         self.close()
-        self._sim = self._start(bed)
+        self._sim, self._is_over = self._start(bed), False
         self._tines = self._sim.tines
         self._depth = self._closing = self._angle = self._omega = self._work = 0.0
         self._compactness = self._first = self._under(self._sim.zones())
@@ -99,12 +101,17 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         return self._observe(), {"seed_of_bed": bed}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        if self._sim is None:
-            raise ballast.Error("step: expected an episode, found none; reset first")
+        if self._sim is None or self._is_over:
+            found = "none" if self._sim is None else "one that has ended"
+            raise ballast.Error(f"step: expected an episode, found {found}; reset first")
+        asked = np.asarray(action, np.float64)
+        if asked.shape != self.action_space.shape or not np.isfinite(asked).all():
+            raise ballast.Error(f"action: expected 3 numbers from -1 to 1, found {asked.tolist()}")
         sim, was = self._sim, self._compactness
-        tools, after = self._motions(np.clip(np.asarray(action, np.float64), -1.0, 1.0))
+        tools, after = self._motions(np.clip(asked, -1.0, 1.0))
         out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools, zones=True)
         if out.status not in ("ok", "warn"):
+            self._is_over = True
             return self._observe(), 0.0, False, True, {"trouble": out.trouble}
         self._depth, self._closing, self._angle, self._omega = after
         self._compactness = self._under(out.zones)
@@ -115,6 +122,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         reward = gain - self._limits[2] * work
         closed = self._closing >= 1.0
         late = sim.now_ns >= self._case.duration_ns
+        self._is_over = closed or late
         info = {"gain_percent": gain, "work_J": work}
         if self._work > 0.0:
             info["compaction_per_kJ"] = (self._compactness - self._first) / (self._work * 1e-3)
