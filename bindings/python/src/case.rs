@@ -240,6 +240,7 @@ pub fn begin(
     max_penetration: Option<f64>,
     keep_early: bool,
 ) -> PyResult<Simulation> {
+    let limits = limits(py, max_penetration, keep_early)?;
     let beds = Beds::in_folder(beds);
     let kept = py.detach(|| beds.find(&case.plan)).map_err(|e| errors::beds(py, e))?;
     let bed = match kept {
@@ -256,17 +257,24 @@ pub fn begin(
         machine,
     };
     let crew = Crew::new(py, threads)?;
-    Simulation::here(py, &start, limits(max_penetration, keep_early), crew)
+    Simulation::here(py, &start, limits, crew)
 }
 
-pub fn limits(max_penetration: Option<f64>, keep_early: bool) -> Limits {
+pub fn limits(
+    py: Python<'_>,
+    max_penetration: Option<f64>,
+    keep_early: bool,
+) -> PyResult<Limits> {
+    let penetration = max_penetration.unwrap_or(f64::INFINITY);
+    if penetration.is_nan() || penetration <= 0.0 {
+        return Err(errors::invalid(py, "max_penetration", "a length above 0 m", penetration));
+    }
     let on_trouble = if keep_early {
         ballast::component::OnTrouble::Early
     } else {
         ballast::component::OnTrouble::Discard
     };
-    let penetration = max_penetration.unwrap_or(f64::INFINITY);
-    Limits { penetration, on_trouble, ..Limits::default() }
+    Ok(Limits { penetration, on_trouble, ..Limits::default() })
 }
 
 /// A dictionary as a table of TOML.

@@ -1,7 +1,7 @@
 //! Exceptions. Each says where, what was expected, what was found; `code` is that of the interface contract.
 
 use ballast::component::Refusal;
-use ballast_protocol::lockstep::Fault;
+use ballast_protocol::lockstep::{Code, Fault};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -59,6 +59,11 @@ pub fn file(py: Python<'_>, what: impl Display) -> PyErr {
 
 pub fn refused(py: Python<'_>, code: &str, what: impl Display) -> PyErr {
     error::<Refused>(py, code, what)
+}
+
+/// An input that cannot be used.
+pub fn invalid(py: Python<'_>, place: &str, expected: impl Display, found: impl Display) -> PyErr {
+    fault(py, &Fault::expected(Code::InputInvalid, place, expected, found))
 }
 
 /// The same in its parts.

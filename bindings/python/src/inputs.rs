@@ -39,17 +39,15 @@ impl Motion {
             None if velocities.is_some() => Interpolation::Hermite,
             None => Interpolation::Linear,
             Some("hermite") if velocities.is_none() && n > 1 => {
-                let text = "velocities: expected one per knot, as hermite needs them, found none";
-                return Err(errors::refused(py, "input_invalid", text));
+                let expected = "one per knot, as hermite needs them";
+                return Err(errors::invalid(py, "velocities", expected, "none"));
             }
             Some("hermite") => Interpolation::Hermite,
             Some("linear") => Interpolation::Linear,
             Some("hold") => Interpolation::Hold,
             Some(other) => {
-                let text = format!(
-                    "interpolation: expected \"hermite\", \"linear\" or \"hold\", found {other:?}"
-                );
-                return Err(errors::refused(py, "input_invalid", text));
+                let expected = "\"hermite\", \"linear\" or \"hold\"";
+                return Err(errors::invalid(py, "interpolation", expected, format!("{other:?}")));
             }
         };
         let times = times(py, &times_ns)?;
@@ -140,13 +138,17 @@ fn shaped(
     width: usize,
 ) -> PyResult<Vec<f64>> {
     if rows.shape() != [n, width] {
-        let text = format!(
-            "{name}: expected an array of {n} rows of {width}, one per time, found the shape {:?}",
-            rows.shape()
-        );
-        return Err(errors::refused(py, "input_invalid", text));
+        let expected = format!("an array of {n} rows of {width}, one per time");
+        return Err(errors::invalid(py, name, expected, format!("the shape {:?}", rows.shape())));
     }
-    Ok(rows.as_array().iter().copied().collect())
+    let numbers: Vec<f64> = rows.as_array().iter().copied().collect();
+    match numbers.iter().position(|x| !x.is_finite()) {
+        None => Ok(numbers),
+        Some(i) => {
+            let found = format!("{} (row {})", numbers[i], i / width);
+            Err(errors::invalid(py, name, "finite numbers", found))
+        }
+    }
 }
 
 fn vectors(py: Python<'_>, name: &str, rows: &Rows<'_>, n: usize) -> PyResult<Vec<Vec3>> {

@@ -30,9 +30,10 @@ fn resume(
     max_penetration: Option<f64>,
     keep_early: bool,
 ) -> PyResult<simulation::Simulation> {
+    let limits = case::limits(py, max_penetration, keep_early)?;
     let crew = compute::Crew::new(py, threads)?;
     let start = state.here(py, "resume")?;
-    simulation::Simulation::here(py, start, case::limits(max_penetration, keep_early), crew)
+    simulation::Simulation::here(py, start, limits, crew)
 }
 
 /// The JSON Schema of case files.

@@ -282,10 +282,11 @@ fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
 pub fn attach(
     py: Python<'_>,
     component: &str,
-    connect: Vec<String>,
-    listen: Vec<String>,
+    connect: Option<Vec<String>>,
+    listen: Option<Vec<String>>,
     config: Option<std::path::PathBuf>,
 ) -> PyResult<crate::simulation::Simulation> {
+    let (connect, listen) = (connect.unwrap_or_default(), listen.unwrap_or_default());
     let link = Link { config, listen, connect, ..Link::default() }.or_connecting();
     let (there, about) = There::attach(py, component, link)?;
     Ok(crate::simulation::Simulation::there(there, about))

@@ -148,11 +148,6 @@ def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: 
             served.open()
         assert refused.value.code == "busy"
     assert there.is_closed
-    for wrong in ({"seed": 1}, {"threads": 2}, {"keep_early": True}):
-        with pytest.raises(TypeError, match=next(iter(wrong))):
-            ballast.open(f"zenoh:{KEY}", **wrong)
-    with pytest.raises(TypeError, match="connect"):
-        ballast.open("case.toml", connect=["tcp/127.0.0.1:1"])
     with pytest.raises(ballast.Unreachable, match="site/id|SITE/ID|key") as unreachable:
         ballast.open("zenoh:nonsense")
     assert unreachable.value.code == "name"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import ballast
 import pytest
@@ -26,6 +27,33 @@ def test_names_are_those_of_the_package() -> None:
     assert all(hasattr(ballast, name) for name in ballast.__all__)
     assert repr(ballast.Motion([0], [[0, 0, 0]])) == "Motion(1 knots, 0 to 0 ns, linear)"
     assert issubclass(ballast.Lost, ballast.Error)
+
+
+@pytest.mark.parametrize(
+    ("case", "options"),
+    [
+        ("case.toml", {"connect": ()}),
+        ("case.toml", {"listen": 0}),
+        ("case.toml", {"config": ""}),
+        ("zenoh:test/bed", {"seed": 0}),
+        ("zenoh:test/bed", {"schedule": ""}),
+        ("zenoh:test/bed", {"threads": 0}),
+        ("zenoh:test/bed", {"max_penetration": 0.0}),
+        ("zenoh:test/bed", {"keep_early": True}),
+        ("zenoh:test/bed", {"connect": ""}),
+        ("zenoh:test/bed", {"listen": "tcp/127.0.0.1:1"}),
+        ("zenoh:test/bed", {"config": 0}),
+    ],
+)
+def test_options_that_would_be_ignored_are_a_mistake(case: str, options: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match=next(iter(options))):
+        ballast.open(case, **options)
+
+
+def test_a_configuration_that_is_not_there_is_told() -> None:
+    with pytest.raises(ballast.Unreachable) as unreachable:
+        ballast.open("zenoh:test/bed", config="")
+    assert unreachable.value.code == "link"
 
 
 SETTINGS = str(ROOT / "bindings/python/pyproject.toml")

@@ -240,6 +240,13 @@ def test_a_failure_inside_is_an_exception(sim: ballast.Simulation) -> None:
         ("input_invalid", lambda sim: ballast.Motion([0, 1], [[0, 0, 0]])),
         ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], [[0, 0, 0, 2]])),
         ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], interpolation="spline")),
+        ("input_invalid", lambda sim: ballast.Motion([0, 1], [[0, 0, 0]] * 2, interpolation="hermite")),
+        ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], spins=[[0, 0, np.nan]])),
+        ("input_invalid", lambda sim: ballast.Load([0, 1], [[0, 0, 0], [0, 0, np.inf]])),
+        ("input_invalid", lambda sim: ballast.Load([0], [[0, 0, 0]], [[np.nan, 0, 0]])),
+        ("input_invalid", lambda sim: ballast.open(sim.case, max_penetration=-1.0)),
+        ("input_invalid", lambda sim: ballast.resume(sim.save(), max_penetration=0.0)),
+        ("input_invalid", lambda sim: ballast.resume(sim.save(), max_penetration=np.nan)),
     ],
 )
 def test_requests_without_sense_are_refused(sim: ballast.Simulation, code: str, ask) -> None:
@@ -260,6 +267,9 @@ def test_refusals_tell_their_parts(sim: ballast.Simulation) -> None:
         advance_with(sim, tine, [0, sim.step_ns - 1])
     assert refused.value.place == tine and refused.value.nearest_ns is None
     assert f"{refused.value.expected}, found {refused.value.found}" in str(refused.value)
+    with pytest.raises(ballast.Refused) as refused:
+        ballast.Load([0, 1], [[0, 0, 0], [0, 0, np.inf]])
+    assert (refused.value.place, refused.value.found) == ("forces", "inf (row 1)")
 
 
 def advance_with(

@@ -85,7 +85,7 @@ def _case(case: Case | Path, seed: int | None, schedule: str | None) -> Case:
 
 def _unused(options: Mapping[str, object], why: str) -> None:
     """Options that would be ignored are a mistake."""
-    given = [name for name, value in options.items() if value]
+    given = [name for name, value in options.items() if value is not None]
     if given:
         raise TypeError(f"open: {', '.join(given)}: {why}")
 
@@ -100,8 +100,8 @@ def open(
     progress: bool | OnProgress = True,
     max_penetration: float | None = None,
     keep_early: bool = False,
-    connect: Sequence[str] = (),
-    listen: Sequence[str] = (),
+    connect: Sequence[str] | None = None,
+    listen: Sequence[str] | None = None,
     config: Path | None = None,
 ) -> Simulation:
     """Opens a case at the start of its run; its bed is prepared if it is not in the folder `beds`.
@@ -116,7 +116,7 @@ def open(
         threads: workers of this simulation; by default one per processor.
         beds: folder of prepared beds, found again by content; `ballast run` uses the same.
         progress: show how far a preparation is, or a function that is told.
-        max_penetration: m; a step that goes deeper ends its window. None: any depth.
+        max_penetration: m; above 0; a step that goes deeper ends its window. None: any depth.
         keep_early: what a window that cannot be computed to its end leaves: the state of the last
             sound step (status "early") rather than that of its beginning ("discard").
         connect: "zenoh:" only: endpoints to connect to; by default tcp/127.0.0.1:7447, where `ballast serve` listens.
@@ -132,9 +132,8 @@ def open(
     network = {"connect": connect, "listen": listen, "config": config}
     if isinstance(case, str) and case.startswith("zenoh:"):
         choices = {"seed": seed, "schedule": schedule, "threads": threads, "max_penetration": max_penetration}
-        _unused({**choices, "keep_early": keep_early}, f"{case}: whoever serves the case chooses it")
-        path = None if config is None else os.fspath(config)
-        return _ballast.attach(case.removeprefix("zenoh:"), list(connect), list(listen), path)
+        _unused({**choices, "keep_early": keep_early or None}, f"{case}: whoever serves the case chooses it")
+        return _ballast.attach(case.removeprefix("zenoh:"), connect, listen, config)
     _unused(network, 'how to reach a component is for "zenoh:SITE/ID"')
     chosen = _case(case, seed, schedule)
     with Progress.of(progress, f"bed of {chosen.name}") as tell:

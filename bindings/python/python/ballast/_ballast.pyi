@@ -692,7 +692,7 @@ class Recording:
         """Why reading ended early, where it did."""
 
 def attach(
-    component: str, connect: list[str], listen: list[str], config: str | None
+    component: str, connect: Sequence[str] | None, listen: Sequence[str] | None, config: _Path | None
 ) -> Simulation: ...
 def begin(
     case: Case,
