@@ -279,7 +279,7 @@ pub fn limits(
 
 /// A dictionary as a table of TOML.
 fn table(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
-    let json: String = py.import("json")?.call_method1("dumps", (values,))?.extract()?;
+    let json: String = py.import("ballast._json")?.call_method1("dumps", (values,))?.extract()?;
     serde_json::from_str(&json)
         .map_err(|e| errors::error::<CaseError>(py, "case", format!("no case: {e}")))
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import ballast
+import numpy as np
 import pytest
 from conftest import ROOT
 
@@ -33,6 +34,12 @@ def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
     other = case.with_values({"tamping.vibration.frequency_Hz": 42.0, "bed.seed": 8})
     assert other.to_dict()["tamping"]["vibration"]["frequency_Hz"] == 42.0
     assert (other.seed, case.seed) == (8, 7)
+    values = {"tamping.vibration.frequency_Hz": np.float32(42), "bed.seed": np.int64(8)}
+    assert case.with_values(values).seed == 8
+    box = case.with_values({"bed.size_m": np.array([0.26, 0.1, 0.3])}).to_dict()["bed"]["size_m"]
+    assert box == [0.26, 0.1, 0.3]
+    with pytest.raises(TypeError, match=r"expected .* found 1j \(complex\)"):
+        case.with_values({"bed.seed": 1j})
     assert other.bed_key != case.bed_key
     other.write(tmp_path / "other.toml")
     again = ballast.Case.load(tmp_path / "other.toml")

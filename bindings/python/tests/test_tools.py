@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
 import subprocess
 import sys
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import ballast
@@ -93,6 +96,13 @@ def test_points_fill_their_ranges() -> None:
         cells = sorted(int(8 * (point[name] - low) / width) for point in points)
         assert cells == list(range(8))
     assert len(study.grid({"a": [1, 2], "b": [3, 4, 5]})) == 6
+    ranges = {"seed": (1, 8), "solver.iterations": (5, 6), "b": (10, 20)}
+    whole = study.latin_hypercube(ranges, 8, integers=["seed", "solver.iterations"])
+    assert sorted(point["seed"] for point in whole) == list(range(1, 9))
+    assert sorted(point["solver.iterations"] for point in whole) == [5] * 4 + [6] * 4
+    assert all(isinstance(point["seed"], int) and isinstance(point["b"], float) for point in whole)
+    with pytest.raises(ValueError, match=r"integers: expected some of .* found \['c'\]"):
+        study.latin_hypercube(ranges, 8, integers=["c"])
 
 
 def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
@@ -104,7 +114,8 @@ def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Pa
     if not program.exists():
         pytest.skip(f"{program} is not built")
     case.write(tmp_path / "tiny.toml")
-    points = study.grid({"tamping.vibration.frequency_Hz": [30.0], "seed": [case.seed]})
+    axes = {"tamping.vibration.frequency_Hz": np.array([30.0]), "seed": np.array([case.seed])}
+    points = study.grid(axes)
     study.plan("tiny.toml", points, tmp_path / "plan.toml")
     called = [program, "sweep", tmp_path / "plan.toml", "--beds", beds]
     done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
@@ -116,6 +127,47 @@ def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Pa
     figures = study.tamp(study.apply(case, points[0]), str(beds))
     after = float(row["compactness.under sleeper_1.after"])
     assert figures["under sleeper_1: after"] == pytest.approx(after, abs=1e-12)
+
+
+MEASURES = """
+def seed_times(case, beds, *, factor=1.0):
+    return {"figure": factor * case.seed}
+"""
+
+
+def test_figures_are_those_of_the_measure(
+    case: ballast.Case, beds: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    file = tmp_path / "measures_of_a_test.py"
+    file.write_text(MEASURES)
+    monkeypatch.syspath_prepend(tmp_path)
+    module = importlib.import_module(file.stem)
+
+    def figure(factor: float | None = None) -> float:
+        measure = module.seed_times
+        if factor is not None:
+            measure = functools.partial(measure, factor=factor)
+        points = study.grid({"seed": np.array([case.seed])})
+        folder = tmp_path / "study"
+        with ThreadPoolExecutor(1) as pool:
+            table = study.run(
+                case, points, folder, measure=measure, executor=pool, beds=beds, progress=False
+            )
+        assert table["error"].isna().all(), table["error"]
+        return float(table["figure"].iloc[0] / case.seed)
+
+    assert [figure(), figure(2.0), figure(np.float64(3.0)), figure(), figure(2.0)] == [1, 2, 3, 1, 2]
+    done = {file: file.stat().st_mtime_ns for file in (tmp_path / "study").iterdir()}
+    assert len(done) == 3
+    file.write_text(MEASURES.replace("factor *", "10.0 * factor *"))
+    importlib.reload(module)
+    assert figure() == 10.0 and figure(2.0) == 20.0
+    assert {file: file.stat().st_mtime_ns for file in done} == done
+    with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
+        study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
 
 
 def fails(case: ballast.Case, beds: str) -> dict[str, float]:

@@ -11,18 +11,22 @@ pandas; Latin hypercubes need scipy, schedulers dask.
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import inspect
 import itertools
 import json
+import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import ballast
+from ballast._json import dumps
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,15 +49,33 @@ def grid(axes: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
 
 
 def latin_hypercube(
-    ranges: Mapping[str, tuple[float, float]], n: int, *, seed: int = 0
+    ranges: Mapping[str, tuple[float, float]],
+    n: int,
+    *,
+    seed: int = 0,
+    integers: Collection[str] = (),
 ) -> list[dict[str, float]]:
-    """`n` points that fill the ranges evenly: each axis has one point in each `n`-th of it."""
+    """`n` points that fill the ranges evenly: each axis has one point in each `n`-th of it.
+
+    `integers` names the axes that take whole numbers, both ends of their range among them, such as "seed".
+    """
     from scipy.stats import qmc
 
+    unknown = set(integers) - set(ranges)
+    if unknown:
+        raise ValueError(f"integers: expected some of {list(ranges)}, found {sorted(unknown)}")
+
+    def value(name: str, share: float) -> float:
+        low, high = ranges[name]
+        if name in integers:
+            return min(math.floor(low + share * (high + 1 - low)), int(high))
+        return low + share * (high - low)
+
     sample = qmc.LatinHypercube(len(ranges), rng=seed).random(n)
-    low, high = zip(*ranges.values(), strict=True)
-    rows = qmc.scale(sample, low, high)
-    return [dict(zip(ranges, map(float, row), strict=True)) for row in rows]
+    return [
+        {name: value(name, float(share)) for name, share in zip(ranges, row, strict=True)}
+        for row in sample
+    ]
 
 
 def apply(case: ballast.Case, point: Point) -> ballast.Case:
@@ -132,7 +154,9 @@ def run(
         case: the case that points change.
         points: see `grid` and `latin_hypercube`.
         folder: of this study.
-        measure: a function of a module (processes must find it) from a case and a folder of beds to figures.
+        measure: a function of a module (processes must find it) from a case and a folder of beds to figures, or
+            `functools.partial` of one. With another text, or other arguments bound to it, all points are run again; what
+            it calls is not looked at.
         jobs: processes; by default one per processor.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
@@ -155,7 +179,7 @@ def run(
         say(f"{dict(points[i])} failed: {error}")
 
     def keep(i: int, figures: Figures) -> None:
-        text = json.dumps({"point": dict(points[i]), "figures": figures}, indent=1)
+        text = dumps({"point": dict(points[i]), "figures": figures}, indent=1)
         part = files[i].with_suffix(".part")
         part.write_text(text)
         part.replace(files[i])
@@ -188,13 +212,13 @@ def plan(
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
-    lines = [f"case = {json.dumps(os.fspath(case))}"]
+    lines = [f"case = {dumps(os.fspath(case))}"]
     for point in points:
         lines.append("\n[[points]]")
         for key, value in point.items():
             name = "bed.seed" if key == "seed" else key
             # Strings, numbers and lists of JSON are those of TOML.
-            lines.append(f"{json.dumps(name)} = {json.dumps(value)}")
+            lines.append(f"{dumps(name)} = {dumps(value)}")
     Path(path).write_text("\n".join(lines) + "\n")
 
 
@@ -240,8 +264,20 @@ def _wait(
 def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
     """What a point's figures depend on, as the name of its file."""
     what = [ballast.__version__, case.text, case.seed, case.schedule, sorted(point.items())]
-    name = f"{measure.__module__}.{measure.__qualname__}"
-    return hashlib.sha256(json.dumps([*what, name]).encode()).hexdigest()[:24]
+    return hashlib.sha256(dumps([*what, _described(measure)]).encode()).hexdigest()[:24]
+
+
+def _described(measure: Callable[..., Any]) -> list[Any]:
+    """What tells a measure from others: its name, its text, and what was bound to it."""
+    if isinstance(measure, functools.partial):
+        return [*_described(measure.func), measure.args, sorted(measure.keywords.items())]
+    try:
+        return [measure.__module__, measure.__qualname__, inspect.getsource(measure)]
+    except (AttributeError, OSError, TypeError):
+        raise TypeError(
+            "measure: expected a function whose text can be read, or functools.partial of one, "
+            f"found {measure!r}"
+        ) from None
 
 
 def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[int, str]) -> pd.DataFrame:
