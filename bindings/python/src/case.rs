@@ -20,6 +20,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A case that was read and found sound.
+///
+/// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError.
 #[pyclass(frozen, module = "ballast", from_py_object)]
 #[derive(Clone)]
 pub struct Case {
@@ -85,7 +87,7 @@ impl Case {
         Self::read(py, text, name)
     }
 
-    /// Reads a case file.
+    /// Reads a case file. Raises CaseError with every fault and its line, FileError.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = path.display().to_string();
@@ -94,7 +96,7 @@ impl Case {
         Self::read(py, text, &name)
     }
 
-    /// A case from nested dictionaries.
+    /// A case from nested dictionaries. Raises CaseError.
     #[staticmethod]
     fn from_dict(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let text = toml::to_string_pretty(&table(py, values)?)
@@ -111,13 +113,14 @@ impl Case {
         as_dict(py, &table)
     }
 
-    /// Writes the case's text to a file.
+    /// Writes the case's text to a file; overrides of `choose` are not part of it.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         std::fs::write(&path, &self.text)
             .map_err(|e| errors::file(py, format!("{}: cannot be written: {e}", path.display())))
     }
 
-    /// The same case with other values: paths of keys joined by points, and what they become.
+    /// The same case with other values: paths of keys joined by points, and what they become, such as
+    /// `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError.
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let point = table(py, values)?.into_iter().collect();
         let text = sweep::with_values(&self.text, &point, &self.plan.name)
@@ -139,41 +142,49 @@ impl Case {
         Ok(self.clone().chosen(Choices { schedule, seed }))
     }
 
+    /// As the case calls itself.
     #[getter]
     fn name(&self) -> &str {
         &self.plan.name
     }
 
+    /// As it was read, TOML.
     #[getter]
     fn text(&self) -> &str {
         &self.text
     }
 
+    /// Of the bed: the case's, or that of `choose`.
     #[getter]
     fn seed(&self) -> u64 {
         self.plan.bed.seed
     }
 
+    /// Of the solver: "sequential", "synchronous" or "asynchronous".
     #[getter]
     fn schedule(&self) -> &'static str {
         self.plan.run.solver.schedule.name()
     }
 
+    /// Length of a step, ns.
     #[getter]
     fn step_ns(&self) -> u64 {
         self.plan.run.stepping.step_ns
     }
 
+    /// Length of the run that the case describes, ns.
     #[getter]
     fn duration_ns(&self) -> u64 {
         self.plan.run.duration_ns
     }
 
+    /// What is allowed but looks like a slip.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.warnings.clone()
     }
 
+    /// What the prepared bed depends on, as a short text.
     #[getter]
     fn bed_key(&self) -> String {
         ballast_scenario::content_key(&self.plan)

@@ -10,7 +10,19 @@ use pyo3::prelude::*;
 
 type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
 
-/// Motion of a driven body, or of its mount, through a window: knots, and what lies between them.
+/// Motion of a driven body, or of the mount of one, through a window.
+///
+/// Knots of a motion; nothing is extrapolated beyond them.
+///
+/// Args:
+///     times_ns: (n,) in order, from the window's start or before to its end or later.
+///     positions: (n, 3) of the body's reference point, m.
+///     orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
+///     velocities: (n, 3) of the reference point, m/s.
+///     spins: (n, 3) rad/s, world axes.
+///     interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
+///         given), "linear" (the default without them) or "hold".
+///     rebase: the motion need not begin where the body is.
 #[pyclass(frozen, module = "ballast")]
 pub struct Motion {
     pub waveform: Waveform,
@@ -83,6 +95,9 @@ impl Motion {
 }
 
 /// Load on a mounted body through a window, besides its weight.
+///
+/// Knots of forces (n, 3) in N and torques (n, 3) about the reference point in N m, linear between them or held from each
+/// one on; `times_ns` (n,) are in order.
 #[pyclass(frozen, module = "ballast")]
 pub struct Load {
     pub waveform: LoadWaveform,

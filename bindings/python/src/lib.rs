@@ -1,8 +1,8 @@
 //! The ballast model as a Python package: what `import ballast` is made of.
 //!
 //! Contract: the same inputs give the same bytes as on every other face. The interpreter is released while
-//! steps are computed; a failure inside is an exception. Types, units and texts for people are in
-//! `python/ballast/_ballast.pyi`.
+//! steps are computed; a failure inside is an exception. Types are in `python/ballast/_ballast.pyi`; what `help` says of
+//! classes and their members is what is said there, word by word.
 
 mod arrays;
 mod case;

@@ -40,11 +40,13 @@ impl Results {
         Ok(Self { reader: Mutex::new(reader) })
     }
 
+    /// As the case calls itself.
     #[getter]
     fn case_name(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |r| r.about("case_name"))
     }
 
+    /// Of the case file, TOML.
     #[getter]
     fn case_text(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |r| r.about("case_text"))
@@ -56,20 +58,20 @@ impl Results {
         self.read(py, Reader::bodies)
     }
 
-    /// Step of each frame.
+    /// (n,) step of each frame.
     #[getter]
     fn steps<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u64>> {
         self.read(py, |r| Ok(arrays::column(py, r.steps())))
     }
 
-    /// Time of each frame, s.
+    /// (n,) time of each frame, s.
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
         let times = self.read(py, Reader::times)?;
         Ok(arrays::column(py, &times))
     }
 
-    /// Positions and orientations (x, y, z, w) of all bodies in a frame.
+    /// Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first.
     fn poses<'py>(&self, py: Python<'py>, frame: usize) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
         let frames = self.read(py, |r| Ok(r.steps().len()))?;
         if frame >= frames {
@@ -89,7 +91,7 @@ impl Results {
         self.read(py, Reader::series_names)
     }
 
-    /// Columns of a table by name, and `step`.
+    /// Columns of a table by name, and `step`; units in `units(name)`.
     fn table<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
         let table = self.read(py, |r| r.series(name))?;
         let columns = PyDict::new(py);
@@ -102,7 +104,7 @@ impl Results {
         Ok(columns)
     }
 
-    /// Units of a table's columns by name.
+    /// Units of the columns of a table, by name.
     fn units<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
         let table = self.read(py, |r| r.series(name))?;
         let units = PyDict::new(py);
@@ -113,7 +115,8 @@ impl Results {
     }
 }
 
-/// A recording (MCAP), window by window.
+/// A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
+/// (`request`), and the `hash` of the state and the `reply_digest` that it led to.
 #[pyclass(frozen, module = "ballast")]
 pub struct Recording {
     windows: Mutex<Windows>,

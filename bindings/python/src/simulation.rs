@@ -17,7 +17,14 @@ use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
-/// A model that is stepped in windows.
+/// A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
+///
+/// Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state. One that
+/// another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call made again gives its
+/// outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `save`, `restore`, `close`
+/// and what says of itself here are there; the rest is refused with the code "elsewhere".
+/// Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
+/// simulations of their own run side by side.
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
 pub struct Simulation {
     /// `None` once closed.
@@ -171,6 +178,18 @@ fn forces(loads: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<LoadInput>> {
 #[pymethods]
 impl Simulation {
     /// Advances to `t1_ns`, a whole number of steps from now.
+    ///
+    /// Args:
+    ///     t1_ns: end of the window, ns since the start of the run.
+    ///     tools: motions of driven bodies by name; the others stay where they are.
+    ///     loads: loads on mounted bodies by name; the others carry their weight.
+    ///     series: keep the impulses of every step, see `Outcome.series`.
+    ///     zones: measure the case's zones at the end, see `Outcome.zones`; it takes longer than a coupling's
+    ///         own work, so it is not done unasked.
+    ///
+    /// Raises:
+    ///     Refused: the request makes no sense; nothing has changed.
+    ///     Lost: the program failed inside.
     #[pyo3(signature = (t1_ns, tools=None, loads=None, *, series=false, zones=false))]
     fn advance_to(
         &self,
@@ -184,7 +203,7 @@ impl Simulation {
         self.window(py, &Asked::of(Some(t1_ns), tools, loads, series, zones)?)
     }
 
-    /// Computes the last window again from its beginning, with other inputs.
+    /// Computes the last window again from its beginning, with other inputs: for implicit coupling.
     #[pyo3(signature = (tools=None, loads=None, *, series=false, zones=false))]
     fn redo(
         &self,
@@ -197,7 +216,8 @@ impl Simulation {
         self.window(py, &Asked::of(None, tools, loads, series, zones)?)
     }
 
-    /// A window of one step, in which the machine of the case moves tines and sleepers.
+    /// A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
+    /// does: with the force limits of the case, from what it remembers of its own steps.
     #[pyo3(signature = (*, series=false, zones=false))]
     fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Outcome> {
         self.with_here(py, "step_by_machine", |here| {
@@ -206,7 +226,8 @@ impl Simulation {
         })
     }
 
-    /// The phase of the case's tamping cycle at this time.
+    /// Of the case's tamping cycle at this time: waiting, lift, insertion, squeeze, hold, withdrawal
+    /// or done.
     #[getter]
     fn phase(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.with_here(py, "phase", |here| {
@@ -214,7 +235,7 @@ impl Simulation {
         })
     }
 
-    /// The ways of the tines through the case's tamping cycle.
+    /// The ways of the tines through the case's tamping cycle; none without tamping.
     #[getter]
     fn tines(&self, py: Python<'_>) -> PyResult<Vec<Tine>> {
         let name = |body: usize| self.about.names[body].clone();
@@ -295,11 +316,13 @@ impl Simulation {
         self.close(py)
     }
 
+    /// What it is a simulation of.
     #[getter]
     fn case(&self, py: Python<'_>) -> PyResult<Case> {
         Ok(Case::clone(&self.ground(py, "case")?.case))
     }
 
+    /// Simulated time, ns since the start of the run.
     #[getter]
     fn now_ns(&self, py: Python<'_>) -> PyResult<u64> {
         self.with(py, |back| {
@@ -310,21 +333,25 @@ impl Simulation {
         })
     }
 
+    /// Length of a step, ns.
     #[getter]
     fn step_ns(&self) -> u64 {
         self.about.step_ns
     }
 
+    /// Of the solver: "sequential", "synchronous" or "asynchronous".
     #[getter]
     fn schedule(&self) -> &str {
         &self.about.schedule
     }
 
+    /// How many threads compute, the calling one among them.
     #[getter]
     fn threads(&self, py: Python<'_>) -> PyResult<usize> {
         Ok(self.ground(py, "threads")?.crew.threads())
     }
 
+    /// Whether the program failed inside; `restore` of a saved state goes on.
     #[getter]
     fn is_lost(&self) -> bool {
         // One that is being stepped is not lost yet. Waiting for it would keep the interpreter from its thread.
@@ -336,40 +363,44 @@ impl Simulation {
         self.back.try_lock().is_ok_and(|back| is_lost(&back))
     }
 
+    /// Whether `close` was called.
     #[getter]
     fn is_closed(&self) -> bool {
         self.back.try_lock().is_ok_and(|back| back.is_none())
     }
 
-    /// Names of the driven bodies.
+    /// Names of the driven bodies: tines, boundaries, sleepers.
     #[getter]
     fn bodies(&self) -> Vec<String> {
         self.about.names.to_vec()
     }
 
+    /// Number of grains.
     #[getter]
     fn grains(&self) -> usize {
         self.about.grains
     }
 
-    /// Zones measured now.
+    /// The case's zones, measured now.
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let measured = self.with_here(py, "zones", |here| here.zones(py))?;
         crate::outcome::zones(py, &measured)
     }
 
-    /// Which shape each grain has.
+    /// (ng,) which shape each grain has.
     #[getter]
     fn shape_of<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u32>> {
         Ok(crate::arrays::column(py, &self.ground(py, "shape_of")?.model.grains.shape))
     }
 
+    /// (ng,) kg.
     #[getter]
     fn masses<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
         Ok(crate::arrays::column(py, &self.ground(py, "masses")?.model.grains.mass))
     }
 
-    /// Corners of a shape, and its faces as corners' numbers, counter-clockwise from outside.
+    /// Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
+    /// counter-clockwise from outside.
     fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<(Matrix<'py>, Vec<Vec<u16>>)> {
         let shapes = &self.ground(py, "shape")?.model.shapes;
         let shape = shapes.get(index).ok_or_else(|| {
@@ -406,31 +437,37 @@ pub struct Tine {
 
 #[pymethods]
 impl Tine {
+    /// Its body's.
     #[getter]
     fn name(&self) -> &str {
         &self.name
     }
 
+    /// Number of its pair, from 0.
     #[getter]
     fn pair(&self) -> usize {
         self.path.pair
     }
 
+    /// Of its squeeze along x: 1 or -1.
     #[getter]
     fn direction(&self) -> f64 {
         self.path.direction
     }
 
+    /// (3,) where its reference point is before the cycle, m.
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
         crate::arrays::vector(py, &self.path.start)
     }
 
+    /// Height of its reference point at full depth, m.
     #[getter]
     fn deep(&self) -> f64 {
         self.path.deep
     }
 
+    /// How far it closes, m.
     #[getter]
     fn stroke(&self) -> f64 {
         self.path.stroke

@@ -12,7 +12,11 @@ use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Everything that the next window depends on.
+/// A state that was saved. Arrays are read-only and not copied; they keep their values while the
+/// simulation goes on, and stay valid as long as somebody holds them.
+///
+/// A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
+/// `time_ns`, `hash` and `target`, and `restore` takes it.
 #[pyclass(frozen, module = "ballast")]
 pub struct State(pub Saved);
 
@@ -85,7 +89,7 @@ impl State {
 
 #[pymethods]
 impl State {
-    /// Reads what `write` has written, or a checkpoint of `ballast run`.
+    /// Reads what `write` has written, or a checkpoint of `ballast run`. Raises FileError.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         Ok(Self(Saved::Here(Snapshot::read(py, &path)?)))
@@ -96,6 +100,7 @@ impl State {
         self.here(py, "write")?.write(py, &path)
     }
 
+    /// Simulated time, ns since the start of the run.
     #[getter]
     fn time_ns(&self) -> u64 {
         match &self.0 {
@@ -104,11 +109,13 @@ impl State {
         }
     }
 
+    /// Steps since the start of the run.
     #[getter]
     fn step(&self, py: Python<'_>) -> PyResult<u64> {
         Ok(self.here(py, "step")?.state.step)
     }
 
+    /// 128 bits that tell states apart, as 32 hexadecimal digits; `ballast run` prints the same.
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {
@@ -119,36 +126,43 @@ impl State {
         }
     }
 
+    /// (ng, 3) of the grains, m.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.here(py, "positions")?.of_grains(py, |s| &s.position)
     }
 
+    /// (ng, 4) of the grains, x, y, z, w.
     #[getter]
     fn orientations<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.here(py, "orientations")?.of_grains(py, |s| &s.orientation)
     }
 
+    /// (ng, 3) of the grains, m/s.
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.here(py, "velocities")?.of_grains(py, |s| &s.velocity)
     }
 
+    /// (ng, 3) of the grains, rad/s.
     #[getter]
     fn spins<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.here(py, "spins")?.of_grains(py, |s| &s.spin)
     }
 
+    /// (nc, 2) bodies of each contact point; driven bodies are numbered after the grains.
     #[getter]
     fn contact_bodies<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py, u32>> {
         arrays::rows(py, &self.here(py, "contact_bodies")?.state, |s| &s.contacts.bodies)
     }
 
+    /// (nc, 3) impulse of the last step on the first body, N s.
     #[getter]
     fn contact_impulses<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         arrays::rows(py, &self.here(py, "contact_impulses")?.state, |s| &s.contacts.impulse)
     }
 
+    /// (nc, 3) where the contacts are, m; a copy.
     #[getter]
     fn contact_points<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         let state = &self.here(py, "contact_points")?.state;
@@ -163,7 +177,7 @@ impl State {
         Ok(arrays::table(py, &points, 3))
     }
 
-    /// Position, orientation (x, y, z, w), velocity and spin of a driven body.
+    /// Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body.
     fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 4]> {
         let Snapshot { model, state, .. } = self.here(py, "body")?;
         let b = model.grains.len() + driven(py, model.driven.iter().map(|d| &d.name), name)?;
@@ -175,7 +189,8 @@ impl State {
         ])
     }
 
-    /// Pose that was last asked of a driven body, or of its mount: where its next motion begins.
+    /// Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
+    /// holds it: where its next motion has to begin.
     fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 2]> {
         let pose = match &self.0 {
             Saved::Here(Snapshot { model, state, .. }) => {

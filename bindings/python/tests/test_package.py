@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +29,28 @@ def test_names_are_those_of_the_package() -> None:
     assert all(hasattr(ballast, name) for name in ballast.__all__)
     assert repr(ballast.Motion([0], [[0, 0, 0]])) == "Motion(1 knots, 0 to 0 ns, linear)"
     assert issubclass(ballast.Lost, ballast.Error)
+
+
+def test_help_says_what_the_stubs_say() -> None:
+    """That these have the same members is for the types' test below."""
+    stubs = ast.parse((Path(ballast.__file__).parent / "_ballast.pyi").read_text())
+    silent, other, seen = [], [], 0
+    for stub in (node for node in stubs.body if isinstance(node, ast.ClassDef)):
+        there = getattr(ballast, stub.name)
+        members = [m for m in stub.body if isinstance(m, ast.FunctionDef) and not m.name.startswith("_")]
+        for name, text, runtime in [
+            (stub.name, ast.get_docstring(stub), there),
+            *((f"{stub.name}.{m.name}", ast.get_docstring(m), getattr(there, m.name)) for m in members),
+        ]:
+            seen += 1
+            if not text or not inspect.getdoc(runtime):
+                silent.append(name)
+            # Attributes of exceptions have no text of their own at runtime: it is in that of the class.
+            elif text != inspect.getdoc(runtime) and not issubclass(there, Exception):
+                other.append(name)
+    assert seen > 150 and (silent, other) == ([], [])
+    functions = (getattr(ballast, name) for name in ballast.__all__ if name != "__version__")
+    assert all(inspect.getdoc(function) for function in functions)
 
 
 @pytest.mark.parametrize(

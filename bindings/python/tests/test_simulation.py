@@ -355,6 +355,8 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
     assert [(w["request"]["t0_ns"], w["request"]["t1_ns"]) for w in windows] == [
         (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
     ]
+    assert set(windows[0]) == {"seq", "t0_ns", "t1_ns", "request", "hash", "reply_digest"}
+    assert all(f"`{part}`" in str(ballast.Recording.__doc__) for part in windows[0])
     call(tmp_path, "verify", path)
     assert final in call(tmp_path, "replay", path, "--out", tmp_path / "replay")
 

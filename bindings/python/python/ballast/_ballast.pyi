@@ -83,11 +83,11 @@ class Lost(Error):
 
 @final
 class Case:
-    """A case that was read and found sound."""
+    """A case that was read and found sound.
 
-    def __new__(cls, text: str, name: str = "case") -> Case:
-        """Reads a case from its text (TOML); `name` stands for it in messages. Raises CaseError."""
+    `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError."""
 
+    def __new__(cls, text: str, name: str = "case") -> Case: ...
     @staticmethod
     def load(path: _Path) -> Case:
         """Reads a case file. Raises CaseError with every fault and its line, FileError."""
@@ -110,13 +110,21 @@ class Case:
         """The same case with another seed of the bed, or another schedule of the solver."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """As the case calls itself."""
+
     @property
-    def text(self) -> str: ...
+    def text(self) -> str:
+        """As it was read, TOML."""
+
     @property
-    def seed(self) -> int: ...
+    def seed(self) -> int:
+        """Of the bed: the case's, or that of `choose`."""
+
     @property
-    def schedule(self) -> str: ...
+    def schedule(self) -> str:
+        """Of the solver: "sequential", "synchronous" or "asynchronous"."""
+
     @property
     def step_ns(self) -> int:
         """Length of a step, ns."""
@@ -135,7 +143,20 @@ class Case:
 
 @final
 class Motion:
-    """Motion of a driven body, or of the mount of one, through a window."""
+    """Motion of a driven body, or of the mount of one, through a window.
+
+    Knots of a motion; nothing is extrapolated beyond them.
+
+    Args:
+        times_ns: (n,) in order, from the window's start or before to its end or later.
+        positions: (n, 3) of the body's reference point, m.
+        orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
+        velocities: (n, 3) of the reference point, m/s.
+        spins: (n, 3) rad/s, world axes.
+        interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
+            given), "linear" (the default without them) or "hold".
+        rebase: the motion need not begin where the body is.
+    """
 
     def __new__(
         cls,
@@ -147,23 +168,14 @@ class Motion:
         spins: ArrayLike | None = None,
         interpolation: str | None = None,
         rebase: bool = False,
-    ) -> Motion:
-        """Knots of a motion; nothing is extrapolated beyond them.
-
-        Args:
-            times_ns: (n,) in order, from the window's start or before to its end or later.
-            positions: (n, 3) of the body's reference point, m.
-            orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
-            velocities: (n, 3) of the reference point, m/s.
-            spins: (n, 3) rad/s, world axes.
-            interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
-                given), "linear" (the default without them) or "hold".
-            rebase: the motion need not begin where the body is.
-        """
+    ) -> Motion: ...
 
 @final
 class Load:
-    """Load on a mounted body through a window, besides its weight."""
+    """Load on a mounted body through a window, besides its weight.
+
+    Knots of forces (n, 3) in N and torques (n, 3) about the reference point in N m, linear between them or held from each
+    one on; `times_ns` (n,) are in order."""
 
     def __new__(
         cls,
@@ -172,9 +184,7 @@ class Load:
         torques: ArrayLike | None = None,
         *,
         held: bool = False,
-    ) -> Load:
-        """Knots of a load: forces (n, 3) in N, torques (n, 3) about the reference point in N m, linear
-        between knots or held from each one on."""
+    ) -> Load: ...
 
 @final
 class Simulation:
@@ -250,10 +260,13 @@ class Simulation:
         """The case's zones, measured now."""
 
     def shape(self, index: int) -> tuple[_Floats, list[list[int]]]:
-        """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners."""
+        """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
+        counter-clockwise from outside."""
 
     @property
-    def case(self) -> Case: ...
+    def case(self) -> Case:
+        """What it is a simulation of."""
+
     @property
     def now_ns(self) -> int:
         """Simulated time, ns since the start of the run."""
@@ -263,9 +276,13 @@ class Simulation:
         """Length of a step, ns."""
 
     @property
-    def schedule(self) -> str: ...
+    def schedule(self) -> str:
+        """Of the solver: "sequential", "synchronous" or "asynchronous"."""
+
     @property
-    def threads(self) -> int: ...
+    def threads(self) -> int:
+        """How many threads compute, the calling one among them."""
+
     @property
     def bodies(self) -> list[str]:
         """Names of the driven bodies: tines, boundaries, sleepers."""
@@ -296,7 +313,9 @@ class Simulation:
         """Whether the program failed inside; `restore` of a saved state goes on."""
 
     @property
-    def is_closed(self) -> bool: ...
+    def is_closed(self) -> bool:
+        """Whether `close` was called."""
+
     def _fail_next(self) -> None: ...
 
 @final
@@ -304,7 +323,9 @@ class Tine:
     """The way of a tine through the tamping cycle of its case."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """Its body's."""
+
     @property
     def pair(self) -> int:
         """Number of its pair, from 0."""
@@ -348,9 +369,13 @@ class State:
         holds it: where its next motion has to begin."""
 
     @property
-    def time_ns(self) -> int: ...
+    def time_ns(self) -> int:
+        """Simulated time, ns since the start of the run."""
+
     @property
-    def step(self) -> int: ...
+    def step(self) -> int:
+        """Steps since the start of the run."""
+
     @property
     def hash(self) -> str:
         """128 bits that tell states apart, as 32 hexadecimal digits; `ballast run` prints the same."""
@@ -403,15 +428,21 @@ class Outcome:
         """What ended the window, where something did."""
 
     @property
-    def t0_ns(self) -> int: ...
+    def t0_ns(self) -> int:
+        """Where it began, ns since the start of the run."""
+
     @property
     def t1_ns(self) -> int:
         """As far as it was computed, ns."""
 
     @property
-    def steps(self) -> int: ...
+    def steps(self) -> int:
+        """How many were computed."""
+
     @property
-    def bodies(self) -> dict[str, BodyOutcome]: ...
+    def bodies(self) -> dict[str, BodyOutcome]:
+        """What the ballast did to each driven body, by name."""
+
     @property
     def zones(self) -> dict[str, ZoneOutcome]:
         """At the end of the window, where `zones=True` asked for them."""
@@ -422,7 +453,9 @@ class Outcome:
         apart: docs/coupling.md."""
 
     @property
-    def solver(self) -> SolverOutcome: ...
+    def solver(self) -> SolverOutcome:
+        """How it was solved."""
+
     @property
     def energy(self) -> EnergyLedger:
         """Since the start of the run."""
@@ -446,11 +479,11 @@ class BodyOutcome:
 
     @property
     def impulse(self) -> _Floats:
-        """(3,) N s."""
+        """(3,) over the window, N s."""
 
     @property
     def angular_impulse(self) -> _Floats:
-        """(3,) N m s."""
+        """(3,) over the window, N m s."""
 
     @property
     def mean_force(self) -> _Floats:
@@ -458,7 +491,7 @@ class BodyOutcome:
 
     @property
     def mean_torque(self) -> _Floats:
-        """(3,) N m."""
+        """(3,) angular impulse over the length of the window, N m."""
 
     @property
     def moving_force(self) -> _Floats:
@@ -466,7 +499,7 @@ class BodyOutcome:
 
     @property
     def moving_torque(self) -> _Floats:
-        """(3,) N m."""
+        """(3,) mean over the same 4 ms, N m."""
 
     @property
     def peak_force(self) -> _Floats:
@@ -477,7 +510,9 @@ class BodyOutcome:
         """(3,) mean torque of that step, N m."""
 
     @property
-    def peak_time_ns(self) -> int: ...
+    def peak_time_ns(self) -> int:
+        """End of that step, ns since the start of the run."""
+
     @property
     def work(self) -> float:
         """Of the body on the ballast, J."""
@@ -492,15 +527,15 @@ class BodyOutcome:
 
     @property
     def orientation(self) -> _Floats:
-        """(4,) x, y, z, w."""
+        """(4,) at the end of the window, x, y, z, w."""
 
     @property
     def velocity(self) -> _Floats:
-        """(3,) m/s."""
+        """(3,) at the end of the window, m/s."""
 
     @property
     def spin(self) -> _Floats:
-        """(3,) rad/s."""
+        """(3,) at the end of the window, rad/s."""
 
 @final
 class ZoneOutcome:
@@ -516,14 +551,16 @@ class ZoneOutcome:
 
     @property
     def compactness(self) -> float | None:
-        """Solid over accessible volume."""
+        """Solid over accessible volume, 0 to 1."""
 
     @property
     def coordination(self) -> float | None:
         """Mean number of touching neighbours."""
 
     @property
-    def inertial_number(self) -> float | None: ...
+    def inertial_number(self) -> float | None:
+        """How fast it flows for its pressure and size of grains (T-22), without unit."""
+
     @property
     def pressure(self) -> float:
         """Mean over the last step, Pa."""
@@ -585,14 +622,16 @@ class SolverOutcome:
         """Of contacts, over all steps."""
 
     @property
-    def steps_not_converged(self) -> int: ...
+    def steps_not_converged(self) -> int:
+        """Steps that stopped at their cap of iterations."""
+
     @property
     def residual_qm16(self) -> float:
-        """Largest of a step."""
+        """Largest of a step, without unit."""
 
     @property
     def residual_natural_map(self) -> float:
-        """Largest of a step."""
+        """Largest of a step, without unit."""
 
     @property
     def contacts(self) -> int:
@@ -615,22 +654,32 @@ class EnergyLedger:
     """Energies of the grains since the start of the run, J."""
 
     @property
-    def initial_kinetic(self) -> float: ...
-    @property
-    def initial_potential(self) -> float: ...
-    @property
-    def kinetic(self) -> float: ...
-    @property
-    def potential(self) -> float: ...
-    @property
-    def work_in(self) -> float:
-        """Work of driven bodies on the grains."""
+    def initial_kinetic(self) -> float:
+        """At the start of the run, J."""
 
     @property
-    def dissipated(self) -> float: ...
+    def initial_potential(self) -> float:
+        """At the start of the run, J."""
+
+    @property
+    def kinetic(self) -> float:
+        """Now, J."""
+
+    @property
+    def potential(self) -> float:
+        """Now, J."""
+
+    @property
+    def work_in(self) -> float:
+        """Work of driven bodies on the grains, J."""
+
+    @property
+    def dissipated(self) -> float:
+        """By friction and in impacts, J."""
+
     @property
     def balance_error(self) -> float:
-        """What the ledger cannot account for."""
+        """What the ledger cannot account for, J."""
 
 @final
 class Series:
@@ -642,9 +691,13 @@ class Series:
         """(n,) end of each step, ns."""
 
     @property
-    def iterations(self) -> NDArray[np.uint32]: ...
+    def iterations(self) -> NDArray[np.uint32]:
+        """(n,) of each step."""
+
     @property
-    def residual_qm16(self) -> _Floats: ...
+    def residual_qm16(self) -> _Floats:
+        """(n,) at the end of each step, without unit."""
+
     @property
     def impulses(self) -> dict[str, _Floats]:
         """(n, 6) per body: impulse (N s) and angular impulse (N m s) of each step."""
@@ -660,29 +713,37 @@ class Results:
     def table(self, name: str) -> dict[str, NDArray[Any]]:
         """Columns of a table by name, and `step`; units in `units(name)`."""
 
-    def units(self, name: str) -> dict[str, str]: ...
+    def units(self, name: str) -> dict[str, str]:
+        """Units of the columns of a table, by name."""
+
     @property
-    def case_name(self) -> str: ...
+    def case_name(self) -> str:
+        """As the case calls itself."""
+
     @property
-    def case_text(self) -> str: ...
+    def case_text(self) -> str:
+        """Of the case file, TOML."""
+
     @property
     def bodies(self) -> tuple[int, list[str]]:
         """Number of grains, and names of the driven bodies after them."""
 
     @property
     def steps(self) -> NDArray[np.uint64]:
-        """Step of each frame."""
+        """(n,) step of each frame."""
 
     @property
     def times(self) -> _Floats:
-        """Time of each frame, s."""
+        """(n,) time of each frame, s."""
 
     @property
-    def tables(self) -> list[str]: ...
+    def tables(self) -> list[str]:
+        """Names of the tables."""
 
 @final
 class Recording:
-    """A recording (MCAP): an iterator over its windows, each a dictionary with `request` and `reply`."""
+    """A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
+    (`request`), and the `hash` of the state and the `reply_digest` that it led to."""
 
     def __new__(cls, path: _Path) -> Recording: ...
     def __iter__(self) -> Recording: ...
