@@ -271,11 +271,7 @@ pub fn begin(
     Simulation::here(py, &start, limits, crew)
 }
 
-pub fn limits(
-    py: Python<'_>,
-    max_penetration: Option<f64>,
-    keep_early: bool,
-) -> PyResult<Limits> {
+pub fn limits(py: Python<'_>, max_penetration: Option<f64>, keep_early: bool) -> PyResult<Limits> {
     let penetration = max_penetration.unwrap_or(f64::INFINITY);
     if penetration.is_nan() || penetration <= 0.0 {
         return Err(errors::invalid(py, "max_penetration", "a length above 0 m", penetration));

@@ -5,10 +5,14 @@ use ballast::component::{Interpolation, Knot, LoadKnot, LoadWaveform, Waveform};
 use ballast::drive::Load as CoreLoad;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast_protocol::messages::Quaternion;
-use numpy::{AllowTypeChange, PyArrayLike2, PyUntypedArrayMethods};
+use numpy::{AllowTypeChange, PyArrayLikeDyn, PyUntypedArrayMethods};
+use pyo3::PyTypeInfo;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyMapping};
 
-type Rows<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
+/// Anything that numpy makes an array of.
+type Rows<'a, 'py> = &'a Bound<'py, PyAny>;
 
 /// Motion of a driven body, or of the mount of one, through a window.
 ///
@@ -37,11 +41,11 @@ impl Motion {
     #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
     fn new(
         py: Python<'_>,
-        times_ns: Vec<i64>,
-        positions: Rows<'_>,
-        orientations: Option<Rows<'_>>,
-        velocities: Option<Rows<'_>>,
-        spins: Option<Rows<'_>>,
+        times_ns: Vec<Bound<'_, PyAny>>,
+        positions: Rows<'_, '_>,
+        orientations: Option<Rows<'_, '_>>,
+        velocities: Option<Rows<'_, '_>>,
+        spins: Option<Rows<'_, '_>>,
         interpolation: Option<&str>,
         rebase: bool,
     ) -> PyResult<Self> {
@@ -62,17 +66,17 @@ impl Motion {
                 return Err(errors::invalid(py, "interpolation", expected, format!("{other:?}")));
             }
         };
-        let times = times(py, &times_ns)?;
-        let positions = vectors(py, "positions", &positions, n)?;
-        let orientations = match &orientations {
+        let times = times(&times_ns)?;
+        let positions = vectors(py, "positions", positions, n)?;
+        let orientations = match orientations {
             None => vec![Quat::identity(); n],
             Some(rows) => quaternions(py, rows, n)?,
         };
-        let rates = |name: &str, rows: &Option<Rows<'_>>| match rows {
+        let rates = |name: &str, rows: Option<Rows<'_, '_>>| match rows {
             None => Ok(vec![Vec3::zeros(); n]),
             Some(rows) => vectors(py, name, rows, n),
         };
-        let (velocities, spins) = (rates("velocities", &velocities)?, rates("spins", &spins)?);
+        let (velocities, spins) = (rates("velocities", velocities)?, rates("spins", spins)?);
         let knot = |i: usize| Knot {
             time_ns: times[i],
             pose: Pose { position: positions[i], orientation: orientations[i] },
@@ -109,15 +113,15 @@ impl Load {
     #[pyo3(signature = (times_ns, forces, torques=None, *, held=false))]
     fn new(
         py: Python<'_>,
-        times_ns: Vec<i64>,
-        forces: Rows<'_>,
-        torques: Option<Rows<'_>>,
+        times_ns: Vec<Bound<'_, PyAny>>,
+        forces: Rows<'_, '_>,
+        torques: Option<Rows<'_, '_>>,
         held: bool,
     ) -> PyResult<Self> {
         let n = times_ns.len();
-        let times = times(py, &times_ns)?;
-        let forces = vectors(py, "forces", &forces, n)?;
-        let torques = match &torques {
+        let times = times(&times_ns)?;
+        let forces = vectors(py, "forces", forces, n)?;
+        let torques = match torques {
             None => vec![Vec3::zeros(); n],
             Some(rows) => vectors(py, "torques", rows, n)?,
         };
@@ -133,29 +137,69 @@ impl Load {
     }
 }
 
-fn times(py: Python<'_>, times_ns: &[i64]) -> PyResult<Vec<u64>> {
-    let time = |(i, t): (usize, &i64)| {
-        u64::try_from(*t).map_err(|_| {
-            let text = format!(
-                "times_ns: expected times after the start of the run, found {t} (knot {i})"
-            );
-            errors::refused(py, "input_invalid", text)
-        })
+/// A time, ns since the start of the run.
+pub fn time(number: &Bound<'_, PyAny>, place: impl FnOnce() -> String) -> PyResult<u64> {
+    number.extract().map_err(|e: PyErr| {
+        if e.is_instance_of::<PyOverflowError>(number.py()) {
+            let expected = "ns since the start of the run, from 0 to 2^64 - 1";
+            return errors::invalid(number.py(), &place(), expected, number);
+        }
+        let text = format!("{}: expected a whole number of ns, found {number:?}", place());
+        PyTypeError::new_err(text)
+    })
+}
+
+fn times(times_ns: &[Bound<'_, PyAny>]) -> PyResult<Vec<u64>> {
+    times_ns.iter().enumerate().map(|(i, t)| time(t, || format!("times_ns[{i}]"))).collect()
+}
+
+/// What is asked of bodies by name.
+pub fn named<C: PyTypeInfo, T>(
+    place: &str,
+    inputs: Option<&Bound<'_, PyAny>>,
+    input: impl Fn(String, &Bound<'_, C>) -> T,
+) -> PyResult<Vec<T>> {
+    let Some(inputs) = inputs else { return Ok(Vec::new()) };
+    let py = inputs.py();
+    let wrong = |place: &str, expected: &str, found: &Bound<'_, PyAny>| {
+        let text = format!("{place}: expected {expected}, found {}", found.get_type());
+        PyTypeError::new_err(text)
     };
-    times_ns.iter().enumerate().map(time).collect()
+    let dict = match inputs.cast::<PyDict>() {
+        Ok(dict) => dict.clone(),
+        Err(_) => match inputs.cast::<PyMapping>() {
+            Ok(mapping) => PyDict::from_sequence(mapping.items()?.as_any())?,
+            Err(_) => return Err(wrong(place, "a mapping from names of bodies", inputs)),
+        },
+    };
+    let of = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| match value.cast::<C>() {
+        Ok(value) => Ok(input(name.extract()?, value)),
+        Err(_) => {
+            Err(wrong(&format!("{place}[{name:?}]"), &C::type_object(py).to_string(), &value))
+        }
+    };
+    dict.iter().map(of).collect()
 }
 
 fn shaped(
     py: Python<'_>,
     name: &str,
-    rows: &Rows<'_>,
+    rows: Rows<'_, '_>,
     n: usize,
     width: usize,
 ) -> PyResult<Vec<f64>> {
-    if rows.shape() != [n, width] {
-        let expected = format!("an array of {n} rows of {width}, one per time");
-        return Err(errors::invalid(py, name, expected, format!("the shape {:?}", rows.shape())));
-    }
+    let array = rows.extract::<PyArrayLikeDyn<'_, f64, AllowTypeChange>>();
+    let rows = match array {
+        Ok(array) if array.shape() == [n, width] => array,
+        other => {
+            let found = match other {
+                Ok(array) => format!("the shape {:?}", array.shape()),
+                Err(_) => format!("no array of numbers ({})", rows.get_type().name()?),
+            };
+            let expected = format!("an array of {n} rows of {width}, one per time");
+            return Err(errors::invalid(py, name, expected, found));
+        }
+    };
     let numbers: Vec<f64> = rows.as_array().iter().copied().collect();
     match numbers.iter().position(|x| !x.is_finite()) {
         None => Ok(numbers),
@@ -166,12 +210,12 @@ fn shaped(
     }
 }
 
-fn vectors(py: Python<'_>, name: &str, rows: &Rows<'_>, n: usize) -> PyResult<Vec<Vec3>> {
+fn vectors(py: Python<'_>, name: &str, rows: Rows<'_, '_>, n: usize) -> PyResult<Vec<Vec3>> {
     let numbers = shaped(py, name, rows, n, 3)?;
     Ok(numbers.as_chunks().0.iter().map(|[x, y, z]| Vec3::new(*x, *y, *z)).collect())
 }
 
-fn quaternions(py: Python<'_>, rows: &Rows<'_>, n: usize) -> PyResult<Vec<Quat>> {
+fn quaternions(py: Python<'_>, rows: Rows<'_, '_>, n: usize) -> PyResult<Vec<Quat>> {
     let numbers = shaped(py, "orientations", rows, n, 4)?;
     let quaternion = |&[x, y, z, w]: &[f64; 4]| {
         Quat::try_from(Quaternion { x, y, z, w })

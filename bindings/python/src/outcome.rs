@@ -29,6 +29,13 @@ pub struct Outcome {
     pub series: Option<Py<Series>>,
 }
 
+impl Outcome {
+    /// The number of a driven body.
+    fn body(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|known| known == name)
+    }
+}
+
 #[pymethods]
 impl Outcome {
     /// "ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
@@ -128,11 +135,16 @@ impl Outcome {
     }
 
     fn __getitem__(&self, name: &str) -> PyResult<Body> {
-        let found = self.names.iter().position(|n| n == name);
-        found.map(|d| Body(self.inner.bodies[d])).ok_or_else(|| {
-            let text = format!("{name:?}; known: {:?}", self.names);
+        let body = self.body(name).map(|d| Body(self.inner.bodies[d]));
+        // Python quotes the text of a KeyError, with whatever it has of quotes.
+        body.ok_or_else(|| {
+            let text = format!("body: expected one of {}, found {name}", self.names.join(", "));
             pyo3::exceptions::PyKeyError::new_err(text)
         })
+    }
+
+    fn __contains__(&self, name: &Bound<'_, PyAny>) -> bool {
+        name.extract().is_ok_and(|name: &str| self.body(name).is_some())
     }
 
     fn __repr__(&self) -> String {

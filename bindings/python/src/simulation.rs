@@ -5,7 +5,7 @@ use crate::case::Case;
 use crate::compute::Crew;
 use crate::errors;
 use crate::here::{Ground, Here};
-use crate::inputs::{Load, Motion};
+use crate::inputs::{self, Load, Motion};
 use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
@@ -68,12 +68,19 @@ impl Asked {
     /// What a partner asks.
     fn of(
         t1_ns: Option<u64>,
-        tools: Option<&Bound<'_, PyDict>>,
-        loads: Option<&Bound<'_, PyDict>>,
+        tools: Option<&Bound<'_, PyAny>>,
+        loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
     ) -> PyResult<Self> {
-        let (motions, loads) = (motions(tools)?, forces(loads)?);
+        let motions = inputs::named("tools", tools, |body, motion: &Bound<'_, Motion>| {
+            let Motion { waveform, rebase } = motion.get();
+            Input { body, waveform: waveform.clone(), rebase: *rebase }
+        })?;
+        let loads = inputs::named("loads", loads, |body, load: &Bound<'_, Load>| LoadInput {
+            body,
+            waveform: load.get().waveform.clone(),
+        })?;
         Ok(Self { motions, loads, t1_ns, by_machine: false, series, zones })
     }
 }
@@ -158,23 +165,6 @@ fn closed(py: Python<'_>) -> PyErr {
     errors::error::<errors::Error>(py, "closed", "the simulation was closed")
 }
 
-fn motions(tools: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Input>> {
-    let input = |(name, motion): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-        let motion = motion.cast::<Motion>()?.get();
-        let (waveform, rebase) = (motion.waveform.clone(), motion.rebase);
-        Ok(Input { body: name.extract()?, waveform, rebase })
-    };
-    tools.map_or(Ok(Vec::new()), |tools| tools.iter().map(input).collect())
-}
-
-fn forces(loads: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<LoadInput>> {
-    let input = |(name, load): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-        let waveform = load.cast::<Load>()?.get().waveform.clone();
-        Ok(LoadInput { body: name.extract()?, waveform })
-    };
-    loads.map_or(Ok(Vec::new()), |loads| loads.iter().map(input).collect())
-}
-
 #[pymethods]
 impl Simulation {
     /// Advances to `t1_ns`, a whole number of steps from now.
@@ -194,12 +184,13 @@ impl Simulation {
     fn advance_to(
         &self,
         py: Python<'_>,
-        t1_ns: u64,
-        tools: Option<&Bound<'_, PyDict>>,
-        loads: Option<&Bound<'_, PyDict>>,
+        t1_ns: &Bound<'_, PyAny>,
+        tools: Option<&Bound<'_, PyAny>>,
+        loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
     ) -> PyResult<Outcome> {
+        let t1_ns = inputs::time(t1_ns, || "t1_ns".into())?;
         self.window(py, &Asked::of(Some(t1_ns), tools, loads, series, zones)?)
     }
 
@@ -208,8 +199,8 @@ impl Simulation {
     fn redo(
         &self,
         py: Python<'_>,
-        tools: Option<&Bound<'_, PyDict>>,
-        loads: Option<&Bound<'_, PyDict>>,
+        tools: Option<&Bound<'_, PyAny>>,
+        loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
     ) -> PyResult<Outcome> {

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import MappingProxyType
 
 import ballast
 import numpy as np
@@ -61,7 +63,8 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
     assert list(out.zones) == list(sim.zones())
     assert all(z.compactness == out.zones[n].compactness for n, z in sim.zones().items())
     assert not sim.advance_to(11 * sim.step_ns).zones
-    with pytest.raises(KeyError, match="nobody"):
+    assert tine.name in out and "nobody" not in out and 1 not in out
+    with pytest.raises(KeyError, match=f"'body: expected one of .*{tine.name}.*, found nobody'"):
         out["nobody"]
 
 
@@ -240,6 +243,12 @@ def test_a_failure_inside_is_an_exception(sim: ballast.Simulation) -> None:
         ("input_invalid", lambda sim: ballast.Motion([0, 1], [[0, 0, 0]])),
         ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], [[0, 0, 0, 2]])),
         ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], interpolation="spline")),
+        ("input_invalid", lambda sim: ballast.Motion([0], [0, 0, 0])),
+        ("input_invalid", lambda sim: ballast.Motion([0], "high")),
+        ("input_invalid", lambda sim: ballast.Motion([0, 1], [[0, 0, 0], [0]])),
+        ("input_invalid", lambda sim: ballast.Motion([2**64], [[0, 0, 0]])),
+        ("input_invalid", lambda sim: sim.advance_to(-5)),
+        ("input_invalid", lambda sim: sim.advance_to(2**70)),
         ("input_invalid", lambda sim: ballast.Motion([0, 1], [[0, 0, 0]] * 2, interpolation="hermite")),
         ("input_invalid", lambda sim: ballast.Motion([0], [[0, 0, 0]], spins=[[0, 0, np.nan]])),
         ("input_invalid", lambda sim: ballast.Load([0, 1], [[0, 0, 0], [0, 0, np.inf]])),
@@ -280,9 +289,28 @@ def advance_with(
     return sim.advance_to(sim.step_ns, {body: motion})
 
 
-def test_times_are_whole_numbers(sim: ballast.Simulation) -> None:
-    with pytest.raises(TypeError):
-        sim.advance_to(1e-3)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("said", "ask"),
+    [
+        ("t1_ns: expected a whole number of ns, found 0.001", lambda sim: sim.advance_to(1e-3)),
+        ("times_ns[1]: expected a whole number of ns, found 0.5", lambda sim: ballast.Load([0, 0.5], [[0, 0, 0]] * 2)),
+        ("tools: expected a mapping from names of bodies, found <class 'list'>", lambda sim: sim.redo([])),
+        ("loads['a']: expected <class 'ballast.Load'>, found <class 'int'>", lambda sim: sim.redo(loads={"a": 1})),
+    ],
+)
+def test_what_is_of_another_kind_is_told(sim: ballast.Simulation, said: str, ask) -> None:
+    with pytest.raises(TypeError, match=re.escape(said)):
+        ask(sim)
+
+
+def test_any_mapping_names_bodies(sim: ballast.Simulation) -> None:
+    end, start, tools = 5 * sim.step_ns, sim.save(), lowered(sim, 1e-3, 5)
+    hashes = set()
+    for mapping in (tools, MappingProxyType(tools)):
+        sim.restore(start)
+        sim.advance_to(end, mapping)
+        hashes.add(sim.save().hash)
+    assert len(hashes) == 1
 
 
 def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:

@@ -413,6 +413,7 @@ class Outcome:
     """The result of a window; `outcome[name]` is what the ballast did to a body."""
 
     def __getitem__(self, name: str, /) -> BodyOutcome: ...
+    def __contains__(self, name: object, /) -> bool: ...
     @property
     def status(self) -> str:
         """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
