@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from textwrap import indent
+from typing import Any
 
 import ballast
 import pytest
@@ -88,6 +91,31 @@ def test_the_notebook(place: Path) -> None:
     outputs = [out for cell in notebook.cells for out in cell.get("outputs", [])]
     assert not any(out["output_type"] == "error" for out in outputs)
     assert any("image/png" in out.get("data", {}) for out in outputs)
+
+
+def blocks() -> list[Any]:
+    """Python in the pages that users read first."""
+    found = [
+        pytest.param(code, id=f"{page.name}-{i}")
+        for page in (ROOT / "README.md", ROOT / "docs/python.md")
+        for i, code in enumerate(re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S))
+    ]
+    assert len(found) > 3
+    return found
+
+
+@pytest.mark.parametrize("code", blocks())
+def test_what_the_documents_show(place: Path, code: str) -> None:
+    if "zenoh:" in code:
+        pytest.skip("needs another process; test_elsewhere does the like")
+    if "study" in code:
+        pytest.importorskip("pandas")
+    (place / "examples").mkdir()
+    (place / "tiny.toml").rename(place / "examples/first.toml")
+    # Processes that a study begins import this file; imports and what is needed before are said once in a page.
+    (place / "shown.py").write_text(f"import ballast\nif __name__ == '__main__':\n{indent(code, '    ')}")
+    done = subprocess.run([sys.executable, "shown.py"], capture_output=True, text=True, cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_all_examples_are_tested() -> None:
