@@ -244,13 +244,25 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     volume = sum(grain.extract_surface(algorithm="dataset_surface").volume for grain in grains)
     assert volume == pytest.approx(sim.masses[:2].sum() / 2700.0, rel=0.05)
     assert view.chains(sim).n_cells > 0
-    # A window needs a graphics library that may be missing; geometry does not.
-    program = (
+    # Drawing needs a graphics library that may be missing: where not even a ball is drawn.
+    ball = "import sys, pyvista as pv; p = pv.Plotter(off_screen=True); p.add_mesh(pv.Sphere()); p.screenshot(sys.argv[2])"
+    drawing = (
         "import sys, ballast, ballast.view as view\n"
-        "view.picture(ballast.resume(sys.argv[1], threads=1), sys.argv[2])"
+        "sim = ballast.resume(sys.argv[1], threads=1)\n"
+        "view.picture(sim, sys.argv[2])\n"
+        "view.picture(sim, sys.argv[3], forces=True)"
     )
-    sim.save().write(tmp_path / "state.h5")
-    called = [sys.executable, "-c", program, tmp_path / "state.h5", tmp_path / "bed.png"]
-    done = subprocess.run(called)
-    if done.returncode == 0:
-        assert (tmp_path / "bed.png").stat().st_size > 5000
+    state, speeds, forces = (tmp_path / name for name in ("state.h5", "speeds.png", "forces.png"))
+    sim.save().write(state)
+
+    def drawn(program: str) -> subprocess.CompletedProcess[str]:
+        called = [sys.executable, "-c", program, state, speeds, forces]
+        return subprocess.run(called, capture_output=True, text=True)
+
+    if (without := drawn(ball)).returncode != 0:
+        pytest.skip(f"nothing can be drawn here: {without.stderr.strip()[-200:]}")
+    speeds.unlink()
+    done = drawn(drawing)
+    assert done.returncode == 0, done.stderr
+    assert speeds.stat().st_size > 5000 and forces.stat().st_size > 5000
+    assert speeds.read_bytes() != forces.read_bytes()
