@@ -192,9 +192,11 @@ def test_whoever_steps_gets_the_same(case: ballast.Case, beds: Path) -> None:
 
 
 def test_somebody_has_to_compute(case: ballast.Case, beds: Path) -> None:
-    with pytest.raises(ballast.Error, match="expected 1 or more, found 0") as none:
+    with pytest.raises(ballast.Error, match="expected 1 to 1024, found 0") as none:
         ballast.open(case, beds=beds, threads=0, progress=False)
     assert none.value.code == "threads"
+    with pytest.raises(ballast.Error, match="expected 1 to 1024, found 100000"):
+        ballast.open(case, beds=beds, threads=100_000, progress=False)
 
 
 def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> None:

@@ -116,13 +116,14 @@ fn check_columns(path: &Path, steps: &Table, summary: &Summary) -> Outcome {
     }
     let differs = steps.columns.iter().zip(&expected).position(|(a, b)| a != b);
     let at = differs.unwrap_or(steps.columns.len().min(expected.len()));
-    let name =
-        |columns: &[String]| columns.get(at).map_or("none".into(), |name| format!("`{name}`"));
+    let column = |columns: &[(String, String)]| {
+        columns.get(at).map_or("none".into(), |(name, unit)| format!("`{name}` in `{unit}`"))
+    };
     Err(Failure::Incompatible(format!(
         "{}: {STEPS}, column {at}: expected {}, found {}; another version wrote it",
         path.display(),
-        name(&expected),
-        name(&steps.columns)
+        column(&expected),
+        column(&steps.columns)
     )))
 }
 
