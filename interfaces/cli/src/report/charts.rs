@@ -42,12 +42,18 @@ pub fn compactness(source: &Source, bands: &[Band]) -> Chart {
     chart
 }
 
-/// Force on each body of a role, mean over a vibration period.
+/// Steps over which plotted forces are means: a vibration period, or one where there are fewer than that.
+pub fn force_window(source: &Source) -> usize {
+    let period = source.summary.setting().period;
+    if source.rows.len() < period { 1 } else { period }
+}
+
+/// Force on each body of a role, mean over [`force_window`].
 pub fn forces(source: &Source, role: Role, title: &str, bands: &[Band]) -> Chart {
     let setting = source.summary.setting();
     let mut chart = Chart::new(title, TIME, "force (kN)").bands(bands).starting_at_zero();
     for (i, followed) in setting.followed.iter().enumerate().filter(|(_, f)| f.role == role) {
-        let mut mean = MovingMean::new(setting.period);
+        let mut mean = MovingMean::new(force_window(source));
         let points = over_time(&source.rows, |_| 0.0).into_iter().zip(&source.rows);
         let points = points
             .filter_map(|([time, _], row)| Some([time, 1e-3 * norm(mean.take(row.force(i))?)]))

@@ -203,10 +203,12 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
     if has(Role::Sleeper) {
         page.figure(&charts::forces(source, Role::Sleeper, "Force on sleepers", &bands).svg());
     }
-    page.note(&format!(
-        "Size of the mean force over a vibration period ({} steps). Single steps jump; their peaks are in the table.",
-        period(source)
-    ));
+    page.note(&match charts::force_window(source) {
+        1 => format!("Size of the force in each step: these are fewer than a vibration period has ({}).", period(source)),
+        steps => format!(
+            "Size of the mean force over a vibration period ({steps} steps). Single steps jump; their peaks are in the table."
+        ),
+    });
     if !squeezes.is_empty() {
         let mut chart = Chart::new(
             "Force against closing, per pair of tines",

@@ -62,4 +62,14 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     let refused = place.call("report part").with_code(1);
     assert!(refused.stderr().contains("checkpoint.h5"), "{}", refused.stderr());
     place.call("report nowhere").with_code(1);
+
+    // Shorter than the period of the vibration: forces are shown as they are.
+    place.run("--out short --steps 20").with_code(0);
+    place.call("report short").with_code(0);
+    let page = place.text("short/report.html");
+    assert!(page.contains("fewer than a vibration period has"));
+    let chart = page.split("<svg").find(|plot| plot.contains("Force on tines"));
+    let lines = chart.expect("a plot of forces").matches("class=\"line c").count();
+    // Those of two tines, and their marks in the legend.
+    assert_eq!(lines, 4);
 }
