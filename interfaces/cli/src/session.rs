@@ -16,6 +16,7 @@ use crate::profile::Profile;
 use crate::progress::{Mark, Progress};
 use crate::recorder::Recorder;
 use crate::summary_text;
+use crate::table::on_threads;
 use crate::taping::Taping;
 use ballast::model::Model;
 use ballast::state::State;
@@ -207,10 +208,9 @@ impl Session {
     fn announce(&self, last: u64) {
         let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
         let threads = rayon::current_num_threads();
-        self.console.note(&format!(
-            "{name}: {grains} grains, steps {} to {last}, {threads} threads",
-            self.first
-        ));
+        let workers = on_threads(threads);
+        self.console
+            .note(&format!("{name}: {grains} grains, steps {} to {last}, {workers}", self.first));
         self.console.event(
             "start",
             json!({

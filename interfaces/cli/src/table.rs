@@ -57,6 +57,11 @@ impl Table {
     }
 }
 
+/// How many threads, in words.
+pub fn on_threads(threads: usize) -> String {
+    format!("{threads} {}", if threads == 1 { "thread" } else { "threads" })
+}
+
 /// A number with `digits` significant digits, as people write it.
 pub fn figure(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {

@@ -3,6 +3,7 @@
 //! From nothing: a detector that has seen no configuration yet. Nearly still: grains are nudged by a micrometre
 //! in each step, as in a settled bed. In a run: the steps themselves, between solves.
 
+use super::Said;
 use super::args::BenchDetection;
 use super::machine::Machine;
 use super::pools::pools;
@@ -10,12 +11,12 @@ use super::rule::Rule;
 use super::scene::Scene;
 use super::sheet::{Sheet, cells};
 use super::trial::{Contender, DETECTION, alternate, mean, ratios};
-use super::{Said, step};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::profile::{Profile, Spent};
 use crate::progress::Progress;
 use crate::statistics::Quartiles;
+use crate::table::on_threads;
 use ballast::detection::{Contacts, Detector, Reach};
 use ballast::drive::Inputs;
 use ballast::math::Vec3;
@@ -164,7 +165,7 @@ fn moving(
     let solver = Rule::fixed(args.iterations, scene.model.solver);
     let mut contenders: Vec<Contender> = pools
         .iter()
-        .map(|p| Contender::new(step::on_threads(p.current_num_threads()), scene, solver, p))
+        .map(|p| Contender::new(on_threads(p.current_num_threads()), scene, solver, p))
         .collect();
     alternate(scene, &mut contenders, &args.window, console)?;
     let trial = |contender: &Contender| Trial {

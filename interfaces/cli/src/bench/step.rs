@@ -10,6 +10,7 @@ use super::trial::{Contender, alternate, mean, ratios};
 use crate::console::Console;
 use crate::exit::Outcome;
 use crate::statistics::Quartiles;
+use crate::table::on_threads;
 use ballast::model::Schedule;
 use ballast::step::Phase;
 
@@ -46,11 +47,6 @@ pub fn step(args: &BenchStep, console: Console) -> Outcome {
         section(&mut sheet, contender, &contenders[0]);
     }
     sheet.publish(&machine, args.csv.csv.as_deref(), console)
-}
-
-/// How many threads, in words.
-pub fn on_threads(threads: usize) -> String {
-    format!("{threads} {}", if threads == 1 { "thread" } else { "threads" })
 }
 
 fn notes(sheet: &mut Sheet, scene: &Scene, contenders: &[Contender], args: &BenchStep) {

@@ -4,6 +4,7 @@ use super::args::Doctor;
 use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
+use crate::table::on_threads;
 use ballast::math::Vec3;
 use ballast::model::{Grains, Model, Solver, Stepping};
 use ballast_hdf5::checkpoint;
@@ -15,7 +16,7 @@ use std::sync::Arc;
 
 pub fn doctor(args: Doctor, console: Console) -> Outcome {
     let mut checks: Vec<(&str, Result<String, String>)> = vec![
-        ("processors", Ok(format!("{} threads", rayon::current_num_threads()))),
+        ("processors", Ok(on_threads(rayon::current_num_threads()))),
         ("loopback", loopback()),
         ("endpoint", endpoint(&args)),
         ("beds", writable(&args.beds.beds)),

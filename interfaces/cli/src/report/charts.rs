@@ -4,7 +4,7 @@ use super::source::Source;
 use crate::plot::{Band, Bars, Chart, Mark};
 use crate::record::{Column, Row};
 use crate::statistics::{MovingMean, norm};
-use crate::table::figure;
+use crate::table::{figure, on_threads};
 use ballast::model::Role;
 use ballast::track::TampingPhase;
 
@@ -133,8 +133,8 @@ pub fn profile(source: &Source) -> Option<Bars> {
     let whole: f64 = spent.iter().map(|s| s.1).sum();
     let said = |s: f64| format!("{} s, {:.1} %", figure(s, 3), 100.0 * s / whole.max(1e-9));
     let title = format!(
-        "Wall time, {} threads, from step {}: {} s",
-        timing["threads"],
+        "Wall time, {}, from step {}: {} s",
+        on_threads(timing["threads"].as_u64().unwrap_or(0) as usize),
         timing["from_step"],
         figure(whole, 3)
     );

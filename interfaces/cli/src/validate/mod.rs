@@ -20,7 +20,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use crate::plot::Page;
-use crate::table::{Table, figure};
+use crate::table::{Table, figure, on_threads};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -145,7 +145,7 @@ pub fn page(size: Size, checks: &[Check]) -> Page {
         [
             "time".into(),
             format!("{seconds:.0} s"),
-            format!("{extent}, wall, {} threads", rayon::current_num_threads()),
+            format!("{extent}, wall, {}", on_threads(rayon::current_num_threads())),
         ],
     ]);
     for check in checks {

@@ -159,7 +159,7 @@ fn tine_and_sleeper(
                 "blade, shaft and vibration ({:.3} m to each side) clear of the blocks",
                 0.5 * tine.plan.blade.x.max(tine.plan.shaft.x) + amplitude
             ),
-            hint: None,
+            hint: Some("their sizes, `amplitude_m` and where the blocks are decide it, too".into()),
         });
     } else if hits(swept(&tine.plan, stroke, amplitude)) {
         tell(report, told, "tamping.squeeze.stroke_m", || Finding {
