@@ -266,15 +266,16 @@ impl Session {
             taping.finish()?;
         }
         self.profile.output();
-        let hash = format!("{:032x}", self.engine.hash());
+        let state = self.engine.hash();
+        let hash = format!("{state:032x}");
         let summary = self.summary(&hash);
         replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
         self.console.event("done", summary);
         self.console.result(&self.text(&hash));
         match expected {
-            Some(expected) if format!("{expected:032x}") != hash => Err(Failure::Mismatch(
-                format!("the final state has hash {hash}, expected {expected:032x}"),
-            )),
+            Some(expected) if expected != state => Err(Failure::Mismatch(format!(
+                "the final state has hash {hash}, expected {expected:032x}"
+            ))),
             _ => Ok(()),
         }
     }

@@ -12,15 +12,13 @@ use std::path::Path;
 /// Refuses a path where something else than a page lies: a slip of the command line is not to cost results.
 fn may_become_a_page(path: &Path) -> Outcome {
     let Ok(what) = path.metadata() else { return Ok(()) };
-    let is_page = what.is_file() && (what.len() == 0 || begins_with(path, BEGINNING)?);
-    let found =
-        || Failure::at(path, "expected a new file, or a page to replace, found something else");
-    if is_page { Ok(()) } else { Err(found()) }
+    if what.is_file() && (what.len() == 0 || begins_with(path, BEGINNING)?) {
+        return Ok(());
+    }
+    Err(Failure::at(path, "expected a new file, or a page to replace, found something else"))
 }
 
 pub fn report(args: Report, console: Console) -> Outcome {
-    let source = Source::open(&args.run, console)?;
-    let html = report::page(&source)?.html();
     let files = if args.run.is_dir() {
         RunFiles::in_folder(&args.run)
     } else {
@@ -28,6 +26,8 @@ pub fn report(args: Report, console: Console) -> Outcome {
     };
     let path = args.out.unwrap_or_else(|| files.folder.join("report.html"));
     may_become_a_page(&path)?;
+    let source = Source::open(&args.run, console)?;
+    let html = report::page(&source)?.html();
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));
     console.result(&format!("report of {}: {}", source.case.plan.name, path.display()));
