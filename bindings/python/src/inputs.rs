@@ -172,11 +172,15 @@ pub fn named<C: PyTypeInfo, T>(
             Err(_) => return Err(wrong(place, "a mapping from names of bodies", inputs)),
         },
     };
-    let of = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| match value.cast::<C>() {
-        Ok(value) => Ok(input(name.extract()?, value)),
-        Err(_) => {
-            Err(wrong(&format!("{place}[{name:?}]"), &C::type_object(py).to_string(), &value))
-        }
+    let of = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let Ok(body) = name.extract() else {
+            return Err(wrong(&format!("{place}: key {name:?}"), "the name of a body", &name));
+        };
+        let Ok(value) = value.cast::<C>() else {
+            let expected = C::type_object(py).to_string();
+            return Err(wrong(&format!("{place}[{name:?}]"), &expected, &value));
+        };
+        Ok(input(body, value))
     };
     dict.iter().map(of).collect()
 }

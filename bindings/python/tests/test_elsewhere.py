@@ -44,7 +44,7 @@ class Served:
         raise AssertionError(self.process.stderr.read())
 
     def open(self) -> ballast.Simulation:
-        return ballast.open(f"zenoh:{KEY}", connect=[self.endpoint])
+        return ballast.open(f"zenoh:{KEY}", connect=self.endpoint)
 
     def end(self) -> None:
         self.process.kill()

@@ -297,6 +297,7 @@ def advance_with(
         ("t1_ns: expected a whole number of ns, found 0.001", lambda sim: sim.advance_to(1e-3)),
         ("times_ns[1]: expected a whole number of ns, found 0.5", lambda sim: ballast.Load([0, 0.5], [[0, 0, 0]] * 2)),
         ("tools: expected a mapping from names of bodies, found <class 'list'>", lambda sim: sim.redo([])),
+        ("tools: key 1: expected the name of a body, found <class 'int'>", lambda sim: sim.redo({1: None})),
         ("loads['a']: expected <class 'ballast.Load'>, found <class 'int'>", lambda sim: sim.redo(loads={"a": 1})),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import math
 import subprocess
 import sys
 import warnings
@@ -65,6 +66,9 @@ def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> No
     for wrong in ([0.0, np.nan, 0.0], [np.inf, 0.0, 0.0], [0.0, 0.0]):
         with pytest.raises(ballast.Error, match="action: expected 3 numbers from -1 to 1, found"):
             env.step(np.array(wrong))
+    for other in ("abc", {"speed": 1.0}, None):
+        with pytest.raises(ballast.Error, match="action: expected 3 numbers from -1 to 1, found"):
+            env.step(other)  # type: ignore[arg-type]
     assert np.isfinite(env.step(np.array([0.0, 2.0, 0.0]))[0]).all()
 
 
@@ -103,6 +107,11 @@ def test_points_fill_their_ranges() -> None:
     assert all(isinstance(point["seed"], int) and isinstance(point["b"], float) for point in whole)
     with pytest.raises(ValueError, match=r"integers: expected some of .* found \['c'\]"):
         study.latin_hypercube(ranges, 8, integers=["c"])
+    with pytest.raises(ValueError, match=r"range of 'seed', a whole number: .* found \(1\.5, 3\.2\)"):
+        study.latin_hypercube({"seed": (1.5, 3.2)}, 8, integers=["seed"])
+    for ends in ((2.0, 1.0), (0.0, math.nan)):
+        with pytest.raises(ValueError, match="range of 'b': expected .lowest, highest., found"):
+            study.latin_hypercube({"b": ends}, 8)
 
 
 def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
@@ -166,6 +175,21 @@ def test_figures_are_those_of_the_measure(
     importlib.reload(module)
     assert figure() == 10.0 and figure(2.0) == 20.0
     assert {file: file.stat().st_mtime_ns for file in done} == done
+
+    def seeds_more(more: object) -> study.Measure:
+        return lambda case, beds: {"figure": case.seed + more}  # type: ignore[operator]
+
+    def told(more: object) -> float:
+        measure = seeds_more(more)
+        with ThreadPoolExecutor(1) as pool:
+            table = study.run(
+                case, [{}], tmp_path / "taken", measure=measure, executor=pool, beds=beds, progress=False
+            )
+        return float(table["figure"].iloc[0] - case.seed)
+
+    assert [told(1), told(2), told(1)] == [1, 2, 1]
+    with pytest.raises(TypeError, match="takes from around it, name its file, and one of them cannot: .*object"):
+        told(object())
     with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
         study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
 

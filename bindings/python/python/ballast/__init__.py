@@ -100,8 +100,8 @@ def open(
     progress: bool | OnProgress = True,
     max_penetration: float | None = None,
     keep_early: bool = False,
-    connect: Sequence[str] | None = None,
-    listen: Sequence[str] | None = None,
+    connect: str | Sequence[str] | None = None,
+    listen: str | Sequence[str] | None = None,
     config: Path | None = None,
 ) -> Simulation:
     """Opens a case at the start of its run; its bed is prepared if it is not in the folder `beds`.
@@ -119,8 +119,9 @@ def open(
         max_penetration: m; above 0; a step that goes deeper ends its window. None: any depth.
         keep_early: what a window that cannot be computed to its end leaves: the state of the last
             sound step (status "early") rather than that of its beginning ("discard").
-        connect: "zenoh:" only: endpoints to connect to; by default tcp/127.0.0.1:7447, where `ballast serve` listens.
-        listen: "zenoh:" only: endpoints to listen on.
+        connect: "zenoh:" only: an endpoint to connect to, or several; by default tcp/127.0.0.1:7447, where `ballast serve`
+            listens.
+        listen: "zenoh:" only: an endpoint to listen on, or several.
         config: "zenoh:" only: a configuration file of Zenoh (JSON5): TLS, users, routers.
 
     Raises:
@@ -133,11 +134,15 @@ def open(
     if isinstance(case, str) and case.startswith("zenoh:"):
         choices = {"seed": seed, "schedule": schedule, "threads": threads, "max_penetration": max_penetration}
         _unused({**choices, "keep_early": keep_early or None}, f"{case}: whoever serves the case chooses it")
-        return _ballast.attach(case.removeprefix("zenoh:"), connect, listen, config)
+        return _ballast.attach(case.removeprefix("zenoh:"), _several(connect), _several(listen), config)
     _unused(network, 'how to reach a component is for "zenoh:SITE/ID"')
     chosen = _case(case, seed, schedule)
     with Progress.of(progress, f"bed of {chosen.name}") as tell:
         return _ballast.begin(chosen, beds, threads, tell, max_penetration, keep_early)
+
+
+def _several(endpoints: str | Sequence[str] | None) -> Sequence[str] | None:
+    return [endpoints] if isinstance(endpoints, str) else endpoints
 
 
 def resume(

@@ -104,9 +104,13 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         if self._sim is None or self._is_over:
             found = "none" if self._sim is None else "one that has ended"
             raise ballast.Error(f"step: expected an episode, found {found}; reset first")
-        asked = np.asarray(action, np.float64)
-        if asked.shape != self.action_space.shape or not np.isfinite(asked).all():
-            raise ballast.Error(f"action: expected 3 numbers from -1 to 1, found {asked.tolist()}")
+        try:
+            asked = np.asarray(action, np.float64)
+            is_one = asked.shape == self.action_space.shape and np.isfinite(asked).all()
+        except (TypeError, ValueError):
+            is_one = False
+        if not is_one:
+            raise ballast.Error(f"action: expected 3 numbers from -1 to 1, found {action!r}")
         sim, was = self._sim, self._compactness
         tools, after = self._motions(np.clip(asked, -1.0, 1.0))
         out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools, zones=True)

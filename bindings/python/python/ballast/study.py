@@ -64,6 +64,11 @@ def latin_hypercube(
     unknown = set(integers) - set(ranges)
     if unknown:
         raise ValueError(f"integers: expected some of {list(ranges)}, found {sorted(unknown)}")
+    for name, (low, high) in ranges.items():
+        if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+            raise ValueError(f"range of {name!r}: expected (lowest, highest), found ({low}, {high})")
+        if name in integers and not (float(low).is_integer() and float(high).is_integer()):
+            raise ValueError(f"range of {name!r}, a whole number: expected whole ends, found ({low}, {high})")
 
     def value(name: str, share: float) -> float:
         low, high = ranges[name]
@@ -155,8 +160,8 @@ def run(
         points: see `grid` and `latin_hypercube`.
         folder: of this study.
         measure: a function of a module (processes must find it) from a case and a folder of beds to figures, or
-            `functools.partial` of one. With another text, or other arguments bound to it, all points are run again; what
-            it calls is not looked at.
+            `functools.partial` of one. With another text, or other values bound to it or taken from around it, all points
+            are run again; what it calls, and what its module holds, is not looked at.
         jobs: processes; by default one per processor.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
@@ -264,20 +269,31 @@ def _wait(
 def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
     """What a point's figures depend on, as the name of its file."""
     what = [ballast.__version__, case.text, case.seed, case.schedule, sorted(point.items())]
-    return hashlib.sha256(dumps([*what, _described(measure)]).encode()).hexdigest()[:24]
+    described = _described(measure)
+    try:
+        told = dumps([*what, described])
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"point {dict(point)} of measure {described[1]}: its values, and those that the measure is bound to or takes "
+            f"from around it, name its file, and one of them cannot: {error}"
+        ) from None
+    return hashlib.sha256(told.encode()).hexdigest()[:24]
 
 
 def _described(measure: Callable[..., Any]) -> list[Any]:
-    """What tells a measure from others: its name, its text, and what was bound to it."""
+    """What tells a measure from others: its name, its text, and what was bound to it or taken from around it."""
     if isinstance(measure, functools.partial):
         return [*_described(measure.func), measure.args, sorted(measure.keywords.items())]
+    measure = inspect.unwrap(measure)
     try:
-        return [measure.__module__, measure.__qualname__, inspect.getsource(measure)]
+        named = [measure.__module__, measure.__qualname__, inspect.getsource(measure)]
+        taken = inspect.getclosurevars(measure).nonlocals
     except (AttributeError, OSError, TypeError):
         raise TypeError(
             "measure: expected a function whose text can be read, or functools.partial of one, "
             f"found {measure!r}"
         ) from None
+    return [*named, sorted(taken.items())] if taken else named
 
 
 def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[int, str]) -> pd.DataFrame:
