@@ -274,9 +274,8 @@ impl Component {
         let end = End {
             model: &model,
             state: &self.state,
-            workspace: &self.workspace,
-            // After a step that failed, or was taken back, the contacts are not those of the state.
-            zones: if status == Status::Discard || trouble.is_some() { &[] } else { &self.zones },
+            // What was taken back is nothing to measure.
+            zones: if status == Status::Discard { &[] } else { &self.zones },
             recent: &memory.recent,
             squeezes: memory.squeezes.tell(),
             speed_limit: &self.speed_limit,

@@ -9,7 +9,6 @@ use crate::motion::SpeedLimit;
 use crate::observe::{self, SqueezeOutcome, Zone};
 use crate::state::{EnergyLedger, State};
 use crate::step::StepReport;
-use crate::workspace::Workspace;
 
 /// How a window went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -141,7 +140,6 @@ pub struct End<'a> {
     pub model: &'a Model,
     pub state: &'a State,
     /// Of the last step.
-    pub workspace: &'a Workspace,
     pub zones: &'a [Zone],
     /// Has taken the last step.
     pub recent: &'a Recent,
@@ -241,7 +239,7 @@ impl Account {
             steps: self.steps,
             hint_max_step_ns: end.hint(&self.bodies),
             bodies: self.bodies,
-            zones: measure(end.model, state, end.workspace, end.zones),
+            zones: measure(end.model, state, end.zones),
             squeezes: end.squeezes,
             solver: self.solver,
             energy: state.energy,
@@ -249,19 +247,14 @@ impl Account {
     }
 }
 
-/// Measures zones on a state; `workspace` is that of the step which led to it.
-pub fn measure(
-    model: &Model,
-    state: &State,
-    workspace: &Workspace,
-    zones: &[Zone],
-) -> Vec<ZoneOutcome> {
+/// Measures zones on a state.
+pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneOutcome> {
     if zones.is_empty() {
         return Vec::new();
     }
-    let touching = observe::coordination(model, workspace);
+    let touching = observe::coordination(model, state);
     let measure = |zone: &Zone| {
-        let flow = observe::inertial_number(model, state, workspace, zone);
+        let flow = observe::inertial_number(model, state, zone);
         let compactness = observe::compactness(model, state, zone);
         ZoneOutcome {
             name: zone.name.clone(),

@@ -46,7 +46,7 @@ impl Component {
         if !(parameters.penetration > 0.0) {
             return Err(Refusal::Core(Error::Model {
                 place: "limit of the penetration".into(),
-                expected: "above 0 m".into(),
+                expected: "above 0 m (none: any)".into(),
                 found: parameters.penetration.to_string(),
             }));
         }

@@ -90,8 +90,8 @@ impl Model {
         expect(
             solver.tolerance.is_none_or(|t| t.is_finite() && t > 0.0),
             "solver.tolerance",
-            "finite, above 0",
-            solver.tolerance,
+            "finite, above 0 (none: all iterations)",
+            solver.tolerance.unwrap_or_default(),
         )
     }
 

@@ -3,7 +3,6 @@
 use super::zone::Zone;
 use crate::model::Model;
 use crate::state::State;
-use crate::workspace::Workspace;
 
 /// Contacts that carry an impulse, counted by grain.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -31,12 +30,12 @@ impl Coordination {
 }
 
 /// Counts the active contacts of each grain (T-25); means are zero where there is no grain.
-pub fn coordination(model: &Model, workspace: &Workspace) -> Coordination {
+pub fn coordination(model: &Model, state: &State) -> Coordination {
     let ng = model.grains.len();
     let mut found =
         Coordination { neighbours: vec![0; ng], points: vec![0; ng], ..Default::default() };
     let mut last_pair = None;
-    for (bodies, impulse) in workspace.contacts.bodies.iter().zip(&workspace.impulse) {
+    for (bodies, impulse) in state.contacts.bodies.iter().zip(&state.contacts.impulse) {
         if *impulse == crate::math::Vec3::zeros() {
             continue;
         }
@@ -67,20 +66,18 @@ mod tests {
     #[test]
     fn a_stack_of_two_and_a_rattler() {
         let model = scene::cubes(3);
-        let mut w = Workspace::default();
-        let up = [0.0, 0.0, 1.0];
+        let mut state = scene::at(&[[0.5; 3], [2.0; 3], [0.1; 3], [0.0; 3]]);
         for push in [1.0, 2.0, 0.0] {
-            scene::touch(&mut w, [0, 1], [0.0; 3], up, 0.0, [0.0, 0.0, push]);
+            scene::carry(&mut state, [0, 1], [0.0; 3], [0.0, 0.0, push]);
         }
         // A contact that is near but idle makes no neighbour; the floor (body 3) does.
-        scene::touch(&mut w, [1, 2], [0.0; 3], up, 1e-4, [0.0; 3]);
-        scene::touch(&mut w, [1, 3], [0.0; 3], up, 0.0, [0.0, 0.1, 3.0]);
-        let found = coordination(&model, &w);
+        scene::carry(&mut state, [1, 2], [0.0; 3], [0.0; 3]);
+        scene::carry(&mut state, [1, 3], [0.0; 3], [0.0, 0.1, 3.0]);
+        let found = coordination(&model, &state);
         assert_eq!(found.neighbours, [1, 2, 0]);
         assert_eq!(found.points, [2, 3, 0]);
         assert_eq!(found.rattlers, 1);
         assert_eq!(found.mean_neighbours, [1.0, 1.5]);
-        let state = scene::at(&[[0.5; 3], [2.0; 3], [0.1; 3], [0.0; 3]]);
         let zone = |high: f64| {
             Zone::new("zone", crate::math::Vec3::zeros(), crate::math::Vec3::repeat(high)).unwrap()
         };
@@ -91,7 +88,7 @@ mod tests {
 
     #[test]
     fn no_grain_has_no_neighbour() {
-        let found = coordination(&scene::cubes(0), &Workspace::default());
+        let found = coordination(&scene::cubes(0), &State::default());
         assert_eq!(found, Coordination::default());
     }
 }

@@ -7,7 +7,6 @@ use super::zone::Zone;
 use crate::math::{Mat3, Vec3};
 use crate::model::Model;
 use crate::state::State;
-use crate::workspace::Workspace;
 use std::ops::Add;
 
 /// How fast a zone flows, compared with how fast grains fall into place.
@@ -22,14 +21,9 @@ pub struct InertialNumber {
 }
 
 /// Inertial number of a zone (T-22), with `d` the mean nominal diameter and `ρ` the grains' density.
-pub fn inertial_number(
-    model: &Model,
-    state: &State,
-    workspace: &Workspace,
-    zone: &Zone,
-) -> InertialNumber {
+pub fn inertial_number(model: &Model, state: &State, zone: &Zone) -> InertialNumber {
     let shear_rate = shear_rate(model, state, zone);
-    let pressure = stress(model, workspace, zone).pressure;
+    let pressure = stress(model, state, zone).pressure;
     let value = (pressure > 0.0)
         .then(|| shear_rate * mean_diameter(model) * (density(model) / pressure).sqrt());
     InertialNumber { value, shear_rate, pressure }
@@ -135,19 +129,17 @@ mod tests {
 
     #[test]
     fn the_number_is_the_closed_form() {
-        let (model, state) = sheared(0.8);
-        let mut w = Workspace::default();
-        w.motion.position = state.position.clone();
+        let (model, mut state) = sheared(0.8);
+        let loose = inertial_number(&model, &state, &everywhere());
+        assert_eq!(loose.value, None);
         // Grain 0 pressed on grain 1 by 90 N over their distance.
         let push = [-90.0e-3, 0.0, 0.0];
-        scene::touch(&mut w, [0, 1], [10.5, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.0, push);
-        let found = inertial_number(&model, &state, &w, &everywhere());
+        scene::carry(&mut state, [0, 1], [10.5, 0.0, 0.0], push);
+        let found = inertial_number(&model, &state, &everywhere());
         let pressure = 90.0 / everywhere().region.volume() / 3.0;
         assert!((found.pressure / pressure - 1.0).abs() < 1e-12);
         let d = (6.0 / std::f64::consts::PI).cbrt();
         let expected = 0.8 * d * (scene::DENSITY / pressure).sqrt();
         assert!((found.value.unwrap() / expected - 1.0).abs() < 1e-12);
-        let loose = inertial_number(&model, &state, &Workspace::default(), &everywhere());
-        assert_eq!(loose.value, None);
     }
 }

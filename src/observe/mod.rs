@@ -1,6 +1,7 @@
 //! What is measured on a bed: observables.
 //!
-//! Reads: model, state and the workspace of the step that led to the state. Writes: nothing.
+//! Reads: model and state, which holds the contacts of the step that led to it; what asks for gaps and normals reads
+//! the workspace of that step. Writes: nothing.
 //! Theory: (T-14), (T-21) to (T-26). Cost: O(grains + contacts) each; they run only when asked for.
 //! Contract: measuring never changes a result; sums have a fixed order, so the same state gives the
 //! same bytes for any number of threads. The state fits the model, the workspace the state.

@@ -36,6 +36,16 @@ pub fn at(positions: &[[f64; 3]]) -> State {
     state
 }
 
+/// Lets a contact carry an impulse in world axes.
+pub fn carry(state: &mut State, bodies: [u32; 2], point: [f64; 3], impulse: [f64; 3]) {
+    let local = state.pose(bodies[0] as usize).inverse_point(&point.into());
+    let contacts = &mut state.contacts;
+    contacts.feature.push(contacts.feature.len() as u64);
+    contacts.bodies.push(bodies);
+    contacts.local_point.push(local);
+    contacts.impulse.push(impulse.into());
+}
+
 /// Adds a contact with an impulse in world axes.
 pub fn touch(
     w: &mut Workspace,

@@ -5,7 +5,7 @@ use super::zone::Zone;
 use crate::geometry::AxisBox;
 use crate::math::{Mat3, Vec3};
 use crate::model::Model;
-use crate::workspace::Workspace;
+use crate::state::State;
 
 /// Mean stress of a zone over the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,18 +28,18 @@ impl Stress {
 ///
 /// A contact's impulse runs along the legs from its point to the two bodies; each leg counts with
 /// the length that lies inside the zone, so a force chain through the zone counts exactly once
-/// wherever its grains sit. Zero before the first step.
-pub fn stress(model: &Model, workspace: &Workspace, zone: &Zone) -> Stress {
-    let contacts = &workspace.contacts;
-    let position = |b: u32| &workspace.motion.position[b as usize];
-    let sum = sum::in_chunks(workspace.impulse.len(), Mat3::zeros(), |range| {
+/// wherever its grains sit. Bodies and points are where the step has brought them; zero where no step has made contacts.
+pub fn stress(model: &Model, state: &State, zone: &Zone) -> Stress {
+    let contacts = &state.contacts;
+    let position = |b: u32| &state.position[b as usize];
+    let sum = sum::in_chunks(contacts.impulse.len(), Mat3::zeros(), |range| {
         let mut sum = Mat3::zeros();
-        for (k, impulse) in range.clone().zip(&workspace.impulse[range]) {
+        for (k, impulse) in range.clone().zip(&contacts.impulse[range]) {
             if *impulse == Vec3::zeros() {
                 continue;
             }
             let [candidate, antagonist] = contacts.bodies[k];
-            let point = &contacts.point[k];
+            let point = &state.pose(candidate as usize).point(&contacts.local_point[k]);
             let mut branch = inside(&zone.region, point, position(candidate));
             // A driven body has no share in the volume of the grains.
             if (antagonist as usize) < model.grains.len() {
@@ -79,35 +79,34 @@ mod tests {
     use super::*;
 
     /// Three unit cubes on top of each other on a floor (body 3), pressed with 7 N and sheared by 2 N.
-    fn column() -> (Model, Workspace) {
+    fn column() -> (Model, State) {
         let model = scene::cubes(3);
-        let mut w = Workspace::default();
-        w.motion.position = (0..4).map(|k| Vec3::z() * (k % 3) as f64).collect();
+        let mut state = scene::at(&[[0.0; 3], [0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [0.0; 3]]);
         let h = model.stepping.h();
         for k in 0..2 {
             let z = k as f64 + 0.5;
             let push = [-2.0 * h, 0.0, -7.0 * h];
-            scene::touch(&mut w, [k, k + 1], [0.0, 0.0, z], [0.0, 0.0, -1.0], 0.0, push);
+            scene::carry(&mut state, [k, k + 1], [0.0, 0.0, z], push);
         }
         let push = [2.0 * h, 0.0, 7.0 * h];
-        scene::touch(&mut w, [0, 3], [0.0, 0.0, -0.5], [0.0, 0.0, 1.0], 0.0, push);
-        (model, w)
+        scene::carry(&mut state, [0, 3], [0.0, 0.0, -0.5], push);
+        (model, state)
     }
 
     #[test]
     fn a_column_carries_its_load_over_its_section_wherever_the_zone_ends() {
-        let (model, w) = column();
+        let (model, state) = column();
         for (low, high) in [(-0.5, 2.0), (0.13, 1.78), (0.6, 0.9), (-0.5, 0.2)] {
             let low = Vec3::new(-1.0, -0.5, low);
             let zone = Zone::new("z", low, Vec3::new(1.0, 0.5, high)).unwrap();
-            let found = stress(&model, &w, &zone);
+            let found = stress(&model, &state, &zone);
             let mut expected = Mat3::zeros();
             (expected[(2, 2)], expected[(0, 2)]) = (3.5, 1.0);
             assert!((found.tensor - expected).amax() < 1e-12, "{}", found.tensor);
             assert!((found.pressure - 3.5 / 3.0).abs() < 1e-12);
         }
         let beside = Zone::new("b", Vec3::new(1.0, 1.0, 0.0), Vec3::repeat(2.0)).unwrap();
-        assert_eq!(stress(&model, &w, &beside).tensor, Mat3::zeros());
+        assert_eq!(stress(&model, &state, &beside).tensor, Mat3::zeros());
     }
 
     #[test]

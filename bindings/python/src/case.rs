@@ -122,10 +122,19 @@ impl Case {
     /// The same case with other values: paths of keys joined by points, and what they become, such as
     /// `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError.
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let point = table(py, values)?.into_iter().collect();
+        let point: sweep::Point = table(py, values)?.into_iter().collect();
         let text = sweep::with_values(&self.text, &point, &self.plan.name)
             .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
-        Ok(Self::read(py, text, "case")?.chosen(self.choices))
+        // What is said last holds.
+        let is_said = |table: &str, key: &str| {
+            let path = format!("{table}.{key}");
+            point.iter().any(|(p, value)| *p == path || p == table && value.get(key).is_some())
+        };
+        let choices = Choices {
+            seed: self.choices.seed.filter(|_| !is_said("bed", "seed")),
+            schedule: self.choices.schedule.filter(|_| !is_said("solver", "schedule")),
+        };
+        Ok(Self::read(py, text, "case")?.chosen(choices))
     }
 
     /// The same case with another seed of the bed, or another schedule of the solver.

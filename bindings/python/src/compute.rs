@@ -10,7 +10,7 @@ use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How often the calling thread looks for Ctrl-C and tells how far the work is.
@@ -20,7 +20,23 @@ thread_local! {
     /// Makes a thread of Python's the first worker of a pool: work that it begins there need not wait until another
     /// thread wakes up, nor the thread until work elsewhere has woken it. rayon does not give back the few kilobytes
     /// that this takes.
-    static OWN: OnceCell<ThreadPool> = const { OnceCell::new() };
+    static OWN: OnceCell<Team> = const { OnceCell::new() };
+}
+
+/// A pool, and the process that has its threads: a fork of it has none of them.
+struct Team {
+    process: u32,
+    pool: ThreadPool,
+}
+
+impl Team {
+    fn of(pool: ThreadPool) -> Self {
+        Self { process: std::process::id(), pool }
+    }
+
+    fn is_here(&self) -> bool {
+        self.process == std::process::id()
+    }
 }
 
 /// The threads that do long work.
@@ -30,7 +46,7 @@ pub struct Crew {
     /// Without the calling thread, which listens.
     is_apart: bool,
     /// Those that work where the calling thread cannot be one of them, once they are needed.
-    others: Arc<OnceLock<ThreadPool>>,
+    others: Arc<Mutex<Option<Arc<Team>>>>,
 }
 
 impl Crew {
@@ -64,23 +80,25 @@ impl Crew {
         let done: Result<R, ThreadPoolBuildError> = py.detach(|| {
             Ok(match self.workers()? {
                 None => work(),
-                Some(others) => others.install(work),
+                Some(others) => others.pool.install(work),
             })
         });
         done.map_err(|e| no_threads(py, &e))
     }
 
     /// The pool that works; none if the calling thread is one of the crew.
-    fn workers(&self) -> Result<Option<&ThreadPool>, ThreadPoolBuildError> {
+    fn workers(&self) -> Result<Option<Arc<Team>>, ThreadPoolBuildError> {
         if !self.is_apart && self.is_own()? {
             return Ok(None);
         }
-        if self.others.get().is_none() {
-            let pool = pool(self.threads).build()?;
-            // Another thread may have been faster; then this one's go home.
-            let _ = self.others.set(pool);
+        let mut others = sound(&self.others);
+        if let Some(team) = others.as_ref().filter(|team| team.is_here()) {
+            return Ok(Some(Arc::clone(team)));
         }
-        Ok(self.others.get())
+        let team = Arc::new(Team::of(pool(self.threads).build()?));
+        // Nobody must wait for threads that the process it was forked from has.
+        std::mem::forget(others.replace(Arc::clone(&team)));
+        Ok(Some(team))
     }
 
     /// Whether the calling thread belongs to a pool of as many threads; it joins one if it is free, for good.
@@ -89,9 +107,10 @@ impl Crew {
             // A worker of another pool calls back into Python.
             if own.get().is_none() && rayon::current_thread_index().is_none() {
                 let pool = pool(self.threads).use_current_thread().build()?;
-                own.get_or_init(|| pool);
+                own.get_or_init(|| Team::of(pool));
             }
-            Ok(own.get().is_some_and(|own| own.current_num_threads() == self.threads))
+            let fits = |own: &Team| own.pool.current_num_threads() == self.threads && own.is_here();
+            Ok(own.get().is_some_and(fits))
         })
     }
 }
@@ -201,7 +220,7 @@ pub fn attend<R: Send>(
                 *sound(&turn.listened) = Some(Instant::now());
                 guarded()
             }
-            Some(others) => listening(others, turn, guarded),
+            Some(others) => listening(&others.pool, turn, guarded),
         })
     });
     match result.map_err(|e| no_threads(py, &e))? {

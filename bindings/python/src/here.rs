@@ -92,9 +92,8 @@ impl Here {
 
     pub fn zones(&self, py: Python<'_>) -> PyResult<Vec<ZoneOutcome>> {
         let Ground { case, model, crew, .. } = &self.ground;
-        let (state, workspace) = (self.component.state(), self.component.workspace());
-        let zones = zones(&case.plan);
-        crew.run(py, || component::measure(model, state, workspace, &zones))
+        let (state, zones) = (self.component.state(), zones(&case.plan));
+        crew.run(py, || component::measure(model, state, &zones))
     }
 
     /// What the machine of the case asks of the next step.
@@ -153,8 +152,7 @@ impl Here {
         let is_discarded = outcome.status == Status::Discard;
         self.machine = if is_discarded { machine_before.clone() } else { machine };
         self.machine_before = Some(machine_before);
-        // After a step that failed, the contacts are not those of the state.
-        if asked.zones && !is_discarded && outcome.trouble.is_none() {
+        if asked.zones && !is_discarded {
             outcome.zones = self.zones(py)?;
         }
         if let Some(recorder) = &mut self.recorder {
@@ -198,6 +196,12 @@ impl Here {
             let text = "state: expected one of this case and seed, found one of another model";
             return Err(errors::refused(py, "state_invalid", text));
         }
+        // The machine goes on as its own case says.
+        if self.ground.case.plan != saved.case.plan {
+            let text =
+                "state: expected one of this case, found one of another case with the same bed";
+            return Err(errors::refused(py, "state_invalid", text));
+        }
         self.component.restore(Arc::clone(&saved.state)).map_err(|e| errors::refusal(py, e))?;
         self.lost = None;
         (self.machine, self.machine_before) = (saved.machine.clone(), None);
@@ -206,7 +210,9 @@ impl Here {
 
     pub fn fork(&self, py: Python<'_>) -> PyResult<Self> {
         self.check_sound(py)?;
-        Ok(Self::of(self.ground.clone(), self.component.fork(), self.machine.clone()))
+        let fork = Self::of(self.ground.clone(), self.component.fork(), self.machine.clone());
+        // The last window can be redone in it, too.
+        Ok(Self { machine_before: self.machine_before.clone(), ..fork })
     }
 
     pub fn record(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {

@@ -53,6 +53,10 @@ impl Motion {
         let interpolation = match interpolation {
             // Without velocities there is no telling the slope at a knot.
             None if velocities.is_some() => Interpolation::Hermite,
+            None if spins.is_some() && velocities.is_none() && n > 1 => {
+                let expected = "one per knot beside the spins";
+                return Err(errors::invalid(py, "velocities", expected, "none"));
+            }
             None => Interpolation::Linear,
             Some("hermite") if velocities.is_none() && n > 1 => {
                 let expected = "one per knot, as hermite needs them";
@@ -221,9 +225,11 @@ fn vectors(py: Python<'_>, name: &str, rows: Rows<'_, '_>, n: usize) -> PyResult
 
 fn quaternions(py: Python<'_>, rows: Rows<'_, '_>, n: usize) -> PyResult<Vec<Quat>> {
     let numbers = shaped(py, "orientations", rows, n, 4)?;
-    let quaternion = |&[x, y, z, w]: &[f64; 4]| {
-        Quat::try_from(Quaternion { x, y, z, w })
-            .map_err(|e| errors::refused(py, "input_invalid", e))
+    let quaternion = |(i, &[x, y, z, w]): (usize, &[f64; 4])| {
+        Quat::try_from(Quaternion { x, y, z, w }).map_err(|e| {
+            let found = format!("({x}, {y}, {z}, {w}) (row {i})");
+            errors::invalid(py, "orientations", e.expected, found)
+        })
     };
-    numbers.as_chunks().0.iter().map(quaternion).collect()
+    numbers.as_chunks().0.iter().enumerate().map(quaternion).collect()
 }

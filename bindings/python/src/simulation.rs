@@ -414,7 +414,11 @@ impl Simulation {
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        let now = self.now_ns(py).map_or("closed".into(), |t| format!("{t} ns"));
+        let now = match self.now_ns(py) {
+            Ok(t) => format!("{t} ns"),
+            Err(_) if self.is_closed() => "closed".into(),
+            Err(_) => "in use by another thread".into(),
+        };
         format!("Simulation({:?}, {} grains, {now})", self.about.name, self.about.grains)
     }
 }

@@ -115,7 +115,8 @@ impl State {
         Ok(self.here(py, "step")?.state.step)
     }
 
-    /// 128 bits that tell states apart, as 32 hexadecimal digits; `ballast run` prints the same.
+    /// 128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` and a recording have the same. `ballast run`,
+    /// which remembers no windows, has another of the same bodies.
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {

@@ -58,6 +58,11 @@ def test_choices_are_not_in_the_text(case: ballast.Case) -> None:
     assert chosen.text == case.text
     with pytest.raises(ballast.CaseError, match="expected one of"):
         case.choose(schedule="random")
+    # What is said last holds.
+    assert case.choose(seed=5).with_values({"bed.seed": 2}).seed == 2
+    assert case.choose(seed=5).with_values({"bed": {**case.to_dict()["bed"], "seed": 2}}).seed == 2
+    assert case.choose(seed=5).with_values({"run.output_every_s": 0.0}).seed == 5
+    assert case.with_values({"bed.seed": 2}).choose(seed=5).seed == 5
 
 
 def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:

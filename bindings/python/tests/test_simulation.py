@@ -120,6 +120,78 @@ def test_restored_is_never_interrupted(
             other.restore(kept)
 
 
+def measured(sim: ballast.Simulation) -> list[tuple[object, ...]]:
+    return [(z.compactness, z.coordination, z.inertial_number, z.pressure) for z in sim.zones().values()]
+
+
+def test_zones_are_those_of_the_state(sim: ballast.Simulation, tmp_path: Path) -> None:
+    for _ in range(60):
+        sim.step_by_machine()
+    kept, zones = sim.save(), measured(sim)
+    assert any(coordination for _, coordination, _, _ in zones)
+    kept.write(tmp_path / "state.h5")
+    for again in (sim.fork(), ballast.resume(kept, threads=1), ballast.resume(tmp_path / "state.h5", threads=1)):
+        assert measured(again) == zones
+    advance(sim, 30)
+    assert measured(sim) != zones
+    sim.restore(kept)
+    assert measured(sim) == zones
+
+
+def test_a_fork_redoes_the_last_window_of_its_machine(sim: ballast.Simulation) -> None:
+    for _ in range(65):
+        sim.step_by_machine()
+    fork = sim.fork()
+    for one in (sim, fork):
+        one.redo()
+        for _ in range(10):
+            one.step_by_machine()
+    assert fork.save().hash == sim.save().hash
+
+
+def test_a_state_of_another_case_is_refused(sim: ballast.Simulation, case: ballast.Case, beds: Path) -> None:
+    other = case.with_values({"tamping.vibration.frequency_Hz": 20.0})
+    with ballast.open(other, beds=beds, threads=1, progress=False) as elsewhere:
+        with pytest.raises(ballast.Refused, match="found one of another case with the same bed"):
+            sim.restore(elsewhere.save())
+
+
+FORKED = """
+import multiprocessing, sys
+import ballast
+
+def step(sim, told):
+    sim.advance_to(sim.now_ns + 5 * sim.step_ns)
+    told.put(sim.save().hash)
+
+def elsewhere(sim):
+    told = fork.Queue()
+    process = fork.Process(target=step, args=(sim, told))
+    process.start()
+    hash = told.get(timeout=60)
+    process.join(60)
+    return hash
+
+fork = multiprocessing.get_context("fork")
+case, beds = ballast.Case.load(sys.argv[1]), sys.argv[2]
+first = ballast.open(case, beds=beds, threads=2, progress=False)
+step(first, fork.SimpleQueue())
+second = ballast.open(case, beds=beds, threads=3, progress=False)
+step(second, fork.SimpleQueue())
+hashes = [elsewhere(first), elsewhere(second)]
+for sim in (first, second):
+    sim.advance_to(sim.now_ns + 5 * sim.step_ns)
+assert hashes == [sim.save().hash for sim in (first, second)], hashes
+"""
+
+
+def test_a_forked_process_has_threads_of_its_own(case: ballast.Case, beds: Path) -> None:
+    file = ROOT / "interfaces/cli/tests/data/tiny.toml"
+    called = [sys.executable, "-W", "ignore", "-c", FORKED, file, beds]
+    done = subprocess.run(called, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_machine_goes_on_after_a_restart(sim: ballast.Simulation, tmp_path: Path) -> None:
     for _ in range(40):
         sim.step_by_machine()
@@ -209,8 +281,10 @@ def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> Non
             sim.save()
         except ballast.Error as error:
             codes.add(error.code)
+        assert "closed" not in repr(sim)
     thread.join()
     assert codes <= {"busy"}
+    assert "closed" not in repr(sim)
     assert sim.now_ns == 200 * sim.step_ns
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import functools
 import importlib
 import math
+import re
 import subprocess
 import sys
+import tomllib
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -114,6 +116,23 @@ def test_points_fill_their_ranges() -> None:
             study.latin_hypercube({"b": ends}, 8)
 
 
+def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
+    from ballast import study
+
+    point = {
+        "a": {"mass_kg": 300, "z": "loaded", "odd key": [1, 2.5]},
+        "b": [True, "text with \"quotes\", \\, \x7f and \U0001f600"],
+        "c": -math.inf,
+        "seed": np.int64(3),
+    }
+    study.plan("case \U0001f600.toml", [point], tmp_path / "plan.toml")
+    told = tomllib.loads((tmp_path / "plan.toml").read_text(encoding="utf-8"))
+    assert told["case"] == "case \U0001f600.toml"
+    assert told["points"] == [{**{k: v for k, v in point.items() if k != "seed"}, "bed.seed": 3}]
+    with pytest.raises(TypeError, match="a: expected texts, numbers, .* found None"):
+        study.plan("case.toml", [{"a": None}], tmp_path / "plan.toml")
+
+
 def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     from conftest import ROOT
 
@@ -192,6 +211,52 @@ def test_figures_are_those_of_the_measure(
         told(object())
     with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
         study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
+
+
+def ends(case: ballast.Case, beds: str) -> dict[str, float]:
+    sys.exit(3)
+
+
+def says_nothing(case: ballast.Case, beds: str) -> None:
+    return None
+
+
+def says_the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
+    return {"seed": 99.0}
+
+
+@pytest.mark.parametrize(
+    ("measure", "said"),
+    [(ends, "SystemExit: 3"), (says_nothing, "expected a dictionary .* found None"), (says_the_seed, "other names .* 'seed'")],
+)
+def test_a_measure_that_fails_is_told_and_tried_again(
+    case: ballast.Case, beds: Path, tmp_path: Path, measure, said: str
+) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    for _ in range(2):
+        with ThreadPoolExecutor(1) as pool:
+            table = study.run(
+                case, [{"seed": case.seed}], tmp_path / "study", measure=measure, executor=pool, beds=beds, progress=False
+            )
+        assert re.search(said, table["error"].iloc[0]), table["error"].iloc[0]
+        assert table["seed"].tolist() == [case.seed]
+    assert not list((tmp_path / "study").iterdir())
+
+
+def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    wrong = {"tamping.vibration.frequency_Hz": -1.0}
+    with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):
+        study.run(case, [{}, wrong], tmp_path / "study", beds=beds, progress=False)
+    key = study._key(case, {}, fails)
+    (tmp_path / "study").mkdir()
+    (tmp_path / "study" / f"{key}.json").write_text("{")
+    with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point"):
+        study.run(case, [{}], tmp_path / "study", measure=fails, beds=beds, progress=False)
 
 
 def fails(case: ballast.Case, beds: str) -> dict[str, float]:

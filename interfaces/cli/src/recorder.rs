@@ -77,11 +77,10 @@ impl Recorder {
         &mut self,
         model: &Model,
         state: &State,
-        workspace: &Workspace,
         report: &StepReport,
         phase: TampingPhase,
     ) -> Outcome {
-        let coordination = observe::coordination(model, workspace);
+        let coordination = observe::coordination(model, state);
         let h = model.stepping.h();
         let row = record::row(h, state, report, phase, &coordination, &self.followed);
         self.results.append(STEPS, state.step, &row.0)?;

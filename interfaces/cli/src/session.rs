@@ -168,7 +168,7 @@ impl Session {
         let Some(stepped) = stepped else { return Ok(None) };
         let engine = &self.engine;
         let (model, state, workspace) = (engine.model(), engine.state(), engine.workspace());
-        self.recorder.step(model, state, workspace, &stepped.report, engine.phase())?;
+        self.recorder.step(model, state, &stepped.report, engine.phase())?;
         let due = self.is_due(self.case.plan.run.output_ns);
         if due {
             self.recorder.observe(model, state, workspace)?;

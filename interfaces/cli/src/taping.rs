@@ -63,7 +63,6 @@ impl Taping {
         let end = component::End {
             model,
             state,
-            workspace: engine.workspace(),
             zones: zones.unwrap_or_default(),
             recent: &self.recent,
             squeezes: self.squeezes.tell(),

@@ -165,7 +165,7 @@ fn reply(
         window.messages.iter().any(|m| m.channel.topic == topic)
     };
     let zones: Vec<Zone> = zones.iter().filter(is_recorded).cloned().collect();
-    outcome.zones = component::measure(model, state, component.workspace(), &zones);
+    outcome.zones = component::measure(model, state, &zones);
     AdvanceReply::of(&window.record.request, model, outcome, keeper.hash(model, state))
 }
 

@@ -62,8 +62,8 @@ pub struct Body {
     pub damping: [f64; 6],
     /// That moves with it, kg; none of a body whose motion is imposed.
     pub mass_kg: Option<f64>,
-    /// Where the reference point was, m, and how the body was turned, when a client last attached: what its
-    /// motion goes on from. Of a body on springs that is where its mount was.
+    /// Where the reference point is, m, and how the body is turned, after the last window: what its motion goes on
+    /// from. Of a body on springs that is where its mount is.
     pub position: Point,
     pub orientation: Quaternion,
 }
@@ -108,6 +108,16 @@ impl Description {
                 .into(),
             pictures: Vec::new(),
             parameters: parameters(component),
+        }
+    }
+
+    /// The same, with its bodies where they are now.
+    pub fn follow(&mut self, lockstep: &Lockstep) {
+        let component = lockstep.component();
+        let (model, state) = (component.model(), component.state());
+        for (d, body) in self.bodies.iter_mut().enumerate() {
+            let pose = state.imposed(model, d);
+            (body.position, body.orientation) = (pose.position.into(), pose.orientation.into());
         }
     }
 }

@@ -18,5 +18,5 @@ pub mod schema;
 mod malformed;
 
 pub use cdr::{from_cdr, to_cdr};
-pub use json::{from_json, to_json};
+pub use json::{from_json, from_json_called, to_json};
 pub use malformed::Malformed;

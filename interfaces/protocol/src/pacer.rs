@@ -205,6 +205,10 @@ impl Pacer {
         {
             return Some(time);
         }
+        if self.offset.is_some() && self.starved.is_none() {
+            // From before the run's beginning; time goes on as it does.
+            return None;
+        }
         // Time stands, and this is the first that is heard after a while: it sets the time of all.
         let offset = ns(self.now_ns.saturating_add(latency)).checked_sub(sent_ns)?;
         self.offset = Some(offset);

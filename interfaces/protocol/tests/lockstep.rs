@@ -116,7 +116,7 @@ fn a_retry_is_answered_from_memory_and_computes_nothing() {
 fn what_is_out_of_sequence_is_told_the_number_and_changes_nothing() {
     let (mut lockstep, ticket) = lockstep();
     let redo = ask(&mut lockstep, Kind::Redo, &window(0), &ticket).unwrap_err();
-    assert_eq!((redo.code, redo.expected_seq), (Code::OutOfSequence, Some(0)));
+    assert_eq!((redo.code, redo.expected_seq), (Code::NothingToRedo, Some(0)));
     ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
     let before = lockstep.place();
     let late = AdvanceRequest { t0_ns: 4 * MS, ..window(2) };
@@ -198,6 +198,11 @@ fn one_drives_and_others_cannot() {
             lockstep.shut_down(wrong).unwrap_err(),
         ];
         assert!(faults.iter().all(|f| f.code == Code::NotOwner), "{faults:?}");
+        let found = if wrong.is_empty() { "none" } else { "another" };
+        let is_told = |f: &Fault| {
+            f.finding.as_ref().is_some_and(|f| (&f.place[..], &f.found[..]) == ("ticket", found))
+        };
+        assert!(faults.iter().all(is_told), "{faults:?}");
         assert!(!format!("{faults:?}").contains("ticket of driver"), "the ticket stays secret");
     }
     assert_eq!(lockstep.place(), before);
@@ -232,7 +237,7 @@ fn states_are_kept_by_name() {
     // Numbers go on; the last window is not there to be redone or asked for again.
     assert_eq!(
         ask(&mut lockstep, Kind::Redo, &window(2), &ticket).unwrap_err().code,
-        Code::OutOfSequence
+        Code::NothingToRedo
     );
     let again = AdvanceRequest { seq: 3, ..window(2) };
     let reply = ask(&mut lockstep, Kind::Advance, &again, &ticket).unwrap();

@@ -108,6 +108,29 @@ fn time_keeps_its_pace_and_the_latency() {
 }
 
 #[test]
+fn a_sample_from_before_the_run_does_not_shift_the_time_of_all() {
+    let begin = 5_000_000_000_i64;
+    let end = |old: Option<i64>| {
+        let mut run = Running::new(asked());
+        for k in 0..100 {
+            let wall = 10 * MS + k * 2 * MS;
+            run.pacer.take("floor", sample(begin + (k * MS) as i64), wall);
+            if let Some(old) = old.filter(|_| k == 50) {
+                run.pacer.take("floor", sample(old), wall);
+            }
+            run.work(wall);
+        }
+        let dropped = run.status(210 * MS).free_running.unwrap().dropped;
+        (run.windows, run.component.save(), dropped)
+    };
+    let (windows, state, dropped) = end(None);
+    assert_eq!(dropped, 0);
+    for old in [0, 1_000_000_000, begin - 6 * MS as i64, i64::MIN] {
+        assert_eq!(end(Some(old)), (windows.clone(), state.clone(), 1), "{old}");
+    }
+}
+
+#[test]
 fn what_comes_early_or_late_within_the_latency_changes_nothing() {
     let steady = |jitter: f64| {
         let mut run = Running::new(asked());

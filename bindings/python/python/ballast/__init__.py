@@ -133,15 +133,19 @@ def open(
     network = {"connect": connect, "listen": listen, "config": config}
     if isinstance(case, str) and case.startswith("zenoh:"):
         choices = {"seed": seed, "schedule": schedule, "threads": threads, "max_penetration": max_penetration}
-        _unused({**choices, "keep_early": keep_early or None}, f"{case}: whoever serves the case chooses it")
-        return _ballast.attach(case.removeprefix("zenoh:"), _several(connect), _several(listen), config)
+        others = {"keep_early": keep_early or None, "beds": None if beds == "runs/beds" else beds}
+        _unused({**choices, **others}, f"{case}: whoever serves the case chooses it")
+        endpoints = (_several("connect", connect), _several("listen", listen))
+        return _ballast.attach(case.removeprefix("zenoh:"), *endpoints, config)
     _unused(network, 'how to reach a component is for "zenoh:SITE/ID"')
     chosen = _case(case, seed, schedule)
     with Progress.of(progress, f"bed of {chosen.name}") as tell:
         return _ballast.begin(chosen, beds, threads, tell, max_penetration, keep_early)
 
 
-def _several(endpoints: str | Sequence[str] | None) -> Sequence[str] | None:
+def _several(name: str, endpoints: str | Sequence[str] | None) -> Sequence[str] | None:
+    if endpoints == "":
+        raise TypeError(f"{name}: expected an endpoint, such as tcp/127.0.0.1:7447, or several, found ''")
     return [endpoints] if isinstance(endpoints, str) else endpoints
 
 

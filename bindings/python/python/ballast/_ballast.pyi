@@ -378,7 +378,8 @@ class State:
 
     @property
     def hash(self) -> str:
-        """128 bits that tell states apart, as 32 hexadecimal digits; `ballast run` prints the same."""
+        """128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` and a recording have the same. `ballast run`,
+        which remembers no windows, has another of the same bodies."""
 
     @property
     def positions(self) -> _Floats:

@@ -71,7 +71,15 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         """
         self.render_mode = render_mode
         self._case = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
-        self._seeds = list(seeds) if seeds else [self._case.seed]
+        lengths = {"interval_s": interval_s, "squeeze_speed": squeeze_speed, "insertion_speed": insertion_speed}
+        for name, value in lengths.items():
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name}: expected a number above 0, found {value}")
+        if not math.isfinite(energy_price):
+            raise ValueError(f"energy_price: expected a finite number, found {energy_price}")
+        if render_mode is not None:
+            raise ValueError(f"render_mode: expected None, as nothing is drawn, found {render_mode!r}")
+        self._seeds = [int(s) for s in (() if seeds is None else seeds)] or [self._case.seed]
         self._steps = max(1, round(interval_s * 1e9 / self._case.step_ns))
         self._limits = (squeeze_speed, insertion_speed, energy_price)
         self._threads, self._beds = threads, beds

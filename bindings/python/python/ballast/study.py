@@ -17,6 +17,7 @@ import inspect
 import itertools
 import json
 import math
+import numbers
 import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -24,6 +25,8 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
 
 import ballast
 from ballast._json import dumps
@@ -90,6 +93,14 @@ def apply(case: ballast.Case, point: Point) -> ballast.Case:
     return changed.choose(seed=point.get("seed"))
 
 
+def _applied(case: ballast.Case, point: Point) -> ballast.Case:
+    try:
+        return apply(case, point)
+    except ballast.Error as error:
+        error.args = (f"point {dict(point)}: {error}", *error.args[1:])
+        raise
+
+
 def tamp(case: ballast.Case, beds: str) -> Figures:
     """One whole cycle of the case's machine on one thread, in figures:
 
@@ -153,7 +164,7 @@ def run(
 
     Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
     with more points or from another process. A point that fails is told at once, and in the column `error`; the
-    next call tries it again.
+    next call tries it again. Points that make no case (CaseError) are told before anything is run.
 
     Args:
         case: the case that points change.
@@ -168,10 +179,12 @@ def run(
         progress: a line per point on stderr.
     """
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
-    cases = [apply(base, point) for point in points]
+    cases = [_applied(base, point) for point in points]
     store = Path(folder)
     store.mkdir(parents=True, exist_ok=True)
     files = [store / f"{_key(base, point, measure)}.json" for point in points]
+    for file in filter(Path.exists, files):
+        _kept(file)
     missing = [i for i, file in enumerate(files) if not file.exists()]
     errors: dict[int, str] = {}
 
@@ -184,6 +197,7 @@ def run(
         say(f"{dict(points[i])} failed: {error}")
 
     def keep(i: int, figures: Figures) -> None:
+        _check_figures(points[i], figures)
         text = dumps({"point": dict(points[i]), "figures": figures}, indent=1)
         part = files[i].with_suffix(".part")
         part.write_text(text)
@@ -217,14 +231,31 @@ def plan(
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
-    lines = [f"case = {dumps(os.fspath(case))}"]
+    lines = [f"case = {_toml(os.fspath(case))}"]
     for point in points:
         lines.append("\n[[points]]")
         for key, value in point.items():
             name = "bed.seed" if key == "seed" else key
-            # Strings, numbers and lists of JSON are those of TOML.
-            lines.append(f"{dumps(name)} = {dumps(value)}")
-    Path(path).write_text("\n".join(lines) + "\n")
+            lines.append(f"{_toml(name)} = {_toml(value, name)}")
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _toml(value: Any, place: str = "") -> str:
+    """A value as TOML has it."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, bool | str):
+        # Texts of JSON are those of TOML, but for one character that TOML wants escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        inside = (f"{_toml(str(key))} = {_toml(inner, f'{place}.{key}')}" for key, inner in value.items())
+        return f"{{ {', '.join(inside)} }}"
+    if isinstance(value, Iterable):
+        return f"[{', '.join(_toml(inner, place) for inner in value)}]"
+    kind = type(value).__name__
+    raise TypeError(f"{place}: expected texts, numbers, truths, and lists and dictionaries of these, found {value!r} ({kind})")
 
 
 def _told(case: ballast.Case) -> tuple[str, int, str]:
@@ -260,9 +291,8 @@ def _wait(
     for future in done:
         try:
             keep(numbers[future], future.result())
-        except (KeyboardInterrupt, SystemExit):
-            raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
+            # The measure of one point may end its process, not the study.
             fail(numbers[future], f"{type(error).__name__}: {error}")
 
 
@@ -296,11 +326,34 @@ def _described(measure: Callable[..., Any]) -> list[Any]:
     return [*named, sorted(taken.items())] if taken else named
 
 
+def _check_figures(point: Point, figures: object) -> None:
+    expected = "measure: expected a dictionary from names to numbers"
+    if not isinstance(figures, Mapping):
+        raise TypeError(f"{expected}, found {figures!r}")
+    for name, value in figures.items():
+        if not isinstance(name, str) or not isinstance(value, numbers.Real | np.generic | None):
+            raise TypeError(f"{expected}, found {name!r}: {value!r}")
+        if name in point or name == "error":
+            raise ValueError(f"measure: expected other names than those of the point and 'error', found {name!r}")
+
+
+def _kept(file: Path) -> Figures:
+    """The figures of a point that is done."""
+    try:
+        figures = json.loads(file.read_text())["figures"]
+        if isinstance(figures, dict):
+            return figures
+    except (ValueError, KeyError, TypeError):
+        pass
+    text = f"{file}: expected the figures of a point (JSON), found something else; without the file the point is run again"
+    raise ballast.FileError(text)
+
+
 def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[int, str]) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
     for i, (point, file) in enumerate(zip(points, files, strict=True)):
-        figures = json.loads(file.read_text())["figures"] if file.exists() else {}
+        figures = _kept(file) if file.exists() else {}
         rows.append({**point, **figures, "error": errors.get(i)})
     return pd.DataFrame(rows)

@@ -25,6 +25,8 @@ pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> 
 pub struct Keeper {
     pub console: Console,
     pub case: Case,
+    /// What was chosen where the component was started: what `init` goes out from.
+    choices: Choices,
     /// Folder of prepared beds.
     pub beds: PathBuf,
     pub checkpoint: PathBuf,
@@ -49,6 +51,7 @@ impl Keeper {
         let written = Instant::now();
         Self {
             console,
+            choices: case.choices,
             case,
             beds,
             checkpoint,
@@ -70,7 +73,7 @@ impl Keeper {
         };
         let asked =
             Choices { schedule: ask.schedule.as_ref().map(named).transpose()?, seed: ask.seed };
-        let choices = asked.or(self.case.choices);
+        let choices = asked.or(self.choices);
         let (text, name) = (self.case.text.clone(), &self.case.plan.name);
         let case = case::parse(text, name, &choices, self.console)?;
         let component = served(&case, &self.beds, self.console)?;

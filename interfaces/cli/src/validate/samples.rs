@@ -47,7 +47,7 @@ fn measure(mut world: World) -> Outcome<Measured> {
     world.model.solver.tolerance = Some(1e-4);
     world.model.solver.iterations = 20_000;
     let report = world.step()?;
-    let [coordination, _] = observe::coordination(&world.model, &world.workspace).mean_neighbours;
+    let [coordination, _] = observe::coordination(&world.model, &world.state).mean_neighbours;
     let workspace = &world.workspace;
     let normal = workspace.impulse.iter().zip(&workspace.contacts.normal).map(|(f, n)| f.dot(n));
     let mut forces: Vec<f64> = normal.filter(|f| *f > 0.0).collect();

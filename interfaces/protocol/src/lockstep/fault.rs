@@ -125,6 +125,17 @@ impl Fault {
         let finding = Finding { place, expected, found, nearest_ns: None };
         Self { finding: Some(Box::new(finding)), ..Self::new(code, message) }
     }
+
+    /// A ticket that is not that of the owner, or while there is none.
+    pub fn not_owner(ticket: &str, owner: Option<&str>) -> Self {
+        let expected = match owner {
+            Some(owner) => format!("that of the owner, {owner:?}"),
+            None => "that of an owner; nobody drives, attach first".to_string(),
+        };
+        let found = if ticket.is_empty() { "none" } else { "another" };
+        let fault = Self::expected(Code::NotOwner, "ticket", expected, found);
+        Self { owner: owner.map(String::from), ..fault }
+    }
 }
 
 impl From<Malformed> for Fault {

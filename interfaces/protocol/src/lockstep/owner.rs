@@ -56,12 +56,7 @@ impl Ownership {
     pub(super) fn check(&self, ticket: &str) -> Result<(), Fault> {
         match &self.owner {
             Some(owner) if owner.ticket == ticket => Ok(()),
-            Some(owner) => {
-                let message = format!("ticket: expected that of the owner, {:?}", owner.client);
-                let name = Some(owner.client.clone());
-                Err(Fault { owner: name, ..Fault::new(Code::NotOwner, message) })
-            }
-            None => Err(Fault::new(Code::NotOwner, "ticket: expected an owner; attach first")),
+            owner => Err(Fault::not_owner(ticket, owner.as_ref().map(|o| &o.client[..]))),
         }
     }
 

@@ -37,7 +37,7 @@ impl Lockstep {
     /// Computes a window, or the last one again; `clock` tells the wall time, ns.
     ///
     /// # Errors
-    /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::InError`],
+    /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::NothingToRedo`], [`Code::InError`],
     /// [`Code::Quitting`], [`Code::Abandoned`] if `watch` says so, and what [`Component::advance_to`] refuses.
     /// What goes wrong while computing is told by the reply.
     pub fn window(
@@ -64,12 +64,18 @@ impl Lockstep {
             return Ok(reply.clone());
         }
         self.check_sound()?;
+        if kind == Kind::Redo && self.answered.is_none() {
+            let expected = "a window since the run was taken up";
+            let fault = Fault::expected(Code::NothingToRedo, "seq", expected, "none");
+            let (seq, now_ns) = (Some(self.seq), Some(self.component.now_ns()));
+            return Err(Fault { expected_seq: seq, now_ns, ..fault });
+        }
         let in_order = match kind {
             Kind::Advance => {
                 Some(request.seq) == self.seq.checked_add(1)
                     && u64::try_from(request.t0_ns) == Ok(self.component.now_ns())
             }
-            Kind::Redo => is_last && self.answered.is_some() && self.is_last_window(request),
+            Kind::Redo => is_last && self.is_last_window(request),
         };
         if !in_order {
             return Err(self.out_of_sequence(kind, request));
@@ -207,13 +213,10 @@ impl Lockstep {
 
     fn out_of_sequence(&self, kind: Kind, request: &AdvanceRequest) -> Fault {
         let (seq, now) = (self.seq, self.component.now_ns());
-        let expected = match (kind, self.answered.is_some()) {
+        let expected = match (kind, self.component.last_window()) {
             (Kind::Advance, _) => format!("window {} from {now} ns", seq.saturating_add(1)),
-            (Kind::Redo, true) => match self.component.last_window() {
-                Some([t0, t1]) => format!("window {seq} again, from {t0} to {t1} ns"),
-                None => format!("window {seq} again"),
-            },
-            (Kind::Redo, false) => "a window before it".into(),
+            (Kind::Redo, Some([t0, t1])) => format!("window {seq} again, from {t0} to {t1} ns"),
+            (Kind::Redo, None) => format!("window {seq} again"),
         };
         let AdvanceRequest { seq: asked, t0_ns, t1_ns, .. } = request;
         let found = format!("window {asked} from {t0_ns} to {t1_ns} ns");

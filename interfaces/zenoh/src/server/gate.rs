@@ -9,6 +9,7 @@ use super::requests::quitting;
 use super::shared::Shared;
 use crate::keys::{SCHEMA, last};
 use crate::{Error, Keys, LARGEST_MESSAGE};
+use ballast_protocol::from_json_called;
 use ballast_protocol::lockstep::{Attach, Code, Fault, Kind};
 use ballast_protocol::schema::Nothing;
 use std::sync::Arc;
@@ -75,7 +76,7 @@ impl Verb {
 
 /// What a caller shows: the owner's ticket, and a number of its own for the request, by which a retry is
 /// known.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Pass {
     pub ticket: String,
     pub number: String,
@@ -215,7 +216,8 @@ fn is_empty(query: &Query) -> bool {
 
 /// A JSON object from the payload; none is an empty one.
 pub(super) fn object<T: serde::de::DeserializeOwned>(query: &Query) -> Result<T, Fault> {
-    let bytes = query.payload().map_or_else(|| b"{}".as_slice().into(), |p| p.to_bytes());
+    let bytes = query.payload().map(|p| p.to_bytes()).filter(|bytes| !bytes.is_empty());
+    let bytes = bytes.unwrap_or_else(|| b"{}".as_slice().into());
     let word = last(query.key_expr().as_str());
-    serde_json::from_slice(&bytes).map_err(|e| Fault::new(Code::Malformed, format!("{word}: {e}")))
+    Ok(from_json_called(word, &bytes)?)
 }

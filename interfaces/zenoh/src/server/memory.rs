@@ -2,35 +2,55 @@
 //! once. (A window is known by its content.)
 
 use super::answer::Answer;
+use super::gate::{Pass, Verb};
 use ballast_protocol::lockstep::Fault;
 use std::collections::VecDeque;
+use zenoh::query::Query;
 
 /// How many answers are remembered. A client asks one thing at a time.
 const MOST: usize = 16;
 
+/// A request: by whom, by which number, what. All of it must be the same for the same answer.
+#[derive(PartialEq)]
+pub(super) struct Numbered {
+    verb: Verb,
+    pass: Pass,
+    content: Vec<u8>,
+}
+
+impl Numbered {
+    /// A request that has a number.
+    pub fn of(verb: Verb, pass: &Pass, query: &Query) -> Option<Self> {
+        let content = || query.payload().map_or(Vec::new(), |p| p.to_bytes().into_owned());
+        (!pass.number.is_empty()).then(|| Self { verb, pass: pass.clone(), content: content() })
+    }
+}
+
 #[derive(Default)]
 pub(super) struct Answered {
-    by_number: VecDeque<(String, Result<Answer, Fault>)>,
+    answers: VecDeque<(Numbered, Result<Answer, Fault>)>,
 }
 
 impl Answered {
-    pub fn find(&self, number: &str) -> Option<Result<Answer, Fault>> {
-        let known = self.by_number.iter().find(|(n, _)| !number.is_empty() && n == number);
+    pub fn find(&self, asked: Option<&Numbered>) -> Option<Result<Answer, Fault>> {
+        let asked = asked?;
+        let known = self.answers.iter().find(|(known, _)| known == asked);
         known.map(|(_, answer)| answer.clone())
     }
 
-    pub fn keep(&mut self, number: &str, answer: &Result<Answer, Fault>) {
-        if number.is_empty() {
-            return;
+    pub fn keep(&mut self, asked: Option<Numbered>, answer: &Result<Answer, Fault>) {
+        let Some(asked) = asked else { return };
+        if matches!(asked.verb, Verb::Attach | Verb::Detach) && answer.is_ok() {
+            self.forget();
         }
-        if self.by_number.len() >= MOST {
-            self.by_number.pop_front();
+        if self.answers.len() >= MOST {
+            self.answers.pop_front();
         }
-        self.by_number.push_back((number.into(), answer.clone()));
+        self.answers.push_back((asked, answer.clone()));
     }
 
-    /// What was answered to an owner that is gone holds no longer.
+    /// What was answered to an owner that is gone, or before there was this one, holds no longer.
     pub fn forget(&mut self) {
-        self.by_number.clear();
+        self.answers.clear();
     }
 }

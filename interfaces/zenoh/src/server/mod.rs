@@ -236,11 +236,13 @@ impl Service<'_> {
         }
     }
 
-    /// Describes the bodies where they are now.
+    /// Describes the component: its bodies, and what is set.
     fn describe(&self) {
-        let pictures = self.pictures.as_ref().map_or(Vec::new(), |p| p.endpoints.clone());
-        let description = Description::of(self.keys.name(), &self.lockstep);
-        self.shared.describe(&Description { pictures, ..description });
+        let description = self.lockstep.is_configured().then(|| {
+            let pictures = self.pictures.as_ref().map_or(Vec::new(), |p| p.endpoints.clone());
+            Description { pictures, ..Description::of(self.keys.name(), &self.lockstep) }
+        });
+        self.shared.describe(description);
     }
 
     /// Shows viewers where the run is.

@@ -3,6 +3,7 @@
 use super::Service;
 use super::answer::{self, Answer, CDR};
 use super::gate::{Request, Verb, object};
+use super::memory::Numbered;
 use crate::{Error, random};
 use ballast_protocol::lockstep::{
     Attach, Code, Fault, Init, Kind, Named, Pace, Place, Progress, SetParameters,
@@ -45,9 +46,10 @@ impl Service<'_> {
         if let Verb::Window(kind) = verb {
             self.window(kind, &query, key, &pass.ticket);
         } else {
-            let result = self.answered.find(&pass.number).unwrap_or_else(|| {
+            let numbered = Numbered::of(verb, &pass, &query);
+            let result = self.answered.find(numbered.as_ref()).unwrap_or_else(|| {
                 let result = self.control(verb, &query, &pass.ticket);
-                self.answered.keep(&pass.number, &result);
+                self.answered.keep(numbered, &result);
                 result
             });
             // Shown before it is answered: who has the answer may ask for something else at once.
@@ -241,7 +243,6 @@ impl Service<'_> {
         }
         let attached = self.lockstep.attach(&ask, fresh()?, now)?;
         self.say(&format!("{:?} drives", ask.client));
-        self.describe();
         Ok(Answer::json(&attached))
     }
 }

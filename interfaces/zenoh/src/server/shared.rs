@@ -37,7 +37,7 @@ struct Seen {
     report: StatusReport,
     at: u64,
     /// As JSON, and its parameters alone.
-    description: Option<[String; 2]>,
+    description: Option<Description>,
     /// Who drives, with the ticket.
     owner: Option<(String, String)>,
     /// Since when the owner's token is gone, ms after the start.
@@ -124,6 +124,9 @@ impl Shared {
             (seen.owner_gone_at, seen.owner) = ((!live).then_some(now), owner);
         }
         (seen.report, seen.at) = (report, now);
+        if let Some(description) = &mut seen.description {
+            description.follow(lockstep);
+        }
     }
 
     /// Shows that a bed is being prepared.
@@ -151,10 +154,9 @@ impl Shared {
         seen.at = now;
     }
 
-    pub fn describe(&self, description: &Description) {
-        let whole = serde_json::to_string(description);
-        let parameters = serde_json::to_string(&description.parameters);
-        self.seen().description = whole.ok().zip(parameters.ok()).map(|(w, p)| [w, p]);
+    /// Shows what the component is; where its bodies are follows with each [`Shared::show`].
+    pub fn describe(&self, description: Option<Description>) {
+        self.seen().description = description;
     }
 
     /// What the component says of itself, as JSON.
@@ -162,7 +164,7 @@ impl Shared {
     /// # Errors
     /// It is being prepared.
     pub fn description(&self) -> Result<String, Fault> {
-        self.described().map(|[whole, _]| whole)
+        self.described(|whole| serde_json::to_string(whole))
     }
 
     /// What the case has set, as JSON.
@@ -170,12 +172,27 @@ impl Shared {
     /// # Errors
     /// It is being prepared.
     pub fn parameters(&self) -> Result<String, Fault> {
-        self.described().map(|[_, parameters]| parameters)
+        self.described(|whole| serde_json::to_string(&whole.parameters))
     }
 
-    fn described(&self) -> Result<[String; 2], Fault> {
-        let message = "the bed is being prepared; ask again when the status says PAUSED";
-        self.seen().description.clone().ok_or_else(|| Fault::new(Code::Settling, message))
+    fn described(
+        &self,
+        json: impl Fn(&Description) -> serde_json::Result<String>,
+    ) -> Result<String, Fault> {
+        let seen = self.seen();
+        match &seen.description {
+            Some(description) => {
+                json(description).map_err(|e| Fault::new(Code::InError, e.to_string()))
+            }
+            None if seen.report.activity == Activity::Unconfigured => {
+                let message = "there is no bed yet; the owner asks for init";
+                Err(Fault::new(Code::Unconfigured, message))
+            }
+            None => {
+                let message = "the bed is being prepared; ask again when the status says PAUSED";
+                Err(Fault::new(Code::Settling, message))
+            }
+        }
     }
 
     pub fn client_is_alive(&self, client: String) {
@@ -219,12 +236,7 @@ impl Shared {
         let seen = self.seen();
         match &seen.owner {
             Some((_, known)) if known == ticket => Ok(()),
-            Some((owner, _)) => {
-                let message = format!("ticket: expected that of the owner, {owner:?}");
-                let fault = Fault::new(Code::NotOwner, message);
-                Err(Fault { owner: Some(owner.clone()), ..fault })
-            }
-            None => Err(Fault::new(Code::NotOwner, "ticket: expected an owner; attach first")),
+            owner => Err(Fault::not_owner(ticket, owner.as_ref().map(|(client, _)| &client[..]))),
         }
     }
 

@@ -177,6 +177,20 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
         let fault = stranger.ask(verb, deep.as_bytes(), Some(&ticket)).unwrap_err();
         assert!(matches!(fault.code, Code::Malformed | Code::TooLarge), "{fault}");
     }
+    // Every request says what is wrong with it, where, and what was expected.
+    for (verb, text, place) in [
+        ("attach", r#"{"client": 3}"#, "attach.client"),
+        ("param", r#"{"iterations": "many"}"#, "param.iterations"),
+        ("save", "{}", "save"),
+        ("restore", r#"{"name": "here", "why": 1}"#, "restore.why"),
+        ("init", r#"{"seed": -1}"#, "init.seed"),
+    ] {
+        let fault = stranger.ask(verb, text.as_bytes(), Some(&ticket)).unwrap_err();
+        assert_eq!(fault.code, Code::Malformed, "{verb}: {fault}");
+        let finding = fault.finding.unwrap_or_default();
+        assert_eq!(finding.place, place, "{finding:?}");
+        assert!(!finding.expected.is_empty() && finding.found.contains("line 1"), "{finding:?}");
+    }
     // After all this the good one is computed, in either encoding.
     let text = ballast_protocol::to_json(&request).unwrap();
     let reply = stranger.ask("advance", text.as_bytes(), Some(&ticket)).unwrap();

@@ -48,7 +48,13 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     assert_eq!(status.activity, Activity::Paused);
     assert_eq!(status.waiting_for.as_deref(), Some("an owner to attach"));
     let mut client = served.client();
-    step(&mut client).unwrap();
+    let reply = client.advance_to(WINDOW, shaking(0, WINDOW), vec![]).unwrap();
+    // Where bodies are is where the last window has brought them, whoever asks.
+    let now = line.describe().unwrap();
+    let place = &now.bodies.iter().find(|b| b.name == "floor").unwrap().position;
+    let moved = reply.bodies.iter().find(|b| b.body == "floor").unwrap().pose.position;
+    assert_eq!(*place, moved);
+    assert_ne!(*place, floor.position);
     let status = client.status().unwrap();
     let who = format!("window 2 from {}", client.id());
     assert_eq!((status.waiting_for, status.owner.as_deref()), (Some(who), Some(client.id())));

@@ -97,6 +97,46 @@ fn another_run_is_not_taken_up() {
 }
 
 #[test]
+fn a_number_is_known_with_its_owner_its_verb_and_its_content() {
+    let served = Served::new();
+    let stranger = crate::hostile::Stranger::at(&served.link());
+    let take = |client: &str| {
+        let token = stranger.come_alive(client);
+        let ask = format!("{{\"client\": \"{client}\"}}");
+        let attached = stranger.ask("attach", ask.as_bytes(), Some(";7")).unwrap();
+        // Asked again under its number: the same ticket.
+        assert_eq!(stranger.ask("attach", ask.as_bytes(), Some(";7")).unwrap(), attached);
+        let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
+        (token, attached["ticket"].as_str().unwrap().to_string())
+    };
+    let (alice, ticket) = take("alice");
+    let pass = format!("{ticket};1");
+    stranger.ask("save", br#"{"name": "here"}"#, Some(&pass)).unwrap();
+    for (verb, text, code) in [
+        ("restore", r#"{"name": "nowhere"}"#, Code::UnknownState),
+        ("save", r#"{"name": ""}"#, Code::Malformed),
+        ("drop", r#"{"name": "nowhere"}"#, Code::UnknownState),
+    ] {
+        let fault = stranger.ask(verb, text.as_bytes(), Some(&pass)).unwrap_err();
+        assert_eq!(fault.code, code, "{verb}: {fault}");
+    }
+    // Dropped once, though asked for twice.
+    for _ in 0..2 {
+        stranger.ask("drop", br#"{"name": "here"}"#, Some(&pass)).unwrap();
+    }
+    stranger.ask("detach", b"", Some(&format!("{ticket};2"))).unwrap();
+    drop(alice);
+    let (_bob, other) = take("bob");
+    assert_ne!(ticket, other);
+    stranger.ask("save", br#"{"name": "here"}"#, Some(&other)).unwrap();
+    stranger.ask("detach", b"", Some(&other)).unwrap();
+    // The same request as before the others: its ticket of then is worth nothing.
+    let (_alice, again) = take("alice");
+    assert_ne!(ticket, again);
+    stranger.ask("save", br#"{"name": "here"}"#, Some(&again)).unwrap();
+}
+
+#[test]
 fn a_window_that_is_asked_for_without_the_ticket_is_refused_and_not_computed() {
     let served = Served::new();
     let mut client = served.client();
