@@ -51,6 +51,8 @@ pub struct BenchSample {
     /// Write the final state as a sample
     #[arg(long, value_name = "FILE")]
     pub save: Option<PathBuf>,
+    #[command(flatten)]
+    pub csv: Csv,
 }
 
 /// How far contacts of a sample are looked for.

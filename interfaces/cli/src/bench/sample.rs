@@ -3,8 +3,10 @@
 //! Measures the step itself: reading and writing files is outside the clocks.
 
 use super::args::BenchSample;
+use super::machine::Machine;
 use super::rule::is_tolerance;
 use super::scene::LIMIT;
+use super::sheet::{Cell, Sheet};
 use super::trial::{DETECTION, mean_speed};
 use crate::console::write_out;
 use crate::exit::{Failure, Outcome};
@@ -20,7 +22,41 @@ use ballast::workspace::Workspace;
 use ballast_scenario::sample::{self, Sample};
 use serde_json::{Value, json};
 
+/// Columns of the table, and where the JSON line has what stands in them.
+const FIGURES: [(&str, &str); 20] = [
+    ("sample", "/sample"),
+    ("grains", "/grains"),
+    ("steps", "/steps"),
+    ("alert_m", "/alert_m"),
+    ("threads", "/threads"),
+    ("schedule", "/schedule"),
+    ("subdomains", "/subdomains"),
+    ("contacts", "/contacts/mean"),
+    ("active_contacts", "/active_contacts/mean"),
+    ("iterations", "/sweeps/mean"),
+    ("visits", "/visits"),
+    ("residual_qm16", "/residual_qm16/mean"),
+    ("steps_not_converged", "/steps_not_converged"),
+    ("detection_cpu_us_per_grain_step", "/detection_us_per_grain_step/cpu"),
+    ("cpu_ns_per_visit", "/ns_per_visit/cpu"),
+    ("wall_ms_per_step", "/ms_per_step/wall"),
+    ("cpu_ms_per_step", "/ms_per_step/cpu"),
+    ("mean_penetration_m", "/penetration_m/mean_end"),
+    ("max_penetration_m", "/penetration_m/max_end"),
+    ("state_hash", "/state_hash"),
+];
+const COLUMNS: [&str; FIGURES.len()] = {
+    let mut names = [""; FIGURES.len()];
+    let mut k = 0;
+    while k < names.len() {
+        names[k] = FIGURES[k].0;
+        k += 1;
+    }
+    names
+};
+
 pub fn sample(args: BenchSample) -> Outcome {
+    let machine = Machine::watch();
     let text = read_text(&args.file, LIMIT)?;
     let name = args.file.display().to_string();
     let mut sample = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
@@ -32,6 +68,12 @@ pub fn sample(args: BenchSample) -> Outcome {
     let mut figures = figures(&sample, steps, &trial, &profile);
     figures["sample"] = json!(name);
     write_out(&figures.to_string());
+    if let Some(path) = &args.csv.csv {
+        let mut sheet = Sheet::new(&COLUMNS);
+        let of = |(_, place)| figures.pointer(place).map_or(Cell::Nothing, Cell::from);
+        sheet.row(FIGURES.map(of).into());
+        sheet.keep(&machine, path)?;
+    }
     if let Some(path) = &args.save {
         let text = sample::write(&sample.model, &sample.state, sample.steps, &sample.meta);
         replace_text(path, &text)?;

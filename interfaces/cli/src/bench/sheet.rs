@@ -54,6 +54,17 @@ impl<T: Into<Cell>> From<Option<T>> for Cell {
     }
 }
 
+impl From<&Value> for Cell {
+    fn from(value: &Value) -> Self {
+        match (value, value.as_u64(), value.as_f64()) {
+            (Value::Null, ..) => Cell::Nothing,
+            (_, Some(count), _) => Cell::Count(count),
+            (_, _, Some(value)) => Cell::Figure(value),
+            _ => Cell::Text(value.as_str().map_or_else(|| value.to_string(), str::to_string)),
+        }
+    }
+}
+
 impl Cell {
     fn text(&self, digits: usize) -> String {
         match self {
@@ -116,6 +127,12 @@ impl Sheet {
             self.section("");
         }
         self.sections.last_mut().expect("there is a section").1.push(cells);
+    }
+
+    /// Writes the table, and prints nothing.
+    pub fn keep(mut self, machine: &Machine, csv: &Path) -> Outcome {
+        self.notes.splice(0..0, machine.lines());
+        replace_text(csv, &self.csv())
     }
 
     /// Prints the table, and writes it to `csv` where asked.

@@ -39,6 +39,26 @@ fn a_bed_at_rest_stays_at_rest() {
 }
 
 #[test]
+fn figures_are_kept_as_a_table_with_the_machine() {
+    let place = Place::new();
+    let told = bench_file(&place, RESTED, "--steps 3 --threads 1 --csv s.csv");
+    let text = std::fs::read_to_string(place.path("s.csv")).unwrap();
+    let (notes, table): (Vec<&str>, Vec<&str>) = text.lines().partition(|l| l.starts_with('#'));
+    assert!(notes[0].starts_with("# command: ballast bench sample "), "{text}");
+    let [names, values]: [Vec<&str>; 2] =
+        [0, 1].map(|k| table.get(k).map_or(vec![], |line| line.split(',').collect()));
+    assert_eq!((table.len(), names.len()), (2, values.len()), "{text}");
+    let kept = |name: &str| values[names.iter().position(|n| *n == name).expect(name)];
+    assert_eq!((kept("grains"), kept("steps"), kept("threads")), ("500", "3", "1"));
+    assert_eq!(kept("state_hash"), told["state_hash"].as_str().unwrap());
+    for (name, path) in [("contacts", "/contacts/mean"), ("cpu_ms_per_step", "/ms_per_step/cpu")] {
+        let [kept, told] = [kept(name).parse().expect(name), number(&told, path)];
+        assert!((kept / told - 1.0f64).abs() < 1e-5, "{name}: {kept} and {told}");
+    }
+    assert!(values.iter().all(|value| !value.is_empty()), "{text}");
+}
+
+#[test]
 fn contacts_that_no_step_reaches_do_not_matter() {
     let place = Place::new();
     let [far, near] = ["", "--alert-m 1e-4"]
