@@ -16,6 +16,12 @@ pub fn energy(model: &Model, state: &State) -> EnergyLedger {
     EnergyLedger { kinetic, potential, ..state.energy }
 }
 
+/// Mean speed of the grains' centres, m/s: what tells a bed at rest. Summed in order, one after another.
+pub fn mean_speed(model: &Model, state: &State) -> f64 {
+    let grains = model.grains.len();
+    state.velocity[..grains].iter().map(|v| v.norm()).sum::<f64>() / grains.max(1) as f64
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::scene;

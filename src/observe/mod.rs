@@ -20,7 +20,7 @@ pub mod zone;
 
 pub use compactness::{Compactness, compactness};
 pub use coordination::{Coordination, coordination};
-pub use energy::energy;
+pub use energy::{energy, mean_speed};
 pub use fabric::{Fabric, fabric};
 pub use inertial_number::{InertialNumber, inertial_number};
 pub use penetration::{Penetration, penetration};

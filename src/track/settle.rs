@@ -8,6 +8,7 @@ use crate::drive::Inputs;
 use crate::error::{Error, Result};
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Solver, Stepping};
+use crate::observe;
 use crate::state::{ContactMemory, State};
 use crate::step::{StepReport, step};
 use crate::workspace::Workspace;
@@ -129,10 +130,9 @@ impl Bench {
         }
     }
 
-    /// Mean speed of the grains, m/s; serial, so that it is the same for any number of threads.
+    /// Mean speed of the grains, m/s.
     pub fn mean_speed(&self) -> f64 {
-        let n = self.model.grains.len();
-        self.state.velocity[..n].iter().map(|v| v.norm()).sum::<f64>() / n.max(1) as f64
+        observe::mean_speed(&self.model, &self.state)
     }
 
     fn damp(&mut self, keep: f64) {

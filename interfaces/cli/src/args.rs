@@ -223,7 +223,7 @@ pub enum TimeName {
 /// How far to go, and what to find there.
 #[derive(Debug, Args)]
 pub struct Until {
-    /// Stop after this many steps of the run; `resume` goes on from there
+    /// Stop after this many steps of the run; `resume` goes on from there, but for a replay, which leaves no checkpoint
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
     /// Hash that the final state must have; exit code 5 if it differs
@@ -341,11 +341,11 @@ pub struct Solve {
     #[arg(long, value_name = "OUT")]
     pub write_solution: Option<PathBuf>,
     /// Write the table as CSV
-    #[arg(long, value_name = "OUT")]
+    #[arg(long, value_name = "OUT", value_parser = crate::files::table)]
     pub csv: Option<PathBuf>,
     /// Write the performance profile of the methods, as curves (.html) or CSV: the share of problems that
     /// each solves within a factor of the time of the fastest
-    #[arg(long, value_name = "OUT")]
+    #[arg(long, value_name = "OUT", value_parser = crate::files::table_or_page)]
     pub profile: Option<PathBuf>,
 }
 

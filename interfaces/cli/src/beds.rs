@@ -6,6 +6,7 @@ use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use crate::progress::{Mark, Progress, duration};
 use ballast::model::Model;
+use ballast::observe::mean_speed;
 use ballast::state::State;
 use ballast::track::{Bed, DepositProgress};
 use ballast_beds::{Beds, Pace};
@@ -17,11 +18,8 @@ use std::path::Path;
 pub fn prepare(case: &Case, folder: &Path, again: bool, console: Console) -> Outcome {
     let beds = Beds::in_folder(folder);
     let kept = if again { None } else { beds.find(&case.plan)? };
-    let prepared = kept.is_none();
-    if prepared {
-        make(case, &beds, console)?;
-    }
-    announce(case, &beds, prepared, console);
+    let (prepared, bed) = found_or_made(kept, case, &beds, console)?;
+    announce(case, &beds, &bed, prepared, console);
     let verb = if prepared { "prepared" } else { "already there" };
     console.result(&format!("{verb}: {}", beds.path(&case.plan).display()));
     Ok(())
@@ -31,26 +29,47 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: Console) -> Out
 pub fn scene(case: &Case, folder: &Path, console: Console) -> Outcome<(Model, State)> {
     let beds = Beds::in_folder(folder);
     let kept = beds.find(&case.plan)?;
-    let prepared = kept.is_none();
-    let bed = match kept {
-        Some(bed) => bed,
-        None => make(case, &beds, console)?,
-    };
-    announce(case, &beds, prepared, console);
+    let (prepared, bed) = found_or_made(kept, case, &beds, console)?;
+    announce(case, &beds, &bed, prepared, console);
     Ok(ballast_beds::scene(&case.plan, bed)?)
 }
 
-fn announce(case: &Case, beds: &Beds, prepared: bool, console: Console) {
+/// Whether it is made now, and the bed.
+fn found_or_made(
+    kept: Option<Bed>,
+    case: &Case,
+    beds: &Beds,
+    console: Console,
+) -> Outcome<(bool, Bed)> {
+    Ok(match kept {
+        Some(bed) => (false, bed),
+        None => (true, make(case, beds, console)?),
+    })
+}
+
+/// Tells of the bed whenever it is used, and whether it is what a bed should be.
+fn announce(case: &Case, beds: &Beds, bed: &Bed, prepared: bool, console: Console) {
     let (key, path) = (case.bed_key(), beds.path(&case.plan));
-    console.event("bed", json!({ "path": path, "key": key, "prepared": prepared }));
+    let (speed, rest_speed) =
+        (mean_speed(&bed.model, &bed.state), case.plan.bed.preparation.rest_speed);
+    let at_rest = speed < rest_speed;
+    console.event(
+        "bed",
+        json!({ "path": path, "key": key, "prepared": prepared, "mean_speed": speed, "at_rest": at_rest }),
+    );
+    if !at_rest {
+        console.warning(&format!(
+            "the bed is not at rest: its grains move at {speed:.1e} m/s in the mean, {rest_speed:.1e} m/s count \
+             as rest"
+        ));
+    }
 }
 
 /// Prepares a bed and keeps it.
 fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
     let mut progress = Progress::start(console, "bed", 0.0);
-    let (mut pace, mut last) = (Pace::default(), None);
+    let mut pace = Pace::default();
     let mut watch = |done: &DepositProgress| {
-        last = Some(*done);
         progress.advance(pace.share(done), &PrepareMark(*done));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
@@ -60,14 +79,6 @@ fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
         let text = "stopped while preparing the bed; the next call prepares it from the start";
         return Err(Failure::Interrupted(text.into()));
     };
-    let rest_speed = case.plan.bed.preparation.rest_speed;
-    if let Some(moving) = last.filter(|l| l.mean_speed >= rest_speed) {
-        console.note(&format!(
-            "the bed is not at rest: its grains move at {:.1e} m/s in the mean, {rest_speed:.1e} m/s count \
-             as rest",
-            moving.mean_speed
-        ));
-    }
     console.note(&format!(
         "bed of {} grains prepared in {}",
         bed.model.grains.len(),

@@ -44,6 +44,11 @@ impl Console {
     /// Why the program ends.
     pub fn failure(&self, failure: &Failure) {
         eprintln!("{}: {failure}", failure.word());
+        self.failure_event(failure);
+    }
+
+    /// The same for programs alone, where the person has been told.
+    pub fn failure_event(&self, failure: &Failure) {
         let mut fields = json!({
             "kind": failure.word(), "message": failure.to_string(), "exit_code": failure.code(),
         });

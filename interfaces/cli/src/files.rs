@@ -1,19 +1,40 @@
 //! The files of one run, side by side in one folder.
 
+use crate::case::RUN_ID;
 use crate::exit::{Failure, Outcome};
+use ballast_hdf5::checkpoint;
+use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Paths of a run's files.
 #[derive(Debug, Clone)]
 pub struct RunFiles {
     pub folder: PathBuf,
+    /// The folder, locked; the system lets go of it with the last copy, however the process ends.
+    _claim: Option<Arc<File>>,
 }
 
 impl RunFiles {
     /// The files in `folder`.
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
-        Self { folder: folder.into() }
+        Self { folder: folder.into(), _claim: None }
+    }
+
+    /// The same, to be written by this process alone; the folder is made.
+    pub fn claimed(self) -> Outcome<Self> {
+        create_folder(&self.folder)?;
+        let folder = File::open(&self.folder).map_err(|e| Failure::at(&self.folder, e))?;
+        match folder.try_lock() {
+            Ok(()) => Ok(Self { _claim: Some(Arc::new(folder)), ..self }),
+            Err(TryLockError::WouldBlock) => Err(Failure::at(
+                &self.folder,
+                "another process writes a run there; wait for it, or choose another folder with --out",
+            )),
+            // A file system that knows no locks.
+            Err(TryLockError::Error(_)) => Ok(self),
+        }
     }
 
     /// The files beside a checkpoint.
@@ -37,11 +58,6 @@ impl RunFiles {
         self.folder.join("summary.json")
     }
 
-    /// Makes the folder.
-    pub fn create_folder(&self) -> Outcome {
-        create_folder(&self.folder)
-    }
-
     /// Whether a run stopped here before its end.
     pub fn is_unfinished(&self) -> bool {
         self.checkpoint().exists() && !self.summary().exists()
@@ -52,11 +68,14 @@ impl RunFiles {
         if !self.is_unfinished() {
             return Ok(());
         }
-        Err(Failure::Usage(format!(
-            "{} holds an unfinished run; go on with `ballast resume {}`, or {or}",
-            self.folder.display(),
-            self.checkpoint().display()
-        )))
+        let (folder, checkpoint) = (self.folder.display(), self.checkpoint());
+        let is_served = checkpoint::read(&checkpoint).is_ok_and(|c| c.extra.contains_key(RUN_ID));
+        let how = if is_served {
+            format!("`ballast serve CASE --out {folder} --resume`")
+        } else {
+            format!("`ballast resume {}`", checkpoint.display())
+        };
+        Err(Failure::Usage(format!("{folder} holds an unfinished run; go on with {how}, or {or}")))
     }
 
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
@@ -80,13 +99,13 @@ pub fn create_folder(folder: &Path) -> Outcome {
         .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
 }
 
-/// Whether a file begins with these words.
-pub fn begins_with(path: &Path, words: &str) -> Outcome<bool> {
+/// Whether a file begins with these bytes.
+pub fn begins_with(path: &Path, words: &[u8]) -> Outcome<bool> {
     let mut start = Vec::new();
-    let read = std::fs::File::open(path)
-        .and_then(|file| file.take(words.len() as u64).read_to_end(&mut start));
+    let read =
+        File::open(path).and_then(|file| file.take(words.len() as u64).read_to_end(&mut start));
     read.map_err(|e| Failure::at(path, e))?;
-    Ok(start == words.as_bytes())
+    Ok(start == words)
 }
 
 /// Reads a text file of at most `limit` bytes.
@@ -100,7 +119,7 @@ pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
 }
 
 fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
-    let file = std::fs::File::open(path).map_err(|e| Failure::at(path, e))?;
+    let file = File::open(path).map_err(|e| Failure::at(path, e))?;
     let mut bytes = Vec::new();
     let read = file.take(limit + 1).read_to_end(&mut bytes).map_err(|e| Failure::at(path, e))?;
     if read as u64 > limit {
@@ -123,17 +142,50 @@ fn partial(path: &Path) -> PathBuf {
 
 /// Replaces a text file in one go: readers see the old text or the new one, never a part.
 pub fn replace_text(path: &Path, text: &str) -> Outcome {
-    let partial = partial(path);
+    let failed =
+        |e| Failure::at(path, format!("cannot write it: {e}; what was there before is kept"));
+    let target = ballast_hdf5::destination(path).map_err(failed)?;
+    let partial = partial(&target);
     let write = || -> std::io::Result<()> {
-        let mut file = std::fs::File::create(&partial)?;
+        let mut file = File::create(&partial)?;
         file.write_all(text.as_bytes())?;
         file.sync_all()?;
-        std::fs::rename(&partial, path)
+        std::fs::rename(&partial, &target)
     };
     write().map_err(|e| {
         let _ = std::fs::remove_file(&partial);
-        Failure::at(path, format!("cannot write it: {e}; what was there before is kept"))
+        failed(e)
     })
+}
+
+/// A path for a table, as an option takes it. A slip of the command line is not to cost a case or results.
+pub fn table(path: &str) -> Result<PathBuf, String> {
+    may_become(path, &["csv"])
+}
+
+/// The same for a table or a page.
+pub fn table_or_page(path: &str) -> Result<PathBuf, String> {
+    may_become(path, &["csv", "html"])
+}
+
+/// The same for a sample.
+pub fn sample(path: &str) -> Result<PathBuf, String> {
+    may_become(path, &["json"])
+}
+
+/// What is not empty is replaced where its name ends as that of what is written does.
+fn may_become(path: &str, endings: &[&str]) -> Result<PathBuf, String> {
+    let path = PathBuf::from(path);
+    let ends = |ending: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    ballast_hdf5::destination(&path).map_err(|e| e.to_string())?;
+    let is_something = path.metadata().is_ok_and(|what| what.len() > 0);
+    if is_something && !endings.iter().any(ends) {
+        return Err(format!(
+            "expected a new file, or one to replace (.{}), found another",
+            endings.join(", .")
+        ));
+    }
+    Ok(path)
 }
 
 #[cfg(test)]

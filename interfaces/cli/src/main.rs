@@ -39,9 +39,13 @@ use std::num::NonZeroUsize;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    // Prints usage errors and ends with 2 by itself.
-    let cli = Cli::parse();
-    let console = Console { json: cli.json };
+    let (cli, console) = match called() {
+        Ok(cli) => {
+            let console = Console { json: cli.json };
+            (cli, console)
+        }
+        Err(code) => return code,
+    };
     match dispatch(cli, console) {
         // What was not written has been told.
         Ok(()) if !console::was_heard() => ExitCode::FAILURE,
@@ -51,6 +55,29 @@ fn main() -> ExitCode {
             ExitCode::from(failure.code())
         }
     }
+}
+
+/// What is asked for; else how the program ends: help and version are told, and usage errors.
+fn called() -> Result<Cli, ExitCode> {
+    // Before anything is parsed, events are as good as asked for where the word stands.
+    let console = Console { json: std::env::args_os().any(|argument| argument == "--json") };
+    if let Some(odd) = std::env::args_os().find(|argument| argument.to_str().is_none()) {
+        // Paths stand in events, tables and pages, which are texts.
+        let failure = Failure::Usage(format!("expected arguments that are UTF-8, found {odd:?}"));
+        console.failure(&failure);
+        return Err(ExitCode::from(failure.code()));
+    }
+    Cli::try_parse().map_err(|told| {
+        if !told.use_stderr() {
+            console::write_out(told.to_string().trim_end());
+            return if console::was_heard() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+        }
+        // In colours where there is a terminal.
+        let _ = told.print();
+        let failure = Failure::Usage(told.to_string().trim_end().to_string());
+        console.failure_event(&failure);
+        ExitCode::from(failure.code())
+    })
 }
 
 fn dispatch(cli: Cli, console: Console) -> Outcome {
@@ -76,8 +103,8 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Validate(args) => commands::validate::validate(args, console),
         Command::Export(args) => commands::export::export(args, console),
         Command::Solve(args) => commands::solve::solve(args, console),
-        Command::Schema { protocol } => commands::schema::schema(protocol),
-        Command::Completions { shell } => commands::completions::completions(shell),
+        Command::Schema { protocol } => commands::schema::schema(protocol, console),
+        Command::Completions { shell } => commands::completions::completions(shell, console),
         Command::Bench { what } => commands::bench::bench(what, console),
     }
 }

@@ -123,11 +123,13 @@ impl Recorder {
     }
 
     fn compactness(&self, model: &Model, state: &State) -> Outcome<Vec<f64>> {
-        self.zones
-            .iter()
-            .map(|zone| Ok(observe::compactness(model, state, zone)?.compactness))
-            .collect()
+        compactness(model, state, &self.zones)
     }
+}
+
+/// Compactness of each zone.
+pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Outcome<Vec<f64>> {
+    zones.iter().map(|zone| Ok(observe::compactness(model, state, zone)?.compactness)).collect()
 }
 
 impl Setting {

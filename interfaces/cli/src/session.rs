@@ -53,7 +53,6 @@ impl Session {
     ) -> Outcome<Self> {
         // Before anything is removed.
         record.map(ballast_mcap::may_become_a_recording).transpose()?;
-        files.create_folder()?;
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, engine.model())?;
         recorder.observe(engine.model(), engine.state(), &Workspace::default())?;
@@ -63,6 +62,8 @@ impl Session {
 
     /// Takes a run up at its checkpoint.
     pub fn resume(path: &Path, console: Console) -> Outcome<Self> {
+        let files = RunFiles::beside(path);
+        let files = if path.exists() { files.claimed()? } else { files };
         let kept = checkpoint::read(path)?;
         if kept.kind != Kind::Run {
             let what = format!(
@@ -79,7 +80,6 @@ impl Session {
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (model, state) = (kept.model, kept.state);
         let cycle = cycle(&case, &model, &state)?;
-        let files = RunFiles::beside(path);
         let recorder = Recorder::reopen(&files, &case, &model, state.step)?;
         let engine = Engine::machine(model, state, cycle);
         Ok(Self::assemble(case, engine, files, recorder, None, console))
@@ -252,7 +252,13 @@ impl Session {
 
     fn finish(mut self, expected: Option<u128>) -> Outcome {
         self.recorder.observe_end(self.engine.model(), self.engine.state())?;
+        let is_idle = self.engine.state().step == self.first && self.files.summary().exists();
         match self.engine.playback() {
+            // Nothing was computed: what is there says it all, times included.
+            None if is_idle => {
+                self.recorder.secure()?;
+                self.console.note("nothing is left to be computed");
+            }
             None => self.checkpoint()?,
             Some(playback) => {
                 // No checkpoint: `resume` would hand the bodies over to the machine of the case.
@@ -269,7 +275,9 @@ impl Session {
         let state = self.engine.hash();
         let hash = format!("{state:032x}");
         let summary = self.summary(&hash);
-        replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
+        if !is_idle {
+            replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
+        }
         self.console.event("done", summary);
         self.console.result(&self.text(&hash));
         match expected {
@@ -302,7 +310,10 @@ impl Session {
     fn text(&self, hash: &str) -> String {
         let figures = summary_text::text(self.recorder.summary());
         let (step, time) = (self.engine.state().step, self.engine.state().time());
-        let profile = summary_text::profile(&self.profile, step - self.first);
+        let profile = match step - self.first {
+            0 => String::new(),
+            steps => summary_text::profile(&self.profile, steps),
+        };
         let files = summary_text::pointers(&self.files, self.engine.playback().is_none());
         let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
         format!(

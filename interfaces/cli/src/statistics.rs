@@ -28,6 +28,11 @@ impl Statistics {
         self.max.unwrap_or(0.0)
     }
 
+    /// Whether there was any value.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
     /// Mean and maximum.
     pub fn json(&self) -> Value {
         json!({ "mean": self.mean(), "max": self.max() })

@@ -89,10 +89,15 @@ impl PhaseForce {
         self.period_peak = self.period_peak.max(period_mean);
     }
 
+    /// Force, where the phase has begun.
+    pub fn told(&self, force: f64) -> Option<f64> {
+        (!self.single.is_empty()).then_some(force)
+    }
+
     fn json(&self) -> Value {
         json!({
-            "mean_force_n": self.single.mean(), "peak_force_n": self.single.max(),
-            "peak_period_mean_n": self.period_peak,
+            "mean_force_n": self.told(self.single.mean()), "peak_force_n": self.told(self.single.max()),
+            "peak_period_mean_n": self.told(self.period_peak),
         })
     }
 }

@@ -74,15 +74,16 @@ fn forces(summary: &Summary, role: Role, title: &str) -> Table {
     for (followed, body) in bodies.filter(|(followed, _)| followed.role == role) {
         let BodyFigures { peak, period_peak, insertion, squeeze, work, lowest, .. } = body;
         let Some(Moment { value, time, phase }) = peak else { continue };
+        let told = |force: Option<f64>| force.map_or("-".into(), |force| figure(force, 4));
         table.row([
             followed.name.clone(),
             figure(*value, 4),
             format!("{time:.4}"),
             phase.name().into(),
             figure(*period_peak, 4),
-            figure(insertion.single.mean(), 4),
-            figure(squeeze.single.mean(), 4),
-            figure(squeeze.period_peak, 4),
+            told(insertion.told(insertion.single.mean())),
+            told(squeeze.told(squeeze.single.mean())),
+            told(squeeze.told(squeeze.period_peak)),
             figure(*work, 4),
             format!("{lowest:.4}"),
         ]);

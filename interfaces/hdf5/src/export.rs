@@ -14,11 +14,26 @@ use std::path::{Path, PathBuf};
 pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let (reader, folder) = (Reader::open(results)?, folder.as_ref());
     std::fs::create_dir_all(folder).map_err(io(folder, "create the folder"))?;
+    let earlier = listed(folder);
     let mut files = frames(&reader, folder)?;
+    for stale in earlier.iter().map(|name| folder.join(name)).filter(|path| !files.contains(path)) {
+        // Else a reader that goes by names would show two runs as one.
+        let _ = std::fs::remove_file(stale);
+    }
     for name in reader.series_names()? {
         files.push(write(folder, &format!("{name}.csv"), csv(&reader.series(&name)?))?);
     }
     Ok(files)
+}
+
+/// The frames that an earlier export to the folder has listed.
+fn listed(folder: &Path) -> Vec<String> {
+    let list = std::fs::read_to_string(folder.join("frames.pvd")).unwrap_or_default();
+    let names = list.split("file=\"").skip(1).filter_map(|rest| rest.split('"').next());
+    names
+        .filter(|name| name.ends_with(".vtp") && !name.contains(['/', '\\']))
+        .map(String::from)
+        .collect()
 }
 
 fn write(folder: &Path, name: &str, content: String) -> Result<PathBuf> {

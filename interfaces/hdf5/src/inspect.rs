@@ -79,8 +79,17 @@ fn of_results(path: &Path) -> Result<Summary> {
     let reader = Reader::open(path)?;
     let (grains, driven) = reader.bodies()?;
     let mut series = vec![];
+    let (mut step, mut time) = (reader.steps().last().copied(), reader.times()?.last().copied());
     for name in reader.series_names()? {
         let table = reader.series(&name)?;
+        // Tables have more rows than there are frames.
+        let at = table.columns.iter().position(|(name, _)| name == "time");
+        let row = table.rows.chunks_exact(table.columns.len().max(1)).next_back();
+        if let (Some(&last), Some(at), Some(row)) = (table.steps.last(), at, row)
+            && step.is_none_or(|step| step < last)
+        {
+            (step, time) = (Some(last), Some(row[at]));
+        }
         series.push((name, table.columns.len() as u64, table.steps.len() as u64));
     }
     Ok(Summary {
@@ -90,8 +99,8 @@ fn of_results(path: &Path) -> Result<Summary> {
         key: reader.about("key")?,
         grains,
         driven,
-        step: reader.steps().last().copied(),
-        time: reader.times()?.last().copied(),
+        step,
+        time,
         contacts: None,
         hash: None,
         frames: Some(reader.steps().len() as u64),

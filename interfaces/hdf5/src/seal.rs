@@ -8,7 +8,7 @@
 
 use crate::error::{Error, Fault, Result, io};
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 /// Smallest user block that HDF5 allows.
@@ -65,8 +65,34 @@ pub(crate) fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
     settle(file, path)
 }
 
+/// What is replaced where `path` is written: a link's target rather than the link.
+///
+/// # Errors
+/// Something else than a file lies there: a device or a pipe would be gone.
+pub fn destination(path: &Path) -> std::io::Result<PathBuf> {
+    let wrong = |found: &str| {
+        let text = format!("expected a file or a new name, found {found}");
+        std::io::Error::new(ErrorKind::InvalidInput, text)
+    };
+    match (path.metadata(), path.is_symlink()) {
+        (Ok(what), is_link) if what.is_file() => {
+            if is_link {
+                path.canonicalize()
+            } else {
+                Ok(path.into())
+            }
+        }
+        (Ok(what), _) if what.is_dir() => Err(wrong("a folder")),
+        (Ok(_), _) => Err(wrong("a device or a pipe")),
+        (Err(e), false) if e.kind() == ErrorKind::NotFound => Ok(path.into()),
+        (Err(e), true) if e.kind() == ErrorKind::NotFound => Err(wrong("a link to nothing")),
+        (Err(e), _) => Err(e),
+    }
+}
+
 /// A new file beside `path`, gone when dropped.
 pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
+    let path = &destination(path).map_err(io(path, "replace"))?;
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(".");
     builder(&name).tempfile_in(folder_of(path)).map_err(io(path, "create a file beside"))
@@ -74,6 +100,7 @@ pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
 
 /// Gives a file from [`beside`] the place of `path`, once it is on the disk.
 pub(crate) fn settle(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
+    let path = &destination(path).map_err(io(path, "replace"))?;
     file.as_file().sync_all().map_err(io(path, "bring to the disk"))?;
     file.persist(path).map_err(|e| io(path, "replace")(e.error))?;
     // The rename itself is only safe once the folder is; not every file system can tell.

@@ -81,6 +81,15 @@ impl Link {
         zenoh::open(self.configuration()?).wait().map_err(|e| Error::link(place, e))
     }
 
+    /// The endpoints that a session of it listens on, as far as they are a plain list.
+    ///
+    /// # Errors
+    /// A configuration that Zenoh does not take.
+    pub fn listens_on(&self) -> Result<Vec<String>, Error> {
+        let listed = self.configuration()?.get_json(LISTEN).ok();
+        Ok(listed.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default())
+    }
+
     fn configuration(&self) -> Result<Config, Error> {
         let mut config = match &self.config {
             Some(path) => {

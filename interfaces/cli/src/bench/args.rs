@@ -49,7 +49,7 @@ pub struct BenchSample {
     #[command(flatten)]
     pub alert: Alert,
     /// Write the final state as a sample
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = crate::files::sample)]
     pub save: Option<PathBuf>,
     #[command(flatten)]
     pub csv: Csv,
@@ -82,7 +82,7 @@ impl Alert {
 #[derive(Debug, Args)]
 pub struct Csv {
     /// Write the table as CSV, with the machine in comment lines
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = crate::files::table)]
     pub csv: Option<PathBuf>,
 }
 

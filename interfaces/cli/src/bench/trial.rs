@@ -99,12 +99,6 @@ impl Contender {
     }
 }
 
-/// Mean speed of the grains, m/s.
-pub fn mean_speed(model: &Model, state: &State) -> f64 {
-    let grains = model.grains.len();
-    state.velocity[..grains].iter().map(|v| v.norm()).sum::<f64>() / grains.max(1) as f64
-}
-
 /// Mean; 0 of nothing.
 pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = values.fold((0.0, 0.0), |(n, sum), x| (n + 1.0, sum + x));

@@ -2,11 +2,27 @@
 
 use crate::args::Inspect;
 use crate::console::Console;
-use crate::exit::Outcome;
+use crate::exit::{Failure, Outcome};
+use crate::files::begins_with;
+use std::path::Path;
 
 pub fn inspect(args: Inspect, console: Console) -> Outcome {
+    if let Some(how) = of_another_kind(&args.file) {
+        return Err(Failure::at(&args.file, how));
+    }
     let summary = ballast_hdf5::inspect::inspect(&args.file)?;
     console.result(&summary.to_string());
     console.event("file", summary.to_json());
     Ok(())
+}
+
+/// What a file is that Ballast writes, too, but that is nothing to inspect.
+fn of_another_kind(path: &Path) -> Option<String> {
+    let begins = |words: &[u8]| path.is_file() && begins_with(path, words).unwrap_or(false);
+    let found = match () {
+        () if begins(b"\x89MCAP0") => "a recording; `ballast verify` and `ballast replay` read it",
+        () if begins(b"{") => "text (JSON), such as a summary or a sample",
+        () => return None,
+    };
+    Some(format!("expected a bed, a checkpoint or results, found {found}"))
 }

@@ -24,6 +24,10 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
     if args.write_solution.is_some() && (folder || args.method.len() > 1) {
         return Err(Failure::Usage("--write-solution needs one problem and one method".into()));
     }
+    if args.csv.is_some() && args.csv == args.profile {
+        return Err(Failure::Usage("--csv and --profile: expected two files, found one".into()));
+    }
+    args.write_solution.as_deref().map(may_become_a_solution).transpose()?;
     let single = [args.tolerance.unwrap_or(1e-6)];
     let tolerances = if folder && args.tolerance.is_none() { &TOLERANCES[..] } else { &single };
     let files = if folder { problems_in(&args.file)? } else { vec![args.file.clone()] };
@@ -54,6 +58,15 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
             ),
         )),
     }
+}
+
+/// Refuses a path where something else than a problem lies.
+fn may_become_a_solution(path: &Path) -> Outcome {
+    if path.metadata().is_ok_and(|what| what.len() > 0) && fclib::read(path).is_err() {
+        let what = "expected a new file, or a problem to replace, found something else";
+        return Err(Failure::at(path, what));
+    }
+    Ok(())
 }
 
 /// Whether a profile is wanted as curves; as CSV otherwise.

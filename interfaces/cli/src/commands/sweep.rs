@@ -38,6 +38,7 @@ pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
     if args.list {
         for (number, point) in place.points() {
             console.result(&format!("{number}  {}", words(point)));
+            console.event("point", json!({ "number": number, "values": values(point) }));
         }
         return Ok(());
     }
@@ -56,7 +57,9 @@ pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
         let text = "stopped; the same call goes on where each run is";
         return Err(Failure::Interrupted(text.into()));
     }
-    console.result(&format!("{}", place.folder.join("table.csv").display()));
+    let table = place.folder.join("table.csv");
+    console.result(&table.display().to_string());
+    console.event("done", json!({ "table": table, "failed": failed }));
     if failed.is_empty() {
         return Ok(());
     }
@@ -117,10 +120,7 @@ impl Place {
             create_folder(&self.of(number))?;
             replace_text(&path, text)?;
         }
-        let point = |(number, point): (usize, &Point)| {
-            let values: Map<_, _> = point.iter().map(|(k, v)| (k.clone(), json!(v))).collect();
-            json!({ "number": number, "folder": self.of(number), "values": values })
-        };
+        let point = |(number, point): (usize, &Point)| json!({ "number": number, "folder": self.of(number), "values": values(point) });
         let manifest =
             json!({ "case": case, "points": self.points().map(point).collect::<Vec<_>>() });
         replace_text(&self.folder.join("manifest.json"), &format!("{manifest:#}\n"))
@@ -279,6 +279,11 @@ impl Place {
     }
 }
 
+/// A point for programs.
+fn values(point: &Point) -> Map<String, Value> {
+    point.iter().map(|(key, value)| (key.clone(), json!(value))).collect()
+}
+
 /// A point for a person.
 fn words(point: &Point) -> String {
     let word = |(key, value): &(String, toml::Value)| format!("{key} = {value}");
@@ -299,5 +304,8 @@ fn figures(path: &str, value: &Value, row: &mut Vec<(String, String)>) {
 }
 
 fn plain(value: &Value) -> String {
+    if value.is_null() {
+        return String::new();
+    }
     value.as_str().map_or_else(|| value.to_string(), str::to_string)
 }

@@ -21,7 +21,7 @@ pub fn describe(args: Describe, console: Console) -> Outcome {
 }
 
 fn text(d: &Description) -> String {
-    let step_ms = d.step_ns as f64 * 1e-6;
+    let step_ms = d.step_ns as f64 / 1e6;
     let lines = [
         ("component", d.key.clone()),
         ("program", format!("ballast {}, messages {}", d.version, d.wire)),

@@ -97,13 +97,13 @@ pub fn check_free(path: &Path, force: bool) -> Outcome {
     if force || !path.exists() {
         return Ok(());
     }
-    let held = match name(path) {
-        Ok(Some(run)) => run,
-        Ok(None) => "a run of `ballast run`".into(),
-        Err(e) => format!("a checkpoint that cannot be read ({e})"),
+    let (held, ways) = match name(path) {
+        Ok(Some(run)) => (run, "go on with --resume, start over"),
+        Ok(None) => ("a run of `ballast run`".into(), "start over"),
+        Err(e) => (format!("a checkpoint that cannot be read ({e})"), "start over"),
     };
     Err(Failure::Usage(format!(
-        "{} holds {held}; go on with --resume, start over with --force, or take another folder with --out",
+        "{} holds {held}; {ways} with --force, or take another folder with --out",
         path.display()
     )))
 }

@@ -22,8 +22,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let mut choices = Choices::from(&args.overrides);
     let first = case::load(&args.case, &choices, console)?;
     let folder = format!("{}-serve", first.plan.name);
-    let files = RunFiles::in_folder(args.out.clone().unwrap_or(Path::new("runs").join(folder)));
-    files.create_folder()?;
+    let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
+    let files = RunFiles::in_folder(folder).claimed()?;
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     let case = if resumes {
@@ -89,7 +89,7 @@ fn seconds(option: &str, s: f64) -> Outcome<Duration> {
 
 fn told(endpoints: &[String]) -> String {
     match endpoints {
-        [] => "connected as it was told".into(),
+        [] => "listening nowhere, connected as it was told".into(),
         all => format!("listening on {}", all.join(", ")),
     }
 }

@@ -34,10 +34,9 @@ fn over_time(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<[f64; 2]> {
 pub fn compactness(source: &Source, bands: &[Band]) -> Chart {
     let mut chart =
         Chart::new("Compactness of the zones", TIME, "solid / accessible volume").bands(bands);
-    let columns = source.zones.columns.len();
     for (k, name) in source.summary.setting().zones.iter().enumerate() {
-        let rows = source.zones.rows.chunks_exact(columns);
-        chart = chart.with(name, rows.map(|row| [row[0], row[k + 1]]).collect(), Mark::Line);
+        let points = source.zones.iter().map(|row| [row[0], row[k + 1]]);
+        chart = chart.with(name, points.collect(), Mark::Line);
     }
     chart
 }

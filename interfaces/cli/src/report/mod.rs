@@ -9,7 +9,7 @@ mod section;
 mod source;
 mod squeezes;
 
-pub use source::Source;
+pub use source::{Source, of_run};
 
 use crate::exit::Outcome;
 use crate::plot::{Chart, Legend, Mark, Page};
@@ -55,7 +55,15 @@ fn introduction(source: &Source, page: &mut Page) {
         figure(1e3 * source.model.stepping.h(), 3)
     ));
     if summary.steps < steps {
-        page.text("This run has not come to its end: what follows is as far as it is kept.");
+        let beyond = match source.beyond {
+            0 => String::new(),
+            steps => format!(
+                " {steps} more steps that it recorded are left out: they are computed again when it is resumed."
+            ),
+        };
+        page.text(&format!(
+            "This run has not come to its end: what follows goes to its last checkpoint, which is what \"end\" means here.{beyond}"
+        ));
     }
     let mut cards = Vec::new();
     let zones = summary.setting().zones.iter().zip(&summary.compactness);
@@ -130,8 +138,7 @@ fn pictures(source: &Source, page: &mut Page) {
         legend: &legend,
     };
     let mut drawings = vec![section.picture("Before", &first.poses)];
-    if let Some(frame) = source.end_of(TampingPhase::Squeeze) {
-        let title = format!("End of the squeeze, {:.3} s", frame.time);
+    if let Some((title, frame)) = source.end_of(TampingPhase::Squeeze) {
         drawings.push(section.picture(&title, &frame.poses));
     }
     drawings.push(section.picture("End", &last_poses(source)));
@@ -173,8 +180,8 @@ fn compactness(source: &Source, page: &mut Page) {
         drawings.push(map("Before", &first.poses));
     }
     for phase in [TampingPhase::Insertion, TampingPhase::Squeeze] {
-        if let Some(frame) = source.end_of(phase) {
-            drawings.push(map(&format!("End of the {}", phase.name()), &frame.poses));
+        if let Some((title, frame)) = source.end_of(phase) {
+            drawings.push(map(&title, &frame.poses));
         }
     }
     drawings.push(map("End", &last_poses(source)));

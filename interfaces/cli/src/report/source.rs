@@ -4,8 +4,8 @@ use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, read_text};
-use crate::record::{self, Row};
-use crate::recorder::{STEPS, ZONES};
+use crate::record::{self, Column, Row};
+use crate::recorder::{self, STEPS, ZONES};
 use crate::summary::{Setting, Summary};
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -18,16 +18,21 @@ use std::path::Path;
 
 /// No summary is this long.
 const LIMIT: u64 = 1 << 20;
+/// How near to the end of a phase, over its length, a picture is one of its end.
+const NEAR: f64 = 0.2;
 
 /// A run, as its files tell it.
 pub struct Source {
     pub case: Case,
     pub model: Model,
-    /// The state of the last checkpoint.
+    /// The state of the last checkpoint, with which everything here ends.
     pub state: State,
+    /// Steps that were recorded after it, by a run that was killed.
+    pub beyond: usize,
     /// One row per step.
     pub rows: Vec<Row>,
-    pub zones: Table,
+    /// Time and compactness of each zone, the state's last.
+    pub zones: Vec<Vec<f64>>,
     pub frames: Vec<Frame>,
     pub summary: Summary,
     pub program: String,
@@ -47,9 +52,8 @@ pub struct Frame {
 }
 
 impl Source {
-    /// Reads the run in a folder, or the one that a file of it belongs to.
-    pub fn open(path: &Path, console: Console) -> Outcome<Self> {
-        let files = if path.is_dir() { RunFiles::in_folder(path) } else { RunFiles::beside(path) };
+    /// Reads a run.
+    pub fn open(files: &RunFiles, console: Console) -> Outcome<Self> {
         let results = files.results();
         let reader = Reader::open(&results)?;
         let at = files.checkpoint();
@@ -79,10 +83,22 @@ impl Source {
                 format!("zones: expected {expected}, found {found}"),
             ));
         }
-        summary.take_tables(&steps, &zones, u64::MAX);
-        let rows: Vec<Row> =
-            steps.rows.chunks_exact(steps.columns.len()).map(|row| Row(row.to_vec())).collect();
-        let frames = frames(&reader, &rows, kept.model.body_count(), &results)?;
+        let (model, state) = (&kept.model, &kept.state);
+        let done = summary.take_tables(&steps, &zones, state.step) as usize;
+        let beyond = steps.steps.len().saturating_sub(done);
+        let table = |table: &Table, rows: usize| -> Vec<Vec<f64>> {
+            table.rows.chunks_exact(table.columns.len()).take(rows).map(<[f64]>::to_vec).collect()
+        };
+        let rows: Vec<Row> = table(&steps, done).into_iter().map(Row).collect();
+        let upto = zones.steps.iter().filter(|step| **step <= state.step).count();
+        let measured = recorder::compactness(model, state, &recorder::zones(&case))?;
+        let mut zones = table(&zones, upto);
+        // Between two outputs, or where the case asks for none.
+        if zones.last().is_none_or(|row| row[0] < state.time()) {
+            summary.take_zones(&measured);
+            zones.push([vec![state.time()], measured].concat());
+        }
+        let frames = frames(&reader, &rows, state, &results)?;
         let timing = read_text(&files.summary(), LIMIT)
             .ok()
             .and_then(|text| serde_json::from_str::<Value>(&text).ok())
@@ -93,6 +109,7 @@ impl Source {
             case,
             model: kept.model,
             state: kept.state,
+            beyond,
             rows,
             zones,
             frames,
@@ -102,9 +119,16 @@ impl Source {
         })
     }
 
-    /// The last frame of a phase.
-    pub fn end_of(&self, phase: TampingPhase) -> Option<&Frame> {
-        self.frames.iter().rev().find(|frame| frame.phase == phase)
+    /// The last frame of a phase, and a title for it: an end only where it is near that of a phase that is over.
+    pub fn end_of(&self, phase: TampingPhase) -> Option<(String, &Frame)> {
+        let frame = self.frames.iter().rev().find(|frame| frame.phase == phase)?;
+        let times =
+            || self.rows.iter().filter(|row| row.phase() == phase).map(|r| r.get(Column::Time));
+        let (first, last) = (times().next()?, times().next_back()?);
+        let is_over = self.rows.last().is_some_and(|row| row.phase() != phase);
+        let is_near = last - frame.time <= NEAR * (last - first);
+        let where_in = if is_over && is_near { "End of" } else { "In" };
+        Some((format!("{where_in} the {}, {:.3} s", phase.name(), frame.time), frame))
     }
 }
 
@@ -127,10 +151,30 @@ fn check_columns(path: &Path, steps: &Table, summary: &Summary) -> Outcome {
     )))
 }
 
-fn frames(reader: &Reader, rows: &[Row], bodies: usize, path: &Path) -> Outcome<Vec<Frame>> {
+/// The files of the run in a folder, or of the one that a file belongs to.
+pub fn of_run(path: &Path) -> Outcome<RunFiles> {
+    if path.is_dir() {
+        return Ok(RunFiles::in_folder(path));
+    }
+    let files = RunFiles::beside(path);
+    let known = [files.results(), files.checkpoint(), files.summary()];
+    if known.iter().any(|file| file.file_name() == path.file_name()) {
+        return Ok(files);
+    }
+    let names = "results.vtkhdf, checkpoint.h5, summary.json";
+    let found = if path.exists() { "another" } else { "nothing" };
+    let what = format!("expected the folder of a run or a file of it ({names}), found {found}");
+    Err(Failure::at(path, what))
+}
+
+fn frames(reader: &Reader, rows: &[Row], state: &State, path: &Path) -> Outcome<Vec<Frame>> {
+    let bodies = state.position.len();
     let times = reader.times()?;
     let mut frames = Vec::with_capacity(times.len());
     for (k, (step, time)) in reader.steps().iter().zip(times).enumerate() {
+        if *step > state.step {
+            break;
+        }
         let poses = reader.poses(k)?;
         if poses.len() != bodies {
             let what = format!("frame {k}: expected {bodies} bodies, found {}", poses.len());

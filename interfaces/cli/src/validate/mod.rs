@@ -58,6 +58,11 @@ pub fn checks(
         let expected = known.join(", ");
         return Err(Failure::Usage(format!("--only: expected one of {expected}, found {name}")));
     }
+    if samples.is_none() && only.iter().any(|name| name == SAMPLES) {
+        let text =
+            "--only samples: expected a folder of samples to compare with (--samples), found none";
+        return Err(Failure::Usage(text.into()));
+    }
     let wanted = |name: &str| only.is_empty() || only.iter().any(|n| n == name);
     let mut done: Vec<Check> = Vec::new();
     for (_, check) in SIMPLE.into_iter().filter(|(name, _)| wanted(name)) {

@@ -46,12 +46,44 @@ fn what_cannot_be_written_to_stdout_fails_and_a_reader_that_has_enough_does_not(
         bash.current_dir(place.path("")).args(["-o", "pipefail", "-c"]);
         crate::setup::Ended(bash.arg(script.replace("ballast", program)).output().unwrap())
     };
-    for call in ["schema", "completions bash", "check tiny.toml", "check tiny.toml --json"] {
+    let calls = [
+        "schema",
+        "completions bash",
+        "check tiny.toml",
+        "check tiny.toml --json",
+        "--help",
+        "--version",
+    ];
+    for call in calls {
         let ended = shell(&format!("ballast {call} > /dev/full")).with_code(1);
         let said = ended.stderr();
         assert_eq!(said.matches("cannot write to standard output").count(), 1, "{call}: {said}");
     }
     shell("ballast schema | head -n 1").with_code(0);
+}
+
+#[test]
+fn with_json_every_line_is_an_event() {
+    use std::os::unix::ffi::OsStrExt;
+    let place = Place::new();
+    for (call, code, event) in [
+        ("schema --json", 0, "schema"),
+        ("schema --protocol --json", 0, "schema"),
+        ("completions bash --json", 0, "completions"),
+        ("--json run tiny.toml --steps x", 2, "error"),
+        ("--json run", 2, "error"),
+        ("validate --only samples --json", 2, "error"),
+    ] {
+        let events = place.call(call).with_code(code).events();
+        assert_eq!(events.len(), 1, "{call}");
+        assert_eq!(events[0]["event"], event, "{call}");
+        assert!(code == 0 || events[0]["exit_code"] == code, "{events:?}");
+    }
+    // Names stand in texts.
+    let mut odd = place.command("sweep --json");
+    let ended = odd.arg(std::ffi::OsStr::from_bytes(b"p\xff.toml")).output().unwrap();
+    let ended = crate::setup::Ended(ended).with_code(2);
+    assert!(ended.events()[0]["message"].as_str().unwrap().contains("UTF-8"));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod bench;
 mod commands;
 mod endings;
+mod keeping;
 mod recordings;
 mod report;
 mod restart;

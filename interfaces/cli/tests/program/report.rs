@@ -1,6 +1,6 @@
 //! Pages about runs.
 
-use crate::setup::Place;
+use crate::setup::{CASE, Place};
 
 #[test]
 fn a_page_tells_a_whole_run_by_itself() {
@@ -57,11 +57,28 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     }
     let page = place.text("part/report.html");
     assert!(page.contains("not come to its end") && page.contains("profile is not known"));
+    assert!(!page.contains("End of the squeeze"), "it had not ended");
 
     std::fs::remove_file(place.path("part/checkpoint.h5")).unwrap();
     let refused = place.call("report part").with_code(1);
     assert!(refused.stderr().contains("checkpoint.h5"), "{}", refused.stderr());
     place.call("report nowhere").with_code(1);
+
+    // Figures are those of the end, whenever pictures were asked for.
+    let rare = CASE.replace("output_every_s = 0.01", "output_every_s = 0");
+    assert_ne!(rare, CASE);
+    let rare = Place::with(&rare);
+    rare.run("--out rare --steps 120").with_code(0);
+    rare.call("report rare").with_code(0);
+    let page = rare.text("rare/report.html");
+    let summary = rare.summary("rare");
+    let zones = summary["compactness"].as_object().unwrap();
+    for (name, zone) in zones.iter().filter(|(name, _)| name.starts_with("under")) {
+        let [before, after] = ["before", "after"].map(|when| zone[when].as_f64().unwrap());
+        assert!((after - before).abs() > 1e-3, "{name} has not changed");
+        let card = format!("{before:.3} before, {:+.1} %", 100.0 * (after / before - 1.0));
+        assert!(page.contains(&card), "{card}");
+    }
 
     // Shorter than the period of the vibration: forces are shown as they are.
     place.run("--out short --steps 20").with_code(0);

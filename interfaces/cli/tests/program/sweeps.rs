@@ -76,6 +76,11 @@ fn one_point_of_a_scheduler_is_run_alone() {
         "{}",
         listed.stdout()
     );
+    let listed = place.with_beds("sweep plan.toml --list --json").with_code(0).events();
+    assert_eq!((listed.len(), &listed[2]["number"]), (5, &3.into()));
+    assert_eq!(listed[2]["values"]["solver.iterations"], 30);
+    let again = place.with_beds("sweep plan.toml --case 5 --json").with_code(0).events();
+    assert_eq!(again.last().unwrap()["event"], "done", "{again:?}");
     let wrong = place.with_beds("sweep plan.toml --case 6");
     assert_eq!(wrong.code(), 2);
     assert!(wrong.stderr().contains("expected 1 to 5, found 6"), "{}", wrong.stderr());

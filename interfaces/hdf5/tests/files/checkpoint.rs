@@ -161,6 +161,29 @@ fn no_room_leaves_the_earlier_file_and_no_rest() {
     assert_eq!(left.len(), 1, "{left:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_link_stays_and_what_is_no_file_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, link, pipe] = ["file.h5", "link.h5", "pipe"].map(|name| folder.path().join(name));
+    write(&file, &scene::checkpoint()).unwrap();
+    std::os::unix::fs::symlink("file.h5", &link).unwrap();
+    let mut other = scene::checkpoint();
+    other.case_name = "other".into();
+    write(&link, &other).unwrap();
+    assert!(link.is_symlink());
+    assert_eq!(read(&file).unwrap().case_name, "other");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let lost = folder.path().join("lost");
+    std::os::unix::fs::symlink("nowhere", &lost).unwrap();
+    for (path, found) in [(&pipe, "a device or a pipe"), (&lost, "a link to nothing")] {
+        let error = write(path, &other).unwrap_err().to_string();
+        assert!(error.contains(found), "{error}");
+    }
+    assert!(write(folder.path(), &other).unwrap_err().to_string().contains("a folder"));
+    assert!(pipe.exists() && lost.is_symlink());
+}
+
 #[test]
 fn no_folder_is_told() {
     let folder = tempfile::tempdir().unwrap();

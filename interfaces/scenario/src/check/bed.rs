@@ -2,6 +2,7 @@
 
 use crate::case_file::{Bed, CaseFile};
 use crate::report::{Finding, Report};
+use ballast::geometry::{GrainShape, try_grains};
 
 /// Compactness of a prepared bed, for estimates only.
 const COMPACTNESS: f64 = 0.58;
@@ -59,6 +60,7 @@ fn counts(bed: &Bed, report: &mut Report) {
         };
         report.error("bed.grains.vertices", finding);
     }
+    shapes(bed, report);
     let classes = bed.grains.classes.len();
     if (bed.grains.templates as usize) < classes {
         let finding = Finding {
@@ -68,6 +70,29 @@ fn counts(bed: &Bed, report: &mut Report) {
             hint: None,
         };
         report.error("bed.grains.templates", finding);
+    }
+}
+
+/// Some ranges allow no grains that are fit for contacts.
+fn shapes(bed: &Bed, report: &mut Report) {
+    if !report.clean(&["bed.grains"]) {
+        return;
+    }
+    let Bed { grains, .. } = bed;
+    let shape = GrainShape {
+        elongation: grains.elongation,
+        flatness: grains.flatness,
+        vertices: grains.vertices,
+        angularity: grains.angularity,
+    };
+    if try_grains(&shape).is_err() {
+        let finding = Finding {
+            problem: "grains come out degenerate".into(),
+            found: format!("{:?} corners at angularity {}", grains.vertices, grains.angularity),
+            expected: "corners that leave faces and edges of some size".into(),
+            hint: Some("fewer corners, or rounder grains".into()),
+        };
+        report.error("bed.grains.vertices", finding);
     }
 }
 
@@ -114,10 +139,14 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
     let longest = largest / (grains.elongation[0] - grains.elongation[1]);
     let narrowest = x.min(y).min(fill_level);
     if narrowest < longest {
-        let key = if x.min(y) < longest { "bed.size_m" } else { "bed.ballast_depth_m" };
+        let (key, what) = if x.min(y) < longest {
+            ("bed.size_m", "a side of the box")
+        } else {
+            ("bed.ballast_depth_m", "the fill")
+        };
         let finding = Finding {
-            problem: "the box is too small for one grain".into(),
-            found: format!("{narrowest} m"),
+            problem: format!("{what} is too small for one grain"),
+            found: format!("{narrowest:.3} m"),
             expected: format!("more than the longest grain, {longest:.3} m"),
             hint: None,
         };

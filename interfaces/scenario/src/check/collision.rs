@@ -207,7 +207,7 @@ fn tine_and_tine(
     };
     tell(report, told, key, || Finding {
         problem: format!("`{}` and `{}` overlap {when}", tine.plan.name, other.plan.name),
-        found: format!("middles {:?} and {:?} m", tine.plan.position, other.plan.position),
+        found: format!("middles {:.4?} and {:.4?} m", tine.plan.position, other.plan.position),
         expected: "tines that are a blade apart".into(),
         hint: None,
     });

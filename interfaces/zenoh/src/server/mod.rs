@@ -135,7 +135,7 @@ impl Server {
         let inputs = Inputs::declare(&session, &keys, &shared, sender.clone())?;
         gate::open(&session, &keys, &shared, sender)?;
         let heartbeat = Heartbeat::start(&session, &keys, &shared)?;
-        let endpoints = link.listen.clone();
+        let endpoints = link.listens_on()?;
         Ok(Self { endpoints, session, keys, shared, inbox, inputs, heartbeat, pictures: None })
     }
 
@@ -149,7 +149,7 @@ impl Server {
         Ok(self)
     }
 
-    /// The endpoints that it was told to listen on; those of a configuration file are not known.
+    /// The endpoints that it listens on.
     pub fn endpoints(&self) -> &[String] {
         &self.endpoints
     }

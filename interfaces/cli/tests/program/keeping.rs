@@ -1,0 +1,106 @@
+//! What is there is kept: no slip of the command line costs files, and one process writes a run.
+
+use crate::setup::{Place, STEPS};
+use std::fs::File;
+use std::os::unix::fs::{FileTypeExt, symlink};
+
+#[test]
+fn one_process_writes_a_run() {
+    let place = Place::new();
+    place.run("--out run --steps 20").with_code(0);
+    let folder = File::open(place.path("run")).unwrap();
+    folder.try_lock().unwrap();
+    let hash = place.hash("run");
+    for ended in [place.call("resume run/checkpoint.h5"), place.run("--out run --force")] {
+        let said = ended.with_code(1).stderr();
+        assert!(said.contains("another process writes a run there"), "{said}");
+    }
+    assert_eq!(place.hash("run"), hash);
+    // Reading disturbs nobody.
+    place.call("inspect run/results.vtkhdf").with_code(0);
+    place.call("report run").with_code(0);
+    drop(folder);
+    place.call("resume run/checkpoint.h5 --steps 30").with_code(0);
+    place.call("resume nowhere/checkpoint.h5").with_code(1);
+    assert!(!place.path("nowhere").exists());
+}
+
+#[test]
+fn tables_replace_tables_only() {
+    let place = Place::new();
+    place.run("--out run --steps 20 --dump-problems problems --dump-every 10").with_code(0);
+    let problem =
+        std::fs::read_dir(place.path("problems")).unwrap().next().unwrap().unwrap().path();
+    let solve = format!("solve {} --tolerance 0.1", problem.display());
+    let case = place.text("tiny.toml");
+    let said = place.call(&format!("{solve} --csv tiny.toml")).with_code(2).stderr();
+    assert!(said.contains("tiny.toml") && said.contains("to replace (.csv)"), "{said}");
+    assert_eq!(place.text("tiny.toml"), case);
+    let checkpoint = std::fs::read(place.path("run/checkpoint.h5")).unwrap();
+    let said = place.call(&format!("{solve} --write-solution run/checkpoint.h5")).with_code(1);
+    assert!(said.stderr().contains("a problem to replace"), "{}", said.stderr());
+    assert_eq!(std::fs::read(place.path("run/checkpoint.h5")).unwrap(), checkpoint);
+    let said = place.call(&format!("{solve} --csv t.csv --profile t.csv")).with_code(2).stderr();
+    assert!(said.contains("expected two files"), "{said}");
+
+    // A link's target is written, and the link stays; a pipe is not replaced.
+    std::fs::write(place.path("table.csv"), "old").unwrap();
+    symlink("table.csv", place.path("link.csv")).unwrap();
+    place.call(&format!("{solve} --csv link.csv")).with_code(0);
+    assert!(place.path("link.csv").is_symlink() && place.text("table.csv").contains("problem"));
+    let made = std::process::Command::new("mkfifo").arg(place.path("pipe.csv")).status().unwrap();
+    assert!(made.success());
+    let said = place.call(&format!("{solve} --csv pipe.csv")).with_code(2).stderr();
+    assert!(said.contains("a device or a pipe"), "{said}");
+    assert!(place.path("pipe.csv").symlink_metadata().unwrap().file_type().is_fifo());
+}
+
+#[test]
+fn resuming_what_is_done_changes_nothing() {
+    let place = Place::new();
+    place.run("--out run").with_code(0);
+    let summary = place.text("run/summary.json");
+    let ended = place.call("resume run/checkpoint.h5").with_code(0);
+    assert!(ended.stderr().contains("nothing is left to be computed"), "{}", ended.stderr());
+    assert!(ended.stdout().contains(&place.hash("run")) && !ended.stdout().contains("ms per step"));
+    assert_eq!(place.text("run/summary.json"), summary);
+    let told = place.call("inspect run/results.vtkhdf --json").with_code(0).events();
+    assert_eq!(told[0]["step"], STEPS);
+}
+
+#[test]
+fn an_export_leaves_no_frames_of_the_one_before() {
+    let place = Place::new();
+    place.run("--out long").with_code(0);
+    place.run("--out short --steps 20").with_code(0);
+    let frames = |folder: &str| {
+        place.call(&format!("export {folder}/results.vtkhdf --out shapes")).with_code(0);
+        let names = std::fs::read_dir(place.path("shapes")).unwrap();
+        let mut names: Vec<String> =
+            names.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    let short = frames("short");
+    std::fs::write(place.path("shapes/grains_9999.vtp"), "somebody's").unwrap();
+    assert!(frames("long").len() > short.len() + 1);
+    let again = frames("short");
+    assert!(again.contains(&"grains_9999.vtp".to_string()), "it was listed by no export");
+    assert_eq!(again.len(), short.len() + 1);
+}
+
+#[test]
+fn what_is_inspected_or_reported_is_what_was_named() {
+    let place = Place::new();
+    place.run("--out run --steps 20").with_code(0);
+    // There are fewer frames than steps.
+    let told = place.call("inspect run/results.vtkhdf --json").with_code(0).events();
+    assert_eq!((&told[0]["step"], told[0]["time_s"].as_f64()), (&20.into(), Some(0.02)));
+    let said = place.call("inspect run/summary.json").with_code(1).stderr();
+    assert!(said.contains("found text (JSON)"), "{said}");
+    std::fs::copy(place.path("run/results.vtkhdf"), place.path("run/other.vtkhdf")).unwrap();
+    for named in ["run/other.vtkhdf", "tiny.toml", "nowhere"] {
+        let said = place.call(&format!("report {named}")).with_code(1).stderr();
+        assert!(said.contains(&format!("{named}: expected the folder of a run")), "{said}");
+    }
+}
