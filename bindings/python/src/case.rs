@@ -295,9 +295,10 @@ pub fn limits(py: Python<'_>, max_penetration: Option<f64>, keep_early: bool) ->
 
 /// A dictionary as a table of TOML.
 fn table(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
-    let json: String = py.import("ballast._json")?.call_method1("dumps", (values,))?.extract()?;
-    serde_json::from_str(&json)
-        .map_err(|e| errors::error::<CaseError>(py, "case", format!("no case: {e}")))
+    let text: String = py.import("ballast._toml")?.call_method1("dumps", (values,))?.extract()?;
+    text.parse().map_err(|e: toml::de::Error| {
+        errors::error::<CaseError>(py, "case", format!("values: {}", e.to_string().trim()))
+    })
 }
 
 /// What serialises as an object, as a dictionary.

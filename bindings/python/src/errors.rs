@@ -1,7 +1,7 @@
 //! Exceptions. Each says where, what was expected, what was found; `code` is that of the interface contract.
 
 use ballast::component::Refusal;
-use ballast_protocol::lockstep::{Code, Fault};
+use ballast_protocol::lockstep::{Code, Fault, Finding};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -40,7 +40,7 @@ create_exception!(
     Unreachable,
     Error,
     "A component elsewhere has not answered as it should. The same call may be made again: what was done is \
-     not done twice. `code`: slow, peer_lost, diverged, link, answer."
+     not done twice. `code`: slow, peer_lost, diverged, link, answer, name."
 );
 
 /// An exception of class `T` with the attribute `code`.
@@ -57,8 +57,18 @@ pub fn file(py: Python<'_>, what: impl Display) -> PyErr {
     error::<FileError>(py, "file", what)
 }
 
-pub fn refused(py: Python<'_>, code: &str, what: impl Display) -> PyErr {
-    error::<Refused>(py, code, what)
+/// A request that makes no sense, in parts.
+pub fn refused(
+    py: Python<'_>,
+    code: &str,
+    place: &str,
+    expected: impl Display,
+    found: impl Display,
+) -> PyErr {
+    let [expected, found] = [expected.to_string(), found.to_string()];
+    let message = format!("{place}: expected {expected}, found {found}");
+    let finding = Finding { place: place.into(), expected, found, nearest_ns: None };
+    in_parts(py, code, &message, Some(&finding))
 }
 
 /// An input that cannot be used.
@@ -66,10 +76,14 @@ pub fn invalid(py: Python<'_>, place: &str, expected: impl Display, found: impl 
     fault(py, &Fault::expected(Code::InputInvalid, place, expected, found))
 }
 
-/// The same in its parts.
+/// The same with a code of the contract.
 pub fn fault(py: Python<'_>, fault: &Fault) -> PyErr {
-    let error = refused(py, &fault.code.to_string(), fault);
-    let Some(finding) = &fault.finding else { return error };
+    in_parts(py, &fault.code.to_string(), &fault.message, fault.finding.as_deref())
+}
+
+fn in_parts(py: Python<'_>, code: &str, message: &str, finding: Option<&Finding>) -> PyErr {
+    let error = error::<Refused>(py, code, message);
+    let Some(finding) = finding else { return error };
     let value = error.value(py);
     let set = value
         .setattr("place", &finding.place)
@@ -89,9 +103,8 @@ pub fn refusal(py: Python<'_>, refusal: Refusal) -> PyErr {
 
 /// What only a simulation, or a state, of this process has.
 pub fn elsewhere(py: Python<'_>, what: &str) -> PyErr {
-    let text =
-        format!("{what}: expected a simulation of this process, found one that another computes");
-    refused(py, "elsewhere", text)
+    let expected = "a simulation of this process";
+    refused(py, "elsewhere", what, expected, "one that another computes")
 }
 
 pub fn beds(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {

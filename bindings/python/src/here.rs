@@ -50,8 +50,8 @@ impl Here {
         let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refusal(py, e))?;
         // What is known of squeezes is part of the state: as every other face has it.
-        let squeezes = track::squeezes(&case.plan, model)
-            .map_err(|e| errors::refused(py, "state_invalid", e))?;
+        let squeezes =
+            track::squeezes(&case.plan, model).map_err(|e| errors::refusal(py, e.into()))?;
         let component = component.with_squeezes(squeezes);
         let names = model.driven.iter().map(|d| d.name.clone()).collect();
         let (case, model) = (Arc::clone(case), Arc::clone(model));
@@ -187,20 +187,25 @@ impl Here {
 
     pub fn restore(&mut self, py: Python<'_>, saved: &Snapshot) -> PyResult<()> {
         if self.recorder.is_some() {
-            let text =
-                "restore: expected no open recording, whose time cannot jump; stop_recording first";
-            return Err(errors::refused(py, "recording", text));
+            let expected = "no open recording, whose time cannot jump; stop_recording first";
+            return Err(errors::refused(py, "recording", "restore", expected, "one"));
         }
         let model = &self.ground.model;
         if !Arc::ptr_eq(model, &saved.model) && **model != *saved.model {
-            let text = "state: expected one of this case and seed, found one of another model";
-            return Err(errors::refused(py, "state_invalid", text));
+            let expected = "one of this case and seed";
+            return Err(errors::refused(
+                py,
+                "state_invalid",
+                "state",
+                expected,
+                "one of another model",
+            ));
         }
-        // The machine goes on as its own case says.
-        if self.ground.case.plan != saved.case.plan {
-            let text =
-                "state: expected one of this case, found one of another case with the same bed";
-            return Err(errors::refused(py, "state_invalid", text));
+        let (own, its) = (&self.ground.case.plan, &saved.case.plan);
+        // How long runs last, and what they write, is another matter.
+        if (&own.tines, &own.sleepers, &own.tamping) != (&its.tines, &its.sleepers, &its.tamping) {
+            let found = "one of another machine on the same bed";
+            return Err(errors::refused(py, "state_invalid", "state", "one of this case", found));
         }
         self.component.restore(Arc::clone(&saved.state)).map_err(|e| errors::refusal(py, e))?;
         self.lost = None;
@@ -218,8 +223,8 @@ impl Here {
     pub fn record(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.check_sound(py)?;
         if self.recorder.is_some() {
-            let text = "record: expected no open recording, found one; stop_recording first";
-            return Err(errors::refused(py, "recording", text));
+            let expected = "no open recording; stop_recording first";
+            return Err(errors::refused(py, "recording", "record", expected, "one"));
         }
         self.recorder = Some(Recorder::create(py, path, &self.ground.case, &self.component)?);
         Ok(())

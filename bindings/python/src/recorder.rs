@@ -47,11 +47,9 @@ impl Recorder {
     pub fn check_redo(&self, py: Python<'_>, component: &Component) -> PyResult<()> {
         match component.last_window() {
             Some([t0, _]) if t0 < self.begins_ns => {
-                let text = format!(
-                    "redo: expected a window of the recording, which begins at {} ns, found one from {t0} ns",
-                    self.begins_ns
-                );
-                Err(errors::refused(py, "recording", text))
+                let begin = self.begins_ns;
+                let expected = format!("a window of the recording, which begins at {begin} ns");
+                Err(errors::refused(py, "recording", "redo", expected, format!("one from {t0} ns")))
             }
             _ => Ok(()),
         }

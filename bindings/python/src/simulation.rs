@@ -252,18 +252,12 @@ impl Simulation {
             (Back::Here(here), Saved::Here(snapshot)) => here.restore(py, snapshot),
             (Back::There(there), Saved::There(kept)) => there.restore(py, kept),
             (Back::Here(_), Saved::There(kept)) => {
-                let text = format!(
-                    "state: expected one of this process, found one kept at {}",
-                    kept.component
-                );
-                Err(errors::refused(py, "state_invalid", text))
+                let found = format!("one kept at {}", kept.component);
+                Err(errors::refused(py, "state_invalid", "state", "one of this process", found))
             }
             (Back::There(_), Saved::Here(_)) => {
-                let text = format!(
-                    "state: expected one kept at {}, found one of this process",
-                    self.about.name
-                );
-                Err(errors::refused(py, "state_invalid", text))
+                let expected = format!("one kept at {}", self.about.name);
+                Err(errors::refused(py, "state_invalid", "state", expected, "one of this process"))
             }
         })
     }

@@ -226,7 +226,9 @@ fn driven<'a>(
         errors::refused(
             py,
             "unknown_body",
-            format!("body: expected one of {known:?}, found {name:?}"),
+            "body",
+            format!("one of {known:?}"),
+            format!("{name:?}"),
         )
     })
 }

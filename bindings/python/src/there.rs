@@ -112,8 +112,8 @@ impl There {
             (Kind::Advance, Some(t1_ns), _) => self.client.next(t1_ns),
             (Kind::Redo, None, Some((ends, _))) => self.client.again(*ends),
             _ => {
-                let text = "redo: expected a window before this one, found none";
-                return Err(errors::refused(py, "nothing_to_redo", text));
+                let expected = "a window before this one";
+                return Err(errors::refused(py, "nothing_to_redo", "redo", expected, "none"));
             }
         };
         request.motions = asked.motions.iter().map(Into::into).collect();
@@ -248,11 +248,9 @@ impl There {
     pub fn restore(&mut self, py: Python<'_>, kept: &Kept) -> PyResult<()> {
         self.settle(py)?;
         if !Arc::ptr_eq(&self.forgotten, &kept.forgotten) {
-            let text = format!(
-                "state: expected one that this simulation has saved, found one saved at {}",
-                kept.component
-            );
-            return Err(errors::refused(py, "state_invalid", text));
+            let expected = "one that this simulation has saved";
+            let found = format!("one saved at {}", kept.component);
+            return Err(errors::refused(py, "state_invalid", "state", expected, found));
         }
         let client = &mut self.client;
         py.detach(|| client.restore(&kept.name).map(|_| ())).map_err(|e| failed(py, e))?;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import ballast
@@ -99,3 +100,14 @@ def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> No
     with pytest.raises(RuntimeError, match="enough"):
         ballast.prepare(ROOT / "examples/laptop.toml", beds=tmp_path, progress=listen)
     assert not list(tmp_path.glob("*.h5"))
+
+
+def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast.Case) -> None:
+    with pytest.raises(ballast.CaseError, match="frequency_Hz"):
+        case.with_values({"tamping.vibration.frequency_Hz": math.nan})
+    with pytest.raises(TypeError, match="tamping.vibration.frequency_Hz: expected texts, numbers, .* found None"):
+        case.with_values({"tamping.vibration.frequency_Hz": None})
+    with pytest.raises(ballast.CaseError, match="seed"):
+        case.with_values({"bed.seed": 2**63})
+    free = case.with_values({"tamping.insertion.force_limit_N": math.inf})
+    assert free.to_dict()["tamping"]["insertion"]["force_limit_N"] == math.inf

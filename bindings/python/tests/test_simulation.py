@@ -152,7 +152,7 @@ def test_a_fork_redoes_the_last_window_of_its_machine(sim: ballast.Simulation) -
 def test_a_state_of_another_case_is_refused(sim: ballast.Simulation, case: ballast.Case, beds: Path) -> None:
     other = case.with_values({"tamping.vibration.frequency_Hz": 20.0})
     with ballast.open(other, beds=beds, threads=1, progress=False) as elsewhere:
-        with pytest.raises(ballast.Refused, match="found one of another case with the same bed"):
+        with pytest.raises(ballast.Refused, match="found one of another machine on the same bed"):
             sim.restore(elsewhere.save())
 
 
@@ -340,6 +340,19 @@ def test_requests_without_sense_are_refused(sim: ballast.Simulation, code: str, 
         ask(sim)
     assert refused.value.code == code
     assert sim.save().hash == before and sim.now_ns == 0
+
+
+def test_every_refusal_tells_its_parts(sim: ballast.Simulation) -> None:
+    turned = [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 2.0]]
+    for ask, place in [
+        (lambda: ballast.Motion([0, 1], np.zeros((2, 3)), turned), "orientations"),
+        (lambda: ballast.Motion([0, 1], np.zeros((2, 3)), spins=np.zeros((2, 3))), "velocities"),
+        (lambda: sim.save().body("x"), "body"),
+        (lambda: sim.save().target("x"), "body"),
+    ]:
+        with pytest.raises(ballast.Refused) as refused:
+            ask()
+        assert refused.value.place == place and refused.value.expected and refused.value.found, refused.value
 
 
 def test_refusals_tell_their_parts(sim: ballast.Simulation) -> None:

@@ -71,7 +71,7 @@ class Unreachable(Error):
     """A component that another process computes has not answered as it should. The same call may be made again:
     a window counts once, however often it is asked for.
 
-    `code`: slow, it is there; peer_lost, it is not; diverged, its run was continued by someone else; link, how to
+    `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run was continued by someone else; link, how to
     reach it; answer, what it says cannot be read.
     """
 

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 import ballast
+from ballast import _toml
 from ballast._json import dumps
 
 if TYPE_CHECKING:
@@ -231,31 +232,13 @@ def plan(
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
-    lines = [f"case = {_toml(os.fspath(case))}"]
+    lines = [_toml.dumps({"case": os.fspath(case)}).rstrip()]
     for point in points:
         lines.append("\n[[points]]")
         for key, value in point.items():
             name = "bed.seed" if key == "seed" else key
-            lines.append(f"{_toml(name)} = {_toml(value, name)}")
+            lines.append(_toml.dumps({name: value}).rstrip())
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _toml(value: Any, place: str = "") -> str:
-    """A value as TOML has it."""
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    if isinstance(value, bool | str):
-        # Texts of JSON are those of TOML, but for one character that TOML wants escaped.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, int | float):
-        return repr(value)
-    if isinstance(value, Mapping):
-        inside = (f"{_toml(str(key))} = {_toml(inner, f'{place}.{key}')}" for key, inner in value.items())
-        return f"{{ {', '.join(inside)} }}"
-    if isinstance(value, Iterable):
-        return f"[{', '.join(_toml(inner, place) for inner in value)}]"
-    kind = type(value).__name__
-    raise TypeError(f"{place}: expected texts, numbers, truths, and lists and dictionaries of these, found {value!r} ({kind})")
 
 
 def _told(case: ballast.Case) -> tuple[str, int, str]:
