@@ -106,11 +106,7 @@ impl Case {
 
     /// The text's values as nested dictionaries; what the text leaves to defaults is not in them.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let table: toml::Table = self
-            .text
-            .parse()
-            .map_err(|e: toml::de::Error| errors::error::<CaseError>(py, "case", e.message()))?;
-        as_dict(py, &table)
+        py.import("tomllib")?.call_method1("loads", (&self.text,))
     }
 
     /// Writes the case's text to a file; overrides of `choose` are not part of it.
