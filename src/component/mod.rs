@@ -169,7 +169,7 @@ impl Component {
         &self.state
     }
 
-    /// Contacts of the last step, and what observables read.
+    /// Contacts of the last step that was computed, with gaps and normals; the state may be another since.
     pub fn workspace(&self) -> &Workspace {
         &self.workspace
     }

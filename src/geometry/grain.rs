@@ -9,7 +9,7 @@ use super::hull::convex_hull;
 use super::polyhedron::Polyhedron;
 use crate::error::{Error, Result};
 use crate::math::{Quat, Vec3};
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_pcg::Pcg64;
 
 /// Ranges that random grains are drawn from.
@@ -74,18 +74,6 @@ pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Po
         expected: "ranges of shape that give well conditioned grains",
         found: format!("{ATTEMPTS} degenerate grains of {corners} corners for {shape:?}"),
     })
-}
-
-/// Tries a grain of the least and one of the greatest number of corners.
-///
-/// # Errors
-/// As for [`random_grain`].
-pub fn try_grains(shape: &GrainShape) -> Result<()> {
-    for corners in shape.vertices {
-        let shape = GrainShape { vertices: [corners; 2], ..*shape };
-        random_grain(&mut Pcg64::seed_from_u64(0), &shape, 1.0)?;
-    }
-    Ok(())
 }
 
 /// Corners along `directions` from the centre of an ellipsoid, with exact ratios of extents and volume.

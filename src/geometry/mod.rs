@@ -9,6 +9,6 @@ pub mod hull;
 pub mod mass_properties;
 
 pub use clip::{AxisBox, Clipper, HalfSpace, Piece};
-pub use grain::{GrainShape, random_grain, random_rotation, try_grains};
+pub use grain::{GrainShape, random_grain, random_rotation};
 pub use hull::{convex_hull, cuboid};
 pub use polyhedron::{Edge, Polyhedron};

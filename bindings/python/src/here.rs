@@ -111,8 +111,11 @@ impl Here {
 
     pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
         self.check_sound(py)?;
-        if let (None, Some(recorder)) = (asked.t1_ns, &self.recorder) {
-            recorder.check_redo(py, &self.component)?;
+        if let Some(recorder) = &self.recorder {
+            recorder.check_process(py, "window")?;
+            if asked.t1_ns.is_none() {
+                recorder.check_redo(py, &self.component)?;
+            }
         }
         let Ground { model, names, crew, .. } = &self.ground;
         let before = self.component.save();
@@ -232,6 +235,7 @@ impl Here {
 
     pub fn stop_recording(&mut self, py: Python<'_>) -> PyResult<()> {
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
+        recorder.check_process(py, "stop_recording")?;
         recorder.finish(py)
     }
 }

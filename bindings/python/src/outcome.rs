@@ -217,7 +217,7 @@ impl Body {
         arrays::vector(py, &self.0.peak_torque)
     }
 
-    /// End of that step, ns since the start of the run.
+    /// End of that step, ns since the start of the run; the beginning of the window where no force acted.
     #[getter]
     fn peak_time_ns(&self) -> u64 {
         self.0.peak_time_ns

@@ -16,6 +16,8 @@ pub struct Recorder {
     windows: Option<Redoable>,
     /// Simulated time at its beginning.
     begins_ns: u64,
+    /// A fork of it has the same file, and is not to write in it.
+    process: u32,
 }
 
 impl Recorder {
@@ -40,7 +42,18 @@ impl Recorder {
         let recording = Tape::create(&path, &meta, model, state, start.as_deref())
             .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));
         let windows = recording.map_err(|e| errors::file(py, e))?;
-        Ok(Self { windows: Some(windows), begins_ns: state.time_ns })
+        let process = std::process::id();
+        Ok(Self { windows: Some(windows), begins_ns: state.time_ns, process })
+    }
+
+    /// Refuses a process that was forked from the one that records.
+    pub fn check_process(&self, py: Python<'_>, place: &str) -> PyResult<()> {
+        if self.process == std::process::id() {
+            return Ok(());
+        }
+        let expected =
+            "the process that began the recording; open the case, or a saved state, anew";
+        Err(errors::refused(py, "recording", place, expected, "a fork of it"))
     }
 
     /// Refuses a redo of a window that stands in no file.
@@ -89,7 +102,12 @@ impl Recorder {
 /// A simulation that is let go without being closed: its last window is as good as the others.
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // Nobody is left to tell.
-        let _ = self.windows.take().map(Redoable::finish);
+        let windows = self.windows.take();
+        if self.process == std::process::id() {
+            // Nobody is left to tell.
+            let _ = windows.map(Redoable::finish);
+        } else {
+            std::mem::forget(windows);
+        }
     }
 }

@@ -182,12 +182,32 @@ hashes = [elsewhere(first), elsewhere(second)]
 for sim in (first, second):
     sim.advance_to(sim.now_ns + 5 * sim.step_ns)
 assert hashes == [sim.save().hash for sim in (first, second)], hashes
+
+def intrude(sim, told):
+    refused = []
+    for ask in (lambda: sim.advance_to(sim.now_ns + sim.step_ns), sim.stop_recording):
+        try:
+            ask()
+        except ballast.Refused as error:
+            refused.append((error.code, error.found))
+    told.put(refused)
+
+first.record(sys.argv[3])
+first.advance_to(first.now_ns + sim.step_ns)
+told = fork.Queue()
+process = fork.Process(target=intrude, args=(first, told))
+process.start()
+assert told.get(timeout=60) == [("recording", "a fork of it")] * 2
+process.join(60)
+first.advance_to(first.now_ns + sim.step_ns)
+first.stop_recording()
+assert len(list(ballast.read(sys.argv[3]))) == 2
 """
 
 
-def test_a_forked_process_has_threads_of_its_own(case: ballast.Case, beds: Path) -> None:
+def test_a_forked_process_has_threads_of_its_own_and_no_recording(beds: Path, tmp_path: Path) -> None:
     file = ROOT / "interfaces/cli/tests/data/tiny.toml"
-    called = [sys.executable, "-W", "ignore", "-c", FORKED, file, beds]
+    called = [sys.executable, "-W", "ignore", "-c", FORKED, file, beds, tmp_path / "forked.mcap"]
     done = subprocess.run(called, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
 

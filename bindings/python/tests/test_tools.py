@@ -195,22 +195,43 @@ def test_figures_are_those_of_the_measure(
     assert figure() == 10.0 and figure(2.0) == 20.0
     assert {file: file.stat().st_mtime_ns for file in done} == done
 
-    def seeds_more(more: object) -> study.Measure:
-        return lambda case, beds: {"figure": case.seed + more}  # type: ignore[operator]
-
-    def told(more: object) -> float:
-        measure = seeds_more(more)
+    def told(measure: study.Measure) -> float:
         with ThreadPoolExecutor(1) as pool:
             table = study.run(
                 case, [{}], tmp_path / "taken", measure=measure, executor=pool, beds=beds, progress=False
             )
         return float(table["figure"].iloc[0] - case.seed)
 
-    assert [told(1), told(2), told(1)] == [1, 2, 1]
+    def taking(more: object) -> study.Measure:
+        return lambda case, beds: {"figure": case.seed + more}  # type: ignore[operator]
+
+    def defaulting(more: float) -> study.Measure:
+        return lambda case, beds, more=more: {"figure": case.seed + more}
+
+    def calling(more: float) -> study.Measure:
+        figure = taking(more)
+        return lambda case, beds: figure(case, beds)
+
+    def decorated(more: float) -> study.Measure:
+        @functools.wraps(module.seed_times)
+        def measure(case: ballast.Case, beds: str) -> dict[str, float]:
+            return {"figure": case.seed + more}
+
+        return measure
+
+    for made in (taking, defaulting, calling, decorated):
+        assert [told(made(1)), told(made(2)), told(made(1))] == [1, 2, 1], made
     with pytest.raises(TypeError, match="takes from around it, name its file, and one of them cannot: .*object"):
-        told(object())
+        told(taking(object()))
+    with pytest.raises(TypeError, match="measure: expected a function .* found <bound method"):
+        told(Measures().figure)
     with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
         study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
+
+
+class Measures:
+    def figure(self, case: ballast.Case, beds: str) -> dict[str, float]:
+        return {"figure": 1.0}
 
 
 def ends(case: ballast.Case, beds: str) -> dict[str, float]:

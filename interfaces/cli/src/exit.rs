@@ -113,6 +113,9 @@ impl From<ballast_beds::Error> for Failure {
             Error::Keeping(e) => e.into(),
             Error::AnotherBed { .. } => Failure::Failed(format!("{error}; {hint}")),
             Error::Scene { .. } => Failure::InvalidCase(error.to_string()),
+            Error::Preparation { source: ballast::Error::Geometry { .. }, .. } => {
+                Failure::InvalidCase(format!("{error}; change the shape of grains in [bed.grains]"))
+            }
             Error::Folder { .. } | Error::Preparation { .. } => Failure::Failed(error.to_string()),
         }
     }

@@ -8,11 +8,16 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// What a process that writes a run has locked.
+const LOCK: &str = ".lock";
+/// Most bytes of a summary.
+pub const LONGEST_SUMMARY: u64 = 1 << 20;
+
 /// Paths of a run's files.
 #[derive(Debug, Clone)]
 pub struct RunFiles {
     pub folder: PathBuf,
-    /// The folder, locked; the system lets go of it with the last copy, however the process ends.
+    /// A file of the folder, locked; the system lets go of it with the last copy, however the process ends.
     _claim: Option<Arc<File>>,
 }
 
@@ -22,16 +27,20 @@ impl RunFiles {
         Self { folder: folder.into(), _claim: None }
     }
 
-    /// The same, to be written by this process alone; the folder is made.
-    pub fn claimed(self) -> Outcome<Self> {
+    /// The same, to be written by this process alone; the folder is made. `or` is what can be done while another
+    /// writes there.
+    pub fn claimed(self, or: &str) -> Outcome<Self> {
         create_folder(&self.folder)?;
-        let folder = File::open(&self.folder).map_err(|e| Failure::at(&self.folder, e))?;
-        match folder.try_lock() {
-            Ok(()) => Ok(Self { _claim: Some(Arc::new(folder)), ..self }),
-            Err(TryLockError::WouldBlock) => Err(Failure::at(
-                &self.folder,
-                "another process writes a run there; wait for it, or choose another folder with --out",
-            )),
+        // Of its own, and open to be written: so it holds over a network, too.
+        let path = self.folder.join(LOCK);
+        let file = File::options().create(true).truncate(false).write(true).open(&path);
+        let file = file.map_err(|e| Failure::at(&path, e))?;
+        match file.try_lock() {
+            Ok(()) => Ok(Self { _claim: Some(Arc::new(file)), ..self }),
+            Err(TryLockError::WouldBlock) => {
+                let what = format!("another process writes a run there; {or}");
+                Err(Failure::at(&self.folder, what))
+            }
             // A file system that knows no locks.
             Err(TryLockError::Error(_)) => Ok(self),
         }
@@ -58,9 +67,24 @@ impl RunFiles {
         self.folder.join("summary.json")
     }
 
-    /// Whether a run stopped here before its end.
+    /// Whether a run stopped here before its end, be it where it was told to.
     pub fn is_unfinished(&self) -> bool {
-        self.checkpoint().exists() && !self.summary().exists()
+        let summary = || -> Option<serde_json::Value> {
+            serde_json::from_str(&read_text(&self.summary(), LONGEST_SUMMARY).ok()?).ok()
+        };
+        self.checkpoint().exists() && summary().is_none_or(|summary| summary["complete"] == false)
+    }
+
+    /// Refuses a file of the run for something else.
+    pub fn refuse_own(&self, path: &Path) -> Outcome {
+        let own = [self.results(), self.checkpoint(), self.summary(), self.folder.join(LOCK)];
+        let same =
+            |file: &PathBuf| std::path::absolute(file).ok() == std::path::absolute(path).ok();
+        if own.iter().any(same) {
+            let text = "expected a file that is none of the run's own, found one of them";
+            return Err(Failure::Usage(format!("{}: {text}", path.display())));
+        }
+        Ok(())
     }
 
     /// Refuses a folder where a run stopped before its end; `or` is what else can be done than to go on with it.

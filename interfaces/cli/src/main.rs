@@ -60,8 +60,9 @@ fn main() -> ExitCode {
 /// What is asked for; else how the program ends: help and version are told, and usage errors.
 fn called() -> Result<Cli, ExitCode> {
     // Before anything is parsed, events are as good as asked for where the word stands.
-    let console = Console { json: std::env::args_os().any(|argument| argument == "--json") };
-    if let Some(odd) = std::env::args_os().find(|argument| argument.to_str().is_none()) {
+    let given = || std::env::args_os().skip(1);
+    let console = Console { json: given().any(|argument| argument == "--json") };
+    if let Some(odd) = given().find(|argument| argument.to_str().is_none()) {
         // Paths stand in events, tables and pages, which are texts.
         let failure = Failure::Usage(format!("expected arguments that are UTF-8, found {odd:?}"));
         console.failure(&failure);

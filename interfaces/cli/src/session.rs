@@ -9,7 +9,7 @@ use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
-use crate::files::{RunFiles, replace_text};
+use crate::files::{LONGEST_SUMMARY, RunFiles, read_text, replace_text};
 use crate::interrupt;
 use crate::playback::Playback;
 use crate::profile::Profile;
@@ -52,18 +52,18 @@ impl Session {
         console: Console,
     ) -> Outcome<Self> {
         // Before anything is removed.
-        record.map(ballast_mcap::may_become_a_recording).transpose()?;
+        record.map(|path| files.refuse_own(path)).transpose()?;
+        let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, engine.model())?;
         recorder.observe(engine.model(), engine.state(), &Workspace::default())?;
-        let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
         Ok(Self::assemble(case, engine, files, recorder, taping, console))
     }
 
     /// Takes a run up at its checkpoint.
     pub fn resume(path: &Path, console: Console) -> Outcome<Self> {
         let files = RunFiles::beside(path);
-        let files = if path.exists() { files.claimed()? } else { files };
+        let files = if path.exists() { files.claimed("wait for it")? } else { files };
         let kept = checkpoint::read(path)?;
         if kept.kind != Kind::Run {
             let what = format!(
@@ -252,13 +252,7 @@ impl Session {
 
     fn finish(mut self, expected: Option<u128>) -> Outcome {
         self.recorder.observe_end(self.engine.model(), self.engine.state())?;
-        let is_idle = self.engine.state().step == self.first && self.files.summary().exists();
         match self.engine.playback() {
-            // Nothing was computed: what is there says it all, times included.
-            None if is_idle => {
-                self.recorder.secure()?;
-                self.console.note("nothing is left to be computed");
-            }
             None => self.checkpoint()?,
             Some(playback) => {
                 // No checkpoint: `resume` would hand the bodies over to the machine of the case.
@@ -275,8 +269,9 @@ impl Session {
         let state = self.engine.hash();
         let hash = format!("{state:032x}");
         let summary = self.summary(&hash);
-        if !is_idle {
-            replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
+        replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
+        if self.engine.state().step == self.first {
+            self.console.note("nothing was left to be computed");
         }
         self.console.event("done", summary);
         self.console.result(&self.text(&hash));
@@ -293,9 +288,11 @@ impl Session {
             "case": self.case.plan.name, "grains": self.engine.model().grains.len(),
             "state_hash": hash, "complete": self.engine.state().step == self.case.steps(),
         });
-        let timing = json!({
-            "from_step": self.first, "threads": rayon::current_num_threads(),
-            "wall_s": self.profile.steps().wall.as_secs_f64(), "phases": self.profile.json(),
+        let timing = self.timing_of_before(hash).unwrap_or_else(|| {
+            json!({
+                "from_step": self.first, "threads": rayon::current_num_threads(),
+                "wall_s": self.profile.steps().wall.as_secs_f64(), "phases": self.profile.json(),
+            })
         });
         if let (Some(all), Value::Object(figures)) =
             (summary.as_object_mut(), self.recorder.summary().json())
@@ -305,6 +302,16 @@ impl Session {
             all.insert("timing".into(), timing);
         }
         summary
+    }
+
+    /// What the summary that is there says of the time this state took, where nothing was computed since.
+    fn timing_of_before(&self, hash: &str) -> Option<Value> {
+        if self.engine.state().step > self.first {
+            return None;
+        }
+        let text = read_text(&self.files.summary(), LONGEST_SUMMARY).ok()?;
+        let mut summary: Value = serde_json::from_str(&text).ok()?;
+        (summary["state_hash"] == hash).then(|| summary["timing"].take())
     }
 
     fn text(&self, hash: &str) -> String {

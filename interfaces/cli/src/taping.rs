@@ -10,8 +10,10 @@ use ballast::model::{DrivenBody, Role};
 use ballast::motion::SpeedLimit;
 use ballast::observe::{SqueezeMeter, Zone};
 use ballast::track::{self, TampingPhase};
-use ballast_mcap::{Drive, Meta, Tape, scene};
+use ballast_hdf5::checkpoint;
+use ballast_mcap::{Drive, Meta, Tape, is_the_beginning, scene};
 use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,7 +38,14 @@ impl Taping {
         };
         let (model, state) = (engine.model(), engine.state());
         let meta = Meta::of(case.names(), case.choices.notes(), model, drive, engine.hash().into());
-        let tape = Tape::create(path, &meta, model, state, None)?;
+        let start = match is_the_beginning(&case.plan, model, state) {
+            true => None,
+            false => {
+                let kept = case.checkpoint(model, state, BTreeMap::new());
+                Some(checkpoint::to_bytes(path, &kept)?)
+            }
+        };
+        let tape = Tape::create(path, &meta, model, state, start.as_deref())?;
         let frames = case.plan.run.output_ns > 0;
         let (recent, speed_limit) = (component::Recent::default(), SpeedLimit::of(model));
         let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;

@@ -11,7 +11,7 @@ use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,13 @@ impl Writer {
     /// # Errors
     /// The system refuses.
     pub fn create(path: &Path, meta: Option<&Meta>) -> Result<Self> {
-        let file = File::create(path).map_err(|e| Error::io(path, "create", e))?;
+        let file = File::options().create(true).truncate(false).write(true).open(path);
+        let file = file.map_err(|e| Error::io(path, "create", e))?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            let (expected, found) = ("a file that no other process writes", "one in use");
+            return Err(Error::unsuitable(path, "recording", expected, found));
+        }
+        file.set_len(0).map_err(|e| Error::io(path, "empty", e))?;
         let inner = mcap::WriteOptions::new()
             .profile("ros2")
             .library(concat!("ballast ", env!("CARGO_PKG_VERSION")))

@@ -34,7 +34,7 @@ pub struct Description {
     /// Where pictures are sent from, endpoints.
     #[serde(default)]
     pub pictures: Vec<String>,
-    /// What is set now; `null`: no tolerance, no limit of the penetration (m).
+    /// What is set now; 0: no tolerance, no limit of the penetration (m), as `param` takes them.
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
@@ -128,11 +128,12 @@ fn parameters(component: &Component) -> BTreeMap<String, serde_json::Value> {
     let solver = &model.solver;
     let schedule = solver.schedule.name();
     let limit = component.parameters().penetration;
-    let penetration = limit.is_finite().then_some(limit);
+    // As they are set: 0 is none.
+    let penetration = if limit.is_finite() { limit } else { 0.0 };
     [
         ("step_ns", serde_json::json!(model.stepping.step_ns)),
         ("iterations", serde_json::json!(solver.iterations)),
-        ("tolerance", serde_json::json!(solver.tolerance)),
+        ("tolerance", serde_json::json!(solver.tolerance.unwrap_or_default())),
         ("schedule", serde_json::json!(schedule)),
         ("penetration", serde_json::json!(penetration)),
     ]

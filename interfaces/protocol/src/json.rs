@@ -52,7 +52,7 @@ fn in_parts(place: String, error: &serde_json::Error) -> Malformed {
         "unknown field ",
         "unknown variant ",
     ];
-    let differs = kinds.iter().find_map(|kind| said.strip_prefix(kind)?.split_once(", expected "));
+    let differs = kinds.iter().find_map(|kind| said.strip_prefix(kind)?.rsplit_once(", expected "));
     let (expected, found) = match (said.strip_prefix("missing field "), differs) {
         (Some(field), _) => (format!("the field {field}"), "none"),
         (_, Some((found, expected))) => (expected.to_string(), found),

@@ -165,6 +165,10 @@ impl<'s> Walker<'_, '_, '_, 's> {
                 (Some(x), Some(most)) if x > most && most >= STORABLE => {
                     format!("is more than {most}")
                 }
+                // TOML's own numbers end there.
+                (None, Some(most)) if most >= STORABLE => {
+                    format!("is no number up to {}", resolved["maximum"])
+                }
                 _ => "is out of range".to_string(),
             };
             self.wrong(schema, value, path, &what);

@@ -1,6 +1,7 @@
 //! How processes find each other: Zenoh's own configuration, with defaults that keep to this machine.
 
 use crate::{Error, LARGEST_MESSAGE, SILENCE};
+use serde_json::Value;
 use std::net::TcpListener;
 use std::path::PathBuf;
 use zenoh::{Config, Wait};
@@ -81,13 +82,20 @@ impl Link {
         zenoh::open(self.configuration()?).wait().map_err(|e| Error::link(place, e))
     }
 
-    /// The endpoints that a session of it listens on, as far as they are a plain list.
+    /// The endpoints that a session of it listens on.
     ///
     /// # Errors
     /// A configuration that Zenoh does not take.
     pub fn listens_on(&self) -> Result<Vec<String>, Error> {
-        let listed = self.configuration()?.get_json(LISTEN).ok();
-        Ok(listed.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default())
+        let config = self.configuration()?;
+        let json =
+            |key: &str| -> Option<Value> { serde_json::from_str(&config.get_json(key).ok()?).ok() };
+        let (endpoints, mode) = (json(LISTEN).unwrap_or_default(), json("mode"));
+        // Each mode may have a list of its own.
+        let mode = mode.as_ref().and_then(Value::as_str).unwrap_or("peer");
+        let listed = endpoints.as_array().or_else(|| endpoints[mode].as_array());
+        let texts = listed.into_iter().flatten().filter_map(Value::as_str);
+        Ok(texts.map(String::from).collect())
     }
 
     fn configuration(&self) -> Result<Config, Error> {

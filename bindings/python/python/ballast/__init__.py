@@ -133,7 +133,7 @@ def open(
     network = {"connect": connect, "listen": listen, "config": config}
     if isinstance(case, str) and case.startswith("zenoh:"):
         choices = {"seed": seed, "schedule": schedule, "threads": threads, "max_penetration": max_penetration}
-        others = {"keep_early": keep_early or None, "beds": None if beds == "runs/beds" else beds}
+        others = {"keep_early": keep_early or None, "beds": None if os.fspath(beds) == "runs/beds" else beds}
         _unused({**choices, **others}, f"{case}: whoever serves the case chooses it")
         endpoints = (_several("connect", connect), _several("listen", listen))
         return _ballast.attach(case.removeprefix("zenoh:"), *endpoints, config)

@@ -513,7 +513,7 @@ class BodyOutcome:
 
     @property
     def peak_time_ns(self) -> int:
-        """End of that step, ns since the start of the run."""
+        """End of that step, ns since the start of the run; the beginning of the window where no force acted."""
 
     @property
     def work(self) -> float:

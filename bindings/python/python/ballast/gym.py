@@ -34,7 +34,8 @@ class TampingEnv(gymnasium.Env[Array, Array]):
 
     **Action** (3,), each from -1 to 1: squeeze speed (0 to `squeeze_speed`, m/s), frequency of the vibration
     (20 to 50 Hz), depth that the tines are lowered or raised to (0 to 1 of the case's), at
-    `insertion_speed` at most. The amplitude is the case's.
+    `insertion_speed` at most. Speeds are means over a step of the environment, which begins and ends at rest: the greatest is
+    half as much again. The amplitude is the case's.
 
     **Observation** (4 + 3 nt,): depth (0 to 1), closing (0 to 1 of the stroke), compactness under the tamped
     sleepers, share of the time that is over, and the mean force of the last 4 ms on each tine, in 10 kN.

@@ -72,8 +72,10 @@ def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
         if not squeeze.any():
             break
         x = table[f"{name}_x"][squeeze]
-        closing = np.abs(x - x[0])
-        against = -np.sign(x[-1] - x[0]) * _mean(_force(table, name), table["time"], window_s)[squeeze, 0]
+        # Vibration carries a tine back behind where it began, too.
+        inwards = np.sign(x[-1] - x[0])
+        closing = inwards * (x - x[0])
+        against = -inwards * _mean(_force(table, name), table["time"], window_s)[squeeze, 0]
         ax.plot(closing * 1e3, against * 1e-3, lw=0.8, label=name)
     ax.legend(fontsize="small")
     return ax

@@ -293,20 +293,51 @@ def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
     return hashlib.sha256(told.encode()).hexdigest()[:24]
 
 
-def _described(measure: Callable[..., Any]) -> list[Any]:
-    """What tells a measure from others: its name, its text, and what was bound to it or taken from around it."""
+def _described(measure: Callable[..., Any], seen: frozenset[int] = frozenset()) -> list[Any]:
+    """What tells a measure from others: its name, its text, and the values bound to it or taken from around it."""
     if isinstance(measure, functools.partial):
-        return [*_described(measure.func), measure.args, sorted(measure.keywords.items())]
-    measure = inspect.unwrap(measure)
+        bound = [*measure.args, sorted(measure.keywords.items())]
+        return [*_described(measure.func, seen), _plain(bound, seen)]
+    functions = []
+    layer: Any = None if inspect.ismethod(measure) else measure
+    # What decorators have put around a function has a text and values of its own.
+    while layer is not None:
+        if inspect.isfunction(layer):
+            functions.append(layer)
+        layer = getattr(layer, "__wrapped__", None)
+    seen |= {id(function) for function in functions}
     try:
-        named = [measure.__module__, measure.__qualname__, inspect.getsource(measure)]
-        taken = inspect.getclosurevars(measure).nonlocals
-    except (AttributeError, OSError, TypeError):
+        texts = [inspect.getsource(function.__code__) for function in functions]
+        named = [functions[-1].__module__, functions[-1].__qualname__, *texts]
+    except (IndexError, OSError, TypeError):
         raise TypeError(
             "measure: expected a function whose text can be read, or functools.partial of one, "
             f"found {measure!r}"
         ) from None
-    return [*named, sorted(taken.items())] if taken else named
+    values = [value for function in functions for value in _values(function)]
+    return [*named, _plain(values, seen)] if values else named
+
+
+def _values(function: Any) -> Iterable[Any]:
+    """What a function has besides its arguments: defaults, and what it takes from the functions around it."""
+    yield from function.__defaults__ or ()
+    yield from sorted((function.__kwdefaults__ or {}).items())
+    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+        try:
+            yield name, cell.cell_contents
+        except ValueError:  # Nothing is in it yet.
+            yield name, None
+
+
+def _plain(value: Any, seen: frozenset[int]) -> Any:
+    """Functions as what tells them from others; `seen` are those that are told already."""
+    if isinstance(value, list | tuple):
+        return [_plain(inner, seen) for inner in value]
+    if inspect.ismodule(value) or id(value) in seen:
+        return value.__name__
+    if inspect.isfunction(value) or isinstance(value, functools.partial):
+        return _described(value, seen)
+    return value
 
 
 def _check_figures(point: Point, figures: object) -> None:

@@ -15,7 +15,8 @@ pub fn run(args: Run, console: Console) -> Outcome {
     interrupt::install()?;
     let case = case::load(&args.case, &Choices::from(&args.overrides), console)?;
     let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
-    let files = RunFiles::in_folder(folder).claimed()?;
+    let files =
+        RunFiles::in_folder(folder).claimed("wait for it, or choose another folder with --out")?;
     if !args.force {
         files.refuse_unfinished("start over with --force")?;
     }
@@ -24,7 +25,9 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let engine = Engine::machine(model, state, cycle);
     let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
     let phases = dump_phases.into_iter().map(Into::into).collect();
+    // Before anything that is there is replaced.
     let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), phases));
+    let dump = dump.transpose()?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.dumping(dump.transpose()?).run(args.until.steps, args.until.expect)
+    session.dumping(dump).run(args.until.steps, args.until.expect)
 }

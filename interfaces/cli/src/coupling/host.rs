@@ -43,6 +43,7 @@ impl Keeper {
     pub fn new(
         console: Console,
         case: Case,
+        choices: Choices,
         beds: PathBuf,
         checkpoint: PathBuf,
         every: Duration,
@@ -51,7 +52,7 @@ impl Keeper {
         let written = Instant::now();
         Self {
             console,
-            choices: case.choices,
+            choices,
             case,
             beds,
             checkpoint,

@@ -23,7 +23,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let first = case::load(&args.case, &choices, console)?;
     let folder = format!("{}-serve", first.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
-    let files = RunFiles::in_folder(folder).claimed()?;
+    let files =
+        RunFiles::in_folder(folder).claimed("wait for it, or choose another folder with --out")?;
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     let case = if resumes {
@@ -55,7 +56,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     }
     let beds = args.beds.beds.clone();
     let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
-    let mut keeper = Keeper::new(console, case, beds, checkpoint, every, recording);
+    let given = Choices::from(&args.overrides);
+    let mut keeper = Keeper::new(console, case, given, beds, checkpoint, every, recording);
     // A component that dies before its first checkpoint comes back as the same run.
     if !resumes && keeper.keep(&lockstep) {
         lockstep.is_durable();

@@ -3,7 +3,7 @@
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{RunFiles, read_text};
+use crate::files::{LONGEST_SUMMARY, RunFiles, read_text};
 use crate::record::{self, Column, Row};
 use crate::recorder::{self, STEPS, ZONES};
 use crate::summary::{Setting, Summary};
@@ -16,8 +16,6 @@ use ballast_hdf5::results::{Reader, Table};
 use serde_json::Value;
 use std::path::Path;
 
-/// No summary is this long.
-const LIMIT: u64 = 1 << 20;
 /// How near to the end of a phase, over its length, a picture is one of its end.
 const NEAR: f64 = 0.2;
 
@@ -99,7 +97,7 @@ impl Source {
             zones.push([vec![state.time()], measured].concat());
         }
         let frames = frames(&reader, &rows, state, &results)?;
-        let timing = read_text(&files.summary(), LIMIT)
+        let timing = read_text(&files.summary(), LONGEST_SUMMARY)
             .ok()
             .and_then(|text| serde_json::from_str::<Value>(&text).ok())
             .map(|mut summary| summary["timing"].take());

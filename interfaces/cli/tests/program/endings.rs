@@ -163,9 +163,9 @@ fn an_unexpected_hash_ends_with_5() {
     let place = Place::new();
     place.run("--out run --steps 5").with_code(0);
     let hash = place.hash("run");
-    place.run(&format!("--out run --steps 5 --expect {hash}")).with_code(0);
+    place.run(&format!("--out run --force --steps 5 --expect {hash}")).with_code(0);
     let other = "0".repeat(32);
-    let ended = place.run(&format!("--out run --steps 5 --expect {other}")).with_code(5);
+    let ended = place.run(&format!("--out run --force --steps 5 --expect {other}")).with_code(5);
     assert!(ended.stderr().contains(&hash), "{}", ended.stderr());
 }
 

@@ -1,6 +1,7 @@
 //! What is there is kept: no slip of the command line costs files, and one process writes a run.
 
 use crate::setup::{Place, STEPS};
+use serde_json::Value;
 use std::fs::File;
 use std::os::unix::fs::{FileTypeExt, symlink};
 
@@ -8,8 +9,8 @@ use std::os::unix::fs::{FileTypeExt, symlink};
 fn one_process_writes_a_run() {
     let place = Place::new();
     place.run("--out run --steps 20").with_code(0);
-    let folder = File::open(place.path("run")).unwrap();
-    folder.try_lock().unwrap();
+    let lock = File::options().write(true).open(place.path("run/.lock")).unwrap();
+    lock.try_lock().unwrap();
     let hash = place.hash("run");
     for ended in [place.call("resume run/checkpoint.h5"), place.run("--out run --force")] {
         let said = ended.with_code(1).stderr();
@@ -19,10 +20,41 @@ fn one_process_writes_a_run() {
     // Reading disturbs nobody.
     place.call("inspect run/results.vtkhdf").with_code(0);
     place.call("report run").with_code(0);
-    drop(folder);
+    drop(lock);
     place.call("resume run/checkpoint.h5 --steps 30").with_code(0);
     place.call("resume nowhere/checkpoint.h5").with_code(1);
     assert!(!place.path("nowhere").exists());
+}
+
+#[test]
+fn what_cannot_be_begun_costs_nothing() {
+    let place = Place::new();
+    place.run("--out run").with_code(0);
+    let (summary, hash) = (place.text("run/summary.json"), place.hash("run"));
+    for (more, says) in [
+        ("--record nowhere/x.mcap", "nowhere"),
+        ("--record run/summary.json", "none of the run's own"),
+        ("--record run/checkpoint.h5", "none of the run's own"),
+        ("--dump-problems tiny.toml", "tiny.toml"),
+    ] {
+        let ended = place.run(&format!("--out run {more}"));
+        assert!(ended.code() != 0 && ended.stderr().contains(says), "{more}: {}", ended.stderr());
+        assert_eq!(place.text("run/summary.json"), summary, "{more}");
+        place.call(&format!("resume run/checkpoint.h5 --expect {hash}")).with_code(0);
+    }
+    // Stopped where it was told to, and to be gone on with.
+    place.run("--out part --steps 20").with_code(0);
+    let said = place.run("--out part --steps 30").with_code(2).stderr();
+    assert!(said.contains("unfinished run") && said.contains("ballast resume"), "{said}");
+    place.call("resume part/checkpoint.h5").with_code(0);
+    assert_eq!(place.hash("part"), hash);
+    place.run("--out part --steps 20").with_code(0);
+    place.run("--out part --steps 30 --force").with_code(0);
+    // A recording is written by one process.
+    let lock = File::create(place.path("taken.mcap")).unwrap();
+    lock.try_lock().unwrap();
+    let said = place.run("--out other --record taken.mcap").with_code(1).stderr();
+    assert!(said.contains("no other process writes"), "{said}");
 }
 
 #[test]
@@ -56,16 +88,37 @@ fn tables_replace_tables_only() {
 }
 
 #[test]
-fn resuming_what_is_done_changes_nothing() {
+fn resuming_what_is_done_keeps_its_times_and_goes_by_the_state() {
     let place = Place::new();
     place.run("--out run").with_code(0);
     let summary = place.text("run/summary.json");
     let ended = place.call("resume run/checkpoint.h5").with_code(0);
-    assert!(ended.stderr().contains("nothing is left to be computed"), "{}", ended.stderr());
+    assert!(ended.stderr().contains("nothing was left to be computed"), "{}", ended.stderr());
     assert!(ended.stdout().contains(&place.hash("run")) && !ended.stdout().contains("ms per step"));
     assert_eq!(place.text("run/summary.json"), summary);
     let told = place.call("inspect run/results.vtkhdf --json").with_code(0).events();
     assert_eq!(told[0]["step"], STEPS);
+
+    // A checkpoint from before: the run is there again, as far as that.
+    place.run("--out early --steps 20").with_code(0);
+    std::fs::copy(place.path("early/checkpoint.h5"), place.path("run/old.h5")).unwrap();
+    place.call("resume run/old.h5 --steps 20").with_code(0);
+    let figures = |folder: &str| {
+        let mut summary: Value =
+            serde_json::from_str(&place.text(&format!("{folder}/summary.json"))).unwrap();
+        // It took no time to be there.
+        summary.as_object_mut().unwrap().remove("timing");
+        summary
+    };
+    assert_eq!(figures("run"), figures("early"));
+    // A summary from before it, as a kill between the two leaves it.
+    place.call("resume run/checkpoint.h5 --steps 30").with_code(0);
+    std::fs::write(place.path("run/summary.json"), &summary).unwrap();
+    place.call("resume run/checkpoint.h5 --steps 30").with_code(0);
+    assert_eq!(figures("run")["steps"], 30);
+    place.call("resume run/checkpoint.h5").with_code(0);
+    place.run("--out whole").with_code(0);
+    assert_eq!(place.summary("run"), place.summary("whole"));
 }
 
 #[test]

@@ -375,7 +375,8 @@ fn bad_files_end_with_their_codes() {
     }
     let said = replay(&place, "run.mcap --record run.mcap").with_code(2).stderr();
     assert!(said.contains("run.mcap") || said.contains("reads"), "{said}");
-    let said = place.run("--out run --record no/such/folder.mcap --steps 3").with_code(1).stderr();
+    let said =
+        place.run("--out run --force --record no/such/folder.mcap --steps 3").with_code(1).stderr();
     assert!(said.contains("folder.mcap"), "{said}");
 
     let mut bytes = std::fs::read(place.path("run.mcap")).unwrap();

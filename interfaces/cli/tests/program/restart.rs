@@ -146,10 +146,14 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     assert_eq!(place.summary("here")["steps"], 10);
 
     // Nor a case, nor results, by a recording.
-    for file in ["tiny.toml", "here/results.vtkhdf"] {
+    for (file, code, says) in [
+        ("tiny.toml", 1, "a recording to replace"),
+        ("here/results.vtkhdf", 2, "none of the run's own"),
+    ] {
         let before = std::fs::read(place.path(file)).unwrap();
-        let refused = place.run(&format!("--out here --steps 10 --record {file}")).with_code(1);
-        assert!(refused.stderr().contains("a recording to replace"), "{}", refused.stderr());
+        let refused = place.run(&format!("--out here --steps 10 --force --record {file}"));
+        let refused = refused.with_code(code);
+        assert!(refused.stderr().contains(says), "{}", refused.stderr());
         assert_eq!(std::fs::read(place.path(file)).unwrap(), before);
     }
 }

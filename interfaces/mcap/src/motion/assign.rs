@@ -96,7 +96,7 @@ impl Assignment {
         }
         // The twists of a pose topic are beside it.
         let beside = |m: &&Map| {
-            let stem = m.topic.rsplit_once('/').map(|(stem, _)| stem);
+            let stem = m.topic.strip_suffix("/pose");
             stem.is_some() && topic.strip_suffix("/twist") == stem
         };
         match self.maps.iter().find(beside) {
@@ -117,10 +117,18 @@ impl Assignment {
         topics: &BTreeSet<String>,
         frames: &BTreeSet<String>,
     ) -> Result<()> {
-        let known = |m: &&Map| match &m.frame {
-            Some(frame) => frames.contains(&format!("{}:{frame}", m.topic)),
-            None => topics.contains(&m.topic),
+        let frame = |m: &Map| format!("{}:{}", m.topic, m.frame.as_ref().unwrap_or(&m.body));
+        let is_of_frames = |m: &Map| frames.iter().any(|f| f.starts_with(&format!("{}:", m.topic)));
+        let known = |m: &&Map| match m.frame {
+            None if !is_of_frames(m) => topics.contains(&m.topic),
+            _ => frames.contains(&frame(m)),
         };
+        for (k, map) in self.maps.iter().enumerate().filter(|(_, m)| is_of_frames(m)) {
+            if let Some(other) = self.maps[..k].iter().find(|other| frame(other) == frame(map)) {
+                let found = format!("{:?} and {:?}", other.body, map.body);
+                return Err(Error::unsuitable(path, frame(map), "one body for a frame", found));
+            }
+        }
         match self.maps.iter().find(|m| !known(m)) {
             Some(map) if !self.by_default => {
                 let found = if map.frame.is_some() { frames } else { topics };

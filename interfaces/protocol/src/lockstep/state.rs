@@ -72,6 +72,21 @@ impl Lockstep {
     /// [`Code::NotOwner`], [`Code::InError`], [`Code::ParameterInvalid`]; nothing is changed.
     pub fn set_parameters(&mut self, ask: &SetParameters, ticket: &str) -> Result<Place, Fault> {
         self.check_ready(ticket)?;
+        let wrong = |place: &str, expected: &str, found: String| {
+            Err(Fault::expected(Code::ParameterInvalid, place, expected, found))
+        };
+        if ask.iterations == Some(0) {
+            return wrong("iterations", "at least 1", "0".into());
+        }
+        let limits = [
+            ("tolerance", ask.tolerance, "0 (all iterations) or a finite number above"),
+            ("penetration", ask.penetration, "0 (any) or a finite number above, m"),
+        ];
+        for (place, given, expected) in limits {
+            if let Some(value) = given.filter(|value| !(value.is_finite() && *value >= 0.0)) {
+                return wrong(place, expected, value.to_string());
+            }
+        }
         let now = messages::Parameters::from(self.component.parameters());
         let parameters = messages::Parameters {
             iterations: ask.iterations.unwrap_or(now.iterations),
@@ -154,11 +169,10 @@ impl Lockstep {
     fn unknown(&self, name: &str) -> Fault {
         let known: Vec<_> = self.kept.keys().collect();
         let found: String = name.chars().take(50).collect();
-        Fault::expected(
-            Code::UnknownState,
-            "name",
-            format!("one of {known:?}"),
-            format!("{found:?}"),
-        )
+        let expected = match known[..] {
+            [] => "a state that was saved before; there is none".to_string(),
+            _ => format!("one of {known:?}"),
+        };
+        Fault::expected(Code::UnknownState, "name", expected, format!("{found:?}"))
     }
 }

@@ -2,7 +2,6 @@
 
 use crate::case_file::{Bed, CaseFile};
 use crate::report::{Finding, Report};
-use ballast::geometry::{GrainShape, try_grains};
 
 /// Compactness of a prepared bed, for estimates only.
 const COMPACTNESS: f64 = 0.58;
@@ -60,7 +59,6 @@ fn counts(bed: &Bed, report: &mut Report) {
         };
         report.error("bed.grains.vertices", finding);
     }
-    shapes(bed, report);
     let classes = bed.grains.classes.len();
     if (bed.grains.templates as usize) < classes {
         let finding = Finding {
@@ -70,29 +68,6 @@ fn counts(bed: &Bed, report: &mut Report) {
             hint: None,
         };
         report.error("bed.grains.templates", finding);
-    }
-}
-
-/// Some ranges allow no grains that are fit for contacts.
-fn shapes(bed: &Bed, report: &mut Report) {
-    if !report.clean(&["bed.grains"]) {
-        return;
-    }
-    let Bed { grains, .. } = bed;
-    let shape = GrainShape {
-        elongation: grains.elongation,
-        flatness: grains.flatness,
-        vertices: grains.vertices,
-        angularity: grains.angularity,
-    };
-    if try_grains(&shape).is_err() {
-        let finding = Finding {
-            problem: "grains come out degenerate".into(),
-            found: format!("{:?} corners at angularity {}", grains.vertices, grains.angularity),
-            expected: "corners that leave faces and edges of some size".into(),
-            hint: Some("fewer corners, or rounder grains".into()),
-        };
-        report.error("bed.grains.vertices", finding);
     }
 }
 

@@ -11,15 +11,18 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
     let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
     // The names of the box's floor, ends and sides.
-    let mut taken = BTreeSet::from(["floor", "end_start", "end_far", "side_right", "side_left"]);
+    let parts = ["floor", "end_start", "end_far", "side_right", "side_left"];
+    let mut taken = BTreeSet::from(parts.map(String::from));
     for (key, name) in sleepers.chain(tines) {
         let key = format!("{key}.name");
         usable(&key, name, report);
-        if !taken.insert(name) {
+        // Topics have `_` for `-`.
+        if !taken.insert(name.replace('-', "_")) {
             let finding = Finding {
                 problem: "this name is taken".into(),
                 found: format!("`{name}`"),
-                expected: "a name that no other sleeper, tine or part of the box has".into(),
+                expected: "a name that no other sleeper, tine or part of the box has, also with `_` for `-`"
+                    .into(),
                 hint: None,
             };
             report.error(&key, finding);

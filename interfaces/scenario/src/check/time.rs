@@ -22,7 +22,7 @@ pub fn step_ns(seconds: f64, key: &str, report: &mut Report) -> u64 {
     if ns.is_none() && report.clean(&[key]) {
         let finding = Finding {
             problem: "a time step is a whole number of nanoseconds".into(),
-            found: format!("{seconds} s"),
+            found: format!("{seconds:?} s"),
             expected: format!("for example {:e} s", (seconds * 1e9).round().max(1.0) * 1e-9),
             hint: None,
         };
@@ -50,7 +50,11 @@ fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
             "`{}` is not a whole number of time steps",
             key.trim_start_matches("run.")
         ),
-        found: format!("{seconds} s, {:.3} steps of {} s", seconds * 1e9 / step as f64, time(1.0)),
+        found: format!(
+            "{seconds:?} s, {:.3} steps of {} s",
+            seconds * 1e9 / step as f64,
+            time(1.0)
+        ),
         expected: choices,
         hint: None,
     };
@@ -84,7 +88,7 @@ fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
     if report.clean(&["run.alert_m", "bed.grains.classes"]) && alert > 0.25 * smallest {
         let finding = Finding {
             problem: "contacts are kept from very far away".into(),
-            found: format!("{alert} m"),
+            found: format!("{alert:?} m"),
             expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
             hint: Some("most of these contacts cost time and carry nothing".into()),
         };

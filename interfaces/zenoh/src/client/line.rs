@@ -7,7 +7,7 @@
 use super::presence::Presence;
 use crate::keys::{SCHEMA, last};
 use crate::server::Description;
-use crate::{Error, Keys, Link, SILENCE};
+use crate::{Error, Keys, LARGEST_MESSAGE, Link, SILENCE};
 use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport};
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
@@ -210,6 +210,11 @@ impl Line {
 
     /// Asks until there is an answer or the time allowed is over.
     pub(super) fn call(&self, ask: &Ask, allowed: Duration) -> Result<Vec<u8>, Error> {
+        if let Some((bytes, _)) = ask.payload.as_ref().filter(|p| p.0.len() > LARGEST_MESSAGE) {
+            // It would never arrive: the wire drops what is larger.
+            let expected = format!("at most {LARGEST_MESSAGE} bytes");
+            return Err(Fault::expected(Code::TooLarge, ask.request, expected, bytes.len()).into());
+        }
         let begin = Instant::now();
         let mut pause = PAUSE[0];
         loop {

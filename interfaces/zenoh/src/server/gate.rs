@@ -132,11 +132,11 @@ pub(super) fn open(
     let (at, key) = (Arc::clone(shared), keys.describe());
     let describe = session.declare_queryable(keys.describe()).complete(true);
     let describe = describe.callback(move |query: Query| {
-        let told = match query.parameters().contains_key(SCHEMA) {
+        let told = at.check_rate().and_then(|()| match query.parameters().contains_key(SCHEMA) {
             true => Ok(Answer::json(&ballast_protocol::schema::control_plane())),
             false => at.description().map(Answer::text),
-        };
-        answer::send(&query, key.clone(), at.check_rate().and(told));
+        });
+        answer::send(&query, key.clone(), told);
     });
     describe.background().wait().map_err(zenoh)?;
     let at = Arc::clone(shared);

@@ -43,6 +43,10 @@ impl Answered {
         if matches!(asked.verb, Verb::Attach | Verb::Detach) && answer.is_ok() {
             self.forget();
         }
+        // Who has left is refused at the door.
+        if asked.verb == Verb::Detach {
+            return;
+        }
         if self.answers.len() >= MOST {
             self.answers.pop_front();
         }

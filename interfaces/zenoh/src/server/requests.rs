@@ -5,6 +5,7 @@ use super::answer::{self, Answer, CDR};
 use super::gate::{Request, Verb, object};
 use super::memory::Numbered;
 use crate::{Error, random};
+use ballast::component::Parameters;
 use ballast_protocol::lockstep::{
     Attach, Code, Fault, Init, Kind, Named, Pace, Place, Progress, SetParameters,
 };
@@ -210,7 +211,17 @@ impl Service<'_> {
             (None, Some(None)) => self.stop_running("its owner stops it"),
             (None, _) => {}
         }
-        self.say(&format!("parameters: {:?}", self.lockstep.component().parameters()));
+        let (iterations, tolerance) = (ask.iterations, ask.tolerance);
+        if iterations.is_some() || tolerance.is_some() || ask.penetration.is_some() {
+            let Parameters { iterations, tolerance, penetration } =
+                self.lockstep.component().parameters();
+            let none = |value: f64| if value.is_finite() { value } else { 0.0 };
+            self.say(&format!(
+                "parameters: iterations {iterations}, tolerance {}, penetration {} m (0: none)",
+                tolerance.unwrap_or_default(),
+                none(penetration)
+            ));
+        }
         self.describe();
         // So that windows before it need not be computed again with what holds now.
         self.host.changed();

@@ -164,7 +164,7 @@ impl Shared {
     /// # Errors
     /// It is being prepared.
     pub fn description(&self) -> Result<String, Fault> {
-        self.described(|whole| serde_json::to_string(whole))
+        self.described(serde_json::to_string)
     }
 
     /// What the case has set, as JSON.
@@ -179,12 +179,16 @@ impl Shared {
         &self,
         json: impl Fn(&Description) -> serde_json::Result<String>,
     ) -> Result<String, Fault> {
-        let seen = self.seen();
-        match &seen.description {
+        // Out of the lock, which the computing thread takes in every step.
+        let (description, activity) = {
+            let seen = self.seen();
+            (seen.description.clone(), seen.report.activity)
+        };
+        match description {
             Some(description) => {
-                json(description).map_err(|e| Fault::new(Code::InError, e.to_string()))
+                json(&description).map_err(|e| Fault::new(Code::InError, e.to_string()))
             }
-            None if seen.report.activity == Activity::Unconfigured => {
+            None if activity == Activity::Unconfigured => {
                 let message = "there is no bed yet; the owner asks for init";
                 Err(Fault::new(Code::Unconfigured, message))
             }
