@@ -111,8 +111,8 @@ impl Session {
             return Err(Failure::Usage(text));
         }
         let last = last.unwrap_or(u64::MAX).min(end.unwrap_or(u64::MAX));
-        self.announce(last.min(end.unwrap_or(self.case.steps())));
-        let whole = end.unwrap_or(self.case.steps()).max(1) as f64;
+        self.announce(last.min(self.whole()));
+        let whole = self.whole().max(1) as f64;
         let start = self.engine.state().step as f64 / whole;
         let mut progress = Progress::start(self.console, &self.case.plan.name, start);
         while self.engine.state().step < last {
@@ -149,6 +149,11 @@ impl Session {
         let expected =
             format!("motions from {:.9} s on for a step of {h} s at least", state.time());
         Failure::at(playback.path(), format!("expected {expected}, found {end}{lost}"))
+    }
+
+    /// Steps of the whole: of the recording, where its end is known, or of the case.
+    fn whole(&self) -> u64 {
+        self.end().unwrap_or(self.case.steps())
     }
 
     /// The last step of case or recording, where it is known.
@@ -286,7 +291,7 @@ impl Session {
     fn summary(&self, hash: &str) -> Value {
         let mut summary = json!({
             "case": self.case.plan.name, "grains": self.engine.model().grains.len(),
-            "state_hash": hash, "complete": self.engine.state().step == self.case.steps(),
+            "state_hash": hash, "complete": self.engine.state().step == self.whole(),
         });
         let timing = self.timing_of_before(hash).unwrap_or_else(|| {
             json!({
@@ -326,7 +331,7 @@ impl Session {
         format!(
             "{name}: {grains} grains, {step} of {} steps, {time:.4} s\n\n{figures}\n{profile}\n\
              state hash  {hash}\n\n{files}",
-            self.case.steps()
+            self.whole()
         )
     }
 }

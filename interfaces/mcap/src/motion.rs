@@ -70,13 +70,15 @@ pub fn read(
     }
     assignment.all_used(path, &found.topics, &found.frames)?;
     let topics = std::mem::take(&mut found.topics);
+    let lost = messages.lost().cloned();
     let tracks = found.tracks();
     if tracks.is_empty() {
         let topics: Vec<&String> = topics.iter().take(20).collect();
         let expected = format!("poses of one of {bodies:?}; name them with --map TOPIC=BODY");
-        return Err(Error::unsuitable(path, "topics", expected, format!("{topics:?}")));
+        // What is damaged may have held them.
+        let lost = lost.map_or(String::new(), |lost| format!("; {lost}"));
+        return Err(Error::unsuitable(path, "topics", expected, format!("{topics:?}{lost}")));
     }
-    let lost = messages.lost().cloned();
     join(path, tracks, begin_ns, lost)
 }
 

@@ -17,6 +17,8 @@ const UNIT: f64 = 1e-9;
 pub(super) struct Track {
     poses: Vec<(u64, Pose)>,
     twists: BTreeMap<u64, Twist>,
+    /// A time at which two were told.
+    two_twists_at: Option<u64>,
 }
 
 impl Track {
@@ -25,7 +27,9 @@ impl Track {
     }
 
     pub fn twist(&mut self, time_ns: u64, twist: Twist) {
-        self.twists.insert(time_ns, twist);
+        if self.twists.insert(time_ns, twist).is_some_and(|other| other != twist) {
+            self.two_twists_at.get_or_insert(time_ns);
+        }
     }
 
     pub fn has_poses(&self) -> bool {
@@ -34,6 +38,7 @@ impl Track {
 
     pub fn take_twists(&mut self, other: &mut Track) {
         self.twists.append(&mut other.twists);
+        self.two_twists_at = self.two_twists_at.or(other.two_twists_at);
     }
 
     /// The waveform, and how it came about. Times are those of the file.
@@ -45,6 +50,9 @@ impl Track {
             let (place, expected) = (format!("{} ns", pair[0].0), "one pose at a time");
             let found = "two; do the stamps tell the time? (--time log takes the recorded one)";
             return Err(Malformed::new(place, expected, found));
+        }
+        if let Some(time) = self.two_twists_at {
+            return Err(Malformed::new(format!("{time} ns"), "one twist at a time", "two"));
         }
         let cubic = self.poses.iter().all(|(time, _)| self.twists.contains_key(time));
         let knot = |(time, pose): &(u64, Pose)| {
@@ -111,4 +119,27 @@ pub(super) fn cut(waveform: &Waveform, start: u64, begin: u64) -> Waveform {
         );
     }
     Waveform { interpolation: waveform.interpolation, knots }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_twists_at_a_time_are_refused_and_the_same_one_twice_is_not() {
+        let track = |speeds: [f64; 2]| {
+            let mut track = Track::default();
+            for speed in speeds {
+                let mut twist = no_twist();
+                twist.linear.x = speed;
+                track.pose(5, Pose::default());
+                track.twist(5, twist);
+            }
+            track.waveform()
+        };
+        let refused = track([1.0, 2.0]).unwrap_err().to_string();
+        assert_eq!(refused, "5 ns: expected one twist at a time, found two");
+        let same = track([1.0, 1.0]);
+        assert!(same.is_ok_and(|(waveform, _)| waveform.knots.len() == 1));
+    }
 }
