@@ -5,6 +5,7 @@
 use super::waveform::Twist;
 use crate::math::Vec3;
 use crate::observe::{SqueezeMeter, SqueezeRule};
+use crate::state::State;
 use crate::step::Reaction;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -44,6 +45,12 @@ impl Recent {
         });
         sum.map(|s| s / (h * self.steps.len().max(1) as f64))
     }
+}
+
+/// What a component remembers in `state` of the last steps and of squeezes, for who goes on beside one.
+pub fn remembered(state: &State, bodies: usize, rule: &Arc<SqueezeRule>) -> (Recent, SqueezeMeter) {
+    let Memory { recent, squeezes, .. } = Memory::read(&state.drive, bodies, rule);
+    (recent, squeezes)
 }
 
 /// Twists in which bodies left the last window, what the ballast did to them in the last steps, and how far

@@ -16,7 +16,7 @@ mod waveform;
 mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
-pub use memory::Recent;
+pub use memory::{Recent, remembered};
 pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use parameters::Parameters;
 pub use refusal::Refusal;

@@ -10,7 +10,18 @@ use ballast_mcap::recording::Windows;
 
 /// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
 pub fn of(windows: &Windows, case: &Case, model: Model, state: State) -> Outcome<(Model, State)> {
-    let Some(bytes) = windows.start() else { return Ok((model, state)) };
+    let Some(bytes) = windows.start() else {
+        // What is damaged may have been the start.
+        let begins_here =
+            || windows.meta().initial_hash == ballast_hdf5::state_hash(&model, &state).into();
+        return match windows.lost() {
+            Some(lost) if !begins_here() => {
+                let what = format!("it is damaged before its first window: {lost}");
+                Err(Failure::at(windows.path(), what))
+            }
+            _ => Ok((model, state)),
+        };
+    };
     let kept = checkpoint::from_bytes(bytes);
     let kept = kept.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
     if Parameters::alone_differ(&model, &kept.model) {

@@ -41,15 +41,15 @@ impl Taping {
         let start = match is_the_beginning(&case.plan, model, state) {
             true => None,
             false => {
-                let kept = case.checkpoint(model, state, BTreeMap::new());
+                let kept = case.checkpoint(model, &engine.whole_state(), BTreeMap::new());
                 Some(checkpoint::to_bytes(path, &kept)?)
             }
         };
         let tape = Tape::create(path, &meta, model, state, start.as_deref())?;
         let frames = case.plan.run.output_ns > 0;
-        let (recent, speed_limit) = (component::Recent::default(), SpeedLimit::of(model));
         let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;
-        let squeezes = SqueezeMeter::new(Arc::new(rule));
+        let (recent, squeezes) = component::remembered(state, model.driven.len(), &Arc::new(rule));
+        let speed_limit = SpeedLimit::of(model);
         let mut taping =
             Self { tape, phase: engine.phase(), frames, recent, squeezes, speed_limit };
         taping

@@ -272,8 +272,21 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
         );
     }
     let hash = &last.hash;
-    let replayed = format!("replay s.3.mcap --out r --expect {hash}");
+    let replayed = format!("replay s.3.mcap --out r --expect {hash} --record again.mcap");
     place.with_beds(&replayed).with_code(0);
+    // Its recording begins where it began, too.
+    let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
+    assert!(verified.contains("all equal"), "{verified}");
+    // Where the start is damaged there is nothing to compare with.
+    let mut bytes = std::fs::read(place.path("s.3.mcap")).unwrap();
+    let name = b"start.h5";
+    let at = bytes.windows(name.len()).position(|w| w == name).unwrap();
+    bytes[at + 2000] ^= 1;
+    std::fs::write(place.path("damaged.mcap"), bytes).unwrap();
+    for call in ["verify damaged.mcap", "replay damaged.mcap --out d"] {
+        let said = place.with_beds(call).with_code(1).stderr();
+        assert!(said.contains("it is damaged before its first window"), "{call}: {said}");
+    }
     // In another case it cannot go on.
     std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
     let refused = place.with_beds("verify s.3.mcap --case other.toml").with_code(5);
