@@ -102,7 +102,8 @@ pub struct BodyOutcome {
     /// Mean over the last 4 ms, which may have begun before the window: N, N m.
     pub moving_force: Vec3,
     pub moving_torque: Vec3,
-    /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns; the beginning of the window where no force acted.
+    /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns; the beginning of the window
+    /// where no force acted.
     pub peak_force: Vec3,
     pub peak_torque: Vec3,
     pub peak_time_ns: u64,

@@ -3,6 +3,7 @@
 use crate::case::RUN_ID;
 use crate::exit::{Failure, Outcome};
 use ballast_hdf5::checkpoint;
+use serde_json::Value;
 use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use std::sync::Arc;
 /// What a process that writes a run has locked.
 const LOCK: &str = ".lock";
 /// Most bytes of a summary.
-pub const LONGEST_SUMMARY: u64 = 1 << 20;
+const LONGEST_SUMMARY: u64 = 1 << 20;
 
 /// Paths of a run's files.
 #[derive(Debug, Clone)]
@@ -25,6 +26,11 @@ impl RunFiles {
     /// The files in `folder`.
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
         Self { folder: folder.into(), _claim: None }
+    }
+
+    /// The files of a run that begins in `folder`.
+    pub fn begun_in(folder: impl Into<PathBuf>) -> Outcome<Self> {
+        Self::in_folder(folder).claimed("wait for it, or choose another folder with --out")
     }
 
     /// The same, to be written by this process alone; the folder is made. `or` is what can be done while another
@@ -69,10 +75,13 @@ impl RunFiles {
 
     /// Whether a run stopped here before its end, be it where it was told to.
     pub fn is_unfinished(&self) -> bool {
-        let summary = || -> Option<serde_json::Value> {
-            serde_json::from_str(&read_text(&self.summary(), LONGEST_SUMMARY).ok()?).ok()
-        };
-        self.checkpoint().exists() && summary().is_none_or(|summary| summary["complete"] == false)
+        let is_partial = |summary: Value| summary["complete"] == false;
+        self.checkpoint().exists() && self.told_summary().is_none_or(is_partial)
+    }
+
+    /// What the summary says, where there is one.
+    pub fn told_summary(&self) -> Option<Value> {
+        serde_json::from_str(&read_text(&self.summary(), LONGEST_SUMMARY).ok()?).ok()
     }
 
     /// Refuses a file of the run for something else.

@@ -9,7 +9,7 @@ use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
-use crate::files::{LONGEST_SUMMARY, RunFiles, read_text, replace_text};
+use crate::files::{RunFiles, replace_text};
 use crate::interrupt;
 use crate::playback::Playback;
 use crate::profile::Profile;
@@ -314,8 +314,7 @@ impl Session {
         if self.engine.state().step > self.first {
             return None;
         }
-        let text = read_text(&self.files.summary(), LONGEST_SUMMARY).ok()?;
-        let mut summary: Value = serde_json::from_str(&text).ok()?;
+        let mut summary = self.files.told_summary()?;
         (summary["state_hash"] == hash).then(|| summary["timing"].take())
     }
 

@@ -1,7 +1,7 @@
 //! What a component says of itself.
 
 use crate::lockstep::Lockstep;
-use crate::messages::{Point, Quaternion};
+use crate::messages::{Parameters, Point, Quaternion};
 use ballast::component::Component;
 use ballast::model::{Freedom, Model, Role, Schedule};
 use schemars::JsonSchema;
@@ -72,10 +72,9 @@ impl Description {
     /// Of the component `site/id` as it is now.
     pub fn of(key: &str, lockstep: &Lockstep) -> Self {
         let component = lockstep.component();
-        let (model, state) = (component.model(), component.state());
+        let model = component.model();
         let limits = component.limits();
-        let body = |(d, body): (usize, &ballast::model::DrivenBody)| {
-            let pose = state.imposed(model, d);
+        let body = |body: &ballast::model::DrivenBody| {
             let freedoms = body.mount.map_or([Freedom::Held; 6], |m| m.freedoms);
             Body {
                 name: body.name.clone(),
@@ -84,17 +83,17 @@ impl Description {
                 stiffness: freedoms.map(|f| f.spring()[0]),
                 damping: freedoms.map(|f| f.spring()[1]),
                 mass_kg: body.mount.map(|m| m.mass),
-                position: pose.position.into(),
-                orientation: pose.orientation.into(),
+                position: Point::default(),
+                orientation: Quaternion::default(),
             }
         };
-        Self {
+        let mut this = Self {
             key: key.into(),
             version: env!("CARGO_PKG_VERSION").into(),
             wire: WIRE,
             step_ns: model.stepping.step_ns,
             grains: model.grains.len(),
-            bodies: model.driven.iter().enumerate().map(body).collect(),
+            bodies: model.driven.iter().map(body).collect(),
             join: Join {
                 distance_m: limits.join_distance,
                 angle_rad: limits.join_angle,
@@ -108,10 +107,12 @@ impl Description {
                 .into(),
             pictures: Vec::new(),
             parameters: parameters(component),
-        }
+        };
+        this.follow(lockstep);
+        this
     }
 
-    /// The same, with its bodies where they are now.
+    /// Puts the bodies where they are now.
     pub fn follow(&mut self, lockstep: &Lockstep) {
         let component = lockstep.component();
         let (model, state) = (component.model(), component.state());
@@ -125,16 +126,13 @@ impl Description {
 /// What decides how a window is computed.
 fn parameters(component: &Component) -> BTreeMap<String, serde_json::Value> {
     let model = component.model();
-    let solver = &model.solver;
-    let schedule = solver.schedule.name();
-    let limit = component.parameters().penetration;
     // As they are set: 0 is none.
-    let penetration = if limit.is_finite() { limit } else { 0.0 };
+    let Parameters { iterations, tolerance, penetration } = component.parameters().into();
     [
         ("step_ns", serde_json::json!(model.stepping.step_ns)),
-        ("iterations", serde_json::json!(solver.iterations)),
-        ("tolerance", serde_json::json!(solver.tolerance.unwrap_or_default())),
-        ("schedule", serde_json::json!(schedule)),
+        ("iterations", serde_json::json!(iterations)),
+        ("tolerance", serde_json::json!(tolerance)),
+        ("schedule", serde_json::json!(model.solver.schedule.name())),
         ("penetration", serde_json::json!(penetration)),
     ]
     .map(|(name, value)| (name.to_string(), value))

@@ -232,13 +232,11 @@ def plan(
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
-    lines = [_toml.dumps({"case": os.fspath(case)}).rstrip()]
+    text = _toml.dumps({"case": os.fspath(case)})
     for point in points:
-        lines.append("\n[[points]]")
-        for key, value in point.items():
-            name = "bed.seed" if key == "seed" else key
-            lines.append(_toml.dumps({name: value}).rstrip())
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+        named = {"bed.seed" if key == "seed" else key: value for key, value in point.items()}
+        text += f"\n[[points]]\n{_toml.dumps(named)}"
+    Path(path).write_text(text, encoding="utf-8")
 
 
 def _told(case: ballast.Case) -> tuple[str, int, str]:

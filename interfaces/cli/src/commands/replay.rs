@@ -41,8 +41,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     };
     let folder = format!("{}-replay", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
-    let files =
-        RunFiles::in_folder(folder).claimed("wait for it, or choose another folder with --out")?;
+    let files = RunFiles::begun_in(folder)?;
     files.refuse_unfinished("choose another folder with --out")?;
     if args.record.as_ref().is_some_and(|record| same_file(record, &args.file)) {
         return Err(Failure::Usage("a replay cannot be recorded to the file it reads".into()));

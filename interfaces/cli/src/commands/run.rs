@@ -15,8 +15,7 @@ pub fn run(args: Run, console: Console) -> Outcome {
     interrupt::install()?;
     let case = case::load(&args.case, &Choices::from(&args.overrides), console)?;
     let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
-    let files =
-        RunFiles::in_folder(folder).claimed("wait for it, or choose another folder with --out")?;
+    let files = RunFiles::begun_in(folder)?;
     if !args.force {
         files.refuse_unfinished("start over with --force")?;
     }

@@ -120,7 +120,10 @@ impl Place {
             create_folder(&self.of(number))?;
             replace_text(&path, text)?;
         }
-        let point = |(number, point): (usize, &Point)| json!({ "number": number, "folder": self.of(number), "values": values(point) });
+        let point = |(number, point): (usize, &Point)| {
+            let folder = self.of(number);
+            json!({ "number": number, "folder": folder, "values": values(point) })
+        };
         let manifest =
             json!({ "case": case, "points": self.points().map(point).collect::<Vec<_>>() });
         replace_text(&self.folder.join("manifest.json"), &format!("{manifest:#}\n"))

@@ -23,8 +23,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let first = case::load(&args.case, &choices, console)?;
     let folder = format!("{}-serve", first.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
-    let files =
-        RunFiles::in_folder(folder).claimed("wait for it, or choose another folder with --out")?;
+    let files = RunFiles::begun_in(folder)?;
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     let case = if resumes {

@@ -3,7 +3,7 @@
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{LONGEST_SUMMARY, RunFiles, read_text};
+use crate::files::RunFiles;
 use crate::record::{self, Column, Row};
 use crate::recorder::{self, STEPS, ZONES};
 use crate::summary::{Setting, Summary};
@@ -97,10 +97,7 @@ impl Source {
             zones.push([vec![state.time()], measured].concat());
         }
         let frames = frames(&reader, &rows, state, &results)?;
-        let timing = read_text(&files.summary(), LONGEST_SUMMARY)
-            .ok()
-            .and_then(|text| serde_json::from_str::<Value>(&text).ok())
-            .map(|mut summary| summary["timing"].take());
+        let timing = files.told_summary().map(|mut summary| summary["timing"].take());
         Ok(Self {
             program: reader.about("program")?,
             bed_key: reader.about("key")?,

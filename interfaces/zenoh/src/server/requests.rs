@@ -5,11 +5,10 @@ use super::answer::{self, Answer, CDR};
 use super::gate::{Request, Verb, object};
 use super::memory::Numbered;
 use crate::{Error, random};
-use ballast::component::Parameters;
 use ballast_protocol::lockstep::{
     Attach, Code, Fault, Init, Kind, Named, Pace, Place, Progress, SetParameters,
 };
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message, Parameters};
 use ballast_protocol::schema::Nothing;
 use ballast_protocol::{from_cdr, from_json};
 use std::sync::Arc;
@@ -211,15 +210,11 @@ impl Service<'_> {
             (None, Some(None)) => self.stop_running("its owner stops it"),
             (None, _) => {}
         }
-        let (iterations, tolerance) = (ask.iterations, ask.tolerance);
-        if iterations.is_some() || tolerance.is_some() || ask.penetration.is_some() {
-            let Parameters { iterations, tolerance, penetration } =
-                self.lockstep.component().parameters();
-            let none = |value: f64| if value.is_finite() { value } else { 0.0 };
+        if ask.iterations.is_some() || ask.tolerance.is_some() || ask.penetration.is_some() {
+            let set = self.lockstep.component().parameters().into();
+            let Parameters { iterations, tolerance, penetration } = set;
             self.say(&format!(
-                "parameters: iterations {iterations}, tolerance {}, penetration {} m (0: none)",
-                tolerance.unwrap_or_default(),
-                none(penetration)
+                "parameters: iterations {iterations}, tolerance {tolerance}, penetration {penetration} m (0: none)"
             ));
         }
         self.describe();

@@ -36,7 +36,7 @@ struct Seen {
     /// As it was `at` ms after the start.
     report: StatusReport,
     at: u64,
-    /// As JSON, and its parameters alone.
+    /// None before there is a bed.
     description: Option<Description>,
     /// Who drives, with the ticket.
     owner: Option<(String, String)>,
