@@ -39,8 +39,10 @@ create_exception!(
     ballast,
     Unreachable,
     Error,
-    "A component elsewhere has not answered as it should. The same call may be made again: what was done is \
-     not done twice. `code`: slow, peer_lost, diverged, link, answer, name."
+    "A component that another process computes has not answered as it should. The same call may be made again:\n\
+     a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.\n\n\
+     `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this\n\
+     simulation; link, how to reach it; answer, what it says cannot be read."
 );
 
 /// An exception of class `T` with the attribute `code`.

@@ -164,7 +164,9 @@ impl There {
         let reply = match result {
             Ok(reply) => reply,
             Err(error) => {
-                if error.fault().is_some() {
+                // What was refused was not done; after another run than this one nothing is to be waited for.
+                if error.fault().is_some() || matches!(error, ballast_zenoh::Error::Diverged { .. })
+                {
                     self.pending = None;
                 }
                 return Err(raised.unwrap_or_else(|| failed(py, error)));

@@ -32,18 +32,18 @@ impl Console {
 
     /// A message about the course of things.
     pub fn note(&self, text: &str) {
-        eprintln!("{text}");
+        write_err(text);
     }
 
     /// Something the person should know although the program goes on.
     pub fn warning(&self, text: &str) {
-        eprintln!("warning: {text}");
+        write_err(&format!("warning: {text}"));
         self.event("warning", json!({ "message": text }));
     }
 
     /// Why the program ends.
     pub fn failure(&self, failure: &Failure) {
-        eprintln!("{}: {failure}", failure.word());
+        write_err(&format!("{}: {failure}", failure.word()));
         self.failure_event(failure);
     }
 
@@ -66,16 +66,29 @@ impl Console {
 
 /// Whether something could not be written to stdout. What the program does goes on; how it ends is another matter.
 static IS_SILENT: AtomicBool = AtomicBool::new(false);
+/// Whether the reader of stdout has left.
+static IS_LEFT: AtomicBool = AtomicBool::new(false);
 
 /// Writes to stdout. A reader that has seen enough (`| head`) is no error of the run's.
 pub fn write_out(text: &str) {
     let mut out = std::io::stdout();
-    if let Err(e) = writeln!(out, "{text}").and_then(|()| out.flush())
-        && e.kind() != ErrorKind::BrokenPipe
-        && !IS_SILENT.swap(true, Ordering::Relaxed)
-    {
-        eprintln!("cannot write to standard output: {e}");
+    let Err(e) = writeln!(out, "{text}").and_then(|()| out.flush()) else { return };
+    if e.kind() == ErrorKind::BrokenPipe {
+        IS_LEFT.store(true, Ordering::Relaxed);
+    } else if !IS_SILENT.swap(true, Ordering::Relaxed) {
+        write_err(&format!("cannot write to standard output: {e}"));
     }
+}
+
+/// Writes to stderr. Nobody is left to be told of a failure there (a closed terminal, a reader that has ended), and a run
+/// is worth more than a word about it.
+pub fn write_err(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Whether somebody may still read what is written to stdout.
+pub fn is_read() -> bool {
+    !IS_LEFT.load(Ordering::Relaxed)
 }
 
 /// Whether all that was said on stdout was written.

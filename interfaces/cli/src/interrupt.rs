@@ -1,5 +1,6 @@
 //! Ctrl-C: the first one asks the run to stop after its step, the second one aborts.
 
+use crate::console::write_err;
 use crate::exit::{Failure, Outcome};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -9,7 +10,7 @@ static REQUESTS: AtomicU32 = AtomicU32::new(0);
 pub fn install() -> Outcome {
     ctrlc::set_handler(|| {
         if REQUESTS.fetch_add(1, Ordering::SeqCst) == 0 {
-            eprintln!("\nstopping after this step (Ctrl-C again aborts at once)");
+            write_err("\nstopping after this step (Ctrl-C again aborts at once)");
         } else {
             std::process::exit(130);
         }

@@ -25,7 +25,8 @@ pub enum Error {
     /// The caller has given up waiting; the request may be sent again, as after [`Error::Slow`].
     #[error("{request}: given up after {waited_s:.1} s; {component} goes on with it")]
     Abandoned { request: String, component: String, waited_s: f64 },
-    /// The run was continued by someone else, or lost more than can be computed again.
+    /// The run was continued by someone else, or lost more than can be computed again: so says every call that would go
+    /// on from where it was left, until a kept state is restored or a run begun.
     #[error("{component}, run {run_id}: expected {expected}, found {found}")]
     Diverged { component: String, run_id: String, expected: String, found: String },
     /// An answer that is none.

@@ -69,10 +69,10 @@ class Refused(Error):
 
 class Unreachable(Error):
     """A component that another process computes has not answered as it should. The same call may be made again:
-    a window counts once, however often it is asked for.
+    a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.
 
-    `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run was continued by someone else; link, how to
-    reach it; answer, what it says cannot be read.
+    `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this
+    simulation; link, how to reach it; answer, what it says cannot be read.
     """
 
 class FileError(Error):

@@ -1,7 +1,7 @@
 //! `ballast top SITE/ID`: a live table of a component: state, who waits for whom, how far, forces.
 
 use super::args::Top;
-use crate::console::Console;
+use crate::console::{Console, is_read};
 use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use ballast_protocol::from_cdr;
@@ -49,7 +49,7 @@ pub fn top(args: Top, console: Console) -> Outcome {
     let mut earlier: Option<(Instant, u64)> = None;
     let mut pace = None;
     for k in 0.. {
-        if interrupt::requested() || args.count.is_some_and(|n| k >= n.get()) {
+        if interrupt::requested() || !is_read() || args.count.is_some_and(|n| k >= n.get()) {
             break;
         }
         if k > 0 {

@@ -196,3 +196,18 @@ fn a_full_disk_fails_with_the_file_and_keeps_what_was_there() {
     assert_eq!(std::fs::read(place.path("run/checkpoint.h5")).unwrap(), checkpoint);
     place.call("resume run/checkpoint.h5 --steps 20").with_code(0);
 }
+
+#[test]
+fn nobody_who_reads_messages_is_no_end_of_a_run() {
+    let place = Place::new();
+    place.run("--out read --steps 20").with_code(0);
+    let to_nobody = |arguments: &str| {
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        place.command(arguments).stderr(full).status().unwrap().code()
+    };
+    assert_eq!(to_nobody("check none.toml"), Some(1));
+    assert_eq!(to_nobody("run none.toml"), Some(1));
+    assert_eq!(to_nobody("tamp"), Some(2));
+    assert_eq!(to_nobody("run tiny.toml --out unread --steps 20"), Some(0));
+    assert_eq!(place.hash("unread"), place.hash("read"));
+}

@@ -2,8 +2,9 @@
 //!
 //! Contract: a request that is not answered is asked again, and has its effect once. A client whose
 //! connection was cut becomes the owner again by itself; when the component comes back from an older
-//! checkpoint, the windows since then are asked for again, and their state hashes compared. Every call ends:
-//! with the answer, with what the component refuses, or with *slow* or *peer lost*.
+//! checkpoint, the windows since then are asked for again, and their state hashes compared. One that finds the run
+//! elsewhere than it left it goes on only from a kept state or from the beginning. Every call ends: with the answer, with
+//! what the component refuses, with *diverged*, or with *slow* or *peer lost*.
 
 mod journal;
 mod line;
@@ -39,6 +40,31 @@ pub struct Client {
     journal: Journal,
     /// Time was let run by itself: where it is, nobody knows beforehand.
     runs_freely: bool,
+    /// The component may have lost sight of this client, or is not where it was left: to be seen to first.
+    is_behind: bool,
+    /// What was asked, and not answered yet.
+    unanswered: Option<Unanswered>,
+    /// Where the component was found, as if what is unanswered had been done.
+    guess: Option<Place>,
+    /// Where the run was found after it had gone on without this client.
+    apart: Option<Place>,
+}
+
+/// A request that may have had its effect although its answer is lost.
+enum Unanswered {
+    Window(AdvanceRequest),
+    Parameters,
+}
+
+/// Where a request leads.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Leads {
+    /// On from where the run was left.
+    On,
+    /// To a kept state, wherever the run is now.
+    Back,
+    /// To a run of its own.
+    Anew,
 }
 
 impl Client {
@@ -59,8 +85,21 @@ impl Client {
         let line = Line::open(component, link, patience)?;
         let token = line.come_alive(&id)?;
         let (ticket, place, journal) = Default::default();
-        let mut client =
-            Self { line, id, _token: token, ticket, place, journal, runs_freely: false };
+        let (runs_freely, is_behind) = (false, false);
+        let (unanswered, guess, apart) = (None, None, None);
+        let mut client = Self {
+            line,
+            id,
+            _token: token,
+            ticket,
+            place,
+            journal,
+            runs_freely,
+            is_behind,
+            unanswered,
+            guess,
+            apart,
+        };
         let resume = resume.map(str::to_string);
         let ask = Attach { client: client.id.clone(), resume, ticket: None };
         let attached = client.ask_to_drive(&ask)?;
@@ -74,38 +113,40 @@ impl Client {
         read("attach", &bytes)
     }
 
-    /// Becomes the owner again, of the same run, after the component or the line was away; calls do this by
-    /// themselves.
-    ///
-    /// # Errors
-    /// As for [`Client::attach`]; [`Error::Diverged`]: the run was continued by someone else, or lost more
-    /// than can be computed again.
-    pub fn attach_again(&mut self) -> Result<(), Error> {
+    /// Becomes the owner again after the component or the line was away, and brings the component to where it was left.
+    fn come_back(&mut self, leads: Leads) -> Result<(), Error> {
         let ask = Attach {
             client: self.id.clone(),
-            resume: Some(self.place.run_id.clone()),
+            resume: (leads != Leads::Anew).then(|| self.place.run_id.clone()),
             ticket: Some(self.ticket.clone()),
         };
         let attached = self.ask_to_drive(&ask)?;
         self.ticket = attached.ticket;
         if std::mem::take(&mut self.runs_freely) {
             self.begin_at(attached.place)?;
-            return Ok(());
+        } else if leads == Leads::On && self.apart.is_none() {
+            self.catch_up(&attached.place)?;
         }
-        self.catch_up(&attached.place)
+        self.is_behind = false;
+        Ok(())
     }
 
-    /// Brings the component to where it was left.
-    fn catch_up(&self, found: &Place) -> Result<(), Error> {
-        if found.seq == self.place.seq && found.hash == self.place.hash {
+    fn catch_up(&mut self, found: &Place) -> Result<(), Error> {
+        if (found.seq, &found.hash) == (self.place.seq, &self.place.hash) {
             return Ok(());
         }
-        // The window was computed, its answer lost: it will be asked for again.
-        if found.seq == self.place.seq + 1 {
+        // It was done, its answer lost: it will be asked for again.
+        let is_done = match &self.unanswered {
+            Some(Unanswered::Window(request)) => found.seq == request.seq,
+            Some(Unanswered::Parameters) => found.seq == self.place.seq,
+            None => false,
+        };
+        if is_done {
+            self.guess = Some(found.clone());
             return Ok(());
         }
         let Some(windows) = self.journal.after(found) else {
-            return Err(self.diverged(found));
+            return Err(self.part(found.clone()));
         };
         let mut hash = found.hash.clone();
         for request in windows {
@@ -116,7 +157,19 @@ impl Client {
         if hash == self.place.hash {
             return Ok(());
         }
-        Err(self.diverged(&Place { seq: self.place.seq, hash, ..found.clone() }))
+        Err(self.part(Place { seq: self.place.seq, hash, ..found.clone() }))
+    }
+
+    /// The run has gone on to `found` without this client, which has nothing to go on from any more.
+    fn part(&mut self, found: Place) -> Error {
+        let error = self.diverged(&found);
+        (self.apart, self.is_behind) = (Some(found), false);
+        (self.unanswered, self.guess) = (None, None);
+        error
+    }
+
+    fn check_together(&self) -> Result<(), Error> {
+        self.apart.as_ref().map_or(Ok(()), |found| Err(self.diverged(found)))
     }
 
     fn diverged(&self, found: &Place) -> Error {
@@ -209,7 +262,11 @@ impl Client {
     /// # Errors
     /// As for [`Client::advance_to`].
     pub fn send(&mut self, kind: Kind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
-        let reply = self.returning(|client| client.deliver(kind, request))?;
+        self.check_together()?;
+        self.unanswered = Some(Unanswered::Window(request.clone()));
+        let result = self.returning(Leads::On, |client| client.deliver(kind, request));
+        let reply = result.map_err(|error| self.without(error))?;
+        (self.unanswered, self.guess) = (None, None);
         self.journal.take(request, &self.place, &reply);
         self.go_to(&reply);
         if let Some(status) = self.line.last_status()
@@ -218,6 +275,17 @@ impl Client {
             self.journal.keep_after(status.durable_seq);
         }
         Ok(reply)
+    }
+
+    /// What becomes of a request that was not done.
+    fn without(&mut self, error: Error) -> Error {
+        let Some(fault) = error.fault() else { return error };
+        self.unanswered = None;
+        match self.guess.take() {
+            // What was found there was not this client's doing.
+            Some(found) if fault.code == Code::OutOfSequence => self.part(found),
+            _ => error,
+        }
     }
 
     fn go_to(&mut self, reply: &AdvanceReply) {
@@ -253,10 +321,15 @@ impl Client {
     }
 
     /// Does what only the owner can, becoming it again if the component has lost sight of this client.
-    fn returning<T>(&mut self, mut act: impl FnMut(&Self) -> Result<T, Error>) -> Result<T, Error> {
+    fn returning<T>(
+        &mut self,
+        leads: Leads,
+        mut act: impl FnMut(&Self) -> Result<T, Error>,
+    ) -> Result<T, Error> {
         let mut returns = 0;
         loop {
-            let error = match act(self) {
+            let come_back = if self.is_behind { self.come_back(leads) } else { Ok(()) };
+            let error = match come_back.and_then(|()| act(self)) {
                 Ok(done) => return Ok(done),
                 Err(error) => error,
             };
@@ -265,11 +338,7 @@ impl Client {
                 return Err(error);
             }
             returns += 1;
-            match self.attach_again() {
-                // Lost again in the middle of it: once more.
-                Err(Error::Refused(f)) if f.code == Code::NotOwner => {}
-                result => result?,
-            }
+            self.is_behind = true;
         }
     }
 
@@ -278,7 +347,9 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn save(&mut self, name: &str) -> Result<&Place, Error> {
-        self.named("save", name)
+        self.check_together()?;
+        self.place = self.named("save", Leads::On, name)?;
+        Ok(&self.place)
     }
 
     /// Goes back to a kept state.
@@ -286,7 +357,9 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn restore(&mut self, name: &str) -> Result<&Place, Error> {
-        self.named("restore", name)
+        let place = self.named("restore", Leads::Back, name)?;
+        // The windows before it do not lead here.
+        self.begin_at(place)
     }
 
     /// Forgets a kept state.
@@ -294,7 +367,9 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn drop_state(&mut self, name: &str) -> Result<&Place, Error> {
-        self.named("drop", name)
+        // Whatever the run is at, it is no other for it.
+        let _: Place = self.named("drop", Leads::On, name)?;
+        Ok(&self.place)
     }
 
     /// Starts a run of its own from the beginning.
@@ -302,7 +377,7 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn reset(&mut self) -> Result<&Place, Error> {
-        let place = self.json("reset", b"{}".to_vec())?;
+        let place = self.json("reset", Leads::Anew, b"{}".to_vec())?;
         self.begin_at(place)
     }
 
@@ -314,7 +389,7 @@ impl Client {
     pub fn init(&mut self, ask: &Init) -> Result<&Place, Error> {
         let text = serde_json::to_vec(ask).unwrap_or_default();
         let allowed = self.line.patience.window;
-        let bytes = self.returning(|client| client.once("init", text.clone(), allowed))?;
+        let bytes = self.returning(Leads::Anew, |c| c.once("init", text.clone(), allowed))?;
         self.begin_at(read("init", &bytes)?)
     }
 
@@ -323,7 +398,10 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn set_parameters(&mut self, ask: &SetParameters) -> Result<&Place, Error> {
-        let place = self.json("param", serde_json::to_vec(ask).unwrap_or_default())?;
+        self.check_together()?;
+        self.unanswered.get_or_insert(Unanswered::Parameters);
+        let text = serde_json::to_vec(ask).unwrap_or_default();
+        let place = self.json("param", Leads::On, text).map_err(|error| self.without(error))?;
         self.begin_at(place)
     }
 
@@ -361,6 +439,7 @@ impl Client {
     fn begin_at(&mut self, place: Place) -> Result<&Place, Error> {
         self.place = place;
         self.journal.clear();
+        (self.unanswered, self.guess, self.apart) = (None, None, None);
         Ok(&self.place)
     }
 
@@ -369,7 +448,7 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn detach(mut self) -> Result<Place, Error> {
-        self.json("detach", b"{}".to_vec())
+        self.json("detach", Leads::On, b"{}".to_vec())
     }
 
     /// Ends the component.
@@ -377,22 +456,26 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn shut_down(mut self) -> Result<Place, Error> {
-        self.json("shutdown", b"{}".to_vec())
+        self.json("shutdown", Leads::On, b"{}".to_vec())
     }
 
-    fn named(&mut self, verb: &str, name: &str) -> Result<&Place, Error> {
-        let text = serde_json::to_vec(&Named { name: name.into() }).unwrap_or_default();
-        self.place = self.json(verb, text)?;
-        if verb == "restore" {
-            // The windows before it do not lead here.
-            self.journal.clear();
-        }
-        Ok(&self.place)
+    fn named<T: DeserializeOwned>(
+        &mut self,
+        verb: &str,
+        leads: Leads,
+        name: &str,
+    ) -> Result<T, Error> {
+        self.json(verb, leads, serde_json::to_vec(&Named { name: name.into() }).unwrap_or_default())
     }
 
-    fn json<T: DeserializeOwned>(&mut self, verb: &str, text: Vec<u8>) -> Result<T, Error> {
+    fn json<T: DeserializeOwned>(
+        &mut self,
+        verb: &str,
+        leads: Leads,
+        text: Vec<u8>,
+    ) -> Result<T, Error> {
         let allowed = self.line.patience.control;
-        let bytes = self.returning(|client| client.once(verb, text.clone(), allowed))?;
+        let bytes = self.returning(leads, |client| client.once(verb, text.clone(), allowed))?;
         read(verb, &bytes)
     }
 

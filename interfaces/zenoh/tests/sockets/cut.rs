@@ -2,7 +2,11 @@
 
 use crate::common::scene::Random;
 use crate::proxy::Proxy;
-use crate::setup::{KEY, Served, attach, once_free, patient, step, times, undisturbed};
+use crate::setup::{
+    KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
+};
+use ballast_protocol::lockstep::SetParameters;
+use ballast_protocol::messages::Interpolation;
 use ballast_zenoh::{Client, Error, Link, Patience, SILENCE};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -97,4 +101,84 @@ fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
     let error = step(&mut client).unwrap_err();
     assert!(matches!(error, Error::Diverged { .. }), "{error}");
     assert!(error.to_string().contains("window 4"), "{error}");
+}
+
+fn iterations(most: u32) -> SetParameters {
+    SetParameters { iterations: Some(most), ..SetParameters::default() }
+}
+
+#[test]
+fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only() {
+    let served = Served::new();
+    let proxy = Proxy::before(&served.endpoint);
+    let mut client =
+        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    // Parameters that somebody else has set, and one window that somebody else has computed with other inputs.
+    for windows in [0, 1] {
+        step(&mut client).unwrap();
+        client.save("here").unwrap();
+        let left = client.place().clone();
+        proxy.cut();
+        let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
+        other.set_parameters(&iterations(3 + windows as u32)).unwrap();
+        for _ in 0..windows {
+            let (begin, end) = (other.place().now_ns, other.place().now_ns + 2 * WINDOW);
+            other.advance_to(end, shaking(begin, end), vec![]).unwrap();
+        }
+        other.detach().unwrap();
+        proxy.restore();
+        for _ in 0..2 {
+            let error = step(&mut client).unwrap_err();
+            assert!(matches!(error, Error::Diverged { .. }), "{error}");
+            assert!(matches!(client.save("there").unwrap_err(), Error::Diverged { .. }));
+            assert_eq!(client.place(), &left);
+        }
+        client.restore("here").unwrap();
+        assert_eq!(client.place().hash, left.hash);
+        step(&mut client).unwrap();
+    }
+    client.detach().unwrap();
+}
+
+#[test]
+fn what_was_done_before_the_wire_was_cut_is_done_once() {
+    let served = Served::new();
+    let proxy = Proxy::before(&served.endpoint);
+    let mut client =
+        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    let before = client.place().now_ns;
+    step(&mut client).unwrap();
+    let ends = [before, client.place().now_ns];
+    // Done by another with the same words: what the server is left with when only the answer is lost.
+    let meanwhile = |act: &mut dyn FnMut(&mut Client)| {
+        proxy.cut();
+        let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
+        act(&mut other);
+        let place = other.detach().unwrap();
+        proxy.restore();
+        place
+    };
+    let otherwise = || {
+        let mut motions = shaking(ends[0], ends[1]);
+        motions[0].interpolation = Interpolation::Linear;
+        motions
+    };
+    let redone = meanwhile(&mut |other| {
+        other.redo(ends, otherwise(), vec![]).unwrap();
+    });
+    let reply = client.redo(ends, otherwise(), vec![]).unwrap();
+    assert_eq!((reply.hash.to_string(), client.place().seq), (redone.hash, redone.seq));
+    let set = meanwhile(&mut |other| {
+        other.set_parameters(&iterations(7)).unwrap();
+    });
+    assert_eq!(client.set_parameters(&iterations(7)).unwrap(), &set);
+    let reset = meanwhile(&mut |other| {
+        other.reset().unwrap();
+    });
+    let again = client.reset().unwrap();
+    assert_eq!((&again.hash, again.seq), (&reset.hash, 0));
+    step(&mut client).unwrap();
+    client.detach().unwrap();
+    // One window, one redo of it, and one of the new run.
+    assert_eq!(served.stop().answered_count(), 3);
 }

@@ -27,8 +27,8 @@ pub fn times(normally: u64) -> u64 {
     normally.max(asked.unwrap_or(0))
 }
 
-pub fn hash(_: &Model, state: &State) -> u128 {
-    u128::from_be_bytes(Digest::of(format!("{state:?}").as_bytes()).0)
+pub fn hash(model: &Model, state: &State) -> u128 {
+    u128::from_be_bytes(Digest::of(format!("{:?} {state:?}", model.solver).as_bytes()).0)
 }
 
 pub fn component() -> Component {
