@@ -36,8 +36,8 @@ impl Default for Reaction {
 }
 
 /// Puts all bodies where the step ends: every body of `next` is written.
-pub fn configurations(model: &Model, course: &Course, targets: &[Pose], next: &mut State) {
-    let Course { motion, velocity, spin, .. } = *course;
+pub fn configurations(course: &Course, targets: &[Pose], next: &mut State) {
+    let Course { model, motion, velocity, spin, .. } = *course;
     let (ng, mobile, bodies) = (model.grains.len(), velocity.len(), motion.position.len());
     let after = model.stepping.h() * model.stepping.theta;
     next.position.resize(bodies, Vec3::zeros());
@@ -104,6 +104,7 @@ fn hold(mount: &Mount, target: &Pose, position: &mut Vec3, orientation: &mut Qua
 /// How bodies move through a step: the state it starts from, its prediction, and the solved
 /// velocities of the mobile bodies at its end.
 pub struct Course<'a> {
+    pub model: &'a Model,
     pub state: &'a State,
     pub motion: &'a Motion,
     pub velocity: &'a [Vec3],
@@ -111,17 +112,14 @@ pub struct Course<'a> {
 }
 
 impl Course<'_> {
-    /// Mean velocity over the step of the point of body `b` that is at `point`: the one that
-    /// impulses do work on. A body of imposed motion keeps its velocity over the whole step.
+    /// Mean velocity over the step of the point of body `b` that is at `point`: the one that impulses do work on. What is
+    /// imposed has its velocity over the whole step.
     fn mean_velocity(&self, b: usize, point: &Vec3) -> Vec3 {
         let lever = point - self.motion.position[b];
-        let (v, w) = if b < self.velocity.len() {
-            (
-                0.5 * (self.state.velocity[b] + self.velocity[b]),
-                0.5 * (self.state.spin[b] + self.spin[b]),
-            )
-        } else {
-            (self.motion.velocity[b], self.motion.spin[b])
+        let (v, w) = self.motion.first_twist(self.model, self.state, b);
+        let (v, w) = match self.velocity.get(b).zip(self.spin.get(b)) {
+            Some((v_end, w_end)) => (0.5 * (v + v_end), 0.5 * (w + w_end)),
+            None => (v, w),
         };
         v + w.cross(&lever)
     }
@@ -140,8 +138,8 @@ pub struct Balance {
 
 impl Balance {
     /// One pass over all contacts.
-    pub fn of(model: &Model, course: &Course, contacts: &Contacts, impulse: &[Vec3]) -> Self {
-        let ng = model.grains.len();
+    pub fn of(course: &Course, contacts: &Contacts, impulse: &[Vec3]) -> Self {
+        let ng = course.model.grains.len();
         let chunks: Vec<Self> = impulse
             .par_chunks(CHUNK)
             .enumerate()
@@ -173,11 +171,11 @@ impl Balance {
     /// configuration m, where the contacts were found. One after another, as sums of floating point want.
     pub fn reactions(
         &self,
-        model: &Model,
         course: &Course,
         contacts: &Contacts,
         impulse: &[Vec3],
     ) -> Vec<Reaction> {
+        let model = course.model;
         let mut reactions = vec![Reaction::default(); model.driven.len()];
         for &c in &self.driven {
             let c = c as usize;

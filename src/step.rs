@@ -184,7 +184,8 @@ fn recover(
     positions.velocity.clear();
     positions.spin.clear();
     let solved = Solved { problem, motion, contacts, impulse, velocity, spin };
-    if !positions.problem.build_positions(&solved, recovery, h) {
+    let ng = model.grains.len();
+    if !positions.problem.build_positions(ng, &solved, recovery, h) {
         return Ok(());
     }
     decomposition.pack(&positions.problem);
@@ -199,7 +200,6 @@ fn recover(
     decomposition.unpack_velocities(problem, velocity, spin);
     finite(model, state, velocity, spin)?;
 
-    let ng = model.grains.len();
     integrate::shift(&velocity[..ng], &spin[..ng], h, next);
     let (kinetic, potential) = integrate::energies(model, next);
     let energy = &mut next.energy;
@@ -218,10 +218,10 @@ fn integrate_and_report(
     outcome: &Outcome,
 ) -> StepReport {
     let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
-    let course = Course { state, motion, velocity: &ws.velocity, spin: &ws.spin };
-    let balance = Balance::of(model, &course, contacts, impulse);
-    let reactions = balance.reactions(model, &course, contacts, impulse);
-    integrate::configurations(model, &course, inputs.targets, next);
+    let course = Course { model, state, motion, velocity: &ws.velocity, spin: &ws.spin };
+    let balance = Balance::of(&course, contacts, impulse);
+    let reactions = balance.reactions(&course, contacts, impulse);
+    integrate::configurations(&course, inputs.targets, next);
     let ledger = if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
     let (kinetic, potential) = integrate::energies(model, next);
     next.energy = EnergyLedger {

@@ -376,7 +376,8 @@ impl Component {
         Err(Refusal::Time {
             now_ns: now,
             step_ns: step,
-            nearest_ns: [below, below.saturating_add(step)],
+            // There is none after the last one.
+            nearest_ns: [below, below.checked_add(step).unwrap_or(below)],
             found_ns: t1_ns,
         })
     }

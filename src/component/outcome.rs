@@ -273,7 +273,10 @@ impl End<'_> {
     /// At least a step: no finer motion is of use. None where no body moves.
     fn hint(&self, bodies: &[BodyOutcome]) -> u64 {
         let times = bodies.iter().enumerate();
-        let times = times.map(|(d, b)| self.speed_limit.time(d, &b.velocity, &b.spin));
+        let time = |d, b: &BodyOutcome| {
+            self.speed_limit.time(self.model, self.state, d, &b.velocity, &b.spin)
+        };
+        let times = times.map(|(d, b)| time(d, b));
         let time = times.fold(f64::INFINITY, f64::min) * 1e9;
         // Partners count time in signed numbers.
         if time < i64::MAX as f64 { (time as u64).max(self.model.stepping.step_ns) } else { 0 }

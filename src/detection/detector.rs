@@ -219,11 +219,13 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
         scratch: &mut Scratch,
     ) -> bool {
         let travel = pair.map(|b| self.travel[b]).iter().sum();
-        if !(self.asked)(pair) || memory.sleeps(travel, self.reach.at_most(pair)) {
+        let at_most = self.reach.at_most(pair);
+        if !(self.asked)(pair) || memory.sleeps(travel, at_most) {
             return false;
         }
         let a = self.grain(pair[0]);
-        let alert = self.reach.between(self.motion, a.shape.radius, pair);
+        // A body may have half-spaces beside this part: they are looked for further away.
+        let alert = self.reach.between(self.motion, a.shape.radius, pair).min(at_most);
         let looked = !memory.sleeps(travel, alert);
         if looked {
             narrow_phase::touch(a, b(), alert, travel, memory, scratch);

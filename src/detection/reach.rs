@@ -14,6 +14,9 @@ use rayon::prelude::*;
 
 /// What is allowed for on looking again, over what the solve has just asked for.
 const AMPLE: f64 = 1.5;
+/// How many radii of the largest grain are allowed for at most before a half-space, which nothing is ever past: far more than
+/// any stone flies in a step, and an end to looking again.
+const FLUNG: f64 = 64.0;
 
 /// Distances up to which contacts are looked for.
 #[derive(Debug, Clone, Default)]
@@ -23,12 +26,16 @@ pub struct Reach {
     least: f64,
     /// How far the free velocity carries any point of a body in the step, m `[nb]`.
     way: Vec<f64>,
-    /// How much further, or elsewhere, the solve may carry it, m `[nb]`.
+    /// How much further, or elsewhere, the solve may carry it, m `[nb]`; before half-spaces alone more than `most`.
     allowance: Vec<f64>,
     /// Allowances before some were raised `[nb]`.
     before: Vec<f64>,
-    /// The radius of the largest grain: what moves that far in a step is past the others anyway, m.
+    /// The radius of the largest grain: what moves that far in a step is past all but half-spaces anyway, m.
     most: f64,
+    /// What is allowed for where there are half-spaces, m; else `most`.
+    furthest: f64,
+    /// Whether a body is made of half-spaces, too `[nb]`.
+    is_endless: Vec<bool>,
 }
 
 impl Reach {
@@ -45,6 +52,10 @@ impl Reach {
         let allowance = 0.25 * least;
         let most = (0..model.grains.len()).map(|i| model.grain_radius(i)).fold(allowance, f64::max);
         (self.h, self.least, self.most) = (h, least, most);
+        self.is_endless.clear();
+        self.is_endless.extend((0..motion.position.len()).map(|b| is_endless(model, b)));
+        let has_walls = self.is_endless.iter().any(|is_endless| *is_endless);
+        self.furthest = if has_walls { FLUNG * most } else { most };
         (&motion.velocity, &motion.spin)
             .into_par_iter()
             .enumerate()
@@ -60,7 +71,7 @@ impl Reach {
     /// change of velocity of a body's points, m/s.
     pub fn raise(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
         self.before.clone_from(&self.allowance);
-        let (h, most) = (self.h, self.most);
+        let (h, most) = (self.h, self.furthest);
         let bodies = self.allowance.par_iter_mut().enumerate().with_min_len(1024);
         let raised = bodies.map(|(b, allowance)| {
             let needed = h * change(b);
@@ -107,18 +118,22 @@ impl Reach {
     fn with(&self, allowance: &[f64], motion: &Motion, radius: f64, [a, b]: [usize; 2]) -> f64 {
         let free = |b: usize| (motion.velocity[b], motion.spin[b]);
         let approach = round_up(self.h * approach_speed(motion, radius, [a, b], free));
+        if self.is_endless[b] {
+            return self.least.max(approach + (allowance[a] + allowance[b]));
+        }
         let approach = approach.min(self.way[a] + self.way[b]);
-        self.least.max(approach + (allowance[a] + allowance[b]))
+        let allowed = |b: usize| allowance[b].min(self.most);
+        self.least.max(approach + (allowed(a) + allowed(b)))
     }
 
-    /// What no distance between two bodies that is asked for exceeds, m.
+    /// What no distance between two bodies without half-spaces that is asked for exceeds, m.
     pub(super) fn at_most(&self, [a, b]: [usize; 2]) -> f64 {
         self.share(a) + self.share(b)
     }
 
     /// The part of body `b` in this, m.
     pub(super) fn share(&self, b: usize) -> f64 {
-        (0.5 * self.least).max(self.way[b] + self.allowance[b])
+        (0.5 * self.least).max(self.way[b] + self.allowance[b].min(self.most))
     }
 
     /// How far the free velocity carries body `b` in the step, m; no more than the radius of the largest grain.
@@ -150,12 +165,16 @@ pub fn top_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
     if turning == 0.0 {
         return velocity.norm();
     }
-    let endless =
-        |d: usize| model.driven[d].parts.iter().any(|part| matches!(part, Part::HalfSpace { .. }));
-    match b.checked_sub(model.grains.len()) {
-        Some(d) if endless(d) => f64::INFINITY,
-        _ => velocity.norm() + turning * extent(model, b),
+    if is_endless(model, b) {
+        return f64::INFINITY;
     }
+    velocity.norm() + turning * extent(model, b)
+}
+
+/// Whether body `b` has half-spaces.
+fn is_endless(model: &Model, b: usize) -> bool {
+    let driven = b.checked_sub(model.grains.len()).map(|d| &model.driven[d]);
+    driven.is_some_and(|d| d.parts.iter().any(|part| matches!(part, Part::HalfSpace { .. })))
 }
 
 /// Largest distance of a point of body `b` from its origin, half-spaces left out, m.
@@ -199,8 +218,9 @@ mod tests {
     fn only_bodies_that_change_by_more_than_allowed_are_raised() {
         let allowance = vec![1e-4; 4];
         let before = allowance.clone();
-        let mut reach =
-            Reach { h: 1e-3, least: 0.0, way: vec![0.0; 4], allowance, before, most: 0.02 };
+        let (h, least, way, most, furthest) = (1e-3, 0.0, vec![0.0; 4], 0.02, 0.02);
+        let is_endless = vec![false; 4];
+        let mut reach = Reach { h, least, way, allowance, before, most, furthest, is_endless };
         let changes = [0.09, 0.11, 1.0, 1e9];
         assert!(reach.raise(|b| changes[b]));
         assert_eq!([0, 1, 2, 3].map(|b| reach.is_raised(b)), [false, true, true, true]);

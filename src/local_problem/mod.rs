@@ -155,8 +155,10 @@ impl Step<'_> {
         let [c, a] = contacts.bodies[i].map(|b| b as usize);
         contact.bodies = contacts.bodies[i];
         let approach = if model.restitution > 0.0 {
-            let start =
-                |b: usize| state.velocity[b] + state.spin[b].cross(&(point - motion.position[b]));
+            let start = |b: usize| {
+                let (velocity, spin) = motion.first_twist(model, state, b);
+                velocity + spin.cross(&(point - motion.position[b]))
+            };
             contact.axes()[0].dot(&(start(c) - start(a))).min(0.0)
         } else {
             0.0

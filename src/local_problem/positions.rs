@@ -34,12 +34,20 @@ impl Solved<'_> {
 impl LocalProblem {
     /// Fills the problem of positions in a step of `h` seconds. Whether there is anything to take back.
     ///
-    /// Lines are velocities that last for one step and begin at zero; driven bodies stay, and what mounted
-    /// ones are told is for nobody to apply.
-    pub fn build_positions(&mut self, solved: &Solved, recovery: &Recovery, h: f64) -> bool {
-        let still = |line: &Line| Line::new(&Vec3::zeros(), &Vec3::zeros(), line.inverse_mass());
+    /// Lines are velocities that last for one step and begin at zero; driven bodies stay, those on mounts too: where they
+    /// are is a matter of their machine.
+    pub fn build_positions(
+        &mut self,
+        ng: usize,
+        solved: &Solved,
+        recovery: &Recovery,
+        h: f64,
+    ) -> bool {
+        let still = |inverse_mass| Line::new(&Vec3::zeros(), &Vec3::zeros(), inverse_mass);
+        let (grains, mounted) = solved.problem.lines.split_at(ng);
         self.lines.clear();
-        self.lines.extend(solved.problem.lines.iter().map(still));
+        self.lines.extend(grains.iter().map(|line| still(line.inverse_mass())));
+        self.lines.extend(mounted.iter().map(|_| still(0.0)));
         self.whitening.clone_from(&solved.problem.whitening);
         self.responses.clone_from(&solved.problem.responses);
         (0..solved.contacts.len())
@@ -53,6 +61,14 @@ impl LocalProblem {
                 contact.offset = Vec3::new((way / h) as f32 as f64, 0.0, 0.0);
                 contact.friction = 0.0;
                 contact.impulse = Vec3::zeros();
+                let [candidate, antagonist] = contact.bodies.map(|b| b as usize);
+                if antagonist >= ng {
+                    let arm = contact.candidate_arms[0].map(f64::from);
+                    let turning: f64 = arm.iter().map(|x| x * x).sum();
+                    contact.antagonist_arms = Default::default();
+                    contact.normal_mass =
+                        (1.0 / (self.lines[candidate].inverse_mass() + turning)) as f32;
+                }
                 contact.likely = way < 0.0 || solved.impulse[i] != Vec3::zeros();
                 contact
             })

@@ -14,7 +14,7 @@ pub use speed_limit::SpeedLimit;
 use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};
 use crate::math::{Quat, Vec3, rotation};
-use crate::model::Model;
+use crate::model::{Freedom, Model};
 use crate::state::State;
 use rayon::prelude::*;
 use tumbling::free_spin;
@@ -71,6 +71,22 @@ impl Motion {
         let solved = velocity.get(b).zip(spin.get(b));
         let (v, w) = solved.unwrap_or((&self.velocity[b], &self.spin[b]));
         (*v, *w)
+    }
+
+    /// Velocity and spin with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
+    /// those of this step throughout (T-4, T-14).
+    pub fn first_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
+        let had = (state.velocity[b], state.spin[b]);
+        let Some(d) = b.checked_sub(model.grains.len()) else { return had };
+        let imposed = (self.velocity[b], self.spin[b]);
+        let Some(mount) = &model.driven[d].mount else { return imposed };
+        let choose = |modes: [Freedom; 3], imposed: Vec3, had: Vec3| {
+            Vec3::from_fn(|k, _| if modes[k].is_held() { imposed[k] } else { had[k] })
+        };
+        (
+            choose(mount.translations(), imposed.0, had.0),
+            choose(mount.rotations(), imposed.1, had.1),
+        )
     }
 
     /// A grain without a place would find no contact, and be lost in silence.

@@ -197,11 +197,13 @@ impl Body<'_> {
         (d, about_centre + arm(&d) * self.mount.mass)
     }
 
-    /// A body that does not turn: a mass.
+    /// A body that does not turn: a mass. One that turned until now keeps the momentum of its centre of mass.
     fn as_mass(&self, middle: &Pose) -> Response {
         let mass = self.mount.mass + self.mount.freedoms[0].added_inertia(self.stepping);
         let [load, _] = self.loads(&Vec3::zeros());
-        let momentum = self.velocity * self.mount.mass + self.pull(&middle.position) + load;
+        let carried =
+            self.velocity + self.spin.cross(&(self.start.orientation * self.mount.centre));
+        let momentum = carried * self.mount.mass + self.pull(&middle.position) + load;
         Response {
             velocity: momentum / mass,
             whitened: Vec3::zeros(),

@@ -10,7 +10,7 @@ use crate::state::State;
 pub struct SpeedLimit {
     /// Half of the smallest grain, m; infinite without grains.
     pub way: f64,
-    /// Largest distance of a point of each driven body from its reference point `[nd]`, m.
+    /// Largest distance of a point of each driven body from its reference point `[nd]`, m; infinite with half-spaces.
     reach: Vec<f64>,
 }
 
@@ -23,8 +23,29 @@ impl SpeedLimit {
     }
 
     /// In which time body `d` is led so far at this velocity (m/s) and spin (rad/s), s; infinite at rest.
-    pub fn time(&self, d: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
-        self.way / (velocity.norm() + spin.norm() * self.reach[d])
+    pub fn time(
+        &self,
+        model: &Model,
+        state: &State,
+        d: usize,
+        velocity: &Vec3,
+        spin: &Vec3,
+    ) -> f64 {
+        let turning = self.led(model, state, d, &state.imposed(model, d).position, spin.norm());
+        self.way / (velocity.norm() + turning)
+    }
+
+    /// How far a turn by `angle` about `centre`, the reference point of body `d`, leads its points that grains can meet.
+    fn led(&self, model: &Model, state: &State, d: usize, centre: &Vec3, angle: f64) -> f64 {
+        if angle == 0.0 {
+            return 0.0;
+        }
+        if self.reach[d].is_finite() {
+            return angle * self.reach[d];
+        }
+        // A wall has no end, but it is met where grains are.
+        let far = |i: usize| (state.position[i] - centre).norm() + model.grain_radius(i);
+        angle * (0..model.grains.len()).map(far).fold(0.0, f64::max)
     }
 
     /// Refuses targets (`[nd]`) that lead a body too far in the step from `state`.
@@ -35,7 +56,8 @@ impl SpeedLimit {
         for (d, target) in targets.iter().enumerate() {
             let from = state.imposed(model, d);
             let turn = rotation::log(&(target.orientation * from.orientation.inverse())).norm();
-            let way = (target.position - from.position).norm() + turn * self.reach[d];
+            let turned = self.led(model, state, d, &from.position, turn);
+            let way = (target.position - from.position).norm() + turned;
             if way > self.way {
                 return Err(Error::Step {
                     cause: Cause::OverSpeed,
@@ -53,14 +75,14 @@ impl SpeedLimit {
     }
 }
 
-/// Largest distance of a point of a body's convex parts from its origin, m.
+/// Largest distance of a point of a body's parts from its origin, m.
 fn reach(model: &Model, parts: &[Part]) -> f64 {
     let corners = parts.iter().flat_map(|part| match part {
         Part::Convex { shape, pose } => {
             let vertices = &model.shapes[*shape as usize].vertices;
             vertices.iter().map(|v| pose.point(v).norm()).collect::<Vec<_>>()
         }
-        Part::HalfSpace { .. } => Vec::new(),
+        Part::HalfSpace { .. } => vec![f64::INFINITY],
     });
     corners.fold(0.0, f64::max)
 }

@@ -4,7 +4,7 @@ use crate::common::scene::Scene;
 use crate::{FLOOR, MS, floor, heap, same, shaken};
 use ballast::component::{Component, Limits, OnTrouble, Refusal, Status, Stop};
 use ballast::drive::Inputs;
-use ballast::math::Vec3;
+use ballast::math::{Pose, Quat, Vec3};
 use ballast::observe::Zone;
 use ballast::step::step;
 use ballast::workspace::Workspace;
@@ -168,16 +168,23 @@ fn a_window_that_is_abandoned_was_never_asked_for() {
 
 #[test]
 fn trouble_is_discarded_or_cut_off() {
-    for on_trouble in [OnTrouble::Discard, OnTrouble::Early] {
+    // From 30 ms on the floor runs away, or turns away under the stones, far beyond half a grain in a step.
+    let away = |pose: &mut Pose| pose.position.x -= 1.0;
+    let around = |pose: &mut Pose| pose.orientation = Quat::from_scaled_axis(Vec3::y() * 0.5);
+    for (on_trouble, change) in [
+        (OnTrouble::Discard, &away as &dyn Fn(&mut Pose)),
+        (OnTrouble::Early, &away),
+        (OnTrouble::Discard, &around),
+        (OnTrouble::Early, &around),
+    ] {
         let zones = vec![Zone::new("all", Vec3::zeros(), Vec3::repeat(0.3)).expect("a box")];
         let limits = Limits { on_trouble, ..Limits::default() };
         let mut component = heap(limits).with_zones(zones.clone());
         let rest = floor(&component);
         let start = component.save();
         let mut input = shaken(rest, 0, 50 * MS);
-        // From 30 ms on the floor runs away, far beyond half a grain in a step.
         for knot in &mut input.waveform.knots[7..] {
-            knot.pose.position.x -= 1.0;
+            change(&mut knot.pose);
         }
         let outcome =
             component.advance_to(50 * MS, from_ref(&input)).expect("a request in good form");

@@ -78,3 +78,26 @@ fn looking_again_is_repeatable() {
     };
     assert_eq!(run(false), run(true));
 }
+
+/// Nothing is ever past a floor, however far it flies in a step.
+#[test]
+fn no_speed_carries_a_cube_into_a_floor() {
+    for schedule in SCHEDULES {
+        for speed in [20.0, 30.0, 60.0, 200.0] {
+            for start in 0..20 {
+                let mut scene = Scene::new(1_000_000, 0.5);
+                scene.model.solver.schedule = schedule;
+                let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
+                let height = 0.25 + 0.002 * f64::from(start);
+                let i = scene.grain(cube, Pose::at(Vec3::new(0.0, 0.0, height)));
+                scene.state.velocity[i].z = -speed;
+                scene.plane("floor", Pose::identity(), 0.5);
+                for _ in 0..20 {
+                    scene.step();
+                    let face = scene.state.position[i].z - 0.5 * EDGE;
+                    assert!(face > -1e-9, "{schedule:?}, {speed} m/s from {height} m: {face} m");
+                }
+            }
+        }
+    }
+}

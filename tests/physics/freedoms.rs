@@ -242,3 +242,58 @@ fn mounts_and_loads_that_cannot_be_are_refused() {
     scene.loads = vec![Load::zero(); 2];
     assert!(scene.try_step().expect_err("too many").to_string().contains("loads"));
 }
+
+#[test]
+fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
+    let centre = Vec3::new(0.1, 0.0, 0.0);
+    let free = held_but(&[0, 1, 2].map(|k| (k, Freedom::Loaded)));
+    let mut scene = alone(Mount { centre, ..mount(free) });
+    scene.model.gravity = Vec3::zeros();
+    let speed = |scene: &Scene| {
+        let arm = scene.state.orientation[0] * centre;
+        scene.state.velocity[0] + scene.state.spin[0].cross(&arm)
+    };
+    for _ in 0..5 {
+        scene.targets[0].orientation =
+            Quat::from_scaled_axis(Vec3::z() * 1e-3) * scene.targets[0].orientation;
+        scene.step();
+    }
+    // No force acts on it, only couples, which start and stop it.
+    assert!(speed(&scene).norm() < 1e-3, "{}", speed(&scene));
+    let (before, reference) = (speed(&scene), scene.state.velocity[0]);
+    assert!(reference.norm() > 0.9, "{reference}");
+    for _ in 0..3 {
+        scene.step();
+        assert_eq!(scene.state.spin[0], Vec3::zeros());
+        assert!((speed(&scene) - before).norm() < 1e-9, "{} after {before}", speed(&scene));
+    }
+}
+
+/// Held, a direction moves with the velocity of the step throughout: that is what its forces do work on.
+#[test]
+fn what_is_held_does_the_work_of_its_force_along_its_way() {
+    let spring = Freedom::Sprung { stiffness: 1e6, damping: 1e3 };
+    for mounted in [false, true] {
+        let mut scene = Scene::new(1_000_000, 0.0);
+        let shape = scene.shape(cuboid(Vec3::repeat(0.05)));
+        scene.grain(shape, Pose::at(Vec3::new(0.0, 0.0, 0.1)));
+        let part = Part::Convex { shape, pose: Pose::identity() };
+        scene.driven("block", part, Pose::identity(), 0.0);
+        if mounted {
+            scene.mount(mount(held_but(&[(0, spring)])));
+        }
+        let (mut work, mut expected, mut z) = (0.0, 0.0, 0.0);
+        for step in 1..=200 {
+            let next = 2e-4 * (1.0 - (TAU * 20.0 * 1e-3 * f64::from(step)).cos());
+            scene.targets[0].position.z = next;
+            let reaction = scene.step().reactions[0];
+            work += reaction.work;
+            expected -= reaction.impulse.z / scene.h() * (next - z);
+            z = next;
+        }
+        assert!(expected > 1e-3, "the cube bounces: {expected} J");
+        assert!((work - expected).abs() < 1e-9, "mounted {mounted}: {work}, not {expected} J");
+        assert!((scene.state.energy.work_in - work).abs() < 1e-12);
+        assert!(scene.state.energy.balance_error().abs() < 1e-12);
+    }
+}

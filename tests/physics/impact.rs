@@ -2,7 +2,7 @@
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::geometry::hull::cuboid;
-use ballast::math::{Pose, Vec3};
+use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::Schedule;
 
 const EDGE: f64 = 0.1;
@@ -92,6 +92,44 @@ fn a_perfectly_elastic_cube_keeps_bouncing_to_its_height() {
         let tops = tops(1.0, 250_000, schedule, 3);
         for top in tops {
             assert!((top - HEIGHT).abs() < 0.01 * HEIGHT, "{schedule:?}: {top} m");
+        }
+    }
+}
+
+/// A cube at rest whose face is `gap` before a wall that faces +x, without gravity and friction.
+fn before_a_wall(gap: f64, restitution: f64, schedule: Schedule) -> Scene {
+    let mut scene = Scene::new(1_000_000, 0.0).scheduled(schedule, [1, 1, 1]);
+    scene.model.gravity = Vec3::zeros();
+    scene.model.restitution = restitution;
+    let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
+    scene.grain(cube, Pose::at(Vec3::new(gap + 0.5 * EDGE, 0.0, 0.0)));
+    let facing = Quat::rotation_between(&Vec3::z(), &Vec3::x()).expect("no half turn");
+    scene.plane("wall", Pose { position: Vec3::zeros(), orientation: facing }, 0.0);
+    scene
+}
+
+/// A wall of imposed motion approaches with the velocity of the step (T-14), not with that of the step before.
+#[test]
+fn a_wall_rebounds_as_it_moves_now() {
+    for schedule in SCHEDULES {
+        for restitution in [0.0, 0.5, 1.0] {
+            // It starts beside the cube.
+            let mut scene = before_a_wall(0.0, restitution, schedule);
+            for _ in 0..3 {
+                scene.targets[0].position.x += 1e-3;
+                scene.step();
+                let speed = scene.state.velocity[0].x;
+                let expected = 1.0 + restitution;
+                assert!((speed - expected).abs() < 1e-9, "{schedule:?}: {speed}, not {expected}");
+            }
+            // It stops before it is there.
+            let mut scene = before_a_wall(10.8e-3, restitution, schedule);
+            for step in 0..15 {
+                scene.targets[0].position.x += if step < 10 { 1e-3 } else { 0.0 };
+                let report = scene.step();
+                assert_eq!(report.active_contacts, 0, "{schedule:?}, step {step}");
+            }
+            assert_eq!(scene.state.velocity[0], Vec3::zeros());
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::geometry::hull::cuboid;
 use ballast::math::{Pose, Vec3};
-use ballast::model::{Recovery, Schedule};
+use ballast::model::{Mount, Part, Recovery, Schedule};
 
 const EDGE: f64 = 0.1;
 const SHARE: f64 = 0.2;
@@ -89,4 +89,37 @@ fn what_is_allowed_is_left_to_the_bit() {
         scene.state
     };
     assert_eq!(run(true), run(false));
+}
+
+/// A tool stays where its machine has it, so what is taken back on its one side moves nobody on the other.
+#[test]
+fn a_mounted_body_stays_as_one_without_a_mount_does() {
+    let run = |mount: Option<Mount>| {
+        let mut scene = Scene::new(1_000_000, 0.5);
+        scene.model.gravity = Vec3::zeros();
+        scene.model.solver.recovery =
+            Some(Recovery { share: SHARE, allowed: 0.0, iterations: 100 });
+        let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
+        let blade = scene.shape(cuboid(Vec3::new(0.01, 0.06, 0.04)));
+        // One overlaps the blade, the other one touches it.
+        scene.grain(cube, Pose::at(Vec3::new(-0.056, 0.0, 0.0)));
+        scene.grain(cube, Pose::at(Vec3::new(0.06, 0.0, 0.0)));
+        let part = Part::Convex { shape: blade, pose: Pose::identity() };
+        scene.driven("blade", part, Pose::identity(), 0.5);
+        if let Some(mount) = mount {
+            scene.mount(mount);
+        }
+        for _ in 0..5 {
+            scene.step();
+        }
+        scene.state.position
+    };
+    let rigid = run(None);
+    assert!((rigid[0].x + 0.06 - 0.004 * (1.0 - SHARE).powi(5)).abs() < 1e-6, "{}", rigid[0]);
+    for mass in [0.1, 1.5] {
+        let mounted = run(Some(Mount::spring(mass, 1.6e6, 300.0)));
+        for (rigid, mounted) in rigid.iter().zip(&mounted) {
+            assert!((rigid - mounted).norm() < 1e-9, "{mass} kg: {mounted}, not {rigid}");
+        }
+    }
 }
