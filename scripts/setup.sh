@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what a build needs beyond Rust, make and a C compiler: the HDF5 library and pkg-config; with the
-# argument `python` also Python's virtual environments.
+# argument `python` also Python's virtual environments, with `aarch64` a linker and an emulator for that processor.
 # Does nothing where they are there. Says what it does before it does it.
 set -euo pipefail
 
@@ -9,6 +9,10 @@ command -v pkg-config >/dev/null || need+=(pkg-config)
 pkg-config --exists hdf5 2>/dev/null || pkg-config --exists hdf5-serial 2>/dev/null || need+=(libhdf5-dev)
 if [ "${1:-}" = python ] && ! python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
     need+=(python3 python3-venv)
+fi
+if [ "${1:-}" = aarch64 ]; then
+    command -v aarch64-linux-gnu-gcc >/dev/null || need+=(gcc-aarch64-linux-gnu libc6-dev-arm64-cross)
+    command -v qemu-aarch64-static >/dev/null || need+=(qemu-user-static)
 fi
 
 if ! command -v cargo >/dev/null; then

@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod machines;
 mod refusal;
 mod restart;
 mod schedules;

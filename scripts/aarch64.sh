@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# Builds the core for aarch64 and runs its tests there, on an emulator where this machine is of another kind (Debian or Ubuntu;
+# the Rust toolchain from rustup). Then compares the states of a shaken heap with this machine's, bit for bit:
+#     scripts/aarch64.sh [TEST...]        by default: solver component physics
+# An emulator takes some hundred times as long.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+[ $# -gt 0 ] || set -- solver component physics
+scripts/setup.sh aarch64
+target=aarch64-unknown-linux-gnu
+rustup target add "$target"
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
+export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu"
+there=(cargo test --release --locked -p ballast --target "$target")
+
+heap() {
+    "$@" --test solver machines:: -- --ignored --nocapture | grep '^shaken heap'
+}
+for test in "$@"; do
+    "${there[@]}" --test "$test"
+done
+mkdir -p target/machines
+heap cargo test --release --locked -p ballast >target/machines/here
+heap "${there[@]}" | tee target/machines/there
+cmp target/machines/here target/machines/there
+echo "the same bytes here and on aarch64"
