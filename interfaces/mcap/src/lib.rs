@@ -6,7 +6,7 @@
 //!
 //! Contract: times in a file are simulated; the same run leaves the same bytes. A killed run leaves a
 //! file that can be read up to its last whole chunk. No file, however damaged, makes this crate panic or
-//! take more memory than a chunk may need.
+//! take more memory than a chunk may need, and as much for a window; besides, [`motion`] keeps the poses that it reads.
 
 pub mod messages;
 pub mod motion;
@@ -27,6 +27,6 @@ pub use entry::Entry;
 pub use error::{Error, Result};
 pub use meta::{Drive, Meta};
 pub use redoable::Redoable;
-pub use tape::{Tape, is_the_beginning, may_become_a_recording};
+pub use tape::{Tape, may_become_a_recording};
 pub use verify::verify;
 pub use writer::Writer;

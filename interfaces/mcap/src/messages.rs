@@ -77,6 +77,8 @@ struct Content {
     channels: BTreeMap<u16, Arc<Channel>>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     attachments: BTreeMap<String, Vec<u8>>,
+    /// Bytes of names, metadata and attachments: what stays in memory after the chunk at hand.
+    held: u64,
     waiting: VecDeque<Message>,
     /// The end of the messages was seen.
     complete: bool,
@@ -217,16 +219,25 @@ impl Content {
             }
             _ => return Ok(()),
         }
-        let record = mcap::parse_record(kind, data);
+        if texts_fit(kind, data).is_none() {
+            return Err("a record with a text that does not end within it".into());
+        }
+        let (kept, record) = (data, mcap::parse_record(kind, data));
         match record.map_err(|e| format!("a record that cannot be read: {e}"))? {
             Record::Header(header) => self.profile = Some(header.profile),
             Record::Schema { header, .. } => {
-                self.schemas.insert(header.id, header.name);
+                let size = header.name.len();
+                let old = self.schemas.insert(header.id, header.name);
+                self.hold(size, old.map_or(0, |name| name.len()))?;
             }
             Record::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 let (topic, encoding) = (channel.topic, channel.message_encoding);
-                self.channels.insert(channel.id, Arc::new(Channel { topic, encoding, schema }));
+                let size = |c: &Channel| c.topic.len() + c.encoding.len() + c.schema.len();
+                let new = Arc::new(Channel { topic, encoding, schema });
+                let more = size(&new);
+                let old = self.channels.insert(channel.id, new);
+                self.hold(more, old.map_or(0, |channel| size(&channel)))?;
             }
             Record::Message { header, data } => {
                 let Some(channel) = self.channels.get(&header.channel_id) else {
@@ -239,9 +250,11 @@ impl Content {
                 });
             }
             Record::Metadata(metadata) => {
+                self.hold(kept.len(), 0)?;
                 self.metadata.insert(metadata.name, metadata.metadata);
             }
             Record::Attachment { header, data, .. } if header.name == START => {
+                self.hold(kept.len(), 0)?;
                 self.attachments.insert(header.name, data.into_owned());
             }
             Record::Chunk { header, data } => {
@@ -255,6 +268,15 @@ impl Content {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Notes that `new` bytes have taken the place of `old` ones.
+    fn hold(&mut self, new: usize, old: usize) -> std::result::Result<(), String> {
+        self.held = (self.held + new as u64).saturating_sub(old as u64);
+        match self.held > LARGEST {
+            true => Err(format!("more than {LARGEST} bytes of names, metadata and attachments")),
+            false => Ok(()),
+        }
     }
 
     fn chunk(
@@ -272,4 +294,38 @@ impl Content {
         }
         Ok(())
     }
+}
+
+/// `None` if a text of the record claims to go on behind it: the library makes room for what is claimed before it
+/// looks what is there, and takes the checksum of an attachment for granted.
+fn texts_fit(kind: u8, data: &[u8]) -> Option<()> {
+    // Bytes before the texts, their number, whether a map follows, and the bytes that there must be in the end.
+    let (before, texts, has_map, after) = match kind {
+        op::HEADER => (0, 2, false, 0),
+        op::SCHEMA => (2, 2, false, 4),
+        op::CHANNEL => (4, 2, true, 0),
+        op::CHUNK => (28, 1, false, 8),
+        op::ATTACHMENT => (16, 2, false, 12),
+        op::METADATA => (0, 1, true, 0),
+        _ => return Some(()),
+    };
+    let mut rest = data.get(before..)?;
+    for _ in 0..texts {
+        rest = behind_text(rest)?;
+    }
+    if has_map {
+        let (length, entries) = rest.split_first_chunk()?;
+        let end = entries.len().checked_sub(u32::from_le_bytes(*length) as usize)?;
+        rest = entries;
+        while rest.len() > end {
+            rest = behind_text(behind_text(rest)?)?;
+        }
+    }
+    (rest.len() >= after).then_some(())
+}
+
+/// What follows a text: its length in four bytes, and as many bytes.
+fn behind_text(bytes: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.get(u32::from_le_bytes(*length) as usize..)
 }

@@ -1,5 +1,6 @@
 //! Our windows in a recording of ours.
 
+use crate::chunk::LARGEST;
 use crate::error::{Error, Result};
 use crate::messages::{Lost, Message, Messages};
 use crate::meta::{self, Meta};
@@ -7,6 +8,9 @@ use crate::window::{PARAMETERS, STEP};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Parameters, StepRecord};
 use std::path::Path;
+
+/// What is told beside the numbers: nobody computes it again, and pictures are large.
+const ASIDE: [&str; 3] = ["/stones", "/scene", "/log"];
 
 /// Name of the attachment that holds the state at the beginning.
 pub(crate) const START: &str = "start.h5";
@@ -17,9 +21,9 @@ pub struct Window {
     /// Set before this window.
     pub parameters: Option<Parameters>,
     pub record: StepRecord,
-    /// All messages of the window's end, in order; the record itself comes last.
+    /// The messages of the window's end, in order, without pictures and log; the record itself comes last.
     pub messages: Vec<Message>,
-    /// Those before it that are of another time: of the recording's start, pictures of the last window's end.
+    /// Those before it that are of another time: of the recording's start.
     pub before: Vec<Message>,
 }
 
@@ -27,7 +31,10 @@ pub struct Window {
 pub struct Windows {
     messages: Messages,
     meta: Meta,
+    /// Messages of the window that is not closed yet.
     open: Vec<Message>,
+    /// Memory that they take.
+    open_bytes: u64,
     parameters: Option<Parameters>,
 }
 
@@ -54,7 +61,7 @@ impl Windows {
             return Err(Error::unsuitable(path, "metadata", expected, "none"));
         };
         let meta = Meta::from_entries(path, entries)?;
-        Ok(Self { messages, meta, open: Vec::new(), parameters: None })
+        Ok(Self { messages, meta, open: Vec::new(), open_bytes: 0, parameters: None })
     }
 
     pub fn meta(&self) -> &Meta {
@@ -89,7 +96,16 @@ impl Windows {
                 self.parameters = Some(set);
                 continue;
             }
+            if ASIDE.contains(&&message.channel.topic[..]) {
+                continue;
+            }
             if message.channel.topic != STEP {
+                self.open_bytes += (size_of::<Message>() + message.data.len()) as u64;
+                if self.open_bytes > LARGEST {
+                    let place = format!("{} at {} ns", message.channel.topic, message.log_time);
+                    let expected = format!("a window of at most {LARGEST} bytes");
+                    return Err(Error::damaged(path, place, expected, "a larger one"));
+                }
                 self.open.push(message);
                 continue;
             }
@@ -103,6 +119,7 @@ impl Windows {
                 return Err(Error::damaged(path, place, expected, found));
             }
             let mut messages = std::mem::take(&mut self.open);
+            self.open_bytes = 0;
             messages.push(message);
             let (messages, before) = messages.into_iter().partition(|m| Some(m.log_time) == end);
             let parameters = self.parameters.take();

@@ -220,3 +220,88 @@ fn other_files_and_versions_are_told() {
     std::fs::write(&path, bytes).unwrap();
     assert!(matches!(Windows::open(&path).err().unwrap(), Error::Version { .. }));
 }
+
+#[test]
+fn a_text_that_claims_more_than_there_is_costs_nothing() {
+    let (_folder, path) = place("a.mcap");
+    write(&path, Some(&meta()));
+    let whole = std::fs::read(&path).unwrap();
+    let at = |text: &[u8]| whole.windows(text.len()).position(|w| w == text).unwrap();
+    // The header's profile, the metadata's name, a value in its map.
+    for text in [&b"ros2"[..], b"ballast", b"synchronous"] {
+        let length = at(&[&(text.len() as u32).to_le_bytes()[..], text].concat());
+        let mut bytes = whole.clone();
+        bytes[length..length + 4].copy_from_slice(&u32::MAX.to_le_bytes());
+        std::fs::write(&path, bytes).unwrap();
+        let said = match read(&path) {
+            Ok((_, lost)) => lost.unwrap(),
+            Err(error) => error.to_string(),
+        };
+        assert!(said.contains("a text that does not end within it"), "{said}");
+    }
+}
+
+#[test]
+fn an_attachment_without_its_checksum_is_told() {
+    let (_folder, path) = place("a.mcap");
+    let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+    writer.attach("start.h5", 0, b"").unwrap();
+    writer.finish().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let name = bytes.windows(8).position(|w| w == b"start.h5").unwrap();
+    // Kind and length come before two times and the length of the name; at the end is the checksum.
+    let length = name - 28..name - 20;
+    let size = u64::from_le_bytes(bytes[length.clone()].try_into().unwrap());
+    bytes[length].copy_from_slice(&(size - 4).to_le_bytes());
+    bytes.drain(name - 20 + size as usize - 4..name - 20 + size as usize);
+    std::fs::write(&path, bytes).unwrap();
+    let (_, lost) = read(&path).unwrap();
+    assert!(lost.unwrap().contains("a text that does not end within it"));
+}
+
+/// Zeros on a topic, more than a chunk may hold, which pack into next to nothing; no window closes.
+fn bomb(path: &Path, topic: &str) {
+    let mut writer = Writer::create(path, Some(&meta())).unwrap();
+    let mut entry = Entry::of(topic, 0, &Header::world(0)).unwrap();
+    entry.bytes = vec![0; 8 << 20];
+    (0..33).for_each(|_| writer.write(&entry).unwrap());
+    writer.finish().unwrap();
+}
+
+#[test]
+fn a_window_takes_no_more_than_a_chunk_and_pictures_take_nothing() {
+    let (_folder, path) = place("a.mcap");
+    bomb(&path, "/body/pose");
+    let error = Windows::open(&path).unwrap().next().unwrap_err();
+    assert!(matches!(error, Error::Damaged { .. }), "{error}");
+    assert!(error.to_string().contains("/body/pose at 0 ns: expected a window of at most"));
+    for aside in ["/stones", "/scene", "/log"] {
+        bomb(&path, aside);
+        let mut windows = Windows::open(&path).unwrap();
+        assert!(windows.next().unwrap().is_none() && windows.lost().is_none());
+    }
+}
+
+/// Channels whose names are long, and stay.
+#[test]
+fn names_take_no_more_than_a_chunk() {
+    let (_folder, path) = place("a.mcap");
+    let file = std::fs::File::create(&path).unwrap();
+    let options = mcap::WriteOptions::new().chunk_size(Some(1 << 20));
+    let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
+    for i in 0..34 {
+        let topic = format!("/{i}{}", "a".repeat(8 << 20));
+        let channel = writer.add_channel(0, &topic, "json", &BTreeMap::new()).unwrap();
+        let header = mcap::records::MessageHeader {
+            channel_id: channel,
+            sequence: 0,
+            log_time: i,
+            publish_time: i,
+        };
+        writer.write_to_known_channel(&header, b"{}").unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let (times, lost) = read(&path).unwrap();
+    assert!(times.len() < 34 && lost.unwrap().contains("bytes of names"), "{times:?}");
+}
