@@ -14,7 +14,9 @@ use ballast::state;
 use ballast::step::StepReport;
 use ballast::track;
 use ballast::track::zones::zones;
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
+use std::ffi::CString;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -34,6 +36,8 @@ pub struct Here {
     ground: Ground,
     component: Component,
     recorder: Option<Recorder>,
+    /// Why the recording could not be written any more, until it is ended.
+    unwritten: Option<String>,
     machine: Machine,
     /// As it was before the last window.
     machine_before: Option<Machine>,
@@ -60,8 +64,9 @@ impl Here {
     }
 
     fn of(ground: Ground, component: Component, machine: Machine) -> Self {
-        let (recorder, machine_before, lost) = (None, None, None);
-        Self { ground, component, recorder, machine, machine_before, lost, panics: false }
+        let (recorder, unwritten, machine_before, lost) = (None, None, None, None);
+        let panics = false;
+        Self { ground, component, recorder, unwritten, machine, machine_before, lost, panics }
     }
 
     pub fn ground(&self) -> &Ground {
@@ -158,17 +163,32 @@ impl Here {
         if asked.zones && !is_discarded {
             outcome.zones = self.zones(py)?;
         }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.window(py, &self.component, asked.t1_ns.is_none(), &window, &outcome)?;
-        }
+        let recorded = match &mut self.recorder {
+            Some(recorder) => {
+                recorder.window(&self.component, asked.t1_ns.is_none(), &window, &outcome)
+            }
+            None => Ok(()),
+        };
+        let told = recorded.or_else(|why| self.give_recording_up(py, &why));
         if let Some(raised) = raised {
             return Err(raised);
         }
+        // Who makes errors of warnings has one.
+        told?;
         let trouble = outcome.trouble.as_ref();
         let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
         let series = series.map(|s| Py::new(py, s)).transpose()?;
         let (names, wall_s) = (Arc::clone(&self.ground.names), took.as_secs_f64());
         Ok(Outcome { inner: outcome, trouble, wall_s, names, series })
+    }
+
+    /// A file that cannot be written any more is no reason to lose what was computed.
+    fn give_recording_up(&mut self, py: Python<'_>, why: &ballast_mcap::Error) -> PyResult<()> {
+        self.recorder = None;
+        self.unwritten = Some(why.to_string());
+        let text = format!("{why}; the simulation goes on unrecorded");
+        let text = CString::new(text).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
     }
 
     /// The program failed inside.
@@ -225,7 +245,7 @@ impl Here {
 
     pub fn record(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.check_sound(py)?;
-        if self.recorder.is_some() {
+        if self.recorder.is_some() || self.unwritten.is_some() {
             let expected = "no open recording; stop_recording first";
             return Err(errors::refused(py, "recording", "record", expected, "one"));
         }
@@ -234,6 +254,9 @@ impl Here {
     }
 
     pub fn stop_recording(&mut self, py: Python<'_>) -> PyResult<()> {
+        if let Some(why) = self.unwritten.take() {
+            return Err(errors::file(py, why));
+        }
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
         recorder.check_process(py, "stop_recording")?;
         recorder.finish(py)

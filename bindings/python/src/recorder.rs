@@ -4,7 +4,7 @@ use crate::case::Case;
 use crate::errors;
 use ballast::component::{Component, Outcome, Window};
 use ballast_hdf5::checkpoint;
-use ballast_mcap::{Drive, Meta, Redoable, Tape, is_the_beginning};
+use ballast_mcap::{Drive, Meta, Redoable, Tape};
 use ballast_protocol::messages::AdvanceReply;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -12,12 +12,9 @@ use std::path::PathBuf;
 
 /// An open recording.
 pub struct Recorder {
-    /// There until it is finished.
-    windows: Option<Redoable>,
+    windows: Redoable,
     /// Simulated time at its beginning.
     begins_ns: u64,
-    /// A fork of it has the same file, and is not to write in it.
-    process: u32,
 }
 
 impl Recorder {
@@ -32,23 +29,16 @@ impl Recorder {
         let names = [case.plan.name.clone(), key, case.text.clone()];
         let hash = ballast_hdf5::state_hash(model, state).into();
         let meta = Meta::of(names, case.choices.notes(), model, Drive::Inputs, hash);
-        let start = match is_the_beginning(&case.plan, model, state) {
-            true => None,
-            false => {
-                let kept = case.checkpoint(model, state, BTreeMap::new());
-                Some(checkpoint::to_bytes(&path, &kept).map_err(|e| errors::file(py, e))?)
-            }
-        };
-        let recording = Tape::create(&path, &meta, model, state, start.as_deref())
+        let start = || checkpoint::to_bytes(&path, &case.checkpoint(model, state, BTreeMap::new()));
+        let recording = Tape::begin(&path, &case.plan, &meta, model, state, start)
             .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));
         let windows = recording.map_err(|e| errors::file(py, e))?;
-        let process = std::process::id();
-        Ok(Self { windows: Some(windows), begins_ns: state.time_ns, process })
+        Ok(Self { windows, begins_ns: state.time_ns })
     }
 
     /// Refuses a process that was forked from the one that records.
     pub fn check_process(&self, py: Python<'_>, place: &str) -> PyResult<()> {
-        if self.process == std::process::id() {
+        if self.windows.is_of_this_process() {
             return Ok(());
         }
         let expected =
@@ -71,43 +61,25 @@ impl Recorder {
     /// Takes a window that `component` is at the end of.
     pub fn window(
         &mut self,
-        py: Python<'_>,
         component: &Component,
         is_redone: bool,
         window: &Window,
         outcome: &Outcome,
-    ) -> PyResult<()> {
-        let Some(windows) = &mut self.windows else { return Ok(()) };
-        let model = component.model();
+    ) -> ballast_mcap::Result<()> {
+        let (windows, model) = (&mut self.windows, component.model());
         if !is_redone {
             // Windows are numbered on from the last one that is written.
-            windows.settle().map_err(|e| errors::file(py, e))?;
+            windows.settle()?;
         }
         let motions = window.motions.iter().map(Into::into).collect();
         let mut request = windows.tape().request(outcome.t0_ns, outcome.t1_ns, motions);
         request.loads = window.loads.iter().map(Into::into).collect();
         let hash = ballast_hdf5::state_hash(model, component.state()).into();
         let reply = AdvanceReply::of(&request, model, outcome, hash);
-        windows
-            .window(component.shared_model(), is_redone, &request, &reply, component.save())
-            .map_err(|e| errors::file(py, e))
+        windows.window(component.shared_model(), is_redone, &request, &reply, component.save())
     }
 
-    pub fn finish(mut self, py: Python<'_>) -> PyResult<()> {
-        let ended = self.windows.take().map(Redoable::finish).transpose();
-        ended.map(drop).map_err(|e| errors::file(py, e))
-    }
-}
-
-/// A simulation that is let go without being closed: its last window is as good as the others.
-impl Drop for Recorder {
-    fn drop(&mut self) {
-        let windows = self.windows.take();
-        if self.process == std::process::id() {
-            // Nobody is left to tell.
-            let _ = windows.map(Redoable::finish);
-        } else {
-            std::mem::forget(windows);
-        }
+    pub fn finish(self, py: Python<'_>) -> PyResult<()> {
+        self.windows.finish().map_err(|e| errors::file(py, e))
     }
 }

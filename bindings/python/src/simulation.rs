@@ -267,12 +267,13 @@ impl Simulation {
         self.with_here(py, "fork", |here| here.fork(py).map(Self::of))
     }
 
-    /// Records the windows from now on in an MCAP file, which is replaced.
+    /// Records the windows from now on in an MCAP file, which is replaced. Where the file cannot be written any
+    /// more, a RuntimeWarning says so, and the simulation goes on unrecorded.
     fn record(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.with_here(py, "record", |here| here.record(py, path))
     }
 
-    /// Ends the recording, if there is one.
+    /// Ends the recording, if there is one. Raises FileError, also where its file could not be written to the end.
     fn stop_recording(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |back| match back {
             Back::Here(here) => here.stop_recording(py),
@@ -280,7 +281,7 @@ impl Simulation {
         })
     }
 
-    /// Ends the simulation; states and arrays that it gave away stay.
+    /// Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         match self.lock(py)?.take() {
             None => Ok(()),

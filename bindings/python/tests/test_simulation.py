@@ -5,10 +5,12 @@ from __future__ import annotations
 import gc
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
 import threading
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
@@ -531,6 +533,36 @@ def test_a_simulation_that_is_let_go_leaves_its_last_window(
         advance(sim)
     del sim
     assert "3 windows" in call(tmp_path, "verify", tmp_path / "run.mcap")
+
+
+def test_a_recording_that_cannot_be_written_costs_no_window(
+    sim: ballast.Simulation, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    sim.record(path)
+    told: list[str] = []
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # A limit on the size of files stands in for a full disk; Python ignores its signal.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            for steps in range(1, 61):
+                assert sim.advance_to(steps * sim.step_ns).t1_ns == steps * sim.step_ns
+            told = [str(w.message) for w in caught if w.category is RuntimeWarning]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert len(told) == 1, told
+    assert "run.mcap: cannot write" in told[0] and "goes on unrecorded" in told[0]
+    with pytest.raises(ballast.Refused, match="stop_recording first"):
+        sim.record(path)
+    with pytest.raises(ballast.FileError, match="run.mcap: cannot write"):
+        sim.stop_recording()
+    sim.stop_recording()
+    sim.record(path)
+    advance(sim)
+    sim.stop_recording()
+    assert len(list(ballast.read(path))) == 1
 
 
 def call(folder: Path, command: str, path: Path, *more: str | Path) -> str:

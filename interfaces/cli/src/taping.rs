@@ -11,9 +11,8 @@ use ballast::motion::SpeedLimit;
 use ballast::observe::{SqueezeMeter, Zone};
 use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint;
-use ballast_mcap::{Drive, Meta, Tape, is_the_beginning, scene};
+use ballast_mcap::{Drive, Meta, Tape, scene};
 use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -38,14 +37,10 @@ impl Taping {
         };
         let (model, state) = (engine.model(), engine.state());
         let meta = Meta::of(case.names(), case.choices.notes(), model, drive, engine.hash().into());
-        let start = match is_the_beginning(&case.plan, model, state) {
-            true => None,
-            false => {
-                let kept = case.checkpoint(model, &engine.whole_state(), BTreeMap::new());
-                Some(checkpoint::to_bytes(path, &kept)?)
-            }
-        };
-        let tape = Tape::create(path, &meta, model, state, start.as_deref())?;
+        let tape = Tape::begin(path, &case.plan, &meta, model, state, || {
+            let kept = case.checkpoint(model, &engine.whole_state(), case.choices.notes());
+            checkpoint::to_bytes(path, &kept)
+        })?;
         let frames = case.plan.run.output_ns > 0;
         let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;
         let (recent, squeezes) = component::remembered(state, model.driven.len(), &Arc::new(rule));

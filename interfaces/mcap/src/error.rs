@@ -21,6 +21,9 @@ pub enum Error {
     /// What was to be written makes no sense.
     #[error("{path}: not written: {0}", path = .1.display())]
     Refused(Malformed, PathBuf),
+    /// There is no checkpoint of what the recording begins with; it says why itself.
+    #[error("{0}")]
+    Start(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// A window of the recording cannot be computed.
     #[error("{path}: window {seq}: {refusal}")]
     Window { path: PathBuf, seq: u64, refusal: String },

@@ -42,7 +42,7 @@ fn parameters(model: &Model) -> Parameters {
 
 /// Whether a run of a case is at its beginning, solved as the case says: what a recording from there on needs is
 /// the case alone.
-pub fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
+fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
     let how = |solver: &Solver| (solver.iterations, solver.tolerance);
     state.step == 0 && how(&model.solver) == how(&plan.run.solver)
 }
@@ -71,22 +71,27 @@ pub fn may_become_a_recording(path: &Path) -> Result<()> {
 }
 
 impl Tape {
-    /// Starts the recording of a run that is at `state`. Where the case does not begin there, `start` is the run's
-    /// checkpoint, from which the recording can be computed again.
+    /// Starts the recording of a run of the case `plan` that is at `state`. Where the case does not begin there, it
+    /// holds the run's `checkpoint`, from which it can be computed again.
     ///
     /// # Errors
-    /// As for [`may_become_a_recording`].
-    pub fn create(
+    /// As for [`may_become_a_recording`]; [`Error::Start`] where there is no checkpoint.
+    pub fn begin<E: Into<Box<dyn std::error::Error + Send + Sync>>>(
         path: &Path,
+        plan: &Plan,
         meta: &Meta,
         model: &Model,
         state: &State,
-        start: Option<&[u8]>,
+        checkpoint: impl FnOnce() -> std::result::Result<Vec<u8>, E>,
     ) -> Result<Self> {
         may_become_a_recording(path)?;
+        let start = match is_the_beginning(plan, model, state) {
+            true => None,
+            false => Some(checkpoint().map_err(|e| Error::Start(e.into()))?),
+        };
         let mut writer = Writer::create(path, Some(meta))?;
         if let Some(start) = start {
-            writer.attach(START, state.time_ns, start)?;
+            writer.attach(START, state.time_ns, &start)?;
         }
         // Not fresh for every run: the same run leaves the same bytes.
         let run_id = meta.initial_hash.to_string();

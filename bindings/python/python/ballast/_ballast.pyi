@@ -248,13 +248,14 @@ class Simulation:
         """Another simulation that goes on from here on its own."""
 
     def record(self, path: _Path) -> None:
-        """Records the windows from now on in an MCAP file, which is replaced."""
+        """Records the windows from now on in an MCAP file, which is replaced. Where the file cannot be written any
+        more, a RuntimeWarning says so, and the simulation goes on unrecorded."""
 
     def stop_recording(self) -> None:
-        """Ends the recording, if there is one."""
+        """Ends the recording, if there is one. Raises FileError, also where its file could not be written to the end."""
 
     def close(self) -> None:
-        """Ends the simulation; states and arrays that it gave away stay."""
+        """Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay."""
 
     def zones(self) -> dict[str, ZoneOutcome]:
         """The case's zones, measured now."""

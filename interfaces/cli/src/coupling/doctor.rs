@@ -5,9 +5,8 @@ use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::table::on_threads;
-use ballast::math::Vec3;
-use ballast::model::{Grains, Model, Solver, Stepping};
 use ballast_hdf5::checkpoint;
+use ballast_protocol::lockstep::empty_model;
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Line, Link, Patience, Server};
 use serde_json::json;
@@ -73,18 +72,8 @@ fn endpoint(args: &Doctor) -> Result<String, String> {
 fn writable(folder: &Path) -> Result<String, String> {
     crate::files::create_folder(folder).map_err(|e| e.to_string())?;
     let path = folder.join(format!("doctor-{}.h5", std::process::id()));
-    let model = Model {
-        shapes: vec![],
-        grains: Grains::default(),
-        driven: vec![],
-        gravity: Vec3::zeros(),
-        grain_friction: 1.0,
-        restitution: 0.0,
-        stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
-        solver: Solver::default(),
-    };
     let kept = checkpoint::Checkpoint {
-        model,
+        model: empty_model(),
         state: ballast::state::State::default(),
         kind: checkpoint::Kind::Bed,
         case_name: "doctor".into(),

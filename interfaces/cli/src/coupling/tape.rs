@@ -8,7 +8,7 @@
 use super::kept;
 use crate::case::Case;
 use crate::exit::Outcome;
-use ballast_mcap::{Drive, Meta, Redoable, Tape, is_the_beginning};
+use ballast_mcap::{Drive, Meta, Redoable, Tape};
 use ballast_protocol::lockstep::{Kind, Lockstep};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use std::path::{Path, PathBuf};
@@ -90,10 +90,7 @@ fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Redoable> {
     let (model, state) = (lockstep.component().model(), lockstep.component().state());
     let hash = ballast_hdf5::state_hash(model, state).into();
     let meta = Meta::of(case.names(), case.choices.notes(), model, Drive::Inputs, hash);
-    let start = match is_the_beginning(&case.plan, model, state) {
-        true => None,
-        false => Some(kept::bytes(path, case, lockstep)?),
-    };
-    let tape = Tape::create(path, &meta, model, state, start.as_deref())?;
+    let checkpoint = || kept::bytes(path, case, lockstep);
+    let tape = Tape::begin(path, &case.plan, &meta, model, state, checkpoint)?;
     Ok(Redoable::new(tape, case.plan.run.output_ns, model, state)?)
 }

@@ -14,3 +14,4 @@ mod setup;
 mod solve;
 mod sweeps;
 mod validate;
+mod windows;

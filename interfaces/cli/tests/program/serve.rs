@@ -2,6 +2,7 @@
 
 use crate::setup::{CASE, Ended, Place};
 use ballast_mcap::messages::Messages;
+use ballast_mcap::recording::Windows;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::{Activity, Code, Init, Kind, SetParameters};
 use ballast_protocol::messages::{
@@ -226,7 +227,8 @@ fn a_component_that_waits_is_prepared_by_its_partner_and_can_be_prepared_anew() 
 fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     let place = Place::new();
     let endpoint = endpoint();
-    let serving = Serving::start(&place, &endpoint, "--out s --record s.mcap");
+    let arguments = "--out s --record s.mcap --schedule sequential";
+    let serving = Serving::start(&place, &endpoint, arguments);
     let mut client = attach(&endpoint, None).unwrap();
     step(&mut client).unwrap();
     let before = client.place().hash.clone();
@@ -277,6 +279,9 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     // Its recording begins where it began, too.
     let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
     assert!(verified.contains("all equal"), "{verified}");
+    let start = Windows::open(&place.path("again.mcap")).unwrap();
+    let start = ballast_hdf5::checkpoint::from_bytes(start.start().unwrap()).unwrap();
+    assert_eq!(start.extra["schedule"], "sequential", "as it was chosen");
     // Where the start is damaged there is nothing to compare with.
     let mut bytes = std::fs::read(place.path("s.3.mcap")).unwrap();
     let name = b"start.h5";

@@ -24,7 +24,7 @@ pub use control::{
 pub use cost::{Cost, WallClock};
 pub use fault::{Code, Fault, Finding};
 pub use owner::Ownership;
-pub use state::Kept;
+pub use state::{Kept, empty_model};
 pub use window::{Kind, Pace, Watch};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};

@@ -27,23 +27,28 @@ impl Kept {
     }
 }
 
+/// A model of nothing at all: what stands where no other is known yet.
+pub fn empty_model() -> Model {
+    Model {
+        shapes: Vec::new(),
+        grains: Grains::default(),
+        driven: Vec::new(),
+        gravity: Vec3::zeros(),
+        grain_friction: 0.0,
+        restitution: 0.0,
+        stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
+        solver: Solver::default(),
+    }
+}
+
 impl Lockstep {
     /// A component that is to be told by its partner when to prepare what it steps, see [`Lockstep::begin`].
     ///
     /// # Errors
     /// None: an empty world can be stepped.
     pub fn unconfigured(hash: fn(&Model, &State) -> u128) -> Result<Self, Fault> {
-        let nothing = Model {
-            shapes: Vec::new(),
-            grains: Grains::default(),
-            driven: Vec::new(),
-            gravity: Vec3::zeros(),
-            grain_friction: 0.0,
-            restitution: 0.0,
-            stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
-            solver: Solver::default(),
-        };
-        let component = Component::new(Arc::new(nothing), State::default(), Limits::default())?;
+        let nothing = Arc::new(empty_model());
+        let component = Component::new(nothing, State::default(), Limits::default())?;
         Ok(Self { is_configured: false, ..Self::new(component, "unconfigured", hash) })
     }
 
