@@ -3,6 +3,7 @@
 //! Results go to stdout, messages and progress to stderr; [`exit`] decides the exit codes.
 
 mod args;
+mod aside;
 mod beds;
 mod bench;
 mod case;

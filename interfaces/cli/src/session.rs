@@ -2,8 +2,10 @@
 //! checkpoints.
 //!
 //! Contract: what is written depends on the case and the step alone, never on where the run was
-//! interrupted; so a resumed run leaves the same records as one in a single go.
+//! interrupted; so a resumed run leaves the same records as one in a single go. What is written beside
+//! them never ends a run, see [`Aside`].
 
+use crate::aside::Aside;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::dump::Dump;
@@ -36,6 +38,8 @@ pub struct Session {
     recorder: Recorder,
     taping: Option<Taping>,
     dump: Option<Dump>,
+    /// Of recording and problems.
+    aside: Aside,
     profile: Profile,
     /// Step at which this process took over.
     first: u64,
@@ -94,7 +98,8 @@ impl Session {
         console: Console,
     ) -> Self {
         let (profile, first) = (Profile::start(), engine.state().step);
-        Self { console, case, files, engine, recorder, taping, dump: None, profile, first }
+        let (dump, aside) = (None, Aside::new(console));
+        Self { console, case, files, engine, recorder, taping, dump, aside, profile, first }
     }
 
     /// The same session, which keeps contact problems.
@@ -179,11 +184,17 @@ impl Session {
             self.recorder.observe(model, state, workspace)?;
         }
         if let Some(dump) = &self.dump {
-            dump.step(&self.case.plan.name, engine)?;
+            let kept = dump.step(&self.case.plan.name, engine);
+            if !self.aside.went_well("problems", kept) {
+                self.dump = None;
+            }
         }
         if let Some(taping) = &mut self.taping {
             let zones = due.then(|| self.recorder.zones());
-            taping.step(&self.engine, &stepped, zones)?;
+            let recorded = taping.step(&self.engine, &stepped, zones);
+            if !self.aside.went_well("recording", recorded) {
+                self.taping = None;
+            }
         }
         Ok(Some(stepped.report))
     }
@@ -237,22 +248,30 @@ impl Session {
     }
 
     fn stop(mut self) -> Outcome {
-        if let Some(taping) = self.taping.take() {
-            taping.finish()?;
-        }
+        self.end_recording();
         let (step, all) = (self.engine.state().step, self.case.steps());
-        if self.engine.playback().is_some() {
+        let text = if self.engine.playback().is_some() {
             self.recorder.secure()?;
-            let text =
-                format!("stopped after step {step}; a replay starts from the beginning again");
-            return Err(Failure::Interrupted(text));
+            format!("stopped after step {step}; a replay starts from the beginning again")
+        } else {
+            self.checkpoint()?;
+            let path = self.files.checkpoint();
+            format!(
+                "stopped cleanly after step {step} of {all}; go on with: ballast resume {}",
+                path.display()
+            )
+        };
+        Err(match self.aside.trouble() {
+            Some(failure) => failure.with(&format!("; {text}")),
+            None => Failure::Interrupted(text),
+        })
+    }
+
+    fn end_recording(&mut self) {
+        if let Some(taping) = self.taping.take() {
+            let ended = taping.finish();
+            self.aside.went_well("recording", ended);
         }
-        self.checkpoint()?;
-        let path = self.files.checkpoint();
-        Err(Failure::Interrupted(format!(
-            "stopped cleanly after step {step} of {all}; go on with: ballast resume {}",
-            path.display()
-        )))
     }
 
     fn finish(mut self, expected: Option<u128>) -> Outcome {
@@ -267,9 +286,7 @@ impl Session {
                 self.recorder.secure()?;
             }
         }
-        if let Some(taping) = self.taping.take() {
-            taping.finish()?;
-        }
+        self.end_recording();
         self.profile.output();
         let state = self.engine.hash();
         let hash = format!("{state:032x}");
@@ -284,7 +301,7 @@ impl Session {
             Some(expected) if expected != state => Err(Failure::Mismatch(format!(
                 "the final state has hash {hash}, expected {expected:032x}"
             ))),
-            _ => Ok(()),
+            _ => self.aside.trouble().map_or(Ok(()), Err),
         }
     }
 

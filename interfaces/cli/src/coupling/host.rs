@@ -2,6 +2,7 @@
 
 use super::kept;
 use super::tape::Recording;
+use crate::aside::Aside;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
@@ -35,8 +36,8 @@ pub struct Keeper {
     /// When the last checkpoint was written, and after which window of which run.
     written: Instant,
     durable: Option<(String, u64, u64)>,
-    /// What went wrong beside answering; told at the end.
-    pub trouble: Option<Failure>,
+    /// Partners are served whatever goes wrong beside it.
+    pub aside: Aside,
 }
 
 impl Keeper {
@@ -60,7 +61,7 @@ impl Keeper {
             recording,
             written,
             durable: None,
-            trouble: None,
+            aside: Aside::new(console),
         }
     }
 
@@ -81,18 +82,10 @@ impl Keeper {
         Ok((case, component))
     }
 
-    /// Goes on without what has failed: partners are served all the same.
-    fn note_failure(&mut self, what: &str, result: Outcome) -> bool {
-        let Err(failure) = result else { return true };
-        self.console.warning(&format!("{what}: {failure}; the run goes on without it"));
-        self.trouble = Some(failure);
-        false
-    }
-
     fn recorded(&mut self, act: impl FnOnce(&mut Recording) -> Outcome) {
         let Some(recording) = &mut self.recording else { return };
         let result = act(recording);
-        if !self.note_failure("recording", result) {
+        if !self.aside.went_well("recording", result) {
             self.recording = None;
         }
     }
@@ -110,7 +103,7 @@ impl Host for Keeper {
         }
         let result = kept::write(&self.checkpoint, &self.case, lockstep);
         self.written = Instant::now();
-        let kept = self.note_failure("checkpoint", result);
+        let kept = self.aside.went_well("checkpoint", result);
         if kept {
             let path = &self.checkpoint;
             self.console.event("checkpoint", json!({ "seq": at.1, "time_ns": at.2, "path": path }));

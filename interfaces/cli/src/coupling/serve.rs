@@ -95,9 +95,9 @@ fn told(endpoints: &[String]) -> String {
     }
 }
 
-fn finish(lockstep: &Lockstep, keeper: Keeper, console: Console) -> Outcome {
+fn finish(lockstep: &Lockstep, mut keeper: Keeper, console: Console) -> Outcome {
     let place = lockstep.place();
-    if let Some(failure) = keeper.trouble {
+    if let Some(failure) = keeper.aside.trouble() {
         return Err(failure);
     }
     if !lockstep.is_configured() {

@@ -198,6 +198,58 @@ fn a_full_disk_fails_with_the_file_and_keeps_what_was_there() {
 }
 
 #[test]
+fn what_cannot_be_written_beside_a_run_is_told_once_and_the_run_goes_on() {
+    let place = Place::new();
+    // Without frames the results stay small beside the recording.
+    std::fs::write(
+        place.path("tiny.toml"),
+        CASE.replace("output_every_s = 0.01", "output_every_s = 0.0"),
+    )
+    .unwrap();
+    place
+        .run("--out whole --record whole.mcap --dump-problems problems --dump-every 30")
+        .with_code(0);
+    let hash = place.hash("whole");
+    let size = |name: &str| place.path(name).metadata().unwrap().len();
+    let largest = size("whole/results.vtkhdf").max(size("whole/checkpoint.h5"));
+    let room = 2 * largest / 1024;
+    assert!(size("whole.mcap") > room * 1024, "{} {room}", size("whole.mcap"));
+    let limited = |arguments: &str| {
+        let command = place.run_command(arguments);
+        let mut bash = std::process::Command::new("bash");
+        bash.current_dir(place.path(""))
+            .args(["-c", &format!("trap '' XFSZ; ulimit -f {room}; exec \"$@\""), "bash"])
+            .arg(command.get_program())
+            .args(command.get_args());
+        crate::setup::Ended(bash.output().unwrap())
+    };
+    let ended = limited("--out part --record part.mcap").with_code(1);
+    let said = ended.stderr();
+    assert_eq!(said.matches("warning: recording: part.mcap: cannot write: ").count(), 1, "{said}");
+    assert!(said.contains("failed: part.mcap") && said.contains("went on without it"), "{said}");
+    assert!(ended.stdout().contains(&hash), "{}", ended.stdout());
+    assert_eq!(
+        (place.hash("part"), place.summary("part")["complete"].clone()),
+        (hash.clone(), true.into())
+    );
+    place.call(&format!("resume part/checkpoint.h5 --expect {hash}")).with_code(0);
+
+    // A folder has the name of the third problem.
+    let mut problems: Vec<_> = std::fs::read_dir(place.path("problems"))
+        .unwrap()
+        .map(|file| file.unwrap().path())
+        .collect();
+    problems.sort_by_key(|path| path.to_string_lossy().split("-i").last().map(String::from));
+    problems.iter().for_each(|path| std::fs::remove_file(path).unwrap());
+    std::fs::create_dir(&problems[2]).unwrap();
+    let said =
+        place.run("--out other --dump-problems problems --dump-every 30").with_code(1).stderr();
+    assert_eq!(said.matches("warning: problems: problems/").count(), 1, "{said}");
+    assert_eq!(place.hash("other"), hash);
+    assert!(problems[1].is_file() && !problems[3].exists());
+}
+
+#[test]
 fn nobody_who_reads_messages_is_no_end_of_a_run() {
     let place = Place::new();
     place.run("--out read --steps 20").with_code(0);

@@ -1,0 +1,34 @@
+//! What is done beside a run, and is not worth its end: recordings, problems that are kept, checkpoints of what is served.
+//!
+//! Contract: what cannot be written is told at once and given up, the run goes on to its own end, and the program ends with
+//! the failure.
+
+use crate::console::Console;
+use crate::exit::{Failure, Outcome};
+
+/// What has gone wrong so far.
+pub struct Aside {
+    console: Console,
+    /// The first of it.
+    trouble: Option<Failure>,
+}
+
+impl Aside {
+    pub fn new(console: Console) -> Self {
+        Self { console, trouble: None }
+    }
+
+    /// Whether it went well; tells it if it did not.
+    pub fn went_well(&mut self, what: &str, result: Outcome) -> bool {
+        let Err(failure) = result else { return true };
+        let more = "; the run goes on without it";
+        self.console.warning(&format!("{what}: {failure}{more}"));
+        self.trouble.get_or_insert_with(|| failure.with("; the run went on without it"));
+        false
+    }
+
+    /// What the program ends with, if anything went wrong.
+    pub fn trouble(&mut self) -> Option<Failure> {
+        self.trouble.take()
+    }
+}
