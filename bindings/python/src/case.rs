@@ -11,10 +11,11 @@ use ballast::state::State;
 use ballast::track::plan::Plan;
 use ballast_beds::{Beds, Pace};
 use ballast_hdf5::checkpoint::{Checkpoint, Kind};
-use ballast_scenario::{Choices, sweep};
+use ballast_scenario::{Choices, LONGEST_CASE, NoText, read_text, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -91,8 +92,10 @@ impl Case {
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(&path)
-            .map_err(|e| errors::file(py, format!("{name}: cannot be read: {e}")))?;
+        let text = File::open(&path)
+            .map_err(NoText::Unreadable)
+            .and_then(|file| read_text(file, LONGEST_CASE))
+            .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         Self::read(py, text, &name)
     }
 
@@ -111,8 +114,7 @@ impl Case {
 
     /// Writes the case's text to a file; overrides of `choose` are not part of it.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        std::fs::write(&path, &self.text)
-            .map_err(|e| errors::file(py, format!("{}: cannot be written: {e}", path.display())))
+        ballast_hdf5::replace(&path, &[self.text.as_bytes()]).map_err(|e| errors::file(py, e))
     }
 
     /// The same case with other values: paths of keys joined by points, and what they become, such as

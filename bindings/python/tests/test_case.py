@@ -49,8 +49,21 @@ def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
         case.with_values({"tamping.vibration.frequency_Hz": -1.0})
     with pytest.raises(ballast.CaseError):
         case.with_values({"name.deeper": 1})
+    with pytest.raises(ballast.CaseError, match="at most 16 parts, found 300001"):
+        case.with_values({"a" + ".a" * 300_000: 1})
     with pytest.raises(ballast.CaseError):
         ballast.Case.from_dict({"name": "nothing else"})
+
+
+def test_a_case_is_written_at_once_or_not_at_all(case: ballast.Case, tmp_path: Path) -> None:
+    path, old = tmp_path / "case.toml", tmp_path / "old.toml"
+    path.write_text("old")
+    old.hardlink_to(path)
+    case.write(path)
+    assert (path.read_text(), old.read_text()) == (case.text, "old")
+    with pytest.raises(ballast.FileError, match="found a folder"):
+        case.write(tmp_path)
+    assert sorted(tmp_path.iterdir()) == [path, old]
 
 
 def test_choices_are_not_in_the_text(case: ballast.Case) -> None:
@@ -69,6 +82,10 @@ def test_choices_are_not_in_the_text(case: ballast.Case) -> None:
 def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
     with pytest.raises(ballast.FileError, match="nowhere"):
         ballast.Case.load(tmp_path / "nowhere.toml")
+    with open(tmp_path / "large.toml", "wb") as large:
+        large.truncate(3 << 30)
+    with pytest.raises(ballast.FileError, match="large.toml: larger than 16777216 bytes"):
+        ballast.Case.load(tmp_path / "large.toml")
     broken = tmp_path / "broken.h5"
     broken.write_bytes(b"no checkpoint")
     for read in (ballast.resume, ballast.read):

@@ -12,12 +12,10 @@ use ballast::track::plan::Plan;
 use ballast_hdf5::checkpoint::{Checkpoint, Kind};
 use ballast_mcap::recording::Windows;
 pub use ballast_scenario::Choices;
+use ballast_scenario::LONGEST_CASE;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-
-/// No case file is this long.
-const LIMIT: u64 = 16 << 20;
 
 /// The note in a checkpoint that says which run of a served component it is of.
 pub const RUN_ID: &str = "run_id";
@@ -39,7 +37,7 @@ pub struct Case {
 
 /// Reads a case file; warnings go to the console.
 pub fn load(path: &Path, choices: &Choices, console: Console) -> Outcome<Case> {
-    let text = read_case(path, LIMIT)?;
+    let text = read_case(path, LONGEST_CASE)?;
     parse(text, &path.display().to_string(), choices, console)
 }
 
@@ -58,9 +56,9 @@ pub fn recorded(
         None => {
             // Whoever ran it was warned.
             let name = format!("{}, its case", windows.path().display());
-            if meta.case_text.len() as u64 > LIMIT {
+            if meta.case_text.len() as u64 > LONGEST_CASE {
                 let size = meta.case_text.len();
-                let text = format!("{name}: expected at most {LIMIT} bytes, found {size}");
+                let text = format!("{name}: expected at most {LONGEST_CASE} bytes, found {size}");
                 return Err(Failure::InvalidCase(text));
             }
             read(meta.case_text.clone(), &name, &choices, |_| {})

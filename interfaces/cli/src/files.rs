@@ -3,9 +3,10 @@
 use crate::case::RUN_ID;
 use crate::exit::{Failure, Outcome};
 use ballast_hdf5::checkpoint;
+use ballast_scenario::NoText;
 use serde_json::Value;
 use std::fs::{File, TryLockError};
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -153,42 +154,19 @@ pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
 
 fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
     let file = File::open(path).map_err(|e| Failure::at(path, e))?;
-    let mut bytes = Vec::new();
-    let read = file.take(limit + 1).read_to_end(&mut bytes).map_err(|e| Failure::at(path, e))?;
-    if read as u64 > limit {
-        return Err(Failure::at(path, format!("larger than {limit} bytes; is it the right file?")));
-    }
-    String::from_utf8(bytes).map_err(|e| {
-        let good = &e.as_bytes()[..e.utf8_error().valid_up_to()];
-        let line = 1 + good.iter().filter(|b| **b == b'\n').count();
-        let name = path.display();
-        not_text(format!("{name}:{line}: expected text in UTF-8, found other bytes"))
+    ballast_scenario::read_text(file, limit).map_err(|e| match e {
+        NoText::Bytes(line) => {
+            let name = path.display();
+            not_text(format!("{name}:{line}: expected text in UTF-8, found other bytes"))
+        }
+        other => Failure::at(path, other),
     })
-}
-
-/// A name beside `path` that no other process uses: several may replace one file, as array jobs of a scheduler do.
-fn partial(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{}.tmp", std::process::id()));
-    name.into()
 }
 
 /// Replaces a text file in one go: readers see the old text or the new one, never a part.
 pub fn replace_text(path: &Path, text: &str) -> Outcome {
-    let failed =
-        |e| Failure::at(path, format!("cannot write it: {e}; what was there before is kept"));
-    let target = ballast_hdf5::destination(path).map_err(failed)?;
-    let partial = partial(&target);
-    let write = || -> std::io::Result<()> {
-        let mut file = File::create(&partial)?;
-        file.write_all(text.as_bytes())?;
-        file.sync_all()?;
-        std::fs::rename(&partial, &target)
-    };
-    write().map_err(|e| {
-        let _ = std::fs::remove_file(&partial);
-        failed(e)
-    })
+    let replaced = ballast_hdf5::replace(path, &[text.as_bytes()]);
+    replaced.map_err(|e| Failure::from(e).with("; what was there before is kept"))
 }
 
 /// A path for a table, as an option takes it. A slip of the command line is not to cost a case or results.
@@ -236,17 +214,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("summary.json");
         replace_text(&path, "old").unwrap();
-        std::fs::create_dir(partial(&path)).unwrap();
-        assert!(replace_text(&path, "new").is_err());
+        replace_text(&path, "new").unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
+        // A name so long that no other one fits beside it.
+        let path = folder.path().join("a".repeat(250));
+        std::fs::write(&path, "old").unwrap();
+        let said = replace_text(&path, "new").unwrap_err().to_string();
+        assert!(said.ends_with("what was there before is kept"), "{said}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
-    }
-
-    #[test]
-    fn too_long_a_text_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("case.toml");
-        std::fs::write(&path, "0123456789").unwrap();
-        assert_eq!(read_text(&path, 10).unwrap(), "0123456789");
-        assert!(read_text(&path, 9).is_err());
     }
 }

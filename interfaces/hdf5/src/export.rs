@@ -5,6 +5,7 @@
 
 use crate::error::{Result, io};
 use crate::results::{Array, BlockFrame, Reader, Table};
+use crate::seal;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
@@ -38,7 +39,7 @@ fn listed(folder: &Path) -> Vec<String> {
 
 fn write(folder: &Path, name: &str, content: String) -> Result<PathBuf> {
     let path = folder.join(name);
-    std::fs::write(&path, content).map_err(io(&path, "write"))?;
+    seal::replace(&path, &[content.as_bytes()])?;
     Ok(path)
 }
 

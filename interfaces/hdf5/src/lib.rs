@@ -20,4 +20,4 @@ mod validate;
 
 pub use error::{Error, Result};
 pub use hash::state_hash;
-pub use seal::destination;
+pub use seal::{destination, replace};

@@ -56,8 +56,11 @@ fn header(format: &Format, image: &[u8]) -> [u8; BLOCK] {
     block(format, image.len() as u64, &blake3::hash(image))
 }
 
-/// Replaces `path` by a file with this content, under the same promise.
-pub(crate) fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
+/// Replaces `path` by a file with this content, under the same promise. Several processes may do so at a time.
+///
+/// # Errors
+/// The system refuses; something else than a file lies there.
+pub fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
     let mut file = beside(path)?;
     for bytes in content {
         file.write_all(bytes).map_err(io(path, "write"))?;
@@ -116,14 +119,14 @@ fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
     let mut builder = tempfile::Builder::new();
     // Readable by others, as any result is; the umask still applies.
     let permissions = std::fs::Permissions::from_mode(0o666);
-    builder.prefix(name).suffix(".h5.tmp").permissions(permissions);
+    builder.prefix(name).suffix(".tmp").permissions(permissions);
     builder
 }
 
 #[cfg(not(unix))]
 fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(name).suffix(".h5.tmp");
+    builder.prefix(name).suffix(".tmp");
     builder
 }
 

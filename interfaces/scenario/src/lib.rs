@@ -16,9 +16,11 @@ pub mod sample;
 mod schema;
 mod structure;
 pub mod sweep;
+mod text;
 
 pub use choices::{Choices, UnknownChoice};
 pub use content_key::content_key;
 pub use diagnostic::{CaseErrors, Diagnostic};
 pub use read::{Case, read_case};
 pub use schema::schema;
+pub use text::{LONGEST_CASE, NoText, read_text};

@@ -17,6 +17,9 @@ use toml::{Table, Value};
 /// No sweep has as many points: a slip in a grid, which would fill a disk.
 const MOST_POINTS: usize = 1_000_000;
 
+/// No key of a case has as many parts.
+const MOST_PARTS: usize = 16;
+
 /// Keys of a case, joined by points, and what they become.
 pub type Point = Vec<(String, Value)>;
 
@@ -109,11 +112,17 @@ pub fn changed(text: &str, point: &Point, name: &str) -> Result<String, String> 
 /// The text of a case with other values, whatever it then describes; `name` stands for it in messages.
 ///
 /// # Errors
-/// A key that leads through something which is no table.
+/// A key that leads through something which is no table, or has more parts than any.
 pub fn with_values(text: &str, point: &Point, name: &str) -> Result<String, String> {
     let mut case: Table =
         text.parse().map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
     for (path, value) in point {
+        let parts = path.split('.').count();
+        if parts > MOST_PARTS {
+            let start: String = path.chars().take(40).collect();
+            let expected = format!("a key of at most {MOST_PARTS} parts");
+            return Err(format!("{name}: {start}…: expected {expected}, found {parts}"));
+        }
         set(&mut case, path, value.clone()).map_err(|key| {
             format!("{name}: {path}: expected a table at {key:?}, found something else")
         })?;
@@ -193,5 +202,10 @@ mod tests {
             let told = changed(CASE, &vec![(key.to_string(), value)], "point 1").unwrap_err();
             assert!(told.contains(expected) && told.contains("point 1"), "{told}");
         }
+        // More than any stack holds.
+        let deep = vec![(["a"; 300_000].join("."), Value::Integer(1))];
+        let told = changed(CASE, &deep, "point 1").unwrap_err();
+        assert!(told.ends_with("expected a key of at most 16 parts, found 300000"), "{told}");
+        assert!(told.len() < 200, "{told}");
     }
 }

@@ -503,4 +503,13 @@ fn exported_tables_are_plain_csv() {
     assert_eq!(lines[4], "3,3,0.30000000000000004");
     let pvd = std::fs::read_to_string(&files[files.len() - 2]).unwrap();
     assert!(pvd.contains("timestep=\"0.001\" part=\"0\" name=\"grains\" file=\"grains_0001.vtp\""));
+    // Replaced in one go: another name of the old file keeps it as it was.
+    let old = folder.path().join("old.csv");
+    std::fs::hard_link(files.last().unwrap(), &old).unwrap();
+    std::fs::write(&old, "old").unwrap();
+    export(&path, folder.path().join("out")).unwrap();
+    assert_eq!(std::fs::read_to_string(&old).unwrap(), "old");
+    assert_eq!(std::fs::read_to_string(files.last().unwrap()).unwrap(), csv);
+    let left = std::fs::read_dir(folder.path().join("out")).unwrap().count();
+    assert_eq!(left, files.len(), "nothing beside them");
 }
