@@ -1,4 +1,5 @@
-//! Case files (TOML) and neutral samples (JSON): text in, plan or model out. No I/O.
+//! Case files (TOML) and neutral samples (JSON): text in, plan or model out. No files: a text is read from what the
+//! caller has opened.
 
 mod case_file;
 mod check;
