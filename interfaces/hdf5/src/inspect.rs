@@ -5,7 +5,7 @@
 use crate::checkpoint;
 use crate::error::Result;
 use crate::hash::state_hash;
-use crate::results::{self, Reader};
+use crate::results::Reader;
 use crate::seal;
 use serde_json::{Value, json};
 use std::fmt;
@@ -94,7 +94,7 @@ fn of_results(path: &Path) -> Result<Summary> {
     }
     Ok(Summary {
         kind: "results",
-        version: results::VERSION,
+        version: reader.version(),
         case_name: reader.about("case_name")?,
         key: reader.about("key")?,
         grains,

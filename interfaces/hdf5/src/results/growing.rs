@@ -1,11 +1,18 @@
 //! Datasets that grow by rows, compressed, and texts beside them.
 
-use hdf5::types::{FixedAscii, VarLenUnicode};
-use hdf5::{Dataset, Group, H5Type, Result};
+use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenUnicode};
+use hdf5::{Attribute, Dataset, Group, H5Type, Result};
 use ndarray::{ArrayView, IxDyn, SliceInfo, SliceInfoElem};
 
 /// Largest number of rows in a chunk: the unit that is compressed and read.
 const CHUNK_ROWS: usize = 1 << 16;
+
+/// Longest texts of attributes, bytes: of most, and of any.
+const LONG_TEXT: usize = 128;
+const LONGEST_TEXT: usize = 4096;
+
+/// Most texts of an attribute.
+const MOST_TEXTS: usize = 1 << 16;
 
 /// Rows of an uncompressed chunk, by bytes of a row.
 const TABLE_BYTES: usize = 1 << 11;
@@ -132,16 +139,64 @@ pub(crate) fn number<T: H5Type>(group: &Group, name: &str, value: T) -> Result<(
     }
 }
 
+/// Writes texts as an attribute, all of one length: those of variable length lie in a heap of the file, which the library
+/// does not survive where it is damaged.
 pub(crate) fn texts(group: &Group, name: &str, values: &[&str]) -> Result<()> {
-    let texts: std::result::Result<Vec<VarLenUnicode>, _> =
+    let longest = values.iter().map(|v| v.len()).max().unwrap_or(0);
+    let kind = TypeDescriptor::FixedUnicode(longest.max(1));
+    let attribute = group.new_attr_builder().empty_as(kind).shape(values.len()).create(name)?;
+    match longest {
+        0..=LONG_TEXT => write_texts::<LONG_TEXT>(&attribute, values),
+        _ => write_texts::<LONGEST_TEXT>(&attribute, values),
+    }
+}
+
+fn write_texts<const N: usize>(attribute: &Attribute, values: &[&str]) -> Result<()> {
+    let texts: std::result::Result<Vec<FixedUnicode<N>>, _> =
         values.iter().map(|v| v.parse()).collect();
     let texts = texts.map_err(|e| e.to_string())?;
-    let attribute = group.new_attr::<VarLenUnicode>().shape(texts.len()).create(name)?;
     if texts.is_empty() { Ok(()) } else { attribute.write_raw(&texts) }
 }
 
-/// Texts of an attribute; the library itself does not look whether they are UTF-8.
-pub(crate) fn read_texts(group: &Group, name: &str) -> Result<Vec<String>> {
-    let texts: Vec<VarLenUnicode> = group.attr(name)?.read_raw()?;
-    Ok(texts.iter().map(|t| String::from_utf8_lossy(t.as_bytes()).into_owned()).collect())
+/// Texts of an attribute; the library itself does not look whether they are UTF-8. Those of variable length only where files
+/// of that version had them.
+pub(crate) fn read_texts(group: &Group, name: &str, version: u32) -> Result<Vec<String>> {
+    let attribute = group.attr(name)?;
+    let shape = attribute.shape();
+    let [count] = shape[..] else { return Err(format!("{name}: expected a row of texts").into()) };
+    if count > MOST_TEXTS {
+        let text = format!("{name}: expected at most {MOST_TEXTS} texts, found {count}");
+        return Err(text.into());
+    }
+    match attribute.dtype()?.to_descriptor()? {
+        _ if count == 0 => Ok(vec![]),
+        TypeDescriptor::FixedUnicode(0..=LONG_TEXT) => fixed_texts::<LONG_TEXT>(&attribute),
+        TypeDescriptor::FixedUnicode(0..=LONGEST_TEXT) => fixed_texts::<LONGEST_TEXT>(&attribute),
+        TypeDescriptor::VarLenUnicode if version == super::HEAPED => {
+            let texts: Vec<VarLenUnicode> = attribute.read_raw()?;
+            Ok(texts.iter().map(|t| told(t.as_bytes())).collect())
+        }
+        other => {
+            let text =
+                format!("{name}: expected texts of up to {LONGEST_TEXT} bytes, found {other}");
+            Err(text.into())
+        }
+    }
+}
+
+fn fixed_texts<const N: usize>(attribute: &Attribute) -> Result<Vec<String>> {
+    let texts: Vec<FixedUnicode<N>> = attribute.read_raw()?;
+    Ok(texts.iter().map(|t| told(t.as_bytes())).collect())
+}
+
+fn told(text: &[u8]) -> String {
+    String::from_utf8_lossy(text).into_owned()
+}
+
+/// Writes a text of any length as a dataset of bytes.
+pub(crate) fn long_text(group: &Group, name: &str, text: &str) -> Result<()> {
+    let builder = group.new_dataset::<u8>().obj_track_times(false).no_chunk();
+    let dataset = builder.shape(text.len()).create(name)?;
+    // Without bytes there is no storage to write to.
+    if text.is_empty() { Ok(()) } else { dataset.write_raw(text.as_bytes()) }
 }

@@ -41,8 +41,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use surface::{Extent, Surface};
 
-/// Version of the format that this program writes and reads.
-pub const VERSION: u32 = 1;
+/// Version of the format that this program writes.
+pub const VERSION: u32 = 2;
+
+/// Version whose texts are of variable length, in a heap of the file; it is read, too.
+pub(crate) const HEAPED: u32 = 1;
 
 pub(crate) const FORMAT: &str = "ballast-results";
 
@@ -125,7 +128,7 @@ impl Writer {
         growing::texts(&about, "format", &[FORMAT])?;
         growing::number(&about, "version", VERSION)?;
         growing::texts(&about, "case_name", &[&meta.case_name])?;
-        growing::texts(&about, "case_text", &[&meta.case_text])?;
+        growing::long_text(&about, "case_text", &meta.case_text)?;
         growing::texts(&about, "key", &[&meta.key])?;
         growing::texts(&about, "program", &[&meta.program])?;
         growing::texts(&about, "bodies_hash", &[&bodies_hash(&self.model)])?;
@@ -158,7 +161,7 @@ impl Writer {
         }
         let steps = reader.steps().to_vec();
         let poses = if steps.is_empty() { None } else { Some(reader.poses(0)?) };
-        let tables = reader.series_names()?;
+        let (tables, version) = (reader.series_names()?, reader.version());
         drop(reader);
         seal::take_from_end(path, &SEAL)?;
         let file = open(path, false).map_err(hdf5_error(path, "file"))?;
@@ -176,12 +179,18 @@ impl Writer {
             let extent = surface::extent(model, &poses);
             writer.surfaces = surface::all(model, &poses, &extent);
         }
-        writer.cut(kept, at_step, &tables).map_err(hdf5_error(path, "earlier frames"))?;
+        writer.cut(kept, at_step, &tables, version).map_err(hdf5_error(path, "earlier frames"))?;
         writer.spare.keep(path, &writer.file)?;
         Ok(writer)
     }
 
-    fn cut(&mut self, frames: usize, at_step: u64, tables: &[String]) -> hdf5::Result<()> {
+    fn cut(
+        &mut self,
+        frames: usize,
+        at_step: u64,
+        tables: &[String],
+        version: u32,
+    ) -> hdf5::Result<()> {
         if frames == 0 {
             // Without a frame, the next one decides anew how large half-spaces are drawn.
             self.surfaces.clear();
@@ -199,7 +208,7 @@ impl Writer {
             growing::truncate(&group, name, frames)?;
         }
         for name in tables {
-            let table = Buffer::open(&self.file.group("series")?, name, at_step)?;
+            let table = Buffer::open(&self.file.group("series")?, name, at_step, version)?;
             self.series.insert(name.clone(), table);
         }
         self.file.flush()

@@ -2,10 +2,11 @@
 //!
 //! Contract: sizes are compared with the file's own size before anything is allocated. A file that
 //! is damaged inside its compressed data gives an error of the HDF5 library, with the place. Where results are
-//! complete, and thus sealed, the library does not see a byte of a damaged one.
+//! complete, and thus sealed, the library does not see a byte of a damaged one. Those of version 1 that are not sealed have
+//! their texts in a heap, which the library does not always survive where it is damaged: nothing that is written now has one.
 
 use super::block::Block;
-use super::{FORMAT, SEAL, VERSION, growing, pose};
+use super::{FORMAT, HEAPED, SEAL, VERSION, growing, pose};
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::{image, seal};
 use ballast::math::Pose;
@@ -22,6 +23,7 @@ pub struct Reader {
     path: PathBuf,
     file: File,
     size: u64,
+    version: u32,
     steps: Vec<u64>,
 }
 
@@ -73,23 +75,24 @@ impl Reader {
         }
         seal::check_at_end(path, &SEAL)?;
         let file = image::open(path).map_err(hdf5_error(path, "file"))?;
-        let mut reader = Self { path: path.into(), file, size, steps: vec![] };
+        let mut reader = Self { path: path.into(), file, size, version: VERSION, steps: vec![] };
         reader.check_format()?;
         let steps = reader.dataset("frames/step")?;
         reader.steps = reader.rows(&steps, 0..steps.shape()[0])?;
         Ok(reader)
     }
 
-    fn check_format(&self) -> Result<()> {
+    fn check_format(&mut self) -> Result<()> {
         if !self.file.link_exists("about") {
             let found = "an HDF5 file without /about";
             return Err(Fault::new("format", FORMAT, found).in_file(&self.path));
         }
-        let format = self.about("format")?;
         let about = self.group("about")?;
         let version = about.attr("version").and_then(|a| a.read_scalar::<u32>());
         let version = version.map_err(hdf5_error(&self.path, "about/version"))?;
-        if (format.as_str(), version) == (FORMAT, VERSION) {
+        self.version = version;
+        let format = self.about("format")?;
+        if format == FORMAT && [HEAPED, VERSION].contains(&version) {
             return Ok(());
         }
         Err(Error::Version {
@@ -99,6 +102,11 @@ impl Reader {
         })
     }
 
+    /// Version of the file's format.
+    pub fn version(&self) -> u32 {
+        self.version
+    }
+
     /// Steps of the frames.
     pub fn steps(&self) -> &[u64] {
         &self.steps
@@ -106,7 +114,12 @@ impl Reader {
 
     /// A text of `/about`: `case_name`, `case_text`, `key`, `program`.
     pub fn about(&self, name: &str) -> Result<String> {
-        let texts = growing::read_texts(&self.group("about")?, name);
+        if name == "case_text" && self.version > HEAPED {
+            let text = self.dataset("about/case_text")?;
+            let bytes: Vec<u8> = self.rows(&text, 0..text.size())?;
+            return Ok(String::from_utf8_lossy(&bytes).into_owned());
+        }
+        let texts = growing::read_texts(&self.group("about")?, name, self.version);
         let texts = texts.map_err(hdf5_error(&self.path, &format!("about/{name}")))?;
         Ok(texts.into_iter().next().unwrap_or_default())
     }
@@ -115,7 +128,10 @@ impl Reader {
     pub fn bodies(&self) -> Result<(u64, Vec<String>)> {
         let about = self.group("about")?;
         let read = || -> hdf5::Result<_> {
-            Ok((about.attr("grains")?.read_scalar()?, growing::read_texts(&about, "driven")?))
+            Ok((
+                about.attr("grains")?.read_scalar()?,
+                growing::read_texts(&about, "driven", self.version)?,
+            ))
         };
         read().map_err(hdf5_error(&self.path, "about"))
     }
@@ -217,7 +233,9 @@ impl Reader {
     pub fn series(&self, name: &str) -> Result<Table> {
         let at = format!("series/{name}");
         let group = self.group(&at)?;
-        let texts = |name| growing::read_texts(&group, name).map_err(hdf5_error(&self.path, &at));
+        let texts = |name| {
+            growing::read_texts(&group, name, self.version).map_err(hdf5_error(&self.path, &at))
+        };
         let columns: Vec<_> = texts("columns")?.into_iter().zip(texts("units")?).collect();
         let steps = self.dataset(&format!("{at}/step"))?;
         let n = steps.shape()[0];

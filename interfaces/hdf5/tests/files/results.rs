@@ -513,3 +513,76 @@ fn exported_tables_are_plain_csv() {
     let left = std::fs::read_dir(folder.path().join("out")).unwrap().count();
     assert_eq!(left, files.len(), "nothing beside them");
 }
+
+/// The same file with texts of variable length, as version 1 had them.
+fn as_version_1(path: &Path) {
+    use hdf5::types::VarLenUnicode;
+    let names = ["format", "case_name", "case_text", "key", "program", "bodies_hash"];
+    let reader = Reader::open(path).unwrap();
+    let texts = names.map(|name| reader.about(name).unwrap());
+    let (_, driven) = reader.bodies().unwrap();
+    drop(reader);
+    let file = hdf5::File::open_rw(path).unwrap();
+    let set = |group: &hdf5::Group, name: &str, texts: &[String]| {
+        let texts: Vec<VarLenUnicode> = texts.iter().map(|t| t.parse().unwrap()).collect();
+        let _ = group.delete_attr(name);
+        let attribute = group.new_attr::<VarLenUnicode>().shape(texts.len()).create(name).unwrap();
+        attribute.write_raw(&texts).unwrap();
+    };
+    let (about, solver) = (file.group("about").unwrap(), file.group("series/solver").unwrap());
+    about.unlink("case_text").unwrap();
+    about.attr("version").unwrap().write_scalar(&1_u32).unwrap();
+    names.iter().zip(texts).for_each(|(name, text)| set(&about, name, &[text]));
+    set(&about, "driven", &driven);
+    set(&solver, "columns", &COLUMNS.map(|(name, _)| name.into()));
+    set(&solver, "units", &COLUMNS.map(|(_, unit)| unit.into()));
+}
+
+/// The library does not survive every damage of a heap.
+#[test]
+fn nothing_lies_in_a_heap_and_files_where_it_did_are_read_and_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    let has_heap = || std::fs::read(&path).unwrap().windows(4).any(|w| w == b"GCOL");
+    drop(write_frames(&path, 0..3));
+    assert!(!has_heap());
+    let of = |reader: &Reader| {
+        let about = ["case_name", "case_text", "key", "program"].map(|n| reader.about(n).unwrap());
+        (about, reader.bodies().unwrap(), reader.series("solver").unwrap())
+    };
+    let new = Reader::open(&path).unwrap();
+    let (told, version) = (of(&new), new.version());
+    drop(new);
+    as_version_1(&path);
+    assert!(has_heap());
+    let old = Reader::open(&path).unwrap();
+    assert_eq!((of(&old), old.version(), version), (told, 1, 2));
+    drop(old);
+    let mut writer = Writer::append_to(&path, &scene::model(), 20).unwrap();
+    writer.series("solver", &COLUMNS).unwrap();
+    add_frames(&mut writer, &scene::model(), 3..4);
+    writer.close().unwrap();
+    assert_eq!(Reader::open(&path).unwrap().steps(), [0, 10, 20, 30]);
+    // A heap in a file that has none is damage.
+    let path = folder.path().join("other.h5");
+    drop(write_frames(&path, 0..1));
+    as_version_1(&path);
+    let file = hdf5::File::open_rw(&path).unwrap();
+    file.group("about").unwrap().attr("version").unwrap().write_scalar(&2_u32).unwrap();
+    drop(file);
+    let said = Reader::open(&path).unwrap_err().to_string();
+    assert!(said.contains("expected texts of up to"), "{said}");
+}
+
+#[test]
+fn tables_may_have_many_columns_with_long_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    let names: Vec<String> = (0..2000).map(|i| format!("{i}{}", "ü".repeat(60))).collect();
+    let columns: Vec<(&str, &str)> = names.iter().map(|name| (&name[..], "")).collect();
+    let mut writer = Writer::create(&path, &scene::model(), &meta()).unwrap();
+    writer.series("wide", &columns).unwrap();
+    writer.close().unwrap();
+    let told = Reader::open(&path).unwrap().series("wide").unwrap().columns;
+    assert!(told.iter().map(|(name, unit)| (&name[..], &unit[..])).eq(columns));
+}
