@@ -156,7 +156,11 @@ impl Here {
             (result, begin.elapsed())
         });
         let ((result, took), raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
-        let mut outcome = result.map_err(|e| errors::refusal(py, e))?;
+        let mut outcome = match (result, raised.as_ref()) {
+            (Ok(outcome), _) => outcome,
+            (Err(_), Some(raised)) => return Err(raised.clone_ref(py)),
+            (Err(e), None) => return Err(errors::refusal(py, e)),
+        };
         let is_discarded = outcome.status == Status::Discard;
         self.machine = if is_discarded { machine_before.clone() } else { machine };
         self.machine_before = Some(machine_before);

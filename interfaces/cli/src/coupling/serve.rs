@@ -78,9 +78,11 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     );
     let lockstep = server.run(lockstep, &mut keeper)?;
     if let Some(recording) = keeper.recording.take() {
-        recording.finish()?;
+        let ended = recording.finish();
+        keeper.aside.went_well("recording", ended);
     }
-    finish(&lockstep, keeper, console)
+    let ended = finish(&lockstep, &keeper, console);
+    keeper.aside.trouble().map_or(ended, Err)
 }
 
 fn seconds(option: &str, s: f64) -> Outcome<Duration> {
@@ -95,11 +97,8 @@ fn told(endpoints: &[String]) -> String {
     }
 }
 
-fn finish(lockstep: &Lockstep, mut keeper: Keeper, console: Console) -> Outcome {
+fn finish(lockstep: &Lockstep, keeper: &Keeper, console: Console) -> Outcome {
     let place = lockstep.place();
-    if let Some(failure) = keeper.aside.trouble() {
-        return Err(failure);
-    }
     if !lockstep.is_configured() {
         console.result("nothing was prepared: nobody has asked for `init`");
         return if interrupt::requested() {

@@ -521,3 +521,28 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     client.shut_down().unwrap();
     serving.end().with_code(0);
 }
+
+#[test]
+fn a_recording_that_cannot_go_on_is_told_at_the_end_of_a_run_that_did() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    // Where the second part of the recording would be.
+    std::fs::create_dir(place.path("s.2.mcap")).unwrap();
+    let arguments =
+        format!("serve tiny.toml --key {KEY} --listen {endpoint} --out s --record s.mcap");
+    let mut command = place.with_beds_command(&arguments);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut client = attach(&endpoint, None).unwrap();
+    client.save("here").unwrap();
+    step(&mut client).unwrap();
+    client.restore("here").unwrap();
+    step(&mut client).unwrap();
+    let hash = client.place().hash.clone();
+    client.shut_down().unwrap();
+    let ended = Ended(child.wait_with_output().unwrap()).with_code(1);
+    assert!(ended.stdout().contains(&hash), "{}", ended.stdout());
+    let said = ended.stderr();
+    assert_eq!(said.matches("warning: recording: s.2.mcap").count(), 1, "{said}");
+    assert!(said.contains("failed: s.2.mcap") && said.contains("went on without it"), "{said}");
+    place.with_beds("verify s.mcap").with_code(0);
+}
