@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from textwrap import indent
 from typing import Any
 
 import ballast
@@ -112,8 +111,8 @@ def test_what_the_documents_show(place: Path, code: str) -> None:
         pytest.importorskip("pandas")
     (place / "examples").mkdir()
     (place / "tiny.toml").rename(place / "examples/first.toml")
-    # Processes that a study begins import this file; imports and what is needed before are said once in a page.
-    (place / "shown.py").write_text(f"import ballast\nif __name__ == '__main__':\n{indent(code, '    ')}")
+    # As it is shown: processes that a study begins import this file. Imports are said once in a page.
+    (place / "shown.py").write_text(f"import ballast\n{code}")
     done = subprocess.run([sys.executable, "shown.py"], capture_output=True, text=True, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
 

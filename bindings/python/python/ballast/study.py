@@ -2,10 +2,12 @@
 
     from ballast import study
 
-    points = study.grid({"tamping.vibration.frequency_Hz": [20, 30, 40], "seed": [1, 2]})
-    table = study.run("examples/first.toml", points, "runs/study")
+    if __name__ == "__main__":
+        points = study.grid({"tamping.vibration.frequency_Hz": [20, 30, 40], "seed": [1, 2]})
+        table = study.run("examples/first.toml", points, "runs/study")
 
-A point is a dictionary: paths of the case's keys joined by points, and "seed" for that of the bed. Needs
+Points are run by processes of their own, which read the script again: without the first line they would begin
+the study once more. A point is a dictionary: paths of the case's keys joined by points, and "seed" for that of the bed. Needs
 pandas; Latin hypercubes need scipy, schedulers dask.
 """
 
