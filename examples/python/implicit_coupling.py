@@ -14,7 +14,7 @@ import numpy as np
 import ballast
 
 MASS, STIFFNESS, DAMPING = 120.0, 4e5, 4e3  # kg, N/m, N s/m: a heavy, stiff machine
-WINDOW_STEPS, WINDOWS, MOST, CLOSE = 4, 25, 12, 1e-6  # the last one in m
+WINDOW_STEPS, WINDOWS, MOST, CLOSE = 4, 60, 12, 1e-6  # the last one in m
 
 with ballast.open(sys.argv[1] if len(sys.argv) > 1 else "examples/first.toml") as sim:
     tine = sim.tines[0]
