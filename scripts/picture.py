@@ -32,7 +32,8 @@ def main(path, out, number):
             cmap="YlOrRd",
             clim=[0, 0.5],
             show_scalar_bar=column == 1,
-            scalar_bar_args={"title": "speed (m/s)", "width": 0.5},
+            # An empty line keeps the title off the numbers.
+            scalar_bar_args={"title": "speed (m/s)\n", "width": 0.5, "height": 0.1, "position_y": 0.01},
         )
         plotter.add_mesh(blocks["sleepers"], color="lightgrey")
         plotter.add_mesh(blocks["tines"], color="steelblue")

@@ -64,20 +64,41 @@ def chains(sim: ballast.Simulation, *, least: float = 1.0) -> Any:
 
 
 def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = False) -> Any:
-    """A `pyvista.Plotter` with the bed coloured by speed, or with its force chains in a pale bed."""
+    """A `pyvista.Plotter` with the bed coloured by speed, or with its force chains in a bed as pale as glass. Tines and
+    sleepers are not drawn; results files have their shapes."""
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=off_screen)
     surface = bed(sim)
     if forces:
-        plotter.add_mesh(surface, color="lightgrey", opacity=0.15)
+        # Some twenty stones lie one behind the other: together they must leave the chains to be seen.
+        plotter.add_mesh(surface, color="grey", opacity=0.03)
         network = chains(sim)
         if network.n_cells:
-            plotter.add_mesh(network, scalars="force, N", cmap="inferno_r", line_width=3)
+            plotter.add_mesh(
+                network,
+                scalars="force, N",
+                cmap="plasma_r",
+                line_width=5,
+                render_lines_as_tubes=True,
+                scalar_bar_args=_bar("force, N", "%.0f"),
+            )
     elif surface.n_cells:
-        plotter.add_mesh(surface, scalars="speed, m/s", cmap="viridis")
+        name = "speed, m/s"
+        plotter.add_mesh(
+            surface,
+            scalars=name,
+            cmap="viridis",
+            clim=[0.0, max(float(surface[name].max()), 1e-6)],
+            scalar_bar_args=_bar(name, "%.3g"),
+        )
     plotter.view_vector((0.4, -1.0, 0.35), viewup=(0.0, 0.0, 1.0))
     return plotter
+
+
+def _bar(title: str, form: str) -> dict[str, Any]:
+    # An empty line keeps the title off the numbers; in the middle, no number is cut off at the edge.
+    return {"title": f"{title}\n", "fmt": form, "position_x": 0.2, "width": 0.6}
 
 
 def picture(
