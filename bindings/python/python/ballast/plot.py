@@ -54,7 +54,7 @@ def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes
     """Size of the force on each tine over time, a mean over `window_s`."""
     results = _results(run)
     table = results.table("steps")
-    ax = _axes(ax, "Forces on the tines", "time, s", "kN")
+    ax = _axes(ax, "Forces on the tines", "time, s", f"force, mean over {window_s * 1e3:g} ms, kN")
     for name in tines(results):
         force = _mean(_force(table, name), table["time"], window_s)
         ax.plot(table["time"], np.linalg.norm(force, axis=1) * 1e-3, lw=0.8, label=name)
@@ -66,7 +66,8 @@ def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
     """Force over closing of each tine during the squeeze: the area under a loop is work of compaction."""
     results = _results(run)
     table = results.table("steps")
-    ax = _axes(ax, "Squeeze", "closing, mm", "force against the motion, kN")
+    y = f"force against the motion, mean over {window_s * 1e3:g} ms, kN"
+    ax = _axes(ax, "Squeeze", "closing, mm", y)
     squeeze = table["phase"] == SQUEEZE
     for name in tines(results):
         if not squeeze.any():
@@ -93,8 +94,8 @@ def overview(run: Run) -> Any:
     forces(results, ax[0, 1])
     loops(results, ax[1, 0])
     last = _axes(ax[1, 1], "Quality", "time, s", "penetration, mm")
-    for name in ("max_penetration", "mean_penetration"):
-        last.semilogy(table["time"], np.maximum(table[name], 1e-9) * 1e3, lw=0.8, label=name)
+    for name, label in (("max_penetration", "largest"), ("mean_penetration", "mean")):
+        last.semilogy(table["time"], np.maximum(table[name], 1e-9) * 1e3, lw=0.8, label=label)
     last.legend(fontsize="small")
     return figure
 
