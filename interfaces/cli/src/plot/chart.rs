@@ -12,8 +12,18 @@ pub enum Mark {
     Steps,
     /// Points, joined by a line.
     Points,
+    /// Points that have nothing to do with each other.
+    Dots,
     /// A dashed line: what is expected, not measured.
     Expected,
+    /// A dashed line that lets another one be seen below it.
+    Dashed,
+}
+
+impl Mark {
+    fn is_dashed(self) -> bool {
+        matches!(self, Mark::Expected | Mark::Dashed)
+    }
 }
 
 /// One line of a chart.
@@ -21,7 +31,17 @@ pub enum Mark {
 pub struct Series {
     pub name: String,
     pub points: Vec<[f64; 2]>,
+    /// How far a bar reaches from each point, up and down; none if empty.
+    pub reach: Vec<f64>,
     pub mark: Mark,
+}
+
+impl Series {
+    /// Heights that the axis has to show.
+    fn heights(&self) -> impl Iterator<Item = f64> {
+        let reach = self.reach.iter().copied().chain(std::iter::repeat(0.0));
+        self.points.iter().zip(reach).flat_map(|(p, reach)| [p[1] - reach, p[1] + reach])
+    }
 }
 
 /// A stretch of the horizontal axis with a name, such as a phase.
@@ -44,6 +64,8 @@ pub struct Chart {
     pub starting_at_zero: bool,
     pub series: Vec<Series>,
     pub bands: Vec<Band>,
+    /// What stands along the horizontal axis instead of numbers, at 0, 1, 2 and so on.
+    pub names: Vec<String>,
 }
 
 const WIDTH: f64 = 720.0;
@@ -52,6 +74,8 @@ const HEIGHT: f64 = 300.0;
 const ROOM: [f64; 4] = [64.0, 16.0, 30.0, 44.0];
 /// Height of a line of the legend, and of the names of bands.
 const LINE: f64 = 17.0;
+/// Room for a letter of the small texts.
+const LETTER: f64 = 6.7;
 /// More points than this are drawn by the extremes of as many stretches: a screen shows no more.
 const COLUMNS: usize = 640;
 
@@ -67,7 +91,18 @@ impl Chart {
             starting_at_zero: false,
             series: vec![],
             bands: vec![],
+            names: vec![],
         }
+    }
+
+    /// A chart of things that are no numbers, beside each other.
+    pub fn of_names<S: Into<String>>(
+        title: &str,
+        y: &str,
+        names: impl IntoIterator<Item = S>,
+    ) -> Self {
+        let names = names.into_iter().map(Into::into).collect();
+        Self { names, ..Self::new(title, "", y) }
     }
 
     pub fn log_x(self) -> Self {
@@ -87,7 +122,15 @@ impl Chart {
     }
 
     pub fn with(mut self, name: &str, points: Vec<[f64; 2]>, mark: Mark) -> Self {
-        self.series.push(Series { name: name.into(), points, mark });
+        self.series.push(Series { name: name.into(), points, reach: vec![], mark });
+        self
+    }
+
+    /// Dots with bars: place, height, and how far the bar reaches up and down.
+    pub fn with_bars(mut self, name: &str, bars: &[[f64; 3]]) -> Self {
+        let points = bars.iter().map(|b| [b[0], b[1]]).collect();
+        let reach = bars.iter().map(|b| b[2]).collect();
+        self.series.push(Series { name: name.into(), points, reach, mark: Mark::Dots });
         self
     }
 
@@ -100,12 +143,17 @@ impl Chart {
         let down = LINE * (lines + named);
         let _ = write!(out, "<g transform=\"translate(0 {down})\">");
         let points = || self.series.iter().flat_map(|s| s.points.iter());
-        let x = match &self.bands[..] {
+        let x = match (self.bands.first(), self.bands.last()) {
             // Time runs to its end, not to the next round number.
-            [first, .., last] => Scale::exactly(first.from, last.to),
+            (Some(first), Some(last)) => Scale::exactly(first.from, last.to),
+            _ if !self.names.is_empty() => Scale::exactly(-0.5, self.names.len() as f64 - 0.5),
             _ => Scale::over(points().map(|p| p[0]), self.log_x, false),
         };
-        let y = Scale::over(points().map(|p| p[1]), self.log_y, self.starting_at_zero);
+        let y = Scale::over(
+            self.series.iter().flat_map(Series::heights),
+            self.log_y,
+            self.starting_at_zero,
+        );
         self.frame(&x, &y, &mut out);
         for (k, series) in self.series.iter().enumerate() {
             draw(series, k, &x, &y, &mut out);
@@ -123,7 +171,8 @@ impl Chart {
     /// What the chart is, for those who hear it.
     fn spoken(&self) -> String {
         let names: Vec<&str> = self.series.iter().map(|s| s.name.as_str()).collect();
-        format!("{}: {} over {}; {}", self.title, self.y, self.x, names.join(", "))
+        let x = if self.names.is_empty() { self.x.clone() } else { self.names.join(", ") };
+        format!("{}: {} over {x}; {}", self.title, self.y, names.join(", "))
     }
 
     fn frame(&self, x: &Scale, y: &Scale, out: &mut String) {
@@ -141,7 +190,7 @@ impl Chart {
                 px(floor - above)
             );
             // A name that is wider than its band would run into the next one.
-            if to - from > 6.0 * band.name.chars().count() as f64 {
+            if to - from > LETTER * band.name.chars().count() as f64 {
                 let _ = write!(
                     out,
                     "<text x=\"{}\" y=\"{}\" class=\"tick\" text-anchor=\"middle\">{}</text>",
@@ -151,7 +200,9 @@ impl Chart {
                 );
             }
         }
-        for (value, label) in x.ticks() {
+        let named = self.names.iter().enumerate().map(|(k, name)| (k as f64, escaped(name)));
+        let ticks = if self.names.is_empty() { x.ticks() } else { named.collect() };
+        for (value, label) in ticks {
             let Some(place) = x.place(value).map(across) else { continue };
             let _ = write!(
                 out,
@@ -200,18 +251,25 @@ impl Chart {
         }
         let (mut x, mut lines) = (ROOM[0], 1.0);
         for (k, series) in self.series.iter().enumerate() {
-            let dash = if series.mark == Mark::Expected { " dash" } else { "" };
-            let width = 34.0 + 6.3 * series.name.chars().count() as f64;
+            let width = 34.0 + LETTER * series.name.chars().count() as f64;
             if x + width > WIDTH && x > ROOM[0] {
                 (x, lines) = (ROOM[0], lines + 1.0);
             }
             let y = 15.0 + LINE * lines;
+            let (left, middle, colour) = (px(x), px(y - 4.0), k % page::COLOUR_COUNT);
+            let dash = if series.mark.is_dashed() { " dash" } else { "" };
+            let _ = match series.mark {
+                Mark::Dots => {
+                    dot(&px(x + 8.0), &middle, k, out);
+                    Ok(())
+                }
+                _ => {
+                    write!(out, "<path d=\"M{left} {middle}h16\" class=\"line c{colour}{dash}\"/>")
+                }
+            };
             let _ = write!(
                 out,
-                "<path d=\"M{} {}h16\" class=\"line c{}{dash}\"/><text x=\"{}\" y=\"{}\" class=\"tick\">{}</text>",
-                px(x),
-                px(y - 4.0),
-                k % page::COLOUR_COUNT,
+                "<text x=\"{}\" y=\"{}\" class=\"tick\">{}</text>",
                 px(x + 20.0),
                 px(y),
                 escaped(&series.name)
@@ -230,9 +288,29 @@ fn up(share: f64) -> f64 {
     HEIGHT - ROOM[3] - share * (HEIGHT - ROOM[2] - ROOM[3])
 }
 
+/// A dot; every second series has squares, so that colour is not all that tells them apart.
+fn dot(x: &str, y: &str, number: usize, out: &mut String) {
+    let colour = number % page::COLOUR_COUNT;
+    let _ = match number % 2 {
+        0 => write!(out, "<circle cx=\"{x}\" cy=\"{y}\" r=\"3\" class=\"dot f{colour}\"/>"),
+        _ => write!(out, "<path d=\"M{x} {y}m-3.5 -3.5h7v7h-7z\" class=\"dot f{colour}\"/>"),
+    };
+}
+
 fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) {
     let colour = number % page::COLOUR_COUNT;
-    let dash = if series.mark == Mark::Expected { " dash" } else { "" };
+    let dash = if series.mark.is_dashed() { " dash" } else { "" };
+    for ([a, b], reach) in series.points.iter().zip(&series.reach) {
+        let ends = [b - reach, b + reach].map(|end| y.place(end).map(up));
+        let (Some(a), [Some(low), Some(high)]) = (x.place(*a).map(across), ends) else { continue };
+        let _ = write!(
+            out,
+            "<path d=\"M{0} {1}h8m-4 0V{2}m-4 0h8\" class=\"line c{colour}\"/>",
+            px(a - 4.0),
+            px(low),
+            px(high)
+        );
+    }
     let mut path = String::new();
     let mut pen_down = false;
     for [a, b] in thinned(&series.points) {
@@ -243,15 +321,18 @@ fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) 
         let (a, b) = (px(across(a.clamp(-0.01, 1.01))), px(up(b.clamp(-0.01, 1.01))));
         let _ = match (pen_down, series.mark) {
             (false, _) => write!(path, "M{a} {b}"),
+            (_, Mark::Dots) => Ok(()),
             (true, Mark::Steps) => write!(path, "H{a}V{b}"),
             (true, _) => write!(path, "L{a} {b}"),
         };
         pen_down = true;
-        if series.mark == Mark::Points {
-            let _ = write!(out, "<circle cx=\"{a}\" cy=\"{b}\" r=\"3\" class=\"dot f{colour}\"/>");
+        if matches!(series.mark, Mark::Points | Mark::Dots) {
+            dot(&a, &b, number, out);
         }
     }
-    let _ = write!(out, "<path d=\"{path}\" class=\"line c{colour}{dash}\"/>");
+    if !path.is_empty() {
+        let _ = write!(out, "<path d=\"{path}\" class=\"line c{colour}{dash}\"/>");
+    }
 }
 
 /// The points, or the extremes of stretches of them where there are more than a screen can show.
@@ -289,5 +370,29 @@ mod tests {
         assert!(svg.contains("aria-label=\"a &lt; b: force (N) over time (s); left, law\""));
         assert!(svg.contains("dash") && !svg.contains("NaN"), "{svg}");
         assert_eq!(svg, chart.svg());
+    }
+
+    #[test]
+    fn dots_are_not_joined_and_bars_are_inside_the_axes() {
+        let chart = Chart::of_names("t", "fraction", ["cubes", "dice"])
+            .with("measured", vec![[0.0, 0.5], [0.0, 0.6], [1.0, 0.55]], Mark::Dots)
+            .with_bars("published", &[[0.0, 0.5, 0.2], [1.0, 0.5, 0.2]]);
+        let svg = chart.svg();
+        assert!(!svg.contains('L'), "nothing is joined: {svg}");
+        assert!(
+            svg.contains(">cubes</text>") && svg.contains("fraction over cubes, dice"),
+            "{svg}"
+        );
+        // Three and the mark in the legend; two bars.
+        assert_eq!((svg.matches("<circle").count(), svg.matches("m-4 0h8").count()), (4, 2));
+        assert!(svg.contains(">0.3</text>") && svg.contains(">0.7</text>"), "{svg}");
+    }
+
+    #[test]
+    fn time_within_a_single_phase_runs_to_its_end_too() {
+        let band = Band { from: 0.0, to: 0.013, name: "lift".into() };
+        let chart = Chart::new("t", "time (s)", "y").bands(&[band]);
+        let svg = chart.with("y", vec![[0.0, 1.0], [0.013, 2.0]], Mark::Line).svg();
+        assert!(svg.contains("L704 "), "{svg}");
     }
 }

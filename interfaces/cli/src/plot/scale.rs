@@ -2,6 +2,9 @@
 
 use crate::table::figure;
 
+/// Of a step between ticks.
+const LINE_WIDTH: f64 = 0.01;
+
 /// An axis from `low` to `high`, linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
@@ -33,9 +36,9 @@ impl Scale {
             (low, high) = (low - room, high + room);
         }
         let step = round_step((high - low) / 5.0);
-        // A value on a round number needs no room beyond it.
-        let down = (low / step + 1e-9).floor() * step;
-        let up = (high / step - 1e-9).ceil() * step;
+        // A value on a round number, or beyond it by less than a line is wide, needs no room there.
+        let down = (low / step + LINE_WIDTH).floor() * step;
+        let up = (high / step - LINE_WIDTH).ceil() * step;
         Self { low: down, high: up, log }
     }
 
@@ -61,7 +64,9 @@ impl Scale {
             let every = (decades / 6).max(1) as usize;
             let exponent = self.low.log10().round() as i32;
             let all = (0..=decades).step_by(every).map(|k| exponent + k);
-            return all.map(|e| (10f64.powi(e), power_of_ten(e))).collect();
+            // All in one form.
+            let is_plain = exponent >= -3 && exponent + decades <= 4;
+            return all.map(|e| (10f64.powi(e), power_of_ten(e, is_plain))).collect();
         }
         let step = round_step((self.high - self.low) / 5.0);
         let first = (self.low / step - 1e-9).ceil() as i64;
@@ -87,10 +92,10 @@ fn label(k: i64, step: f64) -> String {
     }
 }
 
-fn power_of_ten(exponent: i32) -> String {
-    match exponent {
-        -2..=3 => figure(10f64.powi(exponent), 1),
-        _ => format!("1e{exponent}").replace('-', "−"),
+fn power_of_ten(exponent: i32, is_plain: bool) -> String {
+    match is_plain {
+        true => figure(10f64.powi(exponent), 1),
+        false => format!("1e{exponent}").replace('-', "−"),
     }
 }
 
@@ -109,6 +114,8 @@ mod tests {
         assert_eq!(scale.place(0.5), Some(0.5));
         let negative = Scale::over([-12.0, 30.0].into_iter(), false, false);
         assert_eq!(labels(&negative)[0], "−20");
+        let nearly = Scale::over([-0.003, 371.0].into_iter(), false, false);
+        assert_eq!(labels(&nearly)[0], "0", "three thousandths of a joule need no hundred");
     }
 
     #[test]
@@ -117,7 +124,9 @@ mod tests {
         assert_eq!(scale.place(0.0), None);
         assert_eq!(scale.place(-1.0), None);
         assert!((scale.place(1e-6).unwrap()).abs() < 1e-12);
-        assert_eq!(labels(&scale), ["1e−6", "1e−5", "1e−4", "1e−3", "0.01", "0.1"]);
+        assert_eq!(labels(&scale), ["1e−6", "1e−5", "1e−4", "1e−3", "1e−2", "1e−1"]);
+        let plain = Scale::over([0.003, 20.0].into_iter(), true, false);
+        assert_eq!(labels(&plain), ["0.001", "0.01", "0.1", "1", "10", "100"]);
     }
 
     #[test]

@@ -26,11 +26,29 @@ impl Verdict {
     }
 }
 
+/// Significant digits of a figure that is told.
+pub const DIGITS: usize = 4;
+
+/// Enough digits to see a tenth of the tolerance.
+fn digits(measured: f64, tolerance: f64) -> usize {
+    let place = |value: f64| value.abs().log10().floor();
+    let needed = place(measured) - place(tolerance) + 2.0;
+    if needed.is_finite() { (needed as usize).clamp(DIGITS, 15) } else { DIGITS }
+}
+
+/// A number as it was given, small ones by their powers of ten.
+fn plain(value: f64) -> String {
+    let is_short = value == 0.0 || (1e-4..1e7).contains(&value.abs());
+    if is_short { value.to_string() } else { format!("{value:e}") }
+}
+
 /// One figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     pub quantity: String,
     pub measured: f64,
+    /// Significant digits that are shown of it.
+    pub digits: usize,
     /// In words: a value, a range, a trend.
     pub expected: String,
     pub tolerance: String,
@@ -43,8 +61,9 @@ impl Finding {
         Self {
             quantity: quantity.into(),
             measured,
-            expected: format!("{expected}"),
-            tolerance: format!("± {tolerance}"),
+            digits: digits(measured, tolerance),
+            expected: plain(expected),
+            tolerance: format!("± {}", plain(tolerance)),
             verdict: Verdict::of((measured - expected).abs() <= tolerance),
         }
     }
@@ -54,6 +73,7 @@ impl Finding {
         Self {
             quantity: quantity.into(),
             measured,
+            digits: DIGITS,
             expected: format!("{low} to {high}"),
             tolerance: "as stated".into(),
             verdict: Verdict::of((low..=high).contains(&measured)),
@@ -65,6 +85,7 @@ impl Finding {
         Self {
             quantity: format!("{quantity} (1: yes)"),
             measured: f64::from(u8::from(holds)),
+            digits: 1,
             expected: "1".into(),
             tolerance: "trend".into(),
             verdict: Verdict::of(holds),
@@ -76,6 +97,7 @@ impl Finding {
         Self {
             quantity: quantity.into(),
             measured,
+            digits: DIGITS,
             expected: expected.into(),
             tolerance: "none".into(),
             verdict: Verdict::Told,
@@ -148,5 +170,17 @@ mod tests {
         assert_eq!(Finding::between("x", f64::NAN, [0.0, 1.0]).verdict, Verdict::Failed);
         assert_eq!(Finding::near("x", 1.05, 1.0, 0.1).verdict, Verdict::Passed);
         assert_eq!(Finding::near("x", 1.15, 1.0, 0.1).verdict, Verdict::Failed);
+    }
+
+    #[test]
+    fn digits_go_as_far_as_a_tenth_of_the_tolerance() {
+        let near = Finding::near("x", 1.0000002, 1.0, 2e-6);
+        assert_eq!(
+            (near.digits, near.tolerance.as_str(), near.expected.as_str()),
+            (8, "± 2e-6", "1")
+        );
+        for (measured, tolerance) in [(3e-10, 1e-7), (0.0, 1e-7), (0.5, 0.02), (f64::NAN, 0.1)] {
+            assert_eq!(Finding::near("x", measured, 0.0, tolerance).digits, DIGITS);
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! A whole tamping cycle: its energy balance, and what the settings of the solver change.
 
-use super::check::{Check, Finding, Verdict};
-use super::heed_interrupts;
+use super::check::{Check, DIGITS, Finding, Verdict};
 use super::size::Size;
+use super::{heed_interrupts, listed};
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::engine::Engine;
@@ -129,14 +129,18 @@ fn mean_and_error(values: &[f64]) -> [f64; 2] {
 pub fn cycle(size: &Size, folder: &Path, console: Console) -> Outcome<[Check; 2]> {
     let (text, name) = if size.quick { (SMALL, "small_cycle") } else { (FIRST, "first") };
     let case = case::parse(text.into(), name, &Choices::default(), console)?;
+    let which = if size.quick {
+        "A small tamping cycle (some 160 stones, one pair of tines)"
+    } else {
+        "The tamping cycle of examples/first.toml"
+    };
     let (own_step, own_cap) = (case.plan.run.stepping.step_ns, case.plan.run.solver.iterations);
     let steps = [2 * own_step, own_step, own_step / 2];
     let caps = [own_cap / 4, 4 * own_cap];
     let mut energy = Check::new(
         "energy over a tamping cycle",
         format!(
-            "The cycle of `{name}`, θ = 1/2: what the ledger (T-14) cannot account for, over the work put in; the worst \
-             of {} beds.",
+            "{which}, θ = 1/2: what the ledger (T-14) cannot account for, over the work put in; the worst of {} beds.",
             size.beds()
         ),
         "The ledger closes for θ = 1/2, but for the gyroscopic term, which is of second order in h",
@@ -144,9 +148,12 @@ pub fn cycle(size: &Size, folder: &Path, console: Console) -> Outcome<[Check; 2]
     let mut study = Check::new(
         "settings of a tamping cycle",
         format!(
-            "The cycle of `{name}` on {} beds: time steps {steps:?} ns at {own_cap} iterations at most, and {caps:?} \
-             iterations instead at the case's own step. Ratios bed by bed, their mean and its standard error.",
-            size.beds()
+            "The same cycle on {} beds: time steps of {} ms at {own_cap} iterations at most, and {} iterations instead at \
+             {} ms. Ratios bed by bed, their mean and its standard error.",
+            size.beds(),
+            listed(&steps.map(milliseconds)),
+            listed(&caps),
+            milliseconds(own_step)
         ),
         "Hoang et al. 2012: outcomes within 1.7 % count as equal; what is beyond that and three standard errors is a difference",
     );
@@ -163,8 +170,7 @@ pub fn cycle(size: &Size, folder: &Path, console: Console) -> Outcome<[Check; 2]
     };
     let mut by_step = vec![];
     for step in steps {
-        // Rounded: a time in nanoseconds has no more digits than that.
-        let ms = (step as f64 / 1e3).round() / 1e3;
+        let ms = milliseconds(step);
         by_step.push(group(ms, &format!("h = {ms} ms"), step, own_cap)?);
     }
     let mut by_cap = vec![];
@@ -180,27 +186,38 @@ pub fn cycle(size: &Size, folder: &Path, console: Console) -> Outcome<[Check; 2]
     compare(&mut study, "half the time step", own, finest);
     let with = format!("{} iterations instead of {own_cap}", 4 * own_cap);
     compare(&mut study, &with, own, &by_cap[1]);
-    by_cap.push(Group { value: f64::from(own_cap), runs: own.runs.clone() });
-    for (groups, title, axis) in [
-        (&by_step, "Compactness under the sleeper against the time step", "time step (ms)"),
-        (
-            &by_cap,
-            "Compactness under the sleeper against the cap of iterations",
-            "iterations at most",
-        ),
-    ] {
-        let of = |group: &Group| -> Vec<[f64; 2]> {
-            group.runs.iter().flatten().map(|out| [group.value, out.compactness[1]]).collect()
-        };
-        let points = groups.iter().flat_map(of).collect();
-        let chart = Chart::new(title, axis, "compactness, end");
-        study.charts.push(chart.with("one bed each", points, Mark::Points).svg());
-    }
+    by_cap.insert(1, Group { value: f64::from(own_cap), runs: own.runs.clone() });
+    let title = "Compactness under the sleeper, by the";
+    study.charts = vec![
+        drawn(&format!("{title} time step"), &by_step, |ms| format!("{ms} ms")),
+        drawn(&format!("{title} iterations at most"), &by_cap, |n| format!("{n} iterations")),
+    ];
     study.remark = "Tamping of a small bed is chaotic: any change of a setting leads to another arrangement of the \
                     stones, as another bed does. Only a difference that is larger than the scatter over beds says that \
                     a setting is not converged."
         .into();
     Ok([energy, study])
+}
+
+/// A time in ms; rounded, for one in nanoseconds has no more digits than that.
+fn milliseconds(ns: u64) -> f64 {
+    (ns as f64 / 1e3).round() / 1e3
+}
+
+/// The beds of each group, and what their mean is worth.
+fn drawn(title: &str, groups: &[Group], name: impl Fn(f64) -> String) -> String {
+    let (mut beds, mut means) = (vec![], vec![]);
+    for (k, group) in groups.iter().enumerate() {
+        let found: Vec<f64> = group.runs.iter().flatten().map(|out| out.compactness[1]).collect();
+        let [mean, error] = mean_and_error(&found);
+        // Beside each other.
+        beds.extend(found.iter().map(|phi| [k as f64 - 0.06, *phi]));
+        means.push([k as f64 + 0.06, mean, error]);
+    }
+    let names = groups.iter().map(|group| name(group.value));
+    let chart = Chart::of_names(title, "compactness, end", names);
+    let chart = chart.with("one bed each", beds, Mark::Dots);
+    chart.with_bars("mean over the beds, ± its standard error", &means).svg()
 }
 
 /// What a run gave; a run that breaks off is a finding of its own.
@@ -211,6 +228,7 @@ fn told(found: Outcome<Outcomes>, at: &str, check: &mut Check) -> Outcome<Option
             check.findings.push(Finding {
                 quantity: format!("run with {at}: {why}"),
                 measured: f64::NAN,
+                digits: DIGITS,
                 expected: "a whole cycle".into(),
                 tolerance: "none".into(),
                 verdict: Verdict::Failed,
@@ -244,6 +262,7 @@ fn compare(check: &mut Check, with: &str, own: &Group, other: &Group) {
     check.findings.push(Finding {
         quantity: format!("compactness over that with {with}"),
         measured: compactness,
+        digits: DIGITS,
         expected: "1".into(),
         tolerance: format!("± 0.017 and {ERRORS} × {error:.3}"),
         verdict: Verdict::of(equal),

@@ -30,6 +30,9 @@ const SOLIDS: [(&str, f64); 5] = [
     ("icosahedra", 0.50),
 ];
 
+/// Of the solid fraction.
+const TOLERANCE: f64 = 0.02;
+
 /// How much is packed, and where it is measured; lengths in dice.
 struct Sample {
     count: usize,
@@ -61,15 +64,17 @@ pub fn dice(size: &Size) -> Outcome<Check> {
         Sample { count: 1000, across: 10.0, margin: 2.0, seeds: 3, solved: (100, 1e-4) }
     };
     let mut check = introduced(&sample);
-    let mut points = Vec::new();
+    let (mut measured, mut published) = (Vec::new(), Vec::new());
     let mut all = Vec::new();
     for (k, (name, expected)) in SOLIDS.iter().enumerate() {
         let die = filleted(&solid(k)?, FILLET * D)?;
         let found = packings(&die, &sample, k as u64)?;
         let middle = mean(&found, |p| p.middle);
-        let near = Finding::near(format!("solid fraction of {name}"), middle, *expected, 0.02);
-        check.findings.push(near);
-        points.push([[(k + 1) as f64, middle], [(k + 1) as f64, *expected]]);
+        let name = format!("solid fraction of {name}");
+        check.findings.push(Finding::near(name, middle, *expected, TOLERANCE));
+        // Beside each other.
+        measured.push([k as f64 - 0.06, middle]);
+        published.push([k as f64 + 0.06, *expected, TOLERANCE]);
         all.push(found);
     }
     for ((name, _), found) in SOLIDS.iter().zip(&all) {
@@ -87,11 +92,10 @@ pub fn dice(size: &Size) -> Outcome<Check> {
     }
     let overlap = all.iter().map(|found| mean(found, |p| p.overlap)).fold(0.0, f64::max);
     check.findings.push(Finding::told("mean overlap over d", overlap, "far below 0.01"));
-    let column = |c: usize| points.iter().map(|p| p[c]).collect();
-    let chart =
-        Chart::new("Loose packings of dice", "solid, in the order of the table", "solid fraction")
-            .with("measured", column(0), Mark::Points)
-            .with("published", column(1), Mark::Expected);
+    let names = SOLIDS.map(|(name, _)| name);
+    let chart = Chart::of_names("Loose packings of dice", "solid fraction", names)
+        .with("measured", measured, Mark::Dots)
+        .with_bars(&format!("published, ± {TOLERANCE}"), &published);
     check.charts.push(chart.svg());
     Ok(check)
 }
@@ -99,13 +103,14 @@ pub fn dice(size: &Size) -> Outcome<Check> {
 /// The check before anything is measured.
 fn introduced(sample: &Sample) -> Check {
     let Sample { count, across, margin, seeds, .. } = sample;
+    let of = if *seeds == 1 { "one seed".to_string() } else { format!("mean of {seeds} seeds") };
     let mut check = Check::new(
         "Platonic dice",
         format!(
             "{count} dice each in a box {across} d wide, turned at random, sink from a fluidised bed of solid fraction \
              {FLUIDISED} at {SINKING} √(g d) with the liquid's drag on them until they rest; μ = {FRICTION}; edges \
              and corners have fillets of {FILLET} d; measured at least {margin} d from walls and floor, and 2 d below \
-             the uppermost die; mean of {seeds} seeds."
+             the uppermost die; {of}."
         ),
         "Baker & Kudrolli 2010, Phys. Rev. E 82, 061304: loose packings of dice that were fluidised",
     );

@@ -1,6 +1,7 @@
 //! Checks with exact answers: incline, column of boxes, arch.
 
-use super::check::{Check, Finding, Verdict, exponent};
+use super::check::{Check, DIGITS, Finding, Verdict, exponent};
+use super::listed;
 use super::size::Size;
 use super::world::{GRAVITY, World};
 use crate::exit::Outcome;
@@ -49,8 +50,9 @@ pub fn column(size: &Size) -> Outcome<Check> {
     let mut check = Check::new(
         "column of boxes",
         format!(
-            "{counts:?} boxes without friction, one step from nothing, sequential sweeps that are never relaxed, until \
-             the floor lacks 1 % of the weight."
+            "Columns of {} boxes without friction, one step from nothing, sequential sweeps that are never relaxed, until \
+             the floor lacks 1 % of the weight.",
+            listed(counts)
         ),
         "The weight diffuses through the sweeps: their number grows with the square of the height",
     );
@@ -135,6 +137,7 @@ pub fn arch(size: &Size) -> Outcome<Check> {
     check.findings.push(Finding {
         quantity: "crown sinks, thickness 0.095 (m)".into(),
         measured: thin,
+        digits: DIGITS,
         expected: "falls".into(),
         tolerance: "more than 0.1 m".into(),
         verdict: Verdict::of(thin > 0.1),

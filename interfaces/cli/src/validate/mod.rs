@@ -107,6 +107,15 @@ fn heed_interrupts() -> Outcome {
     Ok(())
 }
 
+/// Names or numbers in a sentence.
+fn listed<T: ToString>(items: &[T]) -> String {
+    let words: Vec<String> = items.iter().map(T::to_string).collect();
+    match &words[..] {
+        [first @ .., last] if !first.is_empty() => format!("{} and {last}", first.join(", ")),
+        _ => words.concat(),
+    }
+}
+
 /// Number of figures with a verdict.
 pub fn count(checks: &[Check], verdict: Verdict) -> usize {
     checks.iter().flat_map(|c| &c.findings).filter(|f| f.verdict == verdict).count()
@@ -127,7 +136,7 @@ pub fn table(check: &Check) -> Table {
     for finding in &check.findings {
         table.row([
             finding.quantity.clone(),
-            figure(finding.measured, 4),
+            figure(finding.measured, finding.digits),
             finding.expected.clone(),
             finding.tolerance.clone(),
             finding.verdict.word().into(),
@@ -158,7 +167,7 @@ pub fn page(size: Size, checks: &[Check]) -> Page {
         page.text(&check.what);
         page.note(&format!("Expected: {}.", check.origin));
         page.table(&table(check));
-        page.figures(&check.charts);
+        check.charts.iter().for_each(|chart| page.figure(chart));
         page.note(&check.remark);
         page.note(&format!("{:.1} s", check.seconds));
     }
