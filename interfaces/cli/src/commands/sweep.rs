@@ -94,7 +94,7 @@ impl Place {
     }
 
     fn of(&self, number: usize) -> PathBuf {
-        self.folder.join(format!("{number:05}"))
+        self.folder.join(name(number))
     }
 
     fn case(&self, number: usize) -> PathBuf {
@@ -121,8 +121,8 @@ impl Place {
             replace_text(&path, text)?;
         }
         let point = |(number, point): (usize, &Point)| {
-            let folder = self.of(number);
-            json!({ "number": number, "folder": folder, "values": values(point) })
+            // Relative to the manifest: a sweep may be moved as a whole.
+            json!({ "number": number, "folder": name(number), "values": values(point) })
         };
         let manifest =
             json!({ "case": case, "points": self.points().map(point).collect::<Vec<_>>() });
@@ -280,6 +280,11 @@ impl Place {
         }
         replace_text(&self.folder.join("table.csv"), &(text + "\n"))
     }
+}
+
+/// The folder of a point, within that of the sweep.
+fn name(number: usize) -> String {
+    format!("{number:05}")
 }
 
 /// A point for programs.

@@ -53,6 +53,8 @@ fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
     )
     .unwrap();
     assert_eq!(manifest["points"][3]["values"]["solver.iterations"], 30);
+    // Wherever the sweep is moved.
+    assert_eq!(manifest["points"][3]["folder"], "00004");
     let stamp = |n: usize| {
         let path = place.path(format!("runs/plan/{n:05}/summary.json"));
         std::fs::metadata(path).unwrap().modified().unwrap()
