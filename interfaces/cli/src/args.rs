@@ -290,7 +290,7 @@ pub struct Inspect {
 
 #[derive(Debug, Args)]
 pub struct Report {
-    /// Folder of a run, or a file in it
+    /// Folder of a run, or a file in it; the checkpoint must be there, which a replay does not leave
     pub run: PathBuf,
     /// The page; by default report.html in the folder of the run
     #[arg(long, value_name = "FILE")]

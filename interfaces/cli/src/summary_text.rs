@@ -31,11 +31,21 @@ pub fn tables(summary: &Summary) -> [Table; 6] {
 fn compactness(summary: &Summary) -> Table {
     let mut table = Table::new("compactness", ["before", "after", "change"]);
     for (name, [before, after]) in summary.setting().zones.iter().zip(&summary.compactness) {
-        let change = 100.0 * (after - before) / before;
-        let change = if change.is_finite() { format!("{change:+.1} %") } else { "-".into() };
+        let change = change(*before, *after);
         table.row([name.clone(), format!("{before:.4}"), format!("{after:.4}"), change]);
     }
     table
+}
+
+/// How much a figure has grown over what it was.
+pub fn change(before: f64, after: f64) -> String {
+    let percent = 100.0 * (after - before) / before;
+    match percent {
+        p if !p.is_finite() => "-".into(),
+        // What rounds to nothing has no sign.
+        p if p.abs() < 0.05 => "0.0 %".into(),
+        p => format!("{p:+.1} %"),
+    }
 }
 
 fn coordination(summary: &Summary) -> Table {
@@ -65,7 +75,7 @@ fn forces(summary: &Summary, role: Role, title: &str) -> Table {
             "peak, period mean",
             "insertion: mean",
             "squeeze: mean",
-            "peak, period mean",
+            "squeeze: peak, period mean",
             "work (J)",
             "lowest (m)",
         ],
@@ -122,7 +132,7 @@ fn quality(summary: &Summary) -> Table {
     for (label, statistics) in [
         ("residual (QM/16)", summary.residual),
         ("residual (natural map)", summary.natural_map),
-        ("iterations per step", summary.iterations),
+        ("iterations per step, all attempts", summary.iterations),
         ("contacts", summary.contacts),
         ("contacts that carry", summary.active_contacts),
         ("contacts of the interface", summary.interface_contacts),

@@ -17,13 +17,21 @@ const RIGHT: f64 = 150.0;
 const HIGH: f64 = 22.0;
 
 impl Bars {
+    /// What the bars say, for those who hear it.
+    fn spoken(&self) -> String {
+        let bars: Vec<_> =
+            self.bars.iter().map(|(name, _, said)| format!("{name} {said}")).collect();
+        format!("{}; {}", self.title, bars.join("; "))
+    }
+
     pub fn svg(&self) -> String {
         let most = self.bars.iter().map(|b| b.1).fold(f64::MIN_POSITIVE, f64::max);
         let height = 26.0 + HIGH * self.bars.len() as f64;
         let mut out = format!(
             "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{1}\">\
-             <text x=\"0\" y=\"13\" class=\"title\">{1}</text>",
+             <text x=\"0\" y=\"14\" class=\"title\">{2}</text>",
             px(height),
+            escaped(&self.spoken()),
             escaped(&self.title)
         );
         for (k, (name, value, said)) in self.bars.iter().enumerate() {
@@ -60,5 +68,6 @@ mod tests {
         };
         let svg = bars.svg();
         assert!(svg.contains("width=\"440\"") && svg.contains("width=\"220\""), "{svg}");
+        assert!(svg.contains("aria-label=\"t; a 2 s; b 1 s\""), "{svg}");
     }
 }

@@ -55,7 +55,7 @@ impl Page {
         self.body += "</div>\n";
     }
 
-    /// Drawings side by side, as far as the page is wide enough.
+    /// Small drawings side by side, as far as the page is wide enough.
     pub fn figures(&mut self, drawings: &[String]) {
         self.body += "<div class=\"figures\">";
         for drawing in drawings {
@@ -64,9 +64,9 @@ impl Page {
         self.body += "</div>\n";
     }
 
-    /// One drawing over the width of the text.
+    /// One drawing over the width of the text; on a narrow screen it stays readable, and is moved sideways.
     pub fn figure(&mut self, drawing: &str) {
-        let _ = writeln!(self.body, "<figure>{drawing}</figure>");
+        let _ = writeln!(self.body, "<figure class=\"wide scroll\">{drawing}</figure>");
     }
 
     /// A table; its first row is the header. Empty ones are left out.

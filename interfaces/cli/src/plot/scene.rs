@@ -20,14 +20,19 @@ pub struct Outline {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     pub title: String,
+    /// What is to be seen, for those who hear it.
+    pub spoken: String,
     /// Lower left and upper right corner, m.
     pub low: [f64; 2],
     pub high: [f64; 2],
     pub outlines: Vec<Outline>,
 }
 
-const WIDTH: f64 = 480.0;
+/// About as wide as the page shows it: texts keep their size.
+const WIDTH: f64 = 340.0;
 const ABOVE: f64 = 22.0;
+/// Between the picture and the legend, with the scale.
+const BELOW: f64 = 34.0;
 
 impl Scene {
     /// The picture, with a bar that shows its scale and a legend if there is one.
@@ -37,10 +42,10 @@ impl Scene {
         let floor = ABOVE + (self.high[1] - z0) * scale;
         let mut out = format!(
             "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\
-             <text x=\"0\" y=\"13\" class=\"title\">{}</text>\
+             <text x=\"0\" y=\"14\" class=\"title\">{}</text>\
              <rect x=\"0\" y=\"{ABOVE}\" width=\"{WIDTH}\" height=\"{}\" class=\"air\"/>",
-            px(floor + 56.0),
-            escaped(&self.title),
+            px(floor + BELOW + if legend.is_some() { 44.0 } else { 6.0 }),
+            escaped(&format!("{}: {}", self.title, self.spoken)),
             escaped(&self.title),
             px(floor - ABOVE)
         );
@@ -63,13 +68,13 @@ impl Scene {
              <path d=\"M{1} {2}H{3}\" class=\"edge\"/><text x=\"{1}\" y=\"{4}\" class=\"tick\">{5} m</text>",
             px(floor),
             px(WIDTH - length * scale),
-            px(floor + 20.0),
+            px(floor + 12.0),
             px(WIDTH),
-            px(floor + 34.0),
+            px(floor + 27.0),
             figure(length, 1)
         );
         if let Some(legend) = legend {
-            legend.strip(0.0, floor + 10.0, &mut out);
+            legend.strip(0.0, floor + BELOW, &mut out);
         }
         out += "</svg>";
         out
@@ -94,10 +99,16 @@ mod tests {
             class: "tool".into(),
             said: "a < b".into(),
         };
-        let scene =
-            Scene { title: "t".into(), low: [0.0, 0.0], high: [1.0, 1.0], outlines: vec![outline] };
+        let scene = Scene {
+            title: "t".into(),
+            spoken: "one stone".into(),
+            low: [0.0, 0.0],
+            high: [1.0, 1.0],
+            outlines: vec![outline],
+        };
         let svg = scene.svg(None);
-        assert!(svg.contains("M0 502L480 502L240 22Z"), "{svg}");
+        assert!(svg.contains("M0 362L340 362L170 22Z"), "{svg}");
+        assert!(svg.contains("aria-label=\"t: one stone\""), "{svg}");
         assert!(svg.contains("a &lt; b") && svg.contains("0.2 m"), "{svg}");
     }
 }

@@ -89,11 +89,10 @@ pub fn residual(source: &Source, bands: &[Band]) -> Chart {
 }
 
 pub fn iterations(source: &Source, bands: &[Band]) -> Chart {
-    Chart::new("Iterations of each step", TIME, "iterations").bands(bands).starting_at_zero().with(
-        "iterations",
-        over_time(&source.rows, |row| row.get(Column::Iterations)),
-        Mark::Line,
-    )
+    Chart::new("Iterations of each step, all attempts at it", TIME, "iterations")
+        .bands(bands)
+        .starting_at_zero()
+        .with("iterations", over_time(&source.rows, |row| row.get(Column::Iterations)), Mark::Line)
 }
 
 pub fn coordination(source: &Source, bands: &[Band]) -> Chart {
@@ -112,7 +111,8 @@ pub fn energy(source: &Source, bands: &[Band]) -> [Chart; 2] {
     [
         chart("Work of tools and walls, and what contacts took")
             .with("work on the grains", of(Column::WorkIn), Mark::Line)
-            .with("dissipated", of(Column::Dissipated), Mark::Line),
+            // The two are nearly one.
+            .with("dissipated", of(Column::Dissipated), Mark::Dashed),
         chart("Energy of the grains")
             .with("kinetic", of(Column::Kinetic), Mark::Line)
             .with("potential, change since the start", potential, Mark::Line)

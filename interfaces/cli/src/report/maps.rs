@@ -1,9 +1,10 @@
 //! Compactness cell by cell over a vertical section along the track.
 
+use super::section;
 use crate::plot::{HeatMap, Legend};
 use ballast::geometry::AxisBox;
 use ballast::math::{Pose, Vec3};
-use ballast::model::Model;
+use ballast::model::{Model, Role};
 use ballast::observe::{self, Zone};
 use ballast::state::State;
 
@@ -47,6 +48,15 @@ impl Grid {
             }
         }
         let title = title.to_string();
-        HeatMap { title, x: self.x.clone(), z: self.z.clone(), values }.svg(legend)
+        let outlines = self.outlines(model, poses);
+        HeatMap { title, x: self.x.clone(), z: self.z.clone(), values, outlines }.svg(legend)
+    }
+    /// Sleepers and tines, cut in the middle of the cells.
+    fn outlines(&self, model: &Model, poses: &[Pose]) -> Vec<Vec<[f64; 2]>> {
+        let middle = 0.5 * (self.y[0] + self.y[1]);
+        let top = self.z.last().copied().unwrap_or(0.0);
+        let tools = (0..model.driven.len()).filter(|d| model.driven[*d].role != Role::Boundary);
+        let cuts = tools.flat_map(|d| section::cuts(model, d, poses, middle));
+        cuts.map(|corners| section::below(&corners, top)).filter(|c| c.len() > 2).collect()
     }
 }

@@ -68,13 +68,15 @@ fn introduction(source: &Source, page: &mut Page) {
     let mut cards = Vec::new();
     let zones = summary.setting().zones.iter().zip(&summary.compactness);
     for (name, [before, after]) in zones.filter(|(name, _)| name.starts_with("under")) {
-        let note = format!("{before:.3} before, {:+.1} %", 100.0 * (after / before - 1.0));
+        let note = format!("{before:.3} before, {}", summary_text::change(*before, *after));
         cards.push([format!("compactness {name}"), format!("{after:.3}"), note]);
     }
     let tines = summary.setting().followed.iter().zip(&summary.bodies);
     let peak = tines
         .filter(|(f, _)| f.role == Role::Tine)
-        .max_by(|a, b| a.1.period_peak.total_cmp(&b.1.period_peak));
+        .max_by(|a, b| a.1.period_peak.total_cmp(&b.1.period_peak))
+        // Nothing has touched a tine yet, or there has been no whole period.
+        .filter(|(_, figures)| figures.period_peak > 0.0);
     if let Some((tine, figures)) = peak {
         let value = format!("{} kN", figure(1e-3 * figures.period_peak, 3));
         cards.push(["largest tine force".into(), value, format!("{}, period mean", tine.name)]);
@@ -135,6 +137,7 @@ fn pictures(source: &Source, page: &mut Page) {
         low: [0.0, 0.0],
         high: [bed.size.x, picture_top(source)],
         values: &values,
+        unit: "mm",
         legend: &legend,
     };
     let mut drawings = vec![section.picture("Before", &first.poses)];
@@ -188,7 +191,7 @@ fn compactness(source: &Source, page: &mut Page) {
     page.figures(&drawings);
     page.note(&format!(
         "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} mm hold few stones, so single \
-         cells scatter. Grey: filled by sleeper or tines.",
+         cells scatter. Brown: filled by sleeper or tines, whose outlines are drawn; blank: no stone.",
         figure(y[0], 3),
         figure(y[1], 3),
         figure(1e3 * 0.75 * d, 2)
@@ -243,9 +246,9 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
 fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
     let header = [
         "touched (s)",
-        "closing then (mm)",
+        "closing at touch (mm)",
         "peak force (kN)",
-        "closing then (mm)",
+        "closing at peak (mm)",
         "closing, end (mm)",
         "compaction energy (J)",
         "work (J)",
@@ -321,7 +324,7 @@ fn provenance(source: &Source, page: &mut Page) {
         ("alert distance", format!("{} mm", figure(1e3 * stepping.alert, 3))),
         ("schedule", solver.schedule.name().into()),
         ("subdomains", partition(&solver.partition)),
-        ("most iterations", solver.iterations.to_string()),
+        ("most iterations", format!("{} in each attempt at a step", solver.iterations)),
         ("tolerance", tolerance(solver)),
         ("warm start", solver.warm_start.to_string()),
         (

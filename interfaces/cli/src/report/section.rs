@@ -3,6 +3,7 @@
 //! Reads: model, poses. Cost: O(edges). Contract: a convex body leaves one convex polygon.
 
 use crate::plot::{Legend, Outline, Scene};
+use crate::table::figure;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Model, Part, Role};
@@ -36,8 +37,9 @@ pub struct Section<'a> {
     /// Picture's corners in x and z, m.
     pub low: [f64; 2],
     pub high: [f64; 2],
-    /// What grains are shaded by `[ng]`, and how.
+    /// What grains are shaded by `[ng]`, in which unit, and how.
     pub values: &'a [f64],
+    pub unit: &'a str,
     pub legend: &'a Legend,
 }
 
@@ -50,36 +52,56 @@ impl Section<'_> {
             let corners = cut(&model.shapes[shape as usize], &poses[grain], self.y);
             let value = self.values[grain];
             let class = format!("grain s{}", self.legend.shade(value));
-            let said = format!("grain {grain}: {value:.1}");
+            let said = format!("grain {grain}: {value:.1} {}", self.unit);
             self.add(corners, class, said, &mut outlines);
         }
+        let grains = outlines.len();
+        let mut tools: Vec<&str> = vec![];
         for (d, body) in model.driven.iter().enumerate() {
             let class = match body.role {
                 Role::Tine => "tool",
                 Role::Sleeper => "block",
                 Role::Boundary => continue,
             };
-            for part in &body.parts {
-                let Part::Convex { shape, pose } = part else { continue };
-                let pose = poses[model.grains.len() + d].then(pose);
-                let corners = cut(&model.shapes[*shape as usize], &pose, self.y);
+            let before = outlines.len();
+            for corners in cuts(model, d, poses, self.y) {
                 self.add(corners, class.into(), body.name.clone(), &mut outlines);
             }
+            if outlines.len() > before {
+                tools.push(&body.name);
+            }
         }
+        let mut spoken = format!("section at y = {} m, {grains} stones", figure(self.y, 3));
+        tools.iter().for_each(|name| spoken += &format!(", {name}"));
+        let Legend { low, high, label } = self.legend;
+        spoken += &format!("; shades: {label}, {} to {}", figure(*low, 2), figure(*high, 2));
         let title = title.to_string();
-        Scene { title, low: self.low, high: self.high, outlines }.svg(Some(self.legend))
+        Scene { title, spoken, low: self.low, high: self.high, outlines }.svg(Some(self.legend))
     }
 
     fn add(&self, corners: Vec<[f64; 2]>, class: String, said: String, out: &mut Vec<Outline>) {
-        let corners = below(corners, self.high[1]);
+        let corners = below(&corners, self.high[1]);
         if corners.len() > 2 {
             out.push(Outline { corners, class, said });
         }
     }
 }
 
+/// The polygons in which the plane `y` cuts the parts of driven body `d` at `poses` `[nb]`.
+pub fn cuts(model: &Model, d: usize, poses: &[Pose], y: f64) -> Vec<Vec<[f64; 2]>> {
+    let convex = |part: &Part| match part {
+        Part::Convex { shape, pose } => {
+            let pose = poses[model.grains.len() + d].then(pose);
+            Some(cut(&model.shapes[*shape as usize], &pose, y))
+        }
+        _ => None,
+    };
+    let cuts = model.driven[d].parts.iter().filter_map(convex);
+    cuts.filter(|corners| corners.len() > 2).collect()
+}
+
 /// The part of a convex polygon below the upper edge of the picture.
-fn below(corners: Vec<[f64; 2]>, z: f64) -> Vec<[f64; 2]> {
+pub fn below(corners: &[[f64; 2]], z: f64) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(corners.len() + 1);
     for (k, a) in corners.iter().enumerate() {
         let b = &corners[(k + 1) % corners.len()];
@@ -123,8 +145,8 @@ mod tests {
     #[test]
     fn what_sticks_out_of_the_picture_is_cut_off() {
         let square = vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-        assert!((area(&below(square.clone(), 0.25)) - 0.25).abs() < 1e-12);
-        assert!((area(&below(square.clone(), 2.0)) - 1.0).abs() < 1e-12);
-        assert!(below(square, -1.0).is_empty());
+        assert!((area(&below(&square, 0.25)) - 0.25).abs() < 1e-12);
+        assert!((area(&below(&square, 2.0)) - 1.0).abs() < 1e-12);
+        assert!(below(&square, -1.0).is_empty());
     }
 }
