@@ -10,19 +10,22 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+# The words of docs/windows.md.
+NAMES = {"Hermite": "cubic", "Linear": "linear", "Hold": "held"}
+
 curves = {}
 for line in sys.stdin:
     words = line.split()
-    if len(words) == 4 and words[1] in ("Hermite", "Linear", "Hold"):
-        curves.setdefault(words[1], []).append((float(words[0]) * 1e-3, 100 * float(words[2])))
+    if len(words) == 4 and words[1] in NAMES:
+        curves.setdefault(NAMES[words[1]], []).append((float(words[0]) * 1e-3, 100 * float(words[2])))
 if not curves:
     sys.exit("no table on stdin; see the first lines of this file")
 figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
 for name, points in curves.items():
-    ax.loglog(*zip(*points), "o-", label=name.lower())
+    ax.loglog(*zip(*points), "o-", label=name)
 ax.set_xticks([1, 2, 4], labels=["1", "2", "4"])
 ax.minorticks_off()
-ax.axhline(1.0, color="grey", lw=0.8, ls="--")
+ax.axhline(1.0, color="grey", lw=0.8, ls="--", label="1 %")
 ax.set(
     title="35 Hz, 5 mm: what halving the window changes",
     xlabel="length of the window, ms",
