@@ -320,8 +320,8 @@ fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) 
         };
         let (a, b) = (px(across(a.clamp(-0.01, 1.01))), px(up(b.clamp(-0.01, 1.01))));
         let _ = match (pen_down, series.mark) {
-            (false, _) => write!(path, "M{a} {b}"),
             (_, Mark::Dots) => Ok(()),
+            (false, _) => write!(path, "M{a} {b}"),
             (true, Mark::Steps) => write!(path, "H{a}V{b}"),
             (true, _) => write!(path, "L{a} {b}"),
         };

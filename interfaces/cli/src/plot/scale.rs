@@ -84,7 +84,7 @@ fn round_step(rough: f64) -> f64 {
 
 fn label(k: i64, step: f64) -> String {
     let value = k as f64 * step;
-    let decimals = (-step.log10() + 1e-9).ceil().max(0.0) as usize;
+    let decimals = (-step.log10() - 1e-9).ceil().max(0.0) as usize;
     match (k, decimals) {
         (0, _) => "0".into(),
         (_, 0..=4) if value.abs() < 1e6 => format!("{value:.decimals$}").replace('-', "−"),
@@ -112,6 +112,8 @@ mod tests {
         let scale = Scale::over([0.13, 0.97].into_iter(), false, false);
         assert_eq!(labels(&scale), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(scale.place(0.5), Some(0.5));
+        assert_eq!(labels(&Scale::exactly(0.0, 5.0)), ["0", "1", "2", "3", "4", "5"]);
+        assert_eq!(labels(&Scale::exactly(0.3, 0.7)), ["0.3", "0.4", "0.5", "0.6", "0.7"]);
         let negative = Scale::over([-12.0, 30.0].into_iter(), false, false);
         assert_eq!(labels(&negative)[0], "−20");
         let nearly = Scale::over([-0.003, 371.0].into_iter(), false, false);
