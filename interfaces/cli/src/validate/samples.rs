@@ -63,9 +63,9 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
     let mut check = Check::new(
         "side by side with LMGC90",
         format!(
-            "`loose500` settled in {STEPS} steps of 1 ms with {SWEEPS} sweeps, alert distance 2 mm, by both programs."
+            "The sample loose500 settled in {STEPS} steps of 1 ms with {SWEEPS} sweeps, alert distance 2 mm, by both programs."
         ),
-        "final state of LMGC90, `settled500`; both measured by one step of Ballast to 1e-4",
+        "final state of LMGC90, the sample settled500; both measured by one step of Ballast to 1e-4",
     );
     let mut own = world(&folder.join("loose500.json"))?;
     let settled = world(&folder.join("settled500.json"))?;
