@@ -27,7 +27,7 @@ use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Kind};
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A run in progress.
 pub struct Session {
@@ -37,6 +37,8 @@ pub struct Session {
     engine: Engine,
     recorder: Recorder,
     taping: Option<Taping>,
+    /// The recording, once it is whole.
+    recorded: Option<PathBuf>,
     dump: Option<Dump>,
     /// Of recording and problems.
     aside: Aside,
@@ -98,8 +100,20 @@ impl Session {
         console: Console,
     ) -> Self {
         let (profile, first) = (Profile::start(), engine.state().step);
-        let (dump, aside) = (None, Aside::new(console));
-        Self { console, case, files, engine, recorder, taping, dump, aside, profile, first }
+        let (recorded, dump, aside) = (None, None, Aside::new(console));
+        Self {
+            console,
+            case,
+            files,
+            engine,
+            recorder,
+            taping,
+            recorded,
+            dump,
+            aside,
+            profile,
+            first,
+        }
     }
 
     /// The same session, which keeps contact problems.
@@ -269,7 +283,7 @@ impl Session {
 
     fn end_recording(&mut self) {
         if let Some(taping) = self.taping.take() {
-            let ended = taping.finish();
+            let ended = taping.finish().map(|path| self.recorded = Some(path));
             self.aside.went_well("recording", ended);
         }
     }
@@ -342,7 +356,8 @@ impl Session {
             0 => String::new(),
             steps => summary_text::profile(&self.profile, steps),
         };
-        let files = summary_text::pointers(&self.files, self.engine.playback().is_none());
+        let is_resumable = self.engine.playback().is_none();
+        let files = summary_text::pointers(&self.files, is_resumable, self.recorded.as_deref());
         let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
         format!(
             "{name}: {grains} grains, {step} of {} steps, {time:.4} s\n\n{figures}\n{profile}\n\

@@ -7,6 +7,7 @@ use crate::record::Column;
 use crate::summary::{BodyFigures, Moment, Summary};
 use crate::table::{Table, figure};
 use ballast::model::Role;
+use std::path::Path;
 
 /// The summary as a text of several tables.
 pub fn text(summary: &Summary) -> String {
@@ -172,15 +173,18 @@ pub fn profile(profile: &Profile, steps: u64) -> String {
 }
 
 /// Where the run's files are and what to look at.
-pub fn pointers(files: &RunFiles, resumable: bool) -> String {
+pub fn pointers(files: &RunFiles, resumable: bool, recording: Option<&Path>) -> String {
     let mut text = String::from("files\n");
     let checkpoint =
         resumable.then(|| (files.checkpoint(), "the last state; `ballast resume` goes on from it"));
+    let recording = recording.map(|path| {
+        (path.to_owned(), "the recording; viewers of MCAP open it, `ballast replay` runs it again")
+    });
     let always = [
         (files.results(), "open it in ParaView; `ballast export` makes tables and shapes of it"),
         (files.summary(), "these figures, for programs"),
     ];
-    for (path, what) in always.into_iter().chain(checkpoint) {
+    for (path, what) in always.into_iter().chain(checkpoint).chain(recording) {
         text += &format!("  {}\n      {what}\n", path.display());
     }
     text

@@ -13,11 +13,12 @@ use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint;
 use ballast_mcap::{Drive, Meta, Tape, scene};
 use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// An open recording.
 pub struct Taping {
+    path: PathBuf,
     tape: Tape,
     /// Phase of the last step.
     phase: TampingPhase,
@@ -45,8 +46,8 @@ impl Taping {
         let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;
         let (recent, squeezes) = component::remembered(state, model.driven.len(), &Arc::new(rule));
         let speed_limit = SpeedLimit::of(model);
-        let mut taping =
-            Self { tape, phase: engine.phase(), frames, recent, squeezes, speed_limit };
+        let (path, phase) = (path.to_owned(), engine.phase());
+        let mut taping = Self { path, tape, phase, frames, recent, squeezes, speed_limit };
         taping
             .tape
             .log(state.time_ns, &format!("{}: {} grains", case.plan.name, model.grains.len()))?;
@@ -90,8 +91,10 @@ impl Taping {
     }
 
     /// Ends the recording.
-    pub fn finish(self) -> Outcome {
-        Ok(self.tape.finish()?)
+    /// Ends the file; where it is.
+    pub fn finish(self) -> Outcome<PathBuf> {
+        self.tape.finish()?;
+        Ok(self.path)
     }
 }
 

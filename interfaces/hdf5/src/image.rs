@@ -12,7 +12,7 @@ use hdf5::{Dataset, File, H5Type};
 use std::path::Path;
 
 /// Bytes that one byte of deflated data can stand for.
-const DEFLATE_AT_BEST: u64 = 1032;
+pub(crate) const DEFLATE_AT_BEST: u64 = 1032;
 /// Largest compressed dataset that is read, bytes.
 const MOST_UNPACKED: u64 = 1 << 30;
 

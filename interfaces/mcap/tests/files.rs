@@ -60,6 +60,11 @@ fn all_times() -> Vec<u64> {
     (0..MESSAGES).map(|i| i * 1000).collect()
 }
 
+fn header(channel_id: u16, time_ns: u64) -> mcap::records::MessageHeader {
+    let (log_time, publish_time) = (time_ns, time_ns);
+    mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time }
+}
+
 #[test]
 fn equal_messages_leave_equal_bytes_and_come_back() {
     let (_folder, path) = place("a.mcap");
@@ -155,13 +160,7 @@ fn chunks_of_other_programs_are_read() {
         let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
         let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
         for i in 0..100 {
-            let header = mcap::records::MessageHeader {
-                channel_id: channel,
-                sequence: 0,
-                log_time: i,
-                publish_time: i,
-            };
-            writer.write_to_known_channel(&header, b"{}").unwrap();
+            writer.write_to_known_channel(&header(channel, i), b"{}").unwrap();
         }
         writer.finish().unwrap();
         drop(writer);
@@ -292,13 +291,7 @@ fn names_take_no_more_than_a_chunk() {
     for i in 0..34 {
         let topic = format!("/{i}{}", "a".repeat(8 << 20));
         let channel = writer.add_channel(0, &topic, "json", &BTreeMap::new()).unwrap();
-        let header = mcap::records::MessageHeader {
-            channel_id: channel,
-            sequence: 0,
-            log_time: i,
-            publish_time: i,
-        };
-        writer.write_to_known_channel(&header, b"{}").unwrap();
+        writer.write_to_known_channel(&header(channel, i), b"{}").unwrap();
     }
     writer.finish().unwrap();
     drop(writer);

@@ -49,7 +49,8 @@ fn a_replay_ends_in_the_state_of_the_run_and_leaves_the_same_recording() {
     // It needs no case: the one that was run is in it.
     std::fs::remove_file(place.path("tiny.toml")).unwrap();
     let again = format!("replay run.mcap --out again --record again.mcap --expect {hash}");
-    place.with_beds(&again).with_code(0);
+    let said = place.with_beds(&again).with_code(0).stdout();
+    assert!(said.contains("  again.mcap\n"), "the recording is among the files: {said}");
     std::fs::write(place.path("tiny.toml"), CASE).unwrap();
     assert_eq!(place.hash("again"), hash);
     assert_eq!(place.summary("again")["tines"], place.summary("run")["tines"]);

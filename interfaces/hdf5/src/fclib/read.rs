@@ -49,7 +49,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
         _ => global(&source).map(|(local, global)| (local, Some(global)))?,
     };
     let impulses = |name: &str| {
-        let held = has(&source, name);
+        let held = source.has(name);
         held.then(|| vectors(&source, name, Some(local.contact_count()))).transpose()
     };
     Ok(Problem {
@@ -86,19 +86,13 @@ fn global(source: &Source) -> Result<(Assembled, GlobalForm)> {
 
 /// Equality constraints beside the contacts: the problem without them would be another one.
 fn refuse_joints(source: &Source, names: &[&'static str]) -> Result<()> {
-    match names.iter().find(|name| has(source, name)) {
+    match names.iter().find(|name| source.has(name)) {
         None => Ok(()),
         Some(name) => {
             let expected = "contacts alone: problems with joints are not solved here";
             Err(Fault::new(*name, expected, "joints").in_file(source.path))
         }
     }
-}
-
-/// Whether there is such an object; link by link, for the library does not look behind missing ones.
-fn has(source: &Source, name: &str) -> bool {
-    let ends = name.match_indices('/').map(|(at, _)| at).chain([name.len()]);
-    ends.into_iter().all(|end| source.file.link_exists(&name[..end]))
 }
 
 /// Vectors (n, t, s) `[contacts]`, stored flat.

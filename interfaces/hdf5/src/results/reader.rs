@@ -14,9 +14,6 @@ use hdf5::{Dataset, File, Group, H5Type};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Deflate cannot shrink by more than 1032 to 1.
-const LARGEST_RATIO: u64 = 1100;
-
 /// An opened results file.
 #[derive(Debug)]
 pub struct Reader {
@@ -259,7 +256,7 @@ impl Reader {
     fn rows<T: H5Type>(&self, dataset: &Dataset, range: Range<usize>) -> Result<Vec<T>> {
         let (shape, place) = (dataset.shape(), dataset.name());
         let bytes = shape.iter().try_fold(size_of::<T>() as u64, |b, &n| b.checked_mul(n as u64));
-        let most = self.size.saturating_mul(LARGEST_RATIO);
+        let most = self.size.saturating_mul(image::DEFLATE_AT_BEST);
         if bytes.is_none_or(|b| b > most) {
             let expected = format!("at most {most} bytes in a file of {}", self.size);
             return Err(Fault::new(place, expected, format!("shape {shape:?}")).in_file(&self.path));
