@@ -14,8 +14,8 @@ use rayon::prelude::*;
 
 /// What is allowed for on looking again, over what the solve has just asked for.
 const AMPLE: f64 = 1.5;
-/// How many radii of the largest grain are allowed for at most before a half-space, which nothing is ever past: far more than
-/// any stone flies in a step, and an end to looking again.
+/// How many radii of the largest grain a solve may carry a body further before a half-space, which nothing is ever past: far
+/// more than any stone is flung in a step, and an end to looking again.
 const FLUNG: f64 = 64.0;
 
 /// Distances up to which contacts are looked for.
@@ -34,7 +34,7 @@ pub struct Reach {
     most: f64,
     /// What is allowed for where there are half-spaces, m; else `most`.
     furthest: f64,
-    /// Whether a body is made of half-spaces, too `[nb]`.
+    /// Whether the body has half-spaces `[nb]`. Beside them its convex parts are looked for up to [`Reach::at_most`] only.
     is_endless: Vec<bool>,
 }
 

@@ -63,6 +63,7 @@ impl LocalProblem {
                 contact.impulse = Vec3::zeros();
                 let [candidate, antagonist] = contact.bodies.map(|b| b as usize);
                 if antagonist >= ng {
+                    // `1/W_nn` of the grain alone.
                     let arm = contact.candidate_arms[0].map(f64::from);
                     let turning: f64 = arm.iter().map(|x| x * x).sum();
                     contact.antagonist_arms = Default::default();

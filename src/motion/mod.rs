@@ -74,7 +74,7 @@ impl Motion {
     }
 
     /// Velocity and spin with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
-    /// those of this step throughout (T-4, T-14).
+    /// those of this step throughout (T-4, T-14). Where a held rotation begins or stops, the centre of mass goes on (T-28).
     pub fn first_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
         let had = (state.velocity[b], state.spin[b]);
         let Some(d) = b.checked_sub(model.grains.len()) else { return had };
@@ -83,10 +83,9 @@ impl Motion {
         let choose = |modes: [Freedom; 3], imposed: Vec3, had: Vec3| {
             Vec3::from_fn(|k, _| if modes[k].is_held() { imposed[k] } else { had[k] })
         };
-        (
-            choose(mount.translations(), imposed.0, had.0),
-            choose(mount.rotations(), imposed.1, had.1),
-        )
+        let spin = choose(mount.rotations(), imposed.1, had.1);
+        let around = (had.1 - spin).cross(&(state.orientation[b] * mount.centre));
+        (choose(mount.translations(), imposed.0, had.0 + around), spin)
     }
 
     /// A grain without a place would find no contact, and be lost in silence.

@@ -31,21 +31,23 @@ impl SpeedLimit {
         velocity: &Vec3,
         spin: &Vec3,
     ) -> f64 {
-        let turning = self.led(model, state, d, &state.imposed(model, d).position, spin.norm());
-        self.way / (velocity.norm() + turning)
+        let turning = spin.norm();
+        let lever = self.lever(model, state, d, turning);
+        self.way / (velocity.norm() + turning * lever)
     }
 
-    /// How far a turn by `angle` about `centre`, the reference point of body `d`, leads its points that grains can meet.
-    fn led(&self, model: &Model, state: &State, d: usize, centre: &Vec3, angle: f64) -> f64 {
-        if angle == 0.0 {
+    /// How far from its reference point body `d`, which turns by `turn`, can be met by grains, m.
+    fn lever(&self, model: &Model, state: &State, d: usize, turn: f64) -> f64 {
+        if turn == 0.0 {
             return 0.0;
         }
         if self.reach[d].is_finite() {
-            return angle * self.reach[d];
+            return self.reach[d];
         }
         // A wall has no end, but it is met where grains are.
+        let centre = state.imposed(model, d).position;
         let far = |i: usize| (state.position[i] - centre).norm() + model.grain_radius(i);
-        angle * (0..model.grains.len()).map(far).fold(0.0, f64::max)
+        (0..model.grains.len()).map(far).fold(0.0, f64::max)
     }
 
     /// Refuses targets (`[nd]`) that lead a body too far in the step from `state`.
@@ -56,8 +58,8 @@ impl SpeedLimit {
         for (d, target) in targets.iter().enumerate() {
             let from = state.imposed(model, d);
             let turn = rotation::log(&(target.orientation * from.orientation.inverse())).norm();
-            let turned = self.led(model, state, d, &from.position, turn);
-            let way = (target.position - from.position).norm() + turned;
+            let lever = self.lever(model, state, d, turn);
+            let way = (target.position - from.position).norm() + turn * lever;
             if way > self.way {
                 return Err(Error::Step {
                     cause: Cause::OverSpeed,
@@ -67,7 +69,13 @@ impl SpeedLimit {
                         "at most {:.3e} m in a step, half of the smallest grain",
                         self.way
                     ),
-                    found: format!("{way:.3e} m"),
+                    found: match turn {
+                        0.0 => format!("{way:.3e} m"),
+                        _ => format!(
+                            "{way:.3e} m, with a turn by {turn:.3e} rad {lever:.3e} m away from its \
+                             reference point"
+                        ),
+                    },
                 });
             }
         }

@@ -269,6 +269,27 @@ fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
     }
 }
 
+/// A stone at the centre of mass of a body that stops turning sees nothing of it: not in restitution, nor in the ledger.
+#[test]
+fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
+    let centre = Vec3::new(0.1, 0.0, 0.0);
+    let free = held_but(&[0, 1, 2].map(|k| (k, Freedom::Loaded)));
+    let mut scene = alone(Mount { centre, ..mount(free) });
+    scene.model.gravity = Vec3::zeros();
+    for turn in [1e-3, 1e-3, 0.0] {
+        let before = (scene.state.velocity[0], scene.state.spin[0]);
+        let arm = scene.state.orientation[0] * centre;
+        let state = scene.state.clone();
+        scene.targets[0].orientation =
+            Quat::from_scaled_axis(Vec3::z() * turn) * scene.targets[0].orientation;
+        scene.step();
+        let (v, w) = scene.workspace.motion.first_twist(&scene.model, &state, 0);
+        let expected = before.0 + before.1.cross(&arm);
+        assert!((v + w.cross(&arm) - expected).norm() < 1e-12, "{v}, {w}");
+        assert!((w.z - turn / scene.h()).abs() < 1e-6, "{w}");
+    }
+}
+
 /// Held, a direction moves with the velocity of the step throughout: that is what its forces do work on.
 #[test]
 fn what_is_held_does_the_work_of_its_force_along_its_way() {

@@ -165,8 +165,7 @@ impl There {
             Ok(reply) => reply,
             Err(error) => {
                 // What was refused was not done; after another run than this one nothing is to be waited for.
-                if error.fault().is_some() || matches!(error, ballast_zenoh::Error::Diverged { .. })
-                {
+                if !self.client.is_waiting() {
                     self.pending = None;
                 }
                 return Err(raised.unwrap_or_else(|| failed(py, error)));

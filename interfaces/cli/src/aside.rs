@@ -1,7 +1,7 @@
 //! What is done beside a run, and is not worth its end: recordings, problems that are kept, checkpoints of what is served.
 //!
-//! Contract: what cannot be written is told at once and given up, the run goes on to its own end, and the program ends with
-//! the failure.
+//! Contract: what cannot be written is told at once, the run goes on to its own end, and the program ends with the first
+//! failure. Whether it is given up, as a recording, or tried again, as a checkpoint, is for who writes it.
 
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};

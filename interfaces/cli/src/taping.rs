@@ -90,8 +90,7 @@ impl Taping {
         Ok(())
     }
 
-    /// Ends the recording.
-    /// Ends the file; where it is.
+    /// Ends the recording; where it is.
     pub fn finish(self) -> Outcome<PathBuf> {
         self.tape.finish()?;
         Ok(self.path)

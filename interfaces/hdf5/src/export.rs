@@ -39,7 +39,7 @@ fn listed(folder: &Path) -> Vec<String> {
 
 fn write(folder: &Path, name: &str, content: String) -> Result<PathBuf> {
     let path = folder.join(name);
-    seal::replace(&path, &[content.as_bytes()])?;
+    seal::exchange(&path, content.as_bytes())?;
     Ok(path)
 }
 

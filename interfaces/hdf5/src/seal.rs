@@ -68,6 +68,14 @@ pub fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
     settle(file, path)
 }
 
+/// The same for what can be made again at once: it may reach the disk later.
+pub(crate) fn exchange(path: &Path, content: &[u8]) -> Result<()> {
+    let mut file = beside(path)?;
+    file.write_all(content).map_err(io(path, "write"))?;
+    let path = &destination(path).map_err(io(path, "replace"))?;
+    file.persist(path).map_err(|e| io(path, "replace")(e.error)).map(drop)
+}
+
 /// What is replaced where `path` is written: a link's target rather than the link.
 ///
 /// # Errors

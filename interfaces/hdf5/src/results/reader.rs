@@ -3,7 +3,7 @@
 //! Contract: sizes are compared with the file's own size before anything is allocated. A file that
 //! is damaged inside its compressed data gives an error of the HDF5 library, with the place. Where results are
 //! complete, and thus sealed, the library does not see a byte of a damaged one. Those of version 1 that are not sealed have
-//! their texts in a heap, which the library does not always survive where it is damaged: nothing that is written now has one.
+//! their texts in the file's global heap, which the library does not always survive where it is damaged: no new file has one.
 
 use super::block::Block;
 use super::{FORMAT, HEAPED, SEAL, VERSION, growing, pose};

@@ -51,9 +51,10 @@ pub struct Client {
 }
 
 /// A request that may have had its effect although its answer is lost.
+#[derive(Clone, PartialEq)]
 enum Unanswered {
-    Window(AdvanceRequest),
-    Parameters,
+    Window(Kind, AdvanceRequest),
+    Parameters(SetParameters),
 }
 
 /// Where a request leads.
@@ -124,10 +125,13 @@ impl Client {
         self.ticket = attached.ticket;
         if std::mem::take(&mut self.runs_freely) {
             self.begin_at(attached.place)?;
-        } else if leads == Leads::On && self.apart.is_none() {
-            self.catch_up(&attached.place)?;
+        } else if leads == Leads::On {
+            if self.apart.is_none() {
+                self.catch_up(&attached.place)?;
+            }
+            self.is_behind = false;
         }
-        self.is_behind = false;
+        // Otherwise it is, until the request has led elsewhere.
         Ok(())
     }
 
@@ -137,8 +141,8 @@ impl Client {
         }
         // It was done, its answer lost: it will be asked for again.
         let is_done = match &self.unanswered {
-            Some(Unanswered::Window(request)) => found.seq == request.seq,
-            Some(Unanswered::Parameters) => found.seq == self.place.seq,
+            Some(Unanswered::Window(_, request)) => found.seq == request.seq,
+            Some(Unanswered::Parameters(_)) => found.seq == self.place.seq,
             None => false,
         };
         if is_done {
@@ -263,7 +267,11 @@ impl Client {
     /// As for [`Client::advance_to`].
     pub fn send(&mut self, kind: Kind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
         self.check_together()?;
-        self.unanswered = Some(Unanswered::Window(request.clone()));
+        let asked = Unanswered::Window(kind, request.clone());
+        if matches!(self.unanswered, Some(Unanswered::Parameters(_))) {
+            self.settle()?;
+        }
+        self.unanswered = Some(asked);
         let result = self.returning(Leads::On, |client| client.deliver(kind, request));
         let reply = result.map_err(|error| self.without(error))?;
         (self.unanswered, self.guess) = (None, None);
@@ -277,9 +285,32 @@ impl Client {
         Ok(reply)
     }
 
-    /// What becomes of a request that was not done.
+    /// Asks again for what was not answered, for a request that comes after it.
+    fn settle(&mut self) -> Result<(), Error> {
+        let settled = match self.unanswered.clone() {
+            None => return Ok(()),
+            Some(Unanswered::Window(kind, request)) => self.send(kind, &request).map(drop),
+            Some(Unanswered::Parameters(ask)) => self.set_parameters(&ask).map(drop),
+        };
+        match settled {
+            // It was refused: nothing has changed, and that is all that matters now.
+            Err(error) if error.fault().is_some() && self.unanswered.is_none() => Ok(()),
+            settled => settled,
+        }
+    }
+
+    /// Whether a request may have had its effect although its answer is lost: the same one again is safe.
+    pub fn is_waiting(&self) -> bool {
+        self.unanswered.is_some()
+    }
+
+    /// What becomes of a request that was not answered as it should be.
     fn without(&mut self, error: Error) -> Error {
         let Some(fault) = error.fault() else { return error };
+        // It was not the request that was refused.
+        if self.is_behind {
+            return error;
+        }
         self.unanswered = None;
         match self.guess.take() {
             // What was found there was not this client's doing.
@@ -348,6 +379,7 @@ impl Client {
     /// What the component refuses; no answer.
     pub fn save(&mut self, name: &str) -> Result<&Place, Error> {
         self.check_together()?;
+        self.settle()?;
         self.place = self.named("save", Leads::On, name)?;
         Ok(&self.place)
     }
@@ -399,7 +431,11 @@ impl Client {
     /// What the component refuses; no answer.
     pub fn set_parameters(&mut self, ask: &SetParameters) -> Result<&Place, Error> {
         self.check_together()?;
-        self.unanswered.get_or_insert(Unanswered::Parameters);
+        let asked = Unanswered::Parameters(ask.clone());
+        if self.unanswered.as_ref().is_some_and(|unanswered| *unanswered != asked) {
+            self.settle()?;
+        }
+        self.unanswered = Some(asked);
         let text = serde_json::to_vec(ask).unwrap_or_default();
         let place = self.json("param", Leads::On, text).map_err(|error| self.without(error))?;
         self.begin_at(place)
@@ -410,9 +446,17 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer.
     pub fn run_freely(&mut self, ask: &FreeRunning) -> Result<&Place, Error> {
+        self.check_together()?;
+        self.settle()?;
+        // Time may run although the answer is lost.
         self.runs_freely = true;
         let free_running = Some(Some(ask.clone()));
-        self.set_parameters(&SetParameters { free_running, ..SetParameters::default() })
+        let ask = SetParameters { free_running, ..SetParameters::default() };
+        if let Err(error) = self.set_parameters(&ask) {
+            self.runs_freely = error.fault().is_none();
+            return Err(error);
+        }
+        Ok(&self.place)
     }
 
     /// Time runs by itself no more: where it has come to.
@@ -440,6 +484,7 @@ impl Client {
         self.place = place;
         self.journal.clear();
         (self.unanswered, self.guess, self.apart) = (None, None, None);
+        self.is_behind = false;
         Ok(&self.place)
     }
 

@@ -5,7 +5,7 @@ use crate::proxy::Proxy;
 use crate::setup::{
     KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
 };
-use ballast_protocol::lockstep::SetParameters;
+use ballast_protocol::lockstep::{Code, SetParameters};
 use ballast_protocol::messages::Interpolation;
 use ballast_zenoh::{Client, Error, Link, Patience, SILENCE};
 use std::sync::Arc;
@@ -181,4 +181,52 @@ fn what_was_done_before_the_wire_was_cut_is_done_once() {
     client.detach().unwrap();
     // One window, one redo of it, and one of the new run.
     assert_eq!(served.stop().answered_count(), 3);
+}
+
+#[test]
+fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next() {
+    let served = Served::new();
+    let proxy = Proxy::before(&served.endpoint);
+    let link = Link::to(&proxy.endpoint);
+    let mut client = Client::attach(KEY, &link, "first", None, Patience::default()).unwrap();
+    step(&mut client).unwrap();
+    proxy.cut();
+    let error = client.set_parameters(&iterations(9)).unwrap_err();
+    assert!(matches!(error, Error::PeerLost { .. }) && client.is_waiting(), "{error}");
+    // As if they had been set before the wire was cut.
+    let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
+    other.set_parameters(&iterations(9)).unwrap();
+    other.detach().unwrap();
+    proxy.restore();
+    let begin = Instant::now();
+    while let Err(error) = step(&mut client) {
+        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+        assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
+    }
+    assert!(!client.is_waiting());
+    assert_eq!(client.place().seq, 2);
+    client.detach().unwrap();
+}
+
+#[test]
+fn a_refused_restore_leads_nowhere() {
+    let served = Served::new();
+    let proxy = Proxy::before(&served.endpoint);
+    let mut client =
+        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    step(&mut client).unwrap();
+    proxy.cut();
+    let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
+    step(&mut other).unwrap();
+    step(&mut other).unwrap();
+    other.detach().unwrap();
+    proxy.restore();
+    let error = client.restore("nowhere").unwrap_err();
+    assert!(error.fault().is_some_and(|f| f.code == Code::UnknownState), "{error}");
+    // The run has gone on meanwhile: that is not forgotten for a request in between.
+    let error = step(&mut client).unwrap_err();
+    assert!(matches!(error, Error::Diverged { .. }), "{error}");
+    client.reset().unwrap();
+    step(&mut client).unwrap();
+    client.detach().unwrap();
 }
