@@ -243,12 +243,18 @@ fn mounts_and_loads_that_cannot_be_are_refused() {
     assert!(scene.try_step().expect_err("too many").to_string().contains("loads"));
 }
 
-#[test]
-fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
+/// A block free to move, whose rotations are held away from its centre of mass, in the air without gravity.
+fn turned_about_a_corner() -> (Scene, Vec3) {
     let centre = Vec3::new(0.1, 0.0, 0.0);
     let free = held_but(&[0, 1, 2].map(|k| (k, Freedom::Loaded)));
     let mut scene = alone(Mount { centre, ..mount(free) });
     scene.model.gravity = Vec3::zeros();
+    (scene, centre)
+}
+
+#[test]
+fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
+    let (mut scene, centre) = turned_about_a_corner();
     let speed = |scene: &Scene| {
         let arm = scene.state.orientation[0] * centre;
         scene.state.velocity[0] + scene.state.spin[0].cross(&arm)
@@ -272,10 +278,7 @@ fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
 /// A stone at the centre of mass of a body that stops turning sees nothing of it: not in restitution, nor in the ledger.
 #[test]
 fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
-    let centre = Vec3::new(0.1, 0.0, 0.0);
-    let free = held_but(&[0, 1, 2].map(|k| (k, Freedom::Loaded)));
-    let mut scene = alone(Mount { centre, ..mount(free) });
-    scene.model.gravity = Vec3::zeros();
+    let (mut scene, centre) = turned_about_a_corner();
     for turn in [1e-3, 1e-3, 0.0] {
         let before = (scene.state.velocity[0], scene.state.spin[0]);
         let arm = scene.state.orientation[0] * centre;

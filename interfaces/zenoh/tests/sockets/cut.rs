@@ -5,7 +5,7 @@ use crate::proxy::Proxy;
 use crate::setup::{
     KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
 };
-use ballast_protocol::lockstep::{Code, SetParameters};
+use ballast_protocol::lockstep::{Code, Place, SetParameters};
 use ballast_protocol::messages::Interpolation;
 use ballast_zenoh::{Client, Error, Link, Patience, SILENCE};
 use std::sync::Arc;
@@ -71,11 +71,7 @@ fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
         assert_eq!(client.place(), &before);
         proxy.cut();
         proxy.restore();
-        let begin = Instant::now();
-        while let Err(error) = step(&mut client) {
-            assert!(matches!(error, Error::PeerLost { .. }), "{error}");
-            assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
-        }
+        step_once_back(&mut client);
     }
     let windows = client.place().seq;
     assert_eq!(windows, 4);
@@ -103,6 +99,25 @@ fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
     assert!(error.to_string().contains("window 4"), "{error}");
 }
 
+/// What another client does while the wire of the first one is cut.
+fn meanwhile(served: &Served, proxy: &Proxy, act: &mut dyn FnMut(&mut Client)) -> Place {
+    proxy.cut();
+    let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
+    act(&mut other);
+    let place = other.detach().unwrap();
+    proxy.restore();
+    place
+}
+
+/// Steps once the wire is back.
+fn step_once_back(client: &mut Client) {
+    let begin = Instant::now();
+    while let Err(error) = step(client) {
+        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+        assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
+    }
+}
+
 fn iterations(most: u32) -> SetParameters {
     SetParameters { iterations: Some(most), ..SetParameters::default() }
 }
@@ -118,15 +133,13 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
         step(&mut client).unwrap();
         client.save("here").unwrap();
         let left = client.place().clone();
-        proxy.cut();
-        let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
-        other.set_parameters(&iterations(3 + windows as u32)).unwrap();
-        for _ in 0..windows {
-            let (begin, end) = (other.place().now_ns, other.place().now_ns + 2 * WINDOW);
-            other.advance_to(end, shaking(begin, end), vec![]).unwrap();
-        }
-        other.detach().unwrap();
-        proxy.restore();
+        meanwhile(&served, &proxy, &mut |other| {
+            other.set_parameters(&iterations(3 + windows as u32)).unwrap();
+            for _ in 0..windows {
+                let (begin, end) = (other.place().now_ns, other.place().now_ns + 2 * WINDOW);
+                other.advance_to(end, shaking(begin, end), vec![]).unwrap();
+            }
+        });
         for _ in 0..2 {
             let error = step(&mut client).unwrap_err();
             assert!(matches!(error, Error::Diverged { .. }), "{error}");
@@ -150,29 +163,21 @@ fn what_was_done_before_the_wire_was_cut_is_done_once() {
     step(&mut client).unwrap();
     let ends = [before, client.place().now_ns];
     // Done by another with the same words: what the server is left with when only the answer is lost.
-    let meanwhile = |act: &mut dyn FnMut(&mut Client)| {
-        proxy.cut();
-        let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
-        act(&mut other);
-        let place = other.detach().unwrap();
-        proxy.restore();
-        place
-    };
     let otherwise = || {
         let mut motions = shaking(ends[0], ends[1]);
         motions[0].interpolation = Interpolation::Linear;
         motions
     };
-    let redone = meanwhile(&mut |other| {
+    let redone = meanwhile(&served, &proxy, &mut |other| {
         other.redo(ends, otherwise(), vec![]).unwrap();
     });
     let reply = client.redo(ends, otherwise(), vec![]).unwrap();
     assert_eq!((reply.hash.to_string(), client.place().seq), (redone.hash, redone.seq));
-    let set = meanwhile(&mut |other| {
+    let set = meanwhile(&served, &proxy, &mut |other| {
         other.set_parameters(&iterations(7)).unwrap();
     });
     assert_eq!(client.set_parameters(&iterations(7)).unwrap(), &set);
-    let reset = meanwhile(&mut |other| {
+    let reset = meanwhile(&served, &proxy, &mut |other| {
         other.reset().unwrap();
     });
     let again = client.reset().unwrap();
@@ -194,15 +199,10 @@ fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next()
     let error = client.set_parameters(&iterations(9)).unwrap_err();
     assert!(matches!(error, Error::PeerLost { .. }) && client.is_waiting(), "{error}");
     // As if they had been set before the wire was cut.
-    let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
-    other.set_parameters(&iterations(9)).unwrap();
-    other.detach().unwrap();
-    proxy.restore();
-    let begin = Instant::now();
-    while let Err(error) = step(&mut client) {
-        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
-        assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
-    }
+    meanwhile(&served, &proxy, &mut |other| {
+        other.set_parameters(&iterations(9)).unwrap();
+    });
+    step_once_back(&mut client);
     assert!(!client.is_waiting());
     assert_eq!(client.place().seq, 2);
     client.detach().unwrap();
@@ -215,12 +215,7 @@ fn a_refused_restore_leads_nowhere() {
     let mut client =
         Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
     step(&mut client).unwrap();
-    proxy.cut();
-    let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
-    step(&mut other).unwrap();
-    step(&mut other).unwrap();
-    other.detach().unwrap();
-    proxy.restore();
+    meanwhile(&served, &proxy, &mut |other| (0..2).for_each(|_| step(other).unwrap()));
     let error = client.restore("nowhere").unwrap_err();
     assert!(error.fault().is_some_and(|f| f.code == Code::UnknownState), "{error}");
     // The run has gone on meanwhile: that is not forgotten for a request in between.
