@@ -8,7 +8,7 @@
 //! after the solve: each body is allowed some change, and where it was more, its surroundings are looked at again.
 
 use crate::math::Vec3;
-use crate::model::{Model, Part};
+use crate::model::{DrivenBody, Model, Part};
 use crate::motion::Motion;
 use rayon::prelude::*;
 
@@ -34,7 +34,7 @@ pub struct Reach {
     most: f64,
     /// What is allowed for where there are half-spaces, m; else `most`.
     furthest: f64,
-    /// Whether the body has half-spaces `[nb]`. Beside them its convex parts are looked for up to [`Reach::at_most`] only.
+    /// Whether the driven body has half-spaces `[nd]`. Beside them its convex parts are looked for up to [`Reach::at_most`] only.
     is_endless: Vec<bool>,
 }
 
@@ -53,7 +53,7 @@ impl Reach {
         let most = (0..model.grains.len()).map(|i| model.grain_radius(i)).fold(allowance, f64::max);
         (self.h, self.least, self.most) = (h, least, most);
         self.is_endless.clear();
-        self.is_endless.extend((0..motion.position.len()).map(|b| is_endless(model, b)));
+        self.is_endless.extend(model.driven.iter().map(is_endless));
         let has_walls = self.is_endless.iter().any(|is_endless| *is_endless);
         self.furthest = if has_walls { FLUNG * most } else { most };
         (&motion.velocity, &motion.spin)
@@ -118,7 +118,8 @@ impl Reach {
     fn with(&self, allowance: &[f64], motion: &Motion, radius: f64, [a, b]: [usize; 2]) -> f64 {
         let free = |b: usize| (motion.velocity[b], motion.spin[b]);
         let approach = round_up(self.h * approach_speed(motion, radius, [a, b], free));
-        if self.is_endless[b] {
+        let driven = b.checked_sub(self.way.len() - self.is_endless.len());
+        if driven.is_some_and(|d| self.is_endless[d]) {
             return self.least.max(approach + (allowance[a] + allowance[b]));
         }
         let approach = approach.min(self.way[a] + self.way[b]);
@@ -165,16 +166,15 @@ pub fn top_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
     if turning == 0.0 {
         return velocity.norm();
     }
-    if is_endless(model, b) {
-        return f64::INFINITY;
+    match b.checked_sub(model.grains.len()) {
+        Some(d) if is_endless(&model.driven[d]) => f64::INFINITY,
+        _ => velocity.norm() + turning * extent(model, b),
     }
-    velocity.norm() + turning * extent(model, b)
 }
 
-/// Whether body `b` has half-spaces.
-fn is_endless(model: &Model, b: usize) -> bool {
-    let driven = b.checked_sub(model.grains.len()).map(|d| &model.driven[d]);
-    driven.is_some_and(|d| d.parts.iter().any(|part| matches!(part, Part::HalfSpace { .. })))
+/// Whether a driven body has half-spaces.
+fn is_endless(body: &DrivenBody) -> bool {
+    body.parts.iter().any(|part| matches!(part, Part::HalfSpace { .. }))
 }
 
 /// Largest distance of a point of body `b` from its origin, half-spaces left out, m.
@@ -219,7 +219,7 @@ mod tests {
         let allowance = vec![1e-4; 4];
         let before = allowance.clone();
         let (h, least, way, most, furthest) = (1e-3, 0.0, vec![0.0; 4], 0.02, 0.02);
-        let is_endless = vec![false; 4];
+        let is_endless = vec![];
         let mut reach = Reach { h, least, way, allowance, before, most, furthest, is_endless };
         let changes = [0.09, 0.11, 1.0, 1e9];
         assert!(reach.raise(|b| changes[b]));

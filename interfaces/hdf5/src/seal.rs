@@ -72,8 +72,7 @@ pub fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
 pub(crate) fn exchange(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = beside(path)?;
     file.write_all(content).map_err(io(path, "write"))?;
-    let path = &destination(path).map_err(io(path, "replace"))?;
-    file.persist(path).map_err(|e| io(path, "replace")(e.error)).map(drop)
+    put(file, path).map(drop)
 }
 
 /// What is replaced where `path` is written: a link's target rather than the link.
@@ -109,11 +108,17 @@ pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     builder(&name).tempfile_in(folder_of(path)).map_err(io(path, "create a file beside"))
 }
 
-/// Gives a file from [`beside`] the place of `path`, once it is on the disk.
+/// Gives a file from [`beside`] the place of `path`; where that is.
+fn put(file: tempfile::NamedTempFile, path: &Path) -> Result<PathBuf> {
+    let place = destination(path).map_err(io(path, "replace"))?;
+    file.persist(&place).map_err(|e| io(path, "replace")(e.error))?;
+    Ok(place)
+}
+
+/// The same, once the file is on the disk.
 pub(crate) fn settle(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
-    let path = &destination(path).map_err(io(path, "replace"))?;
     file.as_file().sync_all().map_err(io(path, "bring to the disk"))?;
-    file.persist(path).map_err(|e| io(path, "replace")(e.error))?;
+    let path = &put(file, path)?;
     // The rename itself is only safe once the folder is; not every file system can tell.
     if let Ok(folder) = File::open(folder_of(path)) {
         let _ = folder.sync_all();

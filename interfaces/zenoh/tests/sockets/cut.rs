@@ -50,11 +50,7 @@ fn a_wire_that_is_cut_and_restored_changes_no_state() {
 
 #[test]
 fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
-    let served = Served::new();
-    let proxy = Proxy::before(&served.endpoint);
-    let patience = Patience::default();
-    let link = Link::to(&proxy.endpoint);
-    let mut client = Client::attach(KEY, &link, "test", None, patience).unwrap();
+    let (_served, proxy, mut client) = cuttable(Patience::default());
     for silent in [false, true] {
         step(&mut client).unwrap();
         let before = client.place().clone();
@@ -80,10 +76,7 @@ fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
 
 #[test]
 fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
-    let served = Served::new();
-    let proxy = Proxy::before(&served.endpoint);
-    let mut client =
-        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    let (served, proxy, mut client) = cuttable(patient());
     step(&mut client).unwrap();
     proxy.cut();
     let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
@@ -97,6 +90,14 @@ fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
     let error = step(&mut client).unwrap_err();
     assert!(matches!(error, Error::Diverged { .. }), "{error}");
     assert!(error.to_string().contains("window 4"), "{error}");
+}
+
+/// A component, a wire to it that can be cut, and the client at its end.
+fn cuttable(patience: Patience) -> (Served, Proxy, Client) {
+    let served = Served::new();
+    let proxy = Proxy::before(&served.endpoint);
+    let client = Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patience).unwrap();
+    (served, proxy, client)
 }
 
 /// What another client does while the wire of the first one is cut.
@@ -124,10 +125,7 @@ fn iterations(most: u32) -> SetParameters {
 
 #[test]
 fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only() {
-    let served = Served::new();
-    let proxy = Proxy::before(&served.endpoint);
-    let mut client =
-        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    let (served, proxy, mut client) = cuttable(patient());
     // Parameters that somebody else has set, and one window that somebody else has computed with other inputs.
     for windows in [0, 1] {
         step(&mut client).unwrap();
@@ -155,10 +153,7 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
 
 #[test]
 fn what_was_done_before_the_wire_was_cut_is_done_once() {
-    let served = Served::new();
-    let proxy = Proxy::before(&served.endpoint);
-    let mut client =
-        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    let (served, proxy, mut client) = cuttable(patient());
     let before = client.place().now_ns;
     step(&mut client).unwrap();
     let ends = [before, client.place().now_ns];
@@ -190,10 +185,7 @@ fn what_was_done_before_the_wire_was_cut_is_done_once() {
 
 #[test]
 fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next() {
-    let served = Served::new();
-    let proxy = Proxy::before(&served.endpoint);
-    let link = Link::to(&proxy.endpoint);
-    let mut client = Client::attach(KEY, &link, "first", None, Patience::default()).unwrap();
+    let (served, proxy, mut client) = cuttable(Patience::default());
     step(&mut client).unwrap();
     proxy.cut();
     let error = client.set_parameters(&iterations(9)).unwrap_err();
@@ -210,10 +202,7 @@ fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next()
 
 #[test]
 fn a_refused_restore_leads_nowhere() {
-    let served = Served::new();
-    let proxy = Proxy::before(&served.endpoint);
-    let mut client =
-        Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patient()).unwrap();
+    let (served, proxy, mut client) = cuttable(patient());
     step(&mut client).unwrap();
     meanwhile(&served, &proxy, &mut |other| (0..2).for_each(|_| step(other).unwrap()));
     let error = client.restore("nowhere").unwrap_err();
