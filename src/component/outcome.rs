@@ -99,7 +99,7 @@ pub struct BodyOutcome {
     /// Impulses over the length of the window: N, N m; zero for a window of no steps.
     pub mean_force: Vec3,
     pub mean_torque: Vec3,
-    /// Mean over the last 4 ms, which may have begun before the window: N, N m.
+    /// Mean over as many whole steps as 4 ms hold, one at least, which may have begun before the window: N, N m.
     pub moving_force: Vec3,
     pub moving_torque: Vec3,
     /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns; the beginning of the window

@@ -12,10 +12,10 @@ use std::ops::Add;
 /// How fast a zone flows, compared with how fast grains fall into place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InertialNumber {
-    /// `I = γ̇ d sqrt(ρ / P)`; `None` where grains do not press on each other.
+    /// `I = γ̇ d sqrt(ρ / P)`; `None` where grains do not press on each other, or are too few for a shear rate.
     pub value: Option<f64>,
-    /// `γ̇`, 1/s.
-    pub shear_rate: f64,
+    /// `γ̇`, 1/s; `None` where the grains' centres span no volume.
+    pub shear_rate: Option<f64>,
     /// `P`, Pa.
     pub pressure: f64,
 }
@@ -24,20 +24,21 @@ pub struct InertialNumber {
 pub fn inertial_number(model: &Model, state: &State, zone: &Zone) -> InertialNumber {
     let shear_rate = shear_rate(model, state, zone);
     let pressure = stress(model, state, zone).pressure;
-    let value = (pressure > 0.0)
-        .then(|| shear_rate * mean_diameter(model) * (density(model) / pressure).sqrt());
+    let value = shear_rate
+        .filter(|_| pressure > 0.0)
+        .map(|rate| rate * mean_diameter(model) * (density(model) / pressure).sqrt());
     InertialNumber { value, shear_rate, pressure }
 }
 
 /// Shear rate `γ̇ = sqrt(2 D' : D')` of a zone, 1/s, `D'` the deviator of the symmetric gradient.
 ///
 /// The gradient is the linear velocity field that fits, weighted by mass, the grains whose centre
-/// is in the zone; zero where their centres span no volume.
-pub fn shear_rate(model: &Model, state: &State, zone: &Zone) -> f64 {
-    let Some(gradient) = velocity_gradient(model, state, zone) else { return 0.0 };
+/// is in the zone; `None` where their centres span no volume.
+pub fn shear_rate(model: &Model, state: &State, zone: &Zone) -> Option<f64> {
+    let gradient = velocity_gradient(model, state, zone)?;
     let symmetric = (gradient + gradient.transpose()) / 2.0;
     let deviator = symmetric - Mat3::identity() * (symmetric.trace() / 3.0);
-    deviator.norm() * 2f64.sqrt()
+    Some(deviator.norm() * 2f64.sqrt())
 }
 
 /// Mass-weighted sums over grains.
@@ -121,10 +122,12 @@ mod tests {
 
     #[test]
     fn simple_shear_is_found_under_rotation_and_expansion() {
-        let (model, state) = sheared(0.8);
-        assert!((shear_rate(&model, &state, &everywhere()) - 0.8).abs() < 1e-12);
+        let (model, mut state) = sheared(0.8);
+        assert!((shear_rate(&model, &state, &everywhere()).unwrap() - 0.8).abs() < 1e-12);
         let flat = Zone::new("flat", Vec3::repeat(-1.0), Vec3::new(14.0, 5.0, 0.5)).unwrap();
-        assert_eq!(shear_rate(&model, &state, &flat), 0.0);
+        assert_eq!(shear_rate(&model, &state, &flat), None);
+        scene::carry(&mut state, [0, 1], [10.5, 0.0, 0.0], [-90.0e-3, 0.0, 0.0]);
+        assert_eq!(inertial_number(&model, &state, &flat).value, None);
     }
 
     #[test]

@@ -180,7 +180,7 @@ pub struct SqueezePlan {
 pub struct VibrationPlan {
     /// Hz.
     pub frequency: f64,
-    /// m, at the tip.
+    /// m, of what holds the tine; on a springy shaft (T-28) the blade swings further in the air.
     pub amplitude: f64,
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
 //! drive's memory (see [`machine_control`](super::machine_control)).
-//! Contract: positions and velocities are continuous through the whole cycle. Tines move as rigid
-//! translations, so the amplitude at the tip is that of every point.
+//! Contract: positions and velocities are continuous through the whole cycle. Targets are rigid translations; a tine on
+//! a springy shaft follows its target as its mount lets it (T-28).
 
 use super::clearance;
 use super::machine_control::{MachineControl, TinePair, tine_index};

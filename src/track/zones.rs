@@ -3,33 +3,38 @@
 //! Reads: the plan. Writes: named boxes, fixed in space.
 //!
 //! * `under <sleeper>` (`under <sleeper> 1`, `2` for the blocks of a twin-block sleeper): the
-//!   block's footprint from its underside at rest down to half the depth of the ballast. Tamping
+//!   block's footprint from its underside before the lift down to half the depth of the ballast. Tamping
 //!   fills and packs this layer: the blades' upper edge is 15-20 mm below the lifted underside, so a
 //!   blade of 70 mm and its squeeze act within about half of 0.3 m, and what lies below is there
 //!   for comparison with the layer in published work.
+//! * `below lifted <sleeper>`, where the cycle lifts it: the same up to the lifted underside, so that the space which the lift
+//!   opens counts. The sleeper is in that space before, which is no room for stones then.
 //! * `crib before <sleeper>`, `crib after <sleeper>`: between a tamped sleeper and its neighbours
 //!   (or the ends) along x, across its blocks, from the underside up to the fill level.
-//! * `insertion <tine>`: what the blade passes through before it squeezes, from its lower edge at
-//!   depth up to the level of the underside.
+//! * `insertion <tine>`: what the blade passes through below the sleeper's underside before it squeezes, from its lower
+//!   edge at depth up to the level of the underside before the lift.
 
 use crate::geometry::clip::AxisBox;
 use crate::math::Vec3;
 use crate::observe::Zone;
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan, TinePlan};
 
-/// The zones of a plan: under all blocks of tamped sleepers, their cribs, the tines' insertion
-/// zones, in this order.
+/// The zones of a plan: under all blocks of tamped sleepers, the same up to where they are lifted, their cribs, the tines'
+/// insertion zones, in this order.
 pub fn zones(plan: &Plan) -> Vec<Zone> {
     let mut zones = Vec::new();
     let tamped = || plan.sleepers.iter().filter(|s| s.tamped);
-    for sleeper in tamped() {
-        for (i, block) in sleeper.blocks.iter().enumerate() {
-            let number =
-                if sleeper.blocks.len() > 1 { format!(" {}", i + 1) } else { String::new() };
-            zones.push(Zone {
-                name: format!("under {}{number}", sleeper.name),
-                region: under(plan, sleeper, block),
-            });
+    let lift = plan.tamping.map_or(0.0, |tamping| tamping.lift.height);
+    let lifted = (lift > 0.0).then_some(("below lifted", lift));
+    for (place, rise) in [("under", 0.0)].into_iter().chain(lifted) {
+        for sleeper in tamped() {
+            for (i, block) in sleeper.blocks.iter().enumerate() {
+                let number =
+                    if sleeper.blocks.len() > 1 { format!(" {}", i + 1) } else { String::new() };
+                let mut region = under(plan, sleeper, block);
+                region.high.z += rise;
+                zones.push(Zone { name: format!("{place} {}{number}", sleeper.name), region });
+            }
         }
     }
     for sleeper in tamped() {
@@ -113,8 +118,11 @@ mod tests {
     #[test]
     fn zones_of_one_short_block() {
         let zones = zones(&small_plan());
-        assert_eq!(zones.len(), 5);
+        assert_eq!(zones.len(), 6);
         close(region(&zones, "under sleeper"), [0.155, 0.15, 0.14], [0.445, 0.55, 0.28]);
+        let lift = small_plan().tamping.unwrap().lift.height;
+        let high = [0.445, 0.55, 0.28 + lift];
+        close(region(&zones, "below lifted sleeper"), [0.155, 0.15, 0.14], high);
         close(region(&zones, "crib before sleeper"), [0.0, 0.15, 0.28], [0.155, 0.55, 0.43]);
         close(region(&zones, "crib after sleeper"), [0.445, 0.15, 0.28], [0.6, 0.55, 0.43]);
         close(region(&zones, "insertion left"), [0.034, 0.29, 0.21], [0.066, 0.41, 0.28]);

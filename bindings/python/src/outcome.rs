@@ -193,13 +193,13 @@ impl Body {
         arrays::vector(py, &self.0.mean_torque)
     }
 
-    /// (3,) mean over the last 4 ms, which may have begun before the window, N.
+    /// (3,) mean over as many whole steps as 4 ms hold, one at least; may have begun before the window, N.
     #[getter]
     fn moving_force<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::vector(py, &self.0.moving_force)
     }
 
-    /// (3,) mean over the same 4 ms, N m.
+    /// (3,) mean over the same steps, N m.
     #[getter]
     fn moving_torque<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::vector(py, &self.0.moving_torque)

@@ -18,6 +18,11 @@ impl Statistics {
         self.max = Some(self.max.map_or(value, |max| max.max(value)));
     }
 
+    /// Number of values.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
     /// Mean; 0 of nothing.
     pub fn mean(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum / self.count as f64 }
@@ -74,6 +79,11 @@ impl MovingMean {
     /// A mean over `length` values, at least one.
     pub fn new(length: usize) -> Self {
         Self { window: vec![[0.0; 3]; length.max(1)], next: 0, filled: 0 }
+    }
+
+    /// Forgets all values.
+    pub fn clear(&mut self) {
+        (self.next, self.filled) = (0, 0);
     }
 
     /// Takes a value; the mean over the window once it is full.

@@ -63,8 +63,8 @@ pub struct Moment {
 pub struct BodyFigures {
     /// Largest force of one step, and when.
     pub peak: Option<Moment>,
-    /// Largest mean over a vibration period.
-    pub period_peak: f64,
+    /// Largest mean over a vibration period, once there was a whole one.
+    pub period_peak: Option<f64>,
     /// While the tines go down, and while they close.
     pub insertion: PhaseForce,
     pub squeeze: PhaseForce,
@@ -75,31 +75,56 @@ pub struct BodyFigures {
 }
 
 /// Force in one phase of the cycle, N.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct PhaseForce {
-    /// Of single steps.
+    phase: TampingPhase,
+    /// Sizes of the forces of single steps.
     pub single: Statistics,
-    /// Largest mean over a vibration period.
-    pub period_peak: f64,
+    sum: [f64; 3],
+    /// Largest mean over a vibration period that lies in the phase as a whole.
+    pub period_peak: Option<f64>,
+    recent: MovingMean,
 }
 
 impl PhaseForce {
-    fn take(&mut self, force: f64, period_mean: f64) {
-        self.single.take(force);
-        self.period_peak = self.period_peak.max(period_mean);
+    fn of(phase: TampingPhase, period: usize) -> Self {
+        let recent = MovingMean::new(period);
+        Self { phase, single: Statistics::default(), sum: [0.0; 3], period_peak: None, recent }
     }
 
-    /// Force, where the phase has begun.
-    pub fn told(&self, force: f64) -> Option<f64> {
-        (!self.single.is_empty()).then_some(force)
+    fn take(&mut self, phase: TampingPhase, force: [f64; 3]) {
+        if phase != self.phase {
+            // What the phase is left with is no part of its next period.
+            return self.recent.clear();
+        }
+        self.single.take(norm(force));
+        self.sum = std::array::from_fn(|k| self.sum[k] + force[k]);
+        if let Some(mean) = self.recent.take(force) {
+            self.period_peak = larger(self.period_peak, norm(mean));
+        }
+    }
+
+    /// Mean size of the force, where the phase has begun.
+    pub fn mean_size(&self) -> Option<f64> {
+        (!self.single.is_empty()).then(|| self.single.mean())
+    }
+
+    /// Size of impulse over duration: what pushes to and fro cancels.
+    fn resultant(&self) -> Option<f64> {
+        (!self.single.is_empty()).then(|| norm(self.sum) / self.single.count() as f64)
     }
 
     fn json(&self) -> Value {
         json!({
-            "mean_force_n": self.told(self.single.mean()), "peak_force_n": self.told(self.single.max()),
-            "peak_period_mean_n": self.told(self.period_peak),
+            "mean_force_n": self.mean_size(), "resultant_n": self.resultant(),
+            "peak_force_n": (!self.single.is_empty()).then(|| self.single.max()),
+            "peak_period_mean_n": self.period_peak,
         })
     }
+}
+
+fn larger(most: Option<f64>, value: f64) -> Option<f64> {
+    Some(most.map_or(value, |most| most.max(value)))
 }
 
 impl Summary {
@@ -107,9 +132,9 @@ impl Summary {
     pub fn new(setting: Setting) -> Self {
         let body = BodyFigures {
             peak: None,
-            period_peak: 0.0,
-            insertion: PhaseForce::default(),
-            squeeze: PhaseForce::default(),
+            period_peak: None,
+            insertion: PhaseForce::of(TampingPhase::Insertion, setting.period),
+            squeeze: PhaseForce::of(TampingPhase::Squeeze, setting.period),
             work: 0.0,
             lowest: f64::INFINITY,
             recent: MovingMean::new(setting.period),
@@ -269,13 +294,11 @@ impl BodyFigures {
         }
         self.work += row.work(i);
         self.lowest = self.lowest.min(row.place(i)[2]);
-        let mean = self.recent.take(force).map_or(0.0, norm);
-        self.period_peak = self.period_peak.max(mean);
-        match row.phase() {
-            TampingPhase::Insertion => self.insertion.take(size, mean),
-            TampingPhase::Squeeze => self.squeeze.take(size, mean),
-            _ => {}
+        if let Some(mean) = self.recent.take(force) {
+            self.period_peak = larger(self.period_peak, norm(mean));
         }
+        self.insertion.take(row.phase(), force);
+        self.squeeze.take(row.phase(), force);
     }
 
     fn json(&self) -> Value {
@@ -349,7 +372,11 @@ mod tests {
         assert_eq!(tine["peak_force_n"]["value"], 900.0);
         assert_eq!(tine["peak_period_mean_n"], 300.0);
         assert_eq!(tine["squeeze"]["mean_force_n"], 400.0);
+        assert_eq!(tine["squeeze"]["resultant_n"], 100.0);
         assert_eq!(tine["squeeze"]["peak_force_n"], 500.0);
+        // The period with the last step of the insertion in it counts for the whole run only.
+        assert_eq!(tine["squeeze"]["peak_period_mean_n"], 100.0);
+        assert!(tine["insertion"]["peak_period_mean_n"].is_null());
         assert_eq!(tine["work_j"], 6.0);
         assert_eq!(tine["insertion"]["mean_force_n"], 900.0);
         assert_eq!(tine["lowest_m"], 1.0 - 0.1 * 3.0);

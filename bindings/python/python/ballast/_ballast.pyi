@@ -498,11 +498,11 @@ class BodyOutcome:
 
     @property
     def moving_force(self) -> _Floats:
-        """(3,) mean over the last 4 ms, which may have begun before the window, N."""
+        """(3,) mean over as many whole steps as 4 ms hold, one at least; may have begun before the window, N."""
 
     @property
     def moving_torque(self) -> _Floats:
-        """(3,) mean over the same 4 ms, N m."""
+        """(3,) mean over the same steps, N m."""
 
     @property
     def peak_force(self) -> _Floats:

@@ -107,8 +107,8 @@ def _applied(case: ballast.Case, point: Point) -> ballast.Case:
 def tamp(case: ballast.Case, beds: str) -> Figures:
     """One whole cycle of the case's machine on one thread, in figures:
 
-    compactness of each zone before and after, the mean and the largest force on each tine in the squeeze (N,
-    means over 4 ms), the work of all tines (J), the largest penetration (m), the share of steps that
+    compactness of each zone before and after, the mean and the largest size of the force on each tine in the squeeze (N;
+    moving means over 4 ms), the work of all tines (J), the largest penetration (m), the share of steps that
     stopped at their cap of iterations, and `compaction_per_kJ`: what the zones under sleepers have gained in
     the mean, per kJ of work.
     """

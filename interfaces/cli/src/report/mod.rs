@@ -74,11 +74,12 @@ fn introduction(source: &Source, page: &mut Page) {
     let tines = summary.setting().followed.iter().zip(&summary.bodies);
     let peak = tines
         .filter(|(f, _)| f.role == Role::Tine)
-        .max_by(|a, b| a.1.period_peak.total_cmp(&b.1.period_peak))
-        // Nothing has touched a tine yet, or there has been no whole period.
-        .filter(|(_, figures)| figures.period_peak > 0.0);
-    if let Some((tine, figures)) = peak {
-        let value = format!("{} kN", figure(1e-3 * figures.period_peak, 3));
+        .filter_map(|(tine, figures)| Some((tine, figures.period_peak?)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        // Nothing has touched a tine yet.
+        .filter(|(_, force)| *force > 0.0);
+    if let Some((tine, force)) = peak {
+        let value = format!("{} kN", figure(1e-3 * force, 3));
         cards.push(["largest tine force".into(), value, format!("{}, period mean", tine.name)]);
     }
     let percent =
@@ -249,12 +250,13 @@ fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
         "closing at touch (mm)",
         "peak force (kN)",
         "closing at peak (mm)",
-        "closing, end (mm)",
+        "farthest closing (mm)",
         "compaction energy (J)",
         "work (J)",
     ];
     let mut table = Table::new("pair", header);
     for SqueezeOutcome { name, record, .. } in squeezes {
+        let farthest = record.loop_points.iter().map(|point| point[0]).fold(0.0, f64::max);
         let onset = record.onset_ns.map_or("never".into(), |t| format!("{:.3}", t as f64 * 1e-9));
         table.row([
             format!("{name}, squeeze {}", record.number),
@@ -262,7 +264,7 @@ fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
             figure(1e3 * record.onset_closing, 3),
             figure(1e-3 * record.peak_force, 3),
             figure(1e3 * record.peak_closing, 3),
-            figure(1e3 * record.closing, 3),
+            figure(1e3 * farthest, 3),
             figure(record.compaction_energy, 3),
             figure(record.work, 3),
         ]);

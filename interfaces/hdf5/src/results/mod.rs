@@ -143,6 +143,7 @@ impl Writer {
         growing::create_table::<u64>(&frames, "step", &[])?;
         growing::create_one_by_one::<f64>(&frames, "position", [nb.max(1), 3])?;
         growing::create_one_by_one::<f64>(&frames, "orientation", [nb.max(1), 4])?;
+        growing::texts(&frames, "components", &["position: x, y, z", "orientation: w, x, y, z"])?;
         self.file.create_group("series")?;
         self.file.flush()
     }

@@ -97,7 +97,7 @@ impl Default for Grains {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SizeClass {
-    /// Intermediate (sieve) size, m.
+    /// Nominal size, m: diameter of the sphere of equal volume, close to the sieve size.
     #[schemars(with = "Positive")]
     pub size_m: f64,
     /// Share of the grains, by number.

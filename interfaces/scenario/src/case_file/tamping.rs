@@ -116,7 +116,8 @@ pub struct Vibration {
     #[serde(rename = "frequency_Hz")]
     #[schemars(with = "Positive")]
     pub frequency: f64,
-    /// Amplitude at the tip, m. 0: no vibration.
+    /// Amplitude that the machine imposes on the tine's holder, m. 0: no vibration. A blade on a springy shaft swings further
+    /// in the air, about `1 / |1 - (f / f0)²|` times with the shaft's own frequency f0, and less in the ballast.
     #[schemars(with = "NonNegative")]
     pub amplitude_m: f64,
 }
