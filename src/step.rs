@@ -84,6 +84,7 @@ pub fn advance(
 
 /// Finds the contacts that are within reach, and what their impulses begin with.
 fn detect(model: &Model, state: &State, ws: &mut Workspace, watch: &mut impl Stopwatch) {
+    ws.reach.note_looked();
     ws.detector.broad_phase(model, &ws.motion, &ws.reach);
     watch.lap(Phase::BroadPhase);
 
@@ -120,6 +121,9 @@ fn solve(
     let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
     watch.lap(Phase::Integrate);
 
+    // Also those of another model, which this workspace has stepped before.
+    ws.recovery.velocity.clear();
+    ws.recovery.spin.clear();
     if let Some(recovery) = &model.solver.recovery {
         recover(model, state, next, ws, recovery)?;
         watch.lap(Phase::Recovery);
@@ -181,8 +185,6 @@ fn recover(
 ) -> Result<()> {
     let Workspace { decomposition, motion, contacts, problem, impulse, velocity, spin, .. } = ws;
     let (positions, h) = (&mut ws.recovery, model.stepping.h());
-    positions.velocity.clear();
-    positions.spin.clear();
     let solved = Solved { problem, motion, contacts, impulse, velocity, spin };
     let ng = model.grains.len();
     if !positions.problem.build_positions(ng, &solved, recovery, h) {

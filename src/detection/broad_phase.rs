@@ -117,6 +117,8 @@ struct Identity {
 #[derive(Debug, PartialEq)]
 struct ShapeMark {
     counts: [usize; 3],
+    /// Of which a mirror image has another.
+    handedness: f64,
     radius: f64,
     volume: f64,
     unit_inertia: Vec3,
@@ -125,7 +127,9 @@ struct ShapeMark {
 impl ShapeMark {
     fn of(s: &Polyhedron) -> Self {
         let counts = [s.vertices.len(), s.edges.len(), s.face_count()];
-        Self { counts, radius: s.radius, volume: s.volume, unit_inertia: s.unit_inertia }
+        let handedness = s.vertices.iter().map(|v| v.x * v.y * v.z).sum();
+        let Polyhedron { radius, volume, unit_inertia, .. } = *s;
+        Self { counts, handedness, radius, volume, unit_inertia }
     }
 }
 

@@ -28,7 +28,7 @@ pub struct Reach {
     way: Vec<f64>,
     /// How much further, or elsewhere, the solve may carry it, m `[nb]`; before half-spaces alone more than `most`.
     allowance: Vec<f64>,
-    /// Allowances before some were raised `[nb]`.
+    /// Allowances with which contacts were looked for last `[nb]`.
     before: Vec<f64>,
     /// The radius of the largest grain: what moves that far in a step is past all but half-spaces anyway, m.
     most: f64,
@@ -67,21 +67,24 @@ impl Reach {
         self.before.clone_from(&self.allowance);
     }
 
-    /// Raises the allowances of bodies that the solve has changed by more; whether there are any. `change` is the largest
-    /// change of velocity of a body's points, m/s.
+    /// Raises the allowances of bodies that the solve has changed by more; whether any is above those with which contacts
+    /// were looked for. `change` is the largest change of velocity of a body's points, m/s.
     pub fn raise(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
-        self.before.clone_from(&self.allowance);
         let (h, most) = (self.h, self.furthest);
-        let bodies = self.allowance.par_iter_mut().enumerate().with_min_len(1024);
-        let raised = bodies.map(|(b, allowance)| {
+        let bodies = self.allowance.par_iter_mut().zip(&self.before).enumerate();
+        let raised = bodies.with_min_len(1024).map(|(b, (allowance, before))| {
             let needed = h * change(b);
-            let is_more = *allowance < needed && *allowance < most;
-            if is_more {
+            if *allowance < needed && *allowance < most {
                 *allowance = round_up(AMPLE * needed).min(most);
             }
-            is_more
+            *allowance > *before
         });
         raised.reduce(|| false, |a, b| a | b)
+    }
+
+    /// Takes note that contacts are looked for with the present allowances.
+    pub fn note_looked(&mut self) {
+        self.before.clone_from(&self.allowance);
     }
 
     /// Whether the allowance of body `b` was raised.
@@ -226,6 +229,8 @@ mod tests {
         assert_eq!([0, 1, 2, 3].map(|b| reach.is_raised(b)), [false, true, true, true]);
         assert!(reach.at_most([1, 2]) >= 1e-3 * (changes[1] + changes[2]));
         assert_eq!(reach.share(3), 0.02);
+        assert!(reach.raise(|_| 0.0), "not looked for yet");
+        reach.note_looked();
         assert!(!reach.raise(|b| changes[b]), "as far as asked for, or as far as may be");
     }
 }

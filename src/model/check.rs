@@ -1,7 +1,18 @@
 //! What a usable model is.
 
-use super::{Freedom, Model, Mount, Part};
+use super::{Freedom, Model, Mount, Part, PartitionRule};
 use crate::error::{Error, Result};
+
+/// What a coefficient of friction is to be: kernels keep it in f32.
+const FRICTION: &str = "at least 0, at most 1e30";
+/// Least and greatest mass of a grain, kg: kernels keep effective masses in f32.
+const MASSES: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+/// Most parts of a driven body: their numbers are in the identity of contacts.
+const MOST_PARTS: usize = 4096;
+
+fn is_friction(friction: f64) -> bool {
+    (0.0..=1e30).contains(&friction)
+}
 
 /// Refuses `found` unless `good`.
 fn expect(good: bool, place: &str, expected: &str, found: impl std::fmt::Debug) -> Result<()> {
@@ -42,9 +53,9 @@ impl Model {
             self.gravity,
         )?;
         expect(
-            self.grain_friction.is_finite() && self.grain_friction >= 0.0,
+            is_friction(self.grain_friction),
             "grain_friction",
-            "finite, at least 0",
+            FRICTION,
             self.grain_friction,
         )?;
         expect(
@@ -79,6 +90,9 @@ impl Model {
             "between 0 and 1",
             solver.warm_start,
         )?;
+        let subdomains = solver.partition.asked_for();
+        let expected = format!("at most {} subdomains", PartitionRule::MOST);
+        expect(subdomains <= PartitionRule::MOST, "solver.partition", &expected, subdomains)?;
         if let Some(r) = &solver.recovery {
             let share = r.share > 0.0 && r.share <= 1.0;
             expect(share, "solver.recovery.share", "above 0, at most 1", r.share)?;
@@ -108,7 +122,7 @@ impl Model {
             let place = || format!("grain {i}");
             let positive = |x: f64| x.is_finite() && x > 0.0;
             expect((shape as usize) < self.shapes.len(), &place(), "a shape of the model", shape)?;
-            expect(positive(mass), &place(), "a finite mass above 0 kg", mass)?;
+            expect(MASSES.contains(&mass), &place(), "a mass from 1e-30 to 1e30 kg", mass)?;
             expect(
                 inertia.iter().all(|&j| positive(j)),
                 &place(),
@@ -129,16 +143,18 @@ impl Model {
                 &body.name,
             )?;
             expect(
-                body.friction.is_finite() && body.friction >= 0.0,
+                is_friction(body.friction),
                 &place,
-                "a finite friction of at least 0",
+                &format!("a friction, {FRICTION}"),
                 body.friction,
             )?;
             if let Some(mount) = &body.mount {
                 expect(d < self.mounted(), &place, "mounted bodies before all others", d)?;
                 mount.check(&place)?;
             }
-            expect(!body.parts.is_empty(), &place, "at least one part", 0)?;
+            let parts = body.parts.len();
+            let expected = format!("1 to {MOST_PARTS} parts");
+            expect((1..=MOST_PARTS).contains(&parts), &place, &expected, parts)?;
             for part in &body.parts {
                 let good = match part {
                     Part::Convex { shape, pose } => {

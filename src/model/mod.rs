@@ -162,6 +162,20 @@ pub enum PartitionRule {
     ContactsPer(u32),
 }
 
+impl PartitionRule {
+    /// Most subdomains that may be asked for: more have no contacts left to share.
+    pub const MOST: u64 = 100_000;
+
+    /// How many subdomains are asked for; one where their number follows from that of the contacts.
+    pub fn asked_for(self) -> u64 {
+        match self {
+            Self::Boxes(n) => n.iter().fold(1, |a, b| u64::saturating_mul(a, u64::from(*b))),
+            Self::Balanced(n) => u64::from(n),
+            Self::ContactsPer(_) => 1,
+        }
+    }
+}
+
 /// When a step counts as solved, and how it is iterated (T-10 to T-12).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solver {

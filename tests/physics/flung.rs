@@ -1,8 +1,9 @@
 //! Bodies that a step makes much faster than they were: what is in their way holds them all the same (T-35).
 
-use crate::common::scene::{SCHEDULES, Scene};
+use crate::common::scene::{Random, SCHEDULES, Scene};
+use ballast::detection::{Contacts, Detector, Reach};
 use ballast::geometry::hull::cuboid;
-use ballast::math::{Pose, Vec3};
+use ballast::math::{Pose, Quat, Vec3};
 
 const EDGE: f64 = 0.02;
 const SPEED: f64 = 5.0;
@@ -100,4 +101,53 @@ fn no_speed_carries_a_cube_into_a_floor() {
             }
         }
     }
+}
+
+/// A bar that turns fast lifts a cube that a striker has just hit, with a third cube above: what the first solve asked to be
+/// looked for further away is not taken for looked for when contacts were only added at the step's end. Found by a
+/// detector that looks 30 mm around.
+#[test]
+fn nothing_closes_unseen_after_contacts_were_added() {
+    let (omega, edge) = (300.0, EDGE);
+    let mut looked_again = 0;
+    for seed in 0..400u64 {
+        let mut random = Random(seed * 7919 + 13);
+        let mut scene = Scene::new(1_000_000, 0.0);
+        scene.model.gravity = Vec3::zeros();
+        scene.model.stepping.alert = 1e-5;
+        let bar = scene.shape(cuboid(Vec3::new(0.04, 0.005, 0.03)));
+        let cube = scene.shape(cuboid(Vec3::repeat(0.5 * edge)));
+        let (angle, h) = (0.15 * random.next(), scene.h());
+        let orientation = Quat::from_axis_angle(&Vec3::z_axis(), angle - 0.5 * omega * h);
+        let turning = scene.grain(bar, Pose { position: Vec3::zeros(), orientation });
+        scene.state.spin[turning].z = omega;
+        // The cube's corner stands over the bar, about as high as that comes in the step.
+        let (corner, speed) = (0.03, -12.0);
+        let top = corner * angle.tan() + 0.005 / angle.cos();
+        let rise = omega * h * corner / angle.cos().powi(2);
+        let y = top + rise + 0.0012 * (2.0 * random.next() - 0.6) + 0.5 * edge;
+        let x = corner - 0.5 * edge;
+        scene.grain(cube, Pose::at(Vec3::new(x, y, 0.0)));
+        let striker =
+            scene.grain(cube, Pose::at(Vec3::new(x, y, edge + 0.0005 - 0.5 * h * speed)));
+        scene.state.velocity[striker].z = speed;
+        let above = y + edge + 0.0002 + 0.0008 * random.next();
+        scene.grain(cube, Pose::at(Vec3::new(x - 0.006, above, 0.0)));
+        let report = scene.step();
+        looked_again += usize::from(report.attempts > 2);
+        let (motion, state) = (&scene.workspace.motion, &scene.state);
+        let mut wide = scene.model.clone();
+        wide.stepping.alert = 0.03;
+        let reach = Reach::of(&wide, motion);
+        let (mut detector, mut all) = (Detector::default(), Contacts::default());
+        detector.broad_phase(&wide, motion, &reach);
+        detector.narrow_phase(&wide, motion, &reach, &mut all);
+        for (i, &pair) in all.bodies.iter().enumerate() {
+            let twist = |b: usize| (state.velocity[b], state.spin[b]);
+            let end = all.gap[i] + h * all.opening(i, motion, twist);
+            let is_listed = !scene.workspace.contacts.of(pair).is_empty();
+            assert!(is_listed || end > -1e-7, "seed {seed}, {pair:?}: {end} m");
+        }
+    }
+    assert!(looked_again > 20, "{looked_again} steps with contacts added after a look further");
 }

@@ -4,6 +4,7 @@ use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::geometry::hull::cuboid;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Mount, Part, Recovery, Schedule};
+use ballast::workspace::Workspace;
 
 const EDGE: f64 = 0.1;
 const SHARE: f64 = 0.2;
@@ -122,4 +123,28 @@ fn a_mounted_body_stays_as_one_without_a_mount_does() {
             assert!((rigid - mounted).norm() < 1e-9, "{mass} kg: {mounted}, not {rigid}");
         }
     }
+}
+
+/// A workspace that has stepped a model with recovery steps one without as a fresh workspace does.
+#[test]
+fn a_model_without_recovery_knows_nothing_of_an_earlier_one() {
+    let steps = |is_fresh: bool| {
+        let mut scene = Scene::new(1_000_000, 0.0);
+        scene.model.gravity = Vec3::zeros();
+        scene.model.stepping.alert = 1e-4;
+        let cube = scene.shape(cuboid(Vec3::repeat(0.1 * EDGE)));
+        // Two that overlap by half, and one that the second reaches when it has been moved out.
+        for x in [0.0, 0.1, 0.38] {
+            scene.grain(cube, Pose::at(Vec3::new(x * EDGE, 0.0, 0.0)));
+        }
+        scene.model.solver.recovery = Some(Recovery { share: 1.0, allowed: 0.0, iterations: 50 });
+        scene.step();
+        scene.model.solver.recovery = None;
+        if is_fresh {
+            scene.workspace = Workspace::default();
+        }
+        let report = scene.step();
+        (report.attempts, report.contacts, scene.state)
+    };
+    assert!(steps(false) == steps(true));
 }

@@ -5,6 +5,7 @@ use crate::common::heap;
 use crate::common::scene::{SCHEDULES, Scene};
 use ballast::error::Error;
 use ballast::math::Vec3;
+use ballast::model::PartitionRule;
 
 /// A heap in contact.
 fn heap_in_contact() -> Scene {
@@ -87,5 +88,28 @@ fn a_number_that_is_none_is_told_with_the_grain() {
             // Not a neighbour that the solver would have spoilt next.
             assert!(told.contains(&format!("grain {grain}:")), "{what} of grain {grain}: {told}");
         }
+    }
+}
+
+#[test]
+fn what_kernels_cannot_hold_is_refused_by_name() {
+    type Change = (&'static str, fn(&mut Scene));
+    let changes: [Change; 5] = [
+        ("grain_friction", |s| s.model.grain_friction = 1e39),
+        ("at most 1e30", |s| s.model.driven[0].friction = f64::MAX),
+        ("grain 3", |s| s.model.grains.mass[3] = 1e-46),
+        ("at most 100000 subdomains", |s| {
+            s.model.solver.partition = PartitionRule::Boxes([1 << 22, 1 << 22, 1 << 20]);
+        }),
+        ("1 to 4096 parts", |s| {
+            let part = s.model.driven[0].parts[0].clone();
+            s.model.driven[0].parts = vec![part; 4097];
+        }),
+    ];
+    for (place, change) in changes {
+        let mut scene = heap_in_contact();
+        change(&mut scene);
+        let told = scene.model.check().expect_err(place).to_string();
+        assert!(told.contains(place), "{place}: {told}");
     }
 }

@@ -23,8 +23,6 @@ use ballast::workspace::Workspace;
 use ballast_scenario::sample::{self, Sample};
 use serde_json::{Value, json};
 
-/// As many as a case may ask for.
-const MOST_SUBDOMAINS: u32 = 100_000;
 /// Columns of the table, and where the JSON line has what stands in them.
 const FIGURES: [(&str, &str); 20] = [
     ("sample", "/sample"),
@@ -102,11 +100,12 @@ fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
         solver.tolerance = Some(tolerance);
     }
     if let Some(subdomains) = args.subdomains {
-        if subdomains.get() > MOST_SUBDOMAINS {
-            let text = format!("--subdomains: expected 1 to {MOST_SUBDOMAINS}, found {subdomains}");
+        let (rule, most) = (PartitionRule::Balanced(subdomains.get()), PartitionRule::MOST);
+        if rule.asked_for() > most {
+            let text = format!("--subdomains: expected 1 to {most}, found {subdomains}");
             return Err(Failure::Usage(text));
         }
-        solver.partition = PartitionRule::Balanced(subdomains.get());
+        solver.partition = rule;
     }
     Ok(())
 }

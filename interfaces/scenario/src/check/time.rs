@@ -5,9 +5,6 @@ use crate::report::{Finding, Report};
 use ballast::model::{self, PartitionRule, Stepping};
 use ballast::track::plan::RunPlan;
 
-/// More subdomains than this have no contacts left to share.
-const MOST_SUBDOMAINS: u64 = 100_000;
-
 /// Seconds as whole nanoseconds, at least 1; `None` where they are none.
 fn whole_ns(seconds: f64) -> Option<u64> {
     let ns = seconds * 1e9;
@@ -144,16 +141,12 @@ fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
         };
         report.error(&format!("solver.{key}"), finding);
     }
-    let count = match rule {
-        PartitionRule::Boxes(n) => n.iter().fold(1, |a, b| u64::saturating_mul(a, u64::from(*b))),
-        PartitionRule::Balanced(n) => u64::from(n),
-        PartitionRule::ContactsPer(_) => 1,
-    };
-    if count > MOST_SUBDOMAINS {
+    let count = rule.asked_for();
+    if count > PartitionRule::MOST {
         let finding = Finding {
             problem: "too many subdomains".into(),
             found: count.to_string(),
-            expected: format!("at most {MOST_SUBDOMAINS}"),
+            expected: format!("at most {}", PartitionRule::MOST),
             hint: None,
         };
         report.error(&format!("solver.{first}"), finding);
