@@ -572,7 +572,7 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     for seq in 1..=3 {
         ask(&mut first, Kind::Advance, &window(seq), &ticket).unwrap();
     }
-    first.is_durable();
+    first.note_durable();
     assert_eq!(first.status(0).durable_seq, 3);
     let kept = Kept::of(first.component());
     let (mut second, ticket) = lockstep();

@@ -113,7 +113,7 @@ pub fn fresh_run() -> Outcome<String> {
     Ok(format!("run-{}", &ballast_zenoh::random()?[..16]))
 }
 
-/// The case's schedule and seed must be those of the checkpoint, which the caller then reads.
+/// What is given of schedule and seed, and the rest as the checkpoint has it.
 pub fn choices(path: &Path, given: &case::Choices) -> Outcome<case::Choices> {
     Ok(given.or(case::Choices::from_notes(&checkpoint::read(path)?.extra)?))
 }

@@ -59,7 +59,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let mut keeper = Keeper::new(console, case, given, beds, checkpoint, every, recording);
     // A component that dies before its first checkpoint comes back as the same run.
     if !resumes && keeper.keep(&lockstep) {
-        lockstep.is_durable();
+        lockstep.note_durable();
     }
     let place = lockstep.place();
     let what = if resumes { "goes on" } else { "is ready" };

@@ -182,7 +182,7 @@ impl Lockstep {
     }
 
     /// Notes that a checkpoint of the present state is kept.
-    pub fn is_durable(&mut self) {
+    pub fn note_durable(&mut self) {
         self.durable_seq = self.seq;
     }
 

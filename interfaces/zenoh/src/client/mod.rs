@@ -124,7 +124,7 @@ impl Client {
         let attached = self.ask_to_drive(&ask)?;
         self.ticket = attached.ticket;
         if std::mem::take(&mut self.runs_freely) {
-            self.begin_at(attached.place)?;
+            self.begin_at(attached.place);
         } else if leads == Leads::On {
             if self.apart.is_none() {
                 self.catch_up(&attached.place)?;
@@ -391,7 +391,7 @@ impl Client {
     pub fn restore(&mut self, name: &str) -> Result<&Place, Error> {
         let place = self.named("restore", Leads::Back, name)?;
         // The windows before it do not lead here.
-        self.begin_at(place)
+        Ok(self.begin_at(place))
     }
 
     /// Forgets a kept state.
@@ -410,7 +410,7 @@ impl Client {
     /// What the component refuses; no answer.
     pub fn reset(&mut self) -> Result<&Place, Error> {
         let place = self.json("reset", Leads::Anew, b"{}".to_vec())?;
-        self.begin_at(place)
+        Ok(self.begin_at(place))
     }
 
     /// Prepares the bed over there, with other choices than the case's where they are given, and starts a run in
@@ -422,7 +422,7 @@ impl Client {
         let text = serde_json::to_vec(ask).unwrap_or_default();
         let allowed = self.line.patience.window;
         let bytes = self.returning(Leads::Anew, |c| c.once("init", text.clone(), allowed))?;
-        self.begin_at(read("init", &bytes)?)
+        Ok(self.begin_at(read("init", &bytes)?))
     }
 
     /// Sets parameters for all windows from now on, and for a redo of the last one.
@@ -438,7 +438,7 @@ impl Client {
         self.unanswered = Some(asked);
         let text = serde_json::to_vec(ask).unwrap_or_default();
         let place = self.json("param", Leads::On, text).map_err(|error| self.without(error))?;
-        self.begin_at(place)
+        Ok(self.begin_at(place))
     }
 
     /// Lets time run by itself from now on; bodies then follow what [`Client::put_motion`] sends.
@@ -480,12 +480,12 @@ impl Client {
     }
 
     /// Goes on at a place that the windows so far do not lead to.
-    fn begin_at(&mut self, place: Place) -> Result<&Place, Error> {
+    fn begin_at(&mut self, place: Place) -> &Place {
         self.place = place;
         self.journal.clear();
         (self.unanswered, self.guess, self.apart) = (None, None, None);
         self.is_behind = false;
-        Ok(&self.place)
+        &self.place
     }
 
     /// Leaves; the run stays where it is.

@@ -232,7 +232,7 @@ impl Service<'_> {
 
     fn keep(&mut self) {
         if self.host.keep(&self.lockstep) {
-            self.lockstep.is_durable();
+            self.lockstep.note_durable();
         }
     }
 

@@ -137,7 +137,7 @@ impl Service<'_> {
             self.outlets.window(reply);
             self.picture(Some(reply));
             if self.host.computed(&self.lockstep, kind, request, reply) {
-                self.lockstep.is_durable();
+                self.lockstep.note_durable();
                 self.show();
             }
         }
