@@ -14,6 +14,7 @@ use ballast::state;
 use ballast::step::StepReport;
 use ballast::track;
 use ballast::track::zones::zones;
+use ballast_protocol::lockstep::WindowKind;
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use std::ffi::CString;
@@ -118,7 +119,7 @@ impl Here {
         self.check_sound(py)?;
         if let Some(recorder) = &self.recorder {
             recorder.check_process(py, "window")?;
-            if asked.t1_ns.is_none() {
+            if asked.kind() == WindowKind::Redo {
                 recorder.check_redo(py, &self.component)?;
             }
         }
@@ -168,9 +169,7 @@ impl Here {
             outcome.zones = self.zones(py)?;
         }
         let recorded = match &mut self.recorder {
-            Some(recorder) => {
-                recorder.window(&self.component, asked.t1_ns.is_none(), &window, &outcome)
-            }
+            Some(recorder) => recorder.window(&self.component, asked.kind(), &window, &outcome),
             None => Ok(()),
         };
         let told = recorded.or_else(|why| self.give_recording_up(py, &why));

@@ -5,6 +5,7 @@ use crate::errors;
 use ballast::component::{Component, Outcome, Window};
 use ballast_hdf5::checkpoint;
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
+use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::AdvanceReply;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -62,12 +63,12 @@ impl Recorder {
     pub fn window(
         &mut self,
         component: &Component,
-        is_redone: bool,
+        kind: WindowKind,
         window: &Window,
         outcome: &Outcome,
     ) -> ballast_mcap::Result<()> {
         let (windows, model) = (&mut self.windows, component.model());
-        if !is_redone {
+        if kind == WindowKind::Advance {
             // Windows are numbered on from the last one that is written.
             windows.settle()?;
         }
@@ -76,7 +77,7 @@ impl Recorder {
         request.loads = window.loads.iter().map(Into::into).collect();
         let hash = ballast_hdf5::state_hash(model, component.state()).into();
         let reply = AdvanceReply::of(&request, model, outcome, hash);
-        windows.window(component.shared_model(), is_redone, &request, &reply, component.save())
+        windows.window(component.shared_model(), kind, &request, &reply, component.save())
     }
 
     pub fn finish(self, py: Python<'_>) -> PyResult<()> {

@@ -11,6 +11,7 @@ use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
 use ballast::component::{Input, Limits, LoadInput};
 use ballast::track::TinePath;
+use ballast_protocol::lockstep::WindowKind;
 use ballast_zenoh::Description;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -82,6 +83,11 @@ impl Asked {
             waveform: load.get().waveform.clone(),
         })?;
         Ok(Self { motions, loads, t1_ns, by_machine: false, series, zones })
+    }
+
+    /// Without an end of its own it is the last window again.
+    pub fn kind(&self) -> WindowKind {
+        if self.t1_ns.is_some() { WindowKind::Advance } else { WindowKind::Redo }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::outcome::{Outcome, Series, Trouble};
 use crate::simulation::Asked;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
-use ballast_protocol::lockstep::{Kind, Place};
+use ballast_protocol::lockstep::{Place, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use ballast_zenoh::server::Description;
 use ballast_zenoh::{Client, Link, Patience};
@@ -31,7 +31,7 @@ pub struct There {
     /// The last window's ends, ns, and the targets at its beginning.
     last: Option<([u64; 2], Targets)>,
     /// Asked, and not answered yet.
-    pending: Option<(Kind, AdvanceRequest)>,
+    pending: Option<(WindowKind, AdvanceRequest)>,
     /// It has failed inside, over there.
     is_lost: bool,
     /// How many states were kept, and the names of those that nobody here holds any more.
@@ -102,15 +102,15 @@ impl There {
             }
             self.settle(py)?;
         }
-        let kind = if asked.t1_ns.is_some() { Kind::Advance } else { Kind::Redo };
+        let kind = asked.kind();
         self.pending = Some((kind, self.request(py, kind, asked)?));
         self.pending_window(py, asked)
     }
 
-    fn request(&self, py: Python<'_>, kind: Kind, asked: &Asked) -> PyResult<AdvanceRequest> {
+    fn request(&self, py: Python<'_>, kind: WindowKind, asked: &Asked) -> PyResult<AdvanceRequest> {
         let mut request = match (kind, asked.t1_ns, &self.last) {
-            (Kind::Advance, Some(t1_ns), _) => self.client.next(t1_ns),
-            (Kind::Redo, None, Some((ends, _))) => self.client.again(*ends),
+            (WindowKind::Advance, Some(t1_ns), _) => self.client.next(t1_ns),
+            (WindowKind::Redo, None, Some((ends, _))) => self.client.again(*ends),
             _ => {
                 let expected = "a window before this one";
                 return Err(errors::refused(py, "nothing_to_redo", "redo", expected, "none"));
@@ -180,7 +180,7 @@ impl There {
     fn take(
         &mut self,
         py: Python<'_>,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> PyResult<()> {
@@ -191,7 +191,7 @@ impl There {
         }
         let asked = request.inputs().map_err(|e| failed(py, e.into()))?;
         let before = match (kind, &self.last) {
-            (Kind::Redo, Some((_, before))) => Arc::clone(before),
+            (WindowKind::Redo, Some((_, before))) => Arc::clone(before),
             _ => Arc::clone(&self.targets),
         };
         let mut targets = before.to_vec();

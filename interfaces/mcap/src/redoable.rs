@@ -6,6 +6,7 @@ use crate::tape::Tape;
 use ballast::math::Vec3;
 use ballast::model::Model;
 use ballast::state::State;
+use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use std::sync::Arc;
 
@@ -68,19 +69,19 @@ impl Redoable {
         self.process == std::process::id()
     }
 
-    /// Takes a window of `model` that has led to `state`; `is_redone`: it takes the place of the last one.
+    /// Takes a window of `model` that has led to `state`; a redo takes the place of the last one.
     ///
     /// # Errors
     /// The system refuses.
     pub fn window(
         &mut self,
         model: Arc<Model>,
-        is_redone: bool,
+        kind: WindowKind,
         request: &AdvanceRequest,
         reply: &AdvanceReply,
         state: Arc<State>,
     ) -> Result<()> {
-        if !is_redone {
+        if kind == WindowKind::Advance {
             self.settle()?;
         }
         let is_kept = !matches!(reply.status, Status::Discard | Status::Error | Status::Fatal);

@@ -8,7 +8,7 @@ use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast_protocol::lockstep::{
-    Activity, Attach, Code, Fault, Kept, Kind, Lockstep, Named, Pace, Progress, SetParameters,
+    Activity, Attach, Code, Fault, Kept, Lockstep, Named, Pace, Progress, SetParameters, WindowKind,
 };
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyInput, DeadlinePolicy, Digest, Interpolation, Knot, Point,
@@ -82,7 +82,7 @@ fn window(seq: u64) -> AdvanceRequest {
 
 fn ask(
     lockstep: &mut Lockstep,
-    kind: Kind,
+    kind: WindowKind,
     request: &AdvanceRequest,
     ticket: &str,
 ) -> Result<AdvanceReply, Fault> {
@@ -92,17 +92,18 @@ fn ask(
 /// The reply to windows 1 to `last`, one after the other.
 fn straight(last: u64) -> AdvanceReply {
     let (mut lockstep, ticket) = lockstep();
-    let replies = (1..=last).map(|seq| ask(&mut lockstep, Kind::Advance, &window(seq), &ticket));
+    let replies =
+        (1..=last).map(|seq| ask(&mut lockstep, WindowKind::Advance, &window(seq), &ticket));
     replies.last().expect("a window").expect("good windows")
 }
 
 #[test]
 fn a_retry_is_answered_from_memory_and_computes_nothing() {
     let (mut lockstep, ticket) = lockstep();
-    let first = ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    let first = ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
     assert!(matches!(first.status, Status::Ok | Status::Warn) && first.steps == 5, "{first:?}");
     let mut steps = 0;
-    let again = lockstep.window(Kind::Advance, &window(1), &ticket, &|| 0, &mut |_| {
+    let again = lockstep.window(WindowKind::Advance, &window(1), &ticket, &|| 0, &mut |_| {
         steps += 1;
         Pace::GoOn
     });
@@ -115,22 +116,22 @@ fn a_retry_is_answered_from_memory_and_computes_nothing() {
 #[test]
 fn what_is_out_of_sequence_is_told_the_number_and_changes_nothing() {
     let (mut lockstep, ticket) = lockstep();
-    let redo = ask(&mut lockstep, Kind::Redo, &window(0), &ticket).unwrap_err();
+    let redo = ask(&mut lockstep, WindowKind::Redo, &window(0), &ticket).unwrap_err();
     assert_eq!((redo.code, redo.expected_seq), (Code::NothingToRedo, Some(0)));
-    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
     let before = lockstep.place();
     let late = AdvanceRequest { t0_ns: 4 * MS, ..window(2) };
     let other = AdvanceRequest { t1_ns: 4 * MS, ..window(1) };
     for wrong in [window(3), window(0), late, other, AdvanceRequest { seq: u64::MAX, ..window(2) }]
     {
-        let fault = ask(&mut lockstep, Kind::Advance, &wrong, &ticket).unwrap_err();
+        let fault = ask(&mut lockstep, WindowKind::Advance, &wrong, &ticket).unwrap_err();
         assert_eq!(fault.code, Code::OutOfSequence, "{fault}");
         assert_eq!((fault.expected_seq, fault.now_ns), (Some(2), Some(5 * MS as u64)));
         assert!(fault.message.contains("window 2 from 5000000 ns"), "{fault}");
         assert_eq!(lockstep.place(), before);
     }
     let run = AdvanceRequest { run_id: "run-0".into(), ..window(2) };
-    let fault = ask(&mut lockstep, Kind::Advance, &run, &ticket).unwrap_err();
+    let fault = ask(&mut lockstep, WindowKind::Advance, &run, &ticket).unwrap_err();
     assert!(fault.code == Code::WrongRun && fault.message.contains("run-0"), "{fault}");
 }
 
@@ -153,31 +154,31 @@ fn bad_inputs_keep_the_number() {
         (grid, Code::TimeGrid),
         (past, Code::Malformed),
     ] {
-        let fault = ask(&mut lockstep, Kind::Advance, &bad, &ticket).unwrap_err();
+        let fault = ask(&mut lockstep, WindowKind::Advance, &bad, &ticket).unwrap_err();
         assert_eq!(fault.code, code, "{fault}");
         assert_eq!(lockstep.place(), before);
     }
-    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
 }
 
 #[test]
 fn a_redo_takes_the_place_of_the_window() {
     let (mut lockstep, ticket) = lockstep();
-    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
-    let first = ask(&mut lockstep, Kind::Advance, &window(2), &ticket).unwrap();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
+    let first = ask(&mut lockstep, WindowKind::Advance, &window(2), &ticket).unwrap();
     let mut other = window(2);
     other.motions[0].knots[1].pose.position.z += 1e-4;
-    let changed = ask(&mut lockstep, Kind::Redo, &other, &ticket).unwrap();
+    let changed = ask(&mut lockstep, WindowKind::Redo, &other, &ticket).unwrap();
     assert_ne!(changed.hash, first.hash);
     assert_eq!((changed.seq, changed.t1_ns), (2, 10 * MS));
     // A retry of the redo is answered; the window itself is not the last one any more.
-    assert_eq!(ask(&mut lockstep, Kind::Redo, &other, &ticket).unwrap(), changed);
+    assert_eq!(ask(&mut lockstep, WindowKind::Redo, &other, &ticket).unwrap(), changed);
     assert_eq!(
-        ask(&mut lockstep, Kind::Advance, &window(2), &ticket).unwrap_err().code,
+        ask(&mut lockstep, WindowKind::Advance, &window(2), &ticket).unwrap_err().code,
         Code::OutOfSequence
     );
-    assert_eq!(ask(&mut lockstep, Kind::Redo, &window(2), &ticket).unwrap(), first);
-    assert_eq!(ask(&mut lockstep, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));
+    assert_eq!(ask(&mut lockstep, WindowKind::Redo, &window(2), &ticket).unwrap(), first);
+    assert_eq!(ask(&mut lockstep, WindowKind::Advance, &window(3), &ticket).unwrap(), straight(3));
 }
 
 #[test]
@@ -189,7 +190,7 @@ fn one_drives_and_others_cannot() {
     let name = Named { name: "here".into() };
     for wrong in ["", "ticket", "ticket of other"] {
         let faults = [
-            ask(&mut lockstep, Kind::Advance, &window(1), wrong).unwrap_err(),
+            ask(&mut lockstep, WindowKind::Advance, &window(1), wrong).unwrap_err(),
             lockstep.reset("run-2".into(), wrong, 0).unwrap_err(),
             lockstep.save(&name, wrong).unwrap_err(),
             lockstep.restore(&name, wrong).unwrap_err(),
@@ -210,11 +211,11 @@ fn one_drives_and_others_cannot() {
     let again = Attach { client: "driver".into(), resume: None, ticket: Some(ticket.clone()) };
     let fresh = lockstep.attach(&again, "fresh".into(), 2000).unwrap().ticket;
     assert_eq!(lockstep.detach(&ticket).unwrap_err().code, Code::NotOwner);
-    ask(&mut lockstep, Kind::Advance, &window(1), &fresh).unwrap();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &fresh).unwrap();
     // Gone, and another one goes on with the run.
     assert!(!lockstep.lost("other") && lockstep.lost("driver"));
     assert_eq!(
-        ask(&mut lockstep, Kind::Advance, &window(2), &fresh).unwrap_err().code,
+        ask(&mut lockstep, WindowKind::Advance, &window(2), &fresh).unwrap_err().code,
         Code::NotOwner
     );
     let wrong = Attach { client: "other".into(), resume: Some("run-9".into()), ticket: None };
@@ -222,25 +223,25 @@ fn one_drives_and_others_cannot() {
     let right = Attach { resume: Some("run-1".into()), ..wrong };
     let attached = lockstep.attach(&right, "t".into(), 0).unwrap();
     assert_eq!((attached.place.seq, attached.place.now_ns), (1, 5 * MS as u64));
-    assert_eq!(ask(&mut lockstep, Kind::Advance, &window(2), "t").unwrap(), straight(2));
+    assert_eq!(ask(&mut lockstep, WindowKind::Advance, &window(2), "t").unwrap(), straight(2));
 }
 
 #[test]
 fn states_are_kept_by_name() {
     let (mut lockstep, ticket) = lockstep();
-    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
     let name = Named { name: "after-1".into() };
     let kept = lockstep.save(&name, &ticket).unwrap();
-    let second = ask(&mut lockstep, Kind::Advance, &window(2), &ticket).unwrap();
+    let second = ask(&mut lockstep, WindowKind::Advance, &window(2), &ticket).unwrap();
     let back = lockstep.restore(&name, &ticket).unwrap();
     assert_eq!((back.now_ns, &back.hash, back.seq), (kept.now_ns, &kept.hash, 2));
     // Numbers go on; the last window is not there to be redone or asked for again.
     assert_eq!(
-        ask(&mut lockstep, Kind::Redo, &window(2), &ticket).unwrap_err().code,
+        ask(&mut lockstep, WindowKind::Redo, &window(2), &ticket).unwrap_err().code,
         Code::NothingToRedo
     );
     let again = AdvanceRequest { seq: 3, ..window(2) };
-    let reply = ask(&mut lockstep, Kind::Advance, &again, &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &again, &ticket).unwrap();
     assert_eq!((reply.hash, reply.seq), (second.hash, 3));
     lockstep.drop_state(&name, &ticket).unwrap();
     let fault = lockstep.restore(&name, &ticket).unwrap_err();
@@ -258,7 +259,10 @@ fn states_are_kept_by_name() {
     assert_eq!((fresh.run_id.as_str(), fresh.seq, fresh.now_ns), ("run-2", 0, 0));
     assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, Code::UnknownState);
     let first = AdvanceRequest { run_id: "run-2".into(), ..window(1) };
-    assert_eq!(ask(&mut lockstep, Kind::Advance, &first, &ticket).unwrap().hash, straight(1).hash);
+    assert_eq!(
+        ask(&mut lockstep, WindowKind::Advance, &first, &ticket).unwrap().hash,
+        straight(1).hash
+    );
 }
 
 #[test]
@@ -272,7 +276,8 @@ fn a_deadline_ends_a_window_as_it_asks() {
         let start = lockstep.place().hash;
         let request = AdvanceRequest { deadline_policy: policy, ..window(1) };
         let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
-        let reply = lockstep.window(Kind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+        let reply =
+            lockstep.window(WindowKind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
         let same = reply.status == status || (status == Status::Ok && reply.status == Status::Warn);
         assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");
         assert_eq!(reply.t1_ns, steps as i64 * MS);
@@ -285,8 +290,8 @@ fn a_deadline_ends_a_window_as_it_asks() {
             "{reply:?}"
         );
         // It is answered: a retry gets the same, and a redo makes it whole.
-        assert_eq!(ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap(), reply);
-        let whole = ask(&mut lockstep, Kind::Redo, &window(1), &ticket).unwrap();
+        assert_eq!(ask(&mut lockstep, WindowKind::Advance, &request, &ticket).unwrap(), reply);
+        let whole = ask(&mut lockstep, WindowKind::Redo, &window(1), &ticket).unwrap();
         assert_eq!(whole, straight(1), "{policy:?}");
     }
 }
@@ -297,7 +302,7 @@ fn refused(change: impl FnOnce(&mut AdvanceRequest)) -> Fault {
     let mut request = window(1);
     change(&mut request);
     let before = lockstep.place();
-    let fault = ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap_err();
+    let fault = ask(&mut lockstep, WindowKind::Advance, &request, &ticket).unwrap_err();
     assert_eq!(lockstep.place(), before, "{fault}");
     fault
 }
@@ -337,9 +342,14 @@ fn a_refusal_has_its_code_and_says_where_what_was_expected_and_found() {
     assert_eq!(fault.code, Code::ParameterInvalid, "{fault}");
     assert!(fault.finding.is_some_and(|f| f.place.contains("penetration") && f.found == "-1"));
     // What was refused is not the last window that was computed.
-    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
-    ask(&mut lockstep, Kind::Advance, &AdvanceRequest { t1_ns: 11 * MS + 1, ..window(2) }, &ticket)
-        .unwrap_err();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
+    ask(
+        &mut lockstep,
+        WindowKind::Advance,
+        &AdvanceRequest { t1_ns: 11 * MS + 1, ..window(2) },
+        &ticket,
+    )
+    .unwrap_err();
     assert_eq!(lockstep.status(0).last_window.map(|cost| (cost.seq, cost.steps)), Some((1, 5)));
     // One without parts comes through, too.
     let plain = Fault::new(Code::Busy, "someone drives");
@@ -354,7 +364,7 @@ fn a_window_that_cannot_be_computed_is_taken_back_and_says_why() {
     let mut fast = window(1);
     fast.motions[0].interpolation = Interpolation::Linear;
     fast.motions[0].knots[1].pose.position.x = 10.0;
-    let reply = ask(&mut lockstep, Kind::Advance, &fast, &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &fast, &ticket).unwrap();
     assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "over_speed"));
     assert!(reply.message.contains("floor"), "{}", reply.message);
     assert_eq!(lockstep.place().hash, start.hash);
@@ -362,7 +372,7 @@ fn a_window_that_cannot_be_computed_is_taken_back_and_says_why() {
     lockstep.set_parameters(&deepest, &ticket).unwrap();
     // Long enough for the stones to come down.
     let fall = AdvanceRequest { seq: 2, t1_ns: 300 * MS, motions: vec![], ..window(1) };
-    let reply = ask(&mut lockstep, Kind::Advance, &fall, &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &fall, &ticket).unwrap();
     assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "penetration"));
     assert_eq!(lockstep.place().hash, start.hash);
 }
@@ -371,7 +381,7 @@ fn a_window_that_cannot_be_computed_is_taken_back_and_says_why() {
 fn a_window_is_told_step_by_step_where_that_is_asked_for() {
     let (mut lockstep, ticket) = lockstep();
     let asked = AdvanceRequest { series: true, ..window(1) };
-    let reply = ask(&mut lockstep, Kind::Advance, &asked, &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &asked, &ticket).unwrap();
     assert_eq!(reply.series.time_ns, [1, 2, 3, 4, 5].map(|k| k * MS));
     assert_eq!(
         reply.series.iterations.iter().map(|i| u64::from(*i)).sum::<u64>(),
@@ -395,27 +405,27 @@ fn a_window_is_told_step_by_step_where_that_is_asked_for() {
     // One that would not fit is refused before anything is computed.
     let t1_ns = 5 * MS + 20_000 * MS;
     let long = AdvanceRequest { series: true, t1_ns, ..window(2) };
-    let fault = ask(&mut lockstep, Kind::Advance, &long, &ticket).unwrap_err();
+    let fault = ask(&mut lockstep, WindowKind::Advance, &long, &ticket).unwrap_err();
     assert!(fault.code == Code::TooLarge && fault.message.contains("20000 steps"), "{fault}");
     assert_eq!(lockstep.place().seq, 1);
     // Nor is anything told of what was taken back.
     let request =
         AdvanceRequest { series: true, deadline_policy: DeadlinePolicy::Discard, ..window(2) };
     let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
-    let reply = lockstep.window(Kind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+    let reply = lockstep.window(WindowKind::Advance, &request, &ticket, &|| 0, &mut late).unwrap();
     assert_eq!(reply.series, StepSeries::default());
 }
 
 #[test]
 fn a_redo_is_of_the_times_of_the_last_window() {
     let (mut lockstep, ticket) = lockstep();
-    ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+    ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
     let asked = window(1);
     for (t0_ns, t1_ns) in
         [(asked.t0_ns, 2 * asked.t1_ns), (77 * MS, 3 * MS), (asked.t1_ns, 2 * asked.t1_ns)]
     {
         let other = AdvanceRequest { t0_ns, t1_ns, ..window(1) };
-        let fault = ask(&mut lockstep, Kind::Redo, &other, &ticket).unwrap_err();
+        let fault = ask(&mut lockstep, WindowKind::Redo, &other, &ticket).unwrap_err();
         assert_eq!(fault.code, Code::OutOfSequence);
         assert!(fault.to_string().contains("from 0 to"), "{fault}");
     }
@@ -430,7 +440,7 @@ fn parameters_are_the_owners_to_set_and_go_with_kept_states() {
         request
     };
     let (mut other, ticket) = lockstep();
-    let usually = ask(&mut other, Kind::Advance, &long(1, 0), &ticket).unwrap().hash;
+    let usually = ask(&mut other, WindowKind::Advance, &long(1, 0), &ticket).unwrap().hash;
     let (mut lockstep, ticket) = lockstep();
     let name = Named { name: "usual".into() };
     lockstep.save(&name, &ticket).unwrap();
@@ -447,36 +457,36 @@ fn parameters_are_the_owners_to_set_and_go_with_kept_states() {
         assert_eq!(lockstep.component().parameters().iterations, 50);
     }
     lockstep.set_parameters(&hasty, &ticket).unwrap();
-    let reply = ask(&mut lockstep, Kind::Advance, &long(1, 0), &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &long(1, 0), &ticket).unwrap();
     assert!(reply.solver.iterations <= 200, "{:?}", reply.solver);
     assert_ne!(reply.hash, usually);
     // The window again, as well as usual.
     let usual = SetParameters { iterations: Some(50), tolerance: Some(1e-4), ..Default::default() };
     lockstep.set_parameters(&usual, &ticket).unwrap();
     // A lost reply is still a lost reply; a redo of the same content is computed, once.
-    let again = ask(&mut lockstep, Kind::Advance, &long(1, 0), &ticket).unwrap();
+    let again = ask(&mut lockstep, WindowKind::Advance, &long(1, 0), &ticket).unwrap();
     assert_eq!(again.hash, reply.hash);
-    let redone = ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap();
+    let redone = ask(&mut lockstep, WindowKind::Redo, &long(1, 0), &ticket).unwrap();
     assert_eq!(redone.hash, usually);
     let count = lockstep.answered_count();
-    assert_eq!(ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap(), redone);
+    assert_eq!(ask(&mut lockstep, WindowKind::Redo, &long(1, 0), &ticket).unwrap(), redone);
     assert_eq!(lockstep.answered_count(), count);
     // The penetration that is allowed is in no hash.
     let strict = SetParameters { penetration: Some(1e-12), ..Default::default() };
     lockstep.set_parameters(&strict, &ticket).unwrap();
-    let refused = ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap();
+    let refused = ask(&mut lockstep, WindowKind::Redo, &long(1, 0), &ticket).unwrap();
     assert_eq!(refused.status, Status::Discard);
     let generous = SetParameters { penetration: Some(1.0), ..Default::default() };
     lockstep.set_parameters(&generous, &ticket).unwrap();
-    assert_eq!(ask(&mut lockstep, Kind::Redo, &long(1, 0), &ticket).unwrap().hash, usually);
+    assert_eq!(ask(&mut lockstep, WindowKind::Redo, &long(1, 0), &ticket).unwrap().hash, usually);
     lockstep.set_parameters(&hasty, &ticket).unwrap();
     lockstep.restore(&name, &ticket).unwrap();
-    let reply = ask(&mut lockstep, Kind::Advance, &long(2, 0), &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &long(2, 0), &ticket).unwrap();
     assert_eq!(reply.hash, usually);
     lockstep.set_parameters(&hasty, &ticket).unwrap();
     lockstep.reset("run-2".into(), &ticket, 0).unwrap();
     let first = AdvanceRequest { run_id: "run-2".into(), ..long(1, 0) };
-    assert_eq!(ask(&mut lockstep, Kind::Advance, &first, &ticket).unwrap().hash, usually);
+    assert_eq!(ask(&mut lockstep, WindowKind::Advance, &first, &ticket).unwrap().hash, usually);
 }
 
 #[test]
@@ -489,7 +499,7 @@ fn what_is_not_configured_waits_for_init_and_keeps_its_owner() {
     let request = AdvanceRequest { run_id: "unconfigured".into(), ..window(1) };
     let name = Named { name: "here".into() };
     for fault in [
-        ask(&mut lockstep, Kind::Advance, &request, &ticket).unwrap_err(),
+        ask(&mut lockstep, WindowKind::Advance, &request, &ticket).unwrap_err(),
         lockstep.save(&name, &ticket).unwrap_err(),
         lockstep.reset("run-1".into(), &ticket, 0).unwrap_err(),
         lockstep.set_parameters(&SetParameters::default(), &ticket).unwrap_err(),
@@ -501,13 +511,16 @@ fn what_is_not_configured_waits_for_init_and_keeps_its_owner() {
     let place = lockstep.begin(component(), "run-1".into(), 0);
     assert_eq!((place.run_id.as_str(), place.seq, place.now_ns), ("run-1", 0, 0));
     assert_eq!(lockstep.status(0).activity, Activity::Paused);
-    assert_eq!(ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap(), straight(1));
+    assert_eq!(ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap(), straight(1));
     // Prepared anew: another run, nothing of the old one is left.
     lockstep.save(&name, &ticket).unwrap();
     lockstep.begin(component(), "run-2".into(), 0);
     assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, Code::UnknownState);
     let first = AdvanceRequest { run_id: "run-2".into(), ..window(1) };
-    assert_eq!(ask(&mut lockstep, Kind::Advance, &first, &ticket).unwrap().hash, straight(1).hash);
+    assert_eq!(
+        ask(&mut lockstep, WindowKind::Advance, &first, &ticket).unwrap().hash,
+        straight(1).hash
+    );
 }
 
 #[test]
@@ -516,18 +529,20 @@ fn a_failure_inside_is_told_and_got_over() {
     let name = Named { name: "before".into() };
     lockstep.save(&name, &ticket).unwrap();
     let mut fail = |_: &Progress| panic!("a fault in the program");
-    let reply = lockstep.window(Kind::Advance, &window(1), &ticket, &|| 0, &mut fail).unwrap();
+    let reply =
+        lockstep.window(WindowKind::Advance, &window(1), &ticket, &|| 0, &mut fail).unwrap();
     assert_eq!((reply.status, reply.code.as_str()), (Status::Error, "failed_inside"));
     assert!(reply.message.contains("a fault in the program"), "{}", reply.message);
     let status = lockstep.status(0);
     assert_eq!(status.activity, Activity::Error);
     assert!(status.trouble.unwrap().contains("a fault"));
-    let fault = ask(&mut lockstep, Kind::Advance, &AdvanceRequest { seq: 2, ..window(1) }, &ticket);
+    let fault =
+        ask(&mut lockstep, WindowKind::Advance, &AdvanceRequest { seq: 2, ..window(1) }, &ticket);
     assert_eq!(fault.unwrap_err().code, Code::InError);
     assert_eq!(lockstep.save(&name, &ticket).unwrap_err().code, Code::InError);
     lockstep.restore(&name, &ticket).unwrap();
     let again = AdvanceRequest { seq: 2, ..window(1) };
-    let reply = ask(&mut lockstep, Kind::Advance, &again, &ticket).unwrap();
+    let reply = ask(&mut lockstep, WindowKind::Advance, &again, &ticket).unwrap();
     assert_eq!(reply.hash, straight(1).hash);
 }
 
@@ -537,7 +552,7 @@ fn a_component_that_quits_computes_nothing_more() {
     lockstep.shut_down(&ticket).unwrap();
     assert_eq!(lockstep.status(0).activity, Activity::Quitting);
     assert_eq!(
-        ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap_err().code,
+        ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap_err().code,
         Code::Quitting
     );
     assert_eq!(attach(&mut lockstep, "other").unwrap_err().code, Code::Quitting);
@@ -545,11 +560,11 @@ fn a_component_that_quits_computes_nothing_more() {
 
 #[test]
 fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
-    for kind in [Kind::Advance, Kind::Redo] {
+    for kind in [WindowKind::Advance, WindowKind::Redo] {
         let (mut lockstep, ticket) = lockstep();
-        let last = ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap();
+        let last = ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap();
         let before = lockstep.place();
-        let mut other = window(if kind == Kind::Redo { 1 } else { 2 });
+        let mut other = window(if kind == WindowKind::Redo { 1 } else { 2 });
         other.motions[0].knots[1].pose.position.z += 1e-4;
         let mut stop = |p: &Progress| if p.step == 3 { Pace::Abandon } else { Pace::GoOn };
         let fault = lockstep.window(kind, &other, &ticket, &|| 0, &mut stop).unwrap_err();
@@ -557,9 +572,9 @@ fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
         assert_eq!((lockstep.place(), lockstep.status(0).activity), (before, Activity::Paused));
         assert_eq!(lockstep.place().hash, last.hash.to_string());
         // What was answered before stays answered, and can be asked for and redone as if nothing had been.
-        assert_eq!(ask(&mut lockstep, Kind::Advance, &window(1), &ticket).unwrap(), last);
+        assert_eq!(ask(&mut lockstep, WindowKind::Advance, &window(1), &ticket).unwrap(), last);
         let (mut undisturbed, t) = self::lockstep();
-        ask(&mut undisturbed, Kind::Advance, &window(1), &t).unwrap();
+        ask(&mut undisturbed, WindowKind::Advance, &window(1), &t).unwrap();
         let replies = [(&mut lockstep, &ticket), (&mut undisturbed, &t)]
             .map(|(lockstep, ticket)| ask(lockstep, kind, &other, ticket).unwrap());
         assert_eq!(replies[0], replies[1], "{kind:?}");
@@ -570,7 +585,7 @@ fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
 fn a_run_is_taken_up_from_its_checkpoint() {
     let (mut first, ticket) = lockstep();
     for seq in 1..=3 {
-        ask(&mut first, Kind::Advance, &window(seq), &ticket).unwrap();
+        ask(&mut first, WindowKind::Advance, &window(seq), &ticket).unwrap();
     }
     first.note_durable();
     assert_eq!(first.status(0).durable_seq, 3);
@@ -579,13 +594,13 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     second.resume("run-1", 3, kept, first.answered().cloned()).unwrap();
     assert_eq!(second.place(), first.place());
     // The last window was answered by a process that is gone; a retry is answered all the same.
-    assert_eq!(ask(&mut second, Kind::Advance, &window(3), &ticket).unwrap(), straight(3));
+    assert_eq!(ask(&mut second, WindowKind::Advance, &window(3), &ticket).unwrap(), straight(3));
     assert_eq!(second.answered_count(), 0);
     // How it began is not known to this one.
     let redo = AdvanceRequest { motions: vec![], ..window(3) };
-    let fault = ask(&mut second, Kind::Redo, &redo, &ticket).unwrap_err();
+    let fault = ask(&mut second, WindowKind::Redo, &redo, &ticket).unwrap_err();
     assert_eq!(fault.code, Code::NothingToRedo, "{fault}");
-    assert_eq!(ask(&mut second, Kind::Advance, &window(4), &ticket).unwrap(), straight(4));
+    assert_eq!(ask(&mut second, WindowKind::Advance, &window(4), &ticket).unwrap(), straight(4));
     // Nor is a state taken up that is none of this model's.
     let mut foreign = Kept::of(first.component());
     Arc::make_mut(&mut foreign.state).velocity.pop();
@@ -608,15 +623,16 @@ fn a_line_that_loses_and_repeats_changes_nothing() {
             // Something that was sent long ago arrives now.
             if !old.is_empty() && random.next() < 0.3 {
                 let k = (random.next() * old.len() as f64) as usize;
-                let _ = ask(&mut lockstep, Kind::Advance, &old[k], &ticket);
+                let _ = ask(&mut lockstep, WindowKind::Advance, &old[k], &ticket);
             }
             if random.next() < 0.2 {
-                let _ = ask(&mut lockstep, Kind::Advance, &window(seq), "ticket of a stranger");
+                let _ =
+                    ask(&mut lockstep, WindowKind::Advance, &window(seq), "ticket of a stranger");
             }
             if random.next() < 0.3 {
                 continue; // the request is lost
             }
-            let answer = ask(&mut lockstep, Kind::Advance, &window(seq), &ticket);
+            let answer = ask(&mut lockstep, WindowKind::Advance, &window(seq), &ticket);
             if random.next() < 0.3 {
                 continue; // the reply is lost
             }

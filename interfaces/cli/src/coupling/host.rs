@@ -9,7 +9,7 @@ use crate::exit::{Failure, Outcome};
 use crate::{beds, interrupt, recorder};
 use ballast::component::Component;
 use ballast::model::Schedule;
-use ballast_protocol::lockstep::{Code, Fault, Init, Kind, Lockstep};
+use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_zenoh::Host;
 use serde_json::json;
@@ -115,7 +115,7 @@ impl Host for Keeper {
     fn computed(
         &mut self,
         lockstep: &Lockstep,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> bool {

@@ -9,7 +9,7 @@ use super::kept;
 use crate::case::Case;
 use crate::exit::Outcome;
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
-use ballast_protocol::lockstep::{Kind, Lockstep};
+use ballast_protocol::lockstep::{Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
 use std::path::{Path, PathBuf};
 
@@ -42,14 +42,14 @@ impl Recording {
     pub fn window(
         &mut self,
         lockstep: &Lockstep,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> Outcome {
         let Some(windows) = &mut self.windows else { return Ok(()) };
         let component = lockstep.component();
         let (model, state) = (component.shared_model(), component.save());
-        windows.window(model, kind == Kind::Redo, request, reply, state)?;
+        windows.window(model, kind, request, reply, state)?;
         if matches!(reply.status, Status::Discard | Status::Error | Status::Fatal) {
             let text = format!("window {} taken back: {}", reply.seq, reply.message);
             windows.tape().log(component.now_ns(), &text)?;

@@ -8,7 +8,7 @@ use ballast::track::plan::Plan;
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Keeper, Verdict, verify};
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
-use ballast_protocol::lockstep::empty_model;
+use ballast_protocol::lockstep::{WindowKind, empty_model};
 use ballast_protocol::messages::{AdvanceReply, StateHash};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -44,7 +44,7 @@ fn window(recording: &mut Redoable, component: &mut Component, steps: u64) {
     let request = recording.tape().request(outcome.t0_ns, outcome.t1_ns, vec![]);
     let (model, state) = (component.shared_model(), component.save());
     let reply = AdvanceReply::of(&request, &model, &outcome, hash(&state));
-    recording.window(model, false, &request, &reply, state).unwrap();
+    recording.window(model, WindowKind::Advance, &request, &reply, state).unwrap();
 }
 
 struct Hash;

@@ -25,7 +25,7 @@ pub use cost::{Cost, WallClock};
 pub use fault::{Code, Fault, Finding};
 pub use owner::Ownership;
 pub use state::{Kept, empty_model};
-pub use window::{Kind, Pace, Watch};
+pub use window::{Pace, Watch, WindowKind};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};
 use ballast::component::Component;

@@ -15,7 +15,7 @@ const NS_PER_MS: u64 = 1_000_000;
 
 /// Whether a window is new or the last one again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Kind {
+pub enum WindowKind {
     Advance,
     Redo,
 }
@@ -42,7 +42,7 @@ impl Lockstep {
     /// What goes wrong while computing is told by the reply.
     pub fn window(
         &mut self,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         ticket: &str,
         clock: WallClock,
@@ -55,7 +55,7 @@ impl Lockstep {
         let content = request.digest()?;
         let is_last = request.seq == self.seq;
         // With other parameters since then, a redo is more than a retry.
-        let is_known = kind == Kind::Advance || !self.is_outdated;
+        let is_known = kind == WindowKind::Advance || !self.is_outdated;
         if let Some((known, reply)) = &self.answered
             && is_last
             && is_known
@@ -64,18 +64,18 @@ impl Lockstep {
             return Ok(reply.clone());
         }
         self.check_sound()?;
-        if kind == Kind::Redo && self.answered.is_none() {
+        if kind == WindowKind::Redo && self.answered.is_none() {
             let expected = "a window since the run was taken up";
             let fault = Fault::expected(Code::NothingToRedo, "seq", expected, "none");
             let (seq, now_ns) = (Some(self.seq), Some(self.component.now_ns()));
             return Err(Fault { expected_seq: seq, now_ns, ..fault });
         }
         let in_order = match kind {
-            Kind::Advance => {
+            WindowKind::Advance => {
                 Some(request.seq) == self.seq.checked_add(1)
                     && u64::try_from(request.t0_ns) == Ok(self.component.now_ns())
             }
-            Kind::Redo => is_last && self.is_last_window(request),
+            WindowKind::Redo => is_last && self.is_last_window(request),
         };
         if !in_order {
             return Err(self.out_of_sequence(kind, request));
@@ -119,7 +119,7 @@ impl Lockstep {
     /// The outcome or its refusal; or what a panic said.
     fn compute(
         &mut self,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         clock: WallClock,
         watch: Watch,
@@ -156,8 +156,8 @@ impl Lockstep {
         };
         let component = &mut self.component;
         let result = catch_unwind(AssertUnwindSafe(|| match kind {
-            Kind::Advance => component.advance_timed(inputs.t1_ns, window, &mut each, laps),
-            Kind::Redo => component.redo_timed(window, &mut each, laps),
+            WindowKind::Advance => component.advance_timed(inputs.t1_ns, window, &mut each, laps),
+            WindowKind::Redo => component.redo_timed(window, &mut each, laps),
         }));
         match result {
             Ok(outcome) => Ok(outcome.map_err(Fault::from)),
@@ -211,17 +211,19 @@ impl Lockstep {
         }
     }
 
-    fn out_of_sequence(&self, kind: Kind, request: &AdvanceRequest) -> Fault {
+    fn out_of_sequence(&self, kind: WindowKind, request: &AdvanceRequest) -> Fault {
         let (seq, now) = (self.seq, self.component.now_ns());
         let expected = match (kind, self.component.last_window()) {
-            (Kind::Advance, _) => format!("window {} from {now} ns", seq.saturating_add(1)),
-            (Kind::Redo, Some([t0, t1])) => format!("window {seq} again, from {t0} to {t1} ns"),
-            (Kind::Redo, None) => format!("window {seq} again"),
+            (WindowKind::Advance, _) => format!("window {} from {now} ns", seq.saturating_add(1)),
+            (WindowKind::Redo, Some([t0, t1])) => {
+                format!("window {seq} again, from {t0} to {t1} ns")
+            }
+            (WindowKind::Redo, None) => format!("window {seq} again"),
         };
         let AdvanceRequest { seq: asked, t0_ns, t1_ns, .. } = request;
         let found = format!("window {asked} from {t0_ns} to {t1_ns} ns");
         Fault {
-            expected_seq: Some(if kind == Kind::Redo { seq } else { seq.saturating_add(1) }),
+            expected_seq: Some(if kind == WindowKind::Redo { seq } else { seq.saturating_add(1) }),
             now_ns: Some(now),
             ..Fault::expected(Code::OutOfSequence, "seq", expected, found)
         }

@@ -15,7 +15,7 @@ pub use line::{Line, Patience};
 use crate::server::{Description, cdr};
 use crate::{Error, Link, random};
 use ballast_protocol::lockstep::{
-    Attach, Attached, Code, Init, Kind, Named, Place, SetParameters, StatusReport,
+    Attach, Attached, Code, Init, Named, Place, SetParameters, StatusReport, WindowKind,
 };
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, Knot, LoadInput, ns};
 use ballast_protocol::pacer::FreeRunning;
@@ -53,7 +53,7 @@ pub struct Client {
 /// A request that may have had its effect although its answer is lost.
 #[derive(Clone, PartialEq)]
 enum Unanswered {
-    Window(Kind, AdvanceRequest),
+    Window(WindowKind, AdvanceRequest),
     Parameters(SetParameters),
 }
 
@@ -156,7 +156,7 @@ impl Client {
         for request in windows {
             // What took too long at first must not end elsewhere now.
             let request = AdvanceRequest { deadline_ms: 0, ..request };
-            hash = self.deliver(Kind::Advance, &request)?.hash.to_string();
+            hash = self.deliver(WindowKind::Advance, &request)?.hash.to_string();
         }
         if hash == self.place.hash {
             return Ok(());
@@ -244,7 +244,7 @@ impl Client {
         loads: Vec<LoadInput>,
     ) -> Result<AdvanceReply, Error> {
         let request = AdvanceRequest { motions, loads, ..self.next(t1_ns) };
-        self.send(Kind::Advance, &request)
+        self.send(WindowKind::Advance, &request)
     }
 
     /// Computes the last window again with other inputs; `ends` are those it was asked to have.
@@ -258,14 +258,18 @@ impl Client {
         loads: Vec<LoadInput>,
     ) -> Result<AdvanceReply, Error> {
         let request = AdvanceRequest { motions, loads, ..self.again(ends) };
-        self.send(Kind::Redo, &request)
+        self.send(WindowKind::Redo, &request)
     }
 
     /// Sends a window's request as it is; for those who number their windows themselves, or set deadlines.
     ///
     /// # Errors
     /// As for [`Client::advance_to`].
-    pub fn send(&mut self, kind: Kind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
+    pub fn send(
+        &mut self,
+        kind: WindowKind,
+        request: &AdvanceRequest,
+    ) -> Result<AdvanceReply, Error> {
         self.check_together()?;
         let asked = Unanswered::Window(kind, request.clone());
         if matches!(self.unanswered, Some(Unanswered::Parameters(_))) {
@@ -325,10 +329,10 @@ impl Client {
         self.place.hash = reply.hash.to_string();
     }
 
-    fn deliver(&self, kind: Kind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
+    fn deliver(&self, kind: WindowKind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
         let verb = match kind {
-            Kind::Advance => "advance",
-            Kind::Redo => "redo",
+            WindowKind::Advance => "advance",
+            WindowKind::Redo => "redo",
         };
         let patience = &self.line.patience;
         let allowed = match request.deadline_ms {

@@ -10,7 +10,7 @@ use super::shared::Shared;
 use crate::keys::{SCHEMA, last};
 use crate::{Error, Keys, LARGEST_MESSAGE};
 use ballast_protocol::from_json_called;
-use ballast_protocol::lockstep::{Attach, Code, Fault, Kind};
+use ballast_protocol::lockstep::{Attach, Code, Fault, WindowKind};
 use ballast_protocol::schema::Nothing;
 use std::sync::Arc;
 use std::sync::mpsc::{SendError, Sender};
@@ -28,7 +28,7 @@ const LONGEST_PASS: usize = 200;
 pub(super) enum Verb {
     Attach,
     Init,
-    Window(Kind),
+    Window(WindowKind),
     Save,
     Restore,
     Drop,
@@ -42,8 +42,8 @@ pub(super) enum Verb {
 const VERBS: [(&str, Verb); 12] = [
     ("attach", Verb::Attach),
     ("init", Verb::Init),
-    ("advance", Verb::Window(Kind::Advance)),
-    ("redo", Verb::Window(Kind::Redo)),
+    ("advance", Verb::Window(WindowKind::Advance)),
+    ("redo", Verb::Window(WindowKind::Redo)),
     ("save", Verb::Save),
     ("restore", Verb::Restore),
     ("drop", Verb::Drop),

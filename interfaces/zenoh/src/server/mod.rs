@@ -23,7 +23,7 @@ pub use ballast_protocol::description::{Body, Description};
 
 use crate::{Error, Keys, Link};
 use ballast::component::Component;
-use ballast_protocol::lockstep::{Code, Fault, Init, Kind, Lockstep};
+use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_protocol::pacer::Pacer;
 use gate::Call;
@@ -57,7 +57,7 @@ pub trait Host {
     fn computed(
         &mut self,
         _lockstep: &Lockstep,
-        _kind: Kind,
+        _kind: WindowKind,
         _request: &AdvanceRequest,
         _reply: &AdvanceReply,
     ) -> bool {

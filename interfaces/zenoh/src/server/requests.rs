@@ -6,7 +6,7 @@ use super::gate::{Request, Verb, object};
 use super::memory::Numbered;
 use crate::{Error, random};
 use ballast_protocol::lockstep::{
-    Attach, Code, Fault, Init, Kind, Named, Pace, Place, Progress, SetParameters,
+    Attach, Code, Fault, Init, Named, Pace, Place, Progress, SetParameters, WindowKind,
 };
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message, Parameters};
 use ballast_protocol::schema::Nothing;
@@ -69,7 +69,7 @@ impl Service<'_> {
         self.shared.dismiss(request.bytes, request.verb == Verb::Attach);
     }
 
-    fn window(&mut self, kind: Kind, query: &Query, key: String, ticket: &str) {
+    fn window(&mut self, kind: WindowKind, query: &Query, key: String, ticket: &str) {
         let request = match message::<AdvanceRequest>(query) {
             Ok(request) => request,
             Err(fault) => return answer::send(query, key, Err(fault)),
@@ -90,7 +90,7 @@ impl Service<'_> {
     /// Computes a window, everyone being told how far it is.
     pub(super) fn compute(
         &mut self,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         ticket: &str,
     ) -> Result<AdvanceReply, Fault> {
@@ -126,7 +126,7 @@ impl Service<'_> {
     /// Tells everyone of a window, unless it was answered from memory: `before` windows had been computed.
     pub(super) fn tell(
         &mut self,
-        kind: Kind,
+        kind: WindowKind,
         request: &AdvanceRequest,
         result: &Result<AdvanceReply, Fault>,
         before: u64,

@@ -2,7 +2,7 @@
 
 use super::Service;
 use crate::keys::chunk;
-use ballast_protocol::lockstep::{Code, Fault, Kind, SetParameters};
+use ballast_protocol::lockstep::{Code, Fault, SetParameters, WindowKind};
 use ballast_protocol::messages::{AdvanceRequest, Status, ns};
 use ballast_protocol::pacer::{Due, Pacer};
 use std::time::Duration;
@@ -65,8 +65,8 @@ impl Service<'_> {
         };
         let ticket = self.lockstep.owner().ticket().unwrap_or_default().to_string();
         let before = self.lockstep.answered_count();
-        let result = self.compute(Kind::Advance, &request, &ticket);
-        self.tell(Kind::Advance, &request, &result, before);
+        let result = self.compute(WindowKind::Advance, &request, &ticket);
+        self.tell(WindowKind::Advance, &request, &result, before);
         match result {
             Ok(reply) if matches!(reply.status, Status::Ok | Status::Warn) => {
                 if let Some(pacer) = &mut self.pacer {

@@ -1,7 +1,7 @@
 //! The same states as in one process; every request does what it says.
 
 use crate::setup::{KEY, Served, WINDOW, lockstep, patient, shaking, step, undisturbed};
-use ballast_protocol::lockstep::{Activity, Code, Kind};
+use ballast_protocol::lockstep::{Activity, Code, WindowKind};
 use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Error, Line, Link, Patience, Server};
@@ -154,7 +154,7 @@ fn a_window_comes_with_its_steps_where_that_is_asked_for() {
     let mut client = served.client();
     let next = client.next(WINDOW);
     let request = AdvanceRequest { motions: shaking(0, WINDOW), series: true, ..next };
-    let reply = client.send(Kind::Advance, &request).unwrap();
+    let reply = client.send(WindowKind::Advance, &request).unwrap();
     let floor = reply.series.bodies.iter().find(|b| b.body == "floor").unwrap();
     assert_eq!((reply.series.time_ns.len(), floor.impulse.len()), (5, 5));
     assert_eq!(client.place().hash, undisturbed(1)[0]);
@@ -180,7 +180,7 @@ fn what_is_refused_says_why_and_changes_nothing() {
         (AdvanceRequest { run_id: "run-0".into(), ..next.clone() }, Code::WrongRun, "run-0"),
         (AdvanceRequest { t1_ns: next.t1_ns + 1, ..next.clone() }, Code::TimeGrid, "1000000"),
     ] {
-        let error = client.send(Kind::Advance, &request).unwrap_err();
+        let error = client.send(WindowKind::Advance, &request).unwrap_err();
         let fault = error.fault().unwrap_or_else(|| panic!("{error}"));
         assert!(fault.code == code && error.to_string().contains(word), "{error}");
         assert_eq!(client.place(), &before);
@@ -203,7 +203,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
         deadline_policy: DeadlinePolicy::Early,
         ..client.next(long)
     };
-    let early = client.send(Kind::Advance, &request).unwrap();
+    let early = client.send(WindowKind::Advance, &request).unwrap();
     assert!(
         early.status == Status::Early && early.t1_ns > 0 && early.t1_ns < long as i64,
         "{early:?}"
@@ -218,7 +218,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
     let begin = Instant::now();
     let mut late = 0;
     let whole = loop {
-        match client.send(Kind::Advance, &request) {
+        match client.send(WindowKind::Advance, &request) {
             Ok(reply) => break reply,
             Err(error @ Error::Slow { .. }) => {
                 late += 1;

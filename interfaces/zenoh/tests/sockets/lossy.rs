@@ -2,7 +2,7 @@
 
 use crate::relay::{Faults, Relay};
 use crate::setup::{KEY, Served, WINDOW, attach, patient, shaking, step, times, undisturbed};
-use ballast_protocol::lockstep::Kind;
+use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_zenoh::{Client, Error, HEARTBEAT, Link, Patience};
 use std::time::{Duration, Instant};
@@ -71,7 +71,7 @@ fn replies_delayed_past_the_deadline_are_told_as_slow_and_got_by_asking_again() 
         let request =
             AdvanceRequest { motions: shaking(t0, t1), deadline_ms: 10, ..client.next(t1) };
         let begin = Instant::now();
-        while let Err(error) = client.send(Kind::Advance, &request) {
+        while let Err(error) = client.send(WindowKind::Advance, &request) {
             assert!(matches!(error, Error::Slow { .. }), "{error}");
             assert!(begin.elapsed() < Duration::from_secs(60), "it never comes");
             late += 1;

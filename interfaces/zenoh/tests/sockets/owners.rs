@@ -4,7 +4,7 @@ use crate::setup::{
     KEY, MS, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
     wait_for,
 };
-use ballast_protocol::lockstep::{Activity, Code, Kind};
+use ballast_protocol::lockstep::{Activity, Code, WindowKind};
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_zenoh::{Client, Error, HEARTBEAT, Line};
 use std::sync::Arc;
@@ -34,7 +34,8 @@ fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
     // More than a minute, unless it is let go.
     let t1 = 1500 * MS;
     let long = AdvanceRequest { motions: shaking(0, t1), ..client.next(t1) };
-    let computing = std::thread::spawn(move || client.send(Kind::Advance, &long).map(|_| client));
+    let computing =
+        std::thread::spawn(move || client.send(WindowKind::Advance, &long).map(|_| client));
     wait_for(|| observer.status(), Activity::Playing);
     let begin = Instant::now();
     let busy = attach(&served.link()).err().expect("someone drives");
@@ -74,7 +75,8 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let given_up = Arc::clone(&client.line().is_given_up);
     let forever =
         AdvanceRequest { motions: vec![], ..client.next(i64::MAX as u64 / 5 / WINDOW * WINDOW) };
-    let computing = std::thread::spawn(move || client.send(Kind::Advance, &forever).unwrap_err());
+    let computing =
+        std::thread::spawn(move || client.send(WindowKind::Advance, &forever).unwrap_err());
     wait_for(|| observer.status(), Activity::Playing);
     given_up.store(true, Ordering::SeqCst);
     let error = computing.join().unwrap();

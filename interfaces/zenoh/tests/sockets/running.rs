@@ -40,7 +40,7 @@ impl Host for Keeps {
     fn computed(
         &mut self,
         _: &ballast_protocol::lockstep::Lockstep,
-        _: ballast_protocol::lockstep::Kind,
+        _: ballast_protocol::lockstep::WindowKind,
         request: &AdvanceRequest,
         reply: &ballast_protocol::messages::AdvanceReply,
     ) -> bool {
@@ -105,8 +105,9 @@ fn time_runs_starves_goes_on_and_stops_and_can_be_computed_again() {
     let ask = ballast_protocol::lockstep::Attach { client: "me".into(), ..Default::default() };
     again.attach(&ask, "t".into(), 0).unwrap();
     for (request, hash) in windows.iter() {
-        use ballast_protocol::lockstep::{Kind, Pace};
-        let reply = again.window(Kind::Advance, request, "t", &|| 0, &mut |_| Pace::GoOn).unwrap();
+        use ballast_protocol::lockstep::{Pace, WindowKind};
+        let reply =
+            again.window(WindowKind::Advance, request, "t", &|| 0, &mut |_| Pace::GoOn).unwrap();
         assert_eq!(reply.hash.to_string(), *hash);
     }
     assert_eq!(again.place().hash, place.hash);
