@@ -110,5 +110,5 @@ fn component(key: &str, args: &Doctor) -> Result<String, String> {
         format!("{e}; does `ballast serve` run with this key, and do the endpoints match?")
     })?;
     let waits = status.waiting_for.map_or(String::new(), |what| format!(", waits for {what}"));
-    Ok(format!("{:?}{waits}", status.activity))
+    Ok(format!("{}{waits}", status.activity))
 }

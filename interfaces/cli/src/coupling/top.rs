@@ -83,10 +83,9 @@ pub fn top(args: Top, console: Console) -> Outcome {
 fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> String {
     let s = |ms: Option<u64>| format!("{:.1} s", ms.unwrap_or(0) as f64 * 1e-3);
     let place = &status.place;
-    let state = format!("{:?}", status.activity).to_uppercase();
     let mut lines = vec![
         ("component", format!("{key}, up for {}", s(Some(status.uptime_ms)))),
-        ("state", state),
+        ("state", status.activity.to_string()),
         (
             "run",
             format!("{}, window {}, kept up to {}", place.run_id, place.seq, status.durable_seq),

@@ -104,6 +104,13 @@ pub enum Activity {
     Quitting,
 }
 
+/// The word on the wire.
+impl std::fmt::Display for Activity {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        self.serialize(f)
+    }
+}
+
 /// What a component is doing, for its status and its heartbeat.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct StatusReport {

@@ -303,7 +303,7 @@ fn doing(status: Option<&StatusReport>) -> String {
             format!("step {} of {} of window {}, {left:.1} s left", p.step, p.steps, p.seq)
         }
         (_, Some(what)) => format!("it waits for {what}"),
-        _ => format!("{:?}", status.activity),
+        _ => status.activity.to_string(),
     }
 }
 
