@@ -2,9 +2,9 @@
 
 use crate::errors::{self, Lost};
 use ballast::step::MOST_THREADS;
+use ballast_protocol::lockstep::said;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
-use std::any::Any;
 use std::cell::OnceCell;
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -245,11 +245,4 @@ fn listening<R: Send>(pool: &ThreadPool, turn: &Turn, work: impl FnOnce() -> R +
         }
     });
     result.expect("the scope ends when the work has")
-}
-
-/// The text of a panic.
-fn said(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-    format!("the program failed inside: {}", text.unwrap_or("it did not say why"))
 }

@@ -5,7 +5,7 @@ use ballast::component::{self, BodyOutcome, SolverOutcome, ZoneOutcome};
 use ballast::observe::SqueezeOutcome;
 use ballast::state::{EnergyLedger, State};
 use ballast::step::StepReport;
-use ballast_protocol::messages::StepSeries;
+use ballast_protocol::messages::{StepSeries, core_ns};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -493,7 +493,7 @@ impl Series {
         let steps = 0..series.time_ns.len();
         let rows = steps.flat_map(|step| names.iter().map(move |name| (step, name)));
         Self {
-            time_ns: series.time_ns.iter().map(|t| u64::try_from(*t).unwrap_or(0)).collect(),
+            time_ns: series.time_ns.iter().map(|t| core_ns(*t)).collect(),
             iterations: series.iterations.clone(),
             residual_qm16: series.residual_qm16.clone(),
             impulses: rows.map(|(step, name)| row(step, name).unwrap_or([f64::NAN; 6])).collect(),

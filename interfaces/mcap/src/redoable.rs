@@ -7,7 +7,7 @@ use ballast::math::Vec3;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_protocol::lockstep::WindowKind;
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use std::sync::Arc;
 
 /// Polyhedra, which are many times larger, stand beside every so many pictures of points.
@@ -84,8 +84,7 @@ impl Redoable {
         if kind == WindowKind::Advance {
             self.settle()?;
         }
-        let is_kept = !matches!(reply.status, Status::Discard | Status::Error | Status::Fatal);
-        self.last = is_kept.then(|| {
+        self.last = reply.status.is_kept().then(|| {
             let (request, reply) = self.tape().repeatable(request, reply);
             Last { request, reply, model, state }
         });

@@ -12,7 +12,7 @@ use ballast::state::State;
 use ballast::track::plan::Plan;
 use ballast_protocol::Malformed;
 use ballast_protocol::messages::{
-    AdvanceReply, AdvanceRequest, BodyInput, Log, Parameters, Status, StepSeries, Time, ns,
+    AdvanceReply, AdvanceRequest, BodyInput, Log, Parameters, Status, StepSeries, core_ns,
 };
 use std::fs::File;
 use std::io::Read;
@@ -103,14 +103,8 @@ impl Tape {
 
     /// The request of the window that comes next.
     pub fn request(&self, t0_ns: u64, t1_ns: u64, motions: Vec<BodyInput>) -> AdvanceRequest {
-        AdvanceRequest {
-            run_id: self.run_id.clone(),
-            seq: self.seq + 1,
-            t0_ns: ns(t0_ns),
-            t1_ns: ns(t1_ns),
-            motions,
-            ..AdvanceRequest::default()
-        }
+        let bare = AdvanceRequest::of(&self.run_id, self.seq + 1, [t0_ns, t1_ns]);
+        AdvanceRequest { motions, ..bare }
     }
 
     /// A window as it can be computed again: up to where it ended, without a deadline or a
@@ -158,7 +152,7 @@ impl Tape {
         let parameters = parameters(model);
         if parameters != self.parameters {
             self.parameters = parameters;
-            let begin = u64::try_from(request.t0_ns).unwrap_or_default();
+            let begin = core_ns(request.t0_ns);
             let entry = Entry::of(window::PARAMETERS, begin, &parameters);
             self.write_all(entry.map(|entry| vec![entry]))?;
         }
@@ -170,13 +164,7 @@ impl Tape {
     /// # Errors
     /// The system refuses.
     pub fn log(&mut self, time_ns: u64, text: &str) -> Result<()> {
-        let log = Log {
-            stamp: Time::from_ns(time_ns),
-            level: 20,
-            name: "ballast".into(),
-            msg: text.into(),
-            ..Log::default()
-        };
+        let log = Log::info(time_ns, "ballast", text);
         self.write_all(Entry::of("/log", time_ns, &log).map(|entry| vec![entry]))
     }
 

@@ -1,7 +1,9 @@
 //! The JSON Schema of the control plane, made from the same types that read and write it.
 
 use crate::description::Description;
-use crate::lockstep::{Attach, Attached, Fault, Init, Named, Place, SetParameters, StatusReport};
+use crate::lockstep::{
+    Attach, Attached, Fault, Init, Named, Place, SetParameters, StatusReport, Verb,
+};
 use crate::messages::{AdvanceReply, AdvanceRequest};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde_json::{Map, Value, json};
@@ -18,29 +20,27 @@ fn pair<Q: JsonSchema, A: JsonSchema>(generator: &mut SchemaGenerator) -> [Schem
     [generator.subschema_for::<Q>(), generator.subschema_for::<A>()]
 }
 
-/// Every request, and what it is answered with unless it is refused.
-const REQUESTS: &[(&str, Pair)] = &[
-    ("describe", pair::<Nothing, Description>),
-    ("attach", pair::<Attach, Attached>),
-    ("init", pair::<Init, Place>),
-    ("advance", pair::<AdvanceRequest, AdvanceReply>),
-    ("redo", pair::<AdvanceRequest, AdvanceReply>),
-    ("save", pair::<Named, Place>),
-    ("restore", pair::<Named, Place>),
-    ("drop", pair::<Named, Place>),
-    ("reset", pair::<Nothing, Place>),
-    ("param", pair::<SetParameters, Place>),
-    ("status", pair::<Nothing, StatusReport>),
-    ("detach", pair::<Nothing, Place>),
-    ("shutdown", pair::<Nothing, Place>),
-];
+/// A request, and what it is answered with unless it is refused.
+fn pair_of(verb: Verb) -> Pair {
+    match verb {
+        Verb::Attach => pair::<Attach, Attached>,
+        Verb::Init => pair::<Init, Place>,
+        Verb::Window(_) => pair::<AdvanceRequest, AdvanceReply>,
+        Verb::Save | Verb::Restore | Verb::Drop => pair::<Named, Place>,
+        Verb::Param => pair::<SetParameters, Place>,
+        Verb::Status => pair::<Nothing, StatusReport>,
+        Verb::Reset | Verb::Detach | Verb::Shutdown => pair::<Nothing, Place>,
+    }
+}
 
 /// JSON Schema (2020-12) of the control plane: `$defs` holds `VERB.request` and `VERB.reply` for every request,
 /// `refusal` for what a refused one is answered with, and the types that these are made of.
 pub fn control_plane() -> Value {
     let mut generator = SchemaGenerator::default();
     let mut named = Map::new();
-    for (verb, pair) in REQUESTS {
+    let describe: (&str, Pair) = ("describe", pair::<Nothing, Description>);
+    let verbs = Verb::ALL.map(|verb| (verb.word(), pair_of(verb)));
+    for (verb, pair) in std::iter::once(describe).chain(verbs) {
         let [request, reply] = pair(&mut generator);
         named.insert(format!("{verb}.request"), request.into());
         named.insert(format!("{verb}.reply"), reply.into());

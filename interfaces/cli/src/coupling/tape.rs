@@ -10,7 +10,7 @@ use crate::case::Case;
 use crate::exit::Outcome;
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
 use ballast_protocol::lockstep::{Lockstep, WindowKind};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use std::path::{Path, PathBuf};
 
 /// The open recording.
@@ -50,7 +50,7 @@ impl Recording {
         let component = lockstep.component();
         let (model, state) = (component.shared_model(), component.save());
         windows.window(model, kind, request, reply, state)?;
-        if matches!(reply.status, Status::Discard | Status::Error | Status::Fatal) {
+        if !reply.status.is_kept() {
             let text = format!("window {} taken back: {}", reply.seq, reply.message);
             windows.tape().log(component.now_ns(), &text)?;
         }

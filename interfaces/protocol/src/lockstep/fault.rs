@@ -138,6 +138,13 @@ impl Fault {
     }
 }
 
+/// What a panic said.
+pub fn said(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
+    format!("the program failed inside: {}", text.unwrap_or("no reason given"))
+}
+
 impl From<Malformed> for Fault {
     fn from(e: Malformed) -> Self {
         Self::expected(Code::Malformed, &e.place, e.expected, e.found)

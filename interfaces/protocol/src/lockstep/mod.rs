@@ -16,15 +16,17 @@ mod cost;
 mod fault;
 mod owner;
 mod state;
+mod verb;
 mod window;
 
 pub use control::{
     Activity, Attach, Attached, Init, Named, Place, Progress, SetParameters, StatusReport,
 };
 pub use cost::{Cost, WallClock};
-pub use fault::{Code, Fault, Finding};
+pub use fault::{Code, Fault, Finding, said};
 pub use owner::Ownership;
 pub use state::{Kept, empty_model};
+pub use verb::Verb;
 pub use window::{Pace, Watch, WindowKind};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};

@@ -1,9 +1,9 @@
 //! One window: in its turn, computed, answered, and its answer kept.
 
 use super::cost::{Laps, WallClock};
-use super::{Code, Fault, Lockstep, Progress};
+use super::{Code, Fault, Lockstep, Progress, said};
 use crate::messages::{
-    AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, ns,
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, core_ns, ns,
 };
 use ballast::component::{Outcome, Stop, Window};
 use ballast::state::State;
@@ -179,8 +179,8 @@ impl Lockstep {
     }
 
     /// How many steps a window has that is on the grid.
-    fn steps(&self, request: &AdvanceRequest) -> u64 {
-        let ahead = request.t1_ns.saturating_sub(request.t0_ns).max(0) as u64;
+    pub fn steps(&self, request: &AdvanceRequest) -> u64 {
+        let ahead = core_ns(request.t1_ns.saturating_sub(request.t0_ns));
         ahead / self.component.model().stepping.step_ns
     }
 
@@ -228,11 +228,4 @@ impl Lockstep {
             ..Fault::expected(Code::OutOfSequence, "seq", expected, found)
         }
     }
-}
-
-/// What a panic said.
-fn said(panic: &(dyn std::any::Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(ToString::to_string);
-    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    format!("the program failed inside: {}", text.unwrap_or_else(|| "no reason given".into()))
 }

@@ -97,6 +97,11 @@ pub fn ns(time_ns: u64) -> i64 {
     i64::try_from(time_ns).unwrap_or(i64::MAX)
 }
 
+/// A time of the wire in the core; before the start of the run: the start.
+pub fn core_ns(time_ns: i64) -> u64 {
+    u64::try_from(time_ns).unwrap_or(0)
+}
+
 impl From<component::Knot> for Knot {
     fn from(knot: component::Knot) -> Self {
         let twist = Twist { linear: knot.velocity.into(), angular: knot.spin.into() };

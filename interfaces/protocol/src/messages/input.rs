@@ -1,5 +1,6 @@
 //! What a window is asked with.
 
+use super::convert::ns;
 use super::hash::Digest;
 use super::stock::{Pose, Twist, Wrench};
 use super::words::{DeadlinePolicy, Interpolation};
@@ -79,6 +80,12 @@ pub struct AdvanceRequest {
 }
 
 impl AdvanceRequest {
+    /// Window `seq` of a run, from `t0_ns` to `t1_ns`: without inputs, without a deadline.
+    pub fn of(run_id: impl Into<String>, seq: u64, [t0_ns, t1_ns]: [u64; 2]) -> Self {
+        let run_id = run_id.into();
+        Self { run_id, seq, t0_ns: ns(t0_ns), t1_ns: ns(t1_ns), ..Self::default() }
+    }
+
     /// Fingerprint of the request, whatever it was written in: a retry is known by it.
     ///
     /// # Errors

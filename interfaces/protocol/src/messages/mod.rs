@@ -15,7 +15,7 @@ mod stock;
 mod words;
 
 pub use catalogue::{Message, decode_to_json, definition, schema};
-pub use convert::{Asked, ns};
+pub use convert::{Asked, core_ns, ns};
 pub use hash::{Digest, StateHash};
 pub use input::{AdvanceRequest, BodyInput, Knot, LoadInput, LoadKnot};
 pub use reply::{

@@ -118,6 +118,14 @@ impl Time {
     }
 }
 
+impl Log {
+    /// Something worth knowing, at a moment of simulated time, ns.
+    pub fn info(time_ns: u64, name: &str, text: &str) -> Self {
+        let (stamp, name, msg) = (Time::from_ns(time_ns), name.into(), text.into());
+        Self { stamp, level: 20, name, msg, ..Self::default() }
+    }
+}
+
 impl Header {
     /// Something in the world's frame at a moment of simulated time, ns.
     pub fn world(time_ns: u64) -> Self {

@@ -110,3 +110,10 @@ words!(
         Fatal = 5 "fatal",
     }
 );
+
+impl Status {
+    /// Whether the window led on; otherwise the state is that of its beginning.
+    pub fn is_kept(self) -> bool {
+        !matches!(self, Self::Discard | Self::Error | Self::Fatal)
+    }
+}
