@@ -26,14 +26,19 @@ pub(crate) fn unpack<'a>(header: &ChunkHeader, data: &'a [u8]) -> Result<Cow<'a,
             let decoder = lz4::Decoder::new(data).map_err(|e| e.to_string())?;
             Cow::Owned(read(decoder, size)?)
         }
-        other => return Err(format!("a chunk packed with {other:?}")),
+        other => {
+            let expected = "\"\", \"zstd\" or \"lz4\"";
+            return Err(format!("how a chunk is packed: expected {expected}, found {other:?}"));
+        }
     };
     if content.len() as u64 != size {
         return Err(format!("a chunk of {} bytes that claims {size}", content.len()));
     }
     let sum = header.uncompressed_crc;
-    if sum != 0 && crc32fast::hash(&content) != sum {
-        return Err("a chunk whose checksum does not fit".into());
+    // Without one there is nothing to compare.
+    let found = if sum == 0 { 0 } else { crc32fast::hash(&content) };
+    if found != sum {
+        return Err(format!("checksum of a chunk: expected {sum:08x}, found {found:08x}"));
     }
     Ok(content)
 }
