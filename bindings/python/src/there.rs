@@ -9,10 +9,10 @@ use crate::outcome::{Outcome, Series, Trouble};
 use crate::simulation::Asked;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
+use ballast_protocol::description::Body;
 use ballast_protocol::lockstep::{Place, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
-use ballast_zenoh::server::Description;
-use ballast_zenoh::{Client, Link, Patience};
+use ballast_zenoh::{Client, Description, Link, Patience};
 use pyo3::prelude::*;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -66,7 +66,7 @@ impl There {
             Ok((client, about))
         });
         let (client, about) = attached.map_err(|e| failed(py, e))?;
-        let target = |body: &ballast_zenoh::server::Body| {
+        let target = |body: &Body| {
             let orientation = body.orientation.try_into()?;
             Ok(Pose { position: body.position.into(), orientation })
         };

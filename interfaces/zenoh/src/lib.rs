@@ -10,12 +10,16 @@ pub mod keys;
 pub mod link;
 pub mod server;
 
+mod wire;
+
+pub use ballast_protocol::description::Description;
 pub use client::{Client, Line, Patience};
 pub use error::Error;
 pub use keys::Keys;
 pub use link::Link;
-pub use server::{Description, Host, Server};
+pub use server::{Host, Server};
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Between two signs of life of a component.
@@ -33,4 +37,9 @@ pub fn random() -> Result<String, Error> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|e| Error::link("random numbers", e))?;
     Ok(format!("{:032x}", u128::from_be_bytes(bytes)))
+}
+
+/// What a panic elsewhere has left is as good as before: nothing here is half written.
+pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

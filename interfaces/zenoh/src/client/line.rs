@@ -6,8 +6,8 @@
 
 use super::presence::Presence;
 use crate::keys::{SCHEMA, last};
-use crate::server::Description;
 use crate::{Error, Keys, LARGEST_MESSAGE, Link, SILENCE};
+use ballast_protocol::description::Description;
 use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport};
 use serde::de::DeserializeOwned;
 use std::sync::Arc;

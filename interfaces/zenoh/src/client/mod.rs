@@ -12,8 +12,9 @@ mod presence;
 
 pub use line::{Line, Patience};
 
-use crate::server::{Description, cdr};
+use crate::wire::cdr;
 use crate::{Error, Link, random};
+use ballast_protocol::description::Description;
 use ballast_protocol::lockstep::{
     Attach, Attached, Code, Init, Named, Place, SetParameters, StatusReport, WindowKind,
 };

@@ -1,8 +1,9 @@
 //! Whether a component is there, and what it does: its liveliness tokens and its heartbeat.
 
+use crate::locked;
 use ballast_protocol::lockstep::{Activity, StatusReport};
 use std::collections::BTreeSet;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 /// Most tokens of one component: there are two for a moment when a run begins anew.
@@ -37,7 +38,7 @@ impl Presence {
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.seen)
     }
 
     pub fn appears(&self, run: &str) {
@@ -93,6 +94,6 @@ impl Presence {
         let seen = self.seen();
         let before = seen.at;
         let waited = self.changed.wait_timeout_while(seen, most, |seen| seen.at == before);
-        drop(waited.unwrap_or_else(PoisonError::into_inner));
+        drop(waited);
     }
 }

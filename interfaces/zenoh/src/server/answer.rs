@@ -1,5 +1,6 @@
 //! Answers, and how they are sent.
 
+use crate::wire::cdr;
 use ballast_protocol::lockstep::Fault;
 use ballast_protocol::messages::Message;
 use ballast_protocol::to_cdr;
@@ -7,14 +8,6 @@ use serde::Serialize;
 use zenoh::Wait;
 use zenoh::bytes::Encoding;
 use zenoh::query::Query;
-
-/// The start of the encoding of CDR messages; their type follows.
-pub(crate) const CDR: &str = "application/cdr";
-
-/// How a message of this type is marked when it is CDR.
-pub(crate) fn cdr<T: Message>() -> Encoding {
-    Encoding::from(format!("{CDR};{}", T::NAME))
-}
 
 /// Bytes of an answer, and how they are to be read.
 #[derive(Debug, Clone)]

@@ -6,11 +6,11 @@
 
 use super::answer::{self, Answer};
 use super::requests::quitting;
-use super::shared::Shared;
+use super::shared::{Room, Shared};
 use crate::keys::{SCHEMA, last};
 use crate::{Error, Keys, LARGEST_MESSAGE};
 use ballast_protocol::from_json_called;
-use ballast_protocol::lockstep::{Attach, Code, Fault, WindowKind};
+use ballast_protocol::lockstep::{Attach, Code, Fault, Verb};
 use ballast_protocol::schema::Nothing;
 use std::sync::Arc;
 use std::sync::mpsc::{SendError, Sender};
@@ -22,57 +22,6 @@ use zenoh::{Session, Wait};
 const LARGEST_CONTROL: usize = 64 << 10;
 /// Longest ticket and number of a request together.
 const LONGEST_PASS: usize = 200;
-
-/// What can be asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verb {
-    Attach,
-    Init,
-    Window(WindowKind),
-    Save,
-    Restore,
-    Drop,
-    Reset,
-    Param,
-    Status,
-    Detach,
-    Shutdown,
-}
-
-const VERBS: [(&str, Verb); 12] = [
-    ("attach", Verb::Attach),
-    ("init", Verb::Init),
-    ("advance", Verb::Window(WindowKind::Advance)),
-    ("redo", Verb::Window(WindowKind::Redo)),
-    ("save", Verb::Save),
-    ("restore", Verb::Restore),
-    ("drop", Verb::Drop),
-    ("reset", Verb::Reset),
-    ("param", Verb::Param),
-    ("status", Verb::Status),
-    ("detach", Verb::Detach),
-    ("shutdown", Verb::Shutdown),
-];
-
-impl Verb {
-    fn of(word: &str) -> Result<Self, Fault> {
-        let known = VERBS.iter().find(|(name, _)| *name == word);
-        known.map(|(_, verb)| *verb).ok_or_else(|| {
-            let names = VERBS.map(|(name, _)| name).join(", ");
-            let found: String = word.chars().take(50).collect();
-            Fault::expected(
-                Code::UnknownRequest,
-                "ctl",
-                format!("one of {names}"),
-                format!("{found:?}"),
-            )
-        })
-    }
-
-    pub fn word(self) -> &'static str {
-        VERBS.iter().find(|(_, verb)| *verb == self).map_or("", |(name, _)| name)
-    }
-}
 
 /// What a caller shows: the owner's ticket, and a number of its own for the request, by which a retry is
 /// known.
@@ -106,13 +55,12 @@ pub(super) struct Request {
     pub query: Query,
     pub verb: Verb,
     pub pass: Pass,
-    /// Of the payload.
-    pub bytes: usize,
+    pub room: Room,
 }
 
 /// What wakes the computing thread.
 pub(super) enum Call {
-    Request(Request),
+    Request(Box<Request>),
     /// Samples of motion are waiting.
     Input,
 }
@@ -152,7 +100,7 @@ pub(super) fn open(
     Ok(())
 }
 
-fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Call>, query: Query) {
+fn enter(shared: &Arc<Shared>, keys: &Keys, sender: &Sender<Call>, query: Query) {
     let word = last(query.key_expr().as_str()).to_string();
     let key = keys.control(&word);
     let bytes = query.payload().map_or(0, zenoh::bytes::ZBytes::len);
@@ -162,13 +110,10 @@ fn enter(shared: &Shared, keys: &Keys, sender: &Sender<Call>, query: Query) {
             answer::send(&query, key, shared.parameters().map(Answer::text));
         }
         Ok(verb) => {
-            let result = Pass::of(&query).and_then(|pass| {
-                shared.admit(bytes, verb == Verb::Attach)?;
-                Ok(pass)
-            });
-            match result {
-                Ok(pass) => {
-                    let request = Call::Request(Request { query, verb, pass, bytes });
+            let admitted = Pass::of(&query).and_then(|pass| Ok((pass, shared.admit(verb, bytes)?)));
+            match admitted {
+                Ok((pass, room)) => {
+                    let request = Call::Request(Box::new(Request { query, verb, pass, room }));
                     if let Err(SendError(Call::Request(refused))) = sender.send(request) {
                         answer::send(&refused.query, key, Err(quitting()));
                     }
@@ -185,7 +130,7 @@ fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Ver
     if !is_owner {
         shared.check_rate()?;
     }
-    let verb = Verb::of(word)?;
+    let verb = Verb::of(word).ok_or_else(|| unknown(word))?;
     let most = if matches!(verb, Verb::Window(_)) { LARGEST_MESSAGE } else { LARGEST_CONTROL };
     if bytes > most {
         let expected = format!("at most {most} bytes");
@@ -207,6 +152,12 @@ fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Ver
         _ => shared.check_owner(&Pass::of(query)?.ticket)?,
     }
     Ok(verb)
+}
+
+fn unknown(word: &str) -> Fault {
+    let expected = format!("one of {}", Verb::ALL.map(Verb::word).join(", "));
+    let found: String = word.chars().take(50).collect();
+    Fault::expected(Code::UnknownRequest, "ctl", expected, format!("{found:?}"))
 }
 
 /// Whether a request has no content: it asks for what is set, and sets nothing.

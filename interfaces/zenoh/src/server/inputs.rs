@@ -3,15 +3,15 @@
 //! Contract: runs on threads of the transport and never waits. Only what the owner's ticket goes with is decoded;
 //! what waits is bounded.
 
-use super::answer::CDR;
 use super::gate::Call;
 use super::shared::Shared;
-use crate::{Error, Keys};
+use crate::wire::is_cdr;
+use crate::{Error, Keys, locked};
 use ballast_protocol::messages::Knot;
 use ballast_protocol::{from_cdr, from_json};
 use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use zenoh::bytes::ZBytes;
 use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
@@ -52,11 +52,11 @@ impl Inputs {
             return;
         }
         let bytes = sample.payload().to_bytes();
-        let is_cdr = sample.encoding().to_string().starts_with(CDR);
+        let is_cdr = is_cdr(sample.encoding());
         let knot = if is_cdr { from_cdr::<Knot>(&bytes) } else { from_json::<Knot>(&bytes) };
         let body = sample.key_expr().as_str().rsplit('/').nth(1);
         let (Ok(knot), Some(body)) = (knot, body) else { return };
-        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut waiting = locked(&self.waiting);
         if waiting.len() >= MOST {
             return;
         }
@@ -69,6 +69,6 @@ impl Inputs {
 
     /// What has come since it was last asked.
     pub fn take(&self) -> VecDeque<Heard> {
-        std::mem::take(&mut *self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
+        std::mem::take(&mut *locked(&self.waiting))
     }
 }

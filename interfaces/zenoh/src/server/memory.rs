@@ -2,8 +2,8 @@
 //! once. (A window is known by its content.)
 
 use super::answer::Answer;
-use super::gate::{Pass, Verb};
-use ballast_protocol::lockstep::Fault;
+use super::gate::Pass;
+use ballast_protocol::lockstep::{Fault, Verb};
 use std::collections::VecDeque;
 use zenoh::query::Query;
 

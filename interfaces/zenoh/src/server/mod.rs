@@ -18,11 +18,9 @@ mod requests;
 mod running;
 mod shared;
 
-pub(crate) use answer::cdr;
-pub use ballast_protocol::description::{Body, Description};
-
 use crate::{Error, Keys, Link};
 use ballast::component::Component;
+use ballast_protocol::description::Description;
 use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_protocol::pacer::Pacer;
@@ -203,7 +201,7 @@ impl Service<'_> {
         while !self.shared.is_quitting() && !self.host.is_stopped() {
             let most = self.run_on().unwrap_or(DOZE).min(DOZE);
             match inbox.recv_timeout(most) {
-                Ok(Call::Request(request)) => self.request(request)?,
+                Ok(Call::Request(request)) => self.request(*request)?,
                 Ok(Call::Input) => {}
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,

@@ -3,17 +3,18 @@
 //! Contract: whoever listens gets all of it or is cut off by the transport; the last message of every key is
 //! kept for those who come later and ask with a query.
 
-use super::answer::{self, cdr};
+use super::answer;
 use super::shared::Shared;
-use crate::{Error, Keys};
+use crate::wire::cdr;
+use crate::{Error, Keys, locked};
 use ballast::model::Model;
 use ballast_protocol::messages::{
     AdvanceReply, Clock, Log, Message, PoseStamped, StateHash, Time, TwistStamped, WrenchImpulse,
-    WrenchStamped,
+    WrenchStamped, core_ns,
 };
 use ballast_protocol::to_cdr;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use zenoh::bytes::Encoding;
 use zenoh::key_expr::KeyExpr;
 use zenoh::pubsub::Publisher;
@@ -82,8 +83,7 @@ impl Outlets {
         // Whoever listens is told; nobody has to.
         if let (Some(publisher), Ok(bytes)) = (self.by_key.get(&key), to_cdr(message)) {
             let _ = publisher.put(bytes.clone()).encoding(cdr::<T>()).wait();
-            let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-            last.insert(key, (bytes, cdr::<T>()));
+            locked(&self.last).insert(key, (bytes, cdr::<T>()));
         }
     }
 
@@ -110,13 +110,13 @@ impl Outlets {
             self.put(self.keys.out_squeeze(&squeeze.pair), squeeze);
         }
         self.put(self.keys.out("solver"), &reply.solver);
-        self.moment(reply.hash, u64::try_from(reply.t1_ns).unwrap_or(0));
+        self.moment(reply.hash, core_ns(reply.t1_ns));
     }
 
     /// Tells everyone that the run goes on from elsewhere; what windows before that have said holds no more.
     pub fn elsewhere(&mut self, hash: StateHash, now_ns: u64) {
         let log = self.keys.out("log");
-        self.last.lock().unwrap_or_else(PoisonError::into_inner).retain(|key, _| *key == log);
+        locked(&self.last).retain(|key, _| *key == log);
         self.moment(hash, now_ns);
     }
 
@@ -128,13 +128,7 @@ impl Outlets {
 
     /// Tells everyone a line of the log, at a time of the run.
     pub fn log(&mut self, now_ns: u64, text: &str) {
-        let log = Log {
-            stamp: Time::from_ns(now_ns),
-            level: 20,
-            name: self.keys.name().into(),
-            msg: text.into(),
-            ..Log::default()
-        };
+        let log = Log::info(now_ns, self.keys.name(), text);
         self.put(self.keys.out("log"), &log);
     }
 }
@@ -143,7 +137,7 @@ impl Outlets {
 fn tell_late(last: &Last, query: &Query, status: &str, shared: &Shared) {
     let is_wanted =
         |key: &str| KeyExpr::try_from(key).is_ok_and(|key| query.key_expr().intersects(&key));
-    let last = last.lock().unwrap_or_else(PoisonError::into_inner);
+    let last = locked(last);
     let mut wanted: Vec<_> = last
         .iter()
         .filter(|(key, _)| is_wanted(key))

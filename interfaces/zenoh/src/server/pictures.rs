@@ -3,7 +3,7 @@
 //! Contract: the computing thread hands a state over, or does not when the last one is still being sent; it waits for
 //! nothing. What a viewer does not take is dropped.
 
-use super::answer::cdr;
+use crate::wire::cdr;
 use crate::{Error, Keys, Link};
 use ballast::component::Component;
 use ballast::math::Vec3;

@@ -1,12 +1,12 @@
 //! One request, on the computing thread: what it asks, what is answered.
 
 use super::Service;
-use super::answer::{self, Answer, CDR};
-use super::gate::{Request, Verb, object};
+use super::answer::{self, Answer};
+use super::gate::{Request, object};
 use super::memory::Numbered;
-use crate::{Error, random};
+use crate::{Error, random, wire};
 use ballast_protocol::lockstep::{
-    Attach, Code, Fault, Init, Named, Pace, Place, Progress, SetParameters, WindowKind,
+    Attach, Code, Fault, Init, Named, Pace, Place, Progress, SetParameters, Verb, WindowKind,
 };
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message, Parameters};
 use ballast_protocol::schema::Nothing;
@@ -21,7 +21,7 @@ const LOOK: Duration = Duration::from_millis(500);
 
 /// Whether the query's payload is CDR.
 fn is_cdr(query: &Query) -> bool {
-    query.encoding().is_some_and(|e| e.to_string().starts_with(CDR))
+    query.encoding().is_some_and(wire::is_cdr)
 }
 
 fn message<T: Message>(query: &Query) -> Result<T, Fault> {
@@ -41,7 +41,7 @@ fn fresh() -> Result<String, Fault> {
 impl Service<'_> {
     /// Does what a request asks and answers it.
     pub fn request(&mut self, request: Request) -> Result<(), Error> {
-        let Request { query, verb, pass, bytes } = request;
+        let Request { query, verb, pass, room: _room } = request;
         let key = self.keys.control(verb.word());
         if let Verb::Window(kind) = verb {
             self.window(kind, &query, key, &pass.ticket);
@@ -59,14 +59,12 @@ impl Service<'_> {
             }
             answer::send(&query, key, result);
         }
-        self.shared.dismiss(bytes, verb == Verb::Attach);
         Ok(())
     }
 
     /// Refuses what was not begun when the component quits.
     pub fn refuse(&self, request: &Request) {
         answer::send(&request.query, self.keys.control(request.verb.word()), Err(quitting()));
-        self.shared.dismiss(request.bytes, request.verb == Verb::Attach);
     }
 
     fn window(&mut self, kind: WindowKind, query: &Query, key: String, ticket: &str) {
@@ -110,8 +108,7 @@ impl Service<'_> {
             }
         };
         // From the first moment on: a first step may take long, and who sees it idle asks again.
-        let ahead = u64::try_from(request.t1_ns.saturating_sub(request.t0_ns)).unwrap_or(0);
-        let steps = ahead / self.lockstep.component().model().stepping.step_ns;
+        let steps = self.lockstep.steps(request);
         self.shared.show_progress(&Progress { seq: request.seq, steps, ..Progress::default() });
         let result = self.lockstep.window(kind, request, ticket, &clock, &mut watch);
         self.show();

@@ -3,7 +3,7 @@
 use super::Service;
 use crate::keys::chunk;
 use ballast_protocol::lockstep::{Code, Fault, SetParameters, WindowKind};
-use ballast_protocol::messages::{AdvanceRequest, Status, ns};
+use ballast_protocol::messages::{AdvanceRequest, BodyInput, Status};
 use ballast_protocol::pacer::{Due, Pacer};
 use std::time::Duration;
 
@@ -53,16 +53,10 @@ impl Service<'_> {
         }
     }
 
-    fn run_window(&mut self, t1_ns: u64, motions: Vec<ballast_protocol::messages::BodyInput>) {
+    fn run_window(&mut self, t1_ns: u64, motions: Vec<BodyInput>) {
         let place = self.lockstep.place();
-        let request = AdvanceRequest {
-            run_id: place.run_id,
-            seq: place.seq + 1,
-            t0_ns: ns(place.now_ns),
-            t1_ns: ns(t1_ns),
-            motions,
-            ..AdvanceRequest::default()
-        };
+        let bare = AdvanceRequest::of(place.run_id, place.seq + 1, [place.now_ns, t1_ns]);
+        let request = AdvanceRequest { motions, ..bare };
         let ticket = self.lockstep.owner().ticket().unwrap_or_default().to_string();
         let before = self.lockstep.answered_count();
         let result = self.compute(WindowKind::Advance, &request, &ticket);

@@ -2,11 +2,11 @@
 //!
 //! Contract: a short lock, never held while waiting; a picture that is whole at any time.
 
-use super::Description;
-use crate::{HEARTBEAT, LARGEST_MESSAGE};
-use ballast_protocol::lockstep::{Activity, Code, Fault, Lockstep, Progress, StatusReport};
+use crate::{HEARTBEAT, LARGEST_MESSAGE, locked};
+use ballast_protocol::description::Description;
+use ballast_protocol::lockstep::{Activity, Code, Fault, Lockstep, Progress, StatusReport, Verb};
 use std::collections::BTreeSet;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
 /// Most requests that wait, and most bytes of theirs.
@@ -78,7 +78,7 @@ impl Shared {
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+        locked(&self.seen)
     }
 
     /// Wall time since the start, ms.
@@ -280,8 +280,9 @@ impl Shared {
     }
 
     /// Takes room for a request of so many bytes.
-    pub fn admit(&self, bytes: usize, attaches: bool) -> Result<(), Fault> {
+    pub fn admit(self: &Arc<Self>, verb: Verb, bytes: usize) -> Result<Room, Fault> {
         let mut seen = self.seen();
+        let attaches = verb == Verb::Attach;
         if attaches && seen.attaches >= MOST_ATTACHES {
             let expected = format!("at most {MOST_ATTACHES}");
             let found = format!("{}, and one more", seen.attaches);
@@ -301,14 +302,22 @@ impl Shared {
         seen.requests += 1;
         seen.attaches += usize::from(attaches);
         seen.bytes += bytes;
-        Ok(())
+        Ok(Room { shared: Arc::clone(self), attaches, bytes })
     }
+}
 
-    /// Gives the room back.
-    pub fn dismiss(&self, bytes: usize, attaches: bool) {
-        let mut seen = self.seen();
-        seen.attaches = seen.attaches.saturating_sub(usize::from(attaches));
-        seen.requests = seen.requests.saturating_sub(1);
-        seen.bytes = seen.bytes.saturating_sub(bytes);
+/// What a request takes while it waits and is done: given back when it is let go.
+pub(super) struct Room {
+    shared: Arc<Shared>,
+    attaches: bool,
+    bytes: usize,
+}
+
+impl Drop for Room {
+    fn drop(&mut self) {
+        let mut seen = self.shared.seen();
+        seen.requests -= 1;
+        seen.attaches -= usize::from(self.attaches);
+        seen.bytes -= self.bytes;
     }
 }
