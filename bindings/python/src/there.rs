@@ -10,8 +10,8 @@ use crate::simulation::Asked;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
 use ballast_protocol::description::Body;
-use ballast_protocol::lockstep::{Place, WindowKind};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status};
+use ballast_protocol::lockstep::{Place, Verb, WindowKind};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
 use ballast_zenoh::{Client, Description, Link, Patience};
 use pyo3::prelude::*;
 use std::sync::atomic::Ordering;
@@ -31,7 +31,7 @@ pub struct There {
     /// The last window's ends, ns, and the targets at its beginning.
     last: Option<([u64; 2], Targets)>,
     /// Asked, and not answered yet.
-    pending: Option<(WindowKind, AdvanceRequest)>,
+    pending: Option<(WindowKind, Arc<AdvanceRequest>)>,
     /// It has failed inside, over there.
     is_lost: bool,
     /// How many states were kept, and the names of those that nobody here holds any more.
@@ -75,7 +75,7 @@ impl There {
             client,
             crew,
             names: about.bodies.iter().map(|b| b.name.clone()).collect(),
-            targets: targets.map_err(|e| failed(py, e.into()))?,
+            targets: targets.map_err(|e| unusable(py, "describe", &e))?,
             last: None,
             pending: None,
             is_lost: false,
@@ -97,13 +97,13 @@ impl There {
         if let Some((kind, request)) = &self.pending {
             // The same once more is what was asked before; anything else comes after it.
             let again = self.request(py, *kind, asked);
-            if again.is_ok_and(|again| again == *request) {
+            if again.is_ok_and(|again| again == **request) {
                 return self.pending_window(py, asked);
             }
             self.settle(py)?;
         }
         let kind = asked.kind();
-        self.pending = Some((kind, self.request(py, kind, asked)?));
+        self.pending = Some((kind, self.request(py, kind, asked)?.into()));
         self.pending_window(py, asked)
     }
 
@@ -139,7 +139,9 @@ impl There {
         let begin = Instant::now();
         let reply = self.answer(py)?;
         let wall_s = begin.elapsed().as_secs_f64();
-        let mut inner = reply.outcome().map_err(|e| failed(py, e.into()))?;
+        let inner = reply.outcome();
+        let verb = Verb::Window(asked.kind()).word();
+        let mut inner = inner.map_err(|e| unusable(py, verb, &e))?;
         if !asked.zones {
             inner.zones.clear();
         }
@@ -158,7 +160,7 @@ impl There {
         let client = &mut self.client;
         let is_given_up = Arc::clone(&client.line().is_given_up);
         let turn = Turn::until(Arc::clone(&is_given_up));
-        let done = attend(py, &self.crew, &turn, |_| client.send(kind, &request));
+        let done = attend(py, &self.crew, &turn, |_| client.send(kind, Arc::clone(&request)));
         is_given_up.store(false, Ordering::Relaxed);
         let (result, raised) = done?;
         let reply = match result {
@@ -189,21 +191,21 @@ impl There {
             let text = format!("{}; restore a saved state", reply.message);
             return Err(errors::error::<Lost>(py, "lost", text));
         }
-        let asked = request.inputs().map_err(|e| failed(py, e.into()))?;
+        let asked = request.inputs().map_err(|e| errors::fault(py, &e.into()))?;
         let before = match (kind, &self.last) {
             (WindowKind::Redo, Some((_, before))) => Arc::clone(before),
             _ => Arc::clone(&self.targets),
         };
         let mut targets = before.to_vec();
         if reply.status != Status::Discard {
-            let end = u64::try_from(reply.t1_ns).unwrap_or(0);
+            let end = core_ns(reply.t1_ns);
             for input in &asked.motions {
                 if let Some(d) = self.names.iter().position(|n| *n == input.body) {
                     targets[d] = input.waveform.pose(end);
                 }
             }
         }
-        let begin = u64::try_from(request.t0_ns).unwrap_or(0);
+        let begin = core_ns(request.t0_ns);
         (self.targets, self.last) = (targets.into(), Some(([begin, asked.t1_ns], before)));
         Ok(())
     }
@@ -274,6 +276,11 @@ fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
         Some(fault) => errors::fault(py, fault),
         None => errors::error::<Unreachable>(py, &code, error),
     }
+}
+
+/// An answer that cannot be used.
+fn unusable(py: Python<'_>, request: &str, fault: &Malformed) -> PyErr {
+    failed(py, ballast_zenoh::Error::answer(request, fault))
 }
 
 /// A simulation that the component `site/id` computes.

@@ -39,6 +39,16 @@ impl Error {
         Self::Link { place: place.into(), reason: without_sources(&reason.to_string()) }
     }
 
+    /// An answer that cannot be used.
+    pub fn answer(request: &str, what: impl ToString) -> Self {
+        Self::Answer { request: request.into(), what: what.to_string() }
+    }
+
+    /// A request of one's own that cannot be written: nothing was asked, as if it had been refused.
+    pub(crate) fn unwritten(request: &str, fault: Malformed) -> Self {
+        Fault { message: format!("{request}: {fault}"), ..fault.into() }.into()
+    }
+
     /// Short name of the kind, as codes of refusals are.
     pub fn code(&self) -> String {
         match self {
@@ -75,12 +85,6 @@ fn without_sources(text: &str) -> String {
         }
     }
     reason
-}
-
-impl From<Malformed> for Error {
-    fn from(e: Malformed) -> Self {
-        Self::Answer { request: "message".into(), what: e.to_string() }
-    }
 }
 
 #[cfg(test)]

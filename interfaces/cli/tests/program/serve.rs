@@ -310,7 +310,7 @@ fn ctrl_c_in_a_window_takes_it_back_and_the_run_goes_on_later() {
     let before = client.place().clone();
     let t1 = before.now_ns + 100 * MS;
     let request = AdvanceRequest { motions: motion(&client, t1), ..client.next(t1) };
-    let computing = std::thread::spawn(move || client.send(WindowKind::Advance, &request));
+    let computing = std::thread::spawn(move || client.send(WindowKind::Advance, request));
     std::thread::sleep(Duration::from_millis(300));
     serving.signal(Signal::SIGINT);
     let refused = computing.join().unwrap().unwrap_err();

@@ -3,6 +3,7 @@
 use ballast_protocol::lockstep::Place;
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, StateHash};
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Most windows, and most knots of theirs, that are remembered.
 const MOST_WINDOWS: usize = 100_000;
@@ -10,7 +11,7 @@ const MOST_KNOTS: usize = 1_000_000;
 
 /// A window that was answered.
 pub(super) struct Entry {
-    pub request: AdvanceRequest,
+    pub request: Arc<AdvanceRequest>,
     /// State hash before and after.
     pub hashes: [String; 2],
 }
@@ -23,7 +24,7 @@ pub(super) struct Journal {
 
 impl Journal {
     /// Takes a window that led from `before` to what `reply` says; a redo replaces the window.
-    pub fn take(&mut self, request: &AdvanceRequest, before: &Place, reply: &AdvanceReply) {
+    pub fn take(&mut self, request: Arc<AdvanceRequest>, before: &Place, reply: &AdvanceReply) {
         let hash = |hash: &StateHash| hash.to_string();
         if self.entries.back().is_some_and(|last| last.request.seq == request.seq) {
             if let Some(redone) = self.entries.pop_back() {
@@ -38,9 +39,9 @@ impl Journal {
         }
     }
 
-    fn push(&mut self, request: &AdvanceRequest, hashes: [String; 2]) {
-        self.knots += knots(request);
-        self.entries.push_back(Entry { request: request.clone(), hashes });
+    fn push(&mut self, request: Arc<AdvanceRequest>, hashes: [String; 2]) {
+        self.knots += knots(&request);
+        self.entries.push_back(Entry { request, hashes });
         while self.entries.len() > MOST_WINDOWS || self.knots > MOST_KNOTS {
             self.drop_first();
         }
@@ -66,10 +67,10 @@ impl Journal {
     }
 
     /// The windows after `place`, if they are all there and begin in its state.
-    pub fn after(&self, place: &Place) -> Option<Vec<AdvanceRequest>> {
+    pub fn after(&self, place: &Place) -> Option<Vec<Arc<AdvanceRequest>>> {
         let first = self.entries.iter().position(|e| e.request.seq == place.seq + 1)?;
         (self.entries[first].hashes[0] == place.hash)
-            .then(|| self.entries.iter().skip(first).map(|e| e.request.clone()).collect())
+            .then(|| self.entries.iter().skip(first).map(|e| Arc::clone(&e.request)).collect())
     }
 }
 

@@ -8,7 +8,7 @@ use super::presence::Presence;
 use crate::keys::{SCHEMA, last};
 use crate::{Error, Keys, LARGEST_MESSAGE, Link, SILENCE};
 use ballast_protocol::description::Description;
-use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport};
+use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport, Verb};
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -195,7 +195,8 @@ impl Line {
     /// # Errors
     /// No answer, or none that can be read.
     pub fn status(&self) -> Result<StatusReport, Error> {
-        self.look("status", self.keys.control("status"))
+        let verb = Verb::Status.word();
+        self.look(verb, self.keys.control(verb))
     }
 
     fn look<T: DeserializeOwned>(&self, request: &str, key: String) -> Result<T, Error> {
@@ -308,6 +309,5 @@ fn doing(status: Option<&StatusReport>) -> String {
 }
 
 pub(super) fn read<T: DeserializeOwned>(request: &str, bytes: &[u8]) -> Result<T, Error> {
-    serde_json::from_slice(bytes)
-        .map_err(|e| Error::Answer { request: request.into(), what: e.to_string() })
+    serde_json::from_slice(bytes).map_err(|e| Error::answer(request, e))
 }

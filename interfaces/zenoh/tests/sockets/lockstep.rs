@@ -5,6 +5,7 @@ use ballast_protocol::lockstep::{Activity, Code, WindowKind};
 use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Error, Line, Link, Patience, Server};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -154,7 +155,7 @@ fn a_window_comes_with_its_steps_where_that_is_asked_for() {
     let mut client = served.client();
     let next = client.next(WINDOW);
     let request = AdvanceRequest { motions: shaking(0, WINDOW), series: true, ..next };
-    let reply = client.send(WindowKind::Advance, &request).unwrap();
+    let reply = client.send(WindowKind::Advance, request).unwrap();
     let floor = reply.series.bodies.iter().find(|b| b.body == "floor").unwrap();
     assert_eq!((reply.series.time_ns.len(), floor.impulse.len()), (5, 5));
     assert_eq!(client.place().hash, undisturbed(1)[0]);
@@ -168,10 +169,13 @@ fn what_is_refused_says_why_and_changes_nothing() {
     let before = client.place().clone();
     let mut unknown = shaking(WINDOW, 2 * WINDOW);
     unknown[0].body = "flor".into();
+    let mut unwritten = shaking(WINDOW, 2 * WINDOW);
+    unwritten[0].body = "flo\0r".into();
     let good = shaking(WINDOW, 2 * WINDOW);
     let next = client.next(2 * WINDOW);
     for (request, code, word) in [
         (AdvanceRequest { motions: unknown, ..next.clone() }, Code::UnknownBody, "flor"),
+        (AdvanceRequest { motions: unwritten, ..next.clone() }, Code::Malformed, "advance: "),
         (
             AdvanceRequest { seq: 9, motions: good.clone(), ..next.clone() },
             Code::OutOfSequence,
@@ -180,10 +184,10 @@ fn what_is_refused_says_why_and_changes_nothing() {
         (AdvanceRequest { run_id: "run-0".into(), ..next.clone() }, Code::WrongRun, "run-0"),
         (AdvanceRequest { t1_ns: next.t1_ns + 1, ..next.clone() }, Code::TimeGrid, "1000000"),
     ] {
-        let error = client.send(WindowKind::Advance, &request).unwrap_err();
+        let error = client.send(WindowKind::Advance, request).unwrap_err();
         let fault = error.fault().unwrap_or_else(|| panic!("{error}"));
         assert!(fault.code == code && error.to_string().contains(word), "{error}");
-        assert_eq!(client.place(), &before);
+        assert_eq!((client.place(), client.is_waiting()), (&before, false));
         assert_eq!(client.status().unwrap().place, before);
     }
     step(&mut client).unwrap();
@@ -203,7 +207,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
         deadline_policy: DeadlinePolicy::Early,
         ..client.next(long)
     };
-    let early = client.send(WindowKind::Advance, &request).unwrap();
+    let early = client.send(WindowKind::Advance, request).unwrap();
     assert!(
         early.status == Status::Early && early.t1_ns > 0 && early.t1_ns < long as i64,
         "{early:?}"
@@ -214,11 +218,11 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
     let run = client.place().run_id.clone();
     client.detach().unwrap();
     let mut client = Client::attach(KEY, &served.link(), "hasty", Some(&run), hasty).unwrap();
-    let request = AdvanceRequest { motions, deadline_ms: 30, ..client.next(long) };
+    let request = Arc::new(AdvanceRequest { motions, deadline_ms: 30, ..client.next(long) });
     let begin = Instant::now();
     let mut late = 0;
     let whole = loop {
-        match client.send(WindowKind::Advance, &request) {
+        match client.send(WindowKind::Advance, Arc::clone(&request)) {
             Ok(reply) => break reply,
             Err(error @ Error::Slow { .. }) => {
                 late += 1;

@@ -5,6 +5,7 @@ use crate::setup::{KEY, Served, WINDOW, attach, patient, shaking, step, times, u
 use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_zenoh::{Client, Error, HEARTBEAT, Link, Patience};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// So many windows through a relay; how long each took.
@@ -71,7 +72,8 @@ fn replies_delayed_past_the_deadline_are_told_as_slow_and_got_by_asking_again() 
         let request =
             AdvanceRequest { motions: shaking(t0, t1), deadline_ms: 10, ..client.next(t1) };
         let begin = Instant::now();
-        while let Err(error) = client.send(WindowKind::Advance, &request) {
+        let request = Arc::new(request);
+        while let Err(error) = client.send(WindowKind::Advance, Arc::clone(&request)) {
             assert!(matches!(error, Error::Slow { .. }), "{error}");
             assert!(begin.elapsed() < Duration::from_secs(60), "it never comes");
             late += 1;

@@ -35,7 +35,7 @@ fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
     let t1 = 1500 * MS;
     let long = AdvanceRequest { motions: shaking(0, t1), ..client.next(t1) };
     let computing =
-        std::thread::spawn(move || client.send(WindowKind::Advance, &long).map(|_| client));
+        std::thread::spawn(move || client.send(WindowKind::Advance, long).map(|_| client));
     wait_for(|| observer.status(), Activity::Playing);
     let begin = Instant::now();
     let busy = attach(&served.link()).err().expect("someone drives");
@@ -76,7 +76,7 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let forever =
         AdvanceRequest { motions: vec![], ..client.next(i64::MAX as u64 / 5 / WINDOW * WINDOW) };
     let computing =
-        std::thread::spawn(move || client.send(WindowKind::Advance, &forever).unwrap_err());
+        std::thread::spawn(move || client.send(WindowKind::Advance, forever).unwrap_err());
     wait_for(|| observer.status(), Activity::Playing);
     given_up.store(true, Ordering::SeqCst);
     let error = computing.join().unwrap();

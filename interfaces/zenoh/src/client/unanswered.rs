@@ -1,0 +1,164 @@
+//! What is done when an answer does not come: the owner comes back, catches up, and asks again.
+
+use super::Client;
+use crate::Error;
+use ballast_protocol::lockstep::{Attach, Code, Place, SetParameters, WindowKind};
+use ballast_protocol::messages::AdvanceRequest;
+use std::sync::Arc;
+
+/// How often a call becomes the owner again before it gives up.
+const MOST_RETURNS: u32 = 5;
+
+/// A request that may have had its effect although its answer is lost.
+#[derive(Clone, PartialEq)]
+pub(super) enum Unanswered {
+    Window(WindowKind, Arc<AdvanceRequest>),
+    Parameters(SetParameters),
+}
+
+/// Where a request leads.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Leads {
+    /// On from where the run was left.
+    On,
+    /// To a kept state, wherever the run is now.
+    Back,
+    /// To a run of its own.
+    Anew,
+}
+
+impl Client {
+    /// Becomes the owner again after the component or the line was away, and brings the component to where it was left.
+    fn come_back(&mut self, leads: Leads) -> Result<(), Error> {
+        let ask = Attach {
+            client: self.id.clone(),
+            resume: (leads != Leads::Anew).then(|| self.place.run_id.clone()),
+            ticket: Some(self.ticket.clone()),
+        };
+        let attached = self.ask_to_drive(&ask)?;
+        self.ticket = attached.ticket;
+        if std::mem::take(&mut self.runs_freely) {
+            self.begin_at(attached.place);
+        } else if leads == Leads::On {
+            if self.apart.is_none() {
+                self.catch_up(&attached.place)?;
+            }
+            self.is_behind = false;
+        }
+        // Otherwise it is, until the request has led elsewhere.
+        Ok(())
+    }
+
+    fn catch_up(&mut self, found: &Place) -> Result<(), Error> {
+        if (found.seq, &found.hash) == (self.place.seq, &self.place.hash) {
+            return Ok(());
+        }
+        // It was done, its answer lost: it will be asked for again.
+        let is_done = match &self.unanswered {
+            Some(Unanswered::Window(_, request)) => found.seq == request.seq,
+            Some(Unanswered::Parameters(_)) => found.seq == self.place.seq,
+            None => false,
+        };
+        if is_done {
+            self.guess = Some(found.clone());
+            return Ok(());
+        }
+        let Some(windows) = self.journal.after(found) else {
+            return Err(self.part(found.clone()));
+        };
+        let mut hash = found.hash.clone();
+        for mut request in windows {
+            // What took too long at first must not end elsewhere now.
+            if request.deadline_ms > 0 {
+                Arc::make_mut(&mut request).deadline_ms = 0;
+            }
+            hash = self.deliver(WindowKind::Advance, &request)?.hash.to_string();
+        }
+        if hash == self.place.hash {
+            return Ok(());
+        }
+        Err(self.part(Place { seq: self.place.seq, hash, ..found.clone() }))
+    }
+
+    /// The run has gone on to `found` without this client, which has nothing to go on from any more.
+    fn part(&mut self, found: Place) -> Error {
+        let error = self.diverged(&found);
+        (self.apart, self.is_behind) = (Some(found), false);
+        (self.unanswered, self.guess) = (None, None);
+        error
+    }
+
+    pub(super) fn check_together(&self) -> Result<(), Error> {
+        self.apart.as_ref().map_or(Ok(()), |found| Err(self.diverged(found)))
+    }
+
+    fn diverged(&self, found: &Place) -> Error {
+        let text = |p: &Place| format!("window {} at {} ns, state {}", p.seq, p.now_ns, p.hash);
+        Error::Diverged {
+            component: self.line.keys().name().into(),
+            run_id: self.place.run_id.clone(),
+            expected: text(&self.place),
+            found: text(found),
+        }
+    }
+
+    /// Asks again for what was not answered, for a request that comes after it.
+    pub(super) fn settle(&mut self) -> Result<(), Error> {
+        let settled = match self.unanswered.clone() {
+            None => return Ok(()),
+            Some(Unanswered::Window(kind, request)) => self.send(kind, request).map(drop),
+            Some(Unanswered::Parameters(ask)) => self.set_parameters(&ask).map(drop),
+        };
+        match settled {
+            // It was refused: nothing has changed, and that is all that matters now.
+            Err(error) if error.fault().is_some() && self.unanswered.is_none() => Ok(()),
+            settled => settled,
+        }
+    }
+
+    /// What becomes of a request that was not answered as it should be.
+    pub(super) fn without(&mut self, error: Error) -> Error {
+        let Some(fault) = error.fault() else { return error };
+        // It was not the request that was refused.
+        if self.is_behind {
+            return error;
+        }
+        self.unanswered = None;
+        match self.guess.take() {
+            // What was found there was not this client's doing.
+            Some(found) if fault.code == Code::OutOfSequence => self.part(found),
+            _ => error,
+        }
+    }
+
+    /// Does what only the owner can, becoming it again if the component has lost sight of this client.
+    pub(super) fn returning<T>(
+        &mut self,
+        leads: Leads,
+        mut act: impl FnMut(&Self) -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let mut returns = 0;
+        loop {
+            let come_back = if self.is_behind { self.come_back(leads) } else { Ok(()) };
+            let error = match come_back.and_then(|()| act(self)) {
+                Ok(done) => return Ok(done),
+                Err(error) => error,
+            };
+            let is_lost = error.fault().is_some_and(|f| f.code == Code::NotOwner);
+            if !is_lost || returns == MOST_RETURNS {
+                return Err(error);
+            }
+            returns += 1;
+            self.is_behind = true;
+        }
+    }
+
+    /// Goes on at a place that the windows so far do not lead to.
+    pub(super) fn begin_at(&mut self, place: Place) -> &Place {
+        self.place = place;
+        self.journal.clear();
+        (self.unanswered, self.guess, self.apart) = (None, None, None);
+        self.is_behind = false;
+        &self.place
+    }
+}
