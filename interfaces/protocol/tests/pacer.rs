@@ -2,16 +2,14 @@
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
+mod shaken;
 
 use ballast::component::{Component, Limits};
 use ballast::model::Schedule;
 use ballast_protocol::lockstep::{Activity, Code, StatusReport};
-use ballast_protocol::messages::{
-    AdvanceRequest, BodyInput, Interpolation, Knot, Point, Pose, Twist, Vector3,
-};
+use ballast_protocol::messages::{AdvanceRequest, BodyInput, Interpolation, Knot, Twist};
 use ballast_protocol::pacer::{Due, FreeRunning, MOST_SAMPLES, Pacer};
 use common::scene::Random;
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 const MS: u64 = 1_000_000;
@@ -33,15 +31,6 @@ fn asked() -> FreeRunning {
         bodies: vec!["floor".into()],
         interpolation: Interpolation::Hermite,
     }
-}
-
-/// The floor at a time of the sender, ns: 2 mm at 10 Hz, from rest at 0.
-fn sample(time_ns: i64) -> Knot {
-    let (t, w) = (time_ns.max(0) as f64 * 1e-9, TAU * 10.0);
-    let position = Point { z: -2e-3 * (1.0 - (w * t).cos()), ..Point::default() };
-    let linear = Vector3 { z: -2e-3 * w * (w * t).sin(), ..Vector3::default() };
-    let twist = Twist { linear, ..Twist::default() };
-    Knot { time_ns, pose: Pose { position, ..Pose::default() }, twist }
 }
 
 /// A component that runs by itself, and what has been computed: ends of windows and wall times.
@@ -93,7 +82,7 @@ fn time_keeps_its_pace_and_the_latency() {
     let begin = 7_000_000_000_000;
     for k in 0..100 {
         let wall = 10 * MS + k * 2 * MS;
-        run.pacer.take("floor", sample((begin + k * MS) as i64), wall);
+        run.pacer.take("floor", shaken::floor((begin + k * MS) as i64), wall);
         let next = run.work(wall);
         assert_eq!(next, Due::At(wall + 2 * MS), "{k}");
     }
@@ -114,9 +103,9 @@ fn a_sample_from_before_the_run_does_not_shift_the_time_of_all() {
         let mut run = Running::new(asked());
         for k in 0..100 {
             let wall = 10 * MS + k * 2 * MS;
-            run.pacer.take("floor", sample(begin + (k * MS) as i64), wall);
+            run.pacer.take("floor", shaken::floor(begin + (k * MS) as i64), wall);
             if let Some(old) = old.filter(|_| k == 50) {
-                run.pacer.take("floor", sample(old), wall);
+                run.pacer.take("floor", shaken::floor(old), wall);
             }
             run.work(wall);
         }
@@ -147,7 +136,7 @@ fn what_comes_early_or_late_within_the_latency_changes_nothing() {
         events.sort();
         for (wall, event) in events {
             if let Some(k) = event {
-                run.pacer.take("floor", sample((k * MS) as i64), wall);
+                run.pacer.take("floor", shaken::floor((k * MS) as i64), wall);
             }
             run.work(wall);
         }
@@ -168,7 +157,7 @@ fn what_comes_early_or_late_within_the_latency_changes_nothing() {
 fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
     let mut run = Running::new(asked());
     for k in 0..50 {
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     let last = 49 * 2 * MS;
@@ -192,7 +181,7 @@ fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
     let back = last + 10_000 * MS;
     for k in 0..50 {
         let wall = back + k * 2 * MS;
-        run.pacer.take("floor", sample((5_049 * MS + k * MS) as i64), wall);
+        run.pacer.take("floor", shaken::floor((5_049 * MS + k * MS) as i64), wall);
         run.work(wall);
     }
     // Windows go on from where it stood, at the old pace: `advance_to` has refused no jump.
@@ -208,15 +197,15 @@ fn all_bodies_must_be_heard_of_and_set_the_time_together() {
     let west = |time_ns: i64| Knot { time_ns, pose: wall_at.into(), twist: Twist::default() };
     // One of them alone: time stands, however much it says.
     for k in 0..3000 {
-        run.pacer.take("floor", sample((k * MS) as i64 % 1000), k * 2 * MS);
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64 % 1000), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         assert_eq!(run.work(k * 2 * MS), Due::Starved);
     }
     assert!(run.status(6_000 * MS).waiting_for.unwrap().contains("west"));
     // The other one joins, by the same clock: both go on together.
     for k in 3000..3050 {
         run.pacer.take("west", west((k * MS) as i64), k * 2 * MS);
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     assert!(run.windows.len() >= 40, "{}", run.windows.len());
@@ -226,12 +215,12 @@ fn all_bodies_must_be_heard_of_and_set_the_time_together() {
 fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
     let mut run = Running::new(asked());
     for k in 0..20 {
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     // The machine is busy elsewhere for half a second; samples come all the while.
     for k in 20..270 {
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
     }
     let before = run.component.now_ns();
     assert_eq!(run.work(540 * MS), Due::Starved);
@@ -240,7 +229,7 @@ fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
         (1, before)
     );
     for k in 270..300 {
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     assert_eq!(run.component.now_ns(), before + 29 * MS);
@@ -250,17 +239,17 @@ fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
 fn samples_of_no_use_are_dropped_within_bounded_memory() {
     let mut run = Running::new(asked());
     for k in 0..2 * MOST_SAMPLES as u64 {
-        run.pacer.take("floor", sample((k * 500) as i64), 0);
+        run.pacer.take("floor", shaken::floor((k * 500) as i64), 0);
     }
-    let mut bad = sample(MS as i64 * 1000);
+    let mut bad = shaken::floor(MS as i64 * 1000);
     bad.pose.position.x = f64::NAN;
     run.pacer.take("floor", bad, 0);
-    bad = sample(MS as i64 * 1000);
+    bad = shaken::floor(MS as i64 * 1000);
     bad.pose.orientation.w = 3.0;
     run.pacer.take("floor", bad, 0);
-    run.pacer.take("ceiling", sample(0), 0);
-    run.pacer.take("floor", sample(i64::MIN), 0);
-    run.pacer.take("floor", sample(i64::MAX), 0);
+    run.pacer.take("ceiling", shaken::floor(0), 0);
+    run.pacer.take("floor", shaken::floor(i64::MIN), 0);
+    run.pacer.take("floor", shaken::floor(i64::MAX), 0);
     let dropped = run.status(0).free_running.unwrap().dropped;
     assert!(dropped >= MOST_SAMPLES as u64 + 5, "{dropped}");
     run.work(MS);

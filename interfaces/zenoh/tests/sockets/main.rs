@@ -4,6 +4,8 @@
 
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
+#[path = "../../../protocol/tests/shaken/mod.rs"]
+mod shaken;
 
 mod cut;
 mod hostile;

@@ -1,16 +1,13 @@
 //! A heap of stones on a floor that is shaken, served on the loopback, and how its runs must end.
 
-use crate::common;
+use crate::{common, shaken};
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast_protocol::lockstep::{Activity, Code, Lockstep, StatusReport};
-use ballast_protocol::messages::{
-    BodyInput, Digest, Interpolation, Knot, Point, Pose, Quaternion, Twist, Vector3,
-};
+use ballast_protocol::messages::{BodyInput, Digest, Knot};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Host, Link, Patience, Server};
-use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -43,30 +40,14 @@ pub fn lockstep() -> Lockstep {
     Lockstep::new(component(), "run-1", hash)
 }
 
-/// The floor at a time: 2 mm at 10 Hz.
+/// The floor at a time.
 pub fn knot(time_ns: u64) -> Knot {
-    let (t, w) = (time_ns as f64 * 1e-9, TAU * 10.0);
-    Knot {
-        time_ns: time_ns as i64,
-        pose: Pose {
-            position: Point { x: 0.0, y: 0.0, z: -2e-3 * (1.0 - (w * t).cos()) },
-            orientation: Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 },
-        },
-        twist: Twist {
-            linear: Vector3 { x: 0.0, y: 0.0, z: -2e-3 * w * (w * t).sin() },
-            ..Twist::default()
-        },
-    }
+    shaken::floor(time_ns as i64)
 }
 
 /// The floor's motion through a window.
 pub fn shaking(t0_ns: u64, t1_ns: u64) -> Vec<BodyInput> {
-    vec![BodyInput {
-        body: "floor".into(),
-        interpolation: Interpolation::Hermite,
-        rebase: false,
-        knots: vec![knot(t0_ns), knot(t1_ns)],
-    }]
+    shaken::through(t0_ns as i64, t1_ns as i64)
 }
 
 /// The next window of a client, of the usual length.

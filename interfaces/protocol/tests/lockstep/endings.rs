@@ -1,0 +1,141 @@
+//! How windows end: late, abandoned, failed, and what is told of their steps.
+
+use crate::{MS, ask, lockstep, straight, window};
+use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
+use ballast_protocol::lockstep::{Activity, Code, Named, Pace, Progress, SetParameters};
+use ballast_protocol::messages::{
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, Interpolation, Status, StepSeries, Vector3,
+};
+
+#[test]
+fn a_deadline_ends_a_window_as_it_asks() {
+    for (policy, status, steps) in [
+        (DeadlinePolicy::Finish, Status::Ok, 5),
+        (DeadlinePolicy::Early, Status::Early, 2),
+        (DeadlinePolicy::Discard, Status::Discard, 0),
+    ] {
+        let (mut lockstep, ticket) = lockstep();
+        let start = lockstep.place().hash;
+        let request = AdvanceRequest { deadline_policy: policy, ..window(1) };
+        let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
+        let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+        let same = reply.status == status || (status == Status::Ok && reply.status == Status::Warn);
+        assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");
+        assert_eq!(reply.t1_ns, steps as i64 * MS);
+        assert_eq!(reply.hash.to_string() == start, policy == DeadlinePolicy::Discard);
+        let code = if policy == DeadlinePolicy::Finish { "" } else { "deadline" };
+        assert_eq!(reply.code, code);
+        assert_eq!(
+            reply.message.contains(&format!("{steps} are kept")),
+            !code.is_empty(),
+            "{reply:?}"
+        );
+        // It is answered: a retry gets the same, and a redo makes it whole.
+        assert_eq!(ask(&mut lockstep, Advance, &request, &ticket).unwrap(), reply);
+        let whole = ask(&mut lockstep, Redo, &window(1), &ticket).unwrap();
+        assert_eq!(whole, straight(1), "{policy:?}");
+    }
+}
+
+#[test]
+fn a_window_that_cannot_be_computed_is_taken_back_and_says_why() {
+    let (mut lockstep, ticket) = lockstep();
+    let start = lockstep.place();
+    let mut fast = window(1);
+    fast.motions[0].interpolation = Interpolation::Linear;
+    fast.motions[0].knots[1].pose.position.x = 10.0;
+    let reply = ask(&mut lockstep, Advance, &fast, &ticket).unwrap();
+    assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "over_speed"));
+    assert!(reply.message.contains("floor"), "{}", reply.message);
+    assert_eq!(lockstep.place().hash, start.hash);
+    let deepest = SetParameters { penetration: Some(1e-12), ..SetParameters::default() };
+    lockstep.set_parameters(&deepest, &ticket).unwrap();
+    // Long enough for the stones to come down.
+    let fall = AdvanceRequest { seq: 2, t1_ns: 300 * MS, motions: vec![], ..window(1) };
+    let reply = ask(&mut lockstep, Advance, &fall, &ticket).unwrap();
+    assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "penetration"));
+    assert_eq!(lockstep.place().hash, start.hash);
+}
+
+#[test]
+fn a_window_is_told_step_by_step_where_that_is_asked_for() {
+    let (mut lockstep, ticket) = lockstep();
+    let asked = AdvanceRequest { series: true, ..window(1) };
+    let reply = ask(&mut lockstep, Advance, &asked, &ticket).unwrap();
+    assert_eq!(reply.series.time_ns, [1, 2, 3, 4, 5].map(|k| k * MS));
+    assert_eq!(
+        reply.series.iterations.iter().map(|i| u64::from(*i)).sum::<u64>(),
+        reply.solver.iterations
+    );
+    assert_eq!(
+        reply.series.residual_qm16.iter().copied().fold(0.0, f64::max),
+        reply.solver.residual_qm16
+    );
+    assert_eq!(reply.series.bodies.len(), reply.bodies.len());
+    for (series, body) in reply.series.bodies.iter().zip(&reply.bodies) {
+        assert_eq!((&series.body, series.impulse.len()), (&body.body, 5));
+        let sum = |of: fn(&Vector3) -> f64, all: &[Vector3]| all.iter().map(of).sum::<f64>();
+        assert_eq!(sum(|v| v.z, &series.impulse), body.impulse.z);
+        assert_eq!(sum(|v| v.x, &series.angular_impulse), body.angular_impulse.x);
+    }
+    // It changes nothing else, and without asking there is none.
+    let plain = straight(1);
+    assert_eq!(plain.series, StepSeries::default());
+    assert_eq!(AdvanceReply { series: StepSeries::default(), ..reply }, plain);
+    // One that would not fit is refused before anything is computed.
+    let t1_ns = 5 * MS + 20_000 * MS;
+    let long = AdvanceRequest { series: true, t1_ns, ..window(2) };
+    let fault = ask(&mut lockstep, Advance, &long, &ticket).unwrap_err();
+    assert!(fault.code == Code::TooLarge && fault.message.contains("20000 steps"), "{fault}");
+    assert_eq!(lockstep.place().seq, 1);
+    // Nor is anything told of what was taken back.
+    let request =
+        AdvanceRequest { series: true, deadline_policy: DeadlinePolicy::Discard, ..window(2) };
+    let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
+    let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+    assert_eq!(reply.series, StepSeries::default());
+}
+
+#[test]
+fn a_failure_inside_is_told_and_got_over() {
+    let (mut lockstep, ticket) = lockstep();
+    let name = Named { name: "before".into() };
+    lockstep.save(&name, &ticket).unwrap();
+    let mut fail = |_: &Progress| panic!("a fault in the program");
+    let reply = lockstep.window(Advance, &window(1), &ticket, &|| 0, &mut fail).unwrap();
+    assert_eq!((reply.status, reply.code.as_str()), (Status::Error, "failed_inside"));
+    assert!(reply.message.contains("a fault in the program"), "{}", reply.message);
+    let status = lockstep.status(0);
+    assert_eq!(status.activity, Activity::Error);
+    assert!(status.trouble.unwrap().contains("a fault"));
+    let fault = ask(&mut lockstep, Advance, &AdvanceRequest { seq: 2, ..window(1) }, &ticket);
+    assert_eq!(fault.unwrap_err().code, Code::InError);
+    assert_eq!(lockstep.save(&name, &ticket).unwrap_err().code, Code::InError);
+    lockstep.restore(&name, &ticket).unwrap();
+    let again = AdvanceRequest { seq: 2, ..window(1) };
+    let reply = ask(&mut lockstep, Advance, &again, &ticket).unwrap();
+    assert_eq!(reply.hash, straight(1).hash);
+}
+
+#[test]
+fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
+    for kind in [Advance, Redo] {
+        let (mut lockstep, ticket) = lockstep();
+        let last = ask(&mut lockstep, Advance, &window(1), &ticket).unwrap();
+        let before = lockstep.place();
+        let mut other = window(if kind == Redo { 1 } else { 2 });
+        other.motions[0].knots[1].pose.position.z += 1e-4;
+        let mut stop = |p: &Progress| if p.step == 3 { Pace::Abandon } else { Pace::GoOn };
+        let fault = lockstep.window(kind, &other, &ticket, &|| 0, &mut stop).unwrap_err();
+        assert_eq!(fault.code, Code::Abandoned, "{kind:?}");
+        assert_eq!((lockstep.place(), lockstep.status(0).activity), (before, Activity::Paused));
+        assert_eq!(lockstep.place().hash, last.hash.to_string());
+        // What was answered before stays answered, and can be asked for and redone as if nothing had been.
+        assert_eq!(ask(&mut lockstep, Advance, &window(1), &ticket).unwrap(), last);
+        let (mut undisturbed, t) = crate::lockstep();
+        ask(&mut undisturbed, Advance, &window(1), &t).unwrap();
+        let replies = [(&mut lockstep, &ticket), (&mut undisturbed, &t)]
+            .map(|(lockstep, ticket)| ask(lockstep, kind, &other, ticket).unwrap());
+        assert_eq!(replies[0], replies[1], "{kind:?}");
+    }
+}
