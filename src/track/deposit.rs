@@ -102,9 +102,7 @@ fn pour_below(
     let mut relief = pour::relief(bed)?;
     let laid = pour::pour(&mut relief, templates, &bench.model.shapes, &bed.size, volume, rng)?;
     insert(bench, &laid, bed.density);
-    let poses = bench.driven_poses();
-    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
-    bench.settle(&pouring(plan, DepositStage::Pour, &drive), watch)
+    bench.settle(&pouring(plan, DepositStage::Pour), watch)
 }
 
 /// Stage 2: the sleepers, and the cribs around them.
@@ -131,9 +129,7 @@ fn fill_cribs(
     }
     let laid = lay_cribs(plan, templates, rng, bench)?;
     insert(bench, &laid, bed.density);
-    let poses = bench.driven_poses();
-    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
-    bench.settle(&pouring(plan, DepositStage::Fill, &drive), watch)
+    bench.settle(&pouring(plan, DepositStage::Fill), watch)
 }
 
 /// Stage 3: the fill level, and the friction of the run.
@@ -153,9 +149,7 @@ fn trim(
     bench.deny_deep(DEEPEST * mean_size, &mut keep);
     bench.retain(&keep);
     run_settings(plan, &mut bench.model);
-    let poses = bench.driven_poses();
-    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
-    let mut settling = pouring(plan, DepositStage::Trim, &drive);
+    let mut settling = pouring(plan, DepositStage::Trim);
     settling.grain_friction = plan.bed.friction.grain;
     bench.settle(&settling, watch)
 }
@@ -168,8 +162,6 @@ fn rest(
     bench: &mut Bench,
     watch: Watch,
 ) -> Result<ControlFlow<()>> {
-    let poses = bench.driven_poses();
-    let drive = |_: u64, out: &mut Vec<Pose>| out.extend_from_slice(&poses);
     let most = (LAST_STAGE / plan.run.stepping.h()).ceil() as u64;
     let settling = Settling {
         stage: DepositStage::Rest,
@@ -179,17 +171,12 @@ fn rest(
         fall_speed: None,
         steps: [most.min(10), most],
         rest_speed: plan.bed.preparation.rest_speed,
-        drive: &drive,
     };
     bench.settle(&settling, watch)
 }
 
 /// The settings of the damped stages.
-fn pouring<'a>(
-    plan: &Plan,
-    stage: DepositStage,
-    drive: &'a dyn Fn(u64, &mut Vec<Pose>),
-) -> Settling<'a> {
+fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
     let preparation = &plan.bed.preparation;
     let h = pouring_h(plan);
     Settling {
@@ -204,7 +191,6 @@ fn pouring<'a>(
         fall_speed: Some(FALL_SPEED),
         steps: [LEAST_STEPS, (preparation.max_settling / h).ceil().max(1.0) as u64],
         rest_speed: preparation.rest_speed,
-        drive,
     }
 }
 

@@ -54,7 +54,7 @@ pub struct DepositProgress {
 }
 
 /// How a stage is run.
-pub(super) struct Settling<'a> {
+pub(super) struct Settling {
     pub stage: DepositStage,
     pub stepping: Stepping,
     pub solver: Solver,
@@ -65,8 +65,6 @@ pub(super) struct Settling<'a> {
     pub steps: [u64; 2],
     /// Mean grain speed that counts as rest, m/s.
     pub rest_speed: f64,
-    /// Targets of all driven bodies after the given number of steps of the stage `[nd]`.
-    pub drive: &'a dyn Fn(u64, &mut Vec<Pose>),
 }
 
 /// Model and state under preparation.
@@ -77,7 +75,7 @@ pub(super) struct Bench {
 }
 
 impl Bench {
-    /// Runs a stage to its end; `Break` if the watcher asks to stop.
+    /// Runs a stage to its end, while the driven bodies stay where they are; `Break` if the watcher asks to stop.
     pub fn settle(
         &mut self,
         settling: &Settling,
@@ -88,12 +86,10 @@ impl Bench {
         self.model.grain_friction = settling.grain_friction;
         let g = self.model.gravity.norm();
         let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
-        let mut targets: Vec<Pose> = Vec::new();
+        let targets = self.driven_poses();
+        let inputs = Inputs { targets: &targets, loads: &[] };
         let [least, most] = settling.steps;
         for done in 1..=most {
-            targets.clear();
-            (settling.drive)(done, &mut targets);
-            let inputs = Inputs { targets: &targets, loads: &[] };
             let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;
             let speed = self.mean_speed();
             let progress = self.progress(settling, done, speed, &report);
@@ -144,7 +140,7 @@ impl Bench {
     }
 
     /// Poses of the driven bodies now.
-    pub fn driven_poses(&self) -> Vec<Pose> {
+    fn driven_poses(&self) -> Vec<Pose> {
         let n = self.model.grains.len();
         (n..self.model.body_count()).map(|b| self.state.pose(b)).collect()
     }

@@ -20,7 +20,7 @@ use crate::observe::Zone;
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan, TinePlan};
 
 /// The zones of a plan: under all blocks of tamped sleepers, the same up to where they are lifted, their cribs, the tines'
-/// insertion zones, in this order.
+/// insertion zones, in this order; without those that have no volume to measure, such as a crib that is not filled at all.
 pub fn zones(plan: &Plan) -> Vec<Zone> {
     let mut zones = Vec::new();
     let tamped = || plan.sleepers.iter().filter(|s| s.tamped);
@@ -47,7 +47,12 @@ pub fn zones(plan: &Plan) -> Vec<Zone> {
             zones.push(Zone { name: format!("insertion {}", tine.name), region });
         }
     }
+    zones.retain(has_volume);
     zones
+}
+
+fn has_volume(zone: &Zone) -> bool {
+    zone.region.low.iter().zip(&zone.region.high).all(|(low, high)| low < high)
 }
 
 fn under(plan: &Plan, sleeper: &SleeperPlan, block: &BlockPlan) -> AxisBox {
@@ -126,6 +131,18 @@ mod tests {
         close(region(&zones, "crib before sleeper"), [0.0, 0.15, 0.28], [0.155, 0.55, 0.43]);
         close(region(&zones, "crib after sleeper"), [0.445, 0.15, 0.28], [0.6, 0.55, 0.43]);
         close(region(&zones, "insertion left"), [0.034, 0.29, 0.21], [0.066, 0.41, 0.28]);
+    }
+
+    #[test]
+    fn what_has_no_volume_is_no_zone() {
+        let mut plan = small_plan();
+        plan.bed.preparation.fill_level = plan.bed.preparation.ballast_depth;
+        let zones = zones(&plan);
+        let names: Vec<_> = zones.iter().map(|zone| &zone.name[..]).collect();
+        assert_eq!(
+            names,
+            ["under sleeper", "below lifted sleeper", "insertion left", "insertion right"]
+        );
     }
 
     #[test]
