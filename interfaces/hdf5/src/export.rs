@@ -4,8 +4,8 @@
 //! `NAME.csv` per table. Source of the format: VTK file formats, "PolyData" (docs.vtk.org).
 
 use crate::error::{Result, io};
+use crate::replace;
 use crate::results::{Array, BlockFrame, Reader, Table};
-use crate::seal;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
@@ -39,7 +39,7 @@ fn listed(folder: &Path) -> Vec<String> {
 
 fn write(folder: &Path, name: &str, content: String) -> Result<PathBuf> {
     let path = folder.join(name);
-    seal::exchange(&path, content.as_bytes())?;
+    replace::exchange(&path, content.as_bytes())?;
     Ok(path)
 }
 

@@ -15,9 +15,10 @@ mod decode;
 mod error;
 mod hash;
 mod image;
+mod replace;
 mod seal;
 mod validate;
 
 pub use error::{Error, Result};
 pub use hash::state_hash;
-pub use seal::{destination, replace};
+pub use replace::{destination, replace};

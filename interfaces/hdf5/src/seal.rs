@@ -1,4 +1,4 @@
-//! Whole files: written at once or not at all, sealed so that any changed byte is noticed.
+//! Whole files, sealed so that any changed byte is noticed.
 //!
 //! A sealed file has a block of 512 bytes in front of its content, mostly an HDF5 file: the format's name and
 //! version, the number of bytes that follow and their BLAKE3 digest, as text. HDF5 programs skip it. A file that grows in
@@ -7,9 +7,10 @@
 //! unharmed on every damaged file.
 
 use crate::error::{Error, Fault, Result, io};
+use crate::replace::replace;
 use std::fs::File;
-use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
 
 /// Smallest user block that HDF5 allows.
 const BLOCK: usize = 512;
@@ -40,9 +41,6 @@ fn block_of(
 }
 
 /// Replaces `path` by a sealed file with this content.
-///
-/// The content goes to a new file beside it which takes its place only when it is on the disk; a
-/// failure removes the new file and leaves the old one as it was.
 pub(crate) fn write(path: &Path, format: &Format, image: &[u8]) -> Result<()> {
     replace(path, &[&header(format, image), image])
 }
@@ -54,100 +52,6 @@ pub(crate) fn bytes(format: &Format, image: &[u8]) -> Vec<u8> {
 
 fn header(format: &Format, image: &[u8]) -> [u8; BLOCK] {
     block(format, image.len() as u64, &blake3::hash(image))
-}
-
-/// Replaces `path` by a file with this content, under the same promise. Several processes may do so at a time.
-///
-/// # Errors
-/// The system refuses; something else than a file lies there.
-pub fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
-    let mut file = beside(path)?;
-    for bytes in content {
-        file.write_all(bytes).map_err(io(path, "write"))?;
-    }
-    settle(file, path)
-}
-
-/// The same for what can be made again at once: it may reach the disk later.
-pub(crate) fn exchange(path: &Path, content: &[u8]) -> Result<()> {
-    let mut file = beside(path)?;
-    file.write_all(content).map_err(io(path, "write"))?;
-    put(file, path).map(drop)
-}
-
-/// What is replaced where `path` is written: a link's target rather than the link.
-///
-/// # Errors
-/// Something else than a file lies there: a device or a pipe would be gone.
-pub fn destination(path: &Path) -> std::io::Result<PathBuf> {
-    let wrong = |found: &str| {
-        let text = format!("expected a file or a new name, found {found}");
-        std::io::Error::new(ErrorKind::InvalidInput, text)
-    };
-    match (path.metadata(), path.is_symlink()) {
-        (Ok(what), is_link) if what.is_file() => {
-            if is_link {
-                path.canonicalize()
-            } else {
-                Ok(path.into())
-            }
-        }
-        (Ok(what), _) if what.is_dir() => Err(wrong("a folder")),
-        (Ok(_), _) => Err(wrong("a device or a pipe")),
-        (Err(e), false) if e.kind() == ErrorKind::NotFound => Ok(path.into()),
-        (Err(e), true) if e.kind() == ErrorKind::NotFound => Err(wrong("a link to nothing")),
-        (Err(e), _) => Err(e),
-    }
-}
-
-/// A new file beside `path`, gone when dropped.
-pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
-    let path = &destination(path).map_err(io(path, "replace"))?;
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".");
-    builder(&name).tempfile_in(folder_of(path)).map_err(io(path, "create a file beside"))
-}
-
-/// Gives a file from [`beside`] the place of `path`; where that is.
-fn put(file: tempfile::NamedTempFile, path: &Path) -> Result<PathBuf> {
-    let place = destination(path).map_err(io(path, "replace"))?;
-    file.persist(&place).map_err(|e| io(path, "replace")(e.error))?;
-    Ok(place)
-}
-
-/// The same, once the file is on the disk.
-pub(crate) fn settle(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
-    file.as_file().sync_all().map_err(io(path, "bring to the disk"))?;
-    let path = &put(file, path)?;
-    // The rename itself is only safe once the folder is; not every file system can tell.
-    if let Ok(folder) = File::open(folder_of(path)) {
-        let _ = folder.sync_all();
-    }
-    Ok(())
-}
-
-#[cfg(unix)]
-fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
-    use std::os::unix::fs::PermissionsExt;
-    let mut builder = tempfile::Builder::new();
-    // Readable by others, as any result is; the umask still applies.
-    let permissions = std::fs::Permissions::from_mode(0o666);
-    builder.prefix(name).suffix(".tmp").permissions(permissions);
-    builder
-}
-
-#[cfg(not(unix))]
-fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(name).suffix(".tmp");
-    builder
-}
-
-fn folder_of(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder.into(),
-        _ => PathBuf::from("."),
-    }
 }
 
 /// Opens a file to be read. Anything else is refused: a pipe would be waited for until somebody writes to it.

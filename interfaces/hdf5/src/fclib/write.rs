@@ -3,7 +3,7 @@
 use super::matrix::{self, Entries};
 use super::read::Problem;
 use crate::error::{Result, hdf5 as hdf5_error, io};
-use crate::{image, seal};
+use crate::{image, replace};
 use ballast::math::Vec3;
 use ballast::nlgs::reference::Assembled;
 use hdf5::{File, H5Type};
@@ -33,7 +33,7 @@ pub fn write_local(path: impl AsRef<Path>, problem: &Assembled, storage: Storage
         put(&file, "fclib_local/vectors/mu", &problem.friction)
     };
     put().map_err(hdf5_error(path, "fclib_local"))?;
-    seal::replace(path, &[&image::bytes_of(&file, path)?])
+    replace::replace(path, &[&image::bytes_of(&file, path)?])
 }
 
 /// Copies the file `from` that `problem` was read from to `to`, with these impulses `[nc]` as its solution.
@@ -48,7 +48,7 @@ pub fn write_solution(
     impulse: &[Vec3],
 ) -> Result<()> {
     let (from, to) = (from.as_ref(), to.as_ref());
-    let copy = seal::beside(to)?;
+    let copy = replace::beside(to)?;
     let mut original = std::fs::File::open(from).map_err(io(from, "open"))?;
     std::io::copy(&mut original, &mut copy.as_file()).map_err(io(to, "write"))?;
     let local = &problem.local;
@@ -68,7 +68,7 @@ pub fn write_solution(
         file.close()
     };
     put().map_err(hdf5_error(to, "solution"))?;
-    seal::settle(copy, to)
+    replace::settle(copy, to)
 }
 
 fn put<T: H5Type>(file: &File, name: &str, values: &[T]) -> hdf5::Result<()> {
