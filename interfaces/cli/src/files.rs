@@ -133,13 +133,11 @@ pub fn create_folder(folder: &Path) -> Outcome {
         .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
 }
 
-/// Whether a file begins with these bytes.
-pub fn begins_with(path: &Path, words: &[u8]) -> Outcome<bool> {
+/// Whether a file, not a pipe that would be waited for, begins with these bytes.
+pub fn begins_with(path: &Path, words: &[u8]) -> bool {
     let mut start = Vec::new();
-    let read =
-        File::open(path).and_then(|file| file.take(words.len() as u64).read_to_end(&mut start));
-    read.map_err(|e| Failure::at(path, e))?;
-    Ok(start == words)
+    let read = |file: File| file.take(words.len() as u64).read_to_end(&mut start);
+    path.is_file() && File::open(path).and_then(read).is_ok() && start == words
 }
 
 /// Reads a text file of at most `limit` bytes.
@@ -169,7 +167,17 @@ pub fn replace_text(path: &Path, text: &str) -> Outcome {
     replaced.map_err(|e| Failure::from(e).with("; what was there before is kept"))
 }
 
-/// A path for a table, as an option takes it. A slip of the command line is not to cost a case or results.
+/// Refuses a path where something lies that is not empty and not `what`, as `is_one` tells: a slip of the command line
+/// is not to cost a case or results.
+pub fn may_replace(path: &Path, what: &str, is_one: impl FnOnce() -> bool) -> Result<(), String> {
+    ballast_hdf5::destination(path).map_err(|e| e.to_string())?;
+    if path.metadata().is_ok_and(|file| file.len() > 0) && !is_one() {
+        return Err(format!("expected a new file, or {what} to replace, found something else"));
+    }
+    Ok(())
+}
+
+/// A path for a table, as an option takes it.
 pub fn table(path: &str) -> Result<PathBuf, String> {
     may_become(path, &["csv"])
 }
@@ -184,18 +192,12 @@ pub fn sample(path: &str) -> Result<PathBuf, String> {
     may_become(path, &["json"])
 }
 
-/// What is not empty is replaced where its name ends as that of what is written does.
+/// One is told by how its name ends.
 fn may_become(path: &str, endings: &[&str]) -> Result<PathBuf, String> {
     let path = PathBuf::from(path);
     let ends = |ending: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-    ballast_hdf5::destination(&path).map_err(|e| e.to_string())?;
-    let is_something = path.metadata().is_ok_and(|what| what.len() > 0);
-    if is_something && !endings.iter().any(ends) {
-        return Err(format!(
-            "expected a new file, or one to replace (.{}), found another",
-            endings.join(", .")
-        ));
-    }
+    let what = format!("one (.{})", endings.join(", ."));
+    may_replace(&path, &what, || endings.iter().any(ends))?;
     Ok(path)
 }
 

@@ -18,7 +18,7 @@ pub fn inspect(args: Inspect, console: Console) -> Outcome {
 
 /// What a file is that Ballast writes, too, but that is nothing to inspect.
 fn of_another_kind(path: &Path) -> Option<String> {
-    let begins = |words: &[u8]| path.is_file() && begins_with(path, words).unwrap_or(false);
+    let begins = |words: &[u8]| begins_with(path, words);
     let found = match () {
         () if begins(b"\x89MCAP0") => "a recording; `ballast verify` and `ballast replay` read it",
         () if begins(b"{") => "text (JSON), such as a summary or a sample",

@@ -6,7 +6,7 @@ use super::solve_table::{Row, csv, performance_profile, profile_csv, profile_pag
 use crate::args::Solve;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::replace_text;
+use crate::files::{may_replace, replace_text};
 use crate::profile::cpu_time;
 use ballast::nlgs::solution::{self, Settings};
 use ballast_hdf5::fclib;
@@ -27,7 +27,10 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
     if args.csv.is_some() && args.csv == args.profile {
         return Err(Failure::Usage("--csv and --profile: expected two files, found one".into()));
     }
-    args.write_solution.as_deref().map(may_become_a_solution).transpose()?;
+    if let Some(path) = &args.write_solution {
+        may_replace(path, "a problem", || fclib::read(path).is_ok())
+            .map_err(|e| Failure::at(path, e))?;
+    }
     let single = [args.tolerance.unwrap_or(1e-6)];
     let tolerances = if folder && args.tolerance.is_none() { &TOLERANCES[..] } else { &single };
     let files = if folder { problems_in(&args.file)? } else { vec![args.file.clone()] };
@@ -58,15 +61,6 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
             ),
         )),
     }
-}
-
-/// Refuses a path where something else than a problem lies.
-fn may_become_a_solution(path: &Path) -> Outcome {
-    if path.metadata().is_ok_and(|what| what.len() > 0) && fclib::read(path).is_err() {
-        let what = "expected a new file, or a problem to replace, found something else";
-        return Err(Failure::at(path, what));
-    }
-    Ok(())
 }
 
 /// Whether a profile is wanted as curves; as CSV otherwise.

@@ -66,7 +66,7 @@ fn tables_replace_tables_only() {
     let solve = format!("solve {} --tolerance 0.1", problem.display());
     let case = place.text("tiny.toml");
     let said = place.call(&format!("{solve} --csv tiny.toml")).with_code(2).stderr();
-    assert!(said.contains("tiny.toml") && said.contains("to replace (.csv)"), "{said}");
+    assert!(said.contains("tiny.toml") && said.contains("(.csv) to replace"), "{said}");
     assert_eq!(place.text("tiny.toml"), case);
     let checkpoint = std::fs::read(place.path("run/checkpoint.h5")).unwrap();
     let said = place.call(&format!("{solve} --write-solution run/checkpoint.h5")).with_code(1);

@@ -51,9 +51,14 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     place.call("report part").with_code(0);
     // A page is replaced; anything else is not.
     place.call("report part --out part/report.html").with_code(0);
-    for taken in ["part/results.vtkhdf", "part", "/dev/null"] {
+    let others = [
+        ("part/results.vtkhdf", "a page to replace"),
+        ("part", "found a folder"),
+        ("/dev/null", "found a device"),
+    ];
+    for (taken, words) in others {
         let said = place.call(&format!("report part --out {taken}")).with_code(1).stderr();
-        assert!(said.contains(taken) && said.contains("a page to replace"), "{said}");
+        assert!(said.contains(taken) && said.contains(words), "{said}");
     }
     let page = place.text("part/report.html");
     assert!(page.contains("not come to its end") && page.contains("profile is not known"));
