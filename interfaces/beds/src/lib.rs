@@ -27,8 +27,8 @@ pub enum Error {
     /// A bed that was prepared and cannot be kept.
     #[error(transparent)]
     Keeping(ballast_hdf5::Error),
-    #[error("{}: it is not the bed of this case", path.display())]
-    AnotherBed { path: PathBuf },
+    #[error("{}: expected the bed of this case, found {found}", path.display())]
+    AnotherBed { path: PathBuf, found: String },
     #[error("preparing the bed of {case}: {source}")]
     Preparation { case: String, source: ballast::Error },
     #[error("{case}: {source}")]
@@ -62,7 +62,9 @@ impl Beds {
         }
         let kept = checkpoint::read(&path).map_err(Error::Kept)?;
         if kept.kind != Kind::Bed || kept.key != ballast_scenario::content_key(plan) {
-            return Err(Error::AnotherBed { path });
+            let found =
+                format!("the {} of {:?}, bed {}", kept.kind.name(), kept.case_name, kept.key);
+            return Err(Error::AnotherBed { path, found });
         }
         Ok(Some(Bed { model: kept.model, state: kept.state }))
     }

@@ -100,7 +100,7 @@ impl From<ballast_hdf5::Error> for Failure {
 
 impl From<ballast_scenario::UnknownChoice> for Failure {
     fn from(unknown: ballast_scenario::UnknownChoice) -> Self {
-        Failure::Incompatible(unknown.to_string())
+        Failure::Incompatible(format!("what was chosen for the run, {unknown}"))
     }
 }
 

@@ -14,23 +14,44 @@ pub struct Choices {
     pub seed: Option<u64>,
 }
 
-/// A note that this version does not know.
+/// A choice that is none here.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnknownChoice {
     pub key: &'static str,
-    pub value: String,
+    pub expected: String,
+    pub found: String,
+}
+
+impl UnknownChoice {
+    fn schedule(found: &str) -> Self {
+        let expected = format!("one of {}", Schedule::ALL.map(Schedule::name).join(", "));
+        Self { key: SCHEDULE, expected, found: found.into() }
+    }
+
+    fn seed(found: &str) -> Self {
+        Self { key: SEED, expected: "a whole number".into(), found: found.into() }
+    }
 }
 
 impl std::fmt::Display for UnknownChoice {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let Self { key, value } = self;
-        write!(f, "the checkpoint was made with {key} {value:?}, unknown here")
+        let Self { key, expected, found } = self;
+        write!(f, "{key}: expected {expected}, found {found:?}")
     }
 }
 
 impl std::error::Error for UnknownChoice {}
 
 impl Choices {
+    /// As a caller says them, the schedule by its name.
+    ///
+    /// # Errors
+    /// A name that is none of a schedule.
+    pub fn named(seed: Option<u64>, schedule: Option<&str>) -> Result<Self, UnknownChoice> {
+        let named = |name| Schedule::named(name).ok_or_else(|| UnknownChoice::schedule(name));
+        Ok(Self { schedule: schedule.map(named).transpose()?, seed })
+    }
+
     /// Changes the plan of a case.
     pub fn apply(&self, plan: &mut Plan) {
         if let Some(schedule) = self.schedule {
@@ -58,12 +79,8 @@ impl Choices {
     /// # Errors
     /// A schedule or a seed that is none.
     pub fn from_notes(notes: &BTreeMap<String, String>) -> Result<Self, UnknownChoice> {
-        let unknown = |key, value: &String| UnknownChoice { key, value: value.clone() };
-        let schedule = notes
-            .get(SCHEDULE)
-            .map(|name| Schedule::named(name).ok_or_else(|| unknown(SCHEDULE, name)));
-        let seed = notes.get(SEED).map(|text| text.parse().map_err(|_| unknown(SEED, text)));
-        Ok(Self { schedule: schedule.transpose()?, seed: seed.transpose()? })
+        let seed = notes.get(SEED).map(|s| s.parse().map_err(|_| UnknownChoice::seed(s)));
+        Self::named(seed.transpose()?, notes.get(SCHEDULE).map(String::as_str))
     }
 }
 
@@ -82,7 +99,8 @@ mod tests {
         for (key, value) in [(SCHEDULE, "random"), (SEED, "-1")] {
             let notes = BTreeMap::from([(key.to_string(), value.to_string())]);
             let unknown = Choices::from_notes(&notes).unwrap_err();
-            assert!(unknown.to_string().contains(value), "{unknown}");
+            let text = unknown.to_string();
+            assert!(text.starts_with(key) && text.ends_with(&format!("found {value:?}")), "{text}");
         }
     }
 }

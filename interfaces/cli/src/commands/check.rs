@@ -36,7 +36,7 @@ fn text(plan: &Plan) -> String {
         ("tines", plan.tines.len().to_string()),
         ("simulated time", format!("{} s", figure(run.duration_ns as f64 * 1e-9, 6))),
         ("time step", format!("{} ms, {steps} steps", figure(step_ms, 3))),
-        ("schedule", format!("{:?}", run.solver.schedule).to_lowercase()),
+        ("schedule", run.solver.schedule.name().into()),
         ("iterations", format!("at most {}, tolerance {tolerance}", run.solver.iterations)),
     ];
     let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));

@@ -6,9 +6,9 @@ use crate::aside::Aside;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::{beds, interrupt, recorder};
+use crate::{beds, interrupt};
 use ballast::component::Component;
-use ballast::model::Schedule;
+use ballast::track;
 use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_zenoh::Host;
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 /// A case as it is served: stepped, and its zones measured.
 pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> {
     let (model, state) = beds::scene(case, beds, console)?;
-    Ok(case.component(Arc::new(model), state)?.with_zones(recorder::zones(case)))
+    Ok(case.component(Arc::new(model), state)?.with_zones(track::zones(&case.plan)))
 }
 
 pub struct Keeper {
@@ -67,14 +67,8 @@ impl Keeper {
 
     /// The case with other choices, and its bed.
     fn prepare(&self, ask: &Init) -> Outcome<(Case, Component)> {
-        let named = |name: &String| {
-            Schedule::named(name).ok_or_else(|| {
-                let known = Schedule::ALL.map(Schedule::name).join(", ");
-                Failure::Usage(format!("schedule: expected one of {known}, found {name:?}"))
-            })
-        };
-        let asked =
-            Choices { schedule: ask.schedule.as_ref().map(named).transpose()?, seed: ask.seed };
+        let asked = Choices::named(ask.seed, ask.schedule.as_deref())
+            .map_err(|e| Failure::Usage(e.to_string()))?;
         let choices = asked.or(self.choices);
         let (text, name) = (self.case.text.clone(), &self.case.plan.name);
         let case = case::parse(text, name, &choices, self.console)?;

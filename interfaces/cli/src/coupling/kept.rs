@@ -55,15 +55,19 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     let kept = checkpoint::read(path)?;
     let notes = &kept.extra;
     let note = |key: &str| {
-        let missing = || Failure::at(path, format!("it is not of a served run: no {key}"));
+        let missing =
+            || Failure::at(path, format!("expected a served run's, with {key}, found none"));
         notes.get(key).ok_or_else(missing)
     };
     let (run_id, seq) = (note(RUN_ID)?, note(SEQ)?);
-    let seq = seq.parse().map_err(|_| Failure::at(path, format!("{SEQ}: found {seq:?}")))?;
-    let penetration = note(PENETRATION)?.parse();
-    let penetration = penetration.map_err(|e| Failure::at(path, format!("{PENETRATION}: {e}")))?;
+    let no_number = |key: &str, found: &str| {
+        Failure::at(path, format!("{key}: expected a number, found {found:?}"))
+    };
+    let seq = seq.parse().map_err(|_| no_number(SEQ, seq))?;
+    let penetration = note(PENETRATION)?;
+    let penetration = penetration.parse().map_err(|_| no_number(PENETRATION, penetration))?;
     if !Parameters::alone_differ(lockstep.component().model(), &kept.model) {
-        let what = "it is of another case, bed or solver; start over with --force";
+        let what = "expected a run of this case, bed and solver, found one of another; start over with --force";
         return Err(Failure::at(path, what));
     }
     let answered = answered(notes).map_err(|e| Failure::at(path, e))?;
@@ -81,7 +85,8 @@ fn answered(notes: &BTreeMap<String, String>) -> Result<Option<(Digest, AdvanceR
     };
     let request = serde_json::from_value(Value::String(request.clone()));
     let request: Digest = request.map_err(|e| format!("{REQUEST}: {e}"))?;
-    let bytes = hexadecimal(reply).ok_or_else(|| format!("{REPLY}: no hexadecimal digits"))?;
+    let bytes = hexadecimal(reply)
+        .ok_or_else(|| format!("{REPLY}: expected hexadecimal digits, found others"))?;
     let reply = from_cdr(&bytes).map_err(|e| format!("{REPLY}: {e}"))?;
     Ok(Some((request, reply)))
 }
