@@ -24,7 +24,6 @@ use std::sync::Arc;
 
 /// A model that is stepped, and who steps it.
 pub struct Engine {
-    cycle: TampingCycle,
     source: Source,
 }
 
@@ -33,8 +32,7 @@ enum Source {
         model: Box<Model>,
         state: Box<State>,
         workspace: Box<Workspace>,
-        targets: Vec<Pose>,
-        speed_limit: SpeedLimit,
+        machine: Box<Machine>,
     },
     Recording {
         component: Box<Component>,
@@ -55,11 +53,9 @@ pub struct Stepped {
 impl Engine {
     /// The case's machine at `state`.
     pub fn machine(model: Model, state: State, cycle: TampingCycle) -> Self {
-        let (state, workspace) = (Box::new(state), Box::default());
-        let speed_limit = SpeedLimit::of(&model);
-        let (model, targets) = (Box::new(model), Vec::new());
-        let source = Source::Machine { model, state, workspace, targets, speed_limit };
-        Self { cycle, source }
+        let machine = Box::new(Machine::new(cycle, &model));
+        let (model, state, workspace) = (Box::new(model), Box::new(state), Box::default());
+        Self { source: Source::Machine { model, state, workspace, machine } }
     }
 
     /// A recording that moves the bodies from `state` on.
@@ -73,8 +69,7 @@ impl Engine {
         let memory = Box::new(Memory::new(&cycle, &state, playback.is_of_the_machine()));
         let component = case.component(Arc::new(model), state)?;
         let (component, playback) = (Box::new(component), Box::new(playback));
-        let source = Source::Recording { component, playback, memory };
-        Ok(Self { cycle, source })
+        Ok(Self { source: Source::Recording { component, playback, memory } })
     }
 
     pub fn model(&self) -> &Model {
@@ -114,10 +109,14 @@ impl Engine {
 
     /// The phase of the machine's cycle; `Done` where something else moves the bodies.
     pub fn phase(&self) -> TampingPhase {
-        match self.playback() {
-            Some(playback) if !playback.is_of_the_machine() => TampingPhase::Done,
-            _ => self.cycle.phase(self.state().time()),
-        }
+        let cycle = match &self.source {
+            Source::Machine { machine, .. } => &machine.cycle,
+            Source::Recording { playback, memory, .. } if playback.is_of_the_machine() => {
+                &memory.cycle
+            }
+            Source::Recording { .. } => return TampingPhase::Done,
+        };
+        cycle.phase(self.state().time())
     }
 
     /// The recording, where there is one.
@@ -130,15 +129,12 @@ impl Engine {
 
     /// Takes a step; `None` where the recording ends.
     pub fn step(&mut self, watch: &mut Profile) -> Outcome<Option<Stepped>> {
-        let Self { cycle, source } = self;
-        match source {
-            Source::Machine { model, state, workspace, targets, speed_limit } => {
+        match &mut self.source {
+            Source::Machine { model, state, workspace, machine } => {
                 let before = imposed(model, state);
                 let t0_ns = state.time_ns;
-                let report =
-                    machine_step(cycle, speed_limit, model, state, targets, workspace, watch)?;
-                let imposed = before.into_iter().zip(targets.iter().copied());
-                let imposed = imposed.map(|(a, b)| [a, b]).collect();
+                let (report, after) = machine.step(model, state, workspace, watch)?;
+                let imposed = before.into_iter().zip(after).map(|(a, b)| [a, b]).collect();
                 Ok(Some(Stepped { report, t0_ns, imposed }))
             }
             Source::Recording { component, playback, memory } => {
@@ -174,23 +170,36 @@ impl Engine {
     }
 }
 
-/// A step with the bodies where the machine of the case wants them; `targets` is left as what it wanted.
-pub fn machine_step(
-    cycle: &TampingCycle,
-    speed_limit: &SpeedLimit,
-    model: &Model,
-    state: &mut State,
-    targets: &mut Vec<Pose>,
-    workspace: &mut Workspace,
-    watch: &mut Profile,
-) -> Outcome<StepReport> {
-    cycle.targets(model, state, targets);
-    speed_limit.check(model, state, targets)?;
-    let report = step(model, state, &Inputs { targets, loads: &[] }, workspace, watch)?;
-    let mut memory = std::mem::take(&mut state.drive);
-    cycle.observe(model, &report, state, &mut memory);
-    state.drive = memory;
-    Ok(report)
+/// The machine of a case.
+pub struct Machine {
+    pub cycle: TampingCycle,
+    speed_limit: SpeedLimit,
+}
+
+impl Machine {
+    /// The machine that moves the bodies of `model`.
+    pub fn new(cycle: TampingCycle, model: &Model) -> Self {
+        Self { cycle, speed_limit: SpeedLimit::of(model) }
+    }
+
+    /// A step with the bodies where the machine wants them, and where that was `[nd]`.
+    pub fn step(
+        &self,
+        model: &Model,
+        state: &mut State,
+        workspace: &mut Workspace,
+        watch: &mut Profile,
+    ) -> Outcome<(StepReport, Vec<Pose>)> {
+        let mut targets = Vec::new();
+        self.cycle.targets(model, state, &mut targets);
+        self.speed_limit.check(model, state, &targets)?;
+        let inputs = Inputs { targets: &targets, loads: &[] };
+        let report = step(model, state, &inputs, workspace, watch)?;
+        let mut memory = std::mem::take(&mut state.drive);
+        self.cycle.observe(model, &report, state, &mut memory);
+        state.drive = memory;
+        Ok((report, targets))
+    }
 }
 
 /// Where each driven body, or its mount, was told to be `[nd]`.

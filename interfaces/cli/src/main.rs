@@ -16,6 +16,7 @@ mod engine;
 mod exit;
 mod files;
 mod interrupt;
+mod lock;
 mod playback;
 mod plot;
 mod profile;

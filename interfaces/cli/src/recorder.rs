@@ -62,7 +62,7 @@ impl Recorder {
     }
 
     fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
-        let zones = zones(case);
+        let zones = track::zones(&case.plan);
         let followed = record::followed(model);
         let summary = Summary::new(Setting::of(case, model));
         let mut results = Background::new(writer, WAITING);
@@ -137,18 +137,11 @@ impl Setting {
     pub fn of(case: &Case, model: &Model) -> Self {
         Self {
             followed: record::followed(model),
-            zones: zones(case).into_iter().map(|zone| zone.name).collect(),
+            zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),
             period: case.steps_per_period(),
             grain_size: case.grain_size(),
         }
     }
-}
-
-/// The case's zones; a crib that is not filled at all has no volume to measure.
-pub fn zones(case: &Case) -> Vec<Zone> {
-    let has_volume =
-        |zone: &Zone| zone.region.low.iter().zip(&zone.region.high).all(|(l, h)| l < h);
-    track::zones(&case.plan).into_iter().filter(has_volume).collect()
 }
 
 fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {

@@ -1,7 +1,8 @@
 //! What `ballast bench kernel` sweeps: lattices of grains as one set, or in subdomains.
 
-use super::roof::{Rate, enter};
+use super::roof::Rate;
 use super::sheet::Sheet;
+use crate::lock::enter;
 use ballast::lanes::Arithmetic;
 use ballast::model::PartitionRule;
 use ballast::nlgs::scenes::Scene;

@@ -1,11 +1,12 @@
 //! What memory and arithmetic deliver at most on some threads: the roofline that sweeps are held against.
 
+use crate::lock::enter;
 use crate::profile::cpu_time;
 use ballast::lanes::{Arithmetic, Line};
 use ballast::nlgs::{Operations, Traffic};
 use rayon::ThreadPool;
 use std::hint::black_box;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 use std::time::Instant;
 
 /// Bytes that fit every first cache, for the triad between it and the processor.
@@ -42,11 +43,6 @@ impl Rate {
     pub fn times(&self, factor: f64) -> Self {
         Self { wall: factor * self.wall, cpu: factor * self.cpu }
     }
-}
-
-/// Takes a lock, whatever happened to its last holder.
-pub fn enter<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
-    lock.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Two arrays for each thread of a pool.

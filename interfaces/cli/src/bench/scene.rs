@@ -3,7 +3,7 @@
 use super::args::Start;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
-use crate::engine::machine_step;
+use crate::engine::Machine;
 use crate::exit::{Failure, Outcome};
 use crate::files::read_text;
 use crate::profile::Profile;
@@ -11,10 +11,8 @@ use crate::{beds, session};
 use ballast::drive::Inputs;
 use ballast::math::Pose;
 use ballast::model::Model;
-use ballast::motion::SpeedLimit;
 use ballast::state::State;
 use ballast::step::{StepReport, step};
-use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_scenario::sample;
@@ -36,7 +34,7 @@ pub struct Scene {
 /// Who moves the bodies.
 pub enum Mover {
     /// The machine of the case.
-    Machine(Box<(TampingCycle, SpeedLimit)>),
+    Machine(Box<Machine>),
     /// Nobody: they stay where they are.
     Nobody(Vec<Pose>),
 }
@@ -56,7 +54,7 @@ impl Scene {
             model.solver.schedule = schedule.into();
         }
         let cycle = session::cycle(&case, &model, &state)?;
-        let mover = Mover::Machine(Box::new((cycle, SpeedLimit::of(&model))));
+        let mover = Mover::Machine(Box::new(Machine::new(cycle, &model)));
         Ok(Self { name: case.plan.name.clone(), model, state, mover, steps: case.steps() })
     }
 
@@ -98,7 +96,7 @@ impl Scene {
             Mover::Nobody(still) => still.clone(),
             Mover::Machine(machine) => {
                 let mut targets = Vec::new();
-                machine.0.targets(&self.model, &self.state, &mut targets);
+                machine.cycle.targets(&self.model, &self.state, &mut targets);
                 targets
             }
         }
@@ -115,10 +113,7 @@ impl Mover {
         watch: &mut Profile,
     ) -> Outcome<StepReport> {
         match self {
-            Mover::Machine(machine) => {
-                let (cycle, limit) = &**machine;
-                machine_step(cycle, limit, model, state, &mut Vec::new(), workspace, watch)
-            }
+            Mover::Machine(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
             Mover::Nobody(still) => {
                 let inputs = Inputs { targets: still, loads: &[] };
                 Ok(step(model, state, &inputs, workspace, watch)?)

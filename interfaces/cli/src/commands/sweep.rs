@@ -6,6 +6,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, create_folder, read_case, read_text, replace_text};
 use crate::interrupt;
+use crate::lock::enter;
 use ballast_hdf5::export::quoted;
 use ballast_scenario::sweep::{Point, Sweep, changed};
 use nix::sys::signal::{Signal, kill};
@@ -15,7 +16,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::Duration;
 
 /// No plan is this long.
@@ -171,7 +172,7 @@ impl Place {
         };
         let left = Mutex::new(open.len());
         let tell = |number: usize, is_done: bool| {
-            let mut left = left.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut left = enter(&left);
             *left -= 1;
             let how = if is_done { "done" } else { "not done" };
             let point = &self.sweep.points[number - 1];
@@ -198,7 +199,7 @@ impl Place {
         let failed = Mutex::new(Vec::new());
         let work = || {
             while !interrupt::requested() {
-                let next = waiting.lock().unwrap_or_else(PoisonError::into_inner).pop_front();
+                let next = enter(&waiting).pop_front();
                 let Some(number) = next else { break };
                 let mut command = command(number);
                 let threads = args.threads_each.to_string();
@@ -212,7 +213,7 @@ impl Place {
                     false
                 });
                 if !is_done {
-                    failed.lock().unwrap_or_else(PoisonError::into_inner).push(number);
+                    enter(&failed).push(number);
                 }
                 tell(number, is_done);
             }
@@ -222,7 +223,7 @@ impl Place {
                 scope.spawn(work);
             }
         });
-        let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut failed = std::mem::take(&mut *enter(&failed));
         failed.sort_unstable();
         failed
     }

@@ -6,7 +6,8 @@ use crate::console::Console;
 use crate::engine::Memory;
 use crate::exit::{Failure, Outcome};
 use crate::progress::{Mark, Progress};
-use crate::{beds, interrupt, recorder, session, start};
+use crate::{beds, interrupt, session, start};
+use ballast::track;
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
 use ballast_mcap::{Drive, Meta};
@@ -30,7 +31,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
         progress.advance((now_ns as f64 / whole).min(1.0), &At(now_ns));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let zones = recorder::zones(&case);
+    let zones = track::zones(&case.plan);
     let verdict =
         ballast_mcap::verify(&mut windows, &mut component, &zones, &mut memory, &mut watch)?;
     progress.finish();

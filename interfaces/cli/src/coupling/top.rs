@@ -4,6 +4,7 @@ use super::args::Top;
 use crate::console::{Console, is_read};
 use crate::exit::{Failure, Outcome};
 use crate::interrupt;
+use crate::lock::enter;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::StatusReport;
 use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
@@ -12,7 +13,7 @@ use ballast_zenoh::{HEARTBEAT, Line, Patience};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Most bodies that are shown.
@@ -44,7 +45,7 @@ pub fn top(args: Top, console: Console) -> Outcome {
     let told = Arc::new(Mutex::new(Told::default()));
     let to = Arc::clone(&told);
     line.listen(move |_, encoding, bytes| {
-        to.lock().unwrap_or_else(PoisonError::into_inner).take(encoding, bytes);
+        enter(&to).take(encoding, bytes);
     })?;
     let mut earlier: Option<(Instant, u64)> = None;
     let mut pace = None;
@@ -59,7 +60,7 @@ pub fn top(args: Top, console: Console) -> Outcome {
         let status = line.status()?;
         if k == 0 {
             for (_, encoding, bytes) in line.last_told()? {
-                told.lock().unwrap_or_else(PoisonError::into_inner).take(&encoding, &bytes);
+                enter(&told).take(&encoding, &bytes);
             }
         }
         let now = (Instant::now(), status.place.now_ns);
@@ -69,7 +70,7 @@ pub fn top(args: Top, console: Console) -> Outcome {
             pace = Some((now.0 - at).as_secs_f64() / ((now.1 - ns) as f64 * 1e-9));
         }
         earlier = Some(now);
-        let told = told.lock().unwrap_or_else(PoisonError::into_inner);
+        let told = enter(&told);
         console.event("status", json!({ "status": status, "wall_per_simulated": pace }));
         let clear = if std::io::stdout().is_terminal() { "\x1b[H\x1b[J" } else { "" };
         console.result(&format!("{clear}{}\n", table(&args.key, &status, pace, &told)));
@@ -81,10 +82,34 @@ pub fn top(args: Top, console: Console) -> Outcome {
 }
 
 fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> String {
-    let s = |ms: Option<u64>| format!("{:.1} s", ms.unwrap_or(0) as f64 * 1e-3);
+    let mut lines = whose(key, status);
+    lines.extend(work(status, pace));
+    if let Some(solver) = &told.solver {
+        lines.push((
+            "solver",
+            format!(
+                "{} of {} contacts, residual {:.1e}, penetration {:.1e} m",
+                solver.active_contacts,
+                solver.contacts,
+                solver.residual_qm16,
+                solver.max_penetration
+            ),
+        ));
+    }
+    let mut text: Vec<_> = lines.iter().map(|(label, v)| format!("{label:<12}{v}")).collect();
+    text.extend(forces(&told.bodies));
+    text.join("\n")
+}
+
+fn seconds(ms: Option<u64>) -> String {
+    format!("{:.1} s", ms.unwrap_or(0) as f64 * 1e-3)
+}
+
+/// Which run it is, who drives it, and what it waits for.
+fn whose(key: &str, status: &StatusReport) -> Vec<(&'static str, String)> {
     let place = &status.place;
     let mut lines = vec![
-        ("component", format!("{key}, up for {}", s(Some(status.uptime_ms)))),
+        ("component", format!("{key}, up for {}", seconds(Some(status.uptime_ms)))),
         ("state", status.activity.to_string()),
         (
             "run",
@@ -94,11 +119,17 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
         ("hash", place.hash.clone()),
     ];
     if let Some(owner) = &status.owner {
-        lines.push(("driven by", format!("{owner} for {}", s(status.owner_since_ms))));
+        lines.push(("driven by", format!("{owner} for {}", seconds(status.owner_since_ms))));
     }
     if let Some(what) = &status.waiting_for {
-        lines.push(("waits for", format!("{what}, for {}", s(status.waiting_since_ms))));
+        lines.push(("waits for", format!("{what}, for {}", seconds(status.waiting_since_ms))));
     }
+    lines
+}
+
+/// How far it is, and what that takes.
+fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
     if let Some(p) = &status.progress {
         lines.push((
             "computes",
@@ -109,7 +140,7 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
                 p.steps,
                 p.iterations,
                 p.residual_qm16,
-                s(Some(p.left_ms))
+                seconds(Some(p.left_ms))
             ),
         ));
     }
@@ -137,31 +168,17 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
     if let Some(pace) = pace {
         lines.push(("pace", format!("{pace:.0} s per simulated s")));
     }
-    if let Some(solver) = &told.solver {
-        lines.push((
-            "solver",
-            format!(
-                "{} of {} contacts, residual {:.1e}, penetration {:.1e} m",
-                solver.active_contacts,
-                solver.contacts,
-                solver.residual_qm16,
-                solver.max_penetration
-            ),
-        ));
-    }
-    let mut text: Vec<_> = lines.iter().map(|(label, v)| format!("{label:<12}{v}")).collect();
-    if !told.bodies.is_empty() {
-        text.push(format!(
-            "{:<20}{:>12}{:>12}{:>12}{:>10}",
-            "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts"
-        ));
-    }
-    for (name, body) in &told.bodies {
+    lines
+}
+
+/// What the ballast does to each body, under a line of headings.
+fn forces(bodies: &BTreeMap<String, WrenchImpulse>) -> Vec<String> {
+    let head =
+        format!("{:<20}{:>12}{:>12}{:>12}{:>10}", "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts");
+    let row = |(name, body): (&String, &WrenchImpulse)| {
         let f = body.moving_mean.force;
-        text.push(format!(
-            "{name:<20}{:>12.1}{:>12.1}{:>12.1}{:>10}",
-            f.x, f.y, f.z, body.contacts
-        ));
-    }
-    text.join("\n")
+        format!("{name:<20}{:>12.1}{:>12.1}{:>12.1}{:>10}", f.x, f.y, f.z, body.contacts)
+    };
+    let head = (!bodies.is_empty()).then_some(head);
+    head.into_iter().chain(bodies.iter().map(row)).collect()
 }

@@ -10,7 +10,7 @@ use crate::summary::{Setting, Summary};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::track::TampingPhase;
+use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_hdf5::results::{Reader, Table};
 use serde_json::Value;
@@ -89,7 +89,7 @@ impl Source {
         };
         let rows: Vec<Row> = table(&steps, done).into_iter().map(Row).collect();
         let upto = zones.steps.iter().filter(|step| **step <= state.step).count();
-        let measured = recorder::compactness(model, state, &recorder::zones(&case))?;
+        let measured = recorder::compactness(model, state, &track::zones(&case.plan))?;
         let mut zones = table(&zones, upto);
         // Between two outputs, or where the case asks for none.
         if zones.last().is_none_or(|row| row[0] < state.time()) {

@@ -10,11 +10,11 @@ use crate::exit::{Failure, Outcome};
 use crate::plot::{Chart, Mark};
 use crate::profile::Profile;
 use crate::record::{self, Column};
-use crate::recorder::zones;
 use crate::summary::{Setting, Summary};
 use crate::{beds, session};
 use ballast::model::Role;
 use ballast::observe::{self, Coordination};
+use ballast::track;
 use std::path::Path;
 
 const SMALL: &str = include_str!("cycle.toml");
@@ -58,7 +58,7 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
     let mut engine = Engine::machine(model, state, cycle);
     let mut watch = Profile::start();
     let observe = |engine: &Engine, summary: &mut Summary| -> Outcome {
-        let measured = zones(&case).into_iter().map(|zone| {
+        let measured = track::zones(&case.plan).into_iter().map(|zone| {
             Ok(observe::compactness(engine.model(), engine.state(), &zone)?.compactness)
         });
         let measured: ballast::Result<Vec<f64>> = measured.collect();
