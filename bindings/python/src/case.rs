@@ -6,7 +6,7 @@ use crate::machine::Machine;
 use crate::simulation::Simulation;
 use crate::state::Snapshot;
 use ballast::component::Limits;
-use ballast::model::{Model, Schedule};
+use ballast::model::Model;
 use ballast::state::State;
 use ballast::track::plan::Plan;
 use ballast_beds::{Beds, Pace};
@@ -138,15 +138,9 @@ impl Case {
     /// The same case with another seed of the bed, or another schedule of the solver.
     #[pyo3(signature = (*, seed=None, schedule=None))]
     fn choose(&self, py: Python<'_>, seed: Option<u64>, schedule: Option<&str>) -> PyResult<Self> {
-        let named = |name: &str| {
-            Schedule::named(name).ok_or_else(|| {
-                let known = Schedule::ALL.map(Schedule::name);
-                let text = format!("schedule: expected one of {known:?}, found {name:?}");
-                errors::error::<CaseError>(py, "case", text)
-            })
-        };
-        let schedule = schedule.map(named).transpose()?;
-        Ok(self.clone().chosen(Choices { schedule, seed }))
+        let choices = Choices::named(seed, schedule)
+            .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+        Ok(self.clone().chosen(choices))
     }
 
     /// As the case calls itself.

@@ -1,6 +1,7 @@
 //! Long work with the interpreter released, and somebody who listens for Ctrl-C meanwhile.
 
 use crate::errors::{self, Lost};
+use crate::lock::{enter, enter_if_free};
 use ballast::step::MOST_THREADS;
 use ballast_protocol::lockstep::said;
 use pyo3::prelude::*;
@@ -10,7 +11,7 @@ use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// How often the calling thread looks for Ctrl-C and tells how far the work is.
@@ -91,7 +92,7 @@ impl Crew {
         if !self.is_apart && self.is_own()? {
             return Ok(None);
         }
-        let mut others = sound(&self.others);
+        let mut others = enter(&self.others);
         if let Some(team) = others.as_ref().filter(|team| team.is_here()) {
             return Ok(Some(Arc::clone(team)));
         }
@@ -144,7 +145,7 @@ impl Turn<'_> {
 
     /// Whether the work is to end at the next sound point.
     pub fn is_over(&self) -> bool {
-        if let Some(last) = sound(&self.listened).as_mut()
+        if let Some(last) = enter(&self.listened).as_mut()
             && last.elapsed() >= EVERY
         {
             self.listen();
@@ -155,21 +156,21 @@ impl Turn<'_> {
 
     /// Says how far the work is, 0 to 1; only the last word counts.
     pub fn tell(&self, share: f64, text: impl FnOnce() -> String) {
-        if let Ok(mut news) = self.news.try_lock() {
+        if let Some(mut news) = enter_if_free(&self.news) {
             *news = Some((share, text()));
         }
     }
 
     /// Looks for Ctrl-C and passes the news on; the first exception ends the turn.
     fn listen(&self) {
-        let mut raised = sound(&self.raised);
+        let mut raised = enter(&self.raised);
         if raised.is_some() {
             return;
         }
         let heard = Python::attach(|py| -> PyResult<()> {
             py.check_signals()?;
             // Taken before it is passed on: the work may tell more meanwhile.
-            let news = sound(&self.news).take();
+            let news = enter(&self.news).take();
             if let (Some(progress), Some(news)) = (self.progress, news) {
                 progress.call1(py, news)?;
             }
@@ -180,11 +181,6 @@ impl Turn<'_> {
             self.is_over.store(true, Ordering::Relaxed);
         }
     }
-}
-
-/// What a panic elsewhere has left is as good as before: nothing here is half written.
-fn sound<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Runs `work` with the interpreter released.
@@ -217,14 +213,14 @@ pub fn attend<R: Send>(
     let result: Result<_, ThreadPoolBuildError> = py.detach(|| {
         Ok(match crew.workers()? {
             None => {
-                *sound(&turn.listened) = Some(Instant::now());
+                *enter(&turn.listened) = Some(Instant::now());
                 guarded()
             }
             Some(others) => listening(&others.pool, turn, guarded),
         })
     });
     match result.map_err(|e| no_threads(py, &e))? {
-        Ok(result) => Ok((result, sound(&turn.raised).take())),
+        Ok(result) => Ok((result, enter(&turn.raised).take())),
         Err(panic) => Err(errors::error::<Lost>(py, "lost", said(panic.as_ref()))),
     }
 }

@@ -8,20 +8,19 @@ use crate::outcome::{Outcome, Series, Trouble};
 use crate::recorder::Recorder;
 use crate::simulation::Asked;
 use crate::state::Snapshot;
-use ballast::component::{self, Component, Limits, Status, Stop, Window, ZoneOutcome};
+use ballast::component::{self, Component, Limits, Refusal, Status, Stop, ZoneOutcome};
 use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
 use ballast::track;
-use ballast::track::zones::zones;
-use ballast_protocol::lockstep::WindowKind;
+use ballast_protocol::messages::StepSeries;
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use std::ffi::CString;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What does not change while a simulation of this process is stepped.
 #[derive(Clone)]
@@ -46,6 +45,12 @@ pub struct Here {
     lost: Option<String>,
     /// The next step panics: so that tests can see what becomes of it.
     pub panics: bool,
+}
+
+/// What is taken from each step of a window.
+struct Watched {
+    machine: Machine,
+    series: Option<StepSeries>,
 }
 
 impl Here {
@@ -98,7 +103,7 @@ impl Here {
 
     pub fn zones(&self, py: Python<'_>) -> PyResult<Vec<ZoneOutcome>> {
         let Ground { case, model, crew, .. } = &self.ground;
-        let (state, zones) = (self.component.state(), zones(&case.plan));
+        let (state, zones) = (self.component.state(), track::zones(&case.plan));
         crew.run(py, || component::measure(model, state, &zones))
     }
 
@@ -123,25 +128,62 @@ impl Here {
                 recorder.check_redo(py, &self.component)?;
             }
         }
-        let Ground { model, names, crew, .. } = &self.ground;
         let before = self.component.save();
-        let mut series = asked.series.then(|| Series::new(names));
-        let mut machine = match (&asked.t1_ns, &self.machine_before) {
+        let machine_before = match (&asked.t1_ns, &self.machine_before) {
             (None, Some(machine)) => machine.clone(),
             _ => self.machine.clone(),
         };
-        let machine_before = machine.clone();
+        let model = &self.ground.model;
+        let series = asked.series.then(|| StepSeries::begin(model));
+        let mut watched = Watched { machine: machine_before.clone(), series };
+        let computed = self.compute(py, asked, &mut watched);
+        let ((result, took), raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
+        let mut outcome = match (result, raised.as_ref()) {
+            (Ok(outcome), _) => outcome,
+            (Err(_), Some(raised)) => return Err(raised.clone_ref(py)),
+            (Err(e), None) => return Err(errors::refusal(py, e)),
+        };
+        let is_discarded = outcome.status == Status::Discard;
+        self.machine = if is_discarded { machine_before.clone() } else { watched.machine };
+        self.machine_before = Some(machine_before);
+        if asked.zones && !is_discarded {
+            outcome.zones = self.zones(py)?;
+        }
+        let told = self.take_down(py, asked, &outcome);
+        if let Some(raised) = raised {
+            return Err(raised);
+        }
+        // Who makes errors of warnings has one.
+        told?;
+        let names = Arc::clone(&self.ground.names);
+        // Of what was taken back there is nothing to tell.
+        let steps = watched
+            .series
+            .map(|steps| if outcome.steps > 0 { steps } else { StepSeries::default() });
+        let series = steps.map(|steps| Py::new(py, Series::new(steps, &names))).transpose()?;
+        let trouble = outcome.trouble.as_ref();
+        let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
+        Ok(Outcome { inner: outcome, trouble, wall_s: took.as_secs_f64(), names, series })
+    }
+
+    /// What came of the window and how long it took, and what was raised meanwhile.
+    fn compute(
+        &mut self,
+        py: Python<'_>,
+        asked: &Asked,
+        watched: &mut Watched,
+    ) -> PyResult<((Result<component::Outcome, Refusal>, Duration), Option<PyErr>)> {
+        let Ground { model, crew, .. } = &self.ground;
         let panics = std::mem::take(&mut self.panics);
-        let window = Window { motions: &asked.motions, loads: &asked.loads };
         let component = &mut self.component;
-        let computed = compute(py, crew, None, |turn| {
+        compute(py, crew, None, |turn| {
             let mut watch = |state: &state::State, report: &StepReport| {
                 assert!(!panics, "a failure that was asked for");
-                if let Some(series) = &mut series {
+                if let Some(series) = &mut watched.series {
                     series.take(state, report);
                 }
                 if asked.by_machine {
-                    machine.observe(model, state, report);
+                    watched.machine.observe(model, state, report);
                 }
                 if turn.is_over() {
                     ControlFlow::Break(Stop::Early)
@@ -151,38 +193,23 @@ impl Here {
             };
             let begin = Instant::now();
             let result = match asked.t1_ns {
-                Some(t1) => component.advance_watched(t1, window, &mut watch),
-                None => component.redo_watched(window, &mut watch),
+                Some(t1) => component.advance_watched(t1, asked.window(), &mut watch),
+                None => component.redo_watched(asked.window(), &mut watch),
             };
             (result, begin.elapsed())
-        });
-        let ((result, took), raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
-        let mut outcome = match (result, raised.as_ref()) {
-            (Ok(outcome), _) => outcome,
-            (Err(_), Some(raised)) => return Err(raised.clone_ref(py)),
-            (Err(e), None) => return Err(errors::refusal(py, e)),
-        };
-        let is_discarded = outcome.status == Status::Discard;
-        self.machine = if is_discarded { machine_before.clone() } else { machine };
-        self.machine_before = Some(machine_before);
-        if asked.zones && !is_discarded {
-            outcome.zones = self.zones(py)?;
-        }
-        let recorded = match &mut self.recorder {
-            Some(recorder) => recorder.window(&self.component, asked.kind(), &window, &outcome),
-            None => Ok(()),
-        };
-        let told = recorded.or_else(|why| self.give_recording_up(py, &why));
-        if let Some(raised) = raised {
-            return Err(raised);
-        }
-        // Who makes errors of warnings has one.
-        told?;
-        let trouble = outcome.trouble.as_ref();
-        let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
-        let series = series.map(|s| Py::new(py, s)).transpose()?;
-        let (names, wall_s) = (Arc::clone(&self.ground.names), took.as_secs_f64());
-        Ok(Outcome { inner: outcome, trouble, wall_s, names, series })
+        })
+    }
+
+    /// Records a window, where there is a recording.
+    fn take_down(
+        &mut self,
+        py: Python<'_>,
+        asked: &Asked,
+        outcome: &component::Outcome,
+    ) -> PyResult<()> {
+        let Some(recorder) = &mut self.recorder else { return Ok(()) };
+        let recorded = recorder.window(&self.component, asked.kind(), &asked.window(), outcome);
+        recorded.or_else(|why| self.give_recording_up(py, &why))
     }
 
     /// A file that cannot be written any more is no reason to lose what was computed.

@@ -10,6 +10,7 @@ mod compute;
 mod errors;
 mod here;
 mod inputs;
+mod lock;
 mod machine;
 mod outcome;
 mod recorder;
@@ -42,6 +43,12 @@ fn schema(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     case::as_dict(py, &ballast_scenario::schema())
 }
 
+/// Replaces a file by a text, at once or not at all.
+#[pyfunction]
+fn replace(py: Python<'_>, path: std::path::PathBuf, text: &str) -> PyResult<()> {
+    ballast_hdf5::replace(&path, &[text.as_bytes()]).map_err(|e| errors::file(py, e))
+}
+
 #[pymodule]
 fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     errors::register(module)?;
@@ -64,6 +71,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(case::begin, module)?)?;
     module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
     module.add_function(wrap_pyfunction!(there::attach, module)?)?;
+    module.add_function(wrap_pyfunction!(replace, module)?)?;
     module.add_function(wrap_pyfunction!(resume, module)?)?;
     module.add_function(wrap_pyfunction!(schema, module)?)
 }

@@ -3,18 +3,13 @@
 use crate::arrays::{self, Matrix, Vector};
 use crate::case::as_dict;
 use crate::errors;
+use crate::lock::enter_patiently;
 use ballast_hdf5::results::Reader;
 use ballast_mcap::recording::Windows;
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// Waits for another thread with the interpreter released: that thread may need it to get done.
-fn lock<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a, T> {
-    mutex.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
-}
+use std::sync::Mutex;
 
 /// A results file of `ballast run`.
 #[pyclass(frozen, module = "ballast")]
@@ -28,7 +23,7 @@ impl Results {
         py: Python<'_>,
         ask: impl FnOnce(&Reader) -> ballast_hdf5::Result<T>,
     ) -> PyResult<T> {
-        ask(&lock(py, &self.reader)).map_err(|e| errors::file(py, e))
+        ask(&enter_patiently(py, &self.reader)).map_err(|e| errors::file(py, e))
     }
 }
 
@@ -75,7 +70,7 @@ impl Results {
     fn poses<'py>(&self, py: Python<'py>, frame: usize) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
         let frames = self.read(py, |r| Ok(r.steps().len()))?;
         if frame >= frames {
-            let text = format!("frame {frame}; there are {frames}");
+            let text = format!("frame: expected less than {frames}, found {frame}");
             return Err(pyo3::exceptions::PyIndexError::new_err(text));
         }
         let poses = self.read(py, |r| r.poses(frame))?;
@@ -136,13 +131,13 @@ impl Recording {
 
     /// The record of the next window: what was asked, and what was answered.
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let next = lock(py, &self.windows).next().map_err(|e| errors::file(py, e))?;
+        let next = enter_patiently(py, &self.windows).next().map_err(|e| errors::file(py, e))?;
         next.map(|window| as_dict(py, &window.record)).transpose()
     }
 
     /// Why reading ended early, where it did.
     #[getter]
     fn lost(&self, py: Python<'_>) -> Option<String> {
-        lock(py, &self.windows).lost().map(ToString::to_string)
+        enter_patiently(py, &self.windows).lost().map(ToString::to_string)
     }
 }

@@ -6,17 +6,18 @@ use crate::compute::Crew;
 use crate::errors;
 use crate::here::{Ground, Here};
 use crate::inputs::{self, Load, Motion};
+use crate::lock::enter_if_free;
 use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
-use ballast::component::{Input, Limits, LoadInput};
+use ballast::component::{Input, Limits, LoadInput, Window};
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::WindowKind;
 use ballast_zenoh::Description;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 ///
@@ -89,6 +90,11 @@ impl Asked {
     pub fn kind(&self) -> WindowKind {
         if self.t1_ns.is_some() { WindowKind::Advance } else { WindowKind::Redo }
     }
+
+    /// What moves the bodies.
+    pub fn window(&self) -> Window<'_> {
+        Window { motions: &self.motions, loads: &self.loads }
+    }
 }
 
 impl Simulation {
@@ -126,14 +132,10 @@ impl Simulation {
 
     /// What steps it, for as long as no other thread does.
     fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Option<Back>>> {
-        match self.back.try_lock() {
-            Ok(back) => Ok(back),
-            Err(TryLockError::Poisoned(back)) => Ok(back.into_inner()),
-            Err(TryLockError::WouldBlock) => {
-                let text = "another thread is stepping this simulation; fork it, or wait";
-                Err(errors::error::<errors::Error>(py, "busy", text))
-            }
-        }
+        enter_if_free(&self.back).ok_or_else(|| {
+            let text = "another thread is stepping this simulation; fork it, or wait";
+            errors::error::<errors::Error>(py, "busy", text)
+        })
     }
 
     /// Does what every simulation can.
@@ -235,10 +237,14 @@ impl Simulation {
     /// The ways of the tines through the case's tamping cycle; none without tamping.
     #[getter]
     fn tines(&self, py: Python<'_>) -> PyResult<Vec<Tine>> {
-        let name = |body: usize| self.about.names[body].clone();
-        let tine = |path: &TinePath| Tine { name: name(path.body), path: path.clone() };
         self.with_here(py, "tines", |here| {
-            Ok(here.machine().cycle().tines().iter().map(tine).collect())
+            let cycle = here.machine().cycle();
+            let tine = |path: &TinePath| Tine {
+                name: self.about.names[path.body].clone(),
+                pair: cycle.pairs()[path.pair].number,
+                path: path.clone(),
+            };
+            Ok(cycle.tines().iter().map(tine).collect())
         })
     }
 
@@ -352,13 +358,13 @@ impl Simulation {
             Some(Back::There(there)) => there.is_lost(),
             None => false,
         };
-        self.back.try_lock().is_ok_and(|back| is_lost(&back))
+        enter_if_free(&self.back).is_some_and(|back| is_lost(&back))
     }
 
     /// Whether `close` was called.
     #[getter]
     fn is_closed(&self) -> bool {
-        self.back.try_lock().is_ok_and(|back| back.is_none())
+        enter_if_free(&self.back).is_some_and(|back| back.is_none())
     }
 
     /// Names of the driven bodies: tines, boundaries, sleepers.
@@ -396,7 +402,7 @@ impl Simulation {
     fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<(Matrix<'py>, Vec<Vec<u16>>)> {
         let shapes = &self.ground(py, "shape")?.model.shapes;
         let shape = shapes.get(index).ok_or_else(|| {
-            let text = format!("shape {index}; there are {}", shapes.len());
+            let text = format!("shape: expected less than {}, found {index}", shapes.len());
             pyo3::exceptions::PyIndexError::new_err(text)
         })?;
         let corners: Vec<f64> = shape.vertices.iter().flatten().copied().collect();
@@ -428,6 +434,7 @@ impl Simulation {
 #[pyclass(frozen, module = "ballast")]
 pub struct Tine {
     name: String,
+    pair: u32,
     path: TinePath,
 }
 
@@ -439,10 +446,10 @@ impl Tine {
         &self.name
     }
 
-    /// Number of its pair, from 0.
+    /// Number of its pair in the case: its squeezes are those of "pair_NUMBER".
     #[getter]
-    fn pair(&self) -> usize {
-        self.path.pair
+    fn pair(&self) -> u32 {
+        self.pair
     }
 
     /// Of its squeeze along x: 1 or -1.
@@ -470,6 +477,6 @@ impl Tine {
     }
 
     fn __repr__(&self) -> String {
-        format!("Tine({:?}, pair {})", self.name, self.path.pair)
+        format!("Tine({:?}, pair {})", self.name, self.pair)
     }
 }

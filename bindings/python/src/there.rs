@@ -5,6 +5,7 @@
 
 use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Error, Lost, Unreachable};
+use crate::lock::enter;
 use crate::outcome::{Outcome, Series, Trouble};
 use crate::simulation::Asked;
 use ballast::math::Pose;
@@ -15,7 +16,7 @@ use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
 use ballast_zenoh::{Client, Description, Link, Patience};
 use pyo3::prelude::*;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Where the next motion of each driven body begins `[nd]`.
@@ -52,7 +53,7 @@ pub struct Kept {
 impl Drop for Kept {
     fn drop(&mut self) {
         let name = std::mem::take(&mut self.name);
-        self.forgotten.lock().unwrap_or_else(PoisonError::into_inner).push(name);
+        enter(&self.forgotten).push(name);
     }
 }
 
@@ -148,7 +149,7 @@ impl There {
         let trouble = (!reply.message.is_empty())
             .then(|| Trouble { code: reply.code.clone(), text: reply.message.clone() });
         let names = Arc::clone(&self.names);
-        let series = asked.series.then(|| Py::new(py, Series::told(&names, &reply.series)));
+        let series = asked.series.then(|| Py::new(py, Series::new(reply.series, &names)));
         Ok(Outcome { inner, trouble, wall_s, names, series: series.transpose()? })
     }
 
@@ -230,7 +231,7 @@ impl There {
 
     /// States that nobody here holds any more need not be kept over there.
     fn forget(&mut self, py: Python<'_>) -> PyResult<()> {
-        let forgotten = || self.forgotten.lock().unwrap_or_else(PoisonError::into_inner);
+        let forgotten = || enter(&self.forgotten);
         let mut names = std::mem::take(&mut *forgotten());
         let client = &mut self.client;
         let done = py.detach(|| {

@@ -126,6 +126,20 @@ def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> No
             assert rows.tobytes() == elsewhere.impulses[name].tobytes()
 
 
+def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, served: Served) -> None:
+    """It fails after two good steps, of which nothing is told."""
+    with served.open() as there:
+        for s in (sim, there):
+            h, name = s.step_ns, next(name for name in s.bodies if name.startswith("tine"))
+            x, q = s.save().target(name)
+            motion = ballast.Motion([0, 2 * h, 3 * h], [x, x - [0, 0, 1e-4], x - [0, 0, 1]], [q] * 3)
+            out = s.advance_to(3 * h, {name: motion}, series=True)
+            assert (out.status, out.code, out.steps) == ("discard", "over_speed", 0)
+            assert out.series is not None and len(out.series) == 0
+            assert list(out.series.impulses) == s.bodies
+            assert all(rows.shape == (0, 6) for rows in out.series.impulses.values())
+
+
 def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:
     with served.open() as there:
         kept = there.save()

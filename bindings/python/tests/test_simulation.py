@@ -83,6 +83,15 @@ def test_a_squeeze_is_followed(sim: ballast.Simulation) -> None:
     assert last.peak_force == np.abs(force).max() <= last.peak_step_force
 
 
+def test_a_tine_tells_the_pair_of_its_case(case: ballast.Case, beds: Path) -> None:
+    lone = {"name": "lone", "x_m": 0.03, "y_m": 0.05, "towards": "+x", "pair": 5,
+            "blade_m": [0.01, 0.02, 0.02], "shaft_m": [0.01, 0.01, 0.1]}  # fmt: skip
+    case = case.with_values({"tine": [lone]})
+    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+        pairs = {tine.name: tine.pair for tine in sim.tines}
+        assert pairs.pop("lone") == 5 and set(pairs.values()) == {0}
+
+
 def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
     sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
     end = 10 * sim.step_ns

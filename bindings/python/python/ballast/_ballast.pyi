@@ -36,6 +36,7 @@ __all__ = [
     "attach",
     "begin",
     "prepare",
+    "replace",
     "resume",
     "schema",
 ]
@@ -329,7 +330,7 @@ class Tine:
 
     @property
     def pair(self) -> int:
-        """Number of its pair, from 0."""
+        """Number of its pair in the case: its squeezes are those of "pair_NUMBER"."""
 
     @property
     def direction(self) -> float:
@@ -773,6 +774,8 @@ def prepare(
     progress: Callable[[float, str], object] | None = None,
     again: bool = False,
 ) -> os.PathLike[str]: ...
+def replace(path: _Path, text: str) -> None:
+    """Replaces a file by a text, at once or not at all."""
 def resume(
     state: State,
     threads: int | None = None,

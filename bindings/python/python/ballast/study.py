@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 import ballast
-from ballast import _toml
+from ballast import _ballast, _toml
 from ballast._json import dumps
 
 if TYPE_CHECKING:
@@ -202,9 +202,7 @@ def run(
     def keep(i: int, figures: Figures) -> None:
         _check_figures(points[i], figures)
         text = dumps({"point": dict(points[i]), "figures": figures}, indent=1)
-        part = files[i].with_suffix(".part")
-        part.write_text(text)
-        part.replace(files[i])
+        _ballast.replace(files[i], text)
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
 
     if missing:

@@ -40,8 +40,8 @@ def bed(sim: ballast.Simulation) -> Any:
 
 
 def chains(sim: ballast.Simulation, *, least: float = 1.0) -> Any:
-    """The contacts that carry at least `least` times the mean, as lines from grain to contact, with the force
-    (N) on each."""
+    """The contacts that carry at least `least` times the mean, as lines between the centres of two grains,
+    or from a grain's centre to where it touches a driven body, with the force (N) on each."""
     import pyvista as pv
 
     state = sim.save()
