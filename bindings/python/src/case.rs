@@ -6,15 +6,10 @@ use crate::machine::Machine;
 use crate::simulation::Simulation;
 use crate::state::Snapshot;
 use ballast::component::Limits;
-use ballast::model::Model;
-use ballast::state::State;
-use ballast::track::plan::Plan;
 use ballast_beds::{Beds, Pace};
-use ballast_hdf5::checkpoint::{Checkpoint, Kind};
 use ballast_scenario::{Choices, LONGEST_CASE, NoText, read_text, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -25,57 +20,28 @@ use std::sync::Arc;
 /// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError.
 #[pyclass(frozen, module = "ballast", from_py_object)]
 #[derive(Clone)]
-pub struct Case {
-    pub plan: Plan,
-    pub text: String,
-    pub choices: Choices,
-    warnings: Vec<String>,
+pub struct Case(pub Arc<ballast_beds::Case>);
+
+/// Reads a case from its text.
+pub fn read(py: Python<'_>, text: String, name: &str) -> PyResult<ballast_beds::Case> {
+    ballast_beds::Case::read(text, name).map_err(|faults| {
+        let error = errors::error::<CaseError>(py, "case", &faults);
+        let told = faults.errors.iter().map(|fault| as_dict(py, fault));
+        let told = told.collect::<PyResult<Vec<_>>>().and_then(|all| PyTuple::new(py, all));
+        match told.and_then(|all| error.value(py).setattr("diagnostics", all)) {
+            Ok(()) => error,
+            Err(other) => other,
+        }
+    })
 }
 
 impl Case {
-    /// A checkpoint of a run of it, with notes besides those of its choices.
-    pub fn checkpoint(
-        &self,
-        model: &Model,
-        state: &State,
-        mut notes: BTreeMap<String, String>,
-    ) -> Checkpoint {
-        notes.extend(self.choices.notes());
-        let scene = (model.clone(), state.clone());
-        ballast_beds::checkpoint(&self.plan, &self.text, Kind::Run, scene, notes)
-    }
-
-    /// The case of a checkpoint, with what its notes changed.
-    pub fn restored(
-        py: Python<'_>,
-        text: String,
-        name: &str,
-        notes: &BTreeMap<String, String>,
-    ) -> PyResult<Self> {
-        let choices =
-            Choices::from_notes(notes).map_err(|e| errors::file(py, format!("{name}: {e}")))?;
-        Ok(Self::read(py, text, name)?.chosen(choices))
-    }
-
     fn read(py: Python<'_>, text: String, name: &str) -> PyResult<Self> {
-        let read = ballast_scenario::read_case(&text, name).map_err(|faults| {
-            let error = errors::error::<CaseError>(py, "case", &faults);
-            let told = faults.errors.iter().map(|fault| as_dict(py, fault));
-            let told = told.collect::<PyResult<Vec<_>>>().and_then(|all| PyTuple::new(py, all));
-            match told.and_then(|all| error.value(py).setattr("diagnostics", all)) {
-                Ok(()) => error,
-                Err(other) => other,
-            }
-        })?;
-        let warnings = read.warnings.iter().map(ToString::to_string).collect();
-        Ok(Self { plan: read.plan, text, choices: Choices::default(), warnings })
+        Ok(Self(Arc::new(read(py, text, name)?)))
     }
 
-    /// The same case with other choices, where some are made.
-    fn chosen(mut self, choices: Choices) -> Self {
-        choices.apply(&mut self.plan);
-        self.choices = choices.or(self.choices);
-        self
+    fn chosen(&self, choices: Choices) -> Self {
+        Self(Arc::new(ballast_beds::Case::clone(&self.0).chosen(choices)))
     }
 }
 
@@ -109,19 +75,19 @@ impl Case {
 
     /// The text's values as nested dictionaries; what the text leaves to defaults is not in them.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("tomllib")?.call_method1("loads", (&self.text,))
+        py.import("tomllib")?.call_method1("loads", (&self.0.text,))
     }
 
     /// Writes the case's text to a file; overrides of `choose` are not part of it.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        ballast_hdf5::replace(&path, &[self.text.as_bytes()]).map_err(|e| errors::file(py, e))
+        ballast_hdf5::replace(&path, &[self.0.text.as_bytes()]).map_err(|e| errors::file(py, e))
     }
 
     /// The same case with other values: paths of keys joined by points, and what they become, such as
     /// `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError.
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let point: sweep::Point = table(py, values)?.into_iter().collect();
-        let text = sweep::with_values(&self.text, &point, &self.plan.name)
+        let text = sweep::with_values(&self.0.text, &point, &self.0.plan.name)
             .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
         // What is said last holds.
         let is_said = |table: &str, key: &str| {
@@ -129,8 +95,8 @@ impl Case {
             point.iter().any(|(p, value)| *p == path || p == table && value.get(key).is_some())
         };
         let choices = Choices {
-            seed: self.choices.seed.filter(|_| !is_said("bed", "seed")),
-            schedule: self.choices.schedule.filter(|_| !is_said("solver", "schedule")),
+            seed: self.0.choices.seed.filter(|_| !is_said("bed", "seed")),
+            schedule: self.0.choices.schedule.filter(|_| !is_said("solver", "schedule")),
         };
         Ok(Self::read(py, text, "case")?.chosen(choices))
     }
@@ -140,59 +106,59 @@ impl Case {
     fn choose(&self, py: Python<'_>, seed: Option<u64>, schedule: Option<&str>) -> PyResult<Self> {
         let choices = Choices::named(seed, schedule)
             .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
-        Ok(self.clone().chosen(choices))
+        Ok(self.chosen(choices))
     }
 
     /// As the case calls itself.
     #[getter]
     fn name(&self) -> &str {
-        &self.plan.name
+        &self.0.plan.name
     }
 
     /// As it was read, TOML.
     #[getter]
     fn text(&self) -> &str {
-        &self.text
+        &self.0.text
     }
 
     /// Of the bed: the case's, or that of `choose`.
     #[getter]
     fn seed(&self) -> u64 {
-        self.plan.bed.seed
+        self.0.plan.bed.seed
     }
 
     /// Of the solver: "sequential", "synchronous" or "asynchronous".
     #[getter]
     fn schedule(&self) -> &'static str {
-        self.plan.run.solver.schedule.name()
+        self.0.plan.run.solver.schedule.name()
     }
 
     /// Length of a step, ns.
     #[getter]
     fn step_ns(&self) -> u64 {
-        self.plan.run.stepping.step_ns
+        self.0.plan.run.stepping.step_ns
     }
 
     /// Length of the run that the case describes, ns.
     #[getter]
     fn duration_ns(&self) -> u64 {
-        self.plan.run.duration_ns
+        self.0.plan.run.duration_ns
     }
 
     /// What is allowed but looks like a slip.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+        self.0.warnings.iter().map(ToString::to_string).collect()
     }
 
     /// What the prepared bed depends on, as a short text.
     #[getter]
     fn bed_key(&self) -> String {
-        ballast_scenario::content_key(&self.plan)
+        self.0.bed_key()
     }
 
     fn __repr__(&self) -> String {
-        format!("Case({:?})", self.plan.name)
+        format!("Case({:?})", self.0.plan.name)
     }
 }
 
@@ -209,8 +175,8 @@ pub fn prepare(
     again: bool,
 ) -> PyResult<PathBuf> {
     let beds = Beds::in_folder(beds);
-    let path = beds.path(&case.plan);
-    let kept = py.detach(|| beds.find(&case.plan)).map_err(|e| errors::beds(py, e));
+    let path = beds.path(&case.0.plan);
+    let kept = py.detach(|| beds.find(&case.0.plan)).map_err(|e| errors::beds(py, e));
     if again || kept?.is_none() {
         make(py, case, &beds, threads, progress)?;
     }
@@ -227,7 +193,7 @@ fn make(
     let crew = Crew::new(py, threads)?;
     let done = compute(py, &crew, progress.as_ref(), |turn| {
         let mut pace = Pace::default();
-        beds.prepare(&case.plan, &case.text, &mut |at| {
+        beds.prepare(&case.0, &mut |at| {
             turn.tell(pace.share(at), || at.stage.name().to_string());
             if turn.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
@@ -254,18 +220,18 @@ pub fn begin(
 ) -> PyResult<Simulation> {
     let limits = limits(py, max_penetration, keep_early)?;
     let beds = Beds::in_folder(beds);
-    let kept = py.detach(|| beds.find(&case.plan)).map_err(|e| errors::beds(py, e))?;
+    let kept = py.detach(|| beds.find(&case.0.plan)).map_err(|e| errors::beds(py, e))?;
     let bed = match kept {
         Some(bed) => bed,
         None => make(py, case, &beds, threads, progress)?,
     };
-    let (model, state) = ballast_beds::scene(&case.plan, bed).map_err(|e| errors::beds(py, e))?;
-    let machine =
-        Machine::new(&case.plan, &model).map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+    let (model, state) = ballast_beds::scene(&case.0.plan, bed).map_err(|e| errors::beds(py, e))?;
+    let machine = Machine::new(&case.0.plan, &model)
+        .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
     let start = Snapshot {
         model: Arc::new(model),
         state: Arc::new(state),
-        case: Arc::new(case.clone()),
+        case: Arc::clone(&case.0),
         machine,
     };
     let crew = Crew::new(py, threads)?;

@@ -1,6 +1,5 @@
 //! The simulation in this process: windows, redo, states, recording.
 
-use crate::case::Case;
 use crate::compute::{Crew, compute};
 use crate::errors::{self, Lost};
 use crate::machine::Machine;
@@ -13,6 +12,7 @@ use ballast::model::Model;
 use ballast::state;
 use ballast::step::StepReport;
 use ballast::track;
+use ballast_beds::Case;
 use ballast_protocol::messages::StepSeries;
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
@@ -57,12 +57,9 @@ impl Here {
     /// Goes on from `start`.
     pub fn new(py: Python<'_>, start: &Snapshot, limits: Limits, crew: Crew) -> PyResult<Self> {
         let Snapshot { model, state, case, machine } = start;
-        let component = Component::new(Arc::clone(model), Arc::clone(state), limits)
+        let component = case
+            .component(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refusal(py, e))?;
-        // What is known of squeezes is part of the state: as every other face has it.
-        let squeezes =
-            track::squeezes(&case.plan, model).map_err(|e| errors::refusal(py, e.into()))?;
-        let component = component.with_squeezes(squeezes);
         let names = model.driven.iter().map(|d| d.name.clone()).collect();
         let (case, model) = (Arc::clone(case), Arc::clone(model));
         let ground = Ground { case, model, names, crew };

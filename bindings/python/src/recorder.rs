@@ -1,8 +1,8 @@
 //! The recording of a simulation: windows that stand.
 
-use crate::case::Case;
 use crate::errors;
 use ballast::component::{Component, Outcome, Window};
+use ballast_beds::Case;
 use ballast_hdf5::checkpoint;
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
 use ballast_protocol::lockstep::WindowKind;
@@ -26,10 +26,8 @@ impl Recorder {
         component: &Component,
     ) -> PyResult<Self> {
         let (model, state) = (component.model(), component.state());
-        let key = ballast_scenario::content_key(&case.plan);
-        let names = [case.plan.name.clone(), key, case.text.clone()];
         let hash = ballast_hdf5::state_hash(model, state).into();
-        let meta = Meta::of(names, case.choices.notes(), model, Drive::Inputs, hash);
+        let meta = Meta::of(case.names(), case.choices.notes(), model, Drive::Inputs, hash);
         let start = || checkpoint::to_bytes(&path, &case.checkpoint(model, state, BTreeMap::new()));
         let recording = Tape::begin(&path, &case.plan, &meta, model, state, start)
             .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));

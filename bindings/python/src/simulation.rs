@@ -317,7 +317,7 @@ impl Simulation {
     /// What it is a simulation of.
     #[getter]
     fn case(&self, py: Python<'_>) -> PyResult<Case> {
-        Ok(Case::clone(&self.ground(py, "case")?.case))
+        Ok(Case(Arc::clone(&self.ground(py, "case")?.case)))
     }
 
     /// Simulated time, ns since the start of the run.

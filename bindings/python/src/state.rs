@@ -1,13 +1,15 @@
 //! A state that was saved: looked at without a copy, restored, written to a file.
 
 use crate::arrays::{self, Matrix, Packed, Vector};
-use crate::case::Case;
+use crate::case;
 use crate::errors;
 use crate::machine::Machine;
 use crate::there::Kept;
 use ballast::model::Model;
 use ballast::state;
+use ballast_beds::Case;
 use ballast_hdf5::checkpoint;
+use ballast_scenario::Choices;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,7 +44,9 @@ impl Snapshot {
     fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
         let kept = py.detach(|| checkpoint::read(path)).map_err(|e| errors::file(py, e))?;
         let name = path.display().to_string();
-        let case = Case::restored(py, kept.case_text, &name, &kept.extra)?;
+        let choices = Choices::from_notes(&kept.extra)
+            .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
+        let case = case::read(py, kept.case_text, &name)?.chosen(choices);
         let machine = match kept.extra.get(MACHINE) {
             None => Machine::new(&case.plan, &kept.model).map(|machine| {
                 // `ballast run` keeps the memory in the state; what others keep there is none of the machine's.

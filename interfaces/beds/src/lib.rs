@@ -1,4 +1,4 @@
-//! Prepared beds, kept in a folder: found again by what they depend on, or prepared and kept.
+//! Cases, and their prepared beds, kept in a folder: found again by what they depend on, or prepared and kept.
 //!
 //! Every face of the program that opens a case comes through here, so that a bed which one of them has
 //! prepared is there for the others.
@@ -7,13 +7,15 @@ use ballast::model::Model;
 use ballast::state::State;
 use ballast::track::plan::Plan;
 use ballast::track::{self, Bed, DepositProgress};
-use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_hdf5::checkpoint::{self, Kind};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+mod case;
 mod pace;
 
+pub use case::Case;
 pub use pace::Pace;
 
 /// Why there is no bed.
@@ -69,42 +71,21 @@ impl Beds {
         Ok(Some(Bed { model: kept.model, state: kept.state }))
     }
 
-    /// Prepares the bed of a plan and keeps it; `text` is that of its case file. `watch` sees every step
-    /// and may stop it: then there is none.
+    /// Prepares the bed of a case and keeps it. `watch` sees every step and may stop it: then there is none.
     ///
     /// # Errors
-    /// A plan that no bed can be prepared for; a folder or file that cannot be written.
+    /// A case that no bed can be prepared for; a folder or file that cannot be written.
     pub fn prepare(
         &self,
-        plan: &Plan,
-        text: &str,
+        case: &Case,
         watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
     ) -> Result<Option<Bed>, Error> {
         create(&self.folder)?;
-        let failed = |source| Error::Preparation { case: plan.name.clone(), source };
-        let Some(bed) = track::deposit(plan, watch).map_err(failed)? else { return Ok(None) };
-        let kept = checkpoint(plan, text, Kind::Bed, (bed.model, bed.state), BTreeMap::new());
-        checkpoint::write(self.path(plan), &kept).map_err(Error::Keeping)?;
+        let failed = |source| Error::Preparation { case: case.plan.name.clone(), source };
+        let Some(bed) = track::deposit(&case.plan, watch).map_err(failed)? else { return Ok(None) };
+        let kept = case.kept(Kind::Bed, (bed.model, bed.state), BTreeMap::new());
+        checkpoint::write(self.path(&case.plan), &kept).map_err(Error::Keeping)?;
         Ok(Some(Bed { model: kept.model, state: kept.state }))
-    }
-}
-
-/// A checkpoint that says which plan it is of; `text` is that of its case file, `extra` the caller's notes.
-pub fn checkpoint(
-    plan: &Plan,
-    text: &str,
-    kind: Kind,
-    (model, state): (Model, State),
-    extra: BTreeMap<String, String>,
-) -> Checkpoint {
-    Checkpoint {
-        model,
-        state,
-        kind,
-        case_name: plan.name.clone(),
-        case_text: text.to_owned(),
-        key: ballast_scenario::content_key(plan),
-        extra,
     }
 }
 
@@ -127,28 +108,28 @@ mod tests {
 
     const CASE: &str = include_str!("../../../examples/first.toml");
 
-    fn plan() -> Plan {
-        ballast_scenario::read_case(CASE, "first").expect("an example").plan
+    fn case() -> Case {
+        Case::read(CASE.into(), "first").expect("an example")
     }
 
     #[test]
     fn a_preparation_that_was_stopped_leaves_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
         let beds = Beds::in_folder(folder.path().join("new"));
-        let stopped = beds.prepare(&plan(), CASE, &mut |_| ControlFlow::Break(())).expect("a stop");
+        let stopped = beds.prepare(&case(), &mut |_| ControlFlow::Break(())).expect("a stop");
         assert!(stopped.is_none());
-        assert!(beds.find(&plan()).expect("nothing").is_none());
+        assert!(beds.find(&case().plan).expect("nothing").is_none());
     }
 
     #[test]
     fn another_file_in_the_place_of_a_bed_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let beds = Beds::in_folder(folder.path());
-        std::fs::write(beds.path(&plan()), b"no bed").expect("a file");
-        assert!(matches!(beds.find(&plan()), Err(Error::Kept(_))));
+        std::fs::write(beds.path(&case().plan), b"no bed").expect("a file");
+        assert!(matches!(beds.find(&case().plan), Err(Error::Kept(_))));
         std::fs::write(folder.path().join("file"), b"").expect("a file");
         let nowhere = Beds::in_folder(folder.path().join("file/beds"));
-        let refused = nowhere.prepare(&plan(), CASE, &mut |_| ControlFlow::Continue(()));
+        let refused = nowhere.prepare(&case(), &mut |_| ControlFlow::Continue(()));
         assert!(matches!(refused, Err(Error::Folder { .. })));
     }
 }

@@ -73,7 +73,7 @@ fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
         progress.advance(pace.share(done), &PrepareMark(*done));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let bed = beds.prepare(&case.plan, &case.text, &mut watch)?;
+    let bed = beds.prepare(case, &mut watch)?;
     progress.finish();
     let Some(bed) = bed else {
         let text = "stopped while preparing the bed; the next call prepares it from the start";

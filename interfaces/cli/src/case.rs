@@ -1,4 +1,4 @@
-//! A case file, read and with the command line's choices applied.
+//! Cases at the command line: from files and recordings, with what it chooses.
 
 use crate::args::Overrides;
 use crate::console::Console;
@@ -7,13 +7,10 @@ use crate::files::read_case;
 use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::track;
-use ballast::track::plan::Plan;
-use ballast_hdf5::checkpoint::{Checkpoint, Kind};
+pub use ballast_beds::Case;
 use ballast_mcap::recording::Windows;
 pub use ballast_scenario::Choices;
 use ballast_scenario::LONGEST_CASE;
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -24,15 +21,6 @@ impl From<&Overrides> for Choices {
     fn from(args: &Overrides) -> Self {
         Self { schedule: args.schedule.map(Into::into), seed: args.seed }
     }
-}
-
-/// A case, ready to be prepared and run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Case {
-    pub plan: Plan,
-    /// The file's text, kept in checkpoints.
-    pub text: String,
-    pub choices: Choices,
 }
 
 /// Reads a case file; warnings go to the console.
@@ -61,78 +49,26 @@ pub fn recorded(
                 let text = format!("{name}: expected at most {LONGEST_CASE} bytes, found {size}");
                 return Err(Failure::InvalidCase(text));
             }
-            read(meta.case_text.clone(), &name, &choices, |_| {})
+            Ok(Case::read(meta.case_text.clone(), &name)?.chosen(choices))
         }
     }
 }
 
 /// Reads a case from its text; `name` is what messages call the file.
 pub fn parse(text: String, name: &str, choices: &Choices, console: Console) -> Outcome<Case> {
-    read(text, name, choices, |warning| console.warning(warning))
+    let case = Case::read(text, name)?.chosen(*choices);
+    case.warnings.iter().for_each(|warning| console.warning(&warning.to_string()));
+    Ok(case)
 }
 
-fn read(text: String, name: &str, choices: &Choices, warn: impl Fn(&str)) -> Outcome<Case> {
-    let read = ballast_scenario::read_case(&text, name)?;
-    for warning in &read.warnings {
-        warn(&warning.to_string());
-    }
-    let mut plan = read.plan;
-    choices.apply(&mut plan);
-    Ok(Case { plan, text, choices: *choices })
+/// The case as a component at `state`.
+pub fn component(case: &Case, model: Arc<Model>, state: State) -> Outcome<Component> {
+    case.component(model, state, Limits::default()).map_err(|e| invalid(case, e))
 }
 
-impl Case {
-    /// Steps of the whole run.
-    pub fn steps(&self) -> u64 {
-        self.plan.run.duration_ns / self.plan.run.stepping.step_ns.max(1)
-    }
-
-    /// The case as a component at `state`, which follows the squeezes of its tines.
-    pub fn component(&self, model: Arc<Model>, state: State) -> Outcome<Component> {
-        let squeezes = track::squeezes(&self.plan, &model).map_err(|e| self.invalid(e))?;
-        let component = Component::new(model, state, Limits::default());
-        Ok(component.map_err(|e| self.invalid(e))?.with_squeezes(squeezes))
-    }
-
-    /// The case cannot be run.
-    pub fn invalid(&self, what: impl std::fmt::Display) -> Failure {
-        Failure::InvalidCase(format!("{}: {what}", self.plan.name))
-    }
-
-    /// A checkpoint of a run of it, with the caller's notes.
-    pub fn checkpoint(
-        &self,
-        model: &Model,
-        state: &State,
-        extra: BTreeMap<String, String>,
-    ) -> Checkpoint {
-        let scene = (model.clone(), state.clone());
-        ballast_beds::checkpoint(&self.plan, &self.text, Kind::Run, scene, extra)
-    }
-
-    /// Name, key of the bed and text, for recordings.
-    pub fn names(&self) -> [String; 3] {
-        [self.plan.name.clone(), self.bed_key(), self.text.clone()]
-    }
-
-    /// What the prepared bed depends on, as a short text.
-    pub fn bed_key(&self) -> String {
-        ballast_scenario::content_key(&self.plan)
-    }
-
-    /// Mean size of the grains by number: what penetrations are compared with, m.
-    pub fn grain_size(&self) -> f64 {
-        self.plan.bed.grains.mean_size()
-    }
-
-    /// Steps per period of the vibration; 1 without one.
-    pub fn steps_per_period(&self) -> usize {
-        let frequency = self.plan.tamping.map_or(0.0, |t| t.vibration.frequency);
-        if frequency <= 0.0 {
-            return 1;
-        }
-        (1.0 / (frequency * self.plan.run.stepping.h())).round().clamp(1.0, 1e6) as usize
-    }
+/// A case that cannot be run.
+pub fn invalid(case: &Case, what: impl std::fmt::Display) -> Failure {
+    Failure::InvalidCase(format!("{}: {what}", case.plan.name))
 }
 
 #[cfg(test)]

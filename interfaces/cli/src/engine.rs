@@ -3,7 +3,7 @@
 //! Contract: both lead through the same step of the core; what a recording of the machine is replayed to is
 //! the machine's own state, bit for bit.
 
-use crate::case::Case;
+use crate::case::{self, Case};
 use crate::exit::{Failure, Outcome};
 use crate::playback::Playback;
 use crate::profile::Profile;
@@ -67,7 +67,7 @@ impl Engine {
         playback: Playback,
     ) -> Outcome<Self> {
         let memory = Box::new(Memory::new(&cycle, &state, playback.is_of_the_machine()));
-        let component = case.component(Arc::new(model), state)?;
+        let component = case::component(case, Arc::new(model), state)?;
         let (component, playback) = (Box::new(component), Box::new(playback));
         Ok(Self { source: Source::Recording { component, playback, memory } })
     }

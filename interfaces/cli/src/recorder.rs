@@ -10,6 +10,7 @@ use ballast::model::Model;
 use ballast::observe::{self, Zone};
 use ballast::state::State;
 use ballast::step::StepReport;
+use ballast::track::plan::Plan;
 use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_hdf5::results::{Background, Meta, Reader, Writer};
@@ -138,10 +139,19 @@ impl Setting {
         Self {
             followed: record::followed(model),
             zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),
-            period: case.steps_per_period(),
-            grain_size: case.grain_size(),
+            period: steps_per_period(&case.plan),
+            grain_size: case.plan.bed.grains.mean_size(),
         }
     }
+}
+
+/// Steps per period of the vibration; 1 without one.
+fn steps_per_period(plan: &Plan) -> usize {
+    let frequency = plan.tamping.map_or(0.0, |t| t.vibration.frequency);
+    if frequency <= 0.0 {
+        return 1;
+    }
+    (1.0 / (frequency * plan.run.stepping.h())).round().clamp(1.0, 1e6) as usize
 }
 
 fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {

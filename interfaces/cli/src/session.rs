@@ -27,6 +27,7 @@ use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Kind};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A run in progress.
@@ -254,7 +255,7 @@ impl Session {
     fn checkpoint(&mut self) -> Outcome {
         self.recorder.secure()?;
         let (model, state) = (self.engine.model(), self.engine.state());
-        let kept = self.case.checkpoint(model, state, self.case.choices.notes());
+        let kept = self.case.checkpoint(model, state, BTreeMap::new());
         let path = self.files.checkpoint();
         checkpoint::write(&path, &kept)?;
         self.console.event("checkpoint", json!({ "step": self.engine.state().step, "path": path }));
@@ -369,8 +370,8 @@ impl Session {
 
 /// The case's cycle, and whether the state belongs to it.
 pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
-    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case.invalid(e))?;
-    cycle.check_memory(&state.drive).map_err(|e| case.invalid(e))?;
+    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
+    cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;
     Ok(cycle)
 }
 

@@ -1,6 +1,6 @@
 //! The recording of a session, in an MCAP file.
 
-use crate::case::Case;
+use crate::case::{self, Case};
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
 use crate::playback::Playback;
@@ -13,6 +13,7 @@ use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint;
 use ballast_mcap::{Drive, Meta, Tape, scene};
 use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -39,11 +40,11 @@ impl Taping {
         let (model, state) = (engine.model(), engine.state());
         let meta = Meta::of(case.names(), case.choices.notes(), model, drive, engine.hash().into());
         let tape = Tape::begin(path, &case.plan, &meta, model, state, || {
-            let kept = case.checkpoint(model, &engine.whole_state(), case.choices.notes());
+            let kept = case.checkpoint(model, &engine.whole_state(), BTreeMap::new());
             checkpoint::to_bytes(path, &kept)
         })?;
         let frames = case.plan.run.output_ns > 0;
-        let rule = track::squeezes(&case.plan, model).map_err(|e| case.invalid(e))?;
+        let rule = track::squeezes(&case.plan, model).map_err(|e| case::invalid(case, e))?;
         let (recent, squeezes) = component::remembered(state, model.driven.len(), &Arc::new(rule));
         let speed_limit = SpeedLimit::of(model);
         let (path, phase) = (path.to_owned(), engine.phase());

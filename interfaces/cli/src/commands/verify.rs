@@ -24,7 +24,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let cycle = session::cycle(&case, &model, &state)?;
     let (model, state) = start::of(&windows, &case, model, state)?;
     let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
-    let mut component = case.component(Arc::new(model), state)?;
+    let mut component = case::component(&case, Arc::new(model), state)?;
     let mut progress = Progress::start(console, "verify", 0.0);
     let whole = case.plan.run.duration_ns.max(1) as f64;
     let mut watch = |now_ns: u64| {

@@ -5,6 +5,7 @@ use ballast_zenoh::Link;
 use clap::Args;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// How to reach others, as for any Zenoh program.
 #[derive(Debug, Args)]
@@ -61,14 +62,14 @@ pub struct Serve {
     #[arg(long)]
     pub force: bool,
     /// Write a checkpoint after a window if the last one is so old, s of wall time; 0: after every window
-    #[arg(long, value_name = "S", default_value_t = 30.0)]
-    pub checkpoint_every: f64,
+    #[arg(long, value_name = "S", default_value = "30", value_parser = seconds)]
+    pub checkpoint_every: Duration,
     /// Send pictures for viewers from a session of its own that listens here (tcp/127.0.0.1:7448)
     #[arg(long, value_name = "ENDPOINT")]
     pub viz: Option<String>,
     /// Shortest time between two pictures, s of wall time
-    #[arg(long, value_name = "S", default_value_t = 0.2, requires = "viz")]
-    pub viz_every: f64,
+    #[arg(long, value_name = "S", default_value = "0.2", value_parser = seconds, requires = "viz")]
+    pub viz_every: Duration,
     /// Wait until a partner asks for `init` before the bed is prepared
     #[arg(long)]
     pub wait: bool,
@@ -112,4 +113,9 @@ pub struct Doctor {
     pub endpoints: Endpoints,
     #[command(flatten)]
     pub beds: Beds,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let s = text.parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    s.ok_or_else(|| "expected seconds, 0 or more".into())
 }

@@ -98,7 +98,7 @@ fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, St
     }
     let (model, state) = crate::beds::scene(&case, beds, console).map_err(|e| e.to_string())?;
     let (grains, bodies) = (model.grains.len(), model.driven.len());
-    case.component(Arc::new(model), state).map_err(|e| e.to_string())?;
+    case::component(&case, Arc::new(model), state).map_err(|e| e.to_string())?;
     Ok(format!("{}: {grains} grains, {bodies} driven bodies, bed prepared", case.plan.name))
 }
 

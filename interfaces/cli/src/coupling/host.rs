@@ -1,5 +1,6 @@
 //! What is done beside answering: checkpoints, the recording, a word to the person at the terminal.
 
+use super::args::Serve;
 use super::kept;
 use super::tape::Recording;
 use crate::aside::Aside;
@@ -20,7 +21,7 @@ use std::time::{Duration, Instant};
 /// A case as it is served: stepped, and its zones measured.
 pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> {
     let (model, state) = beds::scene(case, beds, console)?;
-    Ok(case.component(Arc::new(model), state)?.with_zones(track::zones(&case.plan)))
+    Ok(case::component(case, Arc::new(model), state)?.with_zones(track::zones(&case.plan)))
 }
 
 pub struct Keeper {
@@ -42,24 +43,21 @@ pub struct Keeper {
 
 impl Keeper {
     pub fn new(
-        console: Console,
+        args: &Serve,
         case: Case,
-        choices: Choices,
-        beds: PathBuf,
         checkpoint: PathBuf,
-        every: Duration,
         recording: Option<Recording>,
+        console: Console,
     ) -> Self {
-        let written = Instant::now();
         Self {
             console,
-            choices,
             case,
-            beds,
+            choices: Choices::from(&args.overrides),
+            beds: args.beds.beds.clone(),
             checkpoint,
-            every,
+            every: args.checkpoint_every,
             recording,
-            written,
+            written: Instant::now(),
             durable: None,
             aside: Aside::new(console),
         }

@@ -31,8 +31,7 @@ pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> 
 fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
     let component = lockstep.component();
     let place = lockstep.place();
-    let mut extra = case.choices.notes();
-    extra.insert(RUN_ID.into(), place.run_id);
+    let mut extra = BTreeMap::from([(RUN_ID.into(), place.run_id)]);
     extra.insert(SEQ.into(), place.seq.to_string());
     extra.insert(PENETRATION.into(), component.parameters().penetration.to_string());
     if let Some((request, reply)) = lockstep.answered() {

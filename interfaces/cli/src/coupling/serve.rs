@@ -13,32 +13,27 @@ use ballast_protocol::lockstep::Lockstep;
 use ballast_zenoh::{Host, Link, Server};
 use serde_json::json;
 use std::path::Path;
-use std::time::Duration;
 
 pub fn serve(args: Serve, console: Console) -> Outcome {
     interrupt::install()?;
-    let every = seconds("--checkpoint-every", args.checkpoint_every)?;
-    let viz_every = seconds("--viz-every", args.viz_every)?;
-    let mut choices = Choices::from(&args.overrides);
-    let first = case::load(&args.case, &choices, console)?;
-    let folder = format!("{}-serve", first.plan.name);
+    let given = Choices::from(&args.overrides);
+    let mut case = case::load(&args.case, &given, console)?;
+    let folder = format!("{}-serve", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
     let files = RunFiles::begun_in(folder)?;
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
-    let case = if resumes {
-        choices = kept::choices(&checkpoint, &choices)?;
-        case::load(&args.case, &choices, console)?
+    if resumes {
+        case = case.chosen(kept::choices(&checkpoint, &given)?);
     } else {
         kept::check_free(&checkpoint, args.force)?;
-        first
-    };
+    }
     // Before the bed is prepared: a port that is taken is to be told at once, and partners may be waiting.
     let link = args.endpoints.to_listen();
     let mut server = Server::open(&args.key, &link)?;
     if let Some(viz) = &args.viz {
         let viewers = Link { listen: vec![viz.clone()], ..link };
-        server = server.with_pictures(&viewers, viz_every)?;
+        server = server.with_pictures(&viewers, args.viz_every)?;
     }
     let endpoints = server.endpoints();
     console.note(&format!("{}: {}", args.key, told(endpoints)));
@@ -53,10 +48,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     if resumes {
         kept::resume(&checkpoint, &mut lockstep)?;
     }
-    let beds = args.beds.beds.clone();
     let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
-    let given = Choices::from(&args.overrides);
-    let mut keeper = Keeper::new(console, case, given, beds, checkpoint, every, recording);
+    let mut keeper = Keeper::new(&args, case, checkpoint, recording, console);
     // A component that dies before its first checkpoint comes back as the same run.
     if !resumes && keeper.keep(&lockstep) {
         lockstep.note_durable();
@@ -83,11 +76,6 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     }
     let ended = finish(&lockstep, &keeper, console);
     keeper.aside.trouble().map_or(ended, Err)
-}
-
-fn seconds(option: &str, s: f64) -> Outcome<Duration> {
-    Duration::try_from_secs_f64(s)
-        .map_err(|_| Failure::Usage(format!("{option}: expected seconds, found {s}")))
 }
 
 fn told(endpoints: &[String]) -> String {
