@@ -47,10 +47,11 @@ pub struct Here {
     pub panics: bool,
 }
 
-/// What is taken from each step of a window.
+/// What is taken from a window while it is computed.
 struct Watched {
     machine: Machine,
     series: Option<StepSeries>,
+    took: Duration,
 }
 
 impl Here {
@@ -132,9 +133,10 @@ impl Here {
         };
         let model = &self.ground.model;
         let series = asked.series.then(|| StepSeries::begin(model));
-        let mut watched = Watched { machine: machine_before.clone(), series };
+        let machine = machine_before.clone();
+        let mut watched = Watched { machine, series, took: Duration::ZERO };
         let computed = self.compute(py, asked, &mut watched);
-        let ((result, took), raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
+        let (result, raised) = computed.inspect_err(|lost| self.lose(py, lost, &before))?;
         let mut outcome = match (result, raised.as_ref()) {
             (Ok(outcome), _) => outcome,
             (Err(_), Some(raised)) => return Err(raised.clone_ref(py)),
@@ -160,16 +162,17 @@ impl Here {
         let series = steps.map(|steps| Py::new(py, Series::new(steps, &names))).transpose()?;
         let trouble = outcome.trouble.as_ref();
         let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
-        Ok(Outcome { inner: outcome, trouble, wall_s: took.as_secs_f64(), names, series })
+        let wall_s = watched.took.as_secs_f64();
+        Ok(Outcome { inner: outcome, trouble, wall_s, names, series })
     }
 
-    /// What came of the window and how long it took, and what was raised meanwhile.
+    /// What came of the window, and what was raised meanwhile.
     fn compute(
         &mut self,
         py: Python<'_>,
         asked: &Asked,
         watched: &mut Watched,
-    ) -> PyResult<((Result<component::Outcome, Refusal>, Duration), Option<PyErr>)> {
+    ) -> PyResult<(Result<component::Outcome, Refusal>, Option<PyErr>)> {
         let Ground { model, crew, .. } = &self.ground;
         let panics = std::mem::take(&mut self.panics);
         let component = &mut self.component;
@@ -193,7 +196,8 @@ impl Here {
                 Some(t1) => component.advance_watched(t1, asked.window(), &mut watch),
                 None => component.redo_watched(asked.window(), &mut watch),
             };
-            (result, begin.elapsed())
+            watched.took = begin.elapsed();
+            result
         })
     }
 
