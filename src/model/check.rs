@@ -52,12 +52,7 @@ impl Model {
             "finite components",
             self.gravity,
         )?;
-        expect(
-            is_friction(self.grain_friction),
-            "grain_friction",
-            FRICTION,
-            self.grain_friction,
-        )?;
+        expect(is_friction(self.grain_friction), "grain_friction", FRICTION, self.grain_friction)?;
         expect(
             (0.0..=1.0).contains(&self.restitution),
             "restitution",

@@ -128,8 +128,7 @@ fn nothing_closes_unseen_after_contacts_were_added() {
         let y = top + rise + 0.0012 * (2.0 * random.next() - 0.6) + 0.5 * edge;
         let x = corner - 0.5 * edge;
         scene.grain(cube, Pose::at(Vec3::new(x, y, 0.0)));
-        let striker =
-            scene.grain(cube, Pose::at(Vec3::new(x, y, edge + 0.0005 - 0.5 * h * speed)));
+        let striker = scene.grain(cube, Pose::at(Vec3::new(x, y, edge + 0.0005 - 0.5 * h * speed)));
         scene.state.velocity[striker].z = speed;
         let above = y + edge + 0.0002 + 0.0008 * random.next();
         scene.grain(cube, Pose::at(Vec3::new(x - 0.006, above, 0.0)));

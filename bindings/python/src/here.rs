@@ -122,7 +122,7 @@ impl Here {
         self.check_sound(py)?;
         if let Some(recorder) = &self.recorder {
             recorder.check_process(py, "window")?;
-            if asked.kind() == WindowKind::Redo {
+            if asked.t1_ns.is_none() {
                 recorder.check_redo(py, &self.component)?;
             }
         }
