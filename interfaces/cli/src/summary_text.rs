@@ -50,7 +50,7 @@ pub fn change(before: f64, after: f64) -> String {
 }
 
 fn coordination(summary: &Summary) -> Table {
-    let mut table = Table::new("coordination", ["contacting neighbours", "at (s)", "phase"]);
+    let mut table = Table::new("coordination", ["touching neighbours", "at (s)", "phase"]);
     if let Some(moments) = &summary.coordination {
         for (label, Moment { value, time, phase }) in
             ["start", "minimum", "end"].iter().zip(moments)
