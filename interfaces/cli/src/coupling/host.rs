@@ -34,9 +34,14 @@ pub struct Keeper {
     pub checkpoint: PathBuf,
     pub every: Duration,
     pub recording: Option<Recording>,
-    /// When the last checkpoint was written, and after which window of which run.
+    /// When the last checkpoint was written, or tried to be.
     written: Instant,
+    /// Run, window and time of the checkpoint that lies on the disk, as far as this process has written it.
     durable: Option<(String, u64, u64)>,
+    /// Nothing has changed since it was written.
+    is_current: bool,
+    /// The run does not lead through it any more: the next one is due.
+    is_due: bool,
     /// Partners are served whatever goes wrong beside it.
     pub aside: Aside,
 }
@@ -59,6 +64,8 @@ impl Keeper {
             recording,
             written: Instant::now(),
             durable: None,
+            is_current: false,
+            is_due: false,
             aside: Aside::new(console),
         }
     }
@@ -72,6 +79,18 @@ impl Keeper {
         let case = case::parse(text, name, &choices, self.console)?;
         let component = served(&case, &self.beds, self.console)?;
         Ok((case, component))
+    }
+
+    /// Whether the last window of the checkpoint is this one, as it was before.
+    fn holds(&self, request: &AdvanceRequest) -> bool {
+        self.durable
+            .as_ref()
+            .is_some_and(|(run, seq, _)| (run, *seq) == (&request.run_id, request.seq))
+    }
+
+    /// The run goes on from elsewhere than where the last checkpoint is.
+    fn outdate(&mut self) {
+        (self.is_current, self.is_due) = (false, true);
     }
 
     fn recorded(&mut self, act: impl FnOnce(&mut Recording) -> Outcome) {
@@ -90,7 +109,7 @@ impl Host for Keeper {
         }
         let place = lockstep.place();
         let at = (place.run_id, place.seq, place.now_ns);
-        if self.durable.as_ref() == Some(&at) {
+        if self.is_current && self.durable.as_ref() == Some(&at) {
             return true;
         }
         let result = kept::write(&self.checkpoint, &self.case, lockstep);
@@ -100,6 +119,7 @@ impl Host for Keeper {
             let path = &self.checkpoint;
             self.console.event("checkpoint", json!({ "seq": at.1, "time_ns": at.2, "path": path }));
             self.durable = Some(at);
+            (self.is_current, self.is_due) = (true, false);
         }
         kept
     }
@@ -111,18 +131,19 @@ impl Host for Keeper {
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> bool {
+        self.is_current = false;
         // A redo leads elsewhere with the same number.
-        self.durable = None;
+        self.is_due |= kind == Kind::Redo && self.holds(request);
         self.recorded(|recording| recording.window(lockstep, kind, request, reply));
-        self.written.elapsed() >= self.every && self.keep(lockstep)
+        (self.is_due || self.written.elapsed() >= self.every) && self.keep(lockstep)
     }
 
     fn changed(&mut self) {
-        self.durable = None;
+        self.outdate();
     }
 
     fn taken_elsewhere(&mut self, lockstep: &Lockstep) {
-        self.durable = None;
+        self.outdate();
         let case = self.case.clone();
         self.recorded(|recording| recording.part(&case, lockstep));
     }
@@ -133,7 +154,8 @@ impl Host for Keeper {
             Fault::new(code, format!("init: {failure}"))
         });
         let (case, component) = prepared?;
-        (self.case, self.durable) = (case, None);
+        self.case = case;
+        self.outdate();
         Ok(component)
     }
 

@@ -5,6 +5,8 @@ mod commands;
 mod endings;
 mod keeping;
 mod recordings;
+#[cfg(feature = "zenoh")]
+mod redone;
 mod report;
 mod restart;
 mod samples;

@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 #[path = "../../../../examples/controller_loop.rs"]
 mod controller_loop;
 
-const KEY: &str = "yard/bed";
+pub const KEY: &str = "yard/bed";
 const MS: u64 = 1_000_000;
 
 /// How often a fault is repeated: so often as it is normally, or as often as `BALLAST_FAULTS` says.
@@ -33,20 +33,20 @@ fn times(normally: u64) -> u64 {
 }
 
 /// A port that was free a moment ago; a component that is started again needs the same one.
-fn endpoint() -> String {
+pub fn endpoint() -> String {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     format!("tcp/{}", listener.local_addr().unwrap())
 }
 
 /// `ballast serve tiny.toml`, running.
-struct Serving {
-    child: Child,
+pub struct Serving {
+    pub child: Child,
     run_id: String,
 }
 
 impl Serving {
     /// Waits until it is ready.
-    fn start(place: &Place, endpoint: &str, arguments: &str) -> Self {
+    pub fn start(place: &Place, endpoint: &str, arguments: &str) -> Self {
         let arguments =
             format!("serve tiny.toml --json --key {KEY} --listen {endpoint} {arguments}");
         let mut command = place.with_beds_command(&arguments);
@@ -84,7 +84,7 @@ impl Drop for Serving {
     }
 }
 
-fn attach(endpoint: &str, resume: Option<&str>) -> Result<Client, Error> {
+pub fn attach(endpoint: &str, resume: Option<&str>) -> Result<Client, Error> {
     let patience = Patience { absence: Duration::from_secs(30), ..Patience::default() };
     Client::attach(KEY, &Link::to(endpoint), "test", resume, patience)
 }

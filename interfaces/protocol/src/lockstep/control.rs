@@ -133,7 +133,8 @@ pub struct StatusReport {
     /// What the last window that was computed has cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_window: Option<Cost>,
-    /// Windows up to this one survive a crash: they are in a checkpoint.
+    /// Windows up to this one survive a crash: a checkpoint leads through them. A redo, a restore and other parameters
+    /// take the last window out of it until the next checkpoint is written.
     pub durable_seq: u64,
     /// Since the component started, wall ms.
     #[serde(default)]

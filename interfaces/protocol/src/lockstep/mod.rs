@@ -188,6 +188,16 @@ impl Lockstep {
         self.durable_seq = self.seq;
     }
 
+    /// The last window that survives a crash.
+    pub fn durable_seq(&self) -> u64 {
+        self.durable_seq
+    }
+
+    /// The last window leads elsewhere now than where a checkpoint may have it.
+    fn lose_durable(&mut self) {
+        self.durable_seq = self.durable_seq.min(self.seq.saturating_sub(1));
+    }
+
     /// Makes the caller the owner; `ticket` is fresh and hard to guess.
     ///
     /// # Errors

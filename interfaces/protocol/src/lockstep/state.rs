@@ -102,6 +102,9 @@ impl Lockstep {
         let set = self.component.set_parameters(&parameters.into());
         set.map_err(|e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) })?;
         self.is_outdated |= changes;
+        if changes {
+            self.lose_durable();
+        }
         // They are part of what decides how the run continues.
         self.hash_again();
         Ok(self.place())
@@ -147,6 +150,7 @@ impl Lockstep {
         self.check_not_quitting()?;
         let state = self.kept.get(&ask.name).cloned().ok_or_else(|| self.unknown(&ask.name))?;
         self.put(state)?;
+        self.lose_durable();
         Ok(self.place())
     }
 

@@ -3,7 +3,8 @@
 use super::cost::{Laps, WallClock};
 use super::{Code, Fault, Lockstep, Progress, said};
 use crate::messages::{
-    AdvanceReply, AdvanceRequest, DeadlinePolicy, MOST_SERIES, Status, StepSeries, core_ns, ns,
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, MOST_SERIES, Status, StepSeries, core_ns,
+    ns,
 };
 use ballast::component::{Outcome, Stop, Window};
 use ballast::state::State;
@@ -80,6 +81,10 @@ impl Lockstep {
         if !in_order {
             return Err(self.out_of_sequence(kind, request));
         }
+        if kind == WindowKind::Advance && is_nothing(request) {
+            self.idle_since_ms = clock() / NS_PER_MS;
+            return self.pass(request, content);
+        }
         self.check_series(request)?;
         let before = self.component.save();
         let mut series = request.series.then(|| StepSeries::begin(self.component.model()));
@@ -109,10 +114,30 @@ impl Lockstep {
                 self.failed(request, panic)
             }
         };
-        self.seq = request.seq;
+        if kind == WindowKind::Redo {
+            self.lose_durable();
+        }
+        self.answer(request.seq, content, &reply);
+        Ok(reply)
+    }
+
+    fn answer(&mut self, seq: u64, content: Digest, reply: &AdvanceReply) {
+        self.seq = seq;
         self.is_outdated = false;
         self.answered_count += 1;
         self.answered = Some((content, reply.clone()));
+    }
+
+    /// A window that was taken back when it was computed first: it takes its number, and there is nothing to redo.
+    fn pass(&mut self, request: &AdvanceRequest, content: Digest) -> Result<AdvanceReply, Fault> {
+        self.component.restore(self.component.save())?;
+        let reply = AdvanceReply {
+            status: Status::Discard,
+            code: "deadline".into(),
+            message: "deadline: expected steps, found a window without any".into(),
+            ..self.unchanged(request)
+        };
+        self.answer(request.seq, content, &reply);
         Ok(reply)
     }
 
@@ -197,13 +222,16 @@ impl Lockstep {
 
     /// The reply to a window in which the program failed; the state is that of its beginning.
     fn failed(&self, request: &AdvanceRequest, panic: String) -> AdvanceReply {
+        let (status, code) = (Status::Error, "failed_inside".into());
+        AdvanceReply { status, code, message: panic, ..self.unchanged(request) }
+    }
+
+    /// The reply to a window that has changed nothing.
+    fn unchanged(&self, request: &AdvanceRequest) -> AdvanceReply {
         let now = ns(self.component.now_ns());
         AdvanceReply {
             run_id: request.run_id.clone(),
             seq: request.seq,
-            status: Status::Error,
-            code: "failed_inside".into(),
-            message: panic,
             t0_ns: now,
             t1_ns: now,
             hash: self.hash_now,
@@ -228,4 +256,9 @@ impl Lockstep {
             ..Fault::expected(Code::OutOfSequence, "seq", expected, found)
         }
     }
+}
+
+/// Whether a window asks for no time at all, and to be taken back if that does not suffice.
+fn is_nothing(request: &AdvanceRequest) -> bool {
+    request.t1_ns == request.t0_ns && request.deadline_policy == DeadlinePolicy::Discard
 }

@@ -73,6 +73,7 @@ impl Service<'_> {
             Err(fault) => return answer::send(query, key, Err(fault)),
         };
         let before = self.lockstep.answered_count();
+        let was_durable = self.lockstep.durable_seq() == request.seq;
         let result = match self.check_stands() {
             Ok(()) => self.compute(kind, &request, ticket),
             Err(fault) => Err(fault),
@@ -81,6 +82,11 @@ impl Service<'_> {
             .as_ref()
             .map_err(Clone::clone)
             .and_then(|reply| Answer::message::<AdvanceReply>(reply, is_cdr(query)));
+        // What a checkpoint holds otherwise is kept before anyone goes on from it.
+        if kind == Kind::Redo && was_durable {
+            self.tell(kind, &request, &result, before);
+            return answer::send(query, key, answered);
+        }
         answer::send(query, key, answered);
         self.tell(kind, &request, &result, before);
     }
