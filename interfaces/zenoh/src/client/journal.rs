@@ -1,7 +1,7 @@
 //! The windows that a component would lose if it died now: its client can ask for them again.
 
 use ballast_protocol::lockstep::Place;
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, StateHash};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, StateHash, Status};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -11,9 +11,31 @@ const MOST_KNOTS: usize = 1_000_000;
 
 /// A window that was answered.
 pub(super) struct Entry {
+    /// As it leads to the same state again.
     pub request: Arc<AdvanceRequest>,
     /// State hash before and after.
     pub hashes: [String; 2],
+}
+
+/// A window as it is asked for again: up to where it ended, however long that takes. One that was taken back leads
+/// nowhere; it has its number.
+fn repeatable(mut request: Arc<AdvanceRequest>, reply: &AdvanceReply) -> Arc<AdvanceRequest> {
+    if request.deadline_ms == 0 && matches!(reply.status, Status::Ok | Status::Warn) {
+        return request;
+    }
+    let again = Arc::make_mut(&mut request);
+    again.deadline_ms = 0;
+    match reply.status {
+        Status::Ok | Status::Warn => {}
+        Status::Early => again.t1_ns = reply.t1_ns,
+        Status::Discard | Status::Error | Status::Fatal => {
+            again.t1_ns = again.t0_ns;
+            again.motions.clear();
+            again.loads.clear();
+            again.deadline_policy = DeadlinePolicy::Discard;
+        }
+    }
+    request
 }
 
 #[derive(Default)]
@@ -26,6 +48,7 @@ impl Journal {
     /// Takes a window that led from `before` to what `reply` says; a redo replaces the window.
     pub fn take(&mut self, request: Arc<AdvanceRequest>, before: &Place, reply: &AdvanceReply) {
         let hash = |hash: &StateHash| hash.to_string();
+        let request = repeatable(request, reply);
         if self.entries.back().is_some_and(|last| last.request.seq == request.seq) {
             if let Some(redone) = self.entries.pop_back() {
                 self.knots -= knots(&redone.request);
@@ -66,11 +89,12 @@ impl Journal {
         self.knots = 0;
     }
 
-    /// The windows after `place`, if they are all there and begin in its state.
-    pub fn after(&self, place: &Place) -> Option<Vec<Arc<AdvanceRequest>>> {
+    /// The windows after `place`, if they are all there and begin in its state, and the hash that each leads to.
+    pub fn after(&self, place: &Place) -> Option<Vec<(Arc<AdvanceRequest>, String)>> {
         let first = self.entries.iter().position(|e| e.request.seq == place.seq + 1)?;
+        let again = |e: &Entry| (Arc::clone(&e.request), e.hashes[1].clone());
         (self.entries[first].hashes[0] == place.hash)
-            .then(|| self.entries.iter().skip(first).map(|e| Arc::clone(&e.request)).collect())
+            .then(|| self.entries.iter().skip(first).map(again).collect())
     }
 }
 

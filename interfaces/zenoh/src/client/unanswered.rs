@@ -3,7 +3,7 @@
 use super::Client;
 use crate::Error;
 use ballast_protocol::lockstep::{Attach, Code, Place, SetParameters, WindowKind};
-use ballast_protocol::messages::AdvanceRequest;
+use ballast_protocol::messages::{AdvanceRequest, core_ns};
 use std::sync::Arc;
 
 /// How often a call becomes the owner again before it gives up.
@@ -66,18 +66,16 @@ impl Client {
         let Some(windows) = self.journal.after(found) else {
             return Err(self.part(found.clone()));
         };
-        let mut hash = found.hash.clone();
-        for mut request in windows {
-            // What took too long at first must not end elsewhere now.
-            if request.deadline_ms > 0 {
-                Arc::make_mut(&mut request).deadline_ms = 0;
+        for (request, expected) in windows {
+            let reply = self.deliver(WindowKind::Advance, &request)?;
+            let hash = reply.hash.to_string();
+            // Before it goes further: what is elsewhere already must not be led on.
+            if hash != expected {
+                let now_ns = core_ns(reply.t1_ns);
+                return Err(self.part(Place { seq: reply.seq, now_ns, hash, ..found.clone() }));
             }
-            hash = self.deliver(WindowKind::Advance, &request)?.hash.to_string();
         }
-        if hash == self.place.hash {
-            return Ok(());
-        }
-        Err(self.part(Place { seq: self.place.seq, hash, ..found.clone() }))
+        Ok(())
     }
 
     /// The run has gone on to `found` without this client, which has nothing to go on from any more.

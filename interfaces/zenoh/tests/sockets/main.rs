@@ -15,6 +15,7 @@ mod observers;
 mod owners;
 mod proxy;
 mod relay;
+mod restart;
 mod running;
 mod security;
 mod setup;
