@@ -291,12 +291,17 @@ impl Session {
 
     fn finish(mut self, expected: Option<u128>) -> Outcome {
         self.recorder.observe_end(self.engine.model(), self.engine.state())?;
+        let mut damage = None;
         match self.engine.playback() {
             None => self.checkpoint()?,
             Some(playback) => {
                 // No checkpoint: `resume` would hand the bodies over to the machine of the case.
                 if let Some(lost) = playback.lost() {
-                    self.console.warning(&format!("{}: {lost}", playback.path().display()));
+                    let path = playback.path();
+                    match lost.is_cut {
+                        true => self.console.warning(&format!("{}: {lost}", path.display())),
+                        false => damage = Some(Failure::at(path, format!("it is damaged: {lost}"))),
+                    }
                 }
                 self.recorder.secure()?;
             }
@@ -316,7 +321,7 @@ impl Session {
             Some(expected) if expected != state => Err(Failure::Mismatch(format!(
                 "the final state has hash {hash}, expected {expected:032x}"
             ))),
-            _ => self.aside.trouble().map_or(Ok(()), Err),
+            _ => damage.or(self.aside.trouble()).map_or(Ok(()), Err),
         }
     }
 

@@ -1,16 +1,19 @@
 //! The messages of any MCAP file, in the order of the file, whole or cut short.
 //!
 //! Cost: memory for one chunk. Contract: only messages of sound chunks are given; where the file is cut
-//! short or damaged, reading ends, and [`Messages::lost`] says why.
+//! short or damaged, reading ends, and [`Messages::lost`] says why. Nothing is passed over: a record that is not
+//! known, or stands where none of its kind belongs, may have been messages. What the file says of its own contents,
+//! checksum and numbers of messages and chunks, is compared with what was read.
 
 use crate::chunk::{self, LARGEST};
 use crate::error::{Error, Result};
+use crate::meta;
 use crate::recording::START;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -41,7 +44,8 @@ pub struct Message {
 pub struct Lost {
     /// What was found instead of more.
     pub reason: String,
-    /// The file only ends too early, as one does whose writer was killed; otherwise it is damaged.
+    /// The file only ends too early, as one does whose writer was killed: in a record, and without the mark that
+    /// closes it. Otherwise it is damaged.
     pub is_cut: bool,
     /// Messages before it.
     pub kept: u64,
@@ -82,6 +86,11 @@ struct Content {
     waiting: VecDeque<Message>,
     /// The end of the messages was seen.
     complete: bool,
+    /// Kind of the last record outside of chunks; 0 before the first.
+    last: u8,
+    /// Messages and chunks so far.
+    messages: u64,
+    chunks: u32,
 }
 
 impl Messages {
@@ -98,6 +107,7 @@ impl Messages {
         let options = LinearReaderOptions::default()
             .with_skip_end_magic(true)
             .with_emit_chunks(true)
+            .with_validate_data_section_crc(true)
             .with_record_length_limit(LARGEST as usize);
         let mut messages = Self {
             path: path.into(),
@@ -180,11 +190,16 @@ impl Messages {
                 return Ok(());
             }
             Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                match self.content.take(opcode, data) {
-                    Ok(()) if !self.content.complete => return Ok(()),
+                match self.content.record(opcode, data) {
+                    Ok(()) if opcode != op::FOOTER => return Ok(()),
                     Ok(()) => None,
                     Err(reason) => Some((reason, false)),
                 }
+            }
+            // All messages are there: what follows is for those who look for single ones.
+            _ if self.content.complete => None,
+            Some(Err(mcap::McapError::UnexpectedEof)) if is_closed(&mut self.file) => {
+                Some(("a record that claims to go on behind the end of the file".into(), false))
             }
             Some(Err(error)) => {
                 Some((reason(&error), matches!(error, mcap::McapError::UnexpectedEof)))
@@ -198,27 +213,97 @@ impl Messages {
     }
 }
 
+/// Whether a file has the mark that closes it.
+fn is_closed(file: &mut File) -> bool {
+    let mut end = [0; mcap::MAGIC.len()];
+    let back = -(end.len() as i64);
+    let read = file.seek(SeekFrom::End(back)).and_then(|_| file.read_exact(&mut end));
+    read.is_ok() && end == *mcap::MAGIC
+}
+
+/// What may follow the end of the messages.
+const BEHIND: [u8; 8] = [
+    op::SCHEMA,
+    op::CHANNEL,
+    op::STATISTICS,
+    op::CHUNK_INDEX,
+    op::ATTACHMENT_INDEX,
+    op::METADATA_INDEX,
+    op::SUMMARY_OFFSET,
+    op::FOOTER,
+];
+/// Kinds from here on are for anyone to define.
+const PRIVATE: u8 = 0x80;
+
 /// An error of the file's frame, in words.
 fn reason(error: &mcap::McapError) -> String {
     match error {
         mcap::McapError::UnexpectedEof => "the file ends within a record".into(),
         mcap::McapError::BadMagic => "other bytes than those of MCAP".into(),
+        mcap::McapError::BadDataCrc { .. } => {
+            "other bytes than were written: their checksum does not fit".into()
+        }
         other => format!("a record that cannot be read: {other}"),
     }
 }
 
 impl Content {
-    fn take(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
-        match kind {
-            op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::CHUNK => {}
-            // Others may be large, and are nobody's here.
-            op::ATTACHMENT if self.attachments.is_empty() => {}
-            op::DATA_END => {
-                self.complete = true;
-                return Ok(());
+    /// Takes a record of the file, if it stands where it belongs.
+    fn record(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
+        let before = std::mem::replace(&mut self.last, kind);
+        let belongs = match kind {
+            op::HEADER => before == 0,
+            op::SCHEMA | op::CHANNEL => true,
+            op::MESSAGE | op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END => {
+                !self.complete
             }
-            _ => return Ok(()),
+            // Without its chunk it is all that is left of it.
+            op::MESSAGE_INDEX => !self.complete && [op::CHUNK, kind].contains(&before),
+            _ if BEHIND.contains(&kind) => self.complete,
+            // We write none.
+            PRIVATE.. => self.complete || !self.metadata.contains_key(meta::NAME),
+            _ => self.complete,
+        };
+        if !belongs {
+            return Err(format!("a record of kind {kind:#04x} where none belongs"));
         }
+        match kind {
+            op::DATA_END => self.complete = true,
+            op::STATISTICS => self.compare(data)?,
+            op::MESSAGE_INDEX if !is_index(data) => {
+                return Err("a record that is no index of messages".into());
+            }
+            op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::CHUNK
+                if !self.complete =>
+            {
+                self.take(kind, data)?;
+            }
+            // Others may be large, and are nobody's here.
+            op::ATTACHMENT if self.attachments.is_empty() => self.take(kind, data)?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Compares what was read with what the file says that there is.
+    fn compare(&self, data: &[u8]) -> std::result::Result<(), String> {
+        // Read by hand: what follows the numbers is a map, which may claim to be of any size.
+        let number = |bytes: Option<&[u8]>| {
+            bytes.map(|b| b.iter().rev().fold(0, |n, byte| n << 8 | u64::from(*byte)))
+        };
+        let told = number(data.get(..8)).zip(number(data.get(22..26)));
+        let read = (self.messages, u64::from(self.chunks));
+        match told {
+            Some(told) if told == read => Ok(()),
+            Some((messages, chunks)) => Err(format!(
+                "{} messages in {} chunks, where {messages} in {chunks} were written",
+                read.0, read.1
+            )),
+            None => Err("a record of numbers that does not hold them".into()),
+        }
+    }
+
+    fn take(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
         if texts_fit(kind, data).is_none() {
             return Err("a record with a text that does not end within it".into());
         }
@@ -243,6 +328,7 @@ impl Content {
                 let Some(channel) = self.channels.get(&header.channel_id) else {
                     return Err(format!("a message of the unknown channel {}", header.channel_id));
                 };
+                self.messages += 1;
                 self.waiting.push_back(Message {
                     channel: channel.clone(),
                     log_time: header.log_time,
@@ -258,6 +344,7 @@ impl Content {
                 self.attachments.insert(header.name, data.into_owned());
             }
             Record::Chunk { header, data } => {
+                self.chunks += 1;
                 let whole = self.waiting.len();
                 let taken = self.chunk(&header, &data);
                 if taken.is_err() {
@@ -294,6 +381,14 @@ impl Content {
         }
         Ok(())
     }
+}
+
+/// Whether a record is an index of messages: a channel, a length in bytes, and that many bytes of times and places.
+fn is_index(data: &[u8]) -> bool {
+    let split = data.get(2..).and_then(|rest| rest.split_first_chunk());
+    split.is_some_and(|(length, entries)| {
+        u32::from_le_bytes(*length) as usize == entries.len() && entries.len().is_multiple_of(16)
+    })
 }
 
 /// `None` if a text of the record claims to go on behind it: the library makes room for what is claimed before it

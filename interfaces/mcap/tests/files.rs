@@ -5,6 +5,7 @@ use ballast_mcap::recording::{self, Windows};
 use ballast_mcap::{Drive, Entry, Error, Meta, Writer};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Header, PoseStamped};
+use mcap::records::op;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -148,6 +149,66 @@ fn changed_bytes_do_no_harm() {
         }
     }
     assert!(noticed > 200, "checksums of chunks: {noticed}");
+}
+
+/// Where the records outside of chunks begin, up to the end of the messages.
+fn records(whole: &[u8]) -> Vec<usize> {
+    let mut at = mcap::MAGIC.len();
+    let mut begins = vec![];
+    while whole[at] != op::DATA_END {
+        begins.push(at);
+        at += 9 + u64::from_le_bytes(whole[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    begins
+}
+
+/// Whether reading says that the file is damaged, not that it is cut short.
+fn is_damaged(path: &Path, bytes: &[u8]) -> bool {
+    std::fs::write(path, bytes).unwrap();
+    let Ok(mut messages) = Messages::open(path) else { return true };
+    while messages.next().unwrap().is_some() {}
+    messages.lost().is_some_and(|lost| !lost.is_cut)
+}
+
+#[test]
+fn no_bit_of_a_record_s_kind_and_length_turns_it_into_nothing() {
+    let (_folder, path) = place("a.mcap");
+    write(&path, Some(&meta()));
+    let whole = std::fs::read(&path).unwrap();
+    let broken = path.with_file_name("broken.mcap");
+    for begin in records(&whole) {
+        for (at, bit) in (begin..begin + 9).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1 << bit;
+            assert!(is_damaged(&broken, &bytes), "kind {}, {at}, {bit}", whole[begin]);
+        }
+    }
+}
+
+#[test]
+fn a_chunk_that_is_missing_is_missed_without_checksums_too() {
+    let (_folder, path) = place("a.mcap");
+    for has_index in [true, false] {
+        let file = std::fs::File::create(&path).unwrap();
+        let options = mcap::WriteOptions::new().chunk_size(Some(1000)).use_chunks(true);
+        let options = options.calculate_data_section_crc(false).emit_message_indexes(has_index);
+        let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
+        let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+        (0..1000).for_each(|i| writer.write_to_known_channel(&header(channel, i), b"{}").unwrap());
+        writer.finish().unwrap();
+        drop(writer);
+        assert_eq!(read(&path).unwrap(), ((0..1000).collect(), None));
+        let whole = std::fs::read(&path).unwrap();
+        let chunks = records(&whole).into_iter().filter(|at| whole[*at] == op::CHUNK);
+        let chunk = chunks.collect::<Vec<_>>()[3];
+        let broken = path.with_file_name("broken.mcap");
+        // The last is a kind that any program may have for itself.
+        for kind in [0, op::MESSAGE_INDEX, op::CHUNK_INDEX, op::ATTACHMENT, op::FOOTER, 0x86] {
+            let mut bytes = whole.clone();
+            bytes[chunk] = kind;
+            assert!(is_damaged(&broken, &bytes), "{kind}, index: {has_index}");
+        }
+    }
 }
 
 #[test]

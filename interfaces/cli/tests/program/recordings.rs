@@ -135,6 +135,20 @@ fn a_recording_is_verified_as_a_whole_and_in_part() {
     std::fs::write(place.path("damaged.mcap"), damaged).unwrap();
     let said = verify(&place, "damaged.mcap").with_code(1).stderr();
     assert!(said.contains("windows are equal, then it is damaged"), "{said}");
+    // It is replayed as far as it is sound, and nobody takes that for the whole.
+    let said = replay(&place, "damaged.mcap --out damaged").with_code(1).stderr();
+    assert!(said.contains("damaged.mcap: it is damaged"), "{said}");
+    assert!(place.summary("damaged")["steps"].as_u64().unwrap() < STEPS);
+    // A chunk that is none any more by a single bit, and one that claims to be longer than the file.
+    let middle = half.windows(4).rposition(|w| w == b"zstd").unwrap() - 32 - 9;
+    for (at, bit) in [(middle, 0x80), (middle, 0x08), (middle, 0x01), (middle + 5, 1)] {
+        let mut damaged = whole.clone();
+        assert_eq!(damaged[middle], mcap::records::op::CHUNK);
+        damaged[at] ^= bit;
+        std::fs::write(place.path("damaged.mcap"), damaged).unwrap();
+        let said = verify(&place, "damaged.mcap").with_code(1).stderr();
+        assert!(said.contains("windows are equal, then it is damaged"), "{said}");
+    }
     let ended = replay(&place, "cut.mcap --out cut").with_code(0);
     assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
     let steps = place.summary("cut")["steps"].as_u64().unwrap();
