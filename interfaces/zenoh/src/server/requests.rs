@@ -248,7 +248,7 @@ impl Service<'_> {
                 let found: String = ask.client.chars().take(50).collect();
                 return Err(Fault::expected(Code::NotAlive, "attach", expected, found));
             }
-            self.shared.client_is_alive(ask.client.clone());
+            self.shared.driver_is_alive(ask.client.clone());
         }
         let attached = self.lockstep.attach(&ask, fresh()?, now)?;
         self.say(&format!("{:?} drives", ask.client));

@@ -42,14 +42,22 @@ struct Seen {
     owner: Option<(String, String)>,
     /// Since when the owner's token is gone, ms after the start.
     owner_gone_at: Option<u64>,
-    /// Clients that are alive.
+    /// Clients that are alive, as many as are remembered.
     live: BTreeSet<String>,
+    /// The client that was seen alive when it asked to drive, while it is: however many others there are.
+    driver: Option<String>,
     requests: usize,
     attaches: usize,
     bytes: usize,
     /// How many requests of others are still answered now, as of so many ns after the start.
     allowance: f64,
     allowed_at: u64,
+}
+
+impl Seen {
+    fn is_live(&self, client: &str) -> bool {
+        self.live.contains(client) || self.driver.as_deref() == Some(client)
+    }
 }
 
 impl Shared {
@@ -68,6 +76,7 @@ impl Shared {
             owner: None,
             owner_gone_at: None,
             live: BTreeSet::new(),
+            driver: None,
             requests: 0,
             attaches: 0,
             bytes: 0,
@@ -120,7 +129,7 @@ impl Shared {
         let mut seen = self.seen();
         if seen.owner != owner {
             // A token may have gone while its owner was still asking.
-            let live = owner.as_ref().is_none_or(|(client, _)| seen.live.contains(client));
+            let live = owner.as_ref().is_none_or(|(client, _)| seen.is_live(client));
             (seen.owner_gone_at, seen.owner) = ((!live).then_some(now), owner);
         }
         (seen.report, seen.at) = (report, now);
@@ -209,17 +218,24 @@ impl Shared {
         }
     }
 
+    /// The same of a client that asks to drive.
+    pub fn driver_is_alive(&self, client: String) {
+        self.seen().driver = Some(client.clone());
+        self.client_is_alive(client);
+    }
+
     pub fn client_is_gone(&self, client: &str) {
         let now = self.now_ms();
         let mut seen = self.seen();
         seen.live.remove(client);
+        seen.driver.take_if(|driver| driver == client);
         if seen.owner.as_ref().is_some_and(|(owner, _)| owner == client) {
             seen.owner_gone_at.get_or_insert(now);
         }
     }
 
     pub fn is_live(&self, client: &str) -> bool {
-        self.seen().live.contains(client)
+        self.seen().is_live(client)
     }
 
     /// The owner, if it has gone since it was asked last.

@@ -162,3 +162,21 @@ fn a_window_that_is_asked_for_without_the_ticket_is_refused_and_not_computed() {
     step(&mut client).unwrap();
     assert_eq!(client.place().hash, undisturbed(2)[1]);
 }
+
+#[test]
+fn an_owner_is_known_however_many_others_are_alive() {
+    let served = Served::new();
+    let stranger = crate::hostile::Stranger::at(&served.link());
+    let _others: Vec<_> = (0..1005).map(|k| stranger.come_alive(&format!("other-{k}"))).collect();
+    std::thread::sleep(Duration::from_millis(500));
+    let mut client = served.client();
+    for _ in 0..5 {
+        step(&mut client).unwrap();
+        std::thread::sleep(Duration::from_millis(100));
+    }
+    assert_eq!(client.status().unwrap().owner.as_deref(), Some(client.id()));
+    // It can be gone all the same.
+    drop(client);
+    let next = once_free(|| attach(&served.link()), Duration::from_secs(5));
+    assert_eq!(next.place().seq, 5);
+}
