@@ -20,11 +20,12 @@ pub use memory::{Recent, remembered};
 pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use parameters::Parameters;
 pub use refusal::Refusal;
-pub use waveform::{Interpolation, Knot, Waveform};
+pub use waveform::{Interpolation, Knot, WIDEST_TURN, Waveform};
 pub use window::{Input, LoadInput, Window};
 
 use crate::drive::Inputs;
 use crate::error::{Cause, Error};
+use crate::math::Vec3;
 use crate::model::Model;
 use crate::motion::SpeedLimit;
 use crate::observe::{SqueezeRule, Zone};
@@ -36,6 +37,7 @@ use outcome::Account;
 use spares::Spares;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use waveform::Twist;
 use window::Plan;
 
 /// What to do when a window cannot be computed to its end.
@@ -172,6 +174,14 @@ impl Component {
     /// Contacts of the last step that was computed, with gaps and normals; the state may be another since.
     pub fn workspace(&self) -> &Workspace {
         &self.workspace
+    }
+
+    /// Velocity (m/s) and spin (rad/s) in which driven body `d`, or its mount, has left the last window, where that
+    /// said so; otherwise none. The next window has to go on so.
+    pub fn twist(&self, d: usize) -> [Vec3; 2] {
+        let memory = Memory::read(&self.state.drive, self.model.driven.len(), &self.squeezes);
+        let Twist { velocity, spin } = memory.twist[d].unwrap_or_default();
+        [velocity, spin]
     }
 
     /// Simulated time, ns.

@@ -7,7 +7,7 @@ use super::refusal::Refusal;
 use crate::math::{Pose, Vec3, rotation};
 
 /// Widest turn between two knots, rad: beyond half a turn the way round is a guess.
-const WIDEST: f64 = 2.0;
+pub const WIDEST_TURN: f64 = 2.0;
 
 /// Where a body is at a time, and how it moves then.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,8 +97,8 @@ impl Waveform {
                 return Err(Refusal::input(body, "knots in order of time", found));
             }
             let turn = between(&pair[0], &pair[1]).norm();
-            if self.interpolation != Interpolation::Hold && turn > WIDEST {
-                let expected = format!("knots that turn by at most {WIDEST} rad");
+            if self.interpolation != Interpolation::Hold && turn > WIDEST_TURN {
+                let expected = format!("knots that turn by at most {WIDEST_TURN} rad");
                 return Err(Refusal::input(
                     body,
                     expected,

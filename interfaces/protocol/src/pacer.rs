@@ -8,14 +8,18 @@
 //!   lands a fixed latency after the present of the run, the others as far from it as they were sent apart: what
 //!   comes early or late by less than the latency changes nothing.
 //! * Nothing is extrapolated. A window waits for the samples that cover it; when a body has been silent for longer
-//!   than the greatest age, time stops. It goes on, without a jump, when all bodies are heard of again: then the
-//!   next sample lands the latency after the present, as at first.
+//!   than the greatest age, time stops, however far its samples reach. It goes on when all bodies are heard of again:
+//!   then the next sample lands the latency after the present, as at first, and is reached from where the body stands.
 //! * A run that cannot keep the pace falls behind by so much at most; then it takes up the samples of now.
+//! * A sample that would end the run is of no use: too far ahead, or farther away than its body can be led.
 //! * Memory is bounded: samples beyond it, out of order or of no use are dropped and counted.
+
+mod reach;
 
 use crate::lockstep::{Activity, Code, Fault, StatusReport};
 use crate::messages::{BodyInput, Interpolation, Knot, Twist, ns};
 use ballast::component::{self, Component};
+use reach::Reach;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -54,7 +58,7 @@ pub struct FreeRunningReport {
     pub factor: f64,
     /// How far the run is behind its pace, simulated ns.
     pub behind_ns: u64,
-    /// Samples that were of no use: out of order, too many, not finite.
+    /// Samples that were of no use: unreadable, out of order, too many, too far ahead, too far away.
     pub dropped: u64,
     /// How often the pace could not be kept and was taken up anew.
     pub slips: u64,
@@ -92,6 +96,7 @@ pub struct Pacer {
 #[derive(Debug, Clone, PartialEq)]
 struct Track {
     body: String,
+    reach: Reach,
     knots: VecDeque<Knot>,
     /// Wall ns.
     heard_at: u64,
@@ -110,10 +115,11 @@ impl Track {
 }
 
 impl Pacer {
-    /// A run of `component` by itself from now on, wall ns. It stands until every body is heard of.
+    /// A run of `component` by itself from now on, wall ns. It stands until every body is heard of. A body that moves
+    /// goes on from there to its first sample.
     ///
     /// # Errors
-    /// [`Code::ParameterInvalid`], [`Code::UnknownBody`].
+    /// [`Code::ParameterInvalid`], also where a body moves that is to stay; [`Code::UnknownBody`].
     pub fn new(asked: FreeRunning, component: &Component, wall_ns: u64) -> Result<Self, Fault> {
         let refuse = |place: &str, expected: String, found: String| {
             let place = format!("free_running.{place}");
@@ -150,10 +156,22 @@ impl Pacer {
                 Fault::expected(Code::UnknownBody, "free_running.bodies", expected, body)
             })?;
             let pose = state.imposed(model, d).into();
-            let rest = Knot { time_ns: ns(now_ns), pose, twist: Twist::default() };
-            Ok(Track { body: body.clone(), knots: [rest].into(), heard_at: wall_ns })
+            let [linear, angular] = component.twist(d).map(Into::into);
+            let start = Knot { time_ns: ns(now_ns), pose, twist: Twist { linear, angular } };
+            let reach = Reach::of(component, d, asked.interpolation.into());
+            Ok(Track { body: body.clone(), reach, knots: [start].into(), heard_at: wall_ns })
         };
         let tracks = asked.bodies.iter().map(track).collect::<Result<_, Fault>>()?;
+        let limits = component.limits();
+        for (d, driven) in model.driven.iter().enumerate() {
+            let [velocity, spin] = component.twist(d).map(|v| v.norm());
+            let moves = velocity > limits.join_speed || spin > limits.join_spin;
+            if moves && !asked.bodies.contains(&driven.name) {
+                let expected = "all bodies that move; bring the others to rest first";
+                let found = format!("{:?}, at {velocity:.3e} m/s, {spin:.3e} rad/s", driven.name);
+                return refuse("bodies", expected.into(), found);
+            }
+        }
         Ok(Self {
             asked,
             tracks,
@@ -173,26 +191,48 @@ impl Pacer {
 
     /// Takes a sample that has come at `wall_ns`.
     pub fn take(&mut self, body: &str, sample: Knot, wall_ns: u64) {
-        let Some(b) = self.tracks.iter().position(|t| t.body == body) else {
+        if self.accept(body, sample, wall_ns).is_none() {
             self.dropped += 1;
-            return;
-        };
-        let Some(time_ns) = self.land(sample.time_ns) else {
-            self.dropped += 1;
-            return;
-        };
+        }
+    }
+
+    /// Counts samples that could not be read.
+    pub fn drop_unread(&mut self, samples: u64) {
+        self.dropped += samples;
+    }
+
+    /// Takes a sample if it is of use. It is judged here: a bad one must not end the run later.
+    fn accept(&mut self, body: &str, sample: Knot, wall_ns: u64) -> Option<()> {
+        let b = self.tracks.iter().position(|t| t.body == body)?;
+        let time_ns = self.land(sample.time_ns)?;
+        if self.starved.is_none() && time_ns > self.farthest_ns(wall_ns) {
+            return None;
+        }
         let knot = Knot { time_ns: ns(time_ns), ..sample };
         let track = &mut self.tracks[b];
-        // What it holds is judged here: a bad one must not end the run later.
-        let is_sound = component::Knot::try_from(knot).is_ok_and(|k| {
-            k.pose.is_finite() && k.velocity.iter().chain(&k.spin).all(|x| x.is_finite())
-        });
-        if !is_sound || time_ns <= track.end_ns() || track.knots.len() >= MOST_SAMPLES {
-            self.dropped += 1;
-            return;
+        if time_ns <= track.end_ns() || track.knots.len() >= MOST_SAMPLES {
+            return None;
         }
-        track.knots.push_back(knot);
-        track.heard_at = wall_ns;
+        let (last, next) = (*track.knots.back()?, component::Knot::try_from(knot).ok()?);
+        let mut numbers = next.velocity.iter().chain(&next.spin);
+        let is_finite = next.pose.is_finite() && numbers.all(|x| x.is_finite());
+        let is_near = track.reach.fits(&component::Knot::try_from(last).ok()?, &next);
+        (is_finite && is_near).then(|| {
+            track.knots.push_back(knot);
+            track.heard_at = wall_ns;
+        })
+    }
+
+    /// How far ahead a sample is of use: as early as it may come, and by the greatest age, so that clocks may drift
+    /// apart; one that is farther would be waited for while nothing is heard.
+    fn farthest_ns(&self, wall_ns: u64) -> u64 {
+        let present = self.now_ns.saturating_add(self.behind_ns(wall_ns));
+        present.saturating_add(2 * self.asked.latency_ns).saturating_add(self.age_ns())
+    }
+
+    /// The greatest age, simulated ns.
+    fn age_ns(&self) -> u64 {
+        (self.asked.max_age_ms as f64 * 1e6 * self.asked.factor) as u64
     }
 
     /// Where a sender's time lands in the run.
@@ -219,34 +259,35 @@ impl Pacer {
     /// What is due at `wall_ns`.
     pub fn due(&mut self, wall_ns: u64) -> Due {
         let t1_ns = self.now_ns.saturating_add(self.asked.window_ns);
-        let missing = |tracks: &[Track]| {
-            let open = (0..tracks.len()).filter(|b| tracks[*b].end_ns() < t1_ns);
-            open.min_by_key(|b| tracks[*b].heard_at)
-        };
-        let is_missing = missing(&self.tracks);
+        let age_ns = self.asked.max_age_ms * 1_000_000;
+        let is_silent = |t: &Track| wall_ns.saturating_sub(t.heard_at) >= age_ns;
+        // The one that was heard last of all is silent first.
+        let missing = (0..self.tracks.len())
+            .filter(|b| self.tracks[*b].end_ns() < t1_ns || is_silent(&self.tracks[*b]))
+            .min_by_key(|b| self.tracks[*b].heard_at);
         if let Some((_, body)) = &mut self.starved {
-            if let Some(b) = is_missing {
+            if let Some(b) = missing {
                 *body = b;
                 return Due::Starved;
             }
             (self.starved, self.anchor) = (None, [self.now_ns, wall_ns]);
         }
-        let behind = self.behind_ns(wall_ns);
-        if behind < self.asked.window_ns {
-            let wait = (self.asked.window_ns - behind) as f64 / self.asked.factor;
-            return Due::At(wall_ns.saturating_add((wait as u64).max(1)));
-        }
-        let age_ns = self.asked.max_age_ms * 1_000_000;
-        if let Some(b) = is_missing {
-            let silent = wall_ns.saturating_sub(self.tracks[b].heard_at);
-            if silent < age_ns {
-                return Due::At(self.tracks[b].heard_at + age_ns);
-            }
+        if let Some(b) = missing.filter(|b| is_silent(&self.tracks[*b])) {
             self.stand(b);
             return Due::Starved;
         }
+        let silent_at = self.tracks.iter().map(|t| t.heard_at.saturating_add(age_ns)).min();
+        let silent_at = silent_at.unwrap_or(u64::MAX);
+        let behind = self.behind_ns(wall_ns);
+        if behind < self.asked.window_ns {
+            let wait = (self.asked.window_ns - behind) as f64 / self.asked.factor;
+            return Due::At(wall_ns.saturating_add((wait as u64).max(1)).min(silent_at));
+        }
+        if missing.is_some() {
+            return Due::At(silent_at);
+        }
         // What lies so far behind is older than what a body may be silent for.
-        let most = self.asked.latency_ns + (age_ns as f64 * self.asked.factor) as u64;
+        let most = self.asked.latency_ns.saturating_add(self.age_ns());
         if behind > most.saturating_add(self.asked.window_ns) {
             self.slips += 1;
             self.stand(0);

@@ -273,3 +273,123 @@ fn settings_that_make_no_sense_are_refused_with_their_place() {
         assert!(fault.code == code && fault.message.contains(place), "{fault}");
     }
 }
+
+#[test]
+fn a_sample_from_far_ahead_does_not_hide_that_nothing_is_heard() {
+    let hour = 3_600_000;
+    for ahead in [hour, 60] {
+        let mut run = Running::new(asked());
+        for k in 0..20 {
+            run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+            run.work(k * 2 * MS);
+        }
+        let still = Knot { time_ns: (ahead * MS) as i64, ..sample(19 * MS as i64) };
+        run.pacer.take("floor", Knot { twist: Twist::default(), ..still }, 39 * MS);
+        assert_eq!(run.status(39 * MS).free_running.unwrap().dropped, 1);
+        // What came after it is followed; then nothing comes.
+        for k in 20..30 {
+            run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+            run.work(k * 2 * MS);
+        }
+        assert_eq!(run.component.now_ns(), 29 * MS);
+        assert_eq!(run.work((58 + 20) * MS), Due::Starved, "{ahead}");
+        assert_eq!(run.status(80 * MS).activity, Activity::Starved);
+    }
+}
+
+#[test]
+fn silence_counts_although_there_are_samples_for_a_while() {
+    // Half a second of samples lies ahead, of which a tenth may pass without a word.
+    let mut run = Running::new(FreeRunning { latency_ns: 500 * MS, max_age_ms: 200, ..asked() });
+    for k in 0..10 {
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+    }
+    let mut wall = 18 * MS;
+    while let Due::At(at) = run.work(wall) {
+        assert!(wall < at && at <= 218 * MS);
+        wall = at;
+    }
+    assert_eq!((wall, run.status(wall).activity), (218 * MS, Activity::Starved));
+    let stands = run.component.now_ns();
+    assert_eq!(run.work(2 * wall), Due::Starved);
+    // It goes on with the next words.
+    for k in 300..310 {
+        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.work(k * 2 * MS);
+    }
+    assert_eq!(run.status(620 * MS).activity, Activity::Playing);
+    assert!(run.component.now_ns() > stands);
+}
+
+#[test]
+fn a_sample_that_would_end_the_run_is_dropped() {
+    let end = |bad: &dyn Fn(Knot) -> Option<Knot>| {
+        let mut run = Running::new(asked());
+        for k in 0..100 {
+            let wall = 10 * MS + k * 2 * MS;
+            let good = sample((k * MS) as i64);
+            run.pacer.take("floor", good, wall);
+            let later = Knot { time_ns: good.time_ns + MS as i64 / 2, ..good };
+            if let Some(bad) = bad(later).filter(|_| k == 50) {
+                run.pacer.take("floor", bad, wall);
+            }
+            run.work(wall);
+        }
+        let dropped = run.status(210 * MS).free_running.unwrap().dropped;
+        (run.windows, run.component.save(), dropped)
+    };
+    let (windows, state, dropped) = end(&|_| None);
+    assert_eq!((windows.len(), dropped), (99, 0));
+    // Turned over, in other units, at a speed that nothing has, at one that it does not say.
+    let turned = |mut knot: Knot| {
+        (knot.pose.orientation.x, knot.pose.orientation.w) = (1.0, 0.0);
+        Some(knot)
+    };
+    let far = |mut knot: Knot| {
+        knot.pose.position.x = 300.0;
+        Some(knot)
+    };
+    let fast = |mut knot: Knot| {
+        knot.twist.linear.y = 1e6;
+        Some(knot)
+    };
+    let jumped = |mut knot: Knot| {
+        knot.pose.position.y = 0.1;
+        Some(knot)
+    };
+    let bad: [&dyn Fn(Knot) -> Option<Knot>; 4] = [&turned, &far, &fast, &jumped];
+    for bad in bad {
+        assert_eq!(end(bad), (windows.clone(), state.clone(), 1));
+    }
+}
+
+#[test]
+fn a_body_that_moves_goes_on_or_is_told() {
+    let moving = || {
+        let mut component = component();
+        let motions = vec![BodyInput {
+            body: "floor".into(),
+            interpolation: Interpolation::Hermite,
+            rebase: false,
+            knots: vec![sample(0), sample(25 * MS as i64)],
+        }];
+        let request = AdvanceRequest { motions, ..AdvanceRequest::default() };
+        component.advance_to(25 * MS, &request.inputs().unwrap().motions[..]).expect("a window");
+        component
+    };
+    let west = FreeRunning { bodies: vec!["west".into()], ..asked() };
+    let fault = Pacer::new(west, &moving(), 0).expect_err("the floor moves");
+    assert_eq!(fault.code, Code::ParameterInvalid, "{fault}");
+    assert!(fault.message.contains("floor") && fault.message.contains("m/s"), "{fault}");
+    for interpolation in [Interpolation::Hermite, Interpolation::Linear] {
+        let (component, asked) = (moving(), FreeRunning { interpolation, ..asked() });
+        let pacer = Pacer::new(asked, &component, 0).expect("it goes on");
+        let mut run = Running { component, pacer, windows: vec![], motions: vec![] };
+        for k in 0..20 {
+            // The sender knows of it: its sample lands the latency later.
+            run.pacer.take("floor", sample((30 * MS + k * MS) as i64), k * 2 * MS);
+            run.work(k * 2 * MS);
+        }
+        assert_eq!(run.component.now_ns(), (25 + 19) * MS);
+    }
+}

@@ -266,7 +266,11 @@ impl Lockstep {
         Ok(())
     }
 
-    fn check_ready(&self, ticket: &str) -> Result<(), Fault> {
+    /// Refuses what only the owner may do, with a sound component.
+    ///
+    /// # Errors
+    /// [`Code::NotOwner`], [`Code::Quitting`], [`Code::Unconfigured`], [`Code::InError`].
+    pub fn check_ready(&self, ticket: &str) -> Result<(), Fault> {
         self.check_owner(ticket)?;
         self.check_sound()
     }

@@ -23,10 +23,10 @@ const LARGEST: usize = 4096;
 /// A sample: the part of its key that stands for the body, the motion, and when it came, wall ns.
 pub(super) type Heard = (String, Knot, u64);
 
-/// Samples that wait.
+/// Samples that wait, and how many of the owner's could not be read or kept.
 #[derive(Clone, Default)]
 pub(super) struct Inputs {
-    waiting: Arc<Mutex<VecDeque<Heard>>>,
+    waiting: Arc<Mutex<(VecDeque<Heard>, u64)>>,
 }
 
 impl Inputs {
@@ -48,27 +48,37 @@ impl Inputs {
     fn hear(&self, shared: &Shared, sample: &Sample, wake: &Sender<Call>) {
         let ticket = sample.attachment().filter(|a| a.len() <= LARGEST).map(ZBytes::to_bytes);
         let ticket = ticket.as_deref().and_then(|t| std::str::from_utf8(t).ok()).unwrap_or("");
-        if sample.payload().len() > LARGEST || shared.check_owner(ticket).is_err() {
+        if shared.check_owner(ticket).is_err() {
             return;
         }
-        let bytes = sample.payload().to_bytes();
-        let is_cdr = is_cdr(sample.encoding());
-        let knot = if is_cdr { from_cdr::<Knot>(&bytes) } else { from_json::<Knot>(&bytes) };
-        let body = sample.key_expr().as_str().rsplit('/').nth(1);
-        let (Ok(knot), Some(body)) = (knot, body) else { return };
+        let read = read(sample);
         let mut waiting = locked(&self.waiting);
-        if waiting.len() >= MOST {
+        let (waiting, unread) = &mut *waiting;
+        let Some((body, knot)) = read.filter(|_| waiting.len() < MOST) else {
+            *unread += 1;
             return;
-        }
-        waiting.push_back((body.into(), knot, shared.now_ns()));
+        };
+        waiting.push_back((body, knot, shared.now_ns()));
         if waiting.len() == 1 {
             // Fails when nothing is computed any more.
             let _ = wake.send(Call::Input);
         }
     }
 
-    /// What has come since it was last asked.
-    pub fn take(&self) -> VecDeque<Heard> {
+    /// What has come since it was last asked, and how many more that were of no use.
+    pub fn take(&self) -> (VecDeque<Heard>, u64) {
         std::mem::take(&mut *locked(&self.waiting))
     }
+}
+
+/// Body and motion of a sample, if it is one.
+fn read(sample: &Sample) -> Option<(String, Knot)> {
+    if sample.payload().len() > LARGEST {
+        return None;
+    }
+    let bytes = sample.payload().to_bytes();
+    let is_cdr = is_cdr(sample.encoding());
+    let knot = if is_cdr { from_cdr::<Knot>(&bytes) } else { from_json::<Knot>(&bytes) };
+    let body = sample.key_expr().as_str().rsplit('/').nth(1)?;
+    Some((body.into(), knot.ok()?))
 }

@@ -202,7 +202,7 @@ impl Service<'_> {
     /// Sets parameters, or lets time run by itself.
     fn set(&mut self, ask: &SetParameters, ticket: &str) -> Result<Place, Fault> {
         // All of it or nothing.
-        let pacer = self.pacer(ask)?;
+        let pacer = self.pacer(ask, ticket)?;
         let place = self.lockstep.set_parameters(ask, ticket)?;
         match (pacer, &ask.free_running) {
             (Some(pacer), _) => {

@@ -9,9 +9,10 @@ use std::time::Duration;
 
 impl Service<'_> {
     /// What a request for parameters asks of time: a pacer of its own, if it is to run.
-    pub(super) fn pacer(&self, ask: &SetParameters) -> Result<Option<Pacer>, Fault> {
+    pub(super) fn pacer(&self, ask: &SetParameters, ticket: &str) -> Result<Option<Pacer>, Fault> {
         let Some(Some(running)) = &ask.free_running else { return Ok(None) };
         self.check_stands()?;
+        self.lockstep.check_ready(ticket)?;
         let component = self.lockstep.component();
         Pacer::new(running.clone(), component, self.shared.now_ns()).map(Some)
     }
@@ -31,8 +32,9 @@ impl Service<'_> {
     /// Does what is due while time runs by itself; how long nothing will be.
     pub(super) fn run_on(&mut self) -> Option<Duration> {
         let wall_ns = self.shared.now_ns();
-        let heard = self.inputs.take();
+        let (heard, unread) = self.inputs.take();
         let pacer = self.pacer.as_mut()?;
+        pacer.drop_unread(unread);
         for (part, knot, at_ns) in heard {
             let body = pacer.bodies().iter().find(|body| chunk(body) == part).cloned();
             pacer.take(&body.unwrap_or(part), knot, at_ns);

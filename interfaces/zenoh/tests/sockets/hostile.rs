@@ -39,7 +39,7 @@ impl Stranger {
     }
 
     /// Becomes the owner: its token, its ticket, the run's id.
-    fn attach(&self) -> (zenoh::liveliness::LivelinessToken, String, String) {
+    pub fn attach(&self) -> (zenoh::liveliness::LivelinessToken, String, String) {
         let token = self.come_alive("raw");
         let attached = self.ask("attach", br#"{"client":"raw"}"#, None).unwrap();
         let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
@@ -53,6 +53,12 @@ impl Stranger {
             let put = self.session.put(self.keys.input(body), to_cdr(knot).unwrap());
             put.encoding(Encoding::from("application/cdr")).attachment(ticket).wait().unwrap();
         }
+    }
+
+    /// The same with any bytes, and a ticket.
+    pub fn put(&self, body: &str, bytes: Vec<u8>, ticket: &str) {
+        let put = self.session.put(self.keys.input(body), bytes).attachment(ticket);
+        put.encoding(Encoding::APPLICATION_JSON).wait().unwrap();
     }
 
     /// The answer, the refusal, or a refusal of no code of ours where there is no answer.

@@ -1,7 +1,7 @@
 //! Time that runs by itself, over sockets.
 
 use crate::hostile::Stranger;
-use crate::setup::{Served, WINDOW, attach, knot, lockstep, once_free, step, wait_for};
+use crate::setup::{Served, WINDOW, attach, hash, knot, lockstep, once_free, step, wait_for};
 use ballast_protocol::lockstep::{Activity, Code};
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_protocol::pacer::FreeRunning;
@@ -128,4 +128,43 @@ fn when_the_owner_is_gone_time_stands() {
     let refused = client.run_freely(&bad).unwrap_err();
     assert_eq!(refused.fault().unwrap().code, Code::UnknownBody, "{refused}");
     assert_eq!(client.status().unwrap().activity, Activity::Paused);
+}
+
+#[test]
+fn samples_that_cannot_be_read_are_counted() {
+    let served = Served::new();
+    let stranger = Stranger::at(&served.link());
+    let (_token, ticket, _run) = stranger.attach();
+    let ask = serde_json::json!({ "free_running": slowly() }).to_string();
+    stranger.ask("param", ask.as_bytes(), Some(&ticket)).unwrap();
+    let good = serde_json::to_vec(&knot(0)).unwrap();
+    for (bytes, ticket) in [
+        (good, &ticket),
+        (b"{}".to_vec(), &ticket),
+        (vec![b' '; 5000], &ticket),
+        (b"\xff".to_vec(), &ticket),
+        // Not the owner's: nobody's business.
+        (b"{}".to_vec(), &"0123456789abcdef".to_string()),
+    ] {
+        stranger.put("floor", bytes, ticket);
+    }
+    let begin = Instant::now();
+    loop {
+        let status = stranger.ask("status", b"", None).unwrap();
+        let status: serde_json::Value = serde_json::from_slice(&status).unwrap();
+        if status["free_running"]["dropped"] == 3 {
+            break;
+        }
+        assert!(begin.elapsed() < Duration::from_secs(10), "{status:#}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn what_is_not_prepared_does_not_run_by_itself() {
+    let unconfigured = ballast_protocol::lockstep::Lockstep::unconfigured(hash).unwrap();
+    let endpoint = ballast_zenoh::link::free_endpoint().unwrap();
+    let served = Served::at(&ballast_zenoh::Link::listening(endpoint), unconfigured);
+    let refused = served.client().run_freely(&slowly()).unwrap_err();
+    assert_eq!(refused.fault().unwrap().code, Code::Unconfigured, "{refused}");
 }
