@@ -89,6 +89,8 @@ struct Found {
     frames: BTreeSet<String>,
     poses: BTreeMap<String, Track>,
     transforms: BTreeMap<String, Track>,
+    /// What has moved each body so far, by what it tells.
+    sources: BTreeMap<(&'static str, String), String>,
 }
 
 impl Found {
@@ -106,16 +108,19 @@ impl Found {
         match assignment.source(&message.channel)? {
             Source::Other => {}
             Source::Pose(body) => {
+                self.only(assignment, "poses", body, &message.channel.topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
                 let time = at(Some(stamped.header.stamp.ns()))?;
                 self.track(body).pose(time, stamped.pose);
             }
             Source::Twist(body) => {
+                self.only(assignment, "twists", body, &message.channel.topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
                 let time = at(Some(stamped.header.stamp.ns()))?;
                 self.track(body).twist(time, stamped.twist);
             }
             Source::Json(body) => {
+                self.only(assignment, "poses", body, &message.channel.topic)?;
                 let read = json_pose::read(&message.data)?;
                 let time = at(read.stamp_ns)?;
                 self.track(body).pose(time, read.pose);
@@ -129,6 +134,7 @@ impl Found {
                     let frame = transform.child_frame_id;
                     let topic = &message.channel.topic;
                     if let Some(body) = assignment.body_of_frame(topic, &frame) {
+                        self.only(assignment, "poses", body, &format!("{topic}:{frame}"))?;
                         let time = at(Some(transform.header.stamp.ns()))?;
                         let pose = messages::Pose {
                             position: messages::Point {
@@ -145,6 +151,26 @@ impl Found {
             }
         }
         Ok(())
+    }
+
+    /// Refuses a second source of a body's poses or twists: two motions are not one. By default, a topic of its own
+    /// counts before transforms.
+    fn only(
+        &mut self,
+        assignment: &Assignment,
+        what: &'static str,
+        body: &str,
+        source: &str,
+    ) -> std::result::Result<(), Malformed> {
+        if assignment.is_default() {
+            return Ok(());
+        }
+        let first = self.sources.entry((what, body.into())).or_insert_with(|| source.into());
+        if first == source {
+            return Ok(());
+        }
+        let expected = format!("one source of the {what} of {body:?}");
+        Err(Malformed::new("map", expected, format!("{first} and {source}")))
     }
 
     fn track(&mut self, body: &str) -> &mut Track {

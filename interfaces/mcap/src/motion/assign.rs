@@ -67,6 +67,11 @@ impl Assignment {
         Ok(Self { maps: bodies.iter().flat_map(default).collect(), by_default: true })
     }
 
+    /// Whether nobody asked for it.
+    pub fn is_default(&self) -> bool {
+        self.by_default
+    }
+
     pub fn source(&self, channel: &Channel) -> std::result::Result<Source<'_>, Malformed> {
         let topic = &channel.topic;
         let (encoding, kind) = (&channel.encoding[..], channel.schema.replacen("/msg/", "/", 1));

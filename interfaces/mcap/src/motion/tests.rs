@@ -136,6 +136,28 @@ fn transforms_move_the_bodies_of_their_frames() {
 }
 
 #[test]
+fn two_sources_for_one_body_are_refused() {
+    let place = Place::new();
+    let path = place.file(&[
+        pose("/a", 0, 0.0, 0),
+        transform(0, "b", 0.0),
+        pose("/c/pose", 0, 0.0, 0),
+        twist("/c/twist", 0, 0.1),
+        twist("/d", 0, 0.2),
+    ]);
+    for (maps, found) in [
+        (["/a=sleeper", "/c/pose=sleeper"], "/a and /c/pose"),
+        (["/a=sleeper", "/tf:b=sleeper"], "/a and /tf:b"),
+        (["/c/pose=sleeper", "/d=sleeper"], "/c/twist and /d"),
+    ] {
+        let error = read_all(&path, &maps).unwrap_err().to_string();
+        assert!(error.contains(found) && error.contains("sleeper"), "{error}");
+    }
+    // A topic of twists beside one of poses is no second motion.
+    read_all(&path, &["/a=sleeper", "/d=sleeper"]).unwrap();
+}
+
+#[test]
 fn messages_out_of_order_are_sorted_and_two_poses_at_a_time_refused() {
     let place = Place::new();
     let topic = "/tine_1/pose";
