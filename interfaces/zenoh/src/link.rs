@@ -147,8 +147,9 @@ fn keep_to_this_machine(config: &mut Config) -> Result<(), Error> {
         ("connect/timeout_ms", "-1".into()),
         ("connect/exit_on_failure", "false".into()),
         ("connect/retry", RETRY.into()),
-        // A partner that has fallen silent is noticed after this time, ms.
+        // A partner that has fallen silent is noticed after this time, ms; one that hangs from the first on, too.
         ("transport/link/tx/lease", lease.to_string()),
+        ("transport/unicast/open_timeout", lease.to_string()),
         ("transport/link/rx/max_message_size", largest.to_string()),
         (
             "transport/link/tx/queue/congestion_control/block/wait_before_close",

@@ -214,3 +214,14 @@ fn a_refused_restore_leads_nowhere() {
     step(&mut client).unwrap();
     client.detach().unwrap();
 }
+
+#[test]
+fn a_component_that_hangs_when_it_is_looked_for_is_told_soon() {
+    // The system accepts connections for it; it says nothing.
+    let hangs = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let link = Link::to(format!("tcp/{}", hangs.local_addr().unwrap()));
+    let begin = Instant::now();
+    let error = Client::attach(KEY, &link, "test", None, Patience::default()).err().unwrap();
+    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    assert!(begin.elapsed() < 2 * SILENCE + Duration::from_secs(2), "{:?}", begin.elapsed());
+}
