@@ -22,8 +22,8 @@ def ask(what, body):
             return json.loads(reply.ok.payload.to_string())
         time.sleep(0.1)
     sys.exit(f"{key} is not there")
+run = ask("ctl/attach", {"client": me})  # waits while the bed is prepared
 about = ask("describe", {})
-run = ask("ctl/attach", {"client": me})
 ticket, seq, now = run["ticket"], run["seq"], run["now_ns"]
 window = max(1_000_000 // about["step_ns"], 1) * about["step_ns"]
 tines = [body for body in about["bodies"] if body["role"] == "tine"]

@@ -124,6 +124,7 @@ fn what_is_not_read_is_refused() {
         changed("/motions/0/knots/1/pose/position/x", json!(null)),
         changed("/loads/0/knots/0", json!({"time_ns": 0})),
         changed("/deadline_policy", json!(1)),
+        changed("/deadline_ms", json!(1_u64 << 32)),
         more,
         json!({"seq": 1}),
         json!([]),
@@ -136,6 +137,7 @@ fn what_is_not_read_is_refused() {
     schema.refuses("attach.request", &json!({}));
     schema.refuses("save.request", &json!({"name": "x", "nam": "y"}));
     schema.refuses("param.request", &json!({"step_ns": 5}));
+    schema.refuses("param.request", &json!({"iterations": 1_u64 << 32}));
     schema.refuses("init.request", &json!({"seed": -1}));
     schema.refuses("reset.request", &json!({"name": "x"}));
     schema.refuses("refusal", &json!({"code": "nothing_known", "message": ""}));

@@ -66,6 +66,7 @@ pub struct Init {
 pub struct SetParameters {
     /// Largest number of iterations per step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(max = u32::MAX))]
     pub iterations: Option<u32>,
     /// A step is solved below this; 0: all iterations.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -71,6 +71,7 @@ pub struct AdvanceRequest {
     pub loads: Vec<LoadInput>,
     /// Wall time, ms; 0: none.
     #[serde(default)]
+    #[schemars(range(max = u32::MAX))]
     pub deadline_ms: u32,
     #[serde(default)]
     pub deadline_policy: DeadlinePolicy,
