@@ -6,7 +6,9 @@ mod common;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::{Attach, Code, Fault, WindowKind, Lockstep, Named, Pace, SetParameters};
+use ballast_protocol::lockstep::{
+    Attach, Code, Fault, Lockstep, Named, Pace, SetParameters, WindowKind,
+};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, Status};
 use std::sync::Arc;
 
@@ -58,7 +60,8 @@ fn a_window_that_leads_elsewhere_now_is_not_said_to_survive() {
     assert_eq!(lockstep.durable_seq(), 3);
     // A window after the checkpoint is none of its.
     window(&mut lockstep, WindowKind::Advance, &request(4)).unwrap();
-    window(&mut lockstep, WindowKind::Redo, &AdvanceRequest { deadline_ms: 1, ..request(4) }).unwrap();
+    window(&mut lockstep, WindowKind::Redo, &AdvanceRequest { deadline_ms: 1, ..request(4) })
+        .unwrap();
     assert_eq!(lockstep.durable_seq(), 3);
 }
 

@@ -280,15 +280,15 @@ fn a_sample_from_far_ahead_does_not_hide_that_nothing_is_heard() {
     for ahead in [hour, 60] {
         let mut run = Running::new(asked());
         for k in 0..20 {
-            run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+            run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
-        let still = Knot { time_ns: (ahead * MS) as i64, ..sample(19 * MS as i64) };
+        let still = Knot { time_ns: (ahead * MS) as i64, ..shaken::floor(19 * MS as i64) };
         run.pacer.take("floor", Knot { twist: Twist::default(), ..still }, 39 * MS);
         assert_eq!(run.status(39 * MS).free_running.unwrap().dropped, 1);
         // What came after it is followed; then nothing comes.
         for k in 20..30 {
-            run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+            run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
         assert_eq!(run.component.now_ns(), 29 * MS);
@@ -302,7 +302,7 @@ fn silence_counts_although_there_are_samples_for_a_while() {
     // Half a second of samples lies ahead, of which a tenth may pass without a word.
     let mut run = Running::new(FreeRunning { latency_ns: 500 * MS, max_age_ms: 200, ..asked() });
     for k in 0..10 {
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
     }
     let mut wall = 18 * MS;
     while let Due::At(at) = run.work(wall) {
@@ -314,7 +314,7 @@ fn silence_counts_although_there_are_samples_for_a_while() {
     assert_eq!(run.work(2 * wall), Due::Starved);
     // It goes on with the next words.
     for k in 300..310 {
-        run.pacer.take("floor", sample((k * MS) as i64), k * 2 * MS);
+        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     assert_eq!(run.status(620 * MS).activity, Activity::Playing);
@@ -327,7 +327,7 @@ fn a_sample_that_would_end_the_run_is_dropped() {
         let mut run = Running::new(asked());
         for k in 0..100 {
             let wall = 10 * MS + k * 2 * MS;
-            let good = sample((k * MS) as i64);
+            let good = shaken::floor((k * MS) as i64);
             run.pacer.take("floor", good, wall);
             let later = Knot { time_ns: good.time_ns + MS as i64 / 2, ..good };
             if let Some(bad) = bad(later).filter(|_| k == 50) {
@@ -371,7 +371,7 @@ fn a_body_that_moves_goes_on_or_is_told() {
             body: "floor".into(),
             interpolation: Interpolation::Hermite,
             rebase: false,
-            knots: vec![sample(0), sample(25 * MS as i64)],
+            knots: vec![shaken::floor(0), shaken::floor(25 * MS as i64)],
         }];
         let request = AdvanceRequest { motions, ..AdvanceRequest::default() };
         component.advance_to(25 * MS, &request.inputs().unwrap().motions[..]).expect("a window");
@@ -387,7 +387,7 @@ fn a_body_that_moves_goes_on_or_is_told() {
         let mut run = Running { component, pacer, windows: vec![], motions: vec![] };
         for k in 0..20 {
             // The sender knows of it: its sample lands the latency later.
-            run.pacer.take("floor", sample((30 * MS + k * MS) as i64), k * 2 * MS);
+            run.pacer.take("floor", shaken::floor((30 * MS + k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
         assert_eq!(run.component.now_ns(), (25 + 19) * MS);

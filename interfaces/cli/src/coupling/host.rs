@@ -133,7 +133,7 @@ impl Host for Keeper {
     ) -> bool {
         self.is_current = false;
         // A redo leads elsewhere with the same number.
-        self.is_due |= kind == Kind::Redo && self.holds(request);
+        self.is_due |= kind == WindowKind::Redo && self.holds(request);
         self.recorded(|recording| recording.window(lockstep, kind, request, reply));
         (self.is_due || self.written.elapsed() >= self.every) && self.keep(lockstep)
     }

@@ -90,8 +90,8 @@ fn senseless_values_are_refused_with_their_place() {
     let edits: &[(&str, Edit)] = &[
         ("state/position: expected finite", |f| set(f, "state/position", 4, f64::NAN)),
         ("state/spin: expected finite", |f| set(f, "state/spin", 0, f64::INFINITY)),
-        ("expected a finite mass above 0", |f| set(f, "grains/mass", 2, -1.0)),
-        ("expected a finite mass above 0", |f| set(f, "grains/mass", 2, 0.0)),
+        ("expected a mass from 1e-30 to 1e30 kg", |f| set(f, "grains/mass", 2, -1.0)),
+        ("expected a mass from 1e-30 to 1e30 kg", |f| set(f, "grains/mass", 2, 0.0)),
         ("expected finite moments of inertia above 0", |f| set(f, "grains/inertia", 5, -1e-9)),
         ("grain 0: expected a shape of the model, found 4", |f| set(f, "grains/shape", 0, 4_u32)),
         ("orientation of body 0", |f| set(f, "state/orientation", 0, 2.0)),

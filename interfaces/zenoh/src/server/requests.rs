@@ -83,7 +83,7 @@ impl Service<'_> {
             .map_err(Clone::clone)
             .and_then(|reply| Answer::message::<AdvanceReply>(reply, is_cdr(query)));
         // What a checkpoint holds otherwise is kept before anyone goes on from it.
-        if kind == Kind::Redo && was_durable {
+        if kind == WindowKind::Redo && was_durable {
             self.tell(kind, &request, &result, before);
             return answer::send(query, key, answered);
         }

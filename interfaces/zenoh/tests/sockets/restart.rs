@@ -1,7 +1,7 @@
 //! A component that comes back from an older state than its client has seen.
 
 use crate::setup::{KEY, Served, WINDOW, lockstep, patient};
-use ballast_protocol::lockstep::Kind;
+use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
 use ballast_zenoh::{Client, Link};
 use std::sync::atomic::Ordering;
@@ -18,7 +18,7 @@ fn windows_that_ran_out_of_time_end_where_they_did_when_they_are_computed_again(
         // A step takes 10 ms and more; these are four hundred.
         let next = client.next(client.place().now_ns + 80 * WINDOW);
         let request = AdvanceRequest { deadline_ms: 60, deadline_policy: policy, ..next };
-        let reply = client.send(Kind::Advance, &request).unwrap();
+        let reply = client.send(WindowKind::Advance, request).unwrap();
         assert_eq!(reply.status, status, "{}", reply.message);
     }
     is_let_go.store(true, Ordering::SeqCst);
