@@ -13,10 +13,11 @@ test: setup
 	cargo test --release --locked --workspace --no-fail-fast
 	scripts/test_python.sh
 
-# What a change must also pass: format and lints.
+# What a change must also pass: format, lints, documentation.
 check: setup
 	cargo fmt --all --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --release --locked --workspace --lib --no-deps
 
 setup:
 	@scripts/setup.sh

@@ -2,7 +2,7 @@
 //!
 //! Reads: entries of `M` and `H`. Writes: the problem in impulses alone, [`Assembled`]. Cost: one dense
 //! inverse per set of coupled degrees of freedom (a rigid body: six), one product per pair of contacts
-//! on the same body. Contract: refuses, before it allocates, what claims more than [`MOST_ENTRIES`].
+//! on the same body. Contract: refuses, before it allocates, what claims more than `MOST_ENTRIES`.
 
 use super::reference::{Assembled, unusable};
 use crate::error::Result;

@@ -1,7 +1,7 @@
 //! The machine's motion: lift, insertion, squeeze, hold, withdrawal with release.
 //!
 //! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
-//! drive's memory (see [`machine_control`](super::machine_control)).
+//! drive's memory (see `machine_control`).
 //! Contract: positions and velocities are continuous through the whole cycle. Targets are rigid translations; a tine on
 //! a springy shaft follows its target as its mount lets it (T-28).
 

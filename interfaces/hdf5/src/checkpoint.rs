@@ -64,9 +64,9 @@ pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
     seal::write(path, &FORMAT, &image_of(path, checkpoint)?)
 }
 
-/// The file that [`write`] would leave, as bytes to be put into another one: that at `path`, which errors name.
+/// The file that [`write()`] would leave, as bytes to be put into another one: that at `path`, which errors name.
 ///
-/// Errors: as for [`write`].
+/// Errors: as for [`write()`].
 pub fn to_bytes(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
     Ok(seal::bytes(&FORMAT, &image_of(path.as_ref(), checkpoint)?))
 }

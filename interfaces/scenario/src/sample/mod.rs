@@ -24,7 +24,7 @@ pub struct Sample {
     pub state: State,
     /// Time steps to run.
     pub steps: u64,
-    /// Whatever its maker noted, kept for [`write`].
+    /// Whatever its maker noted, kept for [`write()`].
     pub meta: Value,
 }
 
