@@ -9,6 +9,7 @@ mod asynchronous;
 mod boundary;
 mod decomposition;
 mod momentum;
+mod round;
 mod synchronous;
 
 use crate::local_problem::LocalProblem;

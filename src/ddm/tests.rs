@@ -218,6 +218,26 @@ fn momentum_needs_a_fraction_of_the_iterations() {
     }
 }
 
+/// Impulses of a wall are not unique: iterations that hardly change anything wander among them.
+#[test]
+fn what_wanders_about_is_solved_in_rounds_of_more_sweeps() {
+    for schedule in [Schedule::Sequential, Schedule::Synchronous] {
+        let tight = Solver { tolerance: Some(1e-6), iterations: 20_000, ..solver(schedule, 3) };
+        let (model, state, contacts) = wall(6, 20, tight);
+        let solved = run(&model, &state, &contacts, 1);
+        let outcome = solved.outcome;
+        assert!(outcome.converged && outcome.iterations > 1500, "{schedule:?}: {outcome:?}");
+        assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
+        let threads = run(&model, &state, &contacts, 3);
+        assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
+        // Whoever wants plain iterations has them, of one length.
+        let plain = Solver { momentum: false, iterations: 2000, ..tight };
+        let (model, state, contacts) = wall(6, 20, plain);
+        let plain = run(&model, &state, &contacts, 1).outcome;
+        assert!(plain.visits <= 2000 * contacts.len() as u64, "{schedule:?}: {plain:?}");
+    }
+}
+
 /// A wall so high that sweeps hardly get on: the weight diffuses through them.
 const HIGH: (usize, usize) = (2, 90);
 

@@ -87,6 +87,7 @@ pub fn write_err(text: &str) {
 }
 
 /// Whether somebody may still read what is written to stdout.
+#[cfg(feature = "zenoh")]
 pub fn is_read() -> bool {
     !IS_LEFT.load(Ordering::Relaxed)
 }

@@ -40,7 +40,8 @@ impl Lockstep {
     /// # Errors
     /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::NothingToRedo`], [`Code::InError`],
     /// [`Code::Quitting`], [`Code::Abandoned`] if `watch` says so, and what
-    /// [`advance_to`](ballast::component::Component::advance_to) refuses. What goes wrong while computing is told by the reply.
+    /// [`advance_to`](ballast::component::Component::advance_to) refuses.
+    /// What goes wrong while computing is told by the reply.
     pub fn window(
         &mut self,
         kind: WindowKind,

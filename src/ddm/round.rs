@@ -1,0 +1,87 @@
+//! What the iterations of the synchronous schedule go by besides sweeps: smaller steps, momentum, acceleration.
+//!
+//! Reads: residuals. Writes: impulses and lines of the sets, between iterations. Contract: whether anything is done
+//! depends on residuals and the number of iterations alone.
+
+use super::acceleration::Acceleration;
+use super::momentum::Momentum;
+use super::{Decomposition, Softening};
+use crate::model::Solver;
+
+/// Iterations after which what has not reached the tolerance begins anew.
+const LENGTH: u32 = 1500;
+
+/// Sweeps per iteration in the first round, the second and the third, over those asked for; then the first again.
+/// Momentum over longer iterations gets through problems that shorter ones wander about in.
+const SWEEPS: [u32; 3] = [1, 4, 16];
+
+/// A round of iterations, from the impulses of the one before (T-38).
+pub(super) struct Round<'a> {
+    solver: &'a Solver,
+    /// Iteration after which it began, and how many were before it.
+    began: u32,
+    number: usize,
+    softening: Softening,
+    momentum: Option<Momentum>,
+    acceleration: Option<Acceleration>,
+}
+
+impl<'a> Round<'a> {
+    pub fn first(solver: &'a Solver) -> Self {
+        Self::new(solver, 0, 0)
+    }
+
+    fn new(solver: &'a Solver, began: u32, number: usize) -> Self {
+        let momentum = (solver.momentum && solver.tolerance.is_some()).then(Momentum::new);
+        let softening = Softening::new(solver.relaxation);
+        Self { solver, began, number, softening, momentum, acceleration: None }
+    }
+
+    /// Relaxation of the visits.
+    pub fn relaxation(&self) -> f64 {
+        self.acceleration.as_ref().map_or(self.softening.relaxation, Acceleration::relaxation)
+    }
+
+    /// How many times as many sweeps as asked for.
+    pub fn sweeps(&self) -> u32 {
+        SWEEPS[self.number % SWEEPS.len()]
+    }
+
+    /// Whether iteration `done` ends at a point of the momentum: its sets are to be measured after their sweeps.
+    pub fn is_point(&self, done: u32) -> bool {
+        self.momentum.as_ref().is_some_and(|momentum| momentum.is_point(done))
+    }
+
+    /// Takes note of the residual after iteration `done`, which is not small enough.
+    pub fn observe(&mut self, done: u32, residual: f64) {
+        self.softening.observe(done, residual);
+    }
+
+    /// Goes on to where the next iteration begins; `test` is whether iteration `done` has ended with a test. What does
+    /// not get on is accelerated, and when a round is over, the next one begins.
+    pub fn go_on(&mut self, decomposition: &mut Decomposition, done: u32, test: bool) {
+        if test && self.momentum.is_some() && done - self.began >= LENGTH {
+            self.retreat(decomposition);
+            *self = Self::new(self.solver, done, self.number + 1);
+            // The next test says what carries now.
+            return;
+        }
+        let is_wanted = self.solver.tolerance.is_some() && self.softening.is_spent();
+        if test && is_wanted && self.acceleration.is_none() {
+            let relaxations = [self.softening.relaxation, self.solver.relaxation];
+            self.acceleration = Some(Acceleration::begin(decomposition, done, relaxations));
+        }
+        if let Some(acceleration) = &mut self.acceleration {
+            acceleration.go_on(decomposition, done);
+        } else if let Some(momentum) = &mut self.momentum {
+            momentum.go_on(decomposition, done, test);
+        }
+    }
+
+    /// Back to the best impulses, if an acceleration has led elsewhere.
+    pub fn retreat(&mut self, decomposition: &mut Decomposition) {
+        if let Some(mut acceleration) = self.acceleration.take() {
+            acceleration.retreat(decomposition);
+        }
+    }
+}
