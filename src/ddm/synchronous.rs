@@ -1,7 +1,8 @@
 //! Subdomains in parallel, then the interface, with a barrier between (HSDA, Algorithm 1).
 //!
 //! One set of contacts (the sequential schedule) is the case without interface. Where a tolerance is asked for,
-//! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated.
+//! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated, and
+//! begin anew in rounds.
 
 use super::decomposition::Set;
 use super::round::Round;
@@ -39,8 +40,6 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
             if outcome.residuals.quad.is_nan() {
                 break;
             }
-        }
-        if measured {
             round.observe(done, outcome.residuals.qm16());
         }
         if closing {
