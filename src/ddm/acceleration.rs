@@ -70,6 +70,11 @@ impl Acceleration {
         self.relaxations[0]
     }
 
+    /// The iteration after `done` that ends at a point.
+    pub fn next_point(&self, done: u32) -> u32 {
+        done + PERIOD - (done - self.began) % PERIOD
+    }
+
     /// Goes on to a better point after iteration `done`, if it is time for one.
     pub fn go_on(&mut self, decomposition: &mut Decomposition, done: u32) {
         if !(done - self.began).is_multiple_of(PERIOD) || done == self.began {

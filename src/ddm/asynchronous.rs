@@ -16,7 +16,7 @@
 //! schedule, which decides whether the step is solved; if not, the next run goes on from there.
 
 use super::decomposition::{Set, enter};
-use super::{Decomposition, Outcome, Softening, is_solved, synchronous};
+use super::{Decomposition, Outcome, Softening, is_solved, on_threads, synchronous};
 use crate::model::{Norm, Solver};
 use crate::nlgs::VisitNorms;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -59,7 +59,8 @@ struct Tests {
 /// Iterates until the tolerance or the cap is reached; `None` if the iterations diverged.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Option<Outcome> {
     iterate_with(decomposition, solver, |run| {
-        run.visit_all(rayon::current_num_threads().min(run.decomposition.subdomains.len()));
+        let threads = rayon::current_num_threads().min(run.decomposition.subdomains.len());
+        on_threads(threads, &|| while run.visit_next() {});
     })
 }
 
@@ -126,18 +127,6 @@ impl<'a> Run<'a> {
                 softening,
                 diverged: false,
             }),
-        }
-    }
-
-    /// Makes all visits, on so many threads at once if they are free.
-    fn visit_all(&self, threads: usize) {
-        match threads {
-            0 => {}
-            1 => while self.visit_next() {},
-            _ => {
-                let half = threads / 2;
-                rayon::join(|| self.visit_all(half), || self.visit_all(threads - half));
-            }
         }
     }
 

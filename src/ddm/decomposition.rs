@@ -1,12 +1,13 @@
 //! The sets of contacts of a step: one per subdomain, one per group of the interface.
 //!
-//! Sets are numbered subdomains first. Between the iterations of the synchronous schedule velocities
+//! Sets are numbered subdomains first. Between the visits of the synchronous schedule velocities
 //! live in the subdomains' lines. A group of the interface works on
-//! copies of the lines of its grains, gathered before and scattered after: groups of one colour
-//! share no subdomain, so locks are never waited for and the order of threads has no effect.
+//! copies of the lines of its grains, gathered before and scattered after: what shares a subdomain has its turns one
+//! after another ([`super::turns`]), so locks are never waited for and the order of threads has no effect.
 
 use super::asynchronous::Report;
 use super::boundary::{Boundary, BoundaryLine};
+use super::turns::{Turn, Turns};
 use super::{acceleration, momentum};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
@@ -75,6 +76,7 @@ pub struct Decomposition {
     /// Buffers: of the tests of the asynchronous schedule, and of what velocities are read from.
     pub(super) reports: Vec<Report>,
     sets: Vec<&'static ContactSet>,
+    turns: Turns,
 }
 
 /// Access to a lock that no panic leaves in a state to fear: lines hold plain numbers.
@@ -135,29 +137,31 @@ impl Decomposition {
 
     /// Does `work` on every set in the order of the synchronous schedule, velocities at hand.
     pub(super) fn on_sets_in_turn(&mut self, work: impl Fn(&mut Set) + Sync) {
-        self.on_subdomains(&work);
-        self.on_interface(&work);
+        self.in_turn(1, |set, _| work(set));
     }
 
-    /// Does `work` on every subdomain, in parallel.
-    pub(super) fn on_subdomains(&mut self, work: impl Fn(&mut Set) + Sync) {
-        self.subdomains.par_iter_mut().with_max_len(1).for_each(|set| work(open(set)));
-    }
-
-    /// Does `work` on every group of the interface with its grains' newest velocities, colour by
-    /// colour, groups of a colour in parallel.
-    pub(super) fn on_interface(&mut self, work: impl Fn(&mut Set) + Sync) {
+    /// Does `work` on every set in the order of the synchronous schedule, velocities at hand, so many times over: on
+    /// all subdomains, then on the groups of the interface, colour by colour.
+    pub(super) fn in_turn(&mut self, passes: u32, work: impl Fn(&mut Set, Turn) + Sync) {
+        let mut turns = std::mem::take(&mut self.turns);
         let interface = &self.partition.interface;
-        for colour in 0..interface.colours.len() {
-            interface.colours.list(colour).par_iter().with_max_len(1).for_each(|&g| {
-                let mut group = enter(&self.groups[g as usize]);
-                let mut homes = self.homes(g as usize);
-                group.gather(&homes);
-                work(&mut group.set);
-                for (line, &(side, to)) in group.set.contacts.lines.iter().zip(&group.home) {
-                    homes[side as usize].contacts.lines[to as usize] = *line;
-                }
-            });
+        turns.run(interface, passes, rayon::current_num_threads(), |turn| {
+            self.visit(turn.set, |set| work(set, turn));
+        });
+        self.turns = turns;
+    }
+
+    /// Does `work` on set number `s`, velocities at hand.
+    fn visit(&self, s: usize, work: impl FnOnce(&mut Set)) {
+        let Some(g) = s.checked_sub(self.subdomains.len()) else {
+            return work(&mut enter(&self.subdomains[s]));
+        };
+        let mut group = enter(&self.groups[g]);
+        let mut homes = self.homes(g);
+        group.gather(&homes);
+        work(&mut group.set);
+        for (line, &(side, to)) in group.set.contacts.lines.iter().zip(&group.home) {
+            homes[side as usize].contacts.lines[to as usize] = *line;
         }
     }
 
@@ -214,16 +218,13 @@ impl Decomposition {
 
     /// Natural map residual of the whole problem at the present velocities and impulses.
     pub(super) fn natural_map(&mut self) -> f64 {
-        self.on_subdomains(|set| set.map = set.contacts.natural_map());
+        self.on_sets_in_turn(|set| set.map = set.contacts.natural_map());
         let mut sum = NaturalMapSums::default();
         for set in &mut self.subdomains {
             sum += open(set).map;
         }
-        // The groups only read the subdomains here, but take their locks: one after another.
-        for g in 0..self.groups.len() {
-            let mut group = enter(&self.groups[g]);
-            group.gather(&self.homes(g));
-            sum += group.set.contacts.natural_map();
+        for group in &mut self.groups {
+            sum += open(group).set.map;
         }
         sum.residual()
     }
@@ -236,11 +237,15 @@ impl Decomposition {
     /// Writes out the impulses of the solution: on the candidates, world axes, N s `[nc]`.
     pub fn unpack_impulses(&mut self, problem: &LocalProblem, impulse: &mut [Vec3]) {
         for group in &mut self.groups {
-            open(group).set.contacts.unpack(problem, impulse);
+            open(group).set.contacts.unpack(impulse);
         }
         for set in &mut self.subdomains {
-            open(set).contacts.unpack(problem, impulse);
+            open(set).contacts.unpack(impulse);
         }
+        (impulse, &problem.contacts)
+            .into_par_iter()
+            .with_min_len(4096)
+            .for_each(|(impulse, contact)| *impulse = contact.world(impulse));
     }
 
     /// Writes out the velocities of the solution, of the mobile bodies `[nm]`: m/s and rad/s.

@@ -11,6 +11,7 @@ mod decomposition;
 mod momentum;
 mod round;
 mod synchronous;
+mod turns;
 
 use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
@@ -52,11 +53,6 @@ pub fn solve(
     Outcome { guarded: true, ..synchronous::iterate(decomposition, &relaxed) }
 }
 
-/// Whether iteration `done` (counted from 1) ends with a convergence test.
-fn is_test(solver: &Solver, done: u32) -> bool {
-    done.is_multiple_of(solver.check_every.max(1)) || done == solver.iterations
-}
-
 /// Whether `residuals` are below the tolerance asked for.
 fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
     let value = match solver.norm {
@@ -65,6 +61,18 @@ fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
         Norm::NaturalMap => residuals.natural_map,
     };
     solver.tolerance.is_some_and(|tolerance| value < tolerance)
+}
+
+/// Does `work` on so many threads at once, as far as they are free; it finds out itself what is left to do.
+fn on_threads(threads: usize, work: &(impl Fn() + Sync)) {
+    match threads {
+        0 => {}
+        1 => work(),
+        _ => {
+            let half = threads / 2;
+            rayon::join(|| on_threads(half, work), || on_threads(threads - half, work));
+        }
+    }
 }
 
 /// Softens visits when sweeps go round in circles.

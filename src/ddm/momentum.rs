@@ -56,6 +56,11 @@ impl Momentum {
         Self { began: None, last: f64::INFINITY }
     }
 
+    /// The iteration after `done` that ends at a point, if it has begun.
+    pub fn next_point(&self, done: u32) -> Option<u32> {
+        self.began.map(|began| done + PERIOD - (done - began) % PERIOD)
+    }
+
     /// Whether iteration `done` ends at a point: its sets are to be measured after their sweeps.
     pub fn is_point(&self, done: u32) -> bool {
         self.began.is_some_and(|began| (done - began).is_multiple_of(PERIOD))

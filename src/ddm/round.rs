@@ -47,9 +47,18 @@ impl<'a> Round<'a> {
         SWEEPS[self.number % SWEEPS.len()]
     }
 
+    /// The iteration after `done` that ends at a point, from which something may lead on, if there are points.
+    pub fn next_point(&self, done: u32) -> Option<u32> {
+        match &self.acceleration {
+            Some(acceleration) => Some(acceleration.next_point(done)),
+            None => self.momentum.as_ref()?.next_point(done),
+        }
+    }
+
     /// Whether iteration `done` ends at a point of the momentum: its sets are to be measured after their sweeps.
     pub fn is_point(&self, done: u32) -> bool {
-        self.momentum.as_ref().is_some_and(|momentum| momentum.is_point(done))
+        self.acceleration.is_none()
+            && self.momentum.as_ref().is_some_and(|momentum| momentum.is_point(done))
     }
 
     /// Takes note of the residual after iteration `done`, which is not small enough.

@@ -1,31 +1,36 @@
-//! Subdomains in parallel, then the interface, with a barrier between (HSDA, Algorithm 1).
+//! Subdomains in parallel, then the interface (HSDA, Algorithm 1), without a barrier between ([`super::turns`]).
 //!
 //! One set of contacts (the sequential schedule) is the case without interface. Where a tolerance is asked for,
 //! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated, and
 //! begin anew in rounds.
 
-use super::decomposition::Set;
 use super::round::Round;
-use super::{Decomposition, Outcome, is_solved, is_test};
+use super::{Decomposition, Outcome, is_solved};
 use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
     let mut round = Round::first(solver);
     let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
-    for done in 1..=solver.iterations {
-        let measured = is_test(solver, done);
-        // What the cap ends with are sweeps from the best impulses.
-        let closing = solver.iterations - done <= solver.check_every.max(1);
+    let check_every = solver.check_every.max(1);
+    // What the cap ends with are sweeps from the best impulses.
+    let closing = solver.iterations.saturating_sub(check_every);
+    while outcome.iterations < solver.iterations {
+        let before = outcome.iterations;
+        let test = before.saturating_add(check_every - before % check_every).min(solver.iterations);
+        let stops = [round.next_point(before), (before < closing).then_some(closing)];
+        let done = stops.into_iter().flatten().fold(test, u32::min);
+        let measured = done == test;
         let (relaxation, is_point) = (round.relaxation(), round.is_point(done));
-        let visit = |set: &mut Set, sweeps| {
-            set.sweeps(round.sweeps().saturating_mul(sweeps), relaxation, measured);
-            if is_point {
+        decomposition.in_turn(done - before, |set, turn| {
+            let is_last = turn.pass + 1 == done - before;
+            let sweeps =
+                if turn.of_interface { solver.interface_sweeps } else { solver.subdomain_sweeps };
+            set.sweeps(round.sweeps().saturating_mul(sweeps), relaxation, measured && is_last);
+            if is_point && is_last {
                 set.momentum.measure(&set.contacts);
             }
-        };
-        decomposition.on_subdomains(|set| visit(set, solver.subdomain_sweeps));
-        decomposition.on_interface(|set| visit(set, solver.interface_sweeps));
+        });
         outcome.iterations = done;
         if measured {
             outcome.residuals = decomposition.visit_norms().residuals();
@@ -42,7 +47,7 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
             }
             round.observe(done, outcome.residuals.qm16());
         }
-        if closing {
+        if done >= closing {
             round.retreat(decomposition);
         } else {
             round.go_on(decomposition, done, measured);

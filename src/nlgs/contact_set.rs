@@ -328,11 +328,10 @@ impl ContactSet {
         self.order.iter().copied().zip(lanes).filter(|&(i, _)| i != PADDING)
     }
 
-    /// Writes the impulses on the candidates, world axes, N s, to the places of this set's contacts
-    /// in `impulse` `[nc]`.
-    pub fn unpack(&self, problem: &LocalProblem, impulse: &mut [Vec3]) {
+    /// Writes the impulses (n, t, s), N s, to the places of this set's contacts in `impulse` `[nc]`.
+    pub fn unpack(&self, impulse: &mut [Vec3]) {
         for (i, local) in self.impulses() {
-            impulse[i as usize] = problem.contacts[i as usize].world(&local);
+            impulse[i as usize] = local;
         }
     }
 }

@@ -231,9 +231,9 @@ fn single_grain(free: [f64; 2], gap: f64, restitution: f64) -> (Vec3, Vec3, Vec3
     let mut set = whole(&scene.problem);
     set.sweep(1.0);
     let mut impulse = vec![Vec3::zeros()];
-    set.unpack(&scene.problem, &mut impulse);
+    set.unpack(&mut impulse);
     let (v, w) = scene.problem.velocity(0, &set.lines[0]);
-    (v, w, impulse[0])
+    (v, w, scene.problem.contacts[0].world(&impulse[0]))
 }
 
 fn close(a: Vec3, b: Vec3) -> bool {

@@ -14,11 +14,13 @@ pub struct Interface {
     pub contacts: Lists,
     /// Groups of each colour, ascending.
     pub colours: Lists,
+    /// Groups of each subdomain in the order of their colours.
+    pub courses: Lists,
 }
 
 impl Interface {
     /// Groups `contacts`, each given with the owners of its two grains.
-    pub(super) fn group(
+    pub(crate) fn group(
         &mut self,
         subdomains: usize,
         contacts: impl Iterator<Item = (u32, [u32; 2])>,
@@ -62,5 +64,8 @@ impl Interface {
             colours = colours.max(free + 1);
         }
         self.colours.fill(colours, colour.iter().copied());
+        let Self { pairs, colours, courses, .. } = self;
+        let sides = |&g: &u32| pairs[g as usize].map(|s| (s, g));
+        courses.file(subdomains, colours.items.iter().flat_map(sides));
     }
 }

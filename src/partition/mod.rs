@@ -56,9 +56,14 @@ impl Lists {
     /// Files each item `0..keys.len()` under its key; items whose key is `lists` or more are left
     /// out. Stable, so every list is ascending.
     fn fill(&mut self, lists: usize, keys: impl Iterator<Item = u32> + Clone) {
+        self.file(lists, keys.zip(0..).filter(|&(key, _)| (key as usize) < lists));
+    }
+
+    /// Files items under their keys, which are below `lists`, in the order in which they come.
+    fn file(&mut self, lists: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) {
         self.starts.clear();
         self.starts.resize(lists + 1, 0);
-        for key in keys.clone().filter(|&k| (k as usize) < lists) {
+        for (key, _) in entries.clone() {
             self.starts[key as usize + 1] += 1;
         }
         for i in 0..lists {
@@ -67,9 +72,9 @@ impl Lists {
         self.items.clear();
         self.items.resize(self.starts[lists] as usize, 0);
         let mut next = self.starts.clone();
-        for (item, key) in keys.enumerate().filter(|&(_, k)| (k as usize) < lists) {
+        for (key, item) in entries {
             let place = &mut next[key as usize];
-            self.items[*place as usize] = item as u32;
+            self.items[*place as usize] = item;
             *place += 1;
         }
     }

@@ -89,7 +89,7 @@ pub struct Csv {
 /// On how many threads.
 #[derive(Debug, Args)]
 pub struct Threads {
-    /// Measure on 1 to P threads; by default as many as --threads says
+    /// Measure on 1, 2, 3, 4, 8, 16, ... up to P threads; by default as many as --threads says
     #[arg(long, value_name = "P", value_parser = crate::args::threads)]
     pub threads_up_to: Option<NonZeroUsize>,
 }

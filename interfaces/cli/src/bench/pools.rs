@@ -11,8 +11,8 @@ pub fn pool(threads: usize) -> Outcome<Arc<ThreadPool>> {
     made.map(Arc::new).map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))
 }
 
-/// One pool for each number of threads asked for.
+/// One pool for each number of threads asked for: up to four all of them, beyond that each twice the one before.
 pub fn pools(args: &Threads) -> Outcome<Vec<Arc<ThreadPool>>> {
     let most = args.threads_up_to.map_or_else(rayon::current_num_threads, usize::from);
-    (1..=most).map(pool).collect()
+    (1..=most).filter(|&n| n <= 4 || n.is_power_of_two() || n == most).map(pool).collect()
 }

@@ -1,0 +1,225 @@
+//! Whose turn it is: the order of the synchronous schedule, without its barriers.
+//!
+//! Reads: the interface. Writes: its own counters; sets are visited by the caller. Cost: two counters per turn, and a
+//! lock for some. Contract: sets that share a grain have their turns in the same order as with a barrier after the
+//! subdomains and one after each colour, so bytes are the same, whoever makes the visits and when.
+//!
+//! In a pass each subdomain has its turn, then each group of its interface, colour by colour. A group's turn comes when
+//! both of its subdomains have come to it; a subdomain's next pass begins after the last of its own groups, whatever is
+//! still to be done elsewhere.
+
+use super::on_threads;
+use crate::partition::Interface;
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+/// How often a thread looks for a turn before it lets others run between two looks, and before it sleeps.
+const LOOKS: [u32; 2] = [64, 256];
+
+/// A set's turn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Turn {
+    /// Subdomains first.
+    pub set: usize,
+    pub of_interface: bool,
+    /// Counted from 0.
+    pub pass: u32,
+}
+
+/// What threads that make the visits of a run share; kept for its memory.
+#[derive(Debug, Default)]
+pub(super) struct Turns {
+    /// Subdomains that have come to each group since the run began: with the second of two its turn has come.
+    arrivals: Vec<AtomicU32>,
+    /// Passes that each subdomain has finished.
+    passes: Vec<AtomicU32>,
+    /// Subdomains that have passes to go.
+    unfinished: AtomicUsize,
+    queue: Queue,
+}
+
+/// Sets whose turn has come and that nobody has taken.
+#[derive(Debug, Default)]
+struct Queue {
+    sets: Mutex<VecDeque<usize>>,
+    /// How many they are, to be seen without the lock.
+    count: AtomicUsize,
+    sleepers: AtomicUsize,
+    bell: Condvar,
+    /// There will be no more.
+    is_over: AtomicBool,
+}
+
+impl Queue {
+    fn begin(&mut self, subdomains: usize) {
+        let sets = self.sets.get_mut().unwrap_or_else(PoisonError::into_inner);
+        sets.clear();
+        sets.extend(0..subdomains);
+        *self.count.get_mut() = subdomains;
+        *self.is_over.get_mut() = false;
+    }
+
+    fn enter(&self) -> MutexGuard<'_, VecDeque<usize>> {
+        self.sets.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, set: usize) {
+        let mut sets = self.enter();
+        sets.push_back(set);
+        self.count.store(sets.len(), Ordering::Relaxed);
+        if self.sleepers.load(Ordering::Relaxed) > 0 {
+            self.bell.notify_one();
+        }
+    }
+
+    fn pop(&self) -> Option<usize> {
+        if self.count.load(Ordering::Relaxed) == 0 {
+            return None;
+        }
+        let mut sets = self.enter();
+        let set = sets.pop_front();
+        self.count.store(sets.len(), Ordering::Relaxed);
+        set
+    }
+
+    /// The next set to visit, once there is one; `None` when all is over.
+    fn wait(&self) -> Option<usize> {
+        let mut looks = 0;
+        while !self.is_over.load(Ordering::Relaxed) {
+            let set = self.pop();
+            if set.is_some() {
+                return set;
+            }
+            looks += 1;
+            if looks < LOOKS[0] {
+                std::hint::spin_loop();
+            } else if looks < LOOKS[1] {
+                std::thread::yield_now();
+            } else {
+                self.sleep();
+            }
+        }
+        None
+    }
+
+    /// Sleeps until there is something to be seen.
+    fn sleep(&self) {
+        let mut sets = self.enter();
+        // Under the lock, which whoever rings takes first.
+        self.sleepers.fetch_add(1, Ordering::Relaxed);
+        while sets.is_empty() && !self.is_over.load(Ordering::Relaxed) {
+            sets = self.bell.wait(sets).unwrap_or_else(PoisonError::into_inner);
+        }
+        self.sleepers.fetch_sub(1, Ordering::Relaxed);
+    }
+
+    fn end(&self) {
+        let sets = self.enter();
+        self.is_over.store(true, Ordering::Relaxed);
+        drop(sets);
+        self.bell.notify_all();
+    }
+}
+
+/// Sends everybody home when a visit panics: what waits for its end would wait for ever.
+struct Alarm<'a>(&'a Queue);
+
+impl Drop for Alarm<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.end();
+        }
+    }
+}
+
+/// A run of some passes.
+struct Run<'a, V> {
+    turns: &'a Turns,
+    interface: &'a Interface,
+    passes: u32,
+    visit: V,
+}
+
+impl Turns {
+    /// Makes `passes` passes over the sets of `interface` and its subdomains, each visit alone with what it shares with
+    /// others, on up to so many threads at once.
+    pub fn run(
+        &mut self,
+        interface: &Interface,
+        passes: u32,
+        threads: usize,
+        visit: impl Fn(Turn) + Sync,
+    ) {
+        let subdomains = interface.courses.len();
+        self.arrivals.clear();
+        self.arrivals.resize_with(interface.pairs.len(), AtomicU32::default);
+        self.passes.clear();
+        self.passes.resize_with(subdomains, AtomicU32::default);
+        *self.unfinished.get_mut() = subdomains;
+        self.queue.begin(subdomains);
+        if passes > 0 && subdomains > 0 {
+            let run = Run { turns: self, interface, passes, visit };
+            on_threads(threads.clamp(1, subdomains), &|| run.take_turns());
+        }
+    }
+}
+
+impl<V: Fn(Turn) + Sync> Run<'_, V> {
+    fn take_turns(&self) {
+        let _alarm = Alarm(&self.turns.queue);
+        while let Some(mut set) = self.turns.queue.wait() {
+            loop {
+                (self.visit)(self.turn(set));
+                match self.go_on(set) {
+                    Some(next) => set = next,
+                    None => break,
+                }
+            }
+        }
+    }
+
+    /// The present turn of `set`.
+    fn turn(&self, set: usize) -> Turn {
+        let group = set.checked_sub(self.turns.passes.len());
+        let subdomain = group.map_or(set, |g| self.interface.pairs[g][0] as usize);
+        let pass = self.turns.passes[subdomain].load(Ordering::Relaxed);
+        Turn { set, of_interface: group.is_some(), pass }
+    }
+
+    /// After the turn of `set`: of those whose turn comes with that, one is the caller's to visit, the other anybody's.
+    fn go_on(&self, set: usize) -> Option<usize> {
+        let [first, second] = match set.checked_sub(self.turns.passes.len()) {
+            None => [self.come_to(set, 0), None],
+            Some(g) => self.interface.pairs[g].map(|s| {
+                let course = self.interface.courses.list(s as usize);
+                let place = course.iter().take_while(|&&other| other as usize != g).count();
+                self.come_to(s as usize, place + 1)
+            }),
+        };
+        if let (Some(_), Some(second)) = (first, second) {
+            self.turns.queue.push(second);
+        }
+        first.or(second)
+    }
+
+    /// Subdomain `s` comes to a place in its course: gives the set whose turn has come with that.
+    fn come_to(&self, s: usize, place: usize) -> Option<usize> {
+        let Turns { arrivals, passes, unfinished, queue } = self.turns;
+        // Acquire and release throughout: who comes second, or takes a next pass, has seen what the others left.
+        if let Some(&g) = self.interface.courses.list(s).get(place) {
+            let before = arrivals[g as usize].fetch_add(1, Ordering::AcqRel);
+            return (before % 2 == 1).then_some(passes.len() + g as usize);
+        }
+        if passes[s].fetch_add(1, Ordering::AcqRel) + 1 < self.passes {
+            return Some(s);
+        }
+        if unfinished.fetch_sub(1, Ordering::AcqRel) == 1 {
+            queue.end();
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests;
