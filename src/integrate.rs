@@ -42,18 +42,20 @@ pub fn configurations(course: &Course, targets: &[Pose], next: &mut State) {
     let after = model.stepping.h() * model.stepping.theta;
     next.position.resize(bodies, Vec3::zeros());
     next.orientation.resize(bodies, Quat::identity());
+    next.velocity.resize(bodies, Vec3::zeros());
+    next.spin.resize(bodies, Vec3::zeros());
     (&mut next.position[..mobile], &mut next.orientation[..mobile])
         .into_par_iter()
+        .zip((&mut next.velocity[..mobile], &mut next.spin[..mobile]))
         .enumerate()
         .with_min_len(1024)
-        .for_each(|(i, (x, q))| {
+        .for_each(|(i, ((x, q), (v, w)))| {
             *x = motion.position[i] + velocity[i] * after;
             *q = rotation::advance(&motion.orientation[i], &(spin[i] * after));
+            (*v, *w) = (velocity[i], spin[i]);
         });
-    next.velocity.clear();
-    next.velocity.extend(velocity.iter().chain(&motion.velocity[mobile..]));
-    next.spin.clear();
-    next.spin.extend(spin.iter().chain(&motion.spin[mobile..]));
+    next.velocity[mobile..].copy_from_slice(&motion.velocity[mobile..]);
+    next.spin[mobile..].copy_from_slice(&motion.spin[mobile..]);
     let (mounts, imposed) = targets.split_at(mobile - ng);
     next.mount.clear();
     next.mount.extend(mounts);
@@ -134,6 +136,10 @@ pub struct Balance {
     /// Energy that the contacts took during the step, J: minus the impulses times the mean of the relative
     /// velocities before and after.
     pub dissipated: f64,
+    /// Contact points that penetrate; sum and largest of their depths, m.
+    pub pressed: usize,
+    pub depth: f64,
+    pub deepest: f64,
 }
 
 impl Balance {
@@ -145,6 +151,12 @@ impl Balance {
             .enumerate()
             .map(|(k, chunk)| {
                 let mut part = Self::default();
+                for gap in contacts.gap[k * CHUNK..].iter().take(chunk.len()).filter(|g| **g < 0.0)
+                {
+                    part.pressed += 1;
+                    part.depth -= gap;
+                    part.deepest = part.deepest.max(-gap);
+                }
                 // Most contacts are open, and do nothing.
                 let closed = (k * CHUNK..).zip(chunk).filter(|(_, f)| **f != Vec3::zeros());
                 for (c, f) in closed {
@@ -163,6 +175,9 @@ impl Balance {
             sum.active += part.active;
             sum.driven.extend(part.driven);
             sum.dissipated += part.dissipated;
+            sum.pressed += part.pressed;
+            sum.depth += part.depth;
+            sum.deepest = sum.deepest.max(part.deepest);
             sum
         })
     }

@@ -11,6 +11,7 @@ pub mod error;
 pub mod math;
 
 pub mod lanes;
+mod pieces;
 
 pub mod geometry;
 

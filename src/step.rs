@@ -17,6 +17,7 @@ pub use crate::nlgs::Residuals;
 use crate::second_look::{self, Look};
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{self, Workspace};
+use rayon::prelude::*;
 
 /// More threads than a step has work for, whatever its size: callers refuse to start more. Thousands of them on a few
 /// processors wait for each other for minutes.
@@ -155,7 +156,9 @@ fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
 /// Refuses velocities that are not finite, and names the body.
 fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Result<()> {
     let bad = (0..velocity.len())
-        .find(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
+        .into_par_iter()
+        .with_min_len(4096)
+        .find_first(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
     match bad {
         None => Ok(()),
         Some(body) => Err(Error::Step {
@@ -237,10 +240,6 @@ fn integrate_and_report(
     next.step = state.step + 1;
     next.time_ns = state.time_ns + model.stepping.step_ns;
 
-    let (mut pressed, mut depth, mut deepest) = (0u64, 0.0, 0.0f64);
-    for gap in contacts.gap.iter().filter(|gap| **gap < 0.0) {
-        (pressed, depth, deepest) = (pressed + 1, depth - gap, deepest.max(-gap));
-    }
     let interface = &ws.decomposition.partition().interface;
     StepReport {
         contacts: contacts.len(),
@@ -253,8 +252,8 @@ fn integrate_and_report(
         converged: outcome.converged,
         guarded: outcome.guarded,
         attempts: 1,
-        mean_penetration: depth / pressed.max(1) as f64,
-        max_penetration: deepest,
+        mean_penetration: balance.depth / balance.pressed.max(1) as f64,
+        max_penetration: balance.deepest,
         reactions,
     }
 }

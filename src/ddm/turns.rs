@@ -14,8 +14,8 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// How often a thread looks for a turn before it lets others run between two looks, and before it sleeps.
-const LOOKS: [u32; 2] = [64, 256];
+/// How often a thread looks for a turn before it sleeps: for about as long as it takes to be woken.
+const LOOKS: u32 = 1000;
 
 /// A set's turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -92,10 +92,8 @@ impl Queue {
                 return set;
             }
             looks += 1;
-            if looks < LOOKS[0] {
+            if looks < LOOKS {
                 std::hint::spin_loop();
-            } else if looks < LOOKS[1] {
-                std::thread::yield_now();
             } else {
                 self.sleep();
             }

@@ -14,6 +14,7 @@ use crate::geometry::Polyhedron;
 use crate::math::{Pose, Quat, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
+use crate::pieces::pieces;
 use rayon::prelude::*;
 use std::mem::take;
 use std::ops::Range;
@@ -229,16 +230,21 @@ impl PairList {
             chunk.collect(&meetings, grains, memory);
         });
         starts.clear();
-        antagonists.clear();
-        memory.clear();
         starts.push(0);
-        for chunk in fresh {
-            for count in &chunk.counts {
-                starts.push(starts[starts.len() - 1] + count);
-            }
-            antagonists.extend_from_slice(&chunk.antagonists);
-            memory.append(&mut chunk.memory);
+        for count in fresh.iter().flat_map(|chunk| &chunk.counts) {
+            starts.push(starts[starts.len() - 1] + count);
         }
+        antagonists.resize(starts[ng], 0);
+        memory.resize_with(starts[ng], PairMemory::default);
+        let antagonists = pieces(antagonists, fresh.iter().map(|chunk| chunk.antagonists.len()));
+        let memory = pieces(memory, fresh.iter().map(|chunk| chunk.memory.len()));
+        let places = fresh.into_par_iter().zip(antagonists).zip(memory);
+        places.for_each(|((chunk, antagonists), memory)| {
+            antagonists.copy_from_slice(&chunk.antagonists);
+            memory.swap_with_slice(&mut chunk.memory);
+            // Of pairs that are listed no more.
+            chunk.memory.clear();
+        });
     }
 }
 
@@ -324,8 +330,11 @@ impl Built {
         let ng = model.grains.len();
         self.position.clone_from(&motion.position);
         self.orientation.clone_from(&motion.orientation);
-        self.extent.clear();
-        self.extent.extend((0..model.body_count()).map(|b| reach::extent(model, b)));
+        (0..model.body_count())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|b| reach::extent(model, b))
+            .collect_into_vec(&mut self.extent);
         let mean = self.extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
         self.share.clear();
         self.share.extend((0..reach.body_count()).map(|b| reach.share(b)));

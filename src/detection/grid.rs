@@ -6,6 +6,10 @@
 //! one by one. Cells are numbered modulo the number of buckets: a body far off costs no memory.
 
 use super::broad_phase::Aabb;
+use rayon::prelude::*;
+
+/// Boxes that a thread looks at in one go.
+const CHUNK: usize = 1024;
 
 /// Boxes by cell.
 #[derive(Debug, Default)]
@@ -31,7 +35,7 @@ pub(super) struct Grid {
 impl Grid {
     pub fn build(&mut self, boxes: &[Aabb]) {
         let size = |b: &Aabb| (b.high - b.low).max();
-        refill(&mut self.sizes, boxes.iter().map(size));
+        refill_in_parallel(&mut self.sizes, boxes, size);
         self.cell = 1.0;
         if !boxes.is_empty() {
             let rank = boxes.len().saturating_sub(1 + boxes.len() / 100);
@@ -40,18 +44,18 @@ impl Grid {
                 self.cell = *largest;
             }
         }
-        let is_large = boxes.iter().map(|b| size(b) > self.cell);
-        refill(&mut self.is_large, is_large);
+        let cell = self.cell;
+        refill_in_parallel(&mut self.is_large, boxes, |b| size(b) > cell);
         let large = (0..boxes.len() as u32).filter(|i| self.is_large[*i as usize]);
         refill(&mut self.large, large);
         let small = || (0..boxes.len()).filter(|i| !self.is_large[*i]);
 
-        self.bounds = [[i64::MAX; 3], [i64::MIN; 3]];
-        for i in small() {
-            let c = self.cell_of(&boxes[i]);
-            self.bounds[0] = std::array::from_fn(|k| self.bounds[0][k].min(c[k]));
-            self.bounds[1] = std::array::from_fn(|k| self.bounds[1][k].max(c[k]));
-        }
+        let cells = (boxes, &self.is_large)
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .filter(|(_, large)| !**large);
+        let bounds = cells.map(|(b, _)| [self.cell_of(b); 2]);
+        self.bounds = bounds.reduce(|| [[i64::MAX; 3], [i64::MIN; 3]], join);
         let buckets = (2 * boxes.len().max(1)).next_power_of_two();
         self.mask = buckets as i64 - 1;
         // One spare cell on each side, so that neighbours in the next row are told apart.
@@ -61,7 +65,7 @@ impl Grid {
         self.strides = strides;
 
         let mut bucket = std::mem::take(&mut self.bucket_of);
-        refill(&mut bucket, boxes.iter().map(|b| self.bucket(&self.cell_of(b)) as u32));
+        refill_in_parallel(&mut bucket, boxes, |b| self.bucket(&self.cell_of(b)) as u32);
         self.starts.clear();
         self.starts.resize(buckets + 1, 0);
         small().for_each(|i| self.starts[bucket[i] as usize] += 1);
@@ -156,6 +160,20 @@ impl Grid {
             });
         }
     }
+}
+
+/// Bounds of what is in either.
+fn join(a: [[i64; 3]; 2], b: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
+    let each = |side: usize, of: fn(i64, i64) -> i64| [0, 1, 2].map(|k| of(a[side][k], b[side][k]));
+    [each(0, i64::min), each(1, i64::max)]
+}
+
+fn refill_in_parallel<T: Send>(
+    all: &mut Vec<T>,
+    boxes: &[Aabb],
+    with: impl Fn(&Aabb) -> T + Send + Sync,
+) {
+    boxes.par_iter().with_min_len(CHUNK).map(with).collect_into_vec(all);
 }
 
 fn refill<T>(all: &mut Vec<T>, with: impl Iterator<Item = T>) {

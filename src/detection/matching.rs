@@ -27,7 +27,6 @@ pub fn warm_start(
     contacts: &Contacts,
     impulse: &mut Vec<Vec3>,
 ) {
-    impulse.clear();
     impulse.resize(contacts.len(), Vec3::zeros());
     Matching { model, motion, memory, contacts }.run(0, impulse);
 }
@@ -59,6 +58,7 @@ impl Matching<'_> {
     }
 
     fn match_all(&self, from: usize, impulse: &mut [Vec3]) {
+        impulse.fill(Vec3::zeros());
         let Some(first) = self.contacts.bodies.get(from) else { return };
         let old_bodies = &self.memory.bodies;
         let mut old = old_bodies.partition_point(|b| b < first);

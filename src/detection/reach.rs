@@ -50,7 +50,11 @@ impl Reach {
     pub fn predict(&mut self, model: &Model, motion: &Motion) {
         let (h, least) = (model.stepping.h(), model.stepping.alert);
         let allowance = 0.25 * least;
-        let most = (0..model.grains.len()).map(|i| model.grain_radius(i)).fold(allowance, f64::max);
+        let radii = (0..model.grains.len())
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(|i| model.grain_radius(i));
+        let most = radii.reduce(|| allowance, f64::max);
         (self.h, self.least, self.most) = (h, least, most);
         self.is_endless.clear();
         self.is_endless.extend(model.driven.iter().map(is_endless));

@@ -94,7 +94,8 @@ impl Motion {
             let sum = self.position[i] + self.velocity[i] + self.spin[i];
             (sum.sum() + self.orientation[i].coords.sum()).is_finite()
         };
-        (0..ng).find(|&i| !is_finite(i)).map_or(Ok(()), |i| {
+        let lost = (0..ng).into_par_iter().with_min_len(4096).find_first(|&i| !is_finite(i));
+        lost.map_or(Ok(()), |i| {
             Err(Error::State {
                 place: format!("grain {i}"),
                 expected: "finite position, orientation and velocities".into(),

@@ -19,19 +19,12 @@ pub struct Interface {
 }
 
 impl Interface {
-    /// Groups `contacts`, each given with the owners of its two grains.
-    pub(crate) fn group(
-        &mut self,
-        subdomains: usize,
-        contacts: impl Iterator<Item = (u32, [u32; 2])>,
-    ) {
-        let mut filed: Vec<([u32; 2], u32)> =
-            contacts.map(|(c, [a, b])| ([a.min(b), a.max(b)], c)).collect();
-        filed.sort_unstable();
+    /// Groups `contacts`, given by the owners of their grains, ascending.
+    pub(crate) fn group(&mut self, subdomains: usize, contacts: &[([u32; 2], u32)]) {
         self.pairs.clear();
         self.contacts.starts.clear();
         self.contacts.items.clear();
-        for (pair, contact) in filed {
+        for &(pair, contact) in contacts {
             if self.pairs.last() != Some(&pair) {
                 self.pairs.push(pair);
                 self.contacts.starts.push(self.contacts.items.len() as u32);

@@ -14,6 +14,7 @@ mod interface;
 use crate::detection::Contacts;
 use crate::math::Vec3;
 use crate::model::PartitionRule;
+use crate::pieces::pieces;
 use rayon::prelude::*;
 
 pub use interface::Interface;
@@ -28,6 +29,14 @@ pub struct Partition {
     /// Contacts of each subdomain, ascending.
     pub contacts: Lists,
     pub interface: Interface,
+    filed: Vec<Filed>,
+}
+
+/// Contacts of the grains of one subdomain: its own, and by their two owners those with others.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Filed {
+    own: Vec<u32>,
+    between: Vec<([u32; 2], u32)>,
 }
 
 /// Lists of numbers in one array: list `i` is `items[starts[i]..starts[i + 1]]`.
@@ -59,18 +68,26 @@ impl Lists {
         self.file(lists, keys.zip(0..).filter(|&(key, _)| (key as usize) < lists));
     }
 
+    /// Makes lists of these lengths, to be filled.
+    fn make_room(&mut self, lengths: impl Iterator<Item = u32>) {
+        self.starts.clear();
+        self.starts.push(0);
+        let ends = lengths.scan(0, |end, n| {
+            *end += n;
+            Some(*end)
+        });
+        self.starts.extend(ends);
+        self.items.clear();
+        self.items.resize(self.starts[self.len()] as usize, 0);
+    }
+
     /// Files items under their keys, which are below `lists`, in the order in which they come.
     fn file(&mut self, lists: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) {
-        self.starts.clear();
-        self.starts.resize(lists + 1, 0);
+        let mut lengths = vec![0; lists];
         for (key, _) in entries.clone() {
-            self.starts[key as usize + 1] += 1;
+            lengths[key as usize] += 1;
         }
-        for i in 0..lists {
-            self.starts[i + 1] += self.starts[i];
-        }
-        self.items.clear();
-        self.items.resize(self.starts[lists] as usize, 0);
+        self.make_room(lengths.into_iter());
         let mut next = self.starts.clone();
         for (key, item) in entries {
             let place = &mut next[key as usize];
@@ -80,8 +97,23 @@ impl Lists {
     }
 }
 
-/// Key of a contact that belongs to no subdomain.
-const INTERFACE: u32 = u32::MAX;
+/// Grains for which one thread looks up their contacts in one go.
+const CHUNK: usize = 1024;
+
+/// The first contact of each of so many candidates, and the end of the last one's.
+fn starts_of_candidates(candidates: usize, contacts: &Contacts) -> Vec<u32> {
+    let mut starts = vec![0; candidates + 1];
+    starts.par_chunks_mut(CHUNK).enumerate().for_each(|(k, starts)| {
+        let first = k * CHUNK;
+        let mut next = contacts.bodies.partition_point(|b| (b[0] as usize) < first);
+        for (candidate, start) in (first..).zip(starts) {
+            let before = |b: &&[u32; 2]| (b[0] as usize) < candidate;
+            next += contacts.bodies[next..].iter().take_while(before).count();
+            *start = next as u32;
+        }
+    });
+    starts
+}
 
 impl Partition {
     /// Distributes grains at `position` `[ng]` and their `contacts`.
@@ -99,23 +131,40 @@ impl Partition {
                 self.assign_compact(n, position, contacts)
             }
         };
-        let owner = &self.owner;
-        self.grains.fill(subdomains, owner.iter().copied());
-        let key = |&[candidate, antagonist]: &[u32; 2]| {
-            let mine = owner[candidate as usize];
-            match owner.get(antagonist as usize) {
-                Some(&other) if other != mine => INTERFACE,
-                _ => mine,
+        self.grains.fill(subdomains, self.owner.iter().copied());
+        self.file_contacts(contacts);
+    }
+
+    /// Gives each contact its place, subdomain by subdomain, as contacts come in the order of their candidates.
+    fn file_contacts(&mut self, contacts: &Contacts) {
+        let Self { owner, grains, contacts: own, interface, filed } = self;
+        let starts = starts_of_candidates(owner.len(), contacts);
+        filed.resize_with(grains.len(), Filed::default);
+        filed.par_iter_mut().enumerate().for_each(|(s, filed)| {
+            let s = s as u32;
+            filed.own.clear();
+            filed.between.clear();
+            for &grain in grains.list(s as usize) {
+                for c in starts[grain as usize]..starts[grain as usize + 1] {
+                    match owner.get(contacts.bodies[c as usize][1] as usize) {
+                        Some(&other) if other != s => {
+                            filed.between.push(([s.min(other), s.max(other)], c));
+                        }
+                        _ => filed.own.push(c),
+                    }
+                }
             }
-        };
-        let keys: Vec<u32> = contacts.bodies.par_iter().with_min_len(4096).map(key).collect();
-        self.contacts.fill(subdomains, keys.iter().copied());
-        let between = (0u32..)
-            .zip(&contacts.bodies)
-            .zip(&keys)
-            .filter(|(_, key)| **key == INTERFACE)
-            .map(|((c, &[a, b]), _)| (c, [owner[a as usize], owner[b as usize]]));
-        self.interface.group(subdomains, between);
+            filed.between.sort_unstable();
+        });
+        own.make_room(filed.iter().map(|filed| filed.own.len() as u32));
+        let places = pieces(&mut own.items, filed.iter().map(|filed| filed.own.len()));
+        places.into_par_iter().zip(&*filed).for_each(|(place, filed)| {
+            place.copy_from_slice(&filed.own);
+        });
+        let mut between: Vec<_> = filed.iter().flat_map(|filed| &filed.between).copied().collect();
+        // Stable, because that makes use of what is in order.
+        between.sort();
+        interface.group(grains.len(), &between);
     }
 
     /// One set of all grains and contacts.
@@ -124,7 +173,7 @@ impl Partition {
         self.owner.resize(grains, 0);
         self.grains.fill(1, self.owner.iter().copied());
         self.contacts.fill(1, contacts.bodies.iter().map(|_| 0));
-        self.interface.group(1, std::iter::empty());
+        self.interface.group(1, &[]);
     }
 
     fn assign_compact(&mut self, n: usize, position: &[Vec3], contacts: &Contacts) -> usize {

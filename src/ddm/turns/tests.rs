@@ -13,7 +13,8 @@ fn interface(subdomains: usize, probability: f64, seed: u64) -> Interface {
         }
     }
     let mut interface = Interface::default();
-    interface.group(subdomains, (0u32..).zip(touching));
+    touching.sort_unstable();
+    interface.group(subdomains, &touching.into_iter().zip(0..).collect::<Vec<_>>());
     interface
 }
 
