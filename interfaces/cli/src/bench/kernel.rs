@@ -47,8 +47,14 @@ const LARGEST_EDGE: usize = 128;
 struct Figure {
     load: usize,
     arithmetic: Arithmetic,
-    threads: usize,
+    pool: Arc<ThreadPool>,
     turns: Vec<Turn>,
+}
+
+impl Figure {
+    fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
 }
 
 /// One measurement of a figure.
@@ -66,12 +72,13 @@ pub fn kernel(args: &BenchKernel, console: Console) -> Outcome {
     let pools = pools(&args.threads)?;
     let edge = args.edge.get();
     let mut sheet = Sheet::new(COLUMNS);
-    let loads = loads(edge, pools.len(), &mut sheet);
-    let mut figures = figures(&loads, pools.len());
-    measure(&loads, &mut figures, &pools, args, console);
+    let most = pools.last().map_or(1, |pool| pool.current_num_threads());
+    let loads = loads(edge, most, &mut sheet);
+    let mut figures = figures(&loads, &pools);
+    measure(&loads, &mut figures, args, console);
     notes(&mut sheet);
     for figure in &figures {
-        if figure.threads == 1 && figure.arithmetic == Arithmetic::detect() {
+        if figure.threads() == 1 && figure.arithmetic == Arithmetic::detect() {
             let load = &loads[figure.load];
             sheet.section(format!("{}, {}", load.lattice, load.form()));
         }
@@ -117,13 +124,14 @@ fn notes(sheet: &mut Sheet) {
     }
 }
 
-fn figures(loads: &[Load], threads: usize) -> Vec<Figure> {
+fn figures(loads: &[Load], pools: &[Arc<ThreadPool>]) -> Vec<Figure> {
     let mut figures = Vec::new();
     for (load, of) in loads.iter().enumerate() {
-        let most = if of.divided { threads } else { of.sets.len() };
-        for threads in 1..=most {
+        let fits =
+            |pool: &&Arc<ThreadPool>| of.divided || pool.current_num_threads() <= of.sets.len();
+        for pool in pools.iter().filter(fits) {
             for arithmetic in Arithmetic::available() {
-                figures.push(Figure { load, arithmetic, threads, turns: Vec::new() });
+                figures.push(Figure { load, arithmetic, pool: pool.clone(), turns: Vec::new() });
             }
         }
     }
@@ -131,19 +139,13 @@ fn figures(loads: &[Load], threads: usize) -> Vec<Figure> {
 }
 
 /// Measures roofs and figures in turn.
-fn measure(
-    loads: &[Load],
-    figures: &mut [Figure],
-    pools: &[Arc<ThreadPool>],
-    args: &BenchKernel,
-    console: Console,
-) {
+fn measure(loads: &[Load], figures: &mut [Figure], args: &BenchKernel, console: Console) {
     let (rounds, seconds) = (args.rounds.get(), args.seconds);
     let mut triads: Vec<Triad> = Vec::new();
     for figure in &*figures {
-        for bytes in [FIRST_CACHE, loads[figure.load].bytes_each(figure.threads)] {
-            if !triads.iter().any(|t| t.is(bytes, figure.threads)) {
-                triads.push(Triad::new(bytes, figure.threads));
+        for bytes in [FIRST_CACHE, loads[figure.load].bytes_each(figure.threads())] {
+            if !triads.iter().any(|t| t.is(bytes, figure.threads())) {
+                triads.push(Triad::new(bytes, figure.threads()));
             }
         }
     }
@@ -154,13 +156,13 @@ fn measure(
         let (round, place) = (k / figures.len(), k % figures.len());
         let i = (round + place) % figures.len();
         let figure = &mut figures[i];
-        let (load, pool) = (&loads[figure.load], &pools[figure.threads - 1]);
+        let (load, pool) = (&loads[figure.load], &figure.pool);
         let bandwidth = |bytes| {
-            let triad = triads.iter().find(|t| t.is(bytes, figure.threads));
+            let triad = triads.iter().find(|t| t.is(bytes, figure.threads()));
             triad.map_or(0.0, |triad| triad.bandwidth(pool, seconds).cpu)
         };
         let (first_cache, set) =
-            (bandwidth(FIRST_CACHE), bandwidth(load.bytes_each(figure.threads)));
+            (bandwidth(FIRST_CACHE), bandwidth(load.bytes_each(figure.threads())));
         let [fused, divisions] = arithmetic_rates(figure.arithmetic, pool, seconds).map(|r| r.cpu);
         let rate = load.rate(figure.arithmetic, pool, seconds);
         let roofs = Roofs { first_cache, set, fused, divisions };
@@ -171,7 +173,7 @@ fn measure(
 }
 
 fn row(sheet: &mut Sheet, load: &Load, figure: &Figure) {
-    let threads = figure.threads as f64;
+    let threads = figure.threads() as f64;
     let of = |value: &dyn Fn(&Turn) -> f64| {
         Quartiles::of(&figure.turns.iter().map(value).collect::<Vec<_>>())
     };
@@ -183,8 +185,8 @@ fn row(sheet: &mut Sheet, load: &Load, figure: &Figure) {
         load.lattice.clone(),
         load.form(),
         figure.arithmetic.name(),
-        figure.threads,
-        load.visits(figure.threads),
+        figure.threads(),
+        load.visits(figure.threads()),
         1e-3 * load.traffic.held as f64,
         1e-6 * rate.median,
         1e-6 * rate.low,
