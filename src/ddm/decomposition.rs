@@ -145,7 +145,7 @@ impl Decomposition {
     pub(super) fn in_turn(&mut self, passes: u32, work: impl Fn(&mut Set, Turn) + Sync) {
         let mut turns = std::mem::take(&mut self.turns);
         let interface = &self.partition.interface;
-        turns.run(interface, passes, rayon::current_num_threads(), |turn| {
+        turns.run(interface, passes, |turn| {
             self.visit(turn.set, |set| work(set, turn));
         });
         self.turns = turns;

@@ -6,7 +6,8 @@
 //!
 //! In a pass each subdomain has its turn, then each group of its interface, colour by colour. A group's turn comes when
 //! both of its subdomains have come to it; a subdomain's next pass begins after the last of its own groups, whatever is
-//! still to be done elsewhere.
+//! still to be done elsewhere. A subdomain is left to the thread that has visited it last and has it in its caches,
+//! unless others have nothing to do.
 
 use super::on_threads;
 use crate::partition::Interface;
@@ -14,8 +15,9 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// How often a thread looks for a turn before it sleeps: for about as long as it takes to be woken.
-const LOOKS: u32 = 1000;
+/// How often a thread without work looks for its own before it takes that of others, and before it sleeps: for about
+/// as long as it takes to fetch what another thread has in its caches, and to be woken.
+const LOOKS: [u32; 2] = [50, 1000];
 
 /// A set's turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -27,24 +29,26 @@ pub(super) struct Turn {
     pub pass: u32,
 }
 
-/// What threads that make the visits of a run share; kept for its memory.
+/// What threads that make the visits of a run share; kept for its memory, and for who has visited what.
 #[derive(Debug, Default)]
 pub(super) struct Turns {
     /// Subdomains that have come to each group since the run began: with the second of two its turn has come.
     arrivals: Vec<AtomicU32>,
     /// Passes that each subdomain has finished.
     passes: Vec<AtomicU32>,
+    /// The thread that has visited each subdomain last.
+    homes: Vec<AtomicUsize>,
     /// Subdomains that have passes to go.
     unfinished: AtomicUsize,
     queue: Queue,
 }
 
-/// Sets whose turn has come and that nobody has taken.
+/// Sets whose turn has come and that nobody has taken, by the threads that are to.
 #[derive(Debug, Default)]
 struct Queue {
-    sets: Mutex<VecDeque<usize>>,
-    /// How many they are, to be seen without the lock.
-    count: AtomicUsize,
+    sets: Mutex<Vec<VecDeque<usize>>>,
+    /// How many each thread has, to be seen without the lock.
+    counts: Vec<AtomicUsize>,
     sleepers: AtomicUsize,
     bell: Condvar,
     /// There will be no more.
@@ -52,47 +56,53 @@ struct Queue {
 }
 
 impl Queue {
-    fn begin(&mut self, subdomains: usize) {
+    /// Nothing to do for so many threads.
+    fn begin(&mut self, threads: usize) {
         let sets = self.sets.get_mut().unwrap_or_else(PoisonError::into_inner);
-        sets.clear();
-        sets.extend(0..subdomains);
-        *self.count.get_mut() = subdomains;
+        sets.resize_with(threads, VecDeque::default);
+        sets.iter_mut().for_each(VecDeque::clear);
+        self.counts.resize_with(threads, AtomicUsize::default);
+        self.counts.iter_mut().for_each(|count| *count.get_mut() = 0);
         *self.is_over.get_mut() = false;
     }
 
-    fn enter(&self) -> MutexGuard<'_, VecDeque<usize>> {
+    fn enter(&self) -> MutexGuard<'_, Vec<VecDeque<usize>>> {
         self.sets.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn push(&self, set: usize) {
+    fn push(&self, thread: usize, set: usize) {
         let mut sets = self.enter();
-        sets.push_back(set);
-        self.count.store(sets.len(), Ordering::Relaxed);
+        sets[thread].push_back(set);
+        self.counts[thread].store(sets[thread].len(), Ordering::Relaxed);
         if self.sleepers.load(Ordering::Relaxed) > 0 {
             self.bell.notify_one();
         }
     }
 
-    fn pop(&self) -> Option<usize> {
-        if self.count.load(Ordering::Relaxed) == 0 {
+    fn pop(&self, thread: usize) -> Option<usize> {
+        if self.counts[thread].load(Ordering::Relaxed) == 0 {
             return None;
         }
         let mut sets = self.enter();
-        let set = sets.pop_front();
-        self.count.store(sets.len(), Ordering::Relaxed);
+        let set = sets[thread].pop_front();
+        self.counts[thread].store(sets[thread].len(), Ordering::Relaxed);
         set
     }
 
-    /// The next set to visit, once there is one; `None` when all is over.
-    fn wait(&self) -> Option<usize> {
+    /// The next set for `thread` to visit, once there is one; `None` when all is over.
+    fn wait(&self, thread: usize) -> Option<usize> {
         let mut looks = 0;
         while !self.is_over.load(Ordering::Relaxed) {
-            let set = self.pop();
+            let mut set = self.pop(thread);
+            if looks >= LOOKS[0] {
+                let others = (1..self.counts.len()).map(|k| (thread + k) % self.counts.len());
+                set = set.or_else(|| others.into_iter().find_map(|other| self.pop(other)));
+            }
             if set.is_some() {
                 return set;
             }
             looks += 1;
-            if looks < LOOKS {
+            if looks < LOOKS[1] {
                 std::hint::spin_loop();
             } else {
                 self.sleep();
@@ -106,7 +116,7 @@ impl Queue {
         let mut sets = self.enter();
         // Under the lock, which whoever rings takes first.
         self.sleepers.fetch_add(1, Ordering::Relaxed);
-        while sets.is_empty() && !self.is_over.load(Ordering::Relaxed) {
+        while sets.iter().all(VecDeque::is_empty) && !self.is_over.load(Ordering::Relaxed) {
             sets = self.bell.wait(sets).unwrap_or_else(PoisonError::into_inner);
         }
         self.sleepers.fetch_sub(1, Ordering::Relaxed);
@@ -141,35 +151,42 @@ struct Run<'a, V> {
 
 impl Turns {
     /// Makes `passes` passes over the sets of `interface` and its subdomains, each visit alone with what it shares with
-    /// others, on up to so many threads at once.
-    pub fn run(
-        &mut self,
-        interface: &Interface,
-        passes: u32,
-        threads: usize,
-        visit: impl Fn(Turn) + Sync,
-    ) {
-        let subdomains = interface.courses.len();
+    /// others, on as many of the present threads as are of use.
+    pub fn run(&mut self, interface: &Interface, passes: u32, visit: impl Fn(Turn) + Sync) {
+        let (subdomains, threads) = (interface.courses.len(), rayon::current_num_threads());
         self.arrivals.clear();
         self.arrivals.resize_with(interface.pairs.len(), AtomicU32::default);
         self.passes.clear();
         self.passes.resize_with(subdomains, AtomicU32::default);
+        let workers = threads.min(subdomains);
+        let in_order = |s: usize| AtomicUsize::new(s * workers / subdomains);
+        if self.homes.len() != subdomains || self.queue.counts.len() != threads {
+            self.homes = (0..subdomains).map(in_order).collect();
+        }
         *self.unfinished.get_mut() = subdomains;
-        self.queue.begin(subdomains);
+        self.queue.begin(threads);
+        for (set, home) in self.homes.iter_mut().enumerate() {
+            self.queue.push(*home.get_mut(), set);
+        }
         if passes > 0 && subdomains > 0 {
             let run = Run { turns: self, interface, passes, visit };
-            on_threads(threads.clamp(1, subdomains), &|| run.take_turns());
+            on_threads(workers, &|| run.take_turns());
         }
     }
 }
 
 impl<V: Fn(Turn) + Sync> Run<'_, V> {
     fn take_turns(&self) {
-        let _alarm = Alarm(&self.turns.queue);
-        while let Some(mut set) = self.turns.queue.wait() {
+        let Turns { queue, homes, .. } = self.turns;
+        let _alarm = Alarm(queue);
+        let thread = rayon::current_thread_index().unwrap_or(0);
+        while let Some(mut set) = queue.wait(thread) {
             loop {
+                if let Some(home) = homes.get(set) {
+                    home.store(thread, Ordering::Relaxed);
+                }
                 (self.visit)(self.turn(set));
-                match self.go_on(set) {
+                match self.go_on(set, thread) {
                     Some(next) => set = next,
                     None => break,
                 }
@@ -185,9 +202,10 @@ impl<V: Fn(Turn) + Sync> Run<'_, V> {
         Turn { set, of_interface: group.is_some(), pass }
     }
 
-    /// After the turn of `set`: of those whose turn comes with that, one is the caller's to visit, the other anybody's.
-    fn go_on(&self, set: usize) -> Option<usize> {
-        let [first, second] = match set.checked_sub(self.turns.passes.len()) {
+    /// After the turn of `set`: of those whose turn comes with that, one may be for `thread` to visit; others are left to
+    /// whom they are at home with.
+    fn go_on(&self, set: usize, thread: usize) -> Option<usize> {
+        let come = match set.checked_sub(self.turns.passes.len()) {
             None => [self.come_to(set, 0), None],
             Some(g) => self.interface.pairs[g].map(|s| {
                 let course = self.interface.courses.list(s as usize);
@@ -195,15 +213,23 @@ impl<V: Fn(Turn) + Sync> Run<'_, V> {
                 self.come_to(s as usize, place + 1)
             }),
         };
-        if let (Some(_), Some(second)) = (first, second) {
-            self.turns.queue.push(second);
+        let mut mine = None;
+        for set in come.into_iter().flatten() {
+            // Groups are small, and one of their subdomains has just been here.
+            let home =
+                self.turns.homes.get(set).map_or(thread, |home| home.load(Ordering::Relaxed));
+            if home == thread && mine.is_none() {
+                mine = Some(set);
+            } else {
+                self.turns.queue.push(home, set);
+            }
         }
-        first.or(second)
+        mine
     }
 
     /// Subdomain `s` comes to a place in its course: gives the set whose turn has come with that.
     fn come_to(&self, s: usize, place: usize) -> Option<usize> {
-        let Turns { arrivals, passes, unfinished, queue } = self.turns;
+        let Turns { arrivals, passes, unfinished, queue, .. } = self.turns;
         // Acquire and release throughout: who comes second, or takes a next pass, has seen what the others left.
         if let Some(&g) = self.interface.courses.list(s).get(place) {
             let before = arrivals[g as usize].fetch_add(1, Ordering::AcqRel);

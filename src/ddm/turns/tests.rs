@@ -37,7 +37,7 @@ fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<
     for _ in 0..2 {
         seen.lock().unwrap().clear();
         pool.install(|| {
-            turns.run(interface, passes, threads, |turn| {
+            turns.run(interface, passes, |turn| {
                 let needed = needs(interface, &turn);
                 for s in &needed {
                     assert!(!taken[*s as usize].swap(true, Ordering::AcqRel), "{turn:?}");
@@ -89,7 +89,7 @@ fn nobody_waits_for_a_visit_that_panics() {
     for unlucky in [0, 5, 12, 20] {
         let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             pool.install(|| {
-                turns.run(&interface, 3, 4, |turn| {
+                turns.run(&interface, 3, |turn| {
                     // The others have nothing to do for so long that they sleep.
                     std::thread::sleep(std::time::Duration::from_millis(2));
                     assert!(turn.set != unlucky || turn.pass != 1, "unlucky");
@@ -100,7 +100,7 @@ fn nobody_waits_for_a_visit_that_panics() {
         // The next run knows nothing of it.
         let visits = AtomicUsize::new(0);
         pool.install(|| {
-            turns.run(&interface, 2, 4, |_| {
+            turns.run(&interface, 2, |_| {
                 visits.fetch_add(1, Ordering::Relaxed);
             });
         });
