@@ -75,11 +75,11 @@ def kernel(results: Path) -> Figure:
 
 
 def step(results: Path) -> Figure:
-    """Phases of a step of the large case, on one thread and two."""
+    """Phases of a step of the large case, by threads."""
     _, rows = table(results / "step_seven_sleepers.csv")
     figure, ax = plt.subplots(figsize=(8, 2.6), layout="constrained")
     phases = [of for of in series(rows, "phase") if of[0]["phase"] != "whole step"]
-    left = [0.0, 0.0]
+    left = [0.0] * len(phases[0])
     for k, of in enumerate(phases):
         times = column(of, "wall_mean_ms")
         ax.barh([threads(row) for row in of], times, left=left, label=of[0]["phase"], color=plt.cm.tab20(k))
@@ -109,7 +109,7 @@ def subdomains(results: Path) -> Figure:
             else:
                 ax.plot(column(of, "subdomains"), column(of, value), "o-", label=schedule)
         ax.set_xscale("log", base=2)
-        ax.set_xticks([2, 4, 8, 16], ["2", "4", "8", "16"])
+        ax.set_xticks([2, 4, 8, 16, 32, 64], ["2", "4", "8", "16", "32", "64"])
         ax.set_ylim(bottom=0.0)
         ax.set(xlabel="subdomains", title=label)
         ax.title.set_fontsize("small")
@@ -145,7 +145,7 @@ def iterations(results: Path) -> Figure:
 
 def scaling(results: Path) -> Figure:
     """The model of how far threads help."""
-    modelled, _, _ = model(results, 200.0)
+    modelled, _ = model(results, 200.0)
     figure, (times, efficiency) = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
     for grains in dict.fromkeys(row.grains for row in modelled):
         of = [row for row in modelled if row.grains == grains]
@@ -153,7 +153,7 @@ def scaling(results: Path) -> Figure:
         times.loglog(x, [row.whole for row in of], "o-", label=f"{grains} grains")
         efficiency.semilogx(x, [100 * row.efficiency for row in of], "o-")
     for ax in (times, efficiency):
-        ax.set_xticks([1, 2, 16, 64, 256], ["1", "2", "16", "64", "256"])
+        ax.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])
         ax.minorticks_off()
         ax.set_xlabel("threads")
         ax.grid(alpha=0.3)
