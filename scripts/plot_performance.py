@@ -152,6 +152,11 @@ def scaling(results: Path) -> Figure:
         x = [row.threads for row in of]
         times.loglog(x, [row.whole for row in of], "o-", label=f"{grains} grains")
         efficiency.semilogx(x, [100 * row.efficiency for row in of], "o-")
+    _, rows = table(results / "step_seven_sleepers.csv")
+    whole = [row for row in rows if row["phase"] == "whole step"]
+    x, measured = column(whole, "threads"), [1e-3 * ms for ms in column(whole, "wall_mean_ms")]
+    times.loglog(x, measured, "kx", label="measured")
+    efficiency.semilogx(x, [100.0 * measured[0] / (n * t) for n, t in zip(x, measured)], "kx")
     for ax in (times, efficiency):
         ax.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])
         ax.minorticks_off()
@@ -161,7 +166,7 @@ def scaling(results: Path) -> Figure:
     times.legend(fontsize="small")
     efficiency.set_ylabel("efficiency, %")
     efficiency.set_ylim(0.0, 105.0)
-    figure.suptitle("A model, not a measurement", fontsize="medium")
+    figure.suptitle("Lines: a model, not a measurement", fontsize="medium")
     return figure
 
 

@@ -151,8 +151,8 @@ impl Balance {
             .enumerate()
             .map(|(k, chunk)| {
                 let mut part = Self::default();
-                for gap in contacts.gap[k * CHUNK..].iter().take(chunk.len()).filter(|g| **g < 0.0)
-                {
+                let gaps = contacts.gap[k * CHUNK..].iter().zip(chunk).map(|(gap, _)| *gap);
+                for gap in gaps.filter(|gap| *gap < 0.0) {
                     part.pressed += 1;
                     part.depth -= gap;
                     part.deepest = part.deepest.max(-gap);

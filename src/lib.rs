@@ -11,7 +11,6 @@ pub mod error;
 pub mod math;
 
 pub mod lanes;
-mod pieces;
 
 pub mod geometry;
 

@@ -15,12 +15,14 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// How often a thread without work looks for its own before it takes that of others, and before it sleeps: for about
-/// as long as it takes to fetch what another thread has in its caches, and to be woken.
-const LOOKS: [u32; 2] = [50, 1000];
+/// How often a thread without work looks for its own before it takes that of others: for some microseconds, less than
+/// it takes to fetch what another thread has in its caches.
+const LOYAL: u32 = 50;
+/// How often it looks before it sleeps: for about as long as it takes to be woken.
+const AWAKE: u32 = 1000;
 
 /// A set's turn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Turn {
     /// Subdomains first.
     pub set: usize,
@@ -56,13 +58,20 @@ struct Queue {
 }
 
 impl Queue {
-    /// Nothing to do for so many threads.
-    fn begin(&mut self, threads: usize) {
+    /// The turn of all subdomains has come, each at its home among so many threads.
+    fn begin(&mut self, threads: usize, homes: &mut [AtomicUsize]) {
         let sets = self.sets.get_mut().unwrap_or_else(PoisonError::into_inner);
         sets.resize_with(threads, VecDeque::default);
-        sets.iter_mut().for_each(VecDeque::clear);
-        self.counts.resize_with(threads, AtomicUsize::default);
-        self.counts.iter_mut().for_each(|count| *count.get_mut() = 0);
+        for of_thread in &mut *sets {
+            of_thread.clear();
+            // No more than these wait at once, so that a run allocates nothing, whoever does what.
+            of_thread.reserve(homes.len());
+        }
+        for (set, home) in homes.iter_mut().enumerate() {
+            sets[*home.get_mut()].push_back(set);
+        }
+        self.counts.clear();
+        self.counts.extend(sets.iter().map(|of_thread| AtomicUsize::new(of_thread.len())));
         *self.is_over.get_mut() = false;
     }
 
@@ -91,21 +100,20 @@ impl Queue {
 
     /// The next set for `thread` to visit, once there is one; `None` when all is over.
     fn wait(&self, thread: usize) -> Option<usize> {
+        let threads = self.counts.len();
         let mut looks = 0;
         while !self.is_over.load(Ordering::Relaxed) {
-            let mut set = self.pop(thread);
-            if looks >= LOOKS[0] {
-                let others = (1..self.counts.len()).map(|k| (thread + k) % self.counts.len());
-                set = set.or_else(|| others.into_iter().find_map(|other| self.pop(other)));
-            }
+            let within_reach = if looks < LOYAL { 1 } else { threads };
+            let set = (0..within_reach).find_map(|k| self.pop((thread + k) % threads));
             if set.is_some() {
                 return set;
             }
             looks += 1;
-            if looks < LOOKS[1] {
+            if looks < AWAKE {
                 std::hint::spin_loop();
             } else {
                 self.sleep();
+                looks = 0;
             }
         }
         None
@@ -161,13 +169,11 @@ impl Turns {
         let workers = threads.min(subdomains);
         let in_order = |s: usize| AtomicUsize::new(s * workers / subdomains);
         if self.homes.len() != subdomains || self.queue.counts.len() != threads {
-            self.homes = (0..subdomains).map(in_order).collect();
+            self.homes.clear();
+            self.homes.extend((0..subdomains).map(in_order));
         }
         *self.unfinished.get_mut() = subdomains;
-        self.queue.begin(threads);
-        for (set, home) in self.homes.iter_mut().enumerate() {
-            self.queue.push(*home.get_mut(), set);
-        }
+        self.queue.begin(threads, &mut self.homes);
         if passes > 0 && subdomains > 0 {
             let run = Run { turns: self, interface, passes, visit };
             on_threads(workers, &|| run.take_turns());

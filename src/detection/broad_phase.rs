@@ -14,7 +14,6 @@ use crate::geometry::Polyhedron;
 use crate::math::{Pose, Quat, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
-use crate::pieces::pieces;
 use rayon::prelude::*;
 use std::mem::take;
 use std::ops::Range;
@@ -236,15 +235,30 @@ impl PairList {
         }
         antagonists.resize(starts[ng], 0);
         memory.resize_with(starts[ng], PairMemory::default);
-        let antagonists = pieces(antagonists, fresh.iter().map(|chunk| chunk.antagonists.len()));
-        let memory = pieces(memory, fresh.iter().map(|chunk| chunk.memory.len()));
-        let places = fresh.into_par_iter().zip(antagonists).zip(memory);
-        places.for_each(|((chunk, antagonists), memory)| {
+        join(fresh, antagonists, memory);
+    }
+}
+
+/// Moves the chunks' pairs to their places, one after the other.
+fn join(fresh: &mut [Fresh], antagonists: &mut [u32], memory: &mut [PairMemory]) {
+    match fresh {
+        [] => {}
+        [chunk] => {
             antagonists.copy_from_slice(&chunk.antagonists);
             memory.swap_with_slice(&mut chunk.memory);
             // Of pairs that are listed no more.
             chunk.memory.clear();
-        });
+        }
+        _ => {
+            let (left, right) = fresh.split_at_mut(fresh.len() / 2);
+            let pairs = left.iter().map(|chunk| chunk.memory.len()).sum();
+            let (antagonists, antagonists_after) = antagonists.split_at_mut(pairs);
+            let (memory, memory_after) = memory.split_at_mut(pairs);
+            rayon::join(
+                || join(left, antagonists, memory),
+                || join(right, antagonists_after, memory_after),
+            );
+        }
     }
 }
 

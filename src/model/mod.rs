@@ -128,7 +128,7 @@ pub enum Schedule {
     Sequential,
     /// Subdomains in parallel, then the interface: the same bytes for any number of threads.
     Synchronous,
-    /// The interface is one more subdomain of the parallel loop; newest values, no barrier.
+    /// The interface is one more subdomain of the parallel loop; newest values, in no order.
     Asynchronous,
 }
 

@@ -14,7 +14,6 @@ mod interface;
 use crate::detection::Contacts;
 use crate::math::Vec3;
 use crate::model::PartitionRule;
-use crate::pieces::pieces;
 use rayon::prelude::*;
 
 pub use interface::Interface;
@@ -68,26 +67,31 @@ impl Lists {
         self.file(lists, keys.zip(0..).filter(|&(key, _)| (key as usize) < lists));
     }
 
-    /// Makes lists of these lengths, to be filled.
-    fn make_room(&mut self, lengths: impl Iterator<Item = u32>) {
+    /// Leaves no list.
+    fn clear(&mut self) {
         self.starts.clear();
         self.starts.push(0);
-        let ends = lengths.scan(0, |end, n| {
-            *end += n;
-            Some(*end)
-        });
-        self.starts.extend(ends);
         self.items.clear();
-        self.items.resize(self.starts[self.len()] as usize, 0);
+    }
+
+    /// Adds a list.
+    fn append(&mut self, list: &[u32]) {
+        self.items.extend_from_slice(list);
+        self.starts.push(self.items.len() as u32);
     }
 
     /// Files items under their keys, which are below `lists`, in the order in which they come.
     fn file(&mut self, lists: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) {
-        let mut lengths = vec![0; lists];
+        self.starts.clear();
+        self.starts.resize(lists + 1, 0);
         for (key, _) in entries.clone() {
-            lengths[key as usize] += 1;
+            self.starts[key as usize + 1] += 1;
         }
-        self.make_room(lengths.into_iter());
+        for i in 0..lists {
+            self.starts[i + 1] += self.starts[i];
+        }
+        self.items.clear();
+        self.items.resize(self.starts[lists] as usize, 0);
         let mut next = self.starts.clone();
         for (key, item) in entries {
             let place = &mut next[key as usize];
@@ -156,11 +160,8 @@ impl Partition {
             }
             filed.between.sort_unstable();
         });
-        own.make_room(filed.iter().map(|filed| filed.own.len() as u32));
-        let places = pieces(&mut own.items, filed.iter().map(|filed| filed.own.len()));
-        places.into_par_iter().zip(&*filed).for_each(|(place, filed)| {
-            place.copy_from_slice(&filed.own);
-        });
+        own.clear();
+        filed.iter().for_each(|filed| own.append(&filed.own));
         let mut between: Vec<_> = filed.iter().flat_map(|filed| &filed.between).copied().collect();
         // Stable, because that makes use of what is in order.
         between.sort();
@@ -174,6 +175,7 @@ impl Partition {
         self.grains.fill(1, self.owner.iter().copied());
         self.contacts.fill(1, contacts.bodies.iter().map(|_| 0));
         self.interface.group(1, &[]);
+        self.filed.clear();
     }
 
     fn assign_compact(&mut self, n: usize, position: &[Vec3], contacts: &Contacts) -> usize {

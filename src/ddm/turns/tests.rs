@@ -18,7 +18,7 @@ fn interface(subdomains: usize, probability: f64, seed: u64) -> Interface {
     interface
 }
 
-/// The sets of a group, or a subdomain itself, that a turn needs for itself.
+/// The subdomains that a turn needs for itself.
 fn needs(interface: &Interface, turn: &Turn) -> Vec<u32> {
     match turn.set.checked_sub(interface.courses.len()) {
         None => vec![turn.set as u32],
@@ -106,4 +106,29 @@ fn nobody_waits_for_a_visit_that_panics() {
         });
         assert_eq!(visits.into_inner(), 2 * (12 + interface.pairs.len()));
     }
+}
+
+#[test]
+fn there_may_be_nothing_to_do_no_pool_or_others_in_it() {
+    let visits = AtomicUsize::new(0);
+    let count = |_: Turn| {
+        visits.fetch_add(1, Ordering::Relaxed);
+    };
+    Turns::default().run(&interface(0, 0.0, 1), 3, count);
+    Turns::default().run(&interface(5, 0.5, 1), 0, count);
+    assert_eq!(visits.load(Ordering::Relaxed), 0);
+    // From outside of any pool, and without an interface.
+    Turns::default().run(&interface(5, 0.0, 1), 3, count);
+    assert_eq!(visits.load(Ordering::Relaxed), 15);
+
+    let (one, other) = (interface(30, 0.3, 2), interface(7, 0.6, 3));
+    let pool = ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    pool.install(|| {
+        rayon::join(
+            || (0..20).for_each(|_| Turns::default().run(&one, 5, count)),
+            || (0..20).for_each(|_| Turns::default().run(&other, 5, count)),
+        );
+    });
+    let sets = 30 + one.pairs.len() + 7 + other.pairs.len();
+    assert_eq!(visits.into_inner(), 15 + 20 * 5 * sets);
 }

@@ -147,7 +147,7 @@ pub enum Schedule {
     Sequential,
     /// Subdomains in parallel, then the interface: the same bytes for any number of threads.
     Synchronous,
-    /// Interface and subdomains together, newest values, no barrier.
+    /// Interface and subdomains together, newest values, in no order.
     Asynchronous,
 }
 
