@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 # Of step_seven_sleepers.csv.
 SWEEPS = 100
-# Interface contacts over contacts are INTERFACE / (contacts of a subdomain)^(1/3): 9.6 % at 12 000 (seven_sleepers),
-# 14.1 % at 4100 (laptop).
+# Interface contacts over contacts are INTERFACE / (contacts of a subdomain)^(1/3): 9.6 % at 12 000 (seven_sleepers).
 INTERFACE = 2.2
 # Sweeps per visit of a subdomain that fits a cache, and contacts of the largest that does.
 PER_VISIT, LARGEST = 2, 12000
@@ -44,7 +43,7 @@ class Row(NamedTuple):
 def model(results: Path, bandwidth: float) -> tuple[list[Row], dict[str, float]]:
     """The rows, and what was measured: seconds of a step on one thread and on the most, and what of them does not divide."""
     notes, rows = table(results / "step_seven_sleepers.csv")
-    # "seven_sleepers, 86166 grains, from step 0 of 8820"
+    # "seven_sleepers, 85982 grains, from step 0 of 8820"
     measured = int(notes["scene"].split(", ")[1].split()[0])
     contacts, visits = float(notes["contacts"].split()[0]), float(notes["visits of a step"])
     subdomains = float(notes["subdomains"])
@@ -60,8 +59,8 @@ def model(results: Path, bandwidth: float) -> tuple[list[Row], dict[str, float]]
     waits = max(0.0, (many["solve"] - one["solve"] / most) / (SWEEPS / PER_VISIT * turn))
 
     _, rows = table(results / "kernel_sixteen.csv")
-    alone = [row for row in rows if row["threads"] == "1" and row["form"] == "one set per thread" and row["instructions"] == "avx512"]
-    largest = max(alone, key=lambda row: int(row["contacts"]))
+    sets = [row for row in rows if row["threads"] == "1" and row["form"] == "one set per thread" and row["instructions"] == "avx512"]
+    largest = max(sets, key=lambda row: int(row["contacts"]))
     streamed, per_core = float(largest["bytes_per_visit"]), float(largest["triad_gb_per_s"])
 
     modelled = []

@@ -57,8 +57,7 @@ pub fn advance(
     ws: &mut Workspace,
     watch: &mut impl Stopwatch,
 ) -> Result<StepReport> {
-    // Once into the pool: a caller outside of it would hand over each of some thousand parallel loops, and sleep
-    // until it is done.
+    // Once into the pool: a caller outside of it would hand over each parallel loop, and sleep until it is done.
     rayon::scope(|_| {
         ws.motion.predict(model, state, inputs)?;
         ws.reach.predict(model, &ws.motion);

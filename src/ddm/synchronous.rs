@@ -16,6 +16,7 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
     // What the cap ends with are sweeps from the best impulses.
     let closing = solver.iterations.saturating_sub(check_every);
     while outcome.iterations < solver.iterations {
+        // On to the next iteration after which something is looked at or done.
         let before = outcome.iterations;
         let test = before.saturating_add(check_every - before % check_every).min(solver.iterations);
         let stops = [round.next_point(before), (before < closing).then_some(closing)];

@@ -5,7 +5,7 @@ use super::Lists;
 /// Contacts between grains of different subdomains.
 ///
 /// A group holds the contacts of one pair of subdomains. Groups of one colour share no subdomain,
-/// hence no grain: they are solved at the same time without touching each other's bodies.
+/// hence no grain: the order of colours is one in which as much as possible can be solved at the same time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Interface {
     /// The two subdomains of each group, ascending.
