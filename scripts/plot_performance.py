@@ -123,8 +123,8 @@ def iterations(results: Path) -> Figure:
     first = {200: "insertion", 400: "insertion", 600: "squeeze", 800: "squeeze", 1000: "withdrawal"}
     laptop = {125: "lift", 520: "insertion", 1300: "squeeze", 1875: "hold", 2070: "withdrawal"}
     problems = [
-        ("first, to 1.666e-4 (Zen 4)", "iterations_first", first),
-        ("laptop, to 2e-3 (Zen 5)", "iterations_laptop_equal", laptop),
+        ("first, to 1.666e-4", "iterations_first", first),
+        ("laptop, to 1.666e-4", "iterations_laptop_equal", laptop),
     ]
     figure, axes = plt.subplots(1, len(problems), figsize=(11.5, 3.6), layout="constrained")
     for ax, (title, name, phases) in zip(axes, problems):
