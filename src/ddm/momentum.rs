@@ -36,6 +36,11 @@ impl Memory {
         self.change_squared = contacts.change_squared(&self.chosen, &self.courses);
     }
 
+    /// Goes on in the direction of before, by a share of it, from where the sweeps have come to.
+    pub fn go_on(&mut self, contacts: &mut ContactSet, share: f64) {
+        contacts.go_on(&self.chosen, &mut self.courses, share);
+    }
+
     /// Without momentum, from the present impulses.
     fn begin(&mut self, contacts: &ContactSet) {
         contacts.choose_awake(&mut self.chosen);
@@ -66,9 +71,14 @@ impl Momentum {
         self.began.is_some_and(|began| (done - began).is_multiple_of(PERIOD))
     }
 
-    /// Goes on to a further point after iteration `done`, if it has ended at one. It begins with the first `test`,
-    /// which says what carries.
-    pub fn go_on(&mut self, decomposition: &mut Decomposition, done: u32, test: bool) {
+    /// After iteration `done`, if it has ended at a point: the share by which all sets are to go on ([`Memory::go_on`])
+    /// before the next one begins. It begins with the first `test`, which says what carries.
+    pub fn share(
+        &mut self,
+        decomposition: &mut Decomposition,
+        done: u32,
+        test: bool,
+    ) -> Option<f64> {
         if self.began.is_none() && test {
             self.began = Some(done);
             decomposition.on_sets(|set| {
@@ -82,14 +92,10 @@ impl Momentum {
             let growth = change / std::mem::replace(&mut self.last, change);
             // Not a number where nothing changes any more.
             if growth <= BOUND {
-                let share = growth.min(1.0);
-                decomposition.on_sets_in_turn(|set| {
-                    let Memory { chosen, courses, .. } = &mut set.momentum;
-                    set.contacts.go_on(chosen, courses, share);
-                });
-            } else {
-                decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
+                return Some(growth.min(1.0));
             }
+            decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
         }
+        None
     }
 }

@@ -67,13 +67,19 @@ impl<'a> Round<'a> {
     }
 
     /// Goes on to where the next iteration begins; `test` is whether iteration `done` has ended with a test. What does
-    /// not get on is accelerated, and when a round is over, the next one begins.
-    pub fn go_on(&mut self, decomposition: &mut Decomposition, done: u32, test: bool) {
+    /// not get on is accelerated, and when a round is over, the next one begins. Gives the share of a momentum, by which
+    /// the sets are still to go on.
+    pub fn go_on(
+        &mut self,
+        decomposition: &mut Decomposition,
+        done: u32,
+        test: bool,
+    ) -> Option<f64> {
         if test && self.momentum.is_some() && done - self.began >= LENGTH {
             self.retreat(decomposition);
             *self = Self::new(self.solver, done, self.number + 1);
             // The next test says what carries now.
-            return;
+            return None;
         }
         let is_wanted = self.solver.tolerance.is_some() && self.softening.is_spent();
         if test && is_wanted && self.acceleration.is_none() {
@@ -82,9 +88,9 @@ impl<'a> Round<'a> {
         }
         if let Some(acceleration) = &mut self.acceleration {
             acceleration.go_on(decomposition, done);
-        } else if let Some(momentum) = &mut self.momentum {
-            momentum.go_on(decomposition, done, test);
+            return None;
         }
+        self.momentum.as_mut()?.share(decomposition, done, test)
     }
 
     /// Back to the best impulses, if an acceleration has led elsewhere.

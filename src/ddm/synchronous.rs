@@ -15,6 +15,8 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
     let check_every = solver.check_every.max(1);
     // What the cap ends with are sweeps from the best impulses.
     let closing = solver.iterations.saturating_sub(check_every);
+    // By which all sets go on before they are swept.
+    let mut share = None;
     while outcome.iterations < solver.iterations {
         // On to the next iteration after which something is looked at or done.
         let before = outcome.iterations;
@@ -23,8 +25,12 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
         let done = stops.into_iter().flatten().fold(test, u32::min);
         let measured = done == test;
         let (relaxation, is_point) = (round.relaxation(), round.is_point(done));
-        decomposition.in_turn(done - before, |set, turn| {
-            let is_last = turn.pass + 1 == done - before;
+        let passes = u32::from(share.is_some()) + done - before;
+        decomposition.in_turn(passes, |set, turn| {
+            if let (Some(share), 0) = (share, turn.pass) {
+                return set.momentum.go_on(&mut set.contacts, share);
+            }
+            let is_last = turn.pass + 1 == passes;
             let sweeps =
                 if turn.of_interface { solver.interface_sweeps } else { solver.subdomain_sweeps };
             set.sweeps(round.sweeps().saturating_mul(sweeps), relaxation, measured && is_last);
@@ -48,11 +54,12 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
             }
             round.observe(done, outcome.residuals.qm16());
         }
-        if done >= closing {
-            round.retreat(decomposition);
+        share = if done < closing {
+            round.go_on(decomposition, done, measured)
         } else {
-            round.go_on(decomposition, done, measured);
-        }
+            round.retreat(decomposition);
+            None
+        };
     }
     outcome.residuals.natural_map = decomposition.natural_map();
     outcome.visits = decomposition.visits();
