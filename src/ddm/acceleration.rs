@@ -4,7 +4,7 @@
 //! the impulses that carry, and half a sweep. Contract: sums go over the sets in their order, so bytes do not
 //! depend on the number of threads.
 
-use super::Decomposition;
+use super::{Decomposition, next_after};
 use crate::nlgs::acceleration::{Guard, History, Mixing, PERIOD, Products, Verdict};
 use crate::nlgs::{Chosen, ContactSet};
 
@@ -72,7 +72,7 @@ impl Acceleration {
 
     /// The iteration after `done` that ends at a point.
     pub fn next_point(&self, done: u32) -> u32 {
-        done + PERIOD - (done - self.began) % PERIOD
+        next_after(done, self.began, PERIOD)
     }
 
     /// Goes on to a better point after iteration `done`, if it is time for one.

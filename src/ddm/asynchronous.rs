@@ -1,4 +1,4 @@
-//! No set waits for another: subdomains and interface groups are swept in one parallel loop with the newest
+//! In no order: subdomains and interface groups are swept in one parallel loop with the newest
 //! values at hand (HSDA, version 3, without its lost updates).
 //!
 //! Reads and writes: the sets, through the parts of [`super::boundary`]. Cost: visits, and one
@@ -30,7 +30,7 @@ const GROWTH: f64 = 1e2;
 /// the cap.
 const CLOSING: (u32, u32) = (10, 10);
 
-/// A run in which no set waits for another, and what its threads share.
+/// Iterations without a common stop, and what their threads share.
 struct Run<'a> {
     decomposition: &'a Decomposition,
     solver: &'a Solver,

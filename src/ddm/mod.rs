@@ -53,6 +53,11 @@ pub fn solve(
     Outcome { guarded: true, ..synchronous::iterate(decomposition, &relaxed) }
 }
 
+/// The first iteration after `done` that is a multiple of `period` after iteration `began`.
+fn next_after(done: u32, began: u32, period: u32) -> u32 {
+    done.saturating_add(period - (done - began) % period)
+}
+
 /// Whether `residuals` are below the tolerance asked for.
 fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
     let value = match solver.norm {

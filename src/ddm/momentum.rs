@@ -4,7 +4,7 @@
 //! with what a visit reads and writes. Contract: sums go over the sets in their order, so bytes do not depend on the
 //! number of threads.
 
-use super::Decomposition;
+use super::{Decomposition, next_after};
 use crate::nlgs::block::{Course, Row64};
 use crate::nlgs::{Chosen, ContactSet};
 
@@ -63,7 +63,7 @@ impl Momentum {
 
     /// The iteration after `done` that ends at a point, if it has begun.
     pub fn next_point(&self, done: u32) -> Option<u32> {
-        self.began.map(|began| done + PERIOD - (done - began) % PERIOD)
+        self.began.map(|began| next_after(done, began, PERIOD))
     }
 
     /// Whether iteration `done` ends at a point: its sets are to be measured after their sweeps.

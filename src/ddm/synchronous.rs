@@ -5,7 +5,7 @@
 //! begin anew in rounds.
 
 use super::round::Round;
-use super::{Decomposition, Outcome, is_solved};
+use super::{Decomposition, Outcome, is_solved, next_after};
 use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
@@ -20,7 +20,7 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
     while outcome.iterations < solver.iterations {
         // On to the next iteration after which something is looked at or done.
         let before = outcome.iterations;
-        let test = before.saturating_add(check_every - before % check_every).min(solver.iterations);
+        let test = next_after(before, 0, check_every).min(solver.iterations);
         let stops = [round.next_point(before), (before < closing).then_some(closing)];
         let done = stops.into_iter().flatten().fold(test, u32::min);
         let measured = done == test;

@@ -61,10 +61,9 @@ impl Lists {
         &self.items[self.starts[i] as usize..self.starts[i + 1] as usize]
     }
 
-    /// Files each item `0..keys.len()` under its key; items whose key is `lists` or more are left
-    /// out. Stable, so every list is ascending.
+    /// Files each item `0..keys.len()` under its key, below `lists`. Stable, so every list is ascending.
     fn fill(&mut self, lists: usize, keys: impl Iterator<Item = u32> + Clone) {
-        self.file(lists, keys.zip(0..).filter(|&(key, _)| (key as usize) < lists));
+        self.file(lists, keys.zip(0..));
     }
 
     /// Leaves no list.
