@@ -3,7 +3,7 @@
 //! Checkpoints, snapshots and `redo` are all this one thing.
 
 use crate::error::{Error, Result};
-use crate::math::{Pose, Quat, Vec3};
+use crate::math::{Pose, Quat, Vec3, is_unit};
 use crate::model::Model;
 
 /// The state at the end of a step. Body arrays are numbered as in [`crate::model`].
@@ -107,7 +107,7 @@ impl State {
         for b in 0..bodies {
             let fields = [
                 ("position", self.position[b].iter().all(|x| x.is_finite())),
-                ("orientation", (self.orientation[b].norm() - 1.0).abs() < 1e-6),
+                ("orientation", is_unit(&self.orientation[b])),
                 ("velocity", self.velocity[b].iter().all(|x| x.is_finite())),
                 ("spin", self.spin[b].iter().all(|x| x.is_finite())),
             ];
@@ -124,8 +124,7 @@ impl State {
             }
         }
         let mounted = model.mounted();
-        let sound = |p: &Pose| p.is_finite() && (p.orientation.norm() - 1.0).abs() < 1e-6;
-        if self.mount.len() != mounted || !self.mount.iter().all(sound) {
+        if self.mount.len() != mounted || !self.mount.iter().all(Pose::is_sound) {
             let expected = format!("{mounted} finite poses, one per mounted body");
             return refuse("mounts".into(), expected, format!("{:?}", self.mount));
         }

@@ -4,7 +4,7 @@
 //! alone. So a stretch of time may be cut at any knot without changing a pose. Nothing is extrapolated.
 
 use super::refusal::Refusal;
-use crate::math::{Pose, Vec3, rotation};
+use crate::math::{Pose, Vec3, is_unit, rotation};
 
 /// Widest turn between two knots, rad: beyond half a turn the way round is a guess.
 pub const WIDEST_TURN: f64 = 2.0;
@@ -82,10 +82,10 @@ impl Waveform {
         };
         for (i, knot) in self.knots.iter().enumerate() {
             let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
-            if !(knot.pose.is_finite() && finite(&knot.velocity) && finite(&knot.spin)) {
+            if !(finite(&knot.pose.position) && finite(&knot.velocity) && finite(&knot.spin)) {
                 return Err(Refusal::input(body, "finite numbers", format!("{knot:?} (knot {i})")));
             }
-            if (knot.pose.orientation.norm() - 1.0).abs() > 1e-6 {
+            if !is_unit(&knot.pose.orientation) {
                 let found = format!("a norm of {} (knot {i})", knot.pose.orientation.norm());
                 return Err(Refusal::input(body, "unit quaternions", found));
             }

@@ -59,9 +59,13 @@ impl Pose {
         }
     }
 
-    /// Whether every component is finite.
-    pub fn is_finite(&self) -> bool {
-        self.position.iter().all(|x| x.is_finite())
-            && self.orientation.coords.iter().all(|x| x.is_finite())
+    /// Whether every component is finite, and the quaternion one of a rotation ([`is_unit`]).
+    pub fn is_sound(&self) -> bool {
+        self.position.iter().all(|x| x.is_finite()) && is_unit(&self.orientation)
     }
+}
+
+/// Whether a quaternion, which may be of bytes from elsewhere, has the norm 1, to 1e-6: others scale what they turn.
+pub fn is_unit(q: &Quat) -> bool {
+    (q.norm() - 1.0).abs() <= 1e-6
 }

@@ -153,13 +153,18 @@ impl Model {
             for part in &body.parts {
                 let good = match part {
                     Part::Convex { shape, pose } => {
-                        (*shape as usize) < self.shapes.len() && pose.is_finite()
+                        (*shape as usize) < self.shapes.len() && pose.is_sound()
                     }
                     Part::HalfSpace { normal, offset } => {
                         (normal.norm() - 1.0).abs() < 1e-9 && offset.is_finite()
                     }
                 };
-                expect(good, &place, "a known shape at a finite pose, or a unit normal", part)?;
+                expect(
+                    good,
+                    &place,
+                    "a known shape at a finite pose with a unit quaternion, or a unit normal",
+                    part,
+                )?;
             }
         }
         Ok(())

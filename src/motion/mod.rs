@@ -134,10 +134,10 @@ impl Motion {
         let before = h * (1.0 - model.stepping.theta);
         for (d, target) in inputs.targets.iter().enumerate() {
             let b = ng + d;
-            if !target.is_finite() {
+            if !target.is_sound() {
                 return Err(Error::Input {
                     place: format!("target of {:?}", model.driven[d].name),
-                    expected: "finite position and orientation".into(),
+                    expected: "finite position and a unit quaternion".into(),
                     found: format!("{target:?}"),
                 });
             }

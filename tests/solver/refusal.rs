@@ -4,7 +4,7 @@ use crate::bits;
 use crate::common::heap;
 use crate::common::scene::{SCHEDULES, Scene};
 use ballast::error::Error;
-use ballast::math::Vec3;
+use ballast::math::{Quat, Vec3};
 use ballast::model::PartitionRule;
 
 /// A heap in contact.
@@ -17,7 +17,7 @@ fn heap_in_contact() -> Scene {
 /// Spoils a scene, and tells whether the error is the right one.
 type Spoiling = (&'static str, fn(&mut Scene), fn(&Error) -> bool);
 
-const SPOILINGS: [Spoiling; 6] = [
+const SPOILINGS: [Spoiling; 7] = [
     (
         "a target that is not finite",
         |s| s.targets[0].position.x = f64::NAN,
@@ -26,6 +26,14 @@ const SPOILINGS: [Spoiling; 6] = [
     (
         "a target at infinity",
         |s| s.targets[1].position.y = f64::INFINITY,
+        |e| matches!(e, Error::Input { .. }),
+    ),
+    (
+        "a target whose quaternion scales",
+        |s| {
+            s.targets[2].orientation =
+                Quat::new_unchecked(nalgebra::Quaternion::new(2.0, 0.0, 0.0, 0.0))
+        },
         |e| matches!(e, Error::Input { .. }),
     ),
     ("a missing target", |s| s.targets.truncate(4), |e| matches!(e, Error::Input { .. })),
@@ -76,7 +84,7 @@ fn a_number_that_is_none_is_told_with_the_grain() {
         ("spin", |s, g| s.state.spin[g].z = f64::NEG_INFINITY),
         ("orientation", |s, g| {
             let q = s.state.orientation[g].coords * f64::NAN;
-            s.state.orientation[g] = ballast::math::Quat::new_unchecked(q.into());
+            s.state.orientation[g] = Quat::new_unchecked(q.into());
         }),
     ];
     let heap = heap_in_contact().state;

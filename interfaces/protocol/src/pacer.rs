@@ -215,9 +215,9 @@ impl Pacer {
         }
         let (last, next) = (*track.knots.back()?, component::Knot::try_from(knot).ok()?);
         let mut numbers = next.velocity.iter().chain(&next.spin);
-        let is_finite = next.pose.is_finite() && numbers.all(|x| x.is_finite());
+        let is_sound = next.pose.is_sound() && numbers.all(|x| x.is_finite());
         let is_near = track.reach.fits(&component::Knot::try_from(last).ok()?, &next);
-        (is_finite && is_near).then(|| {
+        (is_sound && is_near).then(|| {
             track.knots.push_back(knot);
             track.heard_at = wall_ns;
         })

@@ -37,7 +37,7 @@ fn a_sample_becomes_model_and_state() {
     assert_eq!(meta["seed"], 7);
     assert_eq!(state.position.len(), 13);
     for b in 0..13 {
-        assert!(state.pose(b).is_finite());
+        assert!(state.pose(b).is_sound());
     }
 }
 
