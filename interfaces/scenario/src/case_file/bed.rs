@@ -1,8 +1,8 @@
 //! `[bed]`: the box, the grains, and how they are poured.
 
 use super::range::{
-    Coefficient, Corners, Count, Density, Duration, Fraction, Gravity, Positive, Ratio, Seed,
-    Templates,
+    Coefficient, Corners, Count, Density, Duration, Fraction, Gravity, Length, Positive, Ratio,
+    Seed, Templates,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct Bed {
     /// Inner size of the box in x, y and z, m.
-    #[schemars(with = "[Positive; 3]")]
+    #[schemars(with = "[Length; 3]")]
     pub size_m: [f64; 3],
     /// Level of the sleepers' underside after preparation, m above the floor.
-    #[schemars(with = "Positive")]
+    #[schemars(with = "Length")]
     pub ballast_depth_m: f64,
     /// Random seed of grains and pouring: the same seed gives the same bed.
     #[serde(default = "default_seed")]
@@ -98,7 +98,7 @@ impl Default for Grains {
 #[serde(deny_unknown_fields)]
 pub struct SizeClass {
     /// Nominal size, m: diameter of the sphere of equal volume, close to the sieve size.
-    #[schemars(with = "Positive")]
+    #[schemars(with = "Length")]
     pub size_m: f64,
     /// Share of the grains, by number.
     #[schemars(with = "Ratio")]

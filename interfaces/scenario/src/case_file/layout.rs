@@ -1,6 +1,6 @@
 //! `[sleepers]`, `[tines]` and their single forms: what stands in the bed.
 
-use super::range::{Count, Finite, NonNegative, PairNumber, Positive, RowCount};
+use super::range::{Count, Finite, Length, NonNegative, PairNumber, Positive, RowCount};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ fn default_count() -> u32 {
 #[serde(deny_unknown_fields)]
 pub struct Block {
     /// Size in x (along the track), y (across) and z, m.
-    #[schemars(with = "[Positive; 3]")]
+    #[schemars(with = "[Length; 3]")]
     pub size_m: [f64; 3],
     /// The block's centre in y, from the sleeper's centre, m.
     #[serde(default)]
@@ -139,11 +139,11 @@ pub struct Tines {
     pub gap_to_sleeper_m: f64,
     /// Size of the blade in x (thickness), y (width) and z (height), m.
     #[serde(default = "default_blade")]
-    #[schemars(with = "[Positive; 3]")]
+    #[schemars(with = "[Length; 3]")]
     pub blade_m: [f64; 3],
     /// Size of the shaft above the blade in x, y and z, m.
     #[serde(default = "default_shaft")]
-    #[schemars(with = "[Positive; 3]")]
+    #[schemars(with = "[Length; 3]")]
     pub shaft_m: [f64; 3],
     /// How the blade gives way to the ballast.
     #[serde(default)]
@@ -222,11 +222,11 @@ pub struct Tine {
     pub pair: u32,
     /// Size of the blade in x (thickness), y (width) and z (height), m.
     #[serde(default = "default_blade")]
-    #[schemars(with = "[Positive; 3]")]
+    #[schemars(with = "[Length; 3]")]
     pub blade_m: [f64; 3],
     /// Size of the shaft above the blade in x, y and z, m.
     #[serde(default = "default_shaft")]
-    #[schemars(with = "[Positive; 3]")]
+    #[schemars(with = "[Length; 3]")]
     pub shaft_m: [f64; 3],
     /// How the blade gives way to the ballast.
     #[serde(default)]

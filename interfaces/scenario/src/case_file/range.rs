@@ -33,6 +33,10 @@ range!(
     Positive, "type": "number", "exclusiveMinimum": 0
 );
 range!(
+    /// m: of stones, boxes and tools, from thinner than any sheet to longer than any train.
+    Length, "type": "number", "minimum": 0.0001, "maximum": 1000
+);
+range!(
     /// Above 0; TOML's `inf` is allowed and means "no limit".
     PositiveOrInfinite, "type": "number", "exclusiveMinimum": 0, "x-infinite": true
 );

@@ -45,7 +45,7 @@ const TABLE: &[Broken] = &[
     // Types and values.
     Broken("= 2700", "= «\"2700 kg\"", &["wrong type", "text", "without quotes"]),
     Broken("[0.60, 0.70, 0.45]", "«[0.60, 0.70]", &["wrong number of entries", "list of 2"]),
-    Broken("0.45]", "«true]", &["wrong type", "`true`", "a number above 0"]),
+    Broken("0.45]", "«true]", &["wrong type", "`true`", "a number from 0.0001 to 1000"]),
     Broken("\"synchronous\"", "«\"syncronous\"", &["unknown value", "did you mean `synchronous`?"]),
     Broken("iterations = 300", "iterations = «300.5", &["wrong type", "a whole number"]),
     Broken("[8, 40]", "«40", &["wrong type", "a list of 2"]),
@@ -55,9 +55,15 @@ const TABLE: &[Broken] = &[
     Broken("= 2700", "= «1e300", &["out of range", "from 1 to 1000000"]),
     Broken("= 2700", "= «1e-300", &["out of range", "from 1 to 1000000"]),
     Broken("= 2700", "= «-2700", &["out of range", "a number from 1"]),
-    Broken("= 0.28", "= «inf", &["not finite", "`inf`"]),
+    Broken("= 0.28", "= «inf", &["out of range", "`inf`", "to 1000"]),
+    Broken("gap_to_sleeper_m = 0.06", "gap_to_sleeper_m = «inf", &["not finite", "`inf`"]),
     Broken("iterations = 300", "iterations = «99999999999", &["is more than 4294967295"]),
-    Broken("0.70, 0.45]", "«0.0, 0.45]", &["`size_m[1]` is out of range", "above 0"]),
+    Broken("0.70, 0.45]", "«0.0, 0.45]", &["`size_m[1]` is out of range", "from 0.0001"]),
+    Broken(
+        "gap_to_sleeper_m",
+        "blade_m = [«1e-300, 0.1, 0.07]\ngap_to_sleeper_m",
+        &["`blade_m[0]` is out of range", "from 0.0001"],
+    ),
     Broken("restitution = 0", "restitution = «1.5", &["out of range", "from 0 to 1"]),
     Broken("restitution = 0", "theta = «0.4", &["out of range", "from 0.5 to 1"]),
     Broken(
