@@ -1,6 +1,7 @@
 //! Imposed motion and loads: what a step is told about the driven bodies.
 
 use crate::math::{Pose, Vec3};
+use crate::motion::SpeedLimit;
 
 /// Force (N) and torque about the reference point (N m), world axes, constant over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,4 +35,13 @@ pub struct Inputs<'a> {
     /// Load on each mounted body, besides gravity `[nm]`; empty: none. It moves the degrees of freedom
     /// that are not held.
     pub loads: &'a [Load],
+    /// How far a body may be led, or moved by its loads, in the step; `None`: any distance.
+    pub speed_limit: Option<&'a SpeedLimit>,
+}
+
+impl<'a> Inputs<'a> {
+    /// These targets, without loads and at any speed.
+    pub fn of(targets: &'a [Pose]) -> Self {
+        Self { targets, loads: &[], speed_limit: None }
+    }
 }

@@ -23,7 +23,7 @@ pub enum Error {
 /// Why a step was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cause {
-    /// A body is led too far in one step.
+    /// A body is led, or moved by its loads, too far in one step.
     OverSpeed,
     /// A velocity is not finite.
     NotFinite,

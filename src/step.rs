@@ -47,8 +47,8 @@ pub fn step(
 /// a state that others hold need not be copied to go on from it.
 ///
 /// # Errors
-/// [`Error::Input`] for inputs that do not fit, [`Error::Step`] when a velocity is not finite. What
-/// `next` holds is then of no use.
+/// [`Error::Input`] for inputs that do not fit, [`Error::Step`] when a velocity is not finite, or a driven body is led
+/// or moved beyond its limit. What `next` holds is then of no use.
 pub fn advance(
     model: &Model,
     state: &State,
@@ -60,6 +60,9 @@ pub fn advance(
     // Once into the pool: a caller outside of it would hand over each parallel loop, and sleep until it is done.
     rayon::scope(|_| {
         ws.motion.predict(model, state, inputs)?;
+        if let Some(limit) = inputs.speed_limit {
+            limit.check(model, state, inputs.targets)?;
+        }
         ws.reach.predict(model, &ws.motion);
         watch.lap(Phase::Predict);
         detect(model, state, ws, watch);
@@ -76,6 +79,9 @@ pub fn advance(
             report = again.after(report);
         }
         watch.lap(Phase::NarrowPhase);
+        if let Some(limit) = inputs.speed_limit {
+            limit.check_moved(model, state, next)?;
+        }
         remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
         watch.lap(Phase::Store);
         Ok(report)

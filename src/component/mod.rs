@@ -400,8 +400,8 @@ impl Component {
     ) -> Result<StepReport, Error> {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
-        self.speed_limit.check(&self.model, &self.state, &targets)?;
-        let inputs = Inputs { targets: &targets, loads: &loads };
+        let speed_limit = Some(&self.speed_limit);
+        let inputs = Inputs { targets: &targets, loads: &loads, speed_limit };
         let mut next = self.spares.take();
         let report =
             advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, stopwatch)?;

@@ -117,13 +117,17 @@ impl Waveform {
         })
     }
 
-    /// Velocity and spin at a time, where there is a knot that tells.
+    /// Velocity and spin at a time for which there are knots that tell: at a knot its own.
     pub(super) fn twist(&self, time_ns: u64) -> Option<Twist> {
         if self.interpolation != Interpolation::Hermite {
             return None;
         }
-        let knot = self.knots.iter().find(|k| k.time_ns == time_ns)?;
-        Some(Twist { velocity: knot.velocity, spin: knot.spin })
+        let after = self.knots.partition_point(|k| k.time_ns < time_ns);
+        let b = self.knots.get(after)?;
+        if b.time_ns == time_ns {
+            return Some(Twist { velocity: b.velocity, spin: b.spin });
+        }
+        Some(hermite_twist(self.knots.get(after.checked_sub(1)?)?, b, time_ns))
     }
 }
 
@@ -153,22 +157,73 @@ fn linear(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
     }
 }
 
-/// Cubic through both knots with their velocities; orientations by the rotation vector from `a`, whose
-/// rate at `b` is `J⁻¹(φ) ω` (T-29).
-fn hermite(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
-    let (s, seconds) = share(a, b, time_ns);
-    let (s2, s3) = (s * s, s * s * s);
-    // Differences first: positions far from the origin lose no digits.
-    let blend = |way: &Vec3, rate_a: &Vec3, rate_b: &Vec3| {
-        way * (3.0 * s2 - 2.0 * s3) + (rate_a * (s3 - 2.0 * s2 + s) + rate_b * (s3 - s2)) * seconds
-    };
-    let way = b.pose.position - a.pose.position;
-    let angle = between(a, b);
-    let turn = blend(&angle, &a.spin, &rate_of_vector(&angle, &b.spin));
-    Pose {
-        position: a.pose.position + blend(&way, &a.velocity, &b.velocity),
-        orientation: rotation::advance(&a.pose.orientation, &turn),
+/// The cubic of the time between two knots that goes so far, with these rates at its ends.
+struct Cubic {
+    way: Vec3,
+    rates: [Vec3; 2],
+}
+
+impl Cubic {
+    /// Of the positions. Differences: those far from the origin lose no digits.
+    fn of_positions(a: &Knot, b: &Knot) -> Self {
+        Self { way: b.pose.position - a.pose.position, rates: [a.velocity, b.velocity] }
     }
+
+    /// Of the rotation vector from `a`, whose rate at `b` is `J⁻¹(φ) ω`.
+    fn of_turns(a: &Knot, b: &Knot) -> Self {
+        let way = between(a, b);
+        Self { way, rates: [a.spin, rate_of_vector(&way, &b.spin)] }
+    }
+
+    /// The way up to a share `s` of the time.
+    fn at(&self, (s, seconds): (f64, f64)) -> Vec3 {
+        let (s2, s3) = (s * s, s * s * s);
+        let [rate_a, rate_b] = self.rates;
+        self.way * (3.0 * s2 - 2.0 * s3)
+            + (rate_a * (s3 - 2.0 * s2 + s) + rate_b * (s3 - s2)) * seconds
+    }
+
+    /// Its rate there.
+    fn rate(&self, (s, seconds): (f64, f64)) -> Vec3 {
+        let s2 = s * s;
+        let [rate_a, rate_b] = self.rates;
+        self.way * (6.0 * (s - s2) / seconds)
+            + (rate_a * (3.0 * s2 - 4.0 * s + 1.0) + rate_b * (3.0 * s2 - 2.0 * s))
+    }
+}
+
+/// Cubic through both knots with their velocities and spins (T-29).
+fn hermite(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
+    let share = share(a, b, time_ns);
+    Pose {
+        position: a.pose.position + Cubic::of_positions(a, b).at(share),
+        orientation: rotation::advance(&a.pose.orientation, &Cubic::of_turns(a, b).at(share)),
+    }
+}
+
+/// Velocity and spin of [`hermite`].
+fn hermite_twist(a: &Knot, b: &Knot, time_ns: u64) -> Twist {
+    let share = share(a, b, time_ns);
+    let turns = Cubic::of_turns(a, b);
+    Twist {
+        velocity: Cubic::of_positions(a, b).rate(share),
+        spin: spin_of_rate(&turns.at(share), &turns.rate(share)),
+    }
+}
+
+/// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rate_of_vector`].
+///
+/// The left Jacobian of the exponential map. Source: as there, equation 145.
+fn spin_of_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
+    let squared = phi.norm_squared();
+    let (first, second) = if squared < 1e-6 {
+        (0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0)
+    } else {
+        let angle = squared.sqrt();
+        ((1.0 - angle.cos()) / squared, (angle - angle.sin()) / (squared * angle))
+    };
+    let once = phi.cross(rate);
+    rate + once * first + phi.cross(&once) * second
 }
 
 /// Rate of the rotation vector `phi` of a body that turns with `spin` (world axes).

@@ -55,31 +55,49 @@ impl SpeedLimit {
     /// # Errors
     /// [`Error::Step`] with the first such body.
     pub fn check(&self, model: &Model, state: &State, targets: &[Pose]) -> Result<()> {
-        for (d, target) in targets.iter().enumerate() {
-            let from = state.imposed(model, d);
-            let turn = rotation::log(&(target.orientation * from.orientation.inverse())).norm();
-            let lever = self.lever(model, state, d, turn);
-            let way = (target.position - from.position).norm() + turn * lever;
-            if way > self.way {
-                return Err(Error::Step {
-                    cause: Cause::OverSpeed,
-                    time_s: state.time(),
-                    place: format!("{:?}", model.driven[d].name),
-                    expected: format!(
-                        "at most {:.3e} m in a step, half of the smallest grain",
-                        self.way
-                    ),
-                    found: match turn {
-                        0.0 => format!("{way:.3e} m"),
-                        _ => format!(
-                            "{way:.3e} m, with a turn by {turn:.3e} rad {lever:.3e} m away from its \
-                             reference point"
-                        ),
-                    },
-                });
-            }
+        (targets.iter().enumerate()).try_for_each(|(d, target)| {
+            self.check_way(model, state, d, [&state.imposed(model, d), target])
+        })
+    }
+
+    /// Refuses a step from `state` to `next` in which a mounted body was moved too far, by loads or a spring that are
+    /// out of all proportion.
+    ///
+    /// # Errors
+    /// As for [`Self::check`].
+    pub fn check_moved(&self, model: &Model, state: &State, next: &State) -> Result<()> {
+        let ng = model.grains.len();
+        (0..model.mounted()).try_for_each(|d| {
+            self.check_way(model, state, d, [&state.pose(ng + d), &next.pose(ng + d)])
+        })
+    }
+
+    /// Refuses the way of body `d` from one pose to another, if it is too far for a step.
+    fn check_way(
+        &self,
+        model: &Model,
+        state: &State,
+        d: usize,
+        [from, to]: [&Pose; 2],
+    ) -> Result<()> {
+        let turn = rotation::log(&(to.orientation * from.orientation.inverse())).norm();
+        let lever = self.lever(model, state, d, turn);
+        let way = (to.position - from.position).norm() + turn * lever;
+        if way <= self.way {
+            return Ok(());
         }
-        Ok(())
+        Err(Error::Step {
+            cause: Cause::OverSpeed,
+            time_s: state.time(),
+            place: format!("{:?}", model.driven[d].name),
+            expected: format!("at most {:.3e} m in a step, half of the smallest grain", self.way),
+            found: match turn {
+                0.0 => format!("{way:.3e} m"),
+                _ => format!(
+                    "{way:.3e} m, with a turn by {turn:.3e} rad {lever:.3e} m away from its reference point"
+                ),
+            },
+        })
     }
 }
 

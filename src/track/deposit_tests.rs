@@ -107,7 +107,7 @@ fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
     let mut workspace = Workspace::default();
     let (steps, mut carried) = (1200, 0.0);
     for k in 0..steps {
-        let inputs = Inputs { targets: &targets, loads: &[] };
+        let inputs = Inputs::of(&targets);
         let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).unwrap();
         if k >= steps / 2 {
             carried += report.reactions[0].impulse.z;

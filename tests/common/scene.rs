@@ -114,7 +114,7 @@ impl Scene {
     }
 
     pub fn try_step(&mut self) -> Result<StepReport> {
-        let inputs = Inputs { targets: &self.targets, loads: &self.loads };
+        let inputs = Inputs { loads: &self.loads, ..Inputs::of(&self.targets) };
         step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())
     }
 

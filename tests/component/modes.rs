@@ -3,8 +3,8 @@
 use crate::MS;
 use crate::common::scene::{GRAVITY, Scene};
 use ballast::component::{
-    Component, Input, Interpolation, Knot, Limits, LoadInput, LoadKnot, LoadWaveform, Waveform,
-    Window,
+    Component, Input, Interpolation, Knot, Limits, LoadInput, LoadKnot, LoadWaveform, Status,
+    Waveform, Window,
 };
 use ballast::drive::Load;
 use ballast::geometry::hull::cuboid;
@@ -160,6 +160,22 @@ fn a_loaded_sleeper_settles_under_wheels_and_comes_to_rest() {
     let (other, coarse) = run(50);
     assert_eq!(other, end);
     assert_eq!(coarse.last().map(|f| f.1), forces.last().map(|f| f.1));
+}
+
+#[test]
+fn a_body_that_loads_hurl_through_the_bed_is_no_result() {
+    let mut component = sleeper();
+    let start = component.save();
+    // Kilonewtons taken for newtons: 60 kg go half of the smallest grain in a step of 0.5 ms.
+    let mut loads = wheels();
+    loads[0].waveform.knots.iter_mut().for_each(|k| k.load.force *= 1e3);
+    let window = Window { motions: &[], loads: &loads };
+    let outcome = component.advance_to(250 * MS, window).expect("a window");
+    assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
+    let trouble = outcome.trouble.expect("why");
+    assert_eq!(trouble.code(), "over_speed", "{trouble}");
+    assert!(trouble.to_string().contains("half of the smallest grain"), "{trouble}");
+    assert_eq!(component.save(), start);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! Requests that are refused: with a code, the place, and nothing changed.
 
 use crate::{FLOOR, MS, floor, heap, shaken};
-use ballast::component::{Component, Input, Interpolation, Limits, Refusal};
-use ballast::math::{Quat, Vec3};
+use ballast::component::{Component, Input, Interpolation, Knot, Limits, Refusal};
+use ballast::math::{Quat, Vec3, rotation};
 
 /// A good window to 50 ms, changed into a bad one; the refusal.
 fn refused(change: impl Fn(&mut Input)) -> Refusal {
@@ -86,6 +86,49 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     jerked.waveform.knots[0].velocity.x += 0.01;
     check(&component.advance_to(40 * MS, &[jerked]).expect_err("a jerk"), "input_jump", &["m/s"]);
     component.advance_to(40 * MS, &[shaken(rest, 30 * MS, 40 * MS)]).expect("it goes on");
+}
+
+/// A floor that moves and turns, with two knots that are far apart.
+fn far_knots(component: &Component) -> Input {
+    let mut input = shaken(floor(component), 0, 40 * MS);
+    let knots = &mut input.waveform.knots;
+    knots.drain(1..knots.len() - 1);
+    let pose = &mut knots[1].pose;
+    pose.orientation = Quat::from_scaled_axis(Vec3::new(0.01, -0.02, 0.03)) * pose.orientation;
+    knots[0].spin = Vec3::new(0.3, 0.1, -0.2);
+    input
+}
+
+#[test]
+fn nor_between_its_knots() {
+    let limits = Limits { join_speed: 1e-6, join_spin: 1e-6, ..Limits::default() };
+    for end in [7 * MS, 20 * MS, 33 * MS] {
+        let mut component = heap(limits);
+        let input = far_knots(&component);
+        // It turns from the first instant.
+        component.advance_to(end, &[Input { rebase: true, ..input.clone() }]).expect("a window");
+        let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
+        check(&stopped, "input_jump", &[FLOOR, "moving"]);
+
+        // As fast as it is, by a look at where it is just before and after.
+        let [before, after] = [end - 500, end + 500].map(|t| input.waveform.pose(t));
+        let turn = after.orientation * before.orientation.inverse();
+        let mut joined = input.clone();
+        joined.waveform.knots[0] = Knot {
+            time_ns: end,
+            pose: input.waveform.pose(end),
+            velocity: (after.position - before.position) / 1e-6,
+            spin: rotation::log(&turn) / 1e-6,
+        };
+        let mut jerked = joined.clone();
+        jerked.waveform.knots[0].spin.y += 1e-5;
+        let refusal = component.advance_to(40 * MS, &[jerked]).expect_err("a jerk");
+        check(&refusal, "input_jump", &["rad/s"]);
+        let state = component.save();
+        component.advance_to(40 * MS, &[joined]).expect("it goes on");
+        component.restore(state).expect("its own state");
+        component.advance_to(40 * MS, &[input]).expect("it goes on, by the same knots");
+    }
 }
 
 #[test]

@@ -192,8 +192,7 @@ impl Machine {
     ) -> Outcome<(StepReport, Vec<Pose>)> {
         let mut targets = Vec::new();
         self.cycle.targets(model, state, &mut targets);
-        self.speed_limit.check(model, state, &targets)?;
-        let inputs = Inputs { targets: &targets, loads: &[] };
+        let inputs = Inputs { speed_limit: Some(&self.speed_limit), ..Inputs::of(&targets) };
         let report = step(model, state, &inputs, workspace, watch)?;
         let mut memory = std::mem::take(&mut state.drive);
         self.cycle.observe(model, &report, state, &mut memory);

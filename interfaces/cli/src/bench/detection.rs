@@ -72,7 +72,7 @@ struct Trial {
 /// The configuration in which the first step looks for contacts.
 fn predicted(scene: &Scene) -> Outcome<Motion> {
     let targets = scene.targets();
-    let inputs = Inputs { targets: &targets, loads: &[] };
+    let inputs = Inputs::of(&targets);
     let mut motion = Motion::default();
     let predicted = motion.predict(&scene.model, &scene.state, &inputs);
     predicted?;

@@ -147,7 +147,7 @@ fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile
     let mut workspace = Workspace::default();
     for _ in 0..steps {
         profile.output();
-        let inputs = Inputs { targets: &still, loads: &[] };
+        let inputs = Inputs::of(&still);
         let report = step(model, state, &inputs, &mut workspace, profile)?;
         trial.take(report);
     }

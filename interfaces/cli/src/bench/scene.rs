@@ -115,7 +115,7 @@ impl Mover {
         match self {
             Mover::Machine(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
             Mover::Nobody(still) => {
-                let inputs = Inputs { targets: still, loads: &[] };
+                let inputs = Inputs::of(still);
                 Ok(step(model, state, &inputs, workspace, watch)?)
             }
         }

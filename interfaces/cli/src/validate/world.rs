@@ -115,7 +115,7 @@ impl World {
 
     pub fn step(&mut self) -> Outcome<StepReport> {
         heed_interrupts()?;
-        let inputs = Inputs { targets: &self.targets, loads: &[] };
+        let inputs = Inputs::of(&self.targets);
         Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
 
