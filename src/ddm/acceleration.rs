@@ -82,9 +82,7 @@ impl Acceleration {
         }
         let (slot, remembered) = (self.mixing.slot(), self.mixing.remembered());
         decomposition.on_sets(|set| set.memory.observe(&set.contacts, slot, remembered));
-        let mut products = Products::default();
-        (0..decomposition.sets())
-            .for_each(|s| products += decomposition.with_set(s, |set| set.memory.products));
+        let products: Products = decomposition.sum(|set| set.memory.products);
         let shares = self.mixing.shares(&products);
         let verdict = self.guard.judge(products.change_squared.sqrt(), u64::from(done));
         if verdict == Verdict::Astray {

@@ -7,7 +7,7 @@
 
 use super::asynchronous::Report;
 use super::boundary::{Boundary, BoundaryLine};
-use super::turns::{Turn, Turns};
+use super::turns::{Stretch, Turn, Turns};
 use super::{acceleration, momentum};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
@@ -15,6 +15,7 @@ use crate::model::Solver;
 use crate::nlgs::{ContactSet, NaturalMapSums, VisitNorms};
 use crate::partition::Partition;
 use rayon::prelude::*;
+use std::ops::AddAssign;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A set of contacts.
@@ -137,17 +138,21 @@ impl Decomposition {
 
     /// Does `work` on every set in the order of the synchronous schedule, velocities at hand.
     pub(super) fn on_sets_in_turn(&mut self, work: impl Fn(&mut Set) + Sync) {
-        self.in_turn(1, |set, _| work(set));
+        let mut once = Some((1, ()));
+        self.in_stretches(|set, _, ()| work(set), |_| once.take());
     }
 
-    /// Does `work` on every set in the order of the synchronous schedule, velocities at hand, so many times over: on
-    /// all subdomains, then on the groups of the interface, colour by colour.
-    pub(super) fn in_turn(&mut self, passes: u32, work: impl Fn(&mut Set, Turn) + Sync) {
+    /// Does `work` on every set in the order of the synchronous schedule, velocities at hand, pass after pass: on
+    /// all subdomains, then on the groups of the interface, colour by colour. `next` gives the first stretch of passes
+    /// and, when it has been made, what follows.
+    pub(super) fn in_stretches<P: Copy + Send + Sync>(
+        &mut self,
+        work: impl Fn(&mut Set, Turn, &P) + Sync,
+        mut next: impl FnMut(&Self) -> Option<Stretch<P>> + Send,
+    ) {
         let mut turns = std::mem::take(&mut self.turns);
-        let interface = &self.partition.interface;
-        turns.run(interface, passes, |turn| {
-            self.visit(turn.set, |set| work(set, turn));
-        });
+        let visit = |turn: Turn, plan: &P| self.visit(turn.set, |set| work(set, turn, plan));
+        turns.run(&self.partition.interface, visit, || next(self));
         self.turns = turns;
     }
 
@@ -199,34 +204,27 @@ impl Decomposition {
         (0..self.sets()).map(|s| self.with_set(s, |set| set.visits)).max().unwrap_or(0)
     }
 
-    /// Contact visits since the contacts were packed.
-    pub(super) fn visits(&self) -> u64 {
-        (0..self.sets()).map(|s| self.with_set(s, |set| set.contacts.visits())).sum()
+    /// Sum over the sets, in their order.
+    pub(super) fn sum<T: AddAssign + Default>(&self, of: impl Fn(&Set) -> T) -> T {
+        let mut sum = T::default();
+        (0..self.sets()).for_each(|s| sum += self.with_set(s, |set| of(set)));
+        sum
     }
 
-    /// Norms of the last measured sweeps, summed in the order of the sets.
-    pub(super) fn visit_norms(&mut self) -> VisitNorms {
-        let mut sum = VisitNorms::default();
-        for set in &mut self.subdomains {
-            sum += open(set).norms;
-        }
-        for group in &mut self.groups {
-            sum += open(group).set.norms;
-        }
-        sum
+    /// Contact visits since the contacts were packed.
+    pub(super) fn visits(&self) -> u64 {
+        self.sum(|set| set.contacts.visits())
+    }
+
+    /// Norms of the last measured sweeps.
+    pub(super) fn visit_norms(&self) -> VisitNorms {
+        self.sum(|set| set.norms)
     }
 
     /// Natural map residual of the whole problem at the present velocities and impulses.
     pub(super) fn natural_map(&mut self) -> f64 {
         self.on_sets_in_turn(|set| set.map = set.contacts.natural_map());
-        let mut sum = NaturalMapSums::default();
-        for set in &mut self.subdomains {
-            sum += open(set).map;
-        }
-        for group in &mut self.groups {
-            sum += open(group).set.map;
-        }
-        sum.residual()
+        self.sum(|set| set.map).residual()
     }
 
     /// The two subdomains between which group `g` lies, locked in ascending order.

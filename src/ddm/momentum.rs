@@ -25,20 +25,23 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Takes what stays the same in a step.
-    fn prepare(&mut self, contacts: &ContactSet) {
-        self.weights.clear();
-        self.weights.extend(contacts.weights());
-    }
-
     /// Takes note of how far the sweeps have come since the last point.
     pub fn measure(&mut self, contacts: &ContactSet) {
         self.change_squared = contacts.change_squared(&self.chosen, &self.courses);
     }
 
-    /// Goes on in the direction of before, by a share of it, from where the sweeps have come to.
-    pub fn go_on(&mut self, contacts: &mut ContactSet, share: f64) {
-        contacts.go_on(&self.chosen, &mut self.courses, share);
+    /// Does what the next iterations begin with.
+    pub fn start(&mut self, contacts: &mut ContactSet, start: Start) {
+        match start {
+            Start::Sweeps => {}
+            Start::First => {
+                self.weights.clear();
+                self.weights.extend(contacts.weights());
+                self.begin(contacts);
+            }
+            Start::Anew => self.begin(contacts),
+            Start::GoOn(share) => contacts.go_on(&self.chosen, &mut self.courses, share),
+        }
     }
 
     /// Without momentum, from the present impulses.
@@ -46,6 +49,20 @@ impl Memory {
         contacts.choose_awake(&mut self.chosen);
         contacts.set_out(&self.chosen, &self.weights, &mut self.courses);
     }
+}
+
+/// What a set begins the next iterations with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Start {
+    /// The momentum has nothing to do.
+    Sweeps,
+    /// It takes note of where it is, and of what stays the same in a step.
+    First,
+    /// It forgets what it has learnt, and takes note of where it is.
+    Anew,
+    /// A step in the direction of before, by this share of it, from where the sweeps have come to. A pass of its own:
+    /// it changes velocities that other sets share.
+    GoOn(f64),
 }
 
 /// Momentum of the iterations of a step.
@@ -71,31 +88,19 @@ impl Momentum {
         self.began.is_some_and(|began| (done - began).is_multiple_of(PERIOD))
     }
 
-    /// After iteration `done`, if it has ended at a point: the share by which all sets are to go on ([`Memory::go_on`])
-    /// before the next one begins. It begins with the first `test`, which says what carries.
-    pub fn share(
-        &mut self,
-        decomposition: &mut Decomposition,
-        done: u32,
-        test: bool,
-    ) -> Option<f64> {
+    /// What all sets begin the next iterations with after iteration `done`. It begins with the first `test`, which says
+    /// what carries.
+    pub fn start(&mut self, sets: &Decomposition, done: u32, test: bool) -> Start {
         if self.began.is_none() && test {
             self.began = Some(done);
-            decomposition.on_sets(|set| {
-                set.momentum.prepare(&set.contacts);
-                set.momentum.begin(&set.contacts);
-            });
-        } else if self.is_point(done) {
-            let sets = 0..decomposition.sets();
-            let change: f64 =
-                sets.map(|s| decomposition.with_set(s, |set| set.momentum.change_squared)).sum();
-            let growth = change / std::mem::replace(&mut self.last, change);
-            // Not a number where nothing changes any more.
-            if growth <= BOUND {
-                return Some(growth.min(1.0));
-            }
-            decomposition.on_sets(|set| set.momentum.begin(&set.contacts));
+            return Start::First;
         }
-        None
+        if !self.is_point(done) {
+            return Start::Sweeps;
+        }
+        let change: f64 = sets.sum(|set| set.momentum.change_squared);
+        let growth = change / std::mem::replace(&mut self.last, change);
+        // Not a number where nothing changes any more.
+        if growth <= BOUND { Start::GoOn(growth.min(1.0)) } else { Start::Anew }
     }
 }

@@ -4,7 +4,7 @@
 //! depends on residuals and the number of iterations alone.
 
 use super::acceleration::Acceleration;
-use super::momentum::Momentum;
+use super::momentum::{Momentum, Start};
 use super::{Decomposition, Softening};
 use crate::model::Solver;
 
@@ -66,31 +66,42 @@ impl<'a> Round<'a> {
         self.softening.observe(done, residual);
     }
 
-    /// Goes on to where the next iteration begins; `test` is whether iteration `done` has ended with a test. What does
-    /// not get on is accelerated, and when a round is over, the next one begins. Gives the share of a momentum, by which
-    /// the sets are still to go on.
-    pub fn go_on(
-        &mut self,
-        decomposition: &mut Decomposition,
-        done: u32,
-        test: bool,
-    ) -> Option<f64> {
-        if test && self.momentum.is_some() && done - self.began >= LENGTH {
+    /// Whether after iteration `done`, which has ended with a `test` or not, something is to be done between the sweeps:
+    /// [`Self::go_on`]. Otherwise [`Self::start`] says all.
+    pub fn is_at_a_turn(&self, done: u32, test: bool) -> bool {
+        self.acceleration.is_some() || test && (self.is_over(done) || self.needs_acceleration())
+    }
+
+    fn is_over(&self, done: u32) -> bool {
+        self.momentum.is_some() && done - self.began >= LENGTH
+    }
+
+    fn needs_acceleration(&self) -> bool {
+        self.solver.tolerance.is_some() && self.softening.is_spent()
+    }
+
+    /// What all sets begin the next iterations with.
+    pub fn start(&mut self, sets: &Decomposition, done: u32, test: bool) -> Start {
+        let momentum = self.momentum.as_mut();
+        momentum.map_or(Start::Sweeps, |momentum| momentum.start(sets, done, test))
+    }
+
+    /// Goes on to where the next iteration begins. What does not get on is accelerated, and when a round is over, the
+    /// next one begins.
+    pub fn go_on(&mut self, decomposition: &mut Decomposition, done: u32, test: bool) {
+        if test && self.is_over(done) {
             self.retreat(decomposition);
-            *self = Self::new(self.solver, done, self.number + 1);
             // The next test says what carries now.
-            return None;
+            *self = Self::new(self.solver, done, self.number + 1);
+            return;
         }
-        let is_wanted = self.solver.tolerance.is_some() && self.softening.is_spent();
-        if test && is_wanted && self.acceleration.is_none() {
+        if test && self.needs_acceleration() && self.acceleration.is_none() {
             let relaxations = [self.softening.relaxation, self.solver.relaxation];
             self.acceleration = Some(Acceleration::begin(decomposition, done, relaxations));
         }
         if let Some(acceleration) = &mut self.acceleration {
             acceleration.go_on(decomposition, done);
-            return None;
         }
-        self.momentum.as_mut()?.share(decomposition, done, test)
     }
 
     /// Back to the best impulses, if an acceleration has led elsewhere.

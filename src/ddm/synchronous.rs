@@ -4,64 +4,169 @@
 //! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated, and
 //! begin anew in rounds.
 
+use super::decomposition::Set;
+use super::momentum::Start;
 use super::round::Round;
+use super::turns::{Stretch, Turn};
 use super::{Decomposition, Outcome, is_solved, next_after};
 use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
-    let mut round = Round::first(solver);
-    let mut outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
-    let check_every = solver.check_every.max(1);
-    // What the cap ends with are sweeps from the best impulses.
-    let closing = solver.iterations.saturating_sub(check_every);
-    // By which all sets go on before they are swept.
-    let mut share = None;
-    while outcome.iterations < solver.iterations {
-        // On to the next iteration after which something is looked at or done.
-        let before = outcome.iterations;
-        let test = next_after(before, 0, check_every).min(solver.iterations);
-        let stops = [round.next_point(before), (before < closing).then_some(closing)];
-        let done = stops.into_iter().flatten().fold(test, u32::min);
-        let measured = done == test;
-        let (relaxation, is_point) = (round.relaxation(), round.is_point(done));
-        let passes = u32::from(share.is_some()) + done - before;
-        decomposition.in_turn(passes, |set, turn| {
-            if let (Some(share), 0) = (share, turn.pass) {
-                return set.momentum.go_on(&mut set.contacts, share);
-            }
-            let is_last = turn.pass + 1 == passes;
-            let sweeps =
-                if turn.of_interface { solver.interface_sweeps } else { solver.subdomain_sweeps };
-            set.sweeps(round.sweeps().saturating_mul(sweeps), relaxation, measured && is_last);
-            if is_point && is_last {
-                set.momentum.measure(&set.contacts);
-            }
-        });
-        outcome.iterations = done;
-        if measured {
-            outcome.residuals = decomposition.visit_norms().residuals();
-            if solver.norm == Norm::NaturalMap {
-                outcome.residuals.natural_map = decomposition.natural_map();
-            }
-            if is_solved(solver, &outcome.residuals) {
-                outcome.converged = true;
-                break;
-            }
-            // Nothing leads back from what is not a number.
-            if outcome.residuals.quad.is_nan() {
-                break;
-            }
-            round.observe(done, outcome.residuals.qm16());
-        }
-        share = if done < closing {
-            round.go_on(decomposition, done, measured)
-        } else {
-            round.retreat(decomposition);
-            None
-        };
+    let mut course = Course::new(solver);
+    loop {
+        decomposition.in_stretches(
+            |set, turn, leg: &Leg| leg.visit(set, turn, solver),
+            |sets| course.next(sets),
+        );
+        let Some(leg) = course.leg.take() else { break };
+        course.turn(decomposition, &leg);
     }
+    let mut outcome = course.outcome;
     outcome.residuals.natural_map = decomposition.natural_map();
     outcome.visits = decomposition.visits();
     outcome
+}
+
+/// Iterations up to the next one after which something is looked at or done.
+#[derive(Clone, Copy)]
+struct Leg {
+    start: Start,
+    iterations: u32,
+    /// Number of the last one.
+    done: u32,
+    /// Over those asked for.
+    sweeps: u32,
+    relaxation: f64,
+    /// Whether the last iteration ends with a test, and at a point of the momentum.
+    measured: bool,
+    is_point: bool,
+    /// Whether the natural map is asked for then.
+    mapped: bool,
+}
+
+impl Leg {
+    /// Passes before the sweeps.
+    fn ahead(&self) -> u32 {
+        u32::from(matches!(self.start, Start::GoOn(_)))
+    }
+
+    fn passes(&self) -> u32 {
+        self.ahead() + self.iterations + u32::from(self.mapped)
+    }
+
+    fn visit(&self, set: &mut Set, turn: Turn, solver: &Solver) {
+        if turn.pass == 0 {
+            set.momentum.start(&mut set.contacts, self.start);
+        }
+        let Some(iteration) = turn.pass.checked_sub(self.ahead()) else { return };
+        if iteration == self.iterations {
+            set.map = set.contacts.natural_map();
+            return;
+        }
+        let is_last = iteration + 1 == self.iterations;
+        let sweeps =
+            if turn.of_interface { solver.interface_sweeps } else { solver.subdomain_sweeps };
+        set.sweeps(self.sweeps.saturating_mul(sweeps), self.relaxation, self.measured && is_last);
+        if self.is_point && is_last {
+            set.momentum.measure(&set.contacts);
+        }
+    }
+}
+
+/// How far the iterations have come.
+struct Course<'a> {
+    solver: &'a Solver,
+    round: Round<'a>,
+    outcome: Outcome,
+    /// What the next leg begins with.
+    start: Start,
+    /// The one under way, or after which [`Self::turn`] is to be called.
+    leg: Option<Leg>,
+}
+
+impl<'a> Course<'a> {
+    fn new(solver: &'a Solver) -> Self {
+        let outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
+        Self { solver, round: Round::first(solver), outcome, start: Start::Sweeps, leg: None }
+    }
+
+    fn check_every(&self) -> u32 {
+        self.solver.check_every.max(1)
+    }
+
+    /// The iteration after which the last sweeps are to come: what the cap ends with are sweeps from the best impulses.
+    fn closing(&self) -> u32 {
+        self.solver.iterations.saturating_sub(self.check_every())
+    }
+
+    /// Ends the leg that is under way, and gives the next one; `None` when all is over, or the leg is to be followed
+    /// by a turn.
+    fn next(&mut self, sets: &Decomposition) -> Option<Stretch<Leg>> {
+        if let Some(Leg { done, measured, mapped, .. }) = self.leg {
+            self.outcome.iterations = done;
+            if measured && self.ends(sets, mapped) {
+                self.leg = None;
+                return None;
+            }
+            let is_closing = done >= self.closing();
+            if self.round.is_at_a_turn(done, measured && !is_closing) {
+                return None;
+            }
+            self.start = match is_closing {
+                true => Start::Sweeps,
+                false => self.round.start(sets, done, measured),
+            };
+        }
+        self.leg = (self.outcome.iterations < self.solver.iterations).then(|| self.plan());
+        self.leg.map(|leg| (leg.passes(), leg))
+    }
+
+    /// After a test: whether the iterations end with it.
+    fn ends(&mut self, sets: &Decomposition, mapped: bool) -> bool {
+        let residuals = &mut self.outcome.residuals;
+        *residuals = sets.visit_norms().residuals();
+        if mapped {
+            residuals.natural_map = sets.sum(|set| set.map).residual();
+        }
+        if is_solved(self.solver, residuals) {
+            self.outcome.converged = true;
+            return true;
+        }
+        // Nothing leads back from what is not a number.
+        if residuals.quad.is_nan() {
+            return true;
+        }
+        self.round.observe(self.outcome.iterations, residuals.qm16());
+        false
+    }
+
+    /// The next leg.
+    fn plan(&self) -> Leg {
+        let (before, closing) = (self.outcome.iterations, self.closing());
+        let test = next_after(before, 0, self.check_every()).min(self.solver.iterations);
+        let stops = [self.round.next_point(before), (before < closing).then_some(closing)];
+        let done = stops.into_iter().flatten().fold(test, u32::min);
+        let measured = done == test;
+        Leg {
+            start: self.start,
+            iterations: done - before,
+            done,
+            sweeps: self.round.sweeps(),
+            relaxation: self.round.relaxation(),
+            measured,
+            is_point: self.round.is_point(done),
+            mapped: measured && self.solver.norm == Norm::NaturalMap,
+        }
+    }
+
+    /// Does what needs all sets at hand after a leg.
+    fn turn(&mut self, decomposition: &mut Decomposition, leg: &Leg) {
+        if leg.done >= self.closing() {
+            self.round.retreat(decomposition);
+        } else {
+            self.round.go_on(decomposition, leg.done, leg.measured);
+        }
+        self.start = Start::Sweeps;
+    }
 }

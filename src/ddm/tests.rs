@@ -90,7 +90,7 @@ pub(super) fn run_with(
 ) -> Solved {
     let targets = vec![Pose::identity(); model.driven.len()];
     let mut motion = Motion::default();
-    motion.predict(model, state, &crate::drive::Inputs { targets: &targets, loads: &[] }).unwrap();
+    motion.predict(model, state, &crate::drive::Inputs::of(&targets)).unwrap();
     let mut problem = LocalProblem::default();
     problem.build(model, state, &motion, contacts, start);
     let mut decomposition = Decomposition::default();

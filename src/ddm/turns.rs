@@ -8,12 +8,15 @@
 //! both of its subdomains have come to it; a subdomain's next pass begins after the last of its own groups, whatever is
 //! still to be done elsewhere. A subdomain is left to the thread that has visited it last and has it in its caches,
 //! unless others have nothing to do.
+//!
+//! Passes come in stretches: between two of them all visits have ended, and whoever has ended the last one asks what
+//! the next stretch is to be, while the others wait for it where they are.
 
 use super::on_threads;
 use crate::partition::Interface;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 
 /// How often a thread without work looks for its own before it takes that of others: for some microseconds, less than
 /// it takes to fetch what another thread has in its caches.
@@ -27,7 +30,7 @@ pub(super) struct Turn {
     /// Subdomains first.
     pub set: usize,
     pub of_interface: bool,
-    /// Counted from 0.
+    /// Counted from 0 in each stretch.
     pub pass: u32,
 }
 
@@ -36,11 +39,11 @@ pub(super) struct Turn {
 pub(super) struct Turns {
     /// Subdomains that have come to each group since the run began: with the second of two its turn has come.
     arrivals: Vec<AtomicU32>,
-    /// Passes that each subdomain has finished.
+    /// Passes of the present stretch that each subdomain has finished.
     passes: Vec<AtomicU32>,
     /// The thread that has visited each subdomain last.
     homes: Vec<AtomicUsize>,
-    /// Subdomains that have passes to go.
+    /// Subdomains that have passes of the present stretch to go.
     unfinished: AtomicUsize,
     queue: Queue,
 }
@@ -58,21 +61,32 @@ struct Queue {
 }
 
 impl Queue {
-    /// The turn of all subdomains has come, each at its home among so many threads.
-    fn begin(&mut self, threads: usize, homes: &mut [AtomicUsize]) {
+    /// Nothing is there yet for so many threads, which may be that of so many subdomains.
+    fn reset(&mut self, threads: usize, subdomains: usize) {
         let sets = self.sets.get_mut().unwrap_or_else(PoisonError::into_inner);
         sets.resize_with(threads, VecDeque::default);
         for of_thread in &mut *sets {
             of_thread.clear();
             // No more than these wait at once, so that a run allocates nothing, whoever does what.
-            of_thread.reserve(homes.len());
-        }
-        for (set, home) in homes.iter_mut().enumerate() {
-            sets[*home.get_mut()].push_back(set);
+            of_thread.reserve(subdomains);
         }
         self.counts.clear();
-        self.counts.extend(sets.iter().map(|of_thread| AtomicUsize::new(of_thread.len())));
+        self.counts.resize_with(threads, AtomicUsize::default);
         *self.is_over.get_mut() = false;
+    }
+
+    /// The turn of all subdomains has come, each at its home.
+    fn push_all(&self, homes: &[AtomicUsize]) {
+        let mut sets = self.enter();
+        for (set, home) in homes.iter().enumerate() {
+            sets[home.load(Ordering::Relaxed)].push_back(set);
+        }
+        for (of_thread, count) in sets.iter().zip(&self.counts) {
+            count.store(of_thread.len(), Ordering::Relaxed);
+        }
+        if self.sleepers.load(Ordering::Relaxed) > 0 {
+            self.bell.notify_all();
+        }
     }
 
     fn enter(&self) -> MutexGuard<'_, Vec<VecDeque<usize>>> {
@@ -149,19 +163,36 @@ impl Drop for Alarm<'_> {
     }
 }
 
-/// A run of some passes.
-struct Run<'a, V> {
+/// So many passes, and what their visits have to know.
+pub(super) type Stretch<P> = (u32, P);
+
+/// A run of some stretches.
+struct Run<'a, P, V, N> {
     turns: &'a Turns,
     interface: &'a Interface,
-    passes: u32,
+    /// The present one.
+    stretch: RwLock<Stretch<P>>,
     visit: V,
+    next: Mutex<N>,
 }
 
 impl Turns {
-    /// Makes `passes` passes over the sets of `interface` and its subdomains, each visit alone with what it shares with
-    /// others, on as many of the present threads as are of use.
-    pub fn run(&mut self, interface: &Interface, passes: u32, visit: impl Fn(Turn) + Sync) {
+    /// Makes stretches of passes over the sets of `interface` and its subdomains, each visit alone with what it shares
+    /// with others, on as many of the present threads as are of use. `next` gives the first stretch, and when all
+    /// visits of one have ended, the one after it; `None`: no more.
+    pub fn run<P: Copy + Send + Sync>(
+        &mut self,
+        interface: &Interface,
+        visit: impl Fn(Turn, &P) + Sync,
+        mut next: impl FnMut() -> Option<Stretch<P>> + Send,
+    ) {
         let (subdomains, threads) = (interface.courses.len(), rayon::current_num_threads());
+        let mut first = next();
+        // Where there is nothing to visit, whatever its passes, a stretch has ended.
+        while first.is_some_and(|(passes, _)| passes == 0 || subdomains == 0) {
+            first = next();
+        }
+        let Some(first) = first else { return };
         self.arrivals.clear();
         self.arrivals.resize_with(interface.pairs.len(), AtomicU32::default);
         self.passes.clear();
@@ -172,27 +203,54 @@ impl Turns {
             self.homes.clear();
             self.homes.extend((0..subdomains).map(in_order));
         }
-        *self.unfinished.get_mut() = subdomains;
-        self.queue.begin(threads, &mut self.homes);
-        if passes > 0 && subdomains > 0 {
-            let run = Run { turns: self, interface, passes, visit };
-            on_threads(workers, &|| run.take_turns());
-        }
+        self.queue.reset(threads, subdomains);
+        let (stretch, next) = (RwLock::new(first), Mutex::new(next));
+        let run = Run { turns: self, interface, stretch, visit, next };
+        run.begin_stretch();
+        on_threads(workers, &|| run.take_turns());
     }
 }
 
-impl<V: Fn(Turn) + Sync> Run<'_, V> {
+impl<P, V, N> Run<'_, P, V, N>
+where
+    P: Copy + Send + Sync,
+    V: Fn(Turn, &P) + Sync,
+    N: FnMut() -> Option<Stretch<P>> + Send,
+{
+    /// The present stretch begins; no visit is under way.
+    fn begin_stretch(&self) {
+        let Turns { passes, homes, unfinished, queue, .. } = self.turns;
+        passes.iter().for_each(|passes| passes.store(0, Ordering::Relaxed));
+        unfinished.store(passes.len(), Ordering::Relaxed);
+        // Whoever takes a set from there sees all this.
+        queue.push_all(homes);
+    }
+
+    /// All visits of a stretch have ended.
+    fn end_stretch(&self) {
+        let mut next = self.next.lock().unwrap_or_else(PoisonError::into_inner);
+        match std::iter::from_fn(&mut *next).find(|&(passes, _)| passes > 0) {
+            None => self.turns.queue.end(),
+            Some(stretch) => {
+                *self.stretch.write().unwrap_or_else(PoisonError::into_inner) = stretch;
+                self.begin_stretch();
+            }
+        }
+    }
+
     fn take_turns(&self) {
         let Turns { queue, homes, .. } = self.turns;
         let _alarm = Alarm(queue);
         let thread = rayon::current_thread_index().unwrap_or(0);
         while let Some(mut set) = queue.wait(thread) {
+            // Whoever goes on from turn to turn below stays in it.
+            let (passes, plan) = *self.stretch.read().unwrap_or_else(PoisonError::into_inner);
             loop {
                 if let Some(home) = homes.get(set) {
                     home.store(thread, Ordering::Relaxed);
                 }
-                (self.visit)(self.turn(set));
-                match self.go_on(set, thread) {
+                (self.visit)(self.turn(set), &plan);
+                match self.go_on(set, thread, passes) {
                     Some(next) => set = next,
                     None => break,
                 }
@@ -210,13 +268,13 @@ impl<V: Fn(Turn) + Sync> Run<'_, V> {
 
     /// After the turn of `set`: of those whose turn comes with that, one may be for `thread` to visit; others are left to
     /// whom they are at home with.
-    fn go_on(&self, set: usize, thread: usize) -> Option<usize> {
+    fn go_on(&self, set: usize, thread: usize, passes: u32) -> Option<usize> {
         let come = match set.checked_sub(self.turns.passes.len()) {
-            None => [self.come_to(set, 0), None],
+            None => [self.come_to(set, 0, passes), None],
             Some(g) => self.interface.pairs[g].map(|s| {
                 let course = self.interface.courses.list(s as usize);
                 let place = course.iter().take_while(|&&other| other as usize != g).count();
-                self.come_to(s as usize, place + 1)
+                self.come_to(s as usize, place + 1, passes)
             }),
         };
         let mut mine = None;
@@ -233,19 +291,20 @@ impl<V: Fn(Turn) + Sync> Run<'_, V> {
         mine
     }
 
-    /// Subdomain `s` comes to a place in its course: gives the set whose turn has come with that.
-    fn come_to(&self, s: usize, place: usize) -> Option<usize> {
-        let Turns { arrivals, passes, unfinished, queue, .. } = self.turns;
+    /// Subdomain `s` comes to a place in its course, in a stretch of so many passes: gives the set whose turn has come
+    /// with that.
+    fn come_to(&self, s: usize, place: usize, of_stretch: u32) -> Option<usize> {
+        let Turns { arrivals, passes, unfinished, .. } = self.turns;
         // Acquire and release throughout: who comes second, or takes a next pass, has seen what the others left.
         if let Some(&g) = self.interface.courses.list(s).get(place) {
             let before = arrivals[g as usize].fetch_add(1, Ordering::AcqRel);
             return (before % 2 == 1).then_some(passes.len() + g as usize);
         }
-        if passes[s].fetch_add(1, Ordering::AcqRel) + 1 < self.passes {
+        if passes[s].fetch_add(1, Ordering::AcqRel) + 1 < of_stretch {
             return Some(s);
         }
         if unfinished.fetch_sub(1, Ordering::AcqRel) == 1 {
-            queue.end();
+            self.end_stretch();
         }
         None
     }

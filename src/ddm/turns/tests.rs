@@ -26,7 +26,13 @@ fn needs(interface: &Interface, turn: &Turn) -> Vec<u32> {
     }
 }
 
-/// All turns of a run in some order in which they ended.
+/// One stretch.
+fn once(passes: u32) -> impl FnMut() -> Option<Stretch<()>> + Send {
+    let mut stretch = Some((passes, ()));
+    move || stretch.take()
+}
+
+/// All turns of a run in some order in which they ended; passes are counted through its stretches.
 fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<Turn> {
     let seen = Mutex::new(Vec::new());
     let taken: Vec<AtomicBool> =
@@ -37,7 +43,12 @@ fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<
     for _ in 0..2 {
         seen.lock().unwrap().clear();
         pool.install(|| {
-            turns.run(interface, passes, |turn| {
+            // Some stretches of one pass, and some of none; each visit has to know where its stretch began.
+            let mut begins = (0..passes).map(|pass| (1, pass)).take(2).chain([(0, 99)]);
+            let mut rest = (passes > 2).then_some((passes - 2, 2));
+            let next = || begins.next().or_else(|| rest.take());
+            let visit = |turn: Turn, began: &u32| {
+                let turn = Turn { pass: began + turn.pass, ..turn };
                 let needed = needs(interface, &turn);
                 for s in &needed {
                     assert!(!taken[*s as usize].swap(true, Ordering::AcqRel), "{turn:?}");
@@ -51,7 +62,8 @@ fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<
                 for s in &needed {
                     taken[*s as usize].store(false, Ordering::Release);
                 }
-            });
+            };
+            turns.run(interface, visit, next);
         });
     }
     seen.into_inner().unwrap()
@@ -89,44 +101,60 @@ fn nobody_waits_for_a_visit_that_panics() {
     for unlucky in [0, 5, 12, 20] {
         let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             pool.install(|| {
-                turns.run(&interface, 3, |turn| {
+                let visit = |turn: Turn, _: &()| {
                     // The others have nothing to do for so long that they sleep.
                     std::thread::sleep(std::time::Duration::from_millis(2));
                     assert!(turn.set != unlucky || turn.pass != 1, "unlucky");
-                });
+                };
+                turns.run(&interface, visit, once(3));
             });
         }));
         assert!(panicked.is_err());
         // The next run knows nothing of it.
         let visits = AtomicUsize::new(0);
         pool.install(|| {
-            turns.run(&interface, 2, |_| {
+            let count = |_: Turn, _: &()| {
                 visits.fetch_add(1, Ordering::Relaxed);
-            });
+            };
+            turns.run(&interface, count, once(2));
         });
         assert_eq!(visits.into_inner(), 2 * (12 + interface.pairs.len()));
     }
 }
 
 #[test]
+fn nobody_waits_for_a_stretch_that_is_never_told() {
+    let interface = interface(12, 0.5, 1);
+    let pool = ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+    let told = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+        pool.install(|| {
+            let mut stretches = vec![Some((2, ())), Some((1, ()))];
+            let next = || stretches.pop().expect("unlucky");
+            Turns::default().run(&interface, |_, ()| {}, next);
+        });
+    }));
+    assert!(told.is_err());
+}
+
+#[test]
 fn there_may_be_nothing_to_do_no_pool_or_others_in_it() {
     let visits = AtomicUsize::new(0);
-    let count = |_: Turn| {
+    let count = |_: Turn, _: &()| {
         visits.fetch_add(1, Ordering::Relaxed);
     };
-    Turns::default().run(&interface(0, 0.0, 1), 3, count);
-    Turns::default().run(&interface(5, 0.5, 1), 0, count);
+    Turns::default().run(&interface(0, 0.0, 1), count, once(3));
+    Turns::default().run(&interface(5, 0.5, 1), count, once(0));
     assert_eq!(visits.load(Ordering::Relaxed), 0);
     // From outside of any pool, and without an interface.
-    Turns::default().run(&interface(5, 0.0, 1), 3, count);
+    Turns::default().run(&interface(5, 0.0, 1), count, once(3));
     assert_eq!(visits.load(Ordering::Relaxed), 15);
 
     let (one, other) = (interface(30, 0.3, 2), interface(7, 0.6, 3));
     let pool = ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     pool.install(|| {
         rayon::join(
-            || (0..20).for_each(|_| Turns::default().run(&one, 5, count)),
-            || (0..20).for_each(|_| Turns::default().run(&other, 5, count)),
+            || (0..20).for_each(|_| Turns::default().run(&one, count, once(5))),
+            || (0..20).for_each(|_| Turns::default().run(&other, count, once(5))),
         );
     });
     let sets = 30 + one.pairs.len() + 7 + other.pairs.len();
