@@ -25,6 +25,7 @@ pub use control::{
 pub use cost::{Cost, WallClock};
 pub use fault::{Code, Fault, Finding, said};
 pub use owner::Ownership;
+use state::Shelf;
 pub use state::{Kept, empty_model};
 pub use verb::Verb;
 pub use window::{Pace, Watch, WindowKind};
@@ -33,7 +34,6 @@ use crate::messages::{AdvanceReply, Digest, StateHash};
 use ballast::component::Component;
 use ballast::model::Model;
 use ballast::state::State;
-use std::collections::BTreeMap;
 
 /// Most states kept under a name.
 pub const MOST_STATES: usize = 64;
@@ -54,7 +54,7 @@ pub struct Lockstep {
     answered: Option<(Digest, AdvanceReply)>,
     /// Other parameters were set since.
     is_outdated: bool,
-    kept: BTreeMap<String, Kept>,
+    kept: Shelf,
     owner: Ownership,
     /// What failed inside.
     trouble: Option<String>,
@@ -87,7 +87,7 @@ impl Lockstep {
             seq: 0,
             answered: None,
             is_outdated: false,
-            kept: BTreeMap::new(),
+            kept: Shelf::default(),
             owner: Ownership::default(),
             trouble: None,
             is_configured: true,

@@ -6,6 +6,7 @@ use ballast::component::{Component, Limits, Parameters};
 use ballast::math::Vec3;
 use ballast::model::{Grains, Model, Solver, Stepping};
 use ballast::state::State;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A state and the parameters with which windows go on from it.
@@ -38,6 +39,60 @@ pub fn empty_model() -> Model {
         restitution: 0.0,
         stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
         solver: Solver::default(),
+    }
+}
+
+/// States kept under names, up to [`MOST_STATES`].
+#[derive(Debug, Default)]
+pub(super) struct Shelf {
+    saved: BTreeMap<String, Saved>,
+    /// How many were ever saved.
+    count: u64,
+}
+
+#[derive(Debug)]
+struct Saved {
+    kept: Kept,
+    /// Who has saved it, and as the how-manieth.
+    client: String,
+    number: u64,
+}
+
+impl Shelf {
+    /// Keeps a state of `client`'s. Where there is no room, the oldest of a client that is gone gives way.
+    fn put(&mut self, name: &str, kept: Kept, client: &str) -> Result<(), Fault> {
+        if self.saved.len() >= MOST_STATES && !self.saved.contains_key(name) {
+            let others = self.saved.iter().filter(|(_, saved)| saved.client != client);
+            let oldest = others.min_by_key(|(_, saved)| saved.number).map(|(name, _)| name.clone());
+            let Some(oldest) = oldest else {
+                let found = format!("{} and {name:?}", self.saved.len());
+                let expected = format!("at most {MOST_STATES}");
+                return Err(Fault::expected(Code::TooManyStates, "kept states", expected, found));
+            };
+            self.saved.remove(&oldest);
+        }
+        self.count += 1;
+        let saved = Saved { kept, client: client.into(), number: self.count };
+        self.saved.insert(name.into(), saved);
+        Ok(())
+    }
+
+    fn get(&self, name: &str) -> Result<Kept, Fault> {
+        self.saved.get(name).map(|saved| saved.kept.clone()).ok_or_else(|| self.unknown(name))
+    }
+
+    fn remove(&mut self, name: &str) -> Result<(), Fault> {
+        self.saved.remove(name).map(|_| ()).ok_or_else(|| self.unknown(name))
+    }
+
+    fn unknown(&self, name: &str) -> Fault {
+        let known: Vec<_> = self.saved.keys().collect();
+        let found: String = name.chars().take(50).collect();
+        let expected = match known[..] {
+            [] => "a state that was saved before; there is none".to_string(),
+            _ => format!("one of {known:?}"),
+        };
+        Fault::expected(Code::UnknownState, "name", expected, format!("{found:?}"))
     }
 }
 
@@ -119,12 +174,13 @@ impl Lockstep {
         self.check_configured()?;
         self.put(self.start.clone())?;
         (self.run_id, self.seq, self.durable_seq) = (run_id, 0, 0);
-        self.kept.clear();
+        self.kept = Shelf::default();
         self.idle_since_ms = now_ms;
         Ok(self.place())
     }
 
-    /// Keeps the state and the parameters under a name; an older one of this name is replaced.
+    /// Keeps the state and the parameters under a name; an older one of this name is replaced, and where there is no room,
+    /// the oldest of a client that is gone.
     ///
     /// # Errors
     /// [`Code::NotOwner`], [`Code::InError`], [`Code::Malformed`] for a name that cannot be one,
@@ -132,12 +188,8 @@ impl Lockstep {
     pub fn save(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
         self.check_ready(ticket)?;
         check_name("name", &ask.name)?;
-        if self.kept.len() >= MOST_STATES && !self.kept.contains_key(&ask.name) {
-            let found = format!("{} and {:?}", self.kept.len(), ask.name);
-            let expected = format!("at most {MOST_STATES}");
-            return Err(Fault::expected(Code::TooManyStates, "kept states", expected, found));
-        }
-        self.kept.insert(ask.name.clone(), Kept::of(&self.component));
+        let client = self.owner.client().unwrap_or_default();
+        self.kept.put(&ask.name, Kept::of(&self.component), client)?;
         Ok(self.place())
     }
 
@@ -148,8 +200,7 @@ impl Lockstep {
     pub fn restore(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
         self.check_owner(ticket)?;
         self.check_not_quitting()?;
-        let state = self.kept.get(&ask.name).cloned().ok_or_else(|| self.unknown(&ask.name))?;
-        self.put(state)?;
+        self.put(self.kept.get(&ask.name)?)?;
         self.lose_durable();
         Ok(self.place())
     }
@@ -160,7 +211,7 @@ impl Lockstep {
     /// [`Code::NotOwner`], [`Code::UnknownState`].
     pub fn drop_state(&mut self, ask: &Named, ticket: &str) -> Result<Place, Fault> {
         self.check_owner(ticket)?;
-        self.kept.remove(&ask.name).ok_or_else(|| self.unknown(&ask.name))?;
+        self.kept.remove(&ask.name)?;
         Ok(self.place())
     }
 
@@ -173,15 +224,5 @@ impl Lockstep {
         (self.answered, self.is_outdated) = (None, false);
         self.hash_again();
         Ok(())
-    }
-
-    fn unknown(&self, name: &str) -> Fault {
-        let known: Vec<_> = self.kept.keys().collect();
-        let found: String = name.chars().take(50).collect();
-        let expected = match known[..] {
-            [] => "a state that was saved before; there is none".to_string(),
-            _ => format!("one of {known:?}"),
-        };
-        Fault::expected(Code::UnknownState, "name", expected, format!("{found:?}"))
     }
 }

@@ -1,6 +1,6 @@
 //! Kept states, the parameters that go with them, and checkpoints.
 
-use crate::{MS, ask, lockstep, shaken, straight, window};
+use crate::{MS, ask, attach, lockstep, shaken, straight, window};
 use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
 use ballast_protocol::lockstep::{Code, Kept, Named, SetParameters};
 use ballast_protocol::messages::{AdvanceRequest, Status};
@@ -40,6 +40,26 @@ fn states_are_kept_by_name() {
     assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, Code::UnknownState);
     let first = AdvanceRequest { run_id: "run-2".into(), ..window(1) };
     assert_eq!(ask(&mut lockstep, Advance, &first, &ticket).unwrap().hash, straight(1).hash);
+}
+
+#[test]
+fn states_of_clients_that_are_gone_make_room() {
+    let (mut lockstep, mut ticket) = lockstep();
+    let named = |client: usize, k: usize| Named { name: format!("{client}-{k}") };
+    for client in 1..=70 {
+        lockstep.save(&named(client, 1), &ticket).unwrap();
+        lockstep.save(&named(client, 2), &ticket).unwrap();
+        lockstep.detach(&ticket).unwrap();
+        ticket = attach(&mut lockstep, &format!("client-{client}")).unwrap();
+    }
+    // The last ones are still there, for whoever comes next.
+    lockstep.restore(&named(70, 1), &ticket).unwrap();
+    lockstep.restore(&named(39, 1), &ticket).unwrap();
+    assert_eq!(lockstep.restore(&named(38, 2), &ticket).unwrap_err().code, Code::UnknownState);
+    // Who is there keeps its own, and is told when they are too many.
+    (0..64).for_each(|k| drop(lockstep.save(&named(0, k), &ticket).unwrap()));
+    assert_eq!(lockstep.save(&named(0, 64), &ticket).unwrap_err().code, Code::TooManyStates);
+    lockstep.restore(&named(0, 0), &ticket).unwrap();
 }
 
 #[test]
