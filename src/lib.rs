@@ -14,9 +14,10 @@ pub mod lanes;
 
 pub mod geometry;
 
-pub mod drive;
 pub mod model;
 pub mod state;
+
+pub mod drive;
 
 pub mod motion;
 

@@ -23,11 +23,10 @@ pub use refusal::Refusal;
 pub use waveform::{Interpolation, Knot, WIDEST_TURN, Waveform};
 pub use window::{Input, LoadInput, Window};
 
-use crate::drive::Inputs;
+use crate::drive::{Inputs, SpeedLimit};
 use crate::error::{Cause, Error};
 use crate::math::Vec3;
 use crate::model::Model;
-use crate::motion::SpeedLimit;
 use crate::observe::{SqueezeRule, Zone};
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, advance};

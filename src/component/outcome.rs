@@ -1,11 +1,11 @@
 //! What a window did, summed over its steps.
 
 use super::memory::Recent;
+use crate::drive::SpeedLimit;
 use crate::error::Error;
 use crate::geometry::AxisBox;
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
-use crate::motion::SpeedLimit;
 use crate::observe::{self, SqueezeOutcome, Zone};
 use crate::state::{EnergyLedger, State};
 use crate::step::StepReport;

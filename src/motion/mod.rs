@@ -4,12 +4,10 @@
 //! Reads: model, state, inputs. Writes: [`Motion`]. Cost: O(bodies).
 
 mod mounted;
-mod speed_limit;
 mod tumbling;
 
 pub use mounted::Response;
 pub(crate) use mounted::only;
-pub use speed_limit::SpeedLimit;
 
 use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};

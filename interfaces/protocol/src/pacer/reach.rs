@@ -4,8 +4,8 @@
 //! farther in a step than grains allow.
 
 use ballast::component::{Component, Interpolation, Knot, WIDEST_TURN};
+use ballast::drive::SpeedLimit;
 use ballast::math::{Vec3, rotation};
-use ballast::motion::SpeedLimit;
 
 /// A rotation vector of at most [`WIDEST_TURN`] changes by so much faster than its body turns, at most.
 const RATE: f64 = 1.2;

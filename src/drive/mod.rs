@@ -1,7 +1,10 @@
 //! Imposed motion and loads: what a step is told about the driven bodies.
 
+mod speed_limit;
+
+pub use speed_limit::SpeedLimit;
+
 use crate::math::{Pose, Vec3};
-use crate::motion::SpeedLimit;
 
 /// Force (N) and torque about the reference point (N m), world axes, constant over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
