@@ -5,7 +5,10 @@ use ballast::component::{Interpolation, Knot, LoadKnot, LoadWaveform, Waveform};
 use ballast::drive::Load as CoreLoad;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast_protocol::messages::Quaternion;
-use numpy::{AllowTypeChange, PyArrayLikeDyn, PyUntypedArrayMethods};
+use numpy::{
+    AllowTypeChange, PyArrayDescrMethods, PyArrayDyn, PyArrayLikeDyn, PyUntypedArray,
+    PyUntypedArrayMethods, get_array_module,
+};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
@@ -13,6 +16,10 @@ use pyo3::types::{PyDict, PyMapping};
 
 /// Anything that numpy makes an array of.
 type Rows<'a, 'py> = &'a Bound<'py, PyAny>;
+type Array<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+
+/// Orientations that differ by less are the same, rad: as round-off leaves them.
+const SAME_TURN: f64 = 1e-9;
 
 /// Motion of a driven body, or of the mount of one, through a window.
 ///
@@ -23,7 +30,7 @@ type Rows<'a, 'py> = &'a Bound<'py, PyAny>;
 ///     positions: (n, 3) of the body's reference point, m.
 ///     orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
 ///     velocities: (n, 3) of the reference point, m/s.
-///     spins: (n, 3) rad/s, world axes.
+///     spins: (n, 3) rad/s, world axes; needed with hermite where orientations differ, else 0 unless given.
 ///     interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
 ///         given), "linear" (the default without them) or "hold".
 ///     rebase: the motion need not begin where the body is.
@@ -76,6 +83,12 @@ impl Motion {
             None => vec![Quat::identity(); n],
             Some(rows) => quaternions(py, rows, n)?,
         };
+        let turn = |q: &Quat| q != &orientations[0] && q.angle_to(&orientations[0]) > SAME_TURN;
+        let needs_spins = interpolation == Interpolation::Hermite && orientations.iter().any(turn);
+        if needs_spins && spins.is_none() {
+            let expected = "one per knot where orientations differ, as hermite needs them";
+            return Err(errors::invalid(py, "spins", expected, "none"));
+        }
         let rates = |name: &str, rows: Option<Rows<'_, '_>>| match rows {
             None => Ok(vec![Vec3::zeros(); n]),
             Some(rows) => vectors(py, name, rows, n),
@@ -189,6 +202,31 @@ pub fn named<C: PyTypeInfo, T>(
     dict.iter().map(of).collect()
 }
 
+/// Rows as an array of real numbers, or what they are instead: numpy would take dates for numbers, leave out imaginary
+/// parts, and show what a mask hides.
+fn array<'py>(rows: Rows<'_, 'py>) -> Result<Array<'py>, String> {
+    let none = |_| match rows.get_type().name() {
+        Ok(kind) => format!("no array of numbers ({kind})"),
+        Err(_) => "no array of numbers".into(),
+    };
+    // The usual ones are looked at no further.
+    let is_plain = rows.is_exact_instance_of::<PyUntypedArray>();
+    if is_plain && rows.cast::<PyArrayDyn<f64>>().is_ok() {
+        return rows.extract().map_err(none);
+    }
+    let array = get_array_module(rows.py()).and_then(|np| np.call_method1("asanyarray", (rows,)));
+    let array = array.map_err(none)?.cast_into::<PyUntypedArray>().map_err(|e| none(e.into()))?;
+    let dtype = array.dtype();
+    if !b"biufO".contains(&dtype.kind()) {
+        return Err(format!("no real numbers ({dtype})"));
+    }
+    let mask = array.getattr_opt("mask").map_err(none)?;
+    if mask.map_or(Ok(false), |m| m.call_method0("any")?.is_truthy()).map_err(none)? {
+        return Err("masked numbers".into());
+    }
+    array.extract().map_err(none)
+}
+
 fn shaped(
     py: Python<'_>,
     name: &str,
@@ -196,13 +234,12 @@ fn shaped(
     n: usize,
     width: usize,
 ) -> PyResult<Vec<f64>> {
-    let array = rows.extract::<PyArrayLikeDyn<'_, f64, AllowTypeChange>>();
-    let rows = match array {
+    let rows = match array(rows) {
         Ok(array) if array.shape() == [n, width] => array,
         other => {
             let found = match other {
                 Ok(array) => format!("the shape {:?}", array.shape()),
-                Err(_) => format!("no array of numbers ({})", rows.get_type().name()?),
+                Err(found) => found,
             };
             let expected = format!("an array of {n} rows of {width}, one per time");
             return Err(errors::invalid(py, name, expected, found));

@@ -1,4 +1,4 @@
-"""Cases and beds from Python."""
+"""Cases, beds and inputs from Python."""
 
 from __future__ import annotations
 
@@ -128,3 +128,30 @@ def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast
         case.with_values({"bed.seed": 2**63})
     free = case.with_values({"tamping.insertion.force_limit_N": math.inf})
     assert free.to_dict()["tamping"]["insertion"]["force_limit_N"] == math.inf
+
+
+def test_inputs_are_real_numbers_of_any_kind() -> None:
+    down = np.array([[0, 0, 0], [0, 0, -1]])
+    for kind in ("bool", "int8", "uint64", ">f4", "object"):
+        assert repr(ballast.Motion([0, 1], down.astype(kind))) == "Motion(2 knots, 0 to 1 ns, linear)"
+    assert repr(ballast.Load([0, 1], np.ma.array(down, mask=False))) == "Load(2 knots)"
+    # What numpy would make numbers of.
+    others = [down * 1j, down.astype("datetime64[s]"), down.astype(str).tolist()]
+    hidden = [np.ma.masked_equal(down.astype(kind), -1) for kind in (float, int)]
+    for rows, found in [*((rows, "no real numbers") for rows in others), *((rows, "masked numbers") for rows in hidden)]:
+        for of, place in [(ballast.Motion, "positions"), (ballast.Load, "forces")]:
+            with pytest.raises(ballast.Refused, match=f"expected an array of 2 rows of 3, .* found {found}") as refused:
+                of([0, 1], rows)
+            assert (refused.value.code, refused.value.place) == ("input_invalid", place)
+
+
+def test_what_turns_on_a_cubic_needs_spins() -> None:
+    still, turned = np.zeros((2, 3)), [[0, 0, 0, 1], [0, 0, 0.6, 0.8]]
+    with pytest.raises(ballast.Refused, match="spins: expected one per knot where orientations differ") as refused:
+        ballast.Motion([0, 1], still, turned, velocities=still)
+    assert (refused.value.code, refused.value.place) == ("input_invalid", "spins")
+    assert repr(ballast.Motion([0, 1], still, turned)) == "Motion(2 knots, 0 to 1 ns, linear)"
+    # The other sign of a quaternion is the same orientation.
+    for orientations, spins in [(turned, still), ([[0, 0, 0, 1], [0, 0, 0, -1]], None)]:
+        motion = ballast.Motion([0, 1], still, orientations, velocities=still, spins=spins)
+        assert repr(motion) == "Motion(2 knots, 0 to 1 ns, hermite)"

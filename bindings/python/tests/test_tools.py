@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 import importlib
 import math
+import os
 import re
+import signal
 import subprocess
 import sys
 import tomllib
@@ -74,6 +76,54 @@ def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> No
     assert np.isfinite(env.step(np.array([0.0, 2.0, 0.0]))[0]).all()
 
 
+def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds)
+    before, _ = env.reset(seed=1)
+    assert before[-3:].tolist() == [0.0, 1.0, 0.0]
+    # 35 Hz from the start, then gliding to 50: the angle is that of 35 and of 42.5 Hz, for 0.02 s each.
+    for action, frequency, turns in [(0.0, 35.0, 0.7), (1.0, 50.0, 1.55)]:
+        seen, *_ = env.step(np.array([-1.0, action, -1.0]))
+        angle = math.tau * turns
+        assert seen[-3:] == pytest.approx([math.sin(angle), math.cos(angle), frequency / 50.0], abs=1e-9)
+
+
+class Interrupted:
+    """A simulation whose windows Ctrl-C ends after their first step."""
+
+    def __init__(self, sim: ballast.Simulation) -> None:
+        self.sim = sim
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.sim, name)
+
+    def advance_to(self, t1_ns: int, tools: dict[str, ballast.Motion], *, zones: bool) -> None:
+        self.sim.advance_to(self.sim.now_ns + self.sim.step_ns, tools, zones=zones)
+        raise KeyboardInterrupt
+
+
+def test_a_step_that_ctrl_c_ends_can_be_made_again(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    def second(interrupted: bool) -> list[float]:
+        env = TampingEnv(case, beds=beds)
+        env.reset(seed=1)
+        env.step(np.array([0.0, 0.0, 1.0]))
+        if interrupted:
+            sim = env._sim
+            env._sim = Interrupted(sim)  # type: ignore[assignment]
+            with pytest.raises(KeyboardInterrupt):
+                env.step(np.array([1.0, 1.0, 0.0]))
+            env._sim = sim
+        seen, *_ = env.step(np.array([1.0, -1.0, 1.0]))
+        return [float(number) for number in seen]
+
+    assert second(interrupted=True) == second(interrupted=False)
+
+
 def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pd = pytest.importorskip("pandas")
     from ballast import study
@@ -84,7 +134,9 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     file = next((tmp_path / "study").glob("*.json"))
     stamp = file.stat().st_mtime_ns
     bad = {"tamping.vibration.frequency_Hz": 30.0, "seed": 1, "solver.iterations": 1}
-    table = study.run(case, [*points, bad], tmp_path / "study", jobs=2, beds=beds, progress=False)
+    # Points may come one by one.
+    generated = (point for point in [*points, bad])
+    table = study.run(case, generated, tmp_path / "study", jobs=2, beds=beds, progress=False)
     assert file.stat().st_mtime_ns == stamp, "what is done is not done again"
     assert len(table) == 3 and list(table["seed"]) == [case.seed, case.seed, 1]
     pd.testing.assert_frame_equal(first, table.loc[:0, first.columns])
@@ -131,6 +183,11 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
     assert told["points"] == [{**{k: v for k, v in point.items() if k != "seed"}, "bed.seed": 3}]
     with pytest.raises(TypeError, match="a: expected texts, numbers, .* found None"):
         study.plan("case.toml", [{"a": None}], tmp_path / "plan.toml")
+    # Only one of them could be obeyed.
+    for ask in (lambda point: study.plan("case.toml", [point], tmp_path / "plan.toml"), lambda point: study.apply(case, point)):
+        with pytest.raises(ballast.CaseError, match="expected one seed of the bed, .* found 1 and 2") as wrong:
+            ask({"seed": 1, "bed.seed": 2})
+        assert wrong.value.code == "case"
 
 
 def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
@@ -221,6 +278,9 @@ def test_figures_are_those_of_the_measure(
 
     for made in (taking, defaulting, calling, decorated):
         assert [told(made(1)), told(made(2)), told(made(1))] == [1, 2, 1], made
+    # The text that Python tells of a lambda is its line. The last two differ in what they hold within.
+    a, b, c = (lambda c, _: {"figure": c.seed + 1}), (lambda c, _: {"figure": c.seed + (lambda: 2)()}), (lambda c, _: {"figure": c.seed + (lambda: 3)()})  # fmt: skip
+    assert [told(a), told(b), told(c), told(a)] == [1, 2, 3, 1]
     with pytest.raises(TypeError, match="takes from around it, name its file, and one of them cannot: .*object"):
         told(taking(object()))
     with pytest.raises(TypeError, match="measure: expected a function .* found <bound method"):
@@ -293,6 +353,40 @@ def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: P
     )
     assert table["error"].tolist() == ["ValueError: no figures of tiny"]
     assert not list(tmp_path.glob("*.json"))
+
+
+def is_killed_at_60(case: ballast.Case, beds: str) -> dict[str, float]:
+    frequency = case.to_dict()["tamping"]["vibration"]["frequency_Hz"]
+    if frequency == 60.0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"figure": frequency}
+
+
+def test_only_the_point_whose_process_is_killed_fails(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 60.0, 40.0, 50.0]})
+    table = study.run(case, points, tmp_path, measure=is_killed_at_60, jobs=2, beds=beds, progress=False)
+    assert table["figure"].fillna(0.0).tolist() == [30.0, 0.0, 40.0, 50.0]
+    assert table["error"].isna().tolist() == [True, False, True, True]
+    assert re.search("BrokenProcessPool: its process was killed", table["error"].iloc[1])
+
+
+def test_a_script_that_begins_its_study_again_is_told_so(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    case.write(tmp_path / "tiny.toml")
+    script = tmp_path / "study.py"
+    script.write_text(
+        "from ballast import study\n"
+        "print('begun', flush=True)\n"
+        "points = study.grid({'seed': range(8)})\n"
+        f"print(*study.run('tiny.toml', points, 'study', jobs=1, beds={str(beds)!r}).error.unique())\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, check=True)
+    # By this process, the first of its pool, and the one that was to tell why that has ended.
+    said = "BrokenProcessPool: no process begins, as of a script without `if __name__ == '__main__':`"
+    assert done.stdout.splitlines() == ["begun"] * 3 + [said]
 
 
 def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:

@@ -153,7 +153,7 @@ class Motion:
         positions: (n, 3) of the body's reference point, m.
         orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
         velocities: (n, 3) of the reference point, m/s.
-        spins: (n, 3) rad/s, world axes.
+        spins: (n, 3) rad/s, world axes; needed with hermite where orientations differ, else 0 unless given.
         interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
             given), "linear" (the default without them) or "hold".
         rebase: the motion need not begin where the body is.

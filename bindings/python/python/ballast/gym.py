@@ -37,8 +37,9 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     `insertion_speed` at most. Speeds are means over a step of the environment, which begins and ends at rest: the greatest is
     half as much again. The amplitude is the case's.
 
-    **Observation** (4 + 3 nt,): depth (0 to 1), closing (0 to 1 of the stroke), compactness under the tamped
-    sleepers, share of the time that is over, and the mean force of the last 4 ms on each tine, in 10 kN.
+    **Observation** (7 + 3 nt,): depth (0 to 1), closing (0 to 1 of the stroke), compactness under the tamped
+    sleepers, share of the time that is over, the mean force of the last 4 ms on each tine, in 10 kN, and of the
+    vibration, which the next step takes over: sine and cosine of its angle, and its frequency in 50 Hz, 0 before it begins.
 
     **Reward**: gain of compactness under the sleepers in per cent, less `energy_price` times the work of the
     tines in J. `info` has both, and `compaction_per_kJ` since the start of the episode.
@@ -46,6 +47,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     An episode ends when the tines are closed for good, is truncated when the time of the case is over, and is
     truncated with `info["trouble"]` where the motion that was asked for cannot be computed. A step after its
     end is refused until `reset`, and so is an action that is no three numbers; numbers beyond -1 and 1 count as these.
+    A step that ends with an exception, such as that of Ctrl-C, has not been: it can be made again.
     """
 
     metadata = {"render_modes": []}
@@ -94,7 +96,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         if tines == 0:
             raise ballast.Error(f"{self._case!r}: expected a case with tines, found none")
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (4 + 3 * tines,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (7 + 3 * tines,), np.float64)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -122,7 +124,13 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             raise ballast.Error(f"action: expected 3 numbers from -1 to 1, found {action!r}")
         sim, was = self._sim, self._compactness
         tools, after = self._motions(np.clip(asked, -1.0, 1.0))
-        out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools, zones=True)
+        begun = sim.save()
+        try:
+            out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools, zones=True)
+        except BaseException:
+            # Ctrl-C ends the window after any of its steps; the next motions begin where this one did.
+            sim.restore(begun)
+            raise
         if out.status not in ("ok", "warn"):
             self._is_over = True
             return self._observe(), 0.0, False, True, {"trouble": out.trouble}
@@ -208,4 +216,5 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         assert self._sim is not None
         time = self._sim.now_ns / self._case.duration_ns
         head = [self._depth, self._closing, self._compactness, time]
-        return np.concatenate([head, (self._forces / FORCE).ravel()])
+        shaking = [math.sin(self._angle), math.cos(self._angle), self._omega / (math.tau * FREQUENCIES[1])]
+        return np.concatenate([head, (self._forces / FORCE).ravel(), shaking])

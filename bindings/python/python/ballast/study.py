@@ -23,9 +23,12 @@ import numbers
 import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
+from types import CodeType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -40,6 +43,10 @@ if TYPE_CHECKING:
 Point = Mapping[str, Any]
 Figures = dict[str, float]
 Measure = Callable[[ballast.Case, str], Figures]
+#: A function and its arguments.
+Call = tuple[Any, ...]
+Keep = Callable[[int, Any], None]
+Fail = Callable[[int, str], None]
 
 
 class Executor(Protocol):
@@ -91,9 +98,19 @@ def latin_hypercube(
 
 def apply(case: ballast.Case, point: Point) -> ballast.Case:
     """The case of a point."""
-    values = {key: value for key, value in point.items() if key != "seed"}
+    values = {key: value for key, value in _with_one_seed(point).items() if key != "seed"}
     changed = case.with_values(values) if values else case
     return changed.choose(seed=point.get("seed"))
+
+
+def _with_one_seed(point: Point) -> Point:
+    """A point that says the bed's seed by one of its two names at most."""
+    if "seed" in point and "bed.seed" in point:
+        found = f"{point['seed']} and {point['bed.seed']}"
+        error = ballast.CaseError(f"expected one seed of the bed, as seed or bed.seed, found {found}")
+        error.code = "case"
+        raise error
+    return point
 
 
 def _applied(case: ballast.Case, point: Point) -> ballast.Case:
@@ -154,7 +171,7 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
 
 def run(
     case: ballast.Case | str | os.PathLike[str],
-    points: Sequence[Point],
+    points: Iterable[Point],
     folder: str | os.PathLike[str],
     *,
     measure: Measure = tamp,
@@ -167,7 +184,8 @@ def run(
 
     Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
     with more points or from another process. A point that fails is told at once, and in the column `error`; the
-    next call tries it again. Points that make no case (CaseError) are told before anything is run.
+    next call tries it again. Points that make no case (CaseError) are told before anything is run. Where a process is
+    killed (for its memory, say), the points at hand are run again one by one, and only one that is killed again fails.
 
     Args:
         case: the case that points change.
@@ -175,13 +193,15 @@ def run(
         folder: of this study.
         measure: a function of a module (processes must find it) from a case and a folder of beds to figures, or
             `functools.partial` of one. With another text, or other values bound to it or taken from around it, all points
-            are run again; what it calls, and what its module holds, is not looked at.
+            are run again; what it calls, and what its module holds, is not looked at. Of a lambda, what it was compiled to
+            counts as text: another Python runs its points again.
         jobs: processes; by default one per processor.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
         progress: a line per point on stderr.
     """
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
+    points = list(points)
     cases = [_applied(base, point) for point in points]
     store = Path(folder)
     store.mkdir(parents=True, exist_ok=True)
@@ -205,36 +225,32 @@ def run(
         _ballast.replace(files[i], text)
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
 
-    if missing:
-        pool = executor or ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
-        try:
-            # Beds first, each once: points that share one would all prepare it.
-            shared = {cases[i].bed_key: i for i in missing}
-            made = {i: pool.submit(_bed, *_told(cases[i]), str(beds)) for i in shared.values()}
-            _wait(made, lambda i, bed: None, fail)
-            tasks = {
-                i: pool.submit(_point, *_told(cases[i]), str(beds), measure)
-                for i in missing
-                if shared[cases[i].bed_key] not in errors
-            }
-            for i in missing:
-                if i not in tasks and i not in errors:
-                    fail(i, errors[shared[cases[i].bed_key]])
-            _wait(tasks, keep, fail)
-        finally:
-            if isinstance(pool, ProcessPoolExecutor) and executor is None:
-                pool.shutdown(cancel_futures=True)
+    def every(calls: dict[int, Call], keep: Keep) -> None:
+        if executor is None:
+            _by_processes(calls, jobs, keep, fail)
+        else:
+            _wait({i: executor.submit(*call) for i, call in calls.items()}, keep, fail)
+
+    # Beds first, each once: points that share one would all prepare it.
+    shared = {cases[i].bed_key: i for i in missing}
+    every({i: (_bed, *_told(cases[i]), str(beds)) for i in shared.values()}, lambda i, bed: None)
+    for i in missing:
+        first = shared[cases[i].bed_key]
+        if first in errors and i not in errors:
+            fail(i, errors[first])
+    every({i: (_point, *_told(cases[i]), str(beds), measure) for i in missing if i not in errors}, keep)
     return _table(points, files, errors)
 
 
 def plan(
-    case: str | os.PathLike[str], points: Sequence[Point], path: str | os.PathLike[str]
+    case: str | os.PathLike[str], points: Iterable[Point], path: str | os.PathLike[str]
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
     text = _toml.dumps({"case": os.fspath(case)})
     for point in points:
-        named = {"bed.seed" if key == "seed" else key: value for key, value in point.items()}
+        values = _with_one_seed(point).items()
+        named = {"bed.seed" if key == "seed" else key: value for key, value in values}
         text += f"\n[[points]]\n{_toml.dumps(named)}"
     Path(path).write_text(text, encoding="utf-8")
 
@@ -256,12 +272,50 @@ def _point(text: str, seed: int, schedule: str, beds: str, measure: Measure) -> 
     return measure(_again(text, seed, schedule), beds)
 
 
-def _wait(
-    tasks: Mapping[int, Any],
-    keep: Callable[[int, Any], None],
-    fail: Callable[[int, str], None],
-) -> None:
-    """Takes results as they come, and what was raised instead."""
+def _by_processes(calls: dict[int, Call], jobs: int | None, keep: Keep, fail: Fail) -> None:
+    """Makes calls in processes of this machine.
+
+    One that is killed takes its whole pool down, and nothing tells which call it had: those that were at hand are made
+    again, each alone.
+    """
+    left = dict(calls)
+    while left:
+        at_hand = _until_killed(left, (os.cpu_count() or 1) if jobs is None else jobs, keep, fail)
+        # Where not even this can be called, a process for each of the others would end no better.
+        if at_hand and _until_killed({0: (int,)}, 1, lambda i, zero: None, fail):
+            for i in [*at_hand, *left]:
+                fail(i, "BrokenProcessPool: no process begins, as of a script without `if __name__ == '__main__':`")
+            return
+        for i in at_hand:
+            if _until_killed({i: calls[i]}, 1, keep, fail):
+                fail(i, "BrokenProcessPool: its process was killed, as where memory runs out, or crashed")
+
+
+def _until_killed(left: dict[int, Call], jobs: int, keep: Keep, fail: Fail) -> list[int]:
+    """Takes calls from `left` and makes them, so many at a time, until a process is killed; gives those at hand then."""
+    at_hand: dict[Future[Any], int] = {}
+
+    def take(futures: Iterable[Future[Any]]) -> None:
+        for future in futures:
+            if not isinstance(future.exception(), BrokenProcessPool):
+                _take(at_hand.pop(future), future, keep, fail)
+
+    # A pool may also break between two results, which its next `submit` tells.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool, suppress(BrokenProcessPool):
+        done: Collection[Future[Any]] = ()
+        while (left or at_hand) and not at_hand.keys() & done:
+            while left and len(at_hand) < jobs:
+                i = next(iter(left))
+                at_hand[pool.submit(*left[i])] = i
+                del left[i]
+            done = wait(at_hand, return_when=FIRST_COMPLETED).done
+            take(done)
+    take(list(at_hand))
+    return list(at_hand.values())
+
+
+def _wait(tasks: Mapping[int, Any], keep: Keep, fail: Fail) -> None:
+    """Takes results as they come."""
     numbers = {future: i for i, future in tasks.items()}
     if all(isinstance(future, Future) for future in numbers):
         done: Iterable[Any] = as_completed(numbers)
@@ -270,11 +324,16 @@ def _wait(
 
         done = dask_as_completed(numbers)
     for future in done:
-        try:
-            keep(numbers[future], future.result())
-        except (Exception, SystemExit) as error:
-            # The measure of one point may end its process, not the study.
-            fail(numbers[future], f"{type(error).__name__}: {error}")
+        _take(numbers[future], future, keep, fail)
+
+
+def _take(i: int, future: Any, keep: Keep, fail: Fail) -> None:
+    """Takes a result, or what was raised instead."""
+    try:
+        keep(i, future.result())
+    except (Exception, SystemExit) as error:
+        # The measure of one point may end its process, not the study.
+        fail(i, f"{type(error).__name__}: {error}")
 
 
 def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
@@ -305,7 +364,7 @@ def _described(measure: Callable[..., Any], seen: frozenset[int] = frozenset()) 
         layer = getattr(layer, "__wrapped__", None)
     seen |= {id(function) for function in functions}
     try:
-        texts = [inspect.getsource(function.__code__) for function in functions]
+        texts = [text for function in functions for text in _texts(function.__code__)]
         named = [functions[-1].__module__, functions[-1].__qualname__, *texts]
     except (IndexError, OSError, TypeError):
         raise TypeError(
@@ -314,6 +373,25 @@ def _described(measure: Callable[..., Any], seen: frozenset[int] = frozenset()) 
         ) from None
     values = [value for function in functions for value in _values(function)]
     return [*named, _plain(values, seen)] if values else named
+
+
+def _texts(code: CodeType) -> Iterable[Any]:
+    yield inspect.getsource(code)
+    # That of a lambda is the line that it is on, perhaps with others.
+    if code.co_name == "<lambda>":
+        yield _compiled(code)
+
+
+def _compiled(code: CodeType) -> list[Any]:
+    """What a function does, alike in all processes of the same Python."""
+
+    def told(constant: Any) -> Any:
+        if isinstance(constant, CodeType):
+            return _compiled(constant)
+        # In whatever order a set has here.
+        return sorted(map(repr, constant)) if isinstance(constant, frozenset) else repr(constant)
+
+    return [code.co_code.hex(), code.co_names, code.co_varnames, [told(c) for c in code.co_consts]]
 
 
 def _values(function: Any) -> Iterable[Any]:
