@@ -298,10 +298,7 @@ impl Simulation {
         match self.lock(py)?.take() {
             None => Ok(()),
             Some(Back::Here(mut here)) => here.stop_recording(py),
-            Some(Back::There(there)) => {
-                there.close(py);
-                Ok(())
-            }
+            Some(Back::There(there)) => there.close(py),
         }
     }
 

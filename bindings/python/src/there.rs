@@ -15,18 +15,125 @@ use ballast_protocol::lockstep::{Place, Verb, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
 use ballast_zenoh::{Client, Description, Link, Patience};
 use pyo3::prelude::*;
+use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
 /// Where the next motion of each driven body begins `[nd]`.
 type Targets = Arc<[Pose]>;
 
-/// A component elsewhere, driven from here.
-pub struct There {
-    client: Client,
+/// The process that was the first to open a session. Zenoh has threads that every session of a process shares, and a
+/// fork of it has none of them: there nothing would ever be answered.
+static FIRST: OnceLock<u32> = OnceLock::new();
+
+/// It leaves when its simulation is closed, which is the last that is done with it.
+const PRESENT: &str = "a client that has not left";
+
+/// The client, in the process that has the threads of its session.
+struct Driver {
+    process: u32,
+    /// `None` when it has left.
+    client: Option<Client>,
     /// One worker: it waits for answers while the calling thread listens for Ctrl-C.
     crew: Crew,
+}
+
+impl Driver {
+    fn attach(py: Python<'_>, name: &str, link: &Link) -> PyResult<(Self, Description)> {
+        let process = std::process::id();
+        check_process(py, *FIRST.get_or_init(|| process))?;
+        let (crew, is_given_up) = (Crew::apart(), Arc::default());
+        let turn = Turn::until(Arc::clone(&is_given_up));
+        let attached = attend(py, &crew, &turn, |_| {
+            let patience = Patience::default();
+            let client = Client::attach_until(name, link, "python", None, patience, is_given_up)?;
+            let about = client.describe()?;
+            Ok((client, about))
+        });
+        let (attached, raised) = attached?;
+        if let Some(raised) = raised {
+            py.detach(|| drop(attached));
+            return Err(raised);
+        }
+        let (client, about) = attached.map_err(|e| failed(py, e))?;
+        Ok((Self { process, client: Some(client), crew }, about))
+    }
+
+    fn client(&self) -> &Client {
+        self.client.as_ref().expect(PRESENT)
+    }
+
+    /// Does `work` with the client; Ctrl-C ends every call of it within a moment, and is given back beside what came of
+    /// it.
+    fn ask<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Client) -> T + Send,
+    ) -> PyResult<(T, Option<PyErr>)> {
+        check_process(py, self.process)?;
+        let is_given_up = Arc::clone(&self.client().line().is_given_up);
+        let turn = Turn::until(Arc::clone(&is_given_up));
+        let Self { client, crew, .. } = self;
+        let done = attend(py, crew, &turn, |_| work(client.as_mut().expect(PRESENT)));
+        is_given_up.store(false, Ordering::Relaxed);
+        done
+    }
+
+    /// The same for what has no effect that is to be taken note of when Ctrl-C came in between.
+    fn tell<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Client) -> Result<T, ballast_zenoh::Error> + Send,
+    ) -> PyResult<T> {
+        match self.ask(py, work)? {
+            (_, Some(raised)) => Err(raised),
+            (result, None) => result.map_err(|e| failed(py, e)),
+        }
+    }
+
+    /// Has these states forgotten, and leaves. Who does not hear of it notices that the owner is gone.
+    fn leave(&mut self, py: Python<'_>, kept: &BTreeSet<String>) -> PyResult<()> {
+        let here = self.process == std::process::id();
+        let Some(mut client) = self.client.take_if(|_| here) else { return Ok(()) };
+        let turn = Turn::until(Arc::clone(&client.line().is_given_up));
+        // One that computes would not answer before it has done.
+        let hears = !client.is_waiting();
+        let left = attend(py, &self.crew, &turn, |_| {
+            let is_answered = |name: &String| match client.drop_state(name) {
+                Ok(_) => true,
+                Err(error) => error.fault().is_some(),
+            };
+            if hears && kept.iter().all(is_answered) {
+                let _ = client.detach();
+            }
+        });
+        left?.1.map_or(Ok(()), Err)
+    }
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // To end a session is to wait for its threads.
+            std::mem::forget(self.client.take());
+        }
+    }
+}
+
+/// Refuses a process other than the one that has the session.
+fn check_process(py: Python<'_>, process: u32) -> PyResult<()> {
+    if process == std::process::id() {
+        return Ok(());
+    }
+    let expected = "the process that was the first to open a simulation elsewhere, or one that was not forked from it \
+                    (multiprocessing's \"spawn\" or \"forkserver\")";
+    Err(errors::refused(py, "elsewhere", "zenoh", expected, "a fork of it"))
+}
+
+/// A component elsewhere, driven from here.
+pub struct There {
+    driver: Driver,
     names: Arc<[String]>,
     targets: Targets,
     /// The last window's ends, ns, and the targets at its beginning.
@@ -35,8 +142,9 @@ pub struct There {
     pending: Option<(WindowKind, Arc<AdvanceRequest>)>,
     /// It has failed inside, over there.
     is_lost: bool,
-    /// How many states were kept, and the names of those that nobody here holds any more.
-    kept: u64,
+    /// How many states were kept, which still are, and those of them that nobody here holds any more.
+    count: u64,
+    kept: BTreeSet<String>,
     forgotten: Arc<Mutex<Vec<String>>>,
 }
 
@@ -60,34 +168,28 @@ impl Drop for Kept {
 impl There {
     /// Becomes the owner of the component `site/id`.
     pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
-        let crew = Crew::apart();
-        let attached = py.detach(|| {
-            let client = Client::attach(name, &link, "python", None, Patience::default())?;
-            let about = client.describe()?;
-            Ok((client, about))
-        });
-        let (client, about) = attached.map_err(|e| failed(py, e))?;
+        let (driver, about) = Driver::attach(py, name, &link)?;
         let target = |body: &Body| {
             let orientation = body.orientation.try_into()?;
             Ok(Pose { position: body.position.into(), orientation })
         };
         let targets: Result<_, Malformed> = about.bodies.iter().map(target).collect();
         let there = Self {
-            client,
-            crew,
+            driver,
             names: about.bodies.iter().map(|b| b.name.clone()).collect(),
             targets: targets.map_err(|e| unusable(py, "describe", &e))?,
             last: None,
             pending: None,
             is_lost: false,
-            kept: 0,
+            count: 0,
+            kept: BTreeSet::new(),
             forgotten: Arc::default(),
         };
         Ok((there, about))
     }
 
     pub fn now_ns(&self) -> u64 {
-        self.client.place().now_ns
+        self.driver.client().place().now_ns
     }
 
     pub fn is_lost(&self) -> bool {
@@ -110,8 +212,8 @@ impl There {
 
     fn request(&self, py: Python<'_>, kind: WindowKind, asked: &Asked) -> PyResult<AdvanceRequest> {
         let mut request = match (kind, asked.t1_ns, &self.last) {
-            (WindowKind::Advance, Some(t1_ns), _) => self.client.next(t1_ns),
-            (WindowKind::Redo, None, Some((ends, _))) => self.client.again(*ends),
+            (WindowKind::Advance, Some(t1_ns), _) => self.driver.client().next(t1_ns),
+            (WindowKind::Redo, None, Some((ends, _))) => self.driver.client().again(*ends),
             _ => {
                 let expected = "a window before this one";
                 return Err(errors::refused(py, "nothing_to_redo", "redo", expected, "none"));
@@ -158,17 +260,13 @@ impl There {
         let Some((kind, request)) = self.pending.clone() else {
             return Err(errors::error::<Error>(py, "failed", "no window is pending"));
         };
-        let client = &mut self.client;
-        let is_given_up = Arc::clone(&client.line().is_given_up);
-        let turn = Turn::until(Arc::clone(&is_given_up));
-        let done = attend(py, &self.crew, &turn, |_| client.send(kind, Arc::clone(&request)));
-        is_given_up.store(false, Ordering::Relaxed);
-        let (result, raised) = done?;
+        let send = |client: &mut Client| client.send(kind, Arc::clone(&request));
+        let (result, raised) = self.driver.ask(py, send)?;
         let reply = match result {
             Ok(reply) => reply,
             Err(error) => {
                 // What was refused was not done; after another run than this one nothing is to be waited for.
-                if !self.client.is_waiting() {
+                if !self.driver.client().is_waiting() {
                     self.pending = None;
                 }
                 return Err(raised.unwrap_or_else(|| failed(py, error)));
@@ -215,12 +313,12 @@ impl There {
     pub fn save(&mut self, py: Python<'_>) -> PyResult<Kept> {
         self.settle(py)?;
         self.forget(py)?;
-        self.kept += 1;
-        let name = format!("{}-{}", self.client.id(), self.kept);
-        let client = &mut self.client;
-        let place = py.detach(|| client.save(&name).cloned()).map_err(|e| failed(py, e))?;
+        self.count += 1;
+        let name = format!("{}-{}", self.driver.client().id(), self.count);
+        self.kept.insert(name.clone());
+        let place = self.driver.tell(py, |client| client.save(&name).cloned())?;
         Ok(Kept {
-            component: self.client.line().keys().name().into(),
+            component: self.driver.client().line().keys().name().into(),
             place,
             name,
             names: Arc::clone(&self.names),
@@ -231,22 +329,27 @@ impl There {
 
     /// States that nobody here holds any more need not be kept over there.
     fn forget(&mut self, py: Python<'_>) -> PyResult<()> {
-        let forgotten = || enter(&self.forgotten);
-        let mut names = std::mem::take(&mut *forgotten());
-        let client = &mut self.client;
-        let done = py.detach(|| {
+        let mut names = std::mem::take(&mut *enter(&self.forgotten));
+        let result = self.drop_there(py, &mut names);
+        // Those that it did not hear of are for the next time.
+        enter(&self.forgotten).append(&mut names);
+        result
+    }
+
+    /// Forgets states over there, and takes those that it has heard of off the list.
+    fn drop_there(&mut self, py: Python<'_>, names: &mut Vec<String>) -> PyResult<()> {
+        let kept = &mut self.kept;
+        self.driver.tell(py, |client| {
             while let Some(name) = names.last() {
                 match client.drop_state(name) {
                     // A component that was started anew has none of them.
                     Err(error) if error.fault().is_none() => return Err(error),
-                    _ => names.pop(),
+                    _ => kept.remove(name),
                 };
+                names.pop();
             }
             Ok(())
-        });
-        // Those that it did not hear of are for the next time.
-        forgotten().append(&mut names);
-        done.map_err(|e| failed(py, e))
+        })
     }
 
     pub fn restore(&mut self, py: Python<'_>, kept: &Kept) -> PyResult<()> {
@@ -256,16 +359,18 @@ impl There {
             let found = format!("one saved at {}", kept.component);
             return Err(errors::refused(py, "state_invalid", "state", expected, found));
         }
-        let client = &mut self.client;
-        py.detach(|| client.restore(&kept.name).map(|_| ())).map_err(|e| failed(py, e))?;
+        let restore = |client: &mut Client| client.restore(&kept.name).map(|_| ());
+        let (restored, raised) = self.driver.ask(py, restore)?;
+        if let Err(error) = restored {
+            return Err(raised.unwrap_or_else(|| failed(py, error)));
+        }
         (self.targets, self.last, self.is_lost) = (Arc::clone(&kept.targets), None, false);
-        Ok(())
+        raised.map_or(Ok(()), Err)
     }
 
-    /// Leaves; the run stays where it is.
-    pub fn close(self, py: Python<'_>) {
-        // One that does not hear of it notices that the owner is gone.
-        let _ = py.detach(|| self.client.detach());
+    /// Leaves; the run stays where it is, and what was kept of it for this simulation is forgotten.
+    pub fn close(mut self, py: Python<'_>) -> PyResult<()> {
+        self.driver.leave(py, &self.kept)
     }
 }
 

@@ -6,6 +6,7 @@ import json
 import signal
 import socket
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -208,3 +209,56 @@ def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(2 * end)
         assert there.save().time_ns == 2 * end == there.now_ns
+
+
+def test_leaving_does_not_wait_for_a_window_that_was_given_up(served: Served) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        with served.open() as there:
+            threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
+            there.advance_to(there.now_ns + 100_000 * there.step_ns)
+    # It is still computing; without the word of its partner it ends with the process.
+    assert served.process.poll() is None
+
+
+def test_states_that_are_left_behind_leave_room(served: Served) -> None:
+    with served.open() as there:
+        kept = [there.save() for _ in range(64)]
+        with pytest.raises(ballast.Refused, match="at most 64") as refused:
+            there.save()
+        assert refused.value.code == "too_many_states"
+    with served.open() as there:
+        again = [there.save() for _ in range(64)]
+        there.restore(again[0])
+        with pytest.raises(ballast.Refused, match="one that this simulation has saved"):
+            there.restore(kept[0])
+
+
+FORKED = """
+import multiprocessing, sys
+import ballast
+
+def opened():
+    return ballast.open(sys.argv[1], connect=sys.argv[2])
+
+def in_a_fork(sim):
+    refused = []
+    for ask in (opened, lambda: sim.advance_to(sim.now_ns + sim.step_ns), sim.save):
+        try:
+            ask()
+        except ballast.Refused as error:
+            refused.append(error.code)
+    sim.close()
+    sys.exit(0 if refused == ["elsewhere"] * 3 else 1)
+
+with opened() as sim:
+    process = multiprocessing.get_context("fork").Process(target=in_a_fork, args=(sim,))
+    process.start()
+    process.join(30)
+    assert process.exitcode == 0, process.exitcode
+    sim.advance_to(sim.now_ns + sim.step_ns)
+"""
+
+
+def test_a_forked_process_is_refused_instead_of_hanging(served: Served) -> None:
+    command = [sys.executable, "-c", FORKED, f"zenoh:{KEY}", served.endpoint]
+    subprocess.run(command, check=True, timeout=60)

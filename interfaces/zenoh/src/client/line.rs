@@ -85,6 +85,16 @@ impl Line {
     /// # Errors
     /// A name or a link that cannot be used.
     pub fn open(component: &str, link: &Link, patience: Patience) -> Result<Self, Error> {
+        Self::open_until(component, link, patience, Arc::default())
+    }
+
+    /// The same; calls end once `is_given_up` is set.
+    pub(super) fn open_until(
+        component: &str,
+        link: &Link,
+        patience: Patience,
+        is_given_up: Arc<AtomicBool>,
+    ) -> Result<Self, Error> {
         let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
         let keys = Keys::of(component)?;
         let session = link.open()?;
@@ -107,7 +117,7 @@ impl Line {
         };
         let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
         alive.callback(watch).background().wait().map_err(zenoh)?;
-        Ok(Self { session, keys, presence, patience, is_given_up: Arc::default() })
+        Ok(Self { session, keys, presence, patience, is_given_up })
     }
 
     /// The names under which the component is found.

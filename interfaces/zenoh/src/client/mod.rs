@@ -23,6 +23,7 @@ use ballast_protocol::{from_cdr, to_cdr};
 use journal::Journal;
 use line::Ask;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use unanswered::{Leads, Unanswered};
 use zenoh::liveliness::LivelinessToken;
@@ -60,9 +61,24 @@ impl Client {
         resume: Option<&str>,
         patience: Patience,
     ) -> Result<Self, Error> {
+        Self::attach_until(component, link, name, resume, patience, Arc::default())
+    }
+
+    /// The same; this and every later call ends within a moment once `is_given_up` is set ([`Line::is_given_up`]).
+    ///
+    /// # Errors
+    /// As for [`Client::attach`]; [`Error::Abandoned`].
+    pub fn attach_until(
+        component: &str,
+        link: &Link,
+        name: &str,
+        resume: Option<&str>,
+        patience: Patience,
+        is_given_up: Arc<AtomicBool>,
+    ) -> Result<Self, Error> {
         // A name of its own for every connection: the token of one that is gone says so.
         let id = format!("{name}-{}", &random()?[..8]);
-        let line = Line::open(component, link, patience)?;
+        let line = Line::open_until(component, link, patience, is_given_up)?;
         let token = line.come_alive(&id)?;
         let (ticket, place, journal) = Default::default();
         let (runs_freely, is_behind) = (false, false);
