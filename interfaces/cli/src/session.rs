@@ -25,7 +25,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
-use ballast_hdf5::checkpoint::{self, Kind};
+use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -69,25 +69,16 @@ impl Session {
 
     /// Takes a run up at its checkpoint.
     pub fn resume(path: &Path, console: Console) -> Outcome<Self> {
-        let files = RunFiles::beside(path);
-        let files = if path.exists() { files.claimed("wait for it")? } else { files };
-        let kept = checkpoint::read(path)?;
-        if kept.kind != Kind::Run {
-            let what = format!(
-                "it is a {}, not the checkpoint of a run; start from it with `ballast run CASE`",
-                kept.kind.name()
-            );
-            return Err(Failure::at(path, what));
-        }
-        if kept.extra.contains_key(case::RUN_ID) {
-            let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
-            return Err(Failure::at(path, what));
-        }
+        // What is no checkpoint of a run leaves nothing in its folder.
+        resumable(path)?;
+        let files = RunFiles::beside(path).claimed("wait for it")?;
+        // Again: up to here another process may have gone on with it.
+        let kept = resumable(path)?;
         let choices = Choices::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (model, state) = (kept.model, kept.state);
         let cycle = cycle(&case, &model, &state)?;
-        let recorder = Recorder::reopen(&files, &case, &model, state.step)?;
+        let recorder = Recorder::reopen(&files, &case, &model, &state)?;
         let engine = Engine::machine(model, state, cycle);
         Ok(Self::assemble(case, engine, files, recorder, None, console))
     }
@@ -371,6 +362,23 @@ impl Session {
             self.whole()
         )
     }
+}
+
+/// The checkpoint of a run that the case's machine drives.
+fn resumable(path: &Path) -> Outcome<Checkpoint> {
+    let kept = checkpoint::read(path)?;
+    if kept.kind != Kind::Run {
+        let what = format!(
+            "it is a {}, not the checkpoint of a run; start from it with `ballast run CASE`",
+            kept.kind.name()
+        );
+        return Err(Failure::at(path, what));
+    }
+    if kept.extra.contains_key(case::RUN_ID) {
+        let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
+        return Err(Failure::at(path, what));
+    }
+    Ok(kept)
 }
 
 /// The case's cycle, and whether the state belongs to it.

@@ -156,6 +156,8 @@ fn a_bed_cannot_be_resumed() {
     let bed = std::fs::read_dir(place.path("beds")).unwrap().next().unwrap().unwrap().path();
     let ended = place.call(&format!("resume {}", bed.display())).with_code(1);
     assert!(ended.stderr().contains("ballast run"), "{}", ended.stderr());
+    place.call("resume tiny.toml").with_code(1);
+    assert!(!place.path("beds/.lock").exists() && !place.path(".lock").exists());
 }
 
 #[test]
