@@ -104,11 +104,12 @@ impl Recorder {
         Ok(())
     }
 
-    /// Lets the summary know the zones of a run that ends between two frames; no record is made,
+    /// Lets the summary know the end, where a run may be between two frames; no record is made,
     /// since none would be there had the run gone on.
     pub fn observe_end(&mut self, model: &Model, state: &State) -> Outcome {
         let compactness = self.compactness(model, state)?;
         self.summary.take_zones(&compactness);
+        self.summary.lost = Some(observe::lost_grains(model, state));
         Ok(())
     }
 
