@@ -10,7 +10,7 @@ use super::sheet::{Cell, Sheet};
 use super::trial::DETECTION;
 use crate::console::write_out;
 use crate::exit::{Failure, Outcome};
-use crate::files::{read_text, replace_text};
+use crate::files::{expect_apart, read_text, replace_text};
 use crate::profile::{Profile, Spent};
 use crate::statistics::Statistics;
 use ballast::drive::Inputs;
@@ -57,6 +57,8 @@ const COLUMNS: [&str; FIGURES.len()] = {
 };
 
 pub fn sample(args: BenchSample) -> Outcome {
+    let (csv, save) = (args.csv.csv.as_deref(), args.save.as_deref());
+    expect_apart(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
     let machine = Machine::watch();
     let text = read_text(&args.file, LIMIT)?;
     let name = args.file.display().to_string();
@@ -69,13 +71,13 @@ pub fn sample(args: BenchSample) -> Outcome {
     let mut figures = figures(&sample, steps, &trial, &profile);
     figures["sample"] = json!(name);
     write_out(&figures.to_string());
-    if let Some(path) = &args.csv.csv {
+    if let Some(path) = csv {
         let mut sheet = Sheet::new(&COLUMNS);
         let of = |(_, place)| figures.pointer(place).map_or(Cell::Nothing, Cell::from);
         sheet.row(FIGURES.map(of).into());
         sheet.keep(&machine, path)?;
     }
-    if let Some(path) = &args.save {
+    if let Some(path) = save {
         let text = sample::write(&sample.model, &sample.state, sample.steps, &sample.meta);
         replace_text(path, &text)?;
     }

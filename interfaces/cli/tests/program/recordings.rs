@@ -408,6 +408,9 @@ fn bad_files_end_with_their_codes() {
         let said = replay(&place, &format!("run.mcap {for_poses}")).with_code(2).stderr();
         assert!(said.contains("holds the windows of a run"), "{said}");
     }
+    std::fs::hard_link(place.path("run.mcap"), place.path("hard.mcap")).unwrap();
+    let said = replay(&place, "run.mcap --record hard.mcap").with_code(2).stderr();
+    assert!(said.contains("the recording and --record: expected two files"), "{said}");
     let said = replay(&place, "run.mcap --record run.mcap").with_code(2).stderr();
     assert!(said.contains("run.mcap") || said.contains("reads"), "{said}");
     let said =
