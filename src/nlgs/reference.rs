@@ -97,6 +97,9 @@ pub struct Assembled {
     pub friction: Vec<f64>,
 }
 
+/// Largest μ of a problem, as of a case: beyond, what the errors compare is lost in rounding.
+pub const MOST_FRICTION: f64 = 1000.0;
+
 /// How far impulses are from a solution, in the scalings in use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NaturalMapErrors {
@@ -114,7 +117,7 @@ impl Assembled {
     /// From scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
     ///
     /// Entries of the same place are added up. Refuses indices out of range, values that are not
-    /// finite, negative friction, and contacts whose own `W_nn` is not above zero.
+    /// finite, friction that is negative or above [`MOST_FRICTION`], and contacts whose own `W_nn` is not above zero.
     pub fn from_entries(
         entries: impl IntoIterator<Item = (usize, usize, f64)>,
         q: Vec<Vec3>,
@@ -125,11 +128,12 @@ impl Assembled {
             return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
         }
         let usable = |c: usize| {
-            q[c].iter().all(|x| x.is_finite()) && friction[c] >= 0.0 && friction[c].is_finite()
+            q[c].iter().all(|x| x.is_finite()) && (0.0..=MOST_FRICTION).contains(&friction[c])
         };
         if let Some(c) = (0..nc).find(|&c| !usable(c)) {
             let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
-            return Err(unusable("q and mu", "finite q, mu finite and not negative", found));
+            let expected = format!("finite q, mu from 0 to {MOST_FRICTION}");
+            return Err(unusable("q and mu", expected, found));
         }
         let mut scalars = Vec::new();
         for (row, column, value) in entries {
@@ -324,5 +328,7 @@ mod tests {
         assert!(refused(vec![(0, 0, 1.0)], mu.clone()).contains("0 at contact 1"));
         assert!(refused(entries(), vec![0.3]).contains("expected 2 values, found 1"));
         assert!(refused(entries(), vec![0.3, -1.0]).contains("-1 at contact 1"));
+        let huge = refused(entries(), vec![1e3, 1e10]);
+        assert!(huge.contains("mu from 0 to 1000") && huge.contains("at contact 1"), "{huge}");
     }
 }

@@ -12,6 +12,7 @@ pub mod energy;
 pub mod fabric;
 pub mod grain_size;
 pub mod inertial_number;
+pub mod lost;
 pub mod penetration;
 pub mod squeeze;
 pub mod stress;
@@ -23,6 +24,7 @@ pub use coordination::{Coordination, coordination};
 pub use energy::{energy, mean_speed};
 pub use fabric::{Fabric, fabric};
 pub use inertial_number::{InertialNumber, inertial_number};
+pub use lost::lost_grains;
 pub use penetration::{Penetration, penetration};
 pub use squeeze::{
     SqueezeMeter, SqueezeOutcome, SqueezePair, SqueezeRecord, SqueezeRule, TOUCH, TineStep,

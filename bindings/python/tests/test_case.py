@@ -94,7 +94,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
     with pytest.raises(ballast.FileError):
         ballast.read(tmp_path / "nothing.mcap")
     (tmp_path / "file").write_text("")
-    with pytest.raises(ballast.FileError, match="cannot be made"):
+    with pytest.raises(ballast.FileError, match="cannot keep beds"):
         ballast.prepare(case, beds=tmp_path / "file" / "beds", progress=False)
 
 

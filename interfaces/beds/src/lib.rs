@@ -10,7 +10,7 @@ use ballast::track::{self, Bed, DepositProgress};
 use ballast_hdf5::checkpoint::{self, Kind};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 mod case;
 mod pace;
@@ -21,7 +21,7 @@ pub use pace::Pace;
 /// Why there is no bed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("{}: cannot be made: {source}", path.display())]
+    #[error("{}: cannot keep beds: {source}", path.display())]
     Folder { path: PathBuf, source: std::io::Error },
     /// A kept bed that cannot be read.
     #[error(transparent)]
@@ -80,12 +80,20 @@ impl Beds {
         case: &Case,
         watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
     ) -> Result<Option<Bed>, Error> {
-        create(&self.folder)?;
+        // Before the work.
+        self.make_folder(&case.plan)?;
         let failed = |source| Error::Preparation { case: case.plan.name.clone(), source };
         let Some(bed) = track::deposit(&case.plan, watch).map_err(failed)? else { return Ok(None) };
         let kept = case.kept(Kind::Bed, (bed.model, bed.state), BTreeMap::new());
         checkpoint::write(self.path(&case.plan), &kept).map_err(Error::Keeping)?;
         Ok(Some(Bed { model: kept.model, state: kept.state }))
+    }
+
+    /// Makes the folder, where the bed of `plan` can be written.
+    fn make_folder(&self, plan: &Plan) -> Result<(), Error> {
+        let made = std::fs::create_dir_all(&self.folder);
+        let usable = made.and_then(|()| ballast_hdf5::replaceable(&self.path(plan)));
+        usable.map_err(|source| Error::Folder { path: self.folder.clone(), source })
     }
 }
 
@@ -95,11 +103,6 @@ impl Beds {
 /// Tools or sleepers that find no place there.
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State), Error> {
     track::scene(plan, bed).map_err(|source| Error::Scene { case: plan.name.clone(), source })
-}
-
-fn create(folder: &Path) -> Result<(), Error> {
-    std::fs::create_dir_all(folder)
-        .map_err(|source| Error::Folder { path: folder.to_owned(), source })
 }
 
 #[cfg(test)]
@@ -128,8 +131,11 @@ mod tests {
         std::fs::write(beds.path(&case().plan), b"no bed").expect("a file");
         assert!(matches!(beds.find(&case().plan), Err(Error::Kept(_))));
         std::fs::write(folder.path().join("file"), b"").expect("a file");
-        let nowhere = Beds::in_folder(folder.path().join("file/beds"));
-        let refused = nowhere.prepare(&case(), &mut |_| ControlFlow::Continue(()));
-        assert!(matches!(refused, Err(Error::Folder { .. })));
+        // No file can be made in the second, not even by root.
+        for nowhere in [folder.path().join("file/beds"), "/proc".into()] {
+            let mut watch = |_: &DepositProgress| panic!("a bed that cannot be kept is prepared");
+            let refused = Beds::in_folder(nowhere).prepare(&case(), &mut watch);
+            assert!(matches!(refused, Err(Error::Folder { .. })));
+        }
     }
 }

@@ -67,7 +67,7 @@ fn announce(case: &Case, beds: &Beds, bed: &Bed, prepared: bool, console: Consol
 
 /// Prepares a bed and keeps it.
 fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
-    let mut progress = Progress::start(console, "bed", 0.0);
+    let mut progress = Progress::start(console, "bed");
     let mut pace = Pace::default();
     let mut watch = |done: &DepositProgress| {
         progress.advance(pace.share(done), &PrepareMark(*done));

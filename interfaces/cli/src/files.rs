@@ -5,7 +5,8 @@ use crate::exit::{Failure, Outcome};
 use ballast_hdf5::checkpoint;
 use ballast_scenario::NoText;
 use serde_json::Value;
-use std::fs::{File, TryLockError};
+use std::ffi::OsString;
+use std::fs::{File, Metadata, TryLockError};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -85,12 +86,23 @@ impl RunFiles {
         serde_json::from_str(&read_text(&self.summary(), LONGEST_SUMMARY).ok()?).ok()
     }
 
+    /// What went wrong with reading a file of the run, and why it may have.
+    pub fn unread(&self, failure: Failure) -> Failure {
+        // A lock to read with: it is let go of at once, and asks for no right to write.
+        let lock = File::open(self.folder.join(LOCK)).map(|file| file.try_lock_shared());
+        match lock {
+            Ok(Err(TryLockError::WouldBlock)) => failure.with(&format!(
+                "; a run is writing in {}: try again when it has ended",
+                self.folder.display()
+            )),
+            _ => failure,
+        }
+    }
+
     /// Refuses a file of the run for something else.
     pub fn refuse_own(&self, path: &Path) -> Outcome {
         let own = [self.results(), self.checkpoint(), self.summary(), self.folder.join(LOCK)];
-        let same =
-            |file: &PathBuf| std::path::absolute(file).ok() == std::path::absolute(path).ok();
-        if own.iter().any(same) {
+        if own.iter().any(|file| same_file(file, path)) {
             let text = "expected a file that is none of the run's own, found one of them";
             return Err(Failure::Usage(format!("{}: {text}", path.display())));
         }
@@ -125,6 +137,47 @@ impl RunFiles {
         }
         Ok(())
     }
+}
+
+/// Whether two paths lead to one file, be it there or still to be made: links and ways round are looked through.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    match (a.metadata(), b.metadata()) {
+        (Ok(file_a), Ok(file_b)) => is_one(&file_a, &file_b, [a, b]),
+        (Err(_), Err(_)) => place(a).is_some_and(|place_a| place(b) == Some(place_a)),
+        _ => false,
+    }
+}
+
+#[cfg(unix)]
+fn is_one(a: &Metadata, b: &Metadata, _: [&Path; 2]) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+#[cfg(not(unix))]
+fn is_one(_: &Metadata, _: &Metadata, paths: [&Path; 2]) -> bool {
+    let [a, b] = paths.map(|path| path.canonicalize().ok());
+    a.is_some() && a == b
+}
+
+/// Folder and name of a file that is not there.
+fn place(path: &Path) -> Option<(PathBuf, OsString)> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
+    Some((folder, path.file_name()?.to_owned()))
+}
+
+/// Refuses files of a command line, by what each is for, of which two are one: the second would cost the first.
+pub fn expect_apart(files: &[(&str, Option<&Path>)]) -> Outcome {
+    let given: Vec<(&str, &Path)> =
+        files.iter().filter_map(|(what, path)| Some((*what, (*path)?))).collect();
+    for (k, (what, path)) in given.iter().enumerate() {
+        if let Some((other, _)) = given[..k].iter().find(|(_, earlier)| same_file(earlier, path)) {
+            let text = format!("{other} and {what}: expected two files, found one");
+            return Err(Failure::Usage(format!("{text}, {}", path.display())));
+        }
+    }
+    Ok(())
 }
 
 /// Makes a folder and those above it.
@@ -167,10 +220,15 @@ pub fn replace_text(path: &Path, text: &str) -> Outcome {
     replaced.map_err(|e| Failure::from(e).with("; what was there before is kept"))
 }
 
-/// Refuses a path where something lies that is not empty and not `what`, as `is_one` tells: a slip of the command line
-/// is not to cost a case or results.
+/// Refuses a path that [`replace_text`] could not write: before the work whose result goes there.
+pub fn writable(path: &Path) -> Outcome {
+    ballast_hdf5::replaceable(path).map_err(|e| Failure::at(path, e))
+}
+
+/// Refuses a path that cannot be written, or where something lies that is not empty and not `what`, as `is_one` tells:
+/// a slip of the command line is not to cost a case or results.
 pub fn may_replace(path: &Path, what: &str, is_one: impl FnOnce() -> bool) -> Result<(), String> {
-    ballast_hdf5::destination(path).map_err(|e| e.to_string())?;
+    ballast_hdf5::replaceable(path).map_err(|e| e.to_string())?;
     if path.metadata().is_ok_and(|file| file.len() > 0) && !is_one() {
         return Err(format!("expected a new file, or {what} to replace, found something else"));
     }

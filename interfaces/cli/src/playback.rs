@@ -60,6 +60,14 @@ impl Playback {
         }
     }
 
+    /// Where the recording says that it ends, ns: for those who wait.
+    pub fn told_end_ns(&self) -> Option<u64> {
+        match &self.script {
+            Script::Windows { windows, .. } => windows.told_end_ns(),
+            Script::Motion(motion) => Some(motion.end_ns),
+        }
+    }
+
     /// Why the recording ends early, if it does.
     pub fn lost(&self) -> Option<&Lost> {
         match &self.script {

@@ -26,8 +26,6 @@ pub struct Progress {
     label: String,
     bar: Option<ProgressBar>,
     began: Instant,
-    /// Share of the whole done before this process.
-    start: f64,
     /// Shares between two words, and the next one.
     shares: u64,
     next: u64,
@@ -35,8 +33,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Starts at the share `start` (0 to 1) of the whole.
-    pub fn start(console: Console, label: &str, start: f64) -> Self {
+    /// Starts a piece of work.
+    pub fn start(console: Console, label: &str) -> Self {
         let bar = console.is_terminal().then(|| {
             let style = ProgressStyle::with_template("{prefix} [{bar:24}] {percent:>3} % {msg}");
             let bar = ProgressBar::new(PARTS).with_prefix(label.to_string());
@@ -49,9 +47,8 @@ impl Progress {
             label: label.to_string(),
             bar,
             began: Instant::now(),
-            start,
             shares,
-            next: whole(start, shares) + 1,
+            next: 1,
             last: Instant::now(),
         }
     }
@@ -101,8 +98,7 @@ impl Progress {
 
     /// Time that the rest takes at the pace so far, once there is a pace.
     fn left(&self, share: f64) -> Option<Duration> {
-        let done = share - self.start;
-        (done > 1e-6).then(|| self.elapsed().mul_f64(((1.0 - share) / done).clamp(0.0, 1e9)))
+        (share > 1e-6).then(|| self.elapsed().mul_f64(((1.0 - share) / share).clamp(0.0, 1e9)))
     }
 }
 

@@ -13,7 +13,7 @@ use ballast::step::StepReport;
 use ballast::track::plan::Plan;
 use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
-use ballast_hdf5::results::{Background, Meta, Reader, Writer};
+use ballast_hdf5::results::{self, Background, Meta, Reader, Table, Writer};
 
 /// Table of the steps, see [`record`].
 pub const STEPS: &str = "steps";
@@ -45,20 +45,22 @@ impl Recorder {
         Self::open(writer, case, model)
     }
 
-    /// Takes the records of a run up after step `last`; later ones are cut off.
-    pub fn reopen(files: &RunFiles, case: &Case, model: &Model, last: u64) -> Outcome<Self> {
+    /// Takes the records of a run up at `state`; later ones are cut off.
+    pub fn reopen(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
         let path = files.results();
         // First: the file may have to be put right before anything reads it.
-        let writer = Writer::append_to(&path, model, last)?;
+        results::mend(&path)?;
         let reader = Reader::open(&path)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
-        drop(reader);
-        let mut recorder = Self::open(writer, case, model)?;
-        let kept = recorder.summary.take_tables(&steps, &zones, last);
-        if kept != last {
-            let what = format!("expected a row for each of {last} steps, found {kept}");
-            return Err(Failure::at(&path, what));
+        // Before anything is cut off.
+        if let Some(what) = of_another_run(&reader, &steps, case, state)? {
+            let how = "put the checkpoint beside its own run's results, or run its case anew with another --out";
+            return Err(Failure::at(&path, format!("{what}; {how}")));
         }
+        drop(reader);
+        let writer = Writer::append_to(&path, model, state.step)?;
+        let mut recorder = Self::open(writer, case, model)?;
+        recorder.summary.take_tables(&steps, &zones, state.step);
         Ok(recorder)
     }
 
@@ -102,11 +104,12 @@ impl Recorder {
         Ok(())
     }
 
-    /// Lets the summary know the zones of a run that ends between two frames; no record is made,
+    /// Lets the summary know the end, where a run may be between two frames; no record is made,
     /// since none would be there had the run gone on.
     pub fn observe_end(&mut self, model: &Model, state: &State) -> Outcome {
         let compactness = self.compactness(model, state)?;
         self.summary.take_zones(&compactness);
+        self.summary.lost = Some(observe::lost_grains(model, state));
         Ok(())
     }
 
@@ -126,6 +129,36 @@ impl Recorder {
     fn compactness(&self, model: &Model, state: &State) -> Outcome<Vec<f64>> {
         compactness(model, state, &self.zones)
     }
+}
+
+/// What shows that results are not those of the run that came by `state`, if anything does.
+fn of_another_run(
+    reader: &Reader,
+    steps: &Table,
+    case: &Case,
+    state: &State,
+) -> Outcome<Option<String>> {
+    if reader.about("case_text")? != case.text {
+        let (expected, found) = (&case.plan.name, reader.about("case_name")?);
+        let text =
+            format!("expected that of the checkpoint, {expected:?}, found another, {found:?}");
+        return Ok(Some(format!("about/case_text: {text}")));
+    }
+    let last = state.step;
+    let rows = steps.steps.iter().filter(|step| **step <= last).count();
+    if rows as u64 != last {
+        return Ok(Some(format!("{STEPS}: expected a row for each of {last} steps, found {rows}")));
+    }
+    // One case may be run with several schedules. Tables of other versions are refused where they are gone on with.
+    let kinetic = steps.columns.iter().position(|(name, _)| name == "kinetic");
+    let row = rows.checked_sub(1).map(|k| &steps.rows[k * steps.columns.len()..]);
+    Ok(match (row, kinetic) {
+        (Some(row), Some(at)) if row[at] != state.energy.kinetic => Some(format!(
+            "{STEPS}, step {last}, kinetic: expected that of the checkpoint, {} J, found {} J",
+            state.energy.kinetic, row[at]
+        )),
+        _ => None,
+    })
 }
 
 /// Compactness of each zone.

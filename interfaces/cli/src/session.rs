@@ -25,7 +25,7 @@ use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
-use ballast_hdf5::checkpoint::{self, Kind};
+use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -46,6 +46,8 @@ pub struct Session {
     profile: Profile,
     /// Step at which this process took over.
     first: u64,
+    /// Whether the recording that is replayed had no further step.
+    is_over: bool,
 }
 
 impl Session {
@@ -69,25 +71,16 @@ impl Session {
 
     /// Takes a run up at its checkpoint.
     pub fn resume(path: &Path, console: Console) -> Outcome<Self> {
-        let files = RunFiles::beside(path);
-        let files = if path.exists() { files.claimed("wait for it")? } else { files };
-        let kept = checkpoint::read(path)?;
-        if kept.kind != Kind::Run {
-            let what = format!(
-                "it is a {}, not the checkpoint of a run; start from it with `ballast run CASE`",
-                kept.kind.name()
-            );
-            return Err(Failure::at(path, what));
-        }
-        if kept.extra.contains_key(case::RUN_ID) {
-            let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
-            return Err(Failure::at(path, what));
-        }
+        // What is no checkpoint of a run leaves nothing in its folder.
+        resumable(path)?;
+        let files = RunFiles::beside(path).claimed("wait for it")?;
+        // Again: up to here another process may have gone on with it.
+        let kept = resumable(path)?;
         let choices = Choices::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (model, state) = (kept.model, kept.state);
         let cycle = cycle(&case, &model, &state)?;
-        let recorder = Recorder::reopen(&files, &case, &model, state.step)?;
+        let recorder = Recorder::reopen(&files, &case, &model, &state)?;
         let engine = Engine::machine(model, state, cycle);
         Ok(Self::assemble(case, engine, files, recorder, None, console))
     }
@@ -114,6 +107,7 @@ impl Session {
             aside,
             profile,
             first,
+            is_over: false,
         }
     }
 
@@ -131,15 +125,18 @@ impl Session {
             return Err(Failure::Usage(text));
         }
         let last = last.unwrap_or(u64::MAX).min(end.unwrap_or(u64::MAX));
-        self.announce(last.min(self.whole()));
-        let whole = self.whole().max(1) as f64;
-        let start = self.engine.state().step as f64 / whole;
-        let mut progress = Progress::start(self.console, &self.case.plan.name, start);
+        let goal = last.min(self.whole());
+        self.announce(goal);
+        let steps = goal.saturating_sub(self.first).max(1) as f64;
+        let mut progress = Progress::start(self.console, &self.case.plan.name);
         while self.engine.state().step < last {
             self.profile.output();
-            let Some(report) = self.step()? else { break };
+            let Some(report) = self.step()? else {
+                self.is_over = true;
+                break;
+            };
             let step = self.engine.state().step;
-            let share = (step as f64 / whole).min(1.0);
+            let share = ((step - self.first) as f64 / steps).min(1.0);
             progress.advance(share, &self.mark(&report, &progress));
             if interrupt::requested() && step < last {
                 progress.finish();
@@ -171,17 +168,25 @@ impl Session {
         Failure::at(playback.path(), format!("expected {expected}, found {end}{lost}"))
     }
 
-    /// Steps of the whole: of the recording, where its end is known, or of the case.
+    /// Steps of the whole: of the recording, where its end is known or told, or of the case.
     fn whole(&self) -> u64 {
-        self.end().unwrap_or(self.case.steps())
+        let told = || Some(self.step_at(self.engine.playback()?.told_end_ns()?));
+        self.end().or_else(told).unwrap_or(self.case.steps())
     }
 
     /// The last step of case or recording, where it is known.
     fn end(&self) -> Option<u64> {
-        let Some(playback) = self.engine.playback() else { return Some(self.case.steps()) };
+        match self.engine.playback() {
+            None => Some(self.case.steps()),
+            Some(_) if self.is_over => Some(self.engine.state().step),
+            Some(playback) => Some(self.step_at(playback.end_ns()?)),
+        }
+    }
+
+    /// The last step that ends by a time that is not over.
+    fn step_at(&self, time_ns: u64) -> u64 {
         let (state, step_ns) = (self.engine.state(), self.engine.model().stepping.step_ns);
-        let left = playback.end_ns()?.saturating_sub(state.time_ns) / step_ns.max(1);
-        Some(state.step + left)
+        state.step + time_ns.saturating_sub(state.time_ns) / step_ns.max(1)
     }
 
     /// Takes a step and records it; `None` where the recording that is replayed ends.
@@ -371,6 +376,23 @@ impl Session {
             self.whole()
         )
     }
+}
+
+/// The checkpoint of a run that the case's machine drives.
+fn resumable(path: &Path) -> Outcome<Checkpoint> {
+    let kept = checkpoint::read(path)?;
+    if kept.kind != Kind::Run {
+        let what = format!(
+            "it is a {}, not the checkpoint of a run; start from it with `ballast run CASE`",
+            kept.kind.name()
+        );
+        return Err(Failure::at(path, what));
+    }
+    if kept.extra.contains_key(case::RUN_ID) {
+        let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
+        return Err(Failure::at(path, what));
+    }
+    Ok(kept)
 }
 
 /// The case's cycle, and whether the state belongs to it.

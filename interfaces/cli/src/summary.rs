@@ -1,6 +1,6 @@
 //! The figures of a whole run, gathered from the rows of its tables.
 //!
-//! Nothing but rows goes in, so a resumed run, which reads the earlier rows back, ends with the
+//! Nothing but rows and the last state goes in, so a resumed run, which reads the earlier rows back, ends with the
 //! same figures as one that was never interrupted.
 
 use crate::record::{Column, Followed, Row};
@@ -46,6 +46,8 @@ pub struct Summary {
     pub bodies: Vec<BodyFigures>,
     /// First and last observation of each zone.
     pub compactness: Vec<[f64; 2]>,
+    /// Grains that have left the bed by the end, once that is told.
+    pub lost: Option<usize>,
     last: Option<Row>,
 }
 
@@ -158,6 +160,7 @@ impl Summary {
             max_penetration: Statistics::default(),
             coordination: None,
             compactness: Vec::new(),
+            lost: None,
             last: None,
         }
     }
@@ -266,6 +269,7 @@ impl Summary {
                 "mean": self.mean_penetration.mean() / d, "max": self.max_penetration.max() / d,
                 "grain_size_m": d,
             },
+            "grains_lost": self.lost,
             "energy_j": {
                 "kinetic": last(Column::Kinetic), "potential": last(Column::Potential),
                 "work_in": last(Column::WorkIn), "dissipated": last(Column::Dissipated),

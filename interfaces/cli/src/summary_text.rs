@@ -144,6 +144,9 @@ fn quality(summary: &Summary) -> Table {
     }
     let not_converged = format!("{} of {}", summary.not_converged, summary.steps);
     table.row(["steps not converged", "", &not_converged]);
+    if let Some(lost) = summary.lost {
+        table.row(["grains lost", "", &lost.to_string()]);
+    }
     if summary.repeated > 0 {
         table.row(["steps done again for what they overlooked", "", &summary.repeated.to_string()]);
     }

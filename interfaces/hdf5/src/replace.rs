@@ -27,11 +27,28 @@ pub(crate) fn exchange(path: &Path, content: &[u8]) -> Result<()> {
     put(file, path).map(drop)
 }
 
+/// Finds out whether [`replace`] can write `path`, before the work whose result goes there.
+///
+/// # Errors
+/// The system lets no file be made beside it; something else than a file lies there: a device or a pipe would be gone.
+pub fn replaceable(path: &Path) -> std::io::Result<()> {
+    let path = destination(path)?;
+    let refused = |e: std::io::Error| {
+        let (folder, found) = (folder_of(&path), e.kind());
+        let text = format!(
+            "expected a folder that files can be made in, found {}: {found}",
+            folder.display()
+        );
+        std::io::Error::new(found, text)
+    };
+    temporary(&path).map(drop).map_err(refused)
+}
+
 /// What is replaced where `path` is written: a link's target rather than the link.
 ///
 /// # Errors
 /// Something else than a file lies there: a device or a pipe would be gone.
-pub fn destination(path: &Path) -> std::io::Result<PathBuf> {
+fn destination(path: &Path) -> std::io::Result<PathBuf> {
     let wrong = |found: &str| {
         let text = format!("expected a file or a new name, found {found}");
         std::io::Error::new(ErrorKind::InvalidInput, text)
@@ -55,9 +72,13 @@ pub fn destination(path: &Path) -> std::io::Result<PathBuf> {
 /// A new file beside `path`, gone when dropped.
 pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     let path = &destination(path).map_err(io(path, "replace"))?;
+    temporary(path).map_err(io(path, "create a file beside"))
+}
+
+fn temporary(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(".");
-    builder(&name).tempfile_in(folder_of(path)).map_err(io(path, "create a file beside"))
+    builder(&name).tempfile_in(folder_of(path))
 }
 
 /// Gives a file from [`beside`] the place of `path`; where that is.

@@ -20,6 +20,7 @@ mod error;
 mod meta;
 mod redoable;
 mod tape;
+mod told;
 mod window;
 mod writer;
 

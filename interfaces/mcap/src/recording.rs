@@ -4,6 +4,7 @@ use crate::chunk::LARGEST;
 use crate::error::{Error, Result};
 use crate::messages::{Lost, Message, Messages};
 use crate::meta::{self, Meta};
+use crate::told;
 use crate::window::{PARAMETERS, STEP};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Parameters, StepRecord};
@@ -75,6 +76,11 @@ impl Windows {
 
     pub fn path(&self) -> &Path {
         self.messages.path()
+    }
+
+    /// Where the file says that its last message is, ns. Nothing is to depend on it but the time that is left.
+    pub fn told_end_ns(&self) -> Option<u64> {
+        told::end_ns(self.path())
     }
 
     /// Why reading ended early, if it did. Messages of a window that was not closed count as lost.

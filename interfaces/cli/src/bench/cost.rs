@@ -49,7 +49,7 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
     sheet.note("alert_m", scene.model.stepping.alert.to_string());
     sheet.note("stretch", format!("{} s, synchronous, penetrations of its last step", args.time));
     let whole: f64 = plans.iter().map(|p| p.steps as f64).sum();
-    let (mut progress, mut before) = (Progress::start(console, &scene.name, 0.0), 0.0);
+    let (mut progress, mut before) = (Progress::start(console, &scene.name), 0.0);
     for plan in &plans {
         let step_ms = 1e-6 * plan.step_ns as f64;
         let share = plan.recovery.map_or(0.0, |r| r.share);

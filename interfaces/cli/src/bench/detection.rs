@@ -97,7 +97,7 @@ fn standing(
     let mut detectors: Vec<(Detector, Contacts)> =
         pools.iter().map(|_| Default::default()).collect();
     let (warm_up, steps) = (args.window.warm_up.max(1), args.window.steps.get());
-    let mut progress = Progress::start(console, "standing", 0.0);
+    let mut progress = Progress::start(console, "standing");
     for step in 0..warm_up + steps {
         nudge(&mut motion, step);
         for turn in 0..pools.len() {

@@ -150,7 +150,7 @@ fn measure(loads: &[Load], figures: &mut [Figure], args: &BenchKernel, console: 
         }
     }
     let all = rounds as usize * figures.len();
-    let mut progress = Progress::start(console, "kernel", 0.0);
+    let mut progress = Progress::start(console, "kernel");
     for k in 0..all {
         // Another one begins each round.
         let (round, place) = (k / figures.len(), k % figures.len());

@@ -10,13 +10,13 @@ use super::sheet::{Cell, Sheet};
 use super::trial::DETECTION;
 use crate::console::write_out;
 use crate::exit::{Failure, Outcome};
-use crate::files::{read_text, replace_text};
+use crate::files::{expect_apart, read_text, replace_text};
 use crate::profile::{Profile, Spent};
 use crate::statistics::Statistics;
 use ballast::drive::Inputs;
-use ballast::math::{Pose, Vec3};
-use ballast::model::{Model, Part, PartitionRule};
-use ballast::observe::mean_speed;
+use ballast::math::Pose;
+use ballast::model::{Model, PartitionRule};
+use ballast::observe::{lost_grains, mean_speed};
 use ballast::state::State;
 use ballast::step::{Phase, StepReport, step};
 use ballast::workspace::Workspace;
@@ -57,6 +57,8 @@ const COLUMNS: [&str; FIGURES.len()] = {
 };
 
 pub fn sample(args: BenchSample) -> Outcome {
+    let (csv, save) = (args.csv.csv.as_deref(), args.save.as_deref());
+    expect_apart(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
     let machine = Machine::watch();
     let text = read_text(&args.file, LIMIT)?;
     let name = args.file.display().to_string();
@@ -69,13 +71,13 @@ pub fn sample(args: BenchSample) -> Outcome {
     let mut figures = figures(&sample, steps, &trial, &profile);
     figures["sample"] = json!(name);
     write_out(&figures.to_string());
-    if let Some(path) = &args.csv.csv {
+    if let Some(path) = csv {
         let mut sheet = Sheet::new(&COLUMNS);
         let of = |(_, place)| figures.pointer(place).map_or(Cell::Nothing, Cell::from);
         sheet.row(FIGURES.map(of).into());
         sheet.keep(&machine, path)?;
     }
-    if let Some(path) = &args.save {
+    if let Some(path) = save {
         let text = sample::write(&sample.model, &sample.state, sample.steps, &sample.meta);
         replace_text(path, &text)?;
     }
@@ -194,7 +196,7 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
         "mean_speed_m_per_s": mean_speed(model, state),
         "kinetic_energy_j": state.energy.kinetic,
         "height_of_mass_m": height_of_mass(model, state),
-        "grains_lost": lost(model, state),
+        "grains_lost": lost_grains(model, state),
         "state_hash": format!("{:032x}", ballast_hdf5::state_hash(model, state)),
     })
 }
@@ -209,31 +211,4 @@ fn height_of_mass(model: &Model, state: &State) -> f64 {
     let mass: f64 = model.grains.mass.iter().sum();
     let moment: f64 = model.grains.mass.iter().zip(&state.position).map(|(m, p)| m * p.z).sum();
     if mass > 0.0 { moment / mass } else { 0.0 }
-}
-
-/// Grains whose centre is beside or below all fixed bodies: they fell out of the box.
-fn lost(model: &Model, state: &State) -> usize {
-    let grains = model.grains.len();
-    let mut corners = (0..model.driven.len()).flat_map(|d| {
-        let body = state.pose(grains + d);
-        model.driven[d].parts.iter().filter_map(move |part| match part {
-            Part::Convex { shape, pose } => Some((*shape, body.then(pose))),
-            Part::HalfSpace { .. } => None,
-        })
-    });
-    let mut low = Vec3::repeat(f64::INFINITY);
-    let mut high = Vec3::repeat(f64::NEG_INFINITY);
-    for (shape, pose) in &mut corners {
-        for vertex in &model.shapes[shape as usize].vertices {
-            let p = pose.point(vertex);
-            low = low.inf(&p);
-            high = high.sup(&p);
-        }
-    }
-    if low.x > high.x {
-        return 0;
-    }
-    let outside =
-        |p: &&Vec3| p.x < low.x || p.x > high.x || p.y < low.y || p.y > high.y || p.z < low.z;
-    state.position[..grains].iter().filter(outside).count()
 }

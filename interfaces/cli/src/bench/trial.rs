@@ -122,7 +122,7 @@ pub fn alternate(
     let (warm_up, steps) = (window.warm_up, window.steps.get());
     // All warm up: the lists that detection keeps are then made anew in the same steps.
     let all = (contenders.len() * (warm_up + steps) as usize) as f64;
-    let mut progress = Progress::start(console, &scene.name, 0.0);
+    let mut progress = Progress::start(console, &scene.name);
     let (mut state, mut done) = (scene.state.clone(), 0.0);
     for round in 0..warm_up + steps {
         let measured = round >= warm_up;

@@ -3,10 +3,17 @@
 use crate::args::Export;
 use crate::console::Console;
 use crate::exit::Outcome;
+use crate::files::RunFiles;
+use ballast_hdf5::Error;
 use serde_json::json;
 
 pub fn export(args: Export, console: Console) -> Outcome {
-    let files = ballast_hdf5::export::export(&args.results, &args.out)?;
+    let run = RunFiles::beside(&args.results);
+    let files = ballast_hdf5::export::export(&args.results, &args.out);
+    let files = files.map_err(|e| match e {
+        Error::Io { .. } => e.into(),
+        _ => run.unread(e.into()),
+    })?;
     let count = files.len();
     console.result(&format!("{count} files written to {}", args.out.display()));
     console.event("exported", json!({ "folder": args.out, "files": files }));

@@ -3,14 +3,15 @@
 use crate::args::Inspect;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::begins_with;
+use crate::files::{RunFiles, begins_with};
 use std::path::Path;
 
 pub fn inspect(args: Inspect, console: Console) -> Outcome {
     if let Some(how) = of_another_kind(&args.file) {
         return Err(Failure::at(&args.file, how));
     }
-    let summary = ballast_hdf5::inspect::inspect(&args.file)?;
+    let summary = ballast_hdf5::inspect::inspect(&args.file);
+    let summary = summary.map_err(|e| RunFiles::beside(&args.file).unread(e.into()))?;
     console.result(&summary.to_string());
     console.event("file", summary.to_json());
     Ok(())

@@ -5,7 +5,7 @@ use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
-use crate::files::RunFiles;
+use crate::files::{RunFiles, expect_apart};
 use crate::playback::Playback;
 use crate::session::{self, Session};
 use crate::{beds, interrupt, start};
@@ -17,6 +17,7 @@ use std::path::Path;
 
 pub fn replay(args: Replay, console: Console) -> Outcome {
     interrupt::install()?;
+    expect_apart(&[("the recording", Some(&args.file)), ("--record", args.record.as_deref())])?;
     // Read before the bed is prepared: a wrong file is to be told at once.
     let windows = match args.map.is_empty() && recording::is_ours(&args.file)? {
         true => Some(Windows::open(&args.file)?),
@@ -43,9 +44,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
     let files = RunFiles::begun_in(folder)?;
     files.refuse_unfinished("choose another folder with --out")?;
-    if args.record.as_ref().is_some_and(|record| same_file(record, &args.file)) {
-        return Err(Failure::Usage("a replay cannot be recorded to the file it reads".into()));
-    }
+    files.refuse_own(&args.file)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let (model, state, playback) = match windows {
@@ -62,10 +61,6 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     let engine = Engine::recording(&case, model, state, cycle, playback)?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.until.steps, args.until.expect)
-}
-
-fn same_file(a: &Path, b: &Path) -> bool {
-    a == b || a.canonicalize().ok().is_some_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Playback {

@@ -13,7 +13,7 @@ pub fn report(args: Report, console: Console) -> Outcome {
     let path = args.out.unwrap_or_else(|| files.folder.join("report.html"));
     may_replace(&path, "a page", || begins_with(&path, BEGINNING.as_bytes()))
         .map_err(|e| Failure::at(&path, e))?;
-    let source = Source::open(&files, console)?;
+    let source = Source::open(&files, console).map_err(|e| files.unread(e))?;
     let html = report::page(&source)?.html();
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));

@@ -6,7 +6,7 @@ use super::solve_table::{Row, csv, performance_profile, profile_csv, profile_pag
 use crate::args::Solve;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{may_replace, replace_text};
+use crate::files::{expect_apart, may_replace, replace_text};
 use crate::profile::cpu_time;
 use ballast::nlgs::solution::{self, Settings};
 use ballast_hdf5::fclib;
@@ -24,8 +24,12 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
     if args.write_solution.is_some() && (folder || args.method.len() > 1) {
         return Err(Failure::Usage("--write-solution needs one problem and one method".into()));
     }
-    if args.csv.is_some() && args.csv == args.profile {
-        return Err(Failure::Usage("--csv and --profile: expected two files, found one".into()));
+    let tables = [("--csv", args.csv.as_deref()), ("--profile", args.profile.as_deref())];
+    // A problem may take its own solution in.
+    for other in
+        [("the problem", Some(&*args.file)), ("--write-solution", args.write_solution.as_deref())]
+    {
+        expect_apart(&[[other].as_slice(), &tables].concat())?;
     }
     if let Some(path) = &args.write_solution {
         may_replace(path, "a problem", || fclib::read(path).is_ok())

@@ -3,7 +3,7 @@
 use crate::args::Validate;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{create_folder, replace_text};
+use crate::files::{create_folder, replace_text, writable};
 use crate::interrupt;
 use crate::validate::{self, Size, Verdict};
 use serde_json::json;
@@ -12,9 +12,11 @@ pub fn validate(args: Validate, console: Console) -> Outcome {
     interrupt::install()?;
     let size = Size { quick: args.quick };
     let (beds, samples) = (&args.beds.beds, args.samples.as_deref());
-    let checks = validate::checks(size, &args.only, beds, samples, console)?;
+    validate::expect_known(&args.only, samples)?;
     create_folder(&args.out)?;
     let (page, data) = (args.out.join("validation.html"), args.out.join("validation.json"));
+    [&page, &data].into_iter().try_for_each(|file| writable(file))?;
+    let checks = validate::checks(size, &args.only, beds, samples, console)?;
     replace_text(&page, &validate::page(size, &checks).html())?;
     replace_text(&data, &format!("{:#}\n", validate::json(size, &checks)))?;
     let tables: Vec<String> = checks.iter().map(|c| validate::table(c).text()).collect();

@@ -25,10 +25,12 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let (model, state) = start::of(&windows, &case, model, state)?;
     let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
     let mut component = case::component(&case, Arc::new(model), state)?;
-    let mut progress = Progress::start(console, "verify", 0.0);
-    let whole = case.plan.run.duration_ns.max(1) as f64;
+    let mut progress = Progress::start(console, "verify");
+    let begin_ns = component.now_ns();
+    let end_ns = windows.told_end_ns().unwrap_or(case.plan.run.duration_ns);
+    let whole = end_ns.saturating_sub(begin_ns).max(1) as f64;
     let mut watch = |now_ns: u64| {
-        progress.advance((now_ns as f64 / whole).min(1.0), &At(now_ns));
+        progress.advance(((now_ns - begin_ns) as f64 / whole).min(1.0), &At(now_ns));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let zones = track::zones(&case.plan);

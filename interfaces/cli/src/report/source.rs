@@ -9,6 +9,7 @@ use crate::recorder::{self, STEPS, ZONES};
 use crate::summary::{Setting, Summary};
 use ballast::math::Pose;
 use ballast::model::Model;
+use ballast::observe::lost_grains;
 use ballast::state::State;
 use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint::{self, Kind};
@@ -96,6 +97,7 @@ impl Source {
             summary.take_zones(&measured);
             zones.push([vec![state.time()], measured].concat());
         }
+        summary.lost = Some(lost_grains(model, state));
         let frames = frames(&reader, &rows, state, &results)?;
         let timing = files.told_summary().map(|mut summary| summary["timing"].take());
         Ok(Self {

@@ -45,14 +45,8 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     SIMPLE.into_iter().map(|(name, _)| name).chain([CYCLE, SAMPLES])
 }
 
-/// Runs the checks of the names `only`, all if there are none; `samples`: the folder of LMGC90's states.
-pub fn checks(
-    size: Size,
-    only: &[String],
-    beds: &Path,
-    samples: Option<&Path>,
-    console: Console,
-) -> Outcome<Vec<Check>> {
+/// Refuses names that are of no check, or of one that lacks its `samples`.
+pub fn expect_known(only: &[String], samples: Option<&Path>) -> Outcome {
     if let Some(name) = only.iter().find(|name| !names().any(|n| n == *name)) {
         let known: Vec<&str> = names().collect();
         let expected = known.join(", ");
@@ -63,6 +57,17 @@ pub fn checks(
             "--only samples: expected a folder of samples to compare with (--samples), found none";
         return Err(Failure::Usage(text.into()));
     }
+    Ok(())
+}
+
+/// Runs the checks of the names `only`, all if there are none; `samples`: the folder of LMGC90's states.
+pub fn checks(
+    size: Size,
+    only: &[String],
+    beds: &Path,
+    samples: Option<&Path>,
+    console: Console,
+) -> Outcome<Vec<Check>> {
     let wanted = |name: &str| only.is_empty() || only.iter().any(|n| n == name);
     let mut done: Vec<Check> = Vec::new();
     for (_, check) in SIMPLE.into_iter().filter(|(name, _)| wanted(name)) {

@@ -61,6 +61,7 @@ fn the_summary_tells_the_figures_of_a_tamping_run() {
         "dissipated",
         "narrow phase",
         "not converged",
+        "grains lost",
         "state hash",
         "results.vtkhdf",
         "ParaView",
@@ -68,7 +69,7 @@ fn the_summary_tells_the_figures_of_a_tamping_run() {
         assert!(text.contains(word), "{word} in\n{text}");
     }
     let summary = place.summary("run");
-    assert_eq!(summary["complete"], true);
+    assert_eq!((&summary["complete"], &summary["grains_lost"]), (&true.into(), &0.into()));
     let tines = summary["tines"].as_object().unwrap();
     assert_eq!(tines.len(), 2);
     let worked = |tine: &&Value| tine["peak_force_n"]["value"].as_f64().unwrap() > 0.0;

@@ -156,6 +156,8 @@ fn a_bed_cannot_be_resumed() {
     let bed = std::fs::read_dir(place.path("beds")).unwrap().next().unwrap().unwrap().path();
     let ended = place.call(&format!("resume {}", bed.display())).with_code(1);
     assert!(ended.stderr().contains("ballast run"), "{}", ended.stderr());
+    place.call("resume tiny.toml").with_code(1);
+    assert!(!place.path("beds/.lock").exists() && !place.path(".lock").exists());
 }
 
 #[test]
@@ -262,4 +264,16 @@ fn nobody_who_reads_messages_is_no_end_of_a_run() {
     assert_eq!(to_nobody("tamp"), Some(2));
     assert_eq!(to_nobody("run tiny.toml --out unread --steps 20"), Some(0));
     assert_eq!(place.hash("unread"), place.hash("read"));
+}
+
+#[test]
+fn results_that_cannot_be_read_while_a_run_writes_them_are_told_as_that() {
+    let place = Place::new();
+    place.run("--out run --steps 3").with_code(0);
+    std::fs::write(place.path("run/results.vtkhdf"), "half a file").unwrap();
+    let export = || place.call("export run/results.vtkhdf --out csv").with_code(1).stderr();
+    let lock = std::fs::File::options().write(true).open(place.path("run/.lock")).unwrap();
+    assert!(!export().contains("a run is writing"));
+    lock.lock().unwrap();
+    assert!(export().contains("a run is writing in run: try again when it has ended"));
 }

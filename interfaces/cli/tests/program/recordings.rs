@@ -153,6 +153,26 @@ fn a_recording_is_verified_as_a_whole_and_in_part() {
     assert!(ended.stderr().contains("the file ends"), "{}", ended.stderr());
     let steps = place.summary("cut")["steps"].as_u64().unwrap();
     assert!((1..STEPS).contains(&steps), "{steps}");
+    assert_eq!(place.summary("cut")["complete"], true, "it came to the end of what there is");
+}
+
+#[test]
+fn a_part_of_a_run_is_the_whole_of_its_replay() {
+    let place = Place::new();
+    let last_share = |ended: Ended| {
+        let events = ended.with_code(0).events();
+        let mut progress = events.iter().rev().filter(|event| event["event"] == "progress");
+        progress.next().expect("progress")["share"].as_f64()
+    };
+    let run = place.run("--out run --steps 40 --record run.mcap --json");
+    assert_eq!(last_share(run), Some(1.0));
+    assert_eq!(last_share(place.with_beds("verify run.mcap --json")), Some(1.0));
+    let ended = replay(&place, "run.mcap --out again").with_code(0);
+    assert!(ended.stdout().contains(" 40 of 40 steps"), "{}", ended.stdout());
+    assert!(ended.stderr().contains("tiny  50 %"), "{}", ended.stderr());
+    assert_eq!(place.summary("again")["complete"], true);
+    place.call("resume run/checkpoint.h5 --steps 60").with_code(0);
+    assert_eq!(place.summary("run")["complete"], false);
 }
 
 /// A copy of the recording with every message passed through `change`, which may leave none of its topic, or
@@ -388,6 +408,9 @@ fn bad_files_end_with_their_codes() {
         let said = replay(&place, &format!("run.mcap {for_poses}")).with_code(2).stderr();
         assert!(said.contains("holds the windows of a run"), "{said}");
     }
+    std::fs::hard_link(place.path("run.mcap"), place.path("hard.mcap")).unwrap();
+    let said = replay(&place, "run.mcap --record hard.mcap").with_code(2).stderr();
+    assert!(said.contains("the recording and --record: expected two files"), "{said}");
     let said = replay(&place, "run.mcap --record run.mcap").with_code(2).stderr();
     assert!(said.contains("run.mcap") || said.contains("reads"), "{said}");
     let said =

@@ -185,3 +185,25 @@ fn a_resumed_run_keeps_the_choices_of_the_command_line() {
     place.run("--out other --schedule synchronous --steps 50").with_code(0);
     assert_ne!(place.hash("other"), place.hash("whole"));
 }
+
+#[test]
+fn a_checkpoint_is_not_joined_to_the_results_of_another_run() {
+    let place = Place::new();
+    place.run("--out mix --steps 10").with_code(0);
+    std::fs::copy(place.path("mix/checkpoint.h5"), place.path("mix/old.h5")).unwrap();
+    let refused = |says: &str| {
+        let results = std::fs::read(place.path("mix/results.vtkhdf")).unwrap();
+        let said = place.call("resume mix/old.h5 --steps 30").with_code(1).stderr();
+        assert!(said.contains(says) && said.contains("another --out"), "{said}");
+        assert_eq!(std::fs::read(place.path("mix/results.vtkhdf")).unwrap(), results);
+    };
+    place.run("--out mix --steps 20 --force --schedule sequential").with_code(0);
+    refused("steps, step 10, kinetic: expected");
+    std::fs::write(place.path("tiny.toml"), CASE.replace("height_m = 0.004", "height_m = 0.003"))
+        .unwrap();
+    place.run("--out mix --steps 20 --force").with_code(0);
+    refused("about/case_text: expected");
+    std::fs::write(place.path("tiny.toml"), CASE).unwrap();
+    place.run("--out mix --steps 5 --force").with_code(0);
+    refused("expected a row for each of 10 steps, found 5");
+}

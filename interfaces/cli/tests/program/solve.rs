@@ -129,3 +129,28 @@ fn problems_of_a_run_are_read_back_and_solved() {
     assert!(!names.is_empty() && names.iter().all(|n| n.contains("-squeeze-i")), "{names:?}");
     place.run("--dump-every 3").with_code(2);
 }
+
+#[test]
+fn files_that_are_one_or_cannot_be_written_are_told_before_anything_is_solved() {
+    let place = place(false);
+    std::os::unix::fs::symlink(place.path("problems"), place.path("link")).unwrap();
+    std::fs::write(place.path("old.csv"), "").unwrap();
+    std::fs::hard_link(place.path("old.csv"), place.path("older.csv")).unwrap();
+    for (options, says) in [
+        (
+            "--write-solution new.csv --csv new.csv",
+            "--write-solution and --csv: expected two files",
+        ),
+        ("--csv new.csv --profile ./new.csv", "--csv and --profile: expected two files"),
+        ("--csv problems/a.csv --profile link/a.csv", "--csv and --profile: expected two files"),
+        ("--csv old.csv --profile older.csv", "--csv and --profile: expected two files"),
+        ("--csv nodir/s.csv", "expected a folder that files can be made in, found nodir"),
+    ] {
+        let said = place.call(&format!("solve problems/pile.hdf5 {options}")).with_code(2).stderr();
+        assert!(said.contains(says), "{options}: {said}");
+    }
+    let said = place.call("solve problems/pile.hdf5 --write-solution /proc/s.hdf5").with_code(1);
+    assert!(said.stderr().contains("files can be made in, found /proc"), "{}", said.stderr());
+    let kept = std::fs::read_dir(place.path("")).unwrap().count();
+    assert_eq!(kept, 5, "nothing was left behind");
+}

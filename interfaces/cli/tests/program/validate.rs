@@ -63,5 +63,19 @@ fn a_check_that_takes_long_can_be_stopped() {
     kill(Pid::from_raw(child.id() as i32), Signal::SIGTERM).unwrap();
     let ended = Ended(child.wait_with_output().unwrap()).with_code(130);
     assert!(ended.stderr().contains("stopped inside a check"), "{}", ended.stderr());
-    assert!(!place.path("stopped").exists());
+    assert!(!place.path("stopped/validation.html").exists());
+}
+
+#[test]
+fn a_page_that_cannot_be_written_is_told_before_the_checks() {
+    let place = Place::new();
+    for out in ["tiny.toml", "/proc"] {
+        let ended =
+            place.call(&format!("validate --quick --only incline --out {out}")).with_code(1);
+        assert!(
+            !ended.stderr().contains("incline") && ended.stderr().contains(out),
+            "{}",
+            ended.stderr()
+        );
+    }
 }

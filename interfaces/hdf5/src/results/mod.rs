@@ -101,6 +101,14 @@ fn open(path: &Path, new: bool) -> hdf5::Result<File> {
     if new { options.create(path) } else { options.open_rw(path) }
 }
 
+/// Puts right what a run that was killed among the writes of a flush left at `path`: before it is read to be gone on with.
+///
+/// # Errors
+/// As those of [`Writer::append_to`], which does it, too.
+pub fn mend(path: &Path) -> Result<()> {
+    spare::restore(path)
+}
+
 impl Writer {
     /// Starts a new file; one that is there is replaced.
     pub fn create(path: impl AsRef<Path>, model: &Model, meta: &Meta) -> Result<Self> {
