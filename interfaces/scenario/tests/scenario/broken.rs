@@ -119,6 +119,13 @@ const TABLE: &[Broken] = &[
     Broken("= 0.06", "= «0.14", &["leaves the box"]),
     Broken("= 0.06", "= «0.005", &["goes down into `sleeper_1`"]),
     Broken("stroke_m = 0.05", "stroke_m = «0.06", &["drives `tine_1_plus`", "less than 0.0510 m"]),
+    // At the end of the squeeze they are past each other.
+    Broken(
+        "[tamping]",
+        "[[tine]]\nname = \"a\"\nx_m = 0.10\ny_m = 0.07\ntowards = \"+x\"\npair = 8\n\
+         [[tine]]\nname = \"b\"\nx_m = «0.155\ny_m = 0.07\ntowards = \"-x\"\npair = 9\n[tamping]",
+        &["drives `b` and `a` into each other", "gap of 0.0150 m", "at least 0.1000 m"],
+    ),
     Broken(
         "[tamping]",
         "[[tine]]\nname = \"a b\"\nx_m = 0.08\ny_m = 0.05\ntowards = «\"x\"\npair = 9\n[tamping]",
