@@ -178,6 +178,12 @@ fn tines_that_squeeze_away_from_each_other_are_sound() {
 }
 
 #[test]
+fn a_range_of_shapes_may_begin_at_the_very_limit() {
+    // As floating-point numbers 0.15 - 0.1 is below 0.05.
+    plan(&changed("vertices = [8, 40]", "flatness = [0.15, 0.1]"));
+}
+
+#[test]
 fn what_looks_like_a_slip_is_a_warning() {
     for (from, to, words) in [
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
