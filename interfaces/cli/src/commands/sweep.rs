@@ -195,6 +195,7 @@ impl Place {
         command: &(dyn Fn(usize) -> Command + Sync),
         tell: &(dyn Fn(usize, bool) + Sync),
     ) -> Vec<usize> {
+        let jobs = args.jobs.get().min(numbers.len());
         let waiting = Mutex::new(VecDeque::from(numbers));
         let failed = Mutex::new(Vec::new());
         let work = || {
@@ -219,7 +220,7 @@ impl Place {
             }
         };
         std::thread::scope(|scope| {
-            for _ in 0..args.jobs.get() {
+            for _ in 0..jobs {
                 scope.spawn(work);
             }
         });

@@ -128,6 +128,13 @@ fn a_point_that_ended_before_its_end_is_no_result_and_goes_on() {
 }
 
 #[test]
+fn more_runs_at_a_time_than_threads_can_be_started_are_refused() {
+    let ended = place(PLAN).with_beds("sweep plan.toml --list --jobs 4000000000");
+    assert_eq!(ended.code(), 2);
+    assert!(ended.stderr().contains("expected 1 to 1024 runs at a time"), "{}", ended.stderr());
+}
+
+#[test]
 fn a_stopped_sweep_goes_on_where_its_runs_are() {
     let place = place(PLAN);
     place.with_beds("sweep plan.toml --out whole --jobs 2").with_code(0);
