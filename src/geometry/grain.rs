@@ -46,6 +46,8 @@ const FLATTEST_EDGE: f64 = 0.01;
 /// Attempts at a grain; typical shapes need a few.
 const ATTEMPTS: usize = 2000;
 const MAX_CORNERS: u32 = 200;
+/// Rounding of ratios that are sums of decimal numbers.
+const SLACK: f64 = 1e-9;
 
 /// A random grain of nominal diameter `size` (m): that of the sphere of equal volume.
 ///
@@ -96,7 +98,7 @@ fn check(shape: &GrainShape, size: f64) -> Result<()> {
     }
     for [mean, half_width] in [shape.elongation, shape.flatness] {
         let (low, high) = (mean - half_width, mean + half_width);
-        if !(low >= 0.05 && high <= 1.0 && half_width >= 0.0) {
+        if !(low >= 0.05 - SLACK && high <= 1.0 + SLACK && half_width >= 0.0) {
             return bad("ratios of extents from 0.05 to 1", format!("{mean} ± {half_width}"));
         }
     }

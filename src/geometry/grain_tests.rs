@@ -119,6 +119,13 @@ fn a_seed_gives_the_same_bytes() {
 }
 
 #[test]
+fn ratios_may_begin_at_the_very_limit() {
+    // As floating-point numbers 0.15 - 0.1 is below 0.05.
+    let shape = GrainShape { elongation: [0.15, 0.1], ..GrainShape::default() };
+    random_grain(&mut Pcg64::seed_from_u64(1), &shape, 1.0).unwrap();
+}
+
+#[test]
 fn impossible_shapes_are_refused() {
     let good = GrainShape::default();
     let cases = [

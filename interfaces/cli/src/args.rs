@@ -26,9 +26,18 @@ pub struct Cli {
 
 /// A number of threads that can be started: thousands that wait for each other are as good as a hang.
 pub fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    few(text, "threads")
+}
+
+/// A number of runs at a time, each of which a thread waits for.
+fn jobs(text: &str) -> Result<NonZeroUsize, String> {
+    few(text, "runs at a time")
+}
+
+fn few(text: &str, what: &str) -> Result<NonZeroUsize, String> {
     let most = ballast::step::MOST_THREADS;
     let found = text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= most);
-    found.ok_or_else(|| format!("expected 1 to {most} threads"))
+    found.ok_or_else(|| format!("expected 1 to {most} {what}"))
 }
 
 /// A state's hash, as it is printed.
@@ -261,7 +270,7 @@ pub struct Sweep {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Runs at a time
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = jobs)]
     pub jobs: NonZeroUsize,
     /// Worker threads of each run
     #[arg(long, value_name = "N", default_value = "1", value_parser = threads)]

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// What a process that writes a run has locked.
 const LOCK: &str = ".lock";
 /// Most bytes of a summary.
-const LONGEST_SUMMARY: u64 = 1 << 20;
+const LONGEST_SUMMARY: u64 = 16 << 20;
 
 /// Paths of a run's files.
 #[derive(Debug, Clone)]
@@ -77,8 +77,12 @@ impl RunFiles {
 
     /// Whether a run stopped here before its end, be it where it was told to.
     pub fn is_unfinished(&self) -> bool {
-        let is_partial = |summary: Value| summary["complete"] == false;
-        self.checkpoint().exists() && self.told_summary().is_none_or(is_partial)
+        self.checkpoint().exists() && self.whole_summary().is_none()
+    }
+
+    /// What the summary says, where it is that of a run up to its end.
+    pub fn whole_summary(&self) -> Option<Value> {
+        self.told_summary().filter(|summary| summary["complete"] != false)
     }
 
     /// What the summary says, where there is one.

@@ -10,8 +10,12 @@
 //! [[points]]                                        # and these
 //! "tamping.vibration.frequency_Hz" = 35
 //! ```
+//!
+//! A table stands for the paths of its keys: without the quotes it is the same plan.
 
 use crate::read::read_case;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
 use toml::{Table, Value};
 
 /// No sweep has as many points: a slip in a grid, which would fill a disk.
@@ -20,8 +24,14 @@ const MOST_POINTS: usize = 1_000_000;
 /// No key of a case has as many parts.
 const MOST_PARTS: usize = 16;
 
+/// What is expected where a path is found twice.
+const ONCE: &str = "each key once";
+
 /// Keys of a case, joined by points, and what they become.
 pub type Point = Vec<(String, Value)>;
+
+/// Says what is wrong: the place, what was expected, what was found.
+type Wrong<'a> = dyn Fn(&str, &str, &dyn Display) -> String + 'a;
 
 /// A sweep that was read.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,7 +47,7 @@ impl Sweep {
     /// # Errors
     /// What is wrong, with the place, what was expected and what was found.
     pub fn read(text: &str, name: &str) -> Result<Self, String> {
-        let wrong = |place: &str, expected: &str, found: &dyn std::fmt::Display| {
+        let wrong = |place: &str, expected: &str, found: &dyn Display| {
             format!("{name}: {place}: expected {expected}, found {found}")
         };
         let plan: Table = text
@@ -61,10 +71,11 @@ impl Sweep {
             None => {}
             Some(Value::Array(given)) => {
                 for (i, point) in given.iter().enumerate() {
+                    let place = format!("points[{i}]");
                     let Value::Table(point) = point else {
-                        return Err(wrong(&format!("points[{i}]"), "a table", point));
+                        return Err(wrong(&place, "a table", point));
                     };
-                    points.push(point.clone().into_iter().collect());
+                    points.push(flat(point, &place, &wrong)?.into_iter().collect());
                 }
             }
             Some(other) => return Err(wrong("points", "a list of tables", other)),
@@ -76,12 +87,11 @@ impl Sweep {
     }
 }
 
-fn grid(
-    axes: &Table,
-    wrong: &dyn Fn(&str, &str, &dyn std::fmt::Display) -> String,
-) -> Result<Vec<Point>, String> {
+fn grid(axes: &Table, wrong: &Wrong) -> Result<Vec<Point>, String> {
+    let axes = flat(axes, "grid", wrong)?;
     let mut points: Vec<Point> = vec![vec![]];
-    for (key, values) in axes {
+    let mut keys = BTreeSet::new();
+    for (key, values) in &axes {
         let place = format!("grid.{key:?}");
         let Value::Array(values) = values else {
             return Err(wrong(&place, "a list of values", values));
@@ -89,14 +99,55 @@ fn grid(
         if points.len().saturating_mul(values.len()) > MOST_POINTS {
             return Err(wrong(&place, &format!("at most {MOST_POINTS} points in all"), &"more"));
         }
-        let with = |point: &Point, value: &Value| {
+        let choice = |value: &Value| {
+            let mut found = BTreeMap::new();
+            put(value, key.clone(), &place, &mut found, wrong).map(|()| found)
+        };
+        let choices = values.iter().map(choice).collect::<Result<Vec<_>, _>>()?;
+        let of_axis: BTreeSet<String> = choices.iter().flat_map(|c| c.keys().cloned()).collect();
+        if let Some(key) = keys.intersection(&of_axis).next() {
+            return Err(wrong("grid", ONCE, &format!("{key:?} twice")));
+        }
+        keys.extend(of_axis);
+        let with = |point: &Point, choice: &BTreeMap<String, Value>| {
             let mut point = point.clone();
-            point.push((key.clone(), value.clone()));
+            point.extend(choice.clone());
             point
         };
-        points = points.iter().flat_map(|p| values.iter().map(|v| with(p, v))).collect();
+        points = points.iter().flat_map(|p| choices.iter().map(|c| with(p, c))).collect();
     }
     Ok(if axes.is_empty() { vec![] } else { points })
+}
+
+/// What a table holds under the paths of its keys, in alphabetical order.
+fn flat(table: &Table, place: &str, wrong: &Wrong) -> Result<BTreeMap<String, Value>, String> {
+    let mut found = BTreeMap::new();
+    table.iter().try_for_each(|(key, value)| put(value, key.clone(), place, &mut found, wrong))?;
+    Ok(found)
+}
+
+/// Adds a value under its path, or what it holds, where it is a table: put in whole, it would take the place of the
+/// case's own, with keys that the plan does not name.
+fn put(
+    value: &Value,
+    path: String,
+    place: &str,
+    found: &mut BTreeMap<String, Value>,
+    wrong: &Wrong,
+) -> Result<(), String> {
+    match value {
+        Value::Table(table) if table.is_empty() => {
+            Err(wrong(place, "keys with values", &format!("none in {path:?}")))
+        }
+        Value::Table(table) => table
+            .iter()
+            .try_for_each(|(key, value)| put(value, format!("{path}.{key}"), place, found, wrong)),
+        _ if found.contains_key(&path) => Err(wrong(place, ONCE, &format!("{path:?} twice"))),
+        _ => {
+            found.insert(path, value.clone());
+            Ok(())
+        }
+    }
 }
 
 /// The text of a case with other values; it describes a run.
@@ -168,6 +219,28 @@ mod tests {
     }
 
     #[test]
+    fn keys_without_quotes_are_the_same_paths() {
+        let read = |points: &str| Sweep::read(&format!("case = 'a'\n{points}"), "plan").unwrap();
+        let quoted = read(
+            "[grid]\n'bed.seed' = [1]\n'solver.boxes' = [[1, 1, 1]]\n[[points]]\n'solver.boxes' = [2, 1, 1]\n\
+             'solver.iterations' = 800",
+        );
+        for other in [
+            "[grid]\nsolver.boxes = [[1, 1, 1]]\nbed.seed = [1]\n[[points]]\nsolver.iterations = 800\n\
+             'solver.boxes' = [2, 1, 1]",
+            "[grid]\nsolver = [{ boxes = [1, 1, 1] }]\n'bed' = [{ seed = 1 }]\n[[points]]\n\
+             [points.solver]\niterations = 800\nboxes = [2, 1, 1]",
+        ] {
+            assert_eq!(read(other), quoted, "{other}");
+        }
+        // The rest of the case's table stays.
+        let text =
+            with_values(CASE, &read("[[points]]\nsolver.iterations = 800").points[0], "point");
+        let text = text.unwrap();
+        assert!(text.contains("iterations = 800") && text.contains("[solver.recovery]"), "{text}");
+    }
+
+    #[test]
     fn wrong_plans_are_told() {
         for (text, expected) in [
             ("", "case: expected the path"),
@@ -178,6 +251,14 @@ mod tests {
             ("case = 'a'\n[grid]\nx = 1", "a list of values"),
             ("case = 'a'\n[grid]\nx = []", "at least one point"),
             ("case = 'a'\npoints = [1]", "points[0]: expected a table"),
+            (
+                "case = 'a'\n[[points]]\na.b = 1\n'a.b' = 2",
+                "points[0]: expected each key once, found \"a.b\" twice",
+            ),
+            ("case = 'a'\n[grid]\na.b = [1]\n'a.b' = [2]", "grid: expected each key once"),
+            ("case = 'a'\n[grid]\na = [{ b = 1 }]\n'a.b' = [2]", "grid: expected each key once"),
+            ("case = 'a'\n[grid]\na.b = 1", "grid.\"a.b\": expected a list of values"),
+            ("case = 'a'\n[[points]]\na.b = {}", "points[0]: expected keys with values"),
             ("case = 'a", "plan: "),
         ] {
             let told = Sweep::read(text, "plan").unwrap_err();
@@ -207,5 +288,7 @@ mod tests {
         let told = changed(CASE, &deep, "point 1").unwrap_err();
         assert!(told.ends_with("expected a key of at most 16 parts, found 300000"), "{told}");
         assert!(told.len() < 200, "{told}");
+        let deep = format!("case = 'a'\n[[points]]\n{} = 1", ["a"; 300_000].join("."));
+        assert!(Sweep::read(&deep, "plan").is_err());
     }
 }

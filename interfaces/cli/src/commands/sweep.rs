@@ -139,7 +139,7 @@ impl Place {
     ) -> Outcome<Vec<usize>> {
         let program = std::env::current_exe()
             .map_err(|e| Failure::Failed(format!("cannot find this program: {e}")))?;
-        let open = |n: &usize| !RunFiles::in_folder(self.of(*n)).summary().exists();
+        let open = |n: &usize| RunFiles::in_folder(self.of(*n)).whole_summary().is_none();
         let open: Vec<usize> = numbers.iter().copied().filter(open).collect();
         let done = numbers.len() - open.len();
         if done > 0 {
@@ -195,6 +195,7 @@ impl Place {
         command: &(dyn Fn(usize) -> Command + Sync),
         tell: &(dyn Fn(usize, bool) + Sync),
     ) -> Vec<usize> {
+        let jobs = args.jobs.get().min(numbers.len());
         let waiting = Mutex::new(VecDeque::from(numbers));
         let failed = Mutex::new(Vec::new());
         let work = || {
@@ -219,7 +220,7 @@ impl Place {
             }
         };
         std::thread::scope(|scope| {
-            for _ in 0..args.jobs.get() {
+            for _ in 0..jobs {
                 scope.spawn(work);
             }
         });
@@ -254,12 +255,8 @@ impl Place {
         let mut columns: Vec<String> = Vec::new();
         let mut rows = Vec::new();
         for (number, point) in self.points() {
-            let path = RunFiles::in_folder(self.of(number)).summary();
-            if !path.exists() {
-                continue;
-            }
-            let summary: Value = serde_json::from_str(&read_text(&path, LIMIT)?)
-                .map_err(|e| Failure::at(&path, e))?;
+            let files = RunFiles::in_folder(self.of(number));
+            let Some(summary) = files.whole_summary() else { continue };
             let mut row = vec![("number".to_string(), number.to_string())];
             row.extend(point.iter().map(|(key, value)| (key.clone(), plain(&json!(value)))));
             figures("", &summary, &mut row);

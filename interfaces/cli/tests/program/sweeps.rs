@@ -115,6 +115,26 @@ fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
 }
 
 #[test]
+fn a_point_that_ended_before_its_end_is_no_result_and_goes_on() {
+    let place = place("case = 'tiny.toml'\n[grid]\n'solver.iterations' = [20, 30]");
+    place.with_beds("sweep plan.toml").with_code(0);
+    let whole = place.text("runs/plan/table.csv");
+    place.with_beds("run runs/plan/00001/case.toml --out runs/plan/00001 --steps 40").with_code(0);
+    place.with_beds("sweep plan.toml --case 2").with_code(0);
+    assert_eq!(table(&place).iter().map(|r| cell(r, "number")).collect::<Vec<_>>(), ["2"]);
+    let again = place.with_beds("sweep plan.toml").with_code(0);
+    assert!(again.stderr().contains("1 of 2 done before"), "{}", again.stderr());
+    assert_eq!(place.text("runs/plan/table.csv"), whole);
+}
+
+#[test]
+fn more_runs_at_a_time_than_threads_can_be_started_are_refused() {
+    let ended = place(PLAN).with_beds("sweep plan.toml --list --jobs 4000000000");
+    assert_eq!(ended.code(), 2);
+    assert!(ended.stderr().contains("expected 1 to 1024 runs at a time"), "{}", ended.stderr());
+}
+
+#[test]
 fn a_stopped_sweep_goes_on_where_its_runs_are() {
     let place = place(PLAN);
     place.with_beds("sweep plan.toml --out whole --jobs 2").with_code(0);

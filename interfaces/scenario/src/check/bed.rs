@@ -7,6 +7,8 @@ use crate::report::{Finding, Report};
 const COMPACTNESS: f64 = 0.58;
 /// More grains than this are a slip of the pen, not a bed.
 const MOST_GRAINS: f64 = 5e6;
+/// Rounding of sums of decimal numbers.
+const SLACK: f64 = 1e-9;
 
 /// Checks sizes, shares and levels of the bed.
 pub fn bed(case: &CaseFile, fill_level: f64, report: &mut Report) {
@@ -36,7 +38,8 @@ fn axes(bed: &Bed, report: &mut Report) {
         [("elongation", bed.grains.elongation), ("flatness", bed.grains.flatness)]
     {
         let key = format!("bed.grains.{name}");
-        if report.clean(&[&key]) && (mean - half < 0.05 || mean + half > 1.0) {
+        let is_within = mean - half >= 0.05 - SLACK && mean + half <= 1.0 + SLACK;
+        if report.clean(&[&key]) && !is_within {
             let finding = Finding {
                 problem: format!("`{name}` leaves the range of grain shapes"),
                 found: format!("{:.3} to {:.3}", mean - half, mean + half),

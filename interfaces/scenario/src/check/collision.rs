@@ -195,22 +195,29 @@ fn tine_and_tine(
     report: &mut Report,
     told: &mut BTreeSet<String>,
 ) {
-    let meet = |closing: f64| {
-        let area = tine_area(&tine.plan, closing, amplitude);
-        area.overlaps(&tine_area(&other.plan, closing, amplitude), -SLACK)
-    };
-    // Facing tines close at the same pace, so they meet at the end or not at all.
-    let (key, when) = match (meet(0.0), meet(stroke)) {
-        (true, _) => (&tine.key_y, "at the start"),
-        (false, true) => (&tine.key_x, "at the end of the squeeze"),
-        _ => return,
-    };
-    tell(report, told, key, || Finding {
-        problem: format!("`{}` and `{}` overlap {when}", tine.plan.name, other.plan.name),
-        found: format!("middles {:.4?} and {:.4?} m", tine.plan.position, other.plan.position),
-        expected: "tines that are a blade apart".into(),
-        hint: None,
-    });
+    let (a, b) = (&tine.plan, &other.plan);
+    let begin = [a, b].map(|t| tine_area(t, 0.0, amplitude));
+    if begin[0].overlaps(&begin[1], -SLACK) {
+        tell(report, told, &tine.key_y, || Finding {
+            problem: format!("`{}` and `{}` overlap at the start", a.name, b.name),
+            found: format!("middles {:.4?} and {:.4?} m", a.position, b.position),
+            expected: "tines that are a blade apart".into(),
+            hint: None,
+        });
+        return;
+    }
+    // Those of one direction keep their distance; of the others only those that close on each other sweep the same
+    // place.
+    let way = [a, b].map(|t| swept(t, stroke, amplitude));
+    if a.direction != b.direction && way[0].overlaps(&way[1], -SLACK) {
+        let gap = (begin[0].low[0] - begin[1].high[0]).max(begin[1].low[0] - begin[0].high[0]);
+        tell(report, told, &tine.key_x, || Finding {
+            problem: format!("the squeeze drives `{}` and `{}` into each other", a.name, b.name),
+            found: format!("a gap of {gap:.4} m, closed by {stroke} m from each side"),
+            expected: format!("a gap of at least {:.4} m, or a shorter stroke", 2.0 * stroke),
+            hint: None,
+        });
+    }
 }
 
 /// One error for each key: a row of bodies with one wrong number needs one message.

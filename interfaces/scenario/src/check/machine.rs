@@ -108,31 +108,31 @@ fn step_resolves(
     run: &RunPlan,
     report: &mut Report,
 ) {
-    let Some(blade) = layout.tines.iter().map(|t| t.plan.blade.z).reduce(f64::max) else { return };
     let h = run.stepping.h();
     let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
+    if layout.sleepers.iter().any(|s| s.plan.tamped) {
+        let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
+        slow_enough("tamping.lift.duration_s", lift, h, smallest, report);
+    }
+    let Some(travel) = farthest(tamping, bed, layout) else { return };
     let vibration =
         std::f64::consts::TAU * tamping.vibration.frequency * tamping.vibration.amplitude;
-    let travel = bed.preparation.fill_level + tamping.insertion.clearance + blade
-        - (bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth);
     let insertion = TINE_PEAK * travel / tamping.insertion.duration;
     let squeeze = TINE_PEAK * tamping.squeeze.stroke / tamping.squeeze.duration;
-    let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
+    // They open in its first half, while they go up.
+    let opening = TINE_PEAK * tamping.squeeze.stroke / (0.5 * tamping.withdrawal);
+    let withdrawal = opening.hypot(TINE_PEAK * travel / tamping.withdrawal);
+    let withdrawal_key = match report.document.has("tamping.withdrawal_s") {
+        true => "tamping.withdrawal_s",
+        false => "run.duration_s",
+    };
     for (key, speed) in [
         ("tamping.vibration", vibration),
         ("tamping.insertion.duration_s", insertion),
         ("tamping.squeeze.duration_s", squeeze),
-        ("tamping.lift.duration_s", lift),
+        (withdrawal_key, withdrawal),
     ] {
-        if speed * h > 0.5 * smallest {
-            let finding = Finding {
-                problem: "the time step is too large for this motion".into(),
-                found: format!("{speed:.3} m/s, {:.4} m per step", speed * h),
-                expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
-                hint: Some(format!("a step of {:.1e} s would do", 0.4 * smallest / speed)),
-            };
-            report.error(key, finding);
-        }
+        slow_enough(key, speed, h, smallest, report);
     }
     let steps = 1.0 / (tamping.vibration.frequency * h);
     if tamping.vibration.amplitude > 0.0 && steps < STEPS_PER_PERIOD {
@@ -164,5 +164,25 @@ fn step_resolves(
             hint: None,
         };
         report.warn("tamping.insertion.duration_s", finding);
+    }
+}
+
+/// The longest way of a tine down to full depth, or up to it, m; none without tines.
+fn farthest(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout) -> Option<f64> {
+    let start = bed.preparation.fill_level + tamping.insertion.clearance;
+    let deep = bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    layout.tines.iter().map(|t| (start + t.plan.blade.z - deep).abs()).reduce(f64::max)
+}
+
+/// Refuses a motion whose peak `speed`, m/s, leads over half a grain of the `smallest` size in a step.
+fn slow_enough(key: &str, speed: f64, h: f64, smallest: f64, report: &mut Report) {
+    if speed * h > 0.5 * smallest {
+        let finding = Finding {
+            problem: "the time step is too large for this motion".into(),
+            found: format!("{speed:.3} m/s, {:.4} m per step", speed * h),
+            expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
+            hint: Some(format!("a step of {:.1e} s would do", 0.4 * smallest / speed)),
+        };
+        report.error(key, finding);
     }
 }

@@ -119,6 +119,13 @@ const TABLE: &[Broken] = &[
     Broken("= 0.06", "= «0.14", &["leaves the box"]),
     Broken("= 0.06", "= «0.005", &["goes down into `sleeper_1`"]),
     Broken("stroke_m = 0.05", "stroke_m = «0.06", &["drives `tine_1_plus`", "less than 0.0510 m"]),
+    // At the end of the squeeze they are past each other.
+    Broken(
+        "[tamping]",
+        "[[tine]]\nname = \"a\"\nx_m = 0.10\ny_m = 0.07\ntowards = \"+x\"\npair = 8\n\
+         [[tine]]\nname = \"b\"\nx_m = «0.155\ny_m = 0.07\ntowards = \"-x\"\npair = 9\n[tamping]",
+        &["drives `b` and `a` into each other", "gap of 0.0150 m", "at least 0.1000 m"],
+    ),
     Broken(
         "[tamping]",
         "[[tine]]\nname = \"a b\"\nx_m = 0.08\ny_m = 0.05\ntowards = «\"x\"\npair = 9\n[tamping]",
@@ -158,6 +165,23 @@ const TABLE: &[Broken] = &[
         "= «0.01, d",
         &["time step is too large", "half the smallest grain, 0.0125 m"],
     ),
+    Broken(
+        "0.45, depth_m = 0.018",
+        "«0.45, depth_m = -10",
+        &["time step is too large", "half the smallest grain"],
+    ),
+    Broken(
+        "[tines]\ny_offsets_m = [-0.1, 0.1]\ngap_to_sleeper_m = 0.06\n\n[tamping]",
+        "[tamping]\nlift = { height_m = 10, duration_s = «0.2 }",
+        &["time step is too large", "93.750 m/s"],
+    ),
+    // Up by 0.238 m, open by 0.05 m in half the time.
+    Broken(
+        "[tamping]",
+        "[tamping]\nwithdrawal_s = «0.01",
+        &["time step is too large", "32.269 m/s"],
+    ),
+    Broken("= 1.764", "= «1.56", &["time step is too large", "32.269 m/s"]),
     // Time and solver.
     Broken("step_s = 8e-4", "step_s = «1.5e-9", &["whole number of nanoseconds"]),
     Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),

@@ -167,6 +167,23 @@ fn the_force_limit_may_be_infinite() {
 }
 
 #[test]
+fn tines_that_squeeze_away_from_each_other_are_sound() {
+    let tine = |name: &str, x: f64, towards: &str, pair: u32| {
+        format!(
+            "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\ntowards = \"{towards}\"\npair = {pair}\n"
+        )
+    };
+    let both = tine("a", 0.10, "-x", 8) + &tine("b", 0.155, "+x", 9);
+    plan(&changed("[tamping]", &format!("{both}[tamping]")));
+}
+
+#[test]
+fn a_range_of_shapes_may_begin_at_the_very_limit() {
+    // As floating-point numbers 0.15 - 0.1 is below 0.05.
+    plan(&changed("vertices = [8, 40]", "flatness = [0.15, 0.1]"));
+}
+
+#[test]
 fn what_looks_like_a_slip_is_a_warning() {
     for (from, to, words) in [
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
