@@ -331,7 +331,7 @@ pub struct StepReport {
     pub active_contacts: usize,
     /// Contact points of the interface Γ.
     pub interface_contacts: usize,
-    /// Subdomains that hold at least one contact.
+    /// Subdomains, with contacts or without.
     pub subdomains: usize,
     /// DDM iterations, and contact visits over all sweeps, of all attempts.
     pub iterations: u32,

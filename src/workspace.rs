@@ -32,7 +32,7 @@ pub struct Workspace {
     pub(crate) problem: LocalProblem,
     /// Of models with recovery; empty otherwise.
     pub(crate) recovery: Recovery,
-    /// Velocities of the grains at the end of the step `[ng]`, m/s and rad/s.
+    /// Velocities of the mobile bodies at the end of the step `[nm]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
     pub(crate) spin: Vec<Vec3>,
     /// Memory for the state at the end of the step; nothing in it is read.

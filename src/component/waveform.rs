@@ -172,7 +172,7 @@ impl Cubic {
     /// Of the rotation vector from `a`, whose rate at `b` is `J⁻¹(φ) ω`.
     fn of_turns(a: &Knot, b: &Knot) -> Self {
         let way = between(a, b);
-        Self { way, rates: [a.spin, rate_of_vector(&way, &b.spin)] }
+        Self { way, rates: [a.spin, rotation::rate_of_log(&way, &b.spin)] }
     }
 
     /// The way up to a share `s` of the time.
@@ -207,37 +207,6 @@ fn hermite_twist(a: &Knot, b: &Knot, time_ns: u64) -> Twist {
     let turns = Cubic::of_turns(a, b);
     Twist {
         velocity: Cubic::of_positions(a, b).rate(share),
-        spin: spin_of_rate(&turns.at(share), &turns.rate(share)),
+        spin: rotation::spin_of_rate(&turns.at(share), &turns.rate(share)),
     }
-}
-
-/// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rate_of_vector`].
-///
-/// The left Jacobian of the exponential map. Source: as there, equation 145.
-fn spin_of_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
-    let squared = phi.norm_squared();
-    let (first, second) = if squared < 1e-6 {
-        (0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0)
-    } else {
-        let angle = squared.sqrt();
-        ((1.0 - angle.cos()) / squared, (angle - angle.sin()) / (squared * angle))
-    };
-    let once = phi.cross(rate);
-    rate + once * first + phi.cross(&once) * second
-}
-
-/// Rate of the rotation vector `phi` of a body that turns with `spin` (world axes).
-///
-/// The inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro
-/// Lie theory for state estimation in robotics*, 2018, equation 146.
-fn rate_of_vector(phi: &Vec3, spin: &Vec3) -> Vec3 {
-    let squared = phi.norm_squared();
-    let factor = if squared < 1e-6 {
-        1.0 / 12.0 + squared / 720.0
-    } else {
-        let angle = squared.sqrt();
-        1.0 / squared - 0.5 / (angle * (0.5 * angle).tan())
-    };
-    let once = phi.cross(spin);
-    spin - once * 0.5 + phi.cross(&once) * factor
 }

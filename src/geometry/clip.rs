@@ -215,10 +215,12 @@ impl Clipper {
     }
 }
 
-/// Appends the part of a convex polygon below zero height, and where it leaves and comes back.
+/// Appends the part of a convex polygon below zero height, and where it leaves and comes back: more than once where it lies
+/// in the cut but for rounding.
 fn clip_polygon(polygon: &[Vec3], heights: &[f64], kept: &mut Soup, cuts: &mut Vec<[Vec3; 2]>) {
     let before = kept.corners.len();
-    let (mut left, mut returned) = (None, None);
+    // Where it has left, and where it has come back from before the first corner.
+    let (mut left, mut first) = (None, None);
     for k in 0..polygon.len() {
         let next = if k + 1 == polygon.len() { 0 } else { k + 1 };
         let (a, b) = (heights[k], heights[next]);
@@ -232,12 +234,15 @@ fn clip_polygon(polygon: &[Vec3], heights: &[f64], kept: &mut Soup, cuts: &mut V
             kept.corners.push(p);
         } else if a > 0.0 && b <= 0.0 {
             let p = polygon[next] + (polygon[k] - polygon[next]) * (b / (b - a));
-            returned = Some(p);
+            match left.take() {
+                Some(left) => cuts.push([left, p]),
+                None => first = Some(p),
+            }
             kept.corners.push(p);
         }
     }
-    if let (Some(left), Some(returned)) = (left, returned) {
-        cuts.push([left, returned]);
+    if let (Some(left), Some(first)) = (left, first) {
+        cuts.push([left, first]);
     }
     if kept.corners.len() > before {
         kept.ends.push(kept.corners.len());

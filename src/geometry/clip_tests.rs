@@ -142,6 +142,39 @@ fn what_is_outside_overlapping_obstacles_is_counted_once() {
 }
 
 #[test]
+fn faces_of_obstacles_in_one_plane_do_not_depend_on_rounding() {
+    // Bodies of boxes that touch or stand in a row: planes of one are planes of another, but for rounding once they are
+    // turned.
+    let bodies = [
+        [([0.2, 0.05, 0.05], [0.2, 0.0, 0.05]), ([0.05, 0.05, 0.2], [0.05, 0.0, 0.3])],
+        [([0.15, 0.2, 0.08], [0.0, -0.5, 0.08]), ([0.15, 0.2, 0.08], [0.0, 0.5, 0.08])],
+    ];
+    let whole = cuboid(Vec3::repeat(1.2));
+    let mut rng = Pcg64::seed_from_u64(5);
+    for body in bodies {
+        let solid: f64 = body.iter().map(|(half, _)| 8.0 * half.iter().product::<f64>()).sum();
+        for k in 0..400 {
+            // Tilted a little, or turned anyhow.
+            let angle = random_vector(&mut rng, if k % 2 == 0 { 0.05 } else { 2.0 });
+            let pose =
+                Pose { position: random_vector(&mut rng, 0.2), orientation: rotation::exp(&angle) };
+            let obstacle = |(half, middle): ([f64; 3], [f64; 3])| {
+                half_spaces_of(&cuboid(half.into()), &pose.then(&Pose::at(middle.into())))
+            };
+            let obstacles = body.map(obstacle);
+            let outside = Clipper::default().volume_outside(
+                &whole,
+                &Pose::identity(),
+                &mut Vec::new(),
+                &obstacles,
+            );
+            let error = (outside - (13.824 - solid)).abs();
+            assert!(error < 1e-12, "{angle:?}: {error} m³");
+        }
+    }
+}
+
+#[test]
 fn buffers_are_reused_and_leave_no_trace() {
     let mut rng = Pcg64::seed_from_u64(9);
     let mut used = Clipper::default();

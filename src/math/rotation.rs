@@ -31,9 +31,52 @@ pub fn advance(q: &Quat, angle: &Vec3) -> Quat {
     Quat::new_normalize((exp(angle) * q).into_inner())
 }
 
+/// Rate of the rotation vector `phi` of a body that turns with `spin` (world axes).
+///
+/// The inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro
+/// Lie theory for state estimation in robotics*, 2018, equation 146.
+pub fn rate_of_log(phi: &Vec3, spin: &Vec3) -> Vec3 {
+    let squared = phi.norm_squared();
+    let factor = if squared < 1e-6 {
+        1.0 / 12.0 + squared / 720.0
+    } else {
+        let angle = squared.sqrt();
+        1.0 / squared - 0.5 / (angle * (0.5 * angle).tan())
+    };
+    let once = phi.cross(spin);
+    spin - once * 0.5 + phi.cross(&once) * factor
+}
+
+/// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rate_of_log`].
+///
+/// The left Jacobian of the exponential map. Source: as there, equation 145.
+pub fn spin_of_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
+    let squared = phi.norm_squared();
+    let (first, second) = if squared < 1e-6 {
+        (0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0)
+    } else {
+        let angle = squared.sqrt();
+        ((1.0 - angle.cos()) / squared, (angle - angle.sin()) / (squared * angle))
+    };
+    let once = phi.cross(rate);
+    rate + once * first + phi.cross(&once) * second
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rates_of_vectors_are_those_of_their_rotations() {
+        for angle in [0.0, 1e-4, 0.3, 1.9, 3.0] {
+            let phi = Vec3::new(0.36, -0.48, 0.8) * angle;
+            let spin = Vec3::new(1.0, 5.0, -2.0);
+            let rate = rate_of_log(&phi, &spin);
+            let ahead = log(&advance(&exp(&phi), &(spin * 1e-6)));
+            assert!((rate - (ahead - phi) / 1e-6).norm() < 1e-4, "{angle}: {rate:?}");
+            assert!((spin_of_rate(&phi, &rate) - spin).norm() < 1e-13, "{angle}");
+        }
+    }
 
     #[test]
     fn log_inverts_exp_from_tiny_to_nearly_half_a_turn() {

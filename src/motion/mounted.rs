@@ -164,15 +164,15 @@ impl Body<'_> {
         })
     }
 
-    /// The same on rotations, N m s.
+    /// The same on rotations, N m s. What is stored is `φ·K φ/2` of the rotation vector `φ` to the target, and its slope is
+    /// not `K φ` where springs differ: that would drive the body round.
     fn twist_pull(&self, orientation: &Quat) -> Vec3 {
         let way = rotation::log(&(self.target.orientation * orientation.inverse()));
         let shift = rotation::log(&(self.target.orientation * self.from.orientation.inverse()));
         let modes = self.mount.rotations();
-        Vec3::from_fn(|k, _| {
-            let [stiffness, damping] = modes[k].spring();
-            way[k] * (self.h() * stiffness) + shift[k] * damping
-        })
+        let pull = Vec3::from_fn(|k, _| way[k] * modes[k].spring()[0]);
+        let drag = Vec3::from_fn(|k, _| shift[k] * modes[k].spring()[1]);
+        rotation::rate_of_log(&way, &pull) * self.h() + drag
     }
 
     fn weight(&self) -> Vec3 {

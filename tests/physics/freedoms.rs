@@ -51,6 +51,28 @@ fn a_loaded_body_falls_and_is_accelerated_by_its_load() {
 }
 
 #[test]
+fn springs_that_differ_drive_no_turned_body_round() {
+    let spring = Freedom::Sprung { stiffness: 1000.0, damping: 0.0 };
+    let free = Freedom::Loaded;
+    for yaw in [0.2, 0.5, 1.0] {
+        let mut scene = alone(Mount {
+            inertia: Vec3::repeat(0.05),
+            freedoms: [free, free, free, spring, spring, free],
+            ..mount(LOADED)
+        });
+        scene.model.gravity = Vec3::zeros();
+        let turn = |axis: Vec3, angle: f64| Quat::from_scaled_axis(axis * angle);
+        scene.state.orientation[0] = turn(Vec3::x(), 1e-3) * turn(Vec3::z(), yaw);
+        for _ in 0..4000 {
+            scene.step();
+            let kinetic = 0.5 * 0.05 * scene.state.spin[0].norm_squared();
+            // The springs hold that much at the start, where the vector of the whole turn is up to 1.05 mrad off the z axis.
+            assert!(kinetic < 1.1 * 0.5 * 1000.0 * 1e-6, "turned by {yaw} rad: {kinetic} J");
+        }
+    }
+}
+
+#[test]
 fn a_force_beside_the_centre_of_mass_turns_the_body() {
     let centre = Vec3::new(0.03, -0.02, 0.1);
     let force = Vec3::new(20.0, -7.0, 3.0);
