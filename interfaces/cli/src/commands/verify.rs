@@ -30,7 +30,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let end_ns = windows.told_end_ns().unwrap_or(case.plan.run.duration_ns);
     let whole = end_ns.saturating_sub(begin_ns).max(1) as f64;
     let mut watch = |now_ns: u64| {
-        progress.advance(((now_ns - begin_ns) as f64 / whole).min(1.0), &At(now_ns));
+        progress.advance((now_ns.saturating_sub(begin_ns) as f64 / whole).min(1.0), &At(now_ns));
         if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let zones = track::zones(&case.plan);
