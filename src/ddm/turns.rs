@@ -187,12 +187,9 @@ impl Turns {
         mut next: impl FnMut() -> Option<Stretch<P>> + Send,
     ) {
         let (subdomains, threads) = (interface.courses.len(), rayon::current_num_threads());
-        let mut first = next();
-        // Where there is nothing to visit, whatever its passes, a stretch has ended.
-        while first.is_some_and(|(passes, _)| passes == 0 || subdomains == 0) {
-            first = next();
-        }
-        let Some(first) = first else { return };
+        // A stretch without visits has ended.
+        let has_visits = |&(passes, _): &Stretch<P>| passes > 0 && subdomains > 0;
+        let Some(first) = std::iter::from_fn(&mut next).find(has_visits) else { return };
         self.arrivals.clear();
         self.arrivals.resize_with(interface.pairs.len(), AtomicU32::default);
         self.passes.clear();
