@@ -7,8 +7,8 @@
 
 use crate::detection::Contacts;
 use crate::math::{Pose, Quat, Vec3, rotation};
-use crate::model::{Freedom, Model, Mount};
-use crate::motion::{Motion, only};
+use crate::model::Model;
+use crate::motion::Motion;
 use crate::state::{EnergyLedger, State};
 use rayon::prelude::*;
 
@@ -37,38 +37,39 @@ impl Default for Reaction {
 
 /// Puts all bodies where the step ends: every body of `next` is written.
 pub fn configurations(course: &Course, targets: &[Pose], next: &mut State) {
-    let Course { model, motion, velocity, spin, .. } = *course;
+    let Course { model, state, motion, velocity, spin } = *course;
     let (ng, mobile, bodies) = (model.grains.len(), velocity.len(), motion.position.len());
     let after = model.stepping.h() * model.stepping.theta;
     next.position.resize(bodies, Vec3::zeros());
     next.orientation.resize(bodies, Quat::identity());
     next.velocity.resize(bodies, Vec3::zeros());
     next.spin.resize(bodies, Vec3::zeros());
-    (&mut next.position[..mobile], &mut next.orientation[..mobile])
+    (&mut next.position[..ng], &mut next.orientation[..ng])
         .into_par_iter()
-        .zip((&mut next.velocity[..mobile], &mut next.spin[..mobile]))
+        .zip((&mut next.velocity[..ng], &mut next.spin[..ng]))
         .enumerate()
         .with_min_len(1024)
         .for_each(|(i, ((x, q), (v, w)))| {
             *x = motion.position[i] + velocity[i] * after;
             *q = rotation::advance(&motion.orientation[i], &(spin[i] * after));
-            (*v, *w) = (velocity[i], spin[i]);
+            *v = velocity[i];
+            *w = motion.spin_at_end(model, state, i, &spin[i], q);
         });
-    next.velocity[mobile..].copy_from_slice(&motion.velocity[mobile..]);
-    next.spin[mobile..].copy_from_slice(&motion.spin[mobile..]);
-    let (mounts, imposed) = targets.split_at(mobile - ng);
     next.mount.clear();
-    next.mount.extend(mounts);
-    for (d, target) in mounts.iter().enumerate() {
-        let (x, q) = (&mut next.position[ng + d], &mut next.orientation[ng + d]);
-        if let Some(mount) = &model.driven[d].mount {
-            hold(mount, target, x, q);
-        }
-    }
-    for (b, target) in (mobile..).zip(imposed) {
-        // The target itself, not what the velocity leads to: rounding must not add up over steps.
-        next.position[b] = target.position;
-        next.orientation[b] = target.orientation;
+    next.mount.extend(&targets[..mobile - ng]);
+    for (b, target) in (ng..).zip(targets) {
+        let (pose, [v, w]) = match model.driven[b - ng].mount.as_ref() {
+            Some(mount) => {
+                let solved = [&velocity[b], &spin[b]];
+                motion.end_of_mounted(model, state, b - ng, mount, target, solved)
+            }
+            // The target itself, not what the velocity leads to: rounding must not add up over steps.
+            None => (*target, [motion.velocity[b], motion.spin[b]]),
+        };
+        next.position[b] = pose.position;
+        next.orientation[b] = pose.orientation;
+        next.velocity[b] = v;
+        next.spin[b] = w;
     }
 }
 
@@ -85,22 +86,6 @@ pub fn shift(velocity: &[Vec3], spin: &[Vec3], h: f64, next: &mut State) {
                 *q = rotation::advance(q, &(w * h));
             }
         });
-}
-
-/// Puts held degrees of freedom where the target says: rounding must not add up over steps.
-fn hold(mount: &Mount, target: &Pose, position: &mut Vec3, orientation: &mut Quat) {
-    for (k, mode) in mount.translations().iter().enumerate() {
-        if mode.is_held() {
-            position[k] = target.position[k];
-        }
-    }
-    if !mount.turns() {
-        *orientation = target.orientation;
-        return;
-    }
-    let off = rotation::log(&(target.orientation * orientation.inverse()));
-    let held = only(mount.rotations(), Freedom::is_held, &off);
-    *orientation = rotation::advance(orientation, &held);
 }
 
 /// How bodies move through a step: the state it starts from, its prediction, and the solved

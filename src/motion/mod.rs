@@ -3,11 +3,11 @@
 //!
 //! Reads: model, state, inputs. Writes: [`Motion`]. Cost: O(bodies).
 
+mod held;
 mod mounted;
 mod tumbling;
 
 pub use mounted::Response;
-pub(crate) use mounted::only;
 
 use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use crate::math::{Quat, Vec3, rotation};
 use crate::model::{Freedom, Model};
 use crate::state::State;
 use rayon::prelude::*;
-use tumbling::free_spin;
+use tumbling::Tumbling;
 
 /// Prediction of a step; arrays over all bodies, grains first `[nb]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -121,9 +121,20 @@ impl Motion {
                 *x = state.position[i] + state.velocity[i] * before;
                 *q = rotation::advance(&state.orientation[i], &(spin * before));
                 *v = state.velocity[i] + model.gravity * h;
-                let inertia = &model.grains.inertia[i];
-                *w = free_spin(inertia, &state.orientation[i], q, &spin, &model.stepping);
+                *w = grain(model, state, i).free_spin(q, &model.stepping);
             });
+    }
+
+    /// Spin of grain `i` where the step ends, at the orientation `end`; `solved` is the one at configuration m.
+    pub fn spin_at_end(
+        &self,
+        model: &Model,
+        state: &State,
+        i: usize,
+        solved: &Vec3,
+        end: &Quat,
+    ) -> Vec3 {
+        grain(model, state, i).spin_at_end(&self.orientation[i], [&self.spin[i], solved], end)
     }
 
     fn predict_driven(&mut self, model: &Model, state: &State, inputs: &Inputs) -> Result<()> {
@@ -153,4 +164,10 @@ impl Motion {
         }
         Ok(())
     }
+}
+
+/// Grain `i` at the start of the step.
+fn grain<'a>(model: &'a Model, state: &'a State, i: usize) -> Tumbling<'a, Vec3> {
+    let (start, spin) = (&state.orientation[i], &state.spin[i]);
+    Tumbling { inertia: &model.grains.inertia[i], start, spin }
 }

@@ -1,6 +1,6 @@
-//! A grain that tumbles without contacts: its angular momentum stays what it is (T-1).
+//! A body that tumbles: its angular momentum changes by the moments on it, and by nothing else (T-1).
 
-use crate::math::{Quat, Vec3, rotation};
+use crate::math::{Mat3, Quat, Vec3, rotation};
 use crate::model::Stepping;
 
 /// A rotation that changes by this much of a radian or less is the same.
@@ -8,32 +8,87 @@ const SMALL: f64 = 1e-15;
 /// Each pass leaves about the angle turned in the step of the error of the one before.
 const MAX_PASSES: usize = 16;
 
-/// Angular velocity (world axes, rad/s) at the end of a step without contacts of a body with the principal
-/// moments `inertia` (kg m²), the orientation `start` and the spin `spin`; `middle` is configuration m.
-///
-/// Solves `D Ω = exp(-θ h Ω) L` in the axes of configuration m. Every pass turns `L`, so its length is kept
-/// to rounding however far a stone turns in a step, and a spin never grows by itself; its direction is
-/// kept where the passes converge, up to about a radian per step.
-pub fn free_spin(
-    inertia: &Vec3,
-    start: &Quat,
-    middle: &Quat,
-    spin: &Vec3,
-    stepping: &Stepping,
-) -> Vec3 {
-    let own = (start.inverse() * spin).component_mul(inertia);
-    let momentum = middle.inverse() * (start * own);
-    let after = -stepping.theta * stepping.h();
-    let mut turning = momentum.component_div(inertia);
-    for _ in 0..MAX_PASSES {
-        let turned = rotation::exp(&(turning * after)) * momentum;
-        let next = turned.component_div(inertia);
-        let change = (next - turning).amax() * after.abs();
-        turning = next;
-        // Written so that what is no number ends the passes, too: it is refused later, by name.
-        if !(change > SMALL) {
-            break;
-        }
+/// Inertia in the body's axes, kg m².
+pub trait Inertia {
+    /// Angular momentum of a spin, in the body's axes both.
+    fn momentum(&self, spin: &Vec3) -> Vec3;
+
+    /// Spin of an angular momentum.
+    fn spin(&self, momentum: &Vec3) -> Vec3;
+
+    /// Angular momentum of a spin, in the world's axes both.
+    fn momentum_at(&self, q: &Quat, spin: &Vec3) -> Vec3 {
+        q * self.momentum(&(q.inverse() * spin))
     }
-    middle * turning
+
+    /// Spin of an angular momentum, in the world's axes both.
+    fn spin_at(&self, q: &Quat, momentum: &Vec3) -> Vec3 {
+        q * self.spin(&(q.inverse() * momentum))
+    }
+}
+
+/// Principal moments.
+impl Inertia for Vec3 {
+    fn momentum(&self, spin: &Vec3) -> Vec3 {
+        self.component_mul(spin)
+    }
+
+    fn spin(&self, momentum: &Vec3) -> Vec3 {
+        momentum.component_div(self)
+    }
+}
+
+/// Inertia about another point than the centre of mass, and its inverse.
+pub struct Tensor(pub Mat3, pub Mat3);
+
+impl Inertia for Tensor {
+    fn momentum(&self, spin: &Vec3) -> Vec3 {
+        self.0 * spin
+    }
+
+    fn spin(&self, momentum: &Vec3) -> Vec3 {
+        self.1 * momentum
+    }
+}
+
+/// A body at the start of a step.
+pub struct Tumbling<'a, I> {
+    pub inertia: &'a I,
+    pub start: &'a Quat,
+    /// World axes, rad/s.
+    pub spin: &'a Vec3,
+}
+
+impl<I: Inertia> Tumbling<'_, I> {
+    /// Angular velocity (world axes, rad/s) at the end of a step without contacts; `middle` is configuration m.
+    ///
+    /// Solves `D Ω = exp(-θ h Ω) L` in the axes of configuration m. Every pass turns `L`, so its length is kept
+    /// to rounding however far a stone turns in a step, and a spin never grows by itself; its direction is
+    /// kept where the passes converge, up to about a radian per step.
+    pub fn free_spin(&self, middle: &Quat, stepping: &Stepping) -> Vec3 {
+        let inertia = self.inertia;
+        let own = inertia.momentum(&(self.start.inverse() * self.spin));
+        let momentum = middle.inverse() * (self.start * own);
+        let after = -stepping.theta * stepping.h();
+        let mut turning = inertia.spin(&momentum);
+        for _ in 0..MAX_PASSES {
+            let turned = rotation::exp(&(turning * after)) * momentum;
+            let next = inertia.spin(&turned);
+            let change = (next - turning).amax() * after.abs();
+            turning = next;
+            // Written so that what is no number ends the passes, too: it is refused later, by name.
+            if !(change > SMALL) {
+                break;
+            }
+        }
+        middle * turning
+    }
+
+    /// Angular velocity where the step ends, at the orientation `end`: that of the angular momentum at the start and of the
+    /// moments since, which have changed the spin from `free` to `solved` at configuration m.
+    pub fn spin_at_end(&self, middle: &Quat, [free, solved]: [&Vec3; 2], end: &Quat) -> Vec3 {
+        let own = self.inertia.momentum_at(self.start, self.spin);
+        let moments = self.inertia.momentum_at(middle, &(solved - free));
+        self.inertia.spin_at(end, &(own + moments))
+    }
 }
