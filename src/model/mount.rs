@@ -88,6 +88,11 @@ impl Mount {
         self.rotations().iter().any(|r| !r.is_held())
     }
 
+    /// Whether contacts can turn the body in all directions, so that its angular momentum is its own.
+    pub fn tumbles(&self) -> bool {
+        !self.rotations().iter().any(|r| r.is_held())
+    }
+
     /// Numbers of the degrees of freedom that are not held.
     pub fn free(&self) -> impl Iterator<Item = usize> {
         (0..6).filter(|k| !self.freedoms[*k].is_held())

@@ -5,9 +5,10 @@
 
 mod held;
 mod mounted;
+mod response;
 mod tumbling;
 
-pub use mounted::Response;
+pub use response::Response;
 
 use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};

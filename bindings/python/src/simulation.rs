@@ -11,6 +11,9 @@ use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
 use ballast::component::{Input, Limits, LoadInput, Window};
+use ballast::geometry::Polyhedron;
+use ballast::math::Pose;
+use ballast::model::Part;
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::WindowKind;
 use ballast_zenoh::Description;
@@ -396,17 +399,28 @@ impl Simulation {
 
     /// Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
     /// counter-clockwise from outside.
-    fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<(Matrix<'py>, Vec<Vec<u16>>)> {
+    fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Solid<'py>> {
         let shapes = &self.ground(py, "shape")?.model.shapes;
         let shape = shapes.get(index).ok_or_else(|| {
             let text = format!("shape: expected less than {}, found {index}", shapes.len());
             pyo3::exceptions::PyIndexError::new_err(text)
         })?;
-        let corners: Vec<f64> = shape.vertices.iter().flatten().copied().collect();
-        let ends = shape.face_starts.windows(2);
-        let faces =
-            ends.map(|e| shape.face_vertices[e[0] as usize..e[1] as usize].to_vec()).collect();
-        Ok((crate::arrays::table(py, &corners, 3), faces))
+        Ok(solid(py, shape, &Pose::identity()))
+    }
+
+    /// The solids that a driven body is made of, each as corners (n, 3) in the body's frame, m, and faces as those of
+    /// `shape`. A wall without end has none.
+    fn parts<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Vec<Solid<'py>>> {
+        let model = &self.ground(py, "parts")?.model;
+        let driven = model.driven_index(name).map(|d| &model.driven[d]).ok_or_else(|| {
+            let text = format!("body: expected one of {:?}, found {name:?}", self.about.names);
+            pyo3::exceptions::PyKeyError::new_err(text)
+        })?;
+        let solids = driven.parts.iter().filter_map(|part| match part {
+            Part::Convex { shape, pose } => Some(solid(py, &model.shapes[*shape as usize], pose)),
+            Part::HalfSpace { .. } => None,
+        });
+        Ok(solids.collect())
     }
 
     /// The next window's first step fails as if by a fault of the program.
@@ -425,6 +439,17 @@ impl Simulation {
         };
         format!("Simulation({:?}, {} grains, {now})", self.about.name, self.about.grains)
     }
+}
+
+/// Corners and faces.
+type Solid<'py> = (Matrix<'py>, Vec<Vec<u16>>);
+
+fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> Solid<'py> {
+    let corners = shape.vertices.iter().map(|corner| pose.point(corner));
+    let corners: Vec<f64> = corners.flat_map(|corner| <[f64; 3]>::from(corner)).collect();
+    let ends = shape.face_starts.windows(2);
+    let faces = ends.map(|e| shape.face_vertices[e[0] as usize..e[1] as usize].to_vec()).collect();
+    (crate::arrays::table(py, &corners, 3), faces)
 }
 
 /// The way of a tine through the tamping cycle of its case.

@@ -448,6 +448,12 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     volume = sum(grain.extract_surface(algorithm="dataset_surface").volume for grain in grains)
     assert volume == pytest.approx(sim.masses[:2].sum() / 2700.0, rel=0.05)
     assert view.chains(sim).n_cells > 0
+    assert sim.parts("sleeper_1") and not sim.parts("floor")
+    low, high = np.reshape(view.tools(sim).bounds, (3, 2)).T
+    tine = sim.tines[0]
+    assert np.all(low < tine.start) and np.all(tine.start < high)
+    with pytest.raises(KeyError, match="tine_1"):
+        sim.parts("tine_9")
     # Drawing needs a graphics library that may be missing: where not even a ball is drawn.
     ball = "import sys, pyvista as pv; p = pv.Plotter(off_screen=True); p.add_mesh(pv.Sphere()); p.screenshot(sys.argv[2])"
     drawing = (

@@ -265,6 +265,10 @@ class Simulation:
         """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
         counter-clockwise from outside."""
 
+    def parts(self, name: str) -> list[tuple[_Floats, list[list[int]]]]:
+        """The solids that a driven body is made of, each as corners (n, 3) in the body's frame, m, and faces as those of
+        `shape`. A wall without end has none."""
+
     @property
     def case(self) -> Case:
         """What it is a simulation of."""

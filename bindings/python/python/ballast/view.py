@@ -17,26 +17,44 @@ import ballast
 def bed(sim: ballast.Simulation) -> Any:
     """All grains as one surface (`pyvista.PolyData`), with the speed (m/s) and the number of the grain on every
     face."""
-    import pyvista as pv
-
     state, shapes = sim.save(), {}
     speed = np.linalg.norm(state.velocities, axis=1)
-    points, faces, owner, offset = [], [], [], 0
+    solids, owner = [], []
     for grain, index in enumerate(sim.shape_of):
         if index not in shapes:
             shapes[index] = sim.shape(int(index))
         corners, polygons = shapes[index]
-        points.append(corners @ rotation(state.orientations[grain]).T + state.positions[grain])
+        placed = corners @ rotation(state.orientations[grain]).T + state.positions[grain]
+        solids.append((placed, polygons))
+        owner.extend([grain] * len(polygons))
+    surface = _surface(solids)
+    if owner:
+        surface.cell_data["grain"] = np.array(owner)
+        surface.cell_data["speed, m/s"] = speed[owner]
+    return surface
+
+
+def tools(sim: ballast.Simulation) -> Any:
+    """Tines and sleepers, and every other driven body that has an end, as one surface."""
+    state, solids = sim.save(), []
+    for name in sim.bodies:
+        position, orientation, _, _ = state.body(name)
+        turn = rotation(orientation).T
+        solids += [(corners @ turn + position, polygons) for corners, polygons in sim.parts(name)]
+    return _surface(solids)
+
+
+def _surface(solids: list[tuple[Any, list[list[int]]]]) -> Any:
+    import pyvista as pv
+
+    if not solids:
+        return pv.PolyData()
+    faces, offset = [], 0
+    for corners, polygons in solids:
         for polygon in polygons:
             faces.append(np.array([len(polygon), *polygon]) + [0, *[offset] * len(polygon)])
-        owner.extend([grain] * len(polygons))
         offset += len(corners)
-    if not points:
-        return pv.PolyData()
-    surface = pv.PolyData(np.vstack(points), np.concatenate(faces))
-    surface.cell_data["grain"] = np.array(owner)
-    surface.cell_data["speed, m/s"] = speed[owner]
-    return surface
+    return pv.PolyData(np.vstack([corners for corners, _ in solids]), np.concatenate(faces))
 
 
 def chains(sim: ballast.Simulation, *, least: float = 1.0) -> Any:
@@ -64,8 +82,8 @@ def chains(sim: ballast.Simulation, *, least: float = 1.0) -> Any:
 
 
 def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = False) -> Any:
-    """A `pyvista.Plotter` with the bed coloured by speed, or with its force chains in a bed as pale as glass. Tines and
-    sleepers are not drawn; results files have their shapes."""
+    """A `pyvista.Plotter` with the bed coloured by speed, or with its force chains in a bed as pale as glass, and with tines
+    and sleepers, which let the bed behind them be seen."""
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=off_screen)
@@ -92,6 +110,9 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
             clim=[0.0, max(float(surface[name].max()), 1e-6)],
             scalar_bar_args=_bar(name, "%.3g"),
         )
+    machine = tools(sim)
+    if machine.n_cells:
+        plotter.add_mesh(machine, color="steelblue", opacity=0.15 if forces else 0.5)
     plotter.view_vector((0.4, -1.0, 0.35), viewup=(0.0, 0.0, 1.0))
     return plotter
 

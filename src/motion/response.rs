@@ -1,0 +1,203 @@
+//! How mounted bodies move without contacts, and how they answer to impulses (T-28).
+//!
+//! A body whose translations are alike stands in the contact problem like a grain: an effective mass, at
+//! a point that is not its centre of mass if springs hold it, and an effective inertia about that point.
+//! Any other one has up to three degrees of freedom, which take the place of the grain's whitened spin.
+
+use super::held;
+use super::mounted::{Body, arm, free, only, own_inertia};
+use super::tumbling::Inertia;
+use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
+use crate::model::Freedom;
+
+/// A held rotation that is imposed beside free ones is an inertia this many times the natural one.
+const HELD: f64 = 1e9;
+
+/// How a mounted body moves without contacts, and how it answers to impulses.
+///
+/// In whitened coordinates `ŵ`, whose inertia is the identity, the body's spin is `turn ŵ`, and its point
+/// at `centre` has the velocity `velocity + shift ŵ`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Response {
+    /// m/s.
+    pub velocity: Vec3,
+    /// kg^(1/2) m/s.
+    pub whitened: Vec3,
+    /// Of `velocity` to an impulse, 1/kg; zero where translations are not alike.
+    pub inverse_mass: f64,
+    /// From the body's reference point, world axes, m.
+    pub centre: Vec3,
+    pub turn: Mat3,
+    pub shift: Mat3,
+    /// Spin that a body free to turn in all directions would have without springs, loads and contacts, rad/s.
+    pub own_spin: Vec3,
+}
+
+impl Response {
+    /// Velocity of the reference point (m/s) and spin (rad/s).
+    pub fn twist(&self, velocity: &Vec3, whitened: &Vec3) -> (Vec3, Vec3) {
+        let spin = self.turn * whitened;
+        (velocity + self.shift * whitened - spin.cross(&self.centre), spin)
+    }
+}
+
+impl Body<'_> {
+    /// Impulse (N s) of springs and dampers on translations, but for what the velocity of the end adds.
+    fn pull(&self, position: &Vec3) -> Vec3 {
+        let (h, shift) = (self.h(), self.target.position - self.from.position);
+        let modes = self.mount.translations();
+        Vec3::from_fn(|k, _| {
+            let [stiffness, damping] = modes[k].spring();
+            (self.target.position[k] - position[k]) * (h * stiffness) + shift[k] * damping
+        })
+    }
+
+    /// The same on rotations, N m s. What is stored is `φ·K φ/2` of the rotation vector `φ` to the target, and its slope is
+    /// not `K φ` where springs differ: that would drive the body round.
+    fn twist_pull(&self, orientation: &Quat) -> Vec3 {
+        let way = rotation::log(&(self.target.orientation * orientation.inverse()));
+        let (shift, modes) = (self.turn(), self.mount.rotations());
+        let pull = Vec3::from_fn(|k, _| way[k] * modes[k].spring()[0]);
+        let drag = Vec3::from_fn(|k, _| shift[k] * modes[k].spring()[1]);
+        rotation::rate_of_log(&way, &pull) * self.h() + drag
+    }
+
+    fn weight(&self) -> Vec3 {
+        self.gravity * self.mount.mass
+    }
+
+    /// Impulses of load and weight over the step, on degrees of freedom that take them; `d` is from the
+    /// reference point to the centre of mass.
+    fn loads(&self, d: &Vec3) -> [Vec3; 2] {
+        let is_loaded = |m: Freedom| m == Freedom::Loaded;
+        let (forward, turning) = (self.mount.translations(), self.mount.rotations());
+        let force = free(forward, &self.load.force) + only(forward, is_loaded, &self.weight());
+        let moment = only(turning, is_loaded, &d.cross(&self.weight()));
+        [force * self.h(), (free(turning, &self.load.torque) + moment) * self.h()]
+    }
+
+    /// From the reference point to the centre of mass, and inertia about the reference point.
+    fn inertia(&self, orientation: &Quat) -> (Vec3, Mat3) {
+        let r = orientation.to_rotation_matrix().into_inner();
+        let d = r * self.mount.centre;
+        let about_centre = r * Mat3::from_diagonal(&self.mount.inertia) * r.transpose();
+        (d, about_centre + arm(&d) * self.mount.mass)
+    }
+
+    /// A body that does not turn: a mass. One that turned until now keeps the momentum of its centre of mass.
+    pub fn as_mass(&self, middle: &Pose) -> Response {
+        let mass = self.mount.mass + self.mount.freedoms[0].added_inertia(self.stepping);
+        let [load, _] = self.loads(&Vec3::zeros());
+        let carried = self.velocity_of_centre() * self.mount.mass;
+        let momentum = carried + self.pull(&middle.position) + load;
+        Response { velocity: momentum / mass, inverse_mass: 1.0 / mass, ..Response::default() }
+    }
+
+    /// What momentum and angular momentum about the reference point would be at the end of the step, but for
+    /// what springs and dampers add by the velocity of the end; `d` is from there to the centre of mass.
+    fn momenta(&self, middle: &Pose, d: &Vec3, own_spin: Option<Vec3>) -> [Vec3; 2] {
+        let (w, q, m) = (self.spin, &middle.orientation, self.mount.mass);
+        let v = self.velocity - self.held_velocity();
+        let carried = match own_spin {
+            _ if self.mount.moves_alike() => self.velocity_of_centre() * m,
+            // What goes round the reference point belongs to the inertia about it.
+            Some(_) => v * m,
+            None => {
+                let around = w.cross(d);
+                (v + around - w.cross(&around) * self.h()) * m
+            }
+        };
+        let inertia = own_inertia(self.mount);
+        let own = own_spin.map_or_else(
+            || {
+                // What holds it takes the rest of the gyroscopic term.
+                let momentum = inertia.momentum_at(q, &w);
+                momentum - w.cross(&momentum) * self.h()
+            },
+            |spin| inertia.momentum_at(q, &spin),
+        );
+        let [load, torque] = self.loads(d);
+        [
+            carried + self.pull(&middle.position) + load,
+            d.cross(&carried) + own + self.twist_pull(q) + torque,
+        ]
+    }
+
+    /// A body that turns and moves alike in all directions; `target` is the spin of what held rotations follow.
+    pub fn as_solid(&self, middle: &Pose, target: &Vec3) -> Response {
+        let mount = self.mount;
+        let (d, inertia) = self.inertia(&middle.orientation);
+        let m = mount.mass;
+        let mass = m + mount.freedoms[0].added_inertia(self.stepping);
+        let own_spin = self.own_spin(&middle.orientation);
+        let [momentum, mut angular] = self.momenta(middle, &d, own_spin);
+        let added = Vec3::from_fn(|k, _| mount.freedoms[3 + k].added_inertia(self.stepping));
+        // The point where momentum and angular momentum part: there the mass counts with its springs.
+        let centre = d * (m / mass);
+        let mut about = inertia + Mat3::from_diagonal(&added) - arm(&centre) * mass;
+        // The mass counts at 1 m.
+        let stiff = HELD * (inertia.trace() + m);
+        let turn = middle.orientation * self.target_at_middle().inverse();
+        for (_, n) in held::conditions(mount, &turn) {
+            about += n * n.transpose() * stiff;
+            angular += n * (n.dot(&(turn * target)) * stiff);
+        }
+        let (turn, whitened) = whiten(&about, &(angular - centre.cross(&momentum)));
+        Response {
+            velocity: momentum / mass,
+            whitened,
+            inverse_mass: 1.0 / mass,
+            centre,
+            turn,
+            own_spin: own_spin.unwrap_or_default(),
+            ..Response::default()
+        }
+    }
+
+    /// Up to three degrees of freedom of any kind.
+    pub fn by_freedoms(&self, middle: &Pose) -> Response {
+        let (mount, m) = (self.mount, self.mount.mass);
+        let (d, inertia) = self.inertia(&middle.orientation);
+        let own_spin = self.own_spin(&middle.orientation);
+        let [momentum, angular] = self.momenta(middle, &d, own_spin);
+        let turn = middle.orientation * self.target_at_middle().inverse();
+        let conditions = held::conditions(mount, &turn);
+        // Unit twists of the degrees of freedom: velocity and spin. One that is not there has none, and
+        // an inertia of 1.
+        let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
+        let mut added = Vec3::repeat(1.0);
+        for (column, k) in mount.free().enumerate() {
+            let (velocity, spin) = &mut twists[column];
+            if k < 3 {
+                velocity[k] = 1.0
+            } else {
+                *spin = held::beside(&conditions, k - 3);
+            }
+            added[column] = mount.freedoms[k].added_inertia(self.stepping);
+        }
+        let mass = Mat3::from_fn(|i, j| {
+            let (v, w) = twists[j];
+            twists[i].0.dot(&((v + w.cross(&d)) * m))
+                + twists[i].1.dot(&(d.cross(&v) * m + inertia * w))
+        });
+        let rate = Vec3::from_fn(|i, _| twists[i].0.dot(&momentum) + twists[i].1.dot(&angular));
+        let (root, whitened) = whiten(&(mass + Mat3::from_diagonal(&added)), &rate);
+        Response {
+            velocity: self.held_velocity(),
+            whitened,
+            turn: Mat3::from_columns(&twists.map(|t| t.1)) * root,
+            shift: Mat3::from_columns(&twists.map(|t| t.0)) * root,
+            own_spin: own_spin.unwrap_or_default(),
+            ..Response::default()
+        }
+    }
+}
+
+/// `B` with `B Bᵀ = M⁻¹`, and the whitened coordinates `ŵ` of the momentum: the velocity is `B ŵ`.
+fn whiten(mass: &Mat3, momentum: &Vec3) -> (Mat3, Vec3) {
+    // Positive definite for a mount that has been checked; anything else becomes NaN, which the step
+    // refuses by name.
+    let lower = mass.cholesky().map_or_else(|| Mat3::repeat(f64::NAN), |c| c.l());
+    let inverse = lower.try_inverse().unwrap_or_else(|| Mat3::repeat(f64::NAN));
+    (inverse.transpose(), inverse * momentum)
+}
