@@ -43,13 +43,6 @@ impl Freedom {
     pub fn is_held(self) -> bool {
         self == Freedom::Held
     }
-
-    /// What spring and damper add to the inertia because they answer within the step (T-28).
-    pub fn added_inertia(self, stepping: &Stepping) -> f64 {
-        let h = stepping.h();
-        let [stiffness, damping] = self.spring();
-        h * (damping + h * stepping.theta * stiffness)
-    }
 }
 
 impl Mount {
@@ -86,6 +79,33 @@ impl Mount {
     /// Whether contacts can turn the body.
     pub fn turns(&self) -> bool {
         self.rotations().iter().any(|r| !r.is_held())
+    }
+
+    /// Share of the deflection and its rate at the end of a step with which springs and dampers of translations act, beside
+    /// those at its start (T-28): one half, means, as far as the step resolves what they do; beyond, more, so that it dies
+    /// away. Those of rotations act with the end alone.
+    pub fn share_of_end(&self, stepping: &Stepping) -> f64 {
+        let h = stepping.h();
+        let turning =
+            if self.turns() { self.centre.norm_squared() / self.inertia.min() } else { 0.0 };
+        let light = 1.0 / self.mass + turning;
+        let needed = self.translations().into_iter().map(|freedom| {
+            let [stiffness, damping] = freedom.spring();
+            let (swing, drag) = (h * (stiffness * light).sqrt(), h * damping * light);
+            // Critical from 4 on; no rate changes its sign.
+            let of_spring = if swing > 2.0 { (0.25 * swing - 0.5).min(2.0 / swing) } else { 0.0 };
+            let of_damper = if drag > 2.0 { 0.5 - 1.0 / drag } else { 0.0 };
+            0.5 + of_spring.max(of_damper)
+        });
+        needed.fold(stepping.theta, f64::max)
+    }
+
+    /// What spring and damper of degree of freedom `k` add to its inertia because they answer within the step (T-28).
+    pub fn added_inertia(&self, k: usize, stepping: &Stepping) -> f64 {
+        let h = stepping.h();
+        let [stiffness, damping] = self.freedoms[k].spring();
+        let share = if k < 3 { self.share_of_end(stepping) } else { 1.0 };
+        share * h * (damping + h * stepping.theta * stiffness)
     }
 
     /// Whether contacts can turn the body in all directions, so that its angular momentum is its own.

@@ -45,10 +45,14 @@ impl Body<'_> {
     /// Impulse (N s) of springs and dampers on translations, but for what the velocity of the end adds.
     fn pull(&self, position: &Vec3) -> Vec3 {
         let (h, shift) = (self.h(), self.target.position - self.from.position);
+        let end = self.mount.share_of_end(self.stepping);
         let modes = self.mount.translations();
+        let before = (self.from.position - self.start.position) * (1.0 - end);
+        let way = before + (self.target.position - position) * end;
+        let shift = shift - self.velocity * (h * (1.0 - end));
         Vec3::from_fn(|k, _| {
             let [stiffness, damping] = modes[k].spring();
-            (self.target.position[k] - position[k]) * (h * stiffness) + shift[k] * damping
+            way[k] * (h * stiffness) + shift[k] * damping
         })
     }
 
@@ -86,7 +90,7 @@ impl Body<'_> {
 
     /// A body that does not turn: a mass. One that turned until now keeps the momentum of its centre of mass.
     pub fn as_mass(&self, middle: &Pose) -> Response {
-        let mass = self.mount.mass + self.mount.freedoms[0].added_inertia(self.stepping);
+        let mass = self.mount.mass + self.mount.added_inertia(0, self.stepping);
         let [load, _] = self.loads(&Vec3::zeros());
         let carried = self.velocity_of_centre() * self.mount.mass;
         let momentum = carried + self.pull(&middle.position) + load;
@@ -128,10 +132,10 @@ impl Body<'_> {
         let mount = self.mount;
         let (d, inertia) = self.inertia(&middle.orientation);
         let m = mount.mass;
-        let mass = m + mount.freedoms[0].added_inertia(self.stepping);
+        let mass = m + mount.added_inertia(0, self.stepping);
         let own_spin = self.own_spin(&middle.orientation);
         let [momentum, mut angular] = self.momenta(middle, &d, own_spin);
-        let added = Vec3::from_fn(|k, _| mount.freedoms[3 + k].added_inertia(self.stepping));
+        let added = Vec3::from_fn(|k, _| mount.added_inertia(3 + k, self.stepping));
         // The point where momentum and angular momentum part: there the mass counts with its springs.
         let centre = d * (m / mass);
         let mut about = inertia + Mat3::from_diagonal(&added) - arm(&centre) * mass;
@@ -173,7 +177,7 @@ impl Body<'_> {
             } else {
                 *spin = held::beside(&conditions, k - 3);
             }
-            added[column] = mount.freedoms[k].added_inertia(self.stepping);
+            added[column] = mount.added_inertia(k, self.stepping);
         }
         let mass = Mat3::from_fn(|i, j| {
             let (v, w) = twists[j];

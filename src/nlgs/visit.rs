@@ -238,7 +238,7 @@ pub fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
     let divisor = L::select(zero.lt(tangential), tangential, one);
     let scale = mu.mul(normal).div(divisor);
     let on_cone = [normal, scale.mul(x[1]), scale.mul(x[2])];
-    each!(K in 3 => L::select(inside, x[K], L::select(polar, zero, on_cone[K])))
+    each!(K in 3 => L::select(polar, zero, L::select(inside, x[K], on_cone[K])))
 }
 
 #[cfg(test)]
@@ -381,6 +381,27 @@ mod tests {
                 let size = before.norm() + scalar.norm() + (inverse * u).norm();
                 let apart = (scalar - r).norm() / size;
                 assert!(apart < 1e-10, "{apart:e}: {w} {u} {before} {mu}: {r} {scalar}");
+            }
+        }
+    }
+
+    #[test]
+    fn eight_projections_are_those_of_one() {
+        let mut rng = Pcg64::seed_from_u64(29);
+        for _ in 0..2_000 {
+            let values = [-2.0, -0.5, 0.0, 0.5, 2.0];
+            let mut row = || [0; 8].map(|_| values[rng.random_range(0..5)]);
+            let (mu, rows) = ([0.0, 0.0, 0.3, 0.3, 1.0, 1.0, 2.0, 1e3], [row(), row(), row()]);
+            let lanes = project(Portable::load(&mu), &rows.map(|row| Portable::load(&row)));
+            let lanes = lanes.map(|lane| {
+                let mut row = [0.0; 8];
+                lane.store(&mut row);
+                row
+            });
+            for i in 0..8 {
+                let [x, found] = [rows, lanes].map(|r| Vec3::new(r[0][i], r[1][i], r[2][i]));
+                let apart = (found - crate::math::cone::project(&x, mu[i])).norm();
+                assert!(apart < 1e-15 * (1.0 + x.norm()), "{} {x}: {found}", mu[i]);
             }
         }
     }

@@ -3,7 +3,7 @@
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::geometry::hull::cuboid;
 use ballast::math::{Pose, Vec3};
-use ballast::model::Schedule;
+use ballast::model::{Norm, Schedule};
 
 const EDGE: f64 = 0.1;
 
@@ -38,6 +38,21 @@ fn the_base_carries_the_weight_and_nothing_drifts_in_ten_seconds() {
             assert!(drift < 1e-6, "{schedule:?}: box {k} drifted by {drift} m");
             let turn = scene.state.orientation[k].angle();
             assert!(turn < 1e-5, "{schedule:?}: box {k} turned by {turn} rad");
+        }
+    }
+}
+
+#[test]
+fn a_stack_without_friction_is_solved_by_the_natural_map() {
+    for schedule in SCHEDULES {
+        let mut scene = stack(4, 0.0, 1_000_000, schedule);
+        scene.model.solver.norm = Norm::NaturalMap;
+        scene.model.solver.tolerance = Some(1e-6);
+        scene.model.solver.iterations = 1000;
+        for step in 0..50 {
+            let report = scene.step();
+            let residual = report.residuals.natural_map;
+            assert!(report.converged, "{schedule:?}, step {step}: {residual}");
         }
     }
 }

@@ -111,6 +111,12 @@ fn a_bed_is_prepared_once() {
     assert_eq!(made(&first)["prepared"], true);
     assert_eq!(made(&again)["prepared"], false);
     let bed = place.path(made(&first)["path"].as_str().unwrap());
+    // Equal keys, equal beds: where the hash changes, the version of the key is to be raised (`content_key`).
+    let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
+    assert_eq!(
+        [&inspected[0]["key"], &inspected[0]["hash"]],
+        ["a581b09b81b3fad06160719988502a5f", "b4a770971795f87d62f7c469f023d5e9"]
+    );
     let bytes = std::fs::read(&bed).unwrap();
     place.call("prepare tiny.toml --beds beds --force").with_code(0);
     assert_eq!(std::fs::read(&bed).unwrap(), bytes, "prepared again, same bytes");
