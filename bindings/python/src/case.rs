@@ -2,6 +2,7 @@
 
 use crate::compute::{Crew, compute};
 use crate::errors::{self, CaseError};
+use crate::inputs::whole;
 use crate::machine::Machine;
 use crate::simulation::Simulation;
 use crate::state::Snapshot;
@@ -103,7 +104,15 @@ impl Case {
 
     /// The same case with another seed of the bed, or another schedule of the solver.
     #[pyo3(signature = (*, seed=None, schedule=None))]
-    fn choose(&self, py: Python<'_>, seed: Option<u64>, schedule: Option<&str>) -> PyResult<Self> {
+    fn choose(
+        &self,
+        py: Python<'_>,
+        seed: Option<&Bound<'_, PyAny>>,
+        schedule: Option<&str>,
+    ) -> PyResult<Self> {
+        let kind = "a whole number";
+        let whole = |seed| whole(seed, kind, "seed", "one from 0 to 2^64 - 1", errors::invalid);
+        let seed = seed.map(whole).transpose()?;
         let choices = Choices::named(seed, schedule)
             .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
         Ok(self.chosen(choices))
@@ -170,7 +179,7 @@ pub fn prepare(
     py: Python<'_>,
     case: &Case,
     beds: PathBuf,
-    threads: Option<usize>,
+    threads: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
     again: bool,
 ) -> PyResult<PathBuf> {
@@ -187,7 +196,7 @@ fn make(
     py: Python<'_>,
     case: &Case,
     beds: &Beds,
-    threads: Option<usize>,
+    threads: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<ballast::track::Bed> {
     let crew = Crew::new(py, threads)?;
@@ -213,7 +222,7 @@ pub fn begin(
     py: Python<'_>,
     case: &Case,
     beds: PathBuf,
-    threads: Option<usize>,
+    threads: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
     max_penetration: Option<f64>,
     keep_early: bool,

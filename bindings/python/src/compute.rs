@@ -1,6 +1,7 @@
 //! Long work with the interpreter released, and somebody who listens for Ctrl-C meanwhile.
 
 use crate::errors::{self, Lost};
+use crate::inputs::whole;
 use crate::lock::{enter, enter_if_free};
 use ballast::step::MOST_THREADS;
 use ballast_protocol::lockstep::said;
@@ -52,13 +53,19 @@ pub struct Crew {
 
 impl Crew {
     /// `threads` of them, the calling one included; one per processor unless told.
-    pub fn new(py: Python<'_>, threads: Option<usize>) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, threads: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let expected = format!("1 to {MOST_THREADS}");
+        let beyond = |py: Python<'_>, place: &str, expected: &str, found: &Bound<'_, PyAny>| {
+            no_threads(py, &format!("{place}: expected {expected}, found {found}"))
+        };
         let threads = match threads {
-            Some(threads) if !(1..=MOST_THREADS).contains(&threads) => {
-                let text = format!("threads: expected 1 to {MOST_THREADS}, found {threads}");
-                return Err(no_threads(py, &text));
+            Some(asked) => {
+                match usize::try_from(whole(asked, "a whole number", "threads", &expected, beyond)?)
+                {
+                    Ok(threads) if (1..=MOST_THREADS).contains(&threads) => threads,
+                    _ => return Err(beyond(py, "threads", &expected, asked)),
+                }
             }
-            Some(threads) => threads,
             None => std::thread::available_parallelism().map_err(|e| no_threads(py, &e))?.get(),
         };
         let crew = Self { threads, is_apart: false, others: Arc::default() };

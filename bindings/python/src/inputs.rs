@@ -156,13 +156,24 @@ impl Load {
 
 /// A time, ns since the start of the run.
 pub fn time(number: &Bound<'_, PyAny>, place: impl FnOnce() -> String) -> PyResult<u64> {
+    let expected = "ns since the start of the run, from 0 to 2^64 - 1";
+    whole(number, "a whole number of ns", &place(), expected, errors::invalid)
+}
+
+/// A whole number from 0 to 2^64 - 1, `kind` in words; `beyond` is the error for one that is not: interpreter, place, what is
+/// `expected`, found.
+pub fn whole(
+    number: &Bound<'_, PyAny>,
+    kind: &str,
+    place: &str,
+    expected: &str,
+    beyond: impl FnOnce(Python<'_>, &str, &str, &Bound<'_, PyAny>) -> PyErr,
+) -> PyResult<u64> {
     number.extract().map_err(|e: PyErr| {
         if e.is_instance_of::<PyOverflowError>(number.py()) {
-            let expected = "ns since the start of the run, from 0 to 2^64 - 1";
-            return errors::invalid(number.py(), &place(), expected, number);
+            return beyond(number.py(), place, expected, number);
         }
-        let text = format!("{}: expected a whole number of ns, found {number:?}", place());
-        PyTypeError::new_err(text)
+        PyTypeError::new_err(format!("{place}: expected {kind}, found {number:?}"))
     })
 }
 

@@ -27,7 +27,7 @@ use pyo3::prelude::*;
 fn resume(
     py: Python<'_>,
     state: &state::State,
-    threads: Option<usize>,
+    threads: Option<&Bound<'_, PyAny>>,
     max_penetration: Option<f64>,
     keep_early: bool,
 ) -> PyResult<simulation::Simulation> {

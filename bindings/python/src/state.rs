@@ -8,7 +8,7 @@ use crate::there::Kept;
 use ballast::model::Model;
 use ballast::state;
 use ballast_beds::Case;
-use ballast_hdf5::checkpoint;
+use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_scenario::Choices;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
@@ -44,6 +44,13 @@ impl Snapshot {
     fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
         let kept = py.detach(|| checkpoint::read(path)).map_err(|e| errors::file(py, e))?;
         let name = path.display().to_string();
+        if kept.kind != Kind::Run {
+            let text = format!(
+                "{name}: it is a {}, not the state of a run; `ballast.open` starts a case from its bed",
+                kept.kind.name()
+            );
+            return Err(errors::file(py, text));
+        }
         let choices = Choices::from_notes(&kept.extra)
             .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         let case = case::read(py, kept.case_text, &name)?.chosen(choices);

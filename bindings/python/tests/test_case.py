@@ -73,6 +73,9 @@ def test_choices_are_not_in_the_text(case: ballast.Case) -> None:
     with pytest.raises(ballast.CaseError, match="expected one of"):
         case.choose(schedule="random")
     # What is said last holds.
+    for seed in (-1, 2**70):
+        with pytest.raises(ballast.Refused, match="seed: expected one from 0 to 2"):
+            case.choose(seed=seed)
     assert case.choose(seed=5).with_values({"bed.seed": 2}).seed == 2
     assert case.choose(seed=5).with_values({"bed": {**case.to_dict()["bed"], "seed": 2}}).seed == 2
     assert case.choose(seed=5).with_values({"run.output_every_s": 0.0}).seed == 5

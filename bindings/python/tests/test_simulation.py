@@ -298,8 +298,15 @@ def test_somebody_has_to_compute(case: ballast.Case, beds: Path) -> None:
     with pytest.raises(ballast.Error, match="expected 1 to 1024, found 0") as none:
         ballast.open(case, beds=beds, threads=0, progress=False)
     assert none.value.code == "threads"
-    with pytest.raises(ballast.Error, match="expected 1 to 1024, found 100000"):
-        ballast.open(case, beds=beds, threads=100_000, progress=False)
+    for threads in (100_000, -1, 2**70):
+        with pytest.raises(ballast.Error, match=f"threads: expected 1 to 1024, found {threads}"):
+            ballast.open(case, beds=beds, threads=threads, progress=False)
+
+
+def test_a_bed_is_no_state(case: ballast.Case, beds: Path) -> None:
+    bed = ballast.prepare(case, beds=beds, progress=False)
+    with pytest.raises(ballast.FileError, match="it is a bed, not the state of a run"):
+        ballast.resume(bed)
 
 
 def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> None:

@@ -55,14 +55,25 @@ fn in_parts(place: String, error: &serde_json::Error) -> Malformed {
     let differs = kinds.iter().find_map(|kind| said.strip_prefix(kind)?.rsplit_once(", expected "));
     let (expected, found) = match (said.strip_prefix("missing field "), differs) {
         (Some(field), _) => (format!("the field {field}"), "none"),
-        (_, Some((found, expected))) => (expected.to_string(), found),
-        _ => ("a value of this type".to_string(), said),
+        (_, Some((found, expected))) => (in_words(expected).to_string(), found),
+        _ if error.is_data() => ("a value of this type".to_string(), said),
+        _ => ("JSON".to_string(), said),
     };
     let found = match at.and_then(|at| at.split_once(" column ")) {
         Some((line, column)) => format!("{found} (line {line}, column {column})"),
         None => found.to_string(),
     };
     Malformed::new(place, expected, found)
+}
+
+/// Types of numbers in words that partners in other languages know.
+fn in_words(expected: &str) -> &str {
+    match expected {
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number from 0 on",
+        "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "f32" | "f64" => "a number",
+        other => other,
+    }
 }
 
 #[cfg(test)]
@@ -94,7 +105,11 @@ mod tests {
             ),
             (
                 param(r#"{"iterations": -1}"#),
-                "param.iterations: expected u32, found integer `-1` (line 1, column 17)",
+                "param.iterations: expected a whole number from 0 on, found integer `-1` (line 1, column 17)",
+            ),
+            (
+                param(r#"{"tolerance": "1e-4"}"#),
+                "param.tolerance: expected a number, found string `1e-4` (line 1, column 20)",
             ),
             (
                 param("{} {}"),
@@ -102,7 +117,7 @@ mod tests {
             ),
             (
                 param("{\"tolerance\": 1"),
-                "param: expected a value of this type, found EOF while parsing an object (line 1, column 15)",
+                "param: expected JSON, found EOF while parsing an object (line 1, column 15)",
             ),
         ] {
             assert_eq!(told, expected);
