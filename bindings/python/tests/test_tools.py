@@ -438,6 +438,30 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
 
 
+def test_tines_are_drawn_whatever_their_names(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    from conftest import ROOT, renamed
+
+    from ballast import plot
+
+    program = ROOT / "target/release/ballast"
+    if not program.exists():
+        pytest.skip(f"{program} is not built")
+    renamed(case).write(tmp_path / "own.toml")
+    called = [program, "run", tmp_path / "own.toml", "--beds", beds, "--out"]
+    subprocess.run([*called, tmp_path / "run"], check=True, capture_output=True)
+    results = ballast.read(tmp_path / "run/results.vtkhdf")
+    assert isinstance(results, ballast.Results)
+    assert plot.tines(results) == ["left", "right"]
+    assert [line.get_label() for line in plot.forces(results).lines] == ["left", "right"]
+    # A run that ends before its squeeze has no loops, and matplotlib does not warn.
+    subprocess.run([*called, tmp_path / "short", "--steps", "5"], check=True, capture_output=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = plot.overview(tmp_path / "short/results.vtkhdf")
+    assert not figure.axes[2].lines and figure.axes[2].get_legend() is None
+
+
 def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
     from ballast import view
