@@ -438,7 +438,7 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
 
 
-def test_tines_are_drawn_whatever_their_names(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib").use("Agg")
     from conftest import ROOT, renamed
 
@@ -447,13 +447,19 @@ def test_tines_are_drawn_whatever_their_names(case: ballast.Case, beds: Path, tm
     program = ROOT / "target/release/ballast"
     if not program.exists():
         pytest.skip(f"{program} is not built")
-    renamed(case).write(tmp_path / "own.toml")
+    # Its vibration carries a blade farther than this stroke.
+    renamed(case, stroke_m=0.001).write(tmp_path / "own.toml")
     called = [program, "run", tmp_path / "own.toml", "--beds", beds, "--out"]
     subprocess.run([*called, tmp_path / "run"], check=True, capture_output=True)
     results = ballast.read(tmp_path / "run/results.vtkhdf")
     assert isinstance(results, ballast.Results)
     assert plot.tines(results) == ["left", "right"]
     assert [line.get_label() for line in plot.forces(results).lines] == ["left", "right"]
+    steps = results.table("steps")
+    squeeze = steps["phase"] == plot.SQUEEZE
+    for line, inwards in zip(plot.loops(results).lines, (1.0, -1.0), strict=True):
+        x = steps[f"{line.get_label()}_x"][squeeze]
+        assert np.allclose(line.get_xdata(), 1e3 * inwards * (x - x[0]))
     # A run that ends before its squeeze has no loops, and matplotlib does not warn.
     subprocess.run([*called, tmp_path / "short", "--steps", "5"], check=True, capture_output=True)
     with warnings.catch_warnings():

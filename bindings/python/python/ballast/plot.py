@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import tomllib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,6 +49,14 @@ def tines(run: Run) -> list[str]:
     return list(itertools.takewhile(lambda name: f"{name}_force_x" in columns, results.bodies[1]))
 
 
+def _directions(results: ballast.Results) -> dict[str, float]:
+    """Where each tine squeezes along x, 1 or -1, as its case says: its blade vibrates, and may be jammed."""
+    towards = {tine["name"]: tine["towards"] for tine in tomllib.loads(results.case_text).get("tine", [])}
+    # Those of rows have it in their names.
+    plus = [name for name in tines(results) if towards.get(name, name).endswith(("+x", "_plus"))]
+    return {name: 1.0 if name in plus else -1.0 for name in tines(results)}
+
+
 def compactness(run: Run, ax: Axes | None = None) -> Axes:
     """Compactness of each zone over time."""
     table = _results(run).table("zones")
@@ -78,10 +87,9 @@ def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
     y = f"force against the motion, mean over {window_s * 1e3:g} ms, kN"
     ax = _axes(ax, "Squeeze", "closing, mm", y)
     squeeze = table["phase"] == SQUEEZE
-    for name in tines(results) if squeeze.any() else ():
+    for name, inwards in _directions(results).items() if squeeze.any() else ():
         x = table[f"{name}_x"][squeeze]
         # Vibration carries a tine back behind where it began, too.
-        inwards = np.sign(x[-1] - x[0])
         closing = inwards * (x - x[0])
         against = -inwards * _mean(_force(table, name), table["time"], window_s)[squeeze, 0]
         ax.plot(closing * 1e3, against * 1e-3, lw=0.8, label=name)
