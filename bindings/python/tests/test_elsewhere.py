@@ -141,6 +141,21 @@ def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, serv
             assert all(rows.shape == (0, 6) for rows in out.series.impulses.values())
 
 
+def test_a_partner_goes_on_from_tools_that_were_left_moving(served: Served) -> None:
+    pytest.importorskip("zenoh")
+    with served.open() as there:
+        (x, q), last, speed = there.save().target("tine_1_plus"), 3 * there.step_ns, [0.0, 0.0, -0.1]
+        way = [x, x + np.array(speed) * last * 1e-9]
+        motion = ballast.Motion([0, last], way, [q, q], velocities=[speed, speed], rebase=True)
+        there.advance_to(last, {"tine_1_plus": motion})
+    script = ROOT / "examples/python/controller_zenoh.py"
+    called = [sys.executable, script, KEY, "2000", "0.002", served.endpoint]
+    done = subprocess.run(called, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with served.open() as there:
+        assert there.now_ns > last
+
+
 def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:
     with served.open() as there:
         kept = there.save()
