@@ -162,7 +162,8 @@ def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: 
         for ask in (
             there.fork, there.zones, there.step_by_machine, lambda: there.case, lambda: there.masses,
             lambda: there.phase, lambda: there.record(tmp_path / "run.mcap"), lambda: kept.positions,
-            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept),
+            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept), lambda: there.tines,
+            lambda: there.threads, lambda: there.shape_of, lambda: there.shape(0), lambda: kept.step, lambda: kept.body("floor"),
         ):  # fmt: skip
             with pytest.raises(ballast.Refused, match="another computes") as refused:
                 ask()
