@@ -29,8 +29,9 @@ struct Tine {
 }
 
 impl Tine {
-    /// Changes its velocity towards `target` and moves on: its motion through the window.
-    fn steer(&mut self, target: Vector3, t0_ns: u64, t1_ns: u64) -> BodyInput {
+    /// Changes its velocity towards `target` and moves on: its motion through the window. With `rebase` it may begin with
+    /// another velocity than the last window ended with.
+    fn steer(&mut self, target: Vector3, t0_ns: u64, t1_ns: u64, rebase: bool) -> BodyInput {
         let dt = (t1_ns - t0_ns) as f64 * 1e-9;
         let before = self.knot(t0_ns);
         let most = ACCELERATION * dt;
@@ -43,12 +44,7 @@ impl Tine {
             *v += faster;
         }
         let knots = vec![before, self.knot(t1_ns)];
-        BodyInput {
-            body: self.name.clone(),
-            interpolation: Interpolation::Hermite,
-            rebase: false,
-            knots,
-        }
+        BodyInput { body: self.name.clone(), interpolation: Interpolation::Hermite, rebase, knots }
     }
 
     fn knot(&self, time_ns: u64) -> Knot {
@@ -89,6 +85,8 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
         .collect();
     let start: Vec<Point> = tines.iter().map(|t| t.position).collect();
     let mut squeezed = Squeezed { force: 0.0, closing: 0.0, time_s: 0.0, hash: String::new() };
+    // An owner that is gone may have left the tines moving; the first window takes them up at rest.
+    let mut is_first = true;
     loop {
         let down = start[0].z - tines[0].position.z;
         squeezed.closing = (tines[0].position.x - start[0].x).abs();
@@ -101,9 +99,10 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
         let motions = tines.iter_mut().map(|tine| {
             let x = if is_down && !is_done { tine.inward * CLOSE[1] } else { 0.0 };
             let z = if is_down { 0.0 } else { -DOWN };
-            tine.steer(Vector3 { x, y: 0.0, z }, t0, t1)
+            tine.steer(Vector3 { x, y: 0.0, z }, t0, t1, is_first)
         });
         let reply = client.advance_to(t1, motions.collect(), vec![])?;
+        is_first = false;
         if !matches!(reply.status, Status::Ok | Status::Warn) {
             return Err(
                 format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into()

@@ -49,7 +49,8 @@ while True:
             faster = min(max(target[axis] - t["v"][axis], -20 * dt), 20 * dt)
             t["position"][axis] += (t["v"][axis] + 0.5 * faster) * dt
             t["v"][axis] += faster
-        motions.append({"body": t["name"], "knots": [first, knot(t, now)]})
+        # the first window stops what an owner that is gone left moving
+        motions.append({"body": t["name"], "knots": [first, knot(t, now)], "rebase": seq == run["seq"] + 1})
     reply = ask("ctl/advance", {"run_id": run["run_id"], "seq": seq, "t0_ns": t0, "t1_ns": now, "motions": motions})
     if reply["status"] not in ("ok", "warn"):
         sys.exit(f"window {seq}: {reply['status']}, {reply['message']}")

@@ -141,13 +141,29 @@ def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, serv
             assert all(rows.shape == (0, 6) for rows in out.series.impulses.values())
 
 
+def test_a_partner_goes_on_from_tools_that_were_left_moving(served: Served) -> None:
+    pytest.importorskip("zenoh")
+    with served.open() as there:
+        (x, q), last, speed = there.save().target("tine_1_plus"), 3 * there.step_ns, [0.0, 0.0, -0.1]
+        way = [x, x + np.array(speed) * last * 1e-9]
+        motion = ballast.Motion([0, last], way, [q, q], velocities=[speed, speed], rebase=True)
+        there.advance_to(last, {"tine_1_plus": motion})
+    script = ROOT / "examples/python/controller_zenoh.py"
+    called = [sys.executable, script, KEY, "2000", "0.002", served.endpoint]
+    done = subprocess.run(called, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with served.open() as there:
+        assert there.now_ns > last
+
+
 def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:
     with served.open() as there:
         kept = there.save()
         for ask in (
             there.fork, there.zones, there.step_by_machine, lambda: there.case, lambda: there.masses,
             lambda: there.phase, lambda: there.record(tmp_path / "run.mcap"), lambda: kept.positions,
-            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept),
+            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept), lambda: there.tines,
+            lambda: there.threads, lambda: there.shape_of, lambda: there.shape(0), lambda: kept.step, lambda: kept.body("floor"),
         ):  # fmt: skip
             with pytest.raises(ballast.Refused, match="another computes") as refused:
                 ask()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -11,7 +12,7 @@ from typing import Any
 
 import ballast
 import pytest
-from conftest import ROOT
+from conftest import ROOT, renamed
 
 EXAMPLES = ROOT / "examples/python"
 
@@ -68,6 +69,20 @@ def test_window_study(place: Path) -> None:
     assert rows[0].count("|") == rows[2].count("|") == 10
     # The beds are two, so they scatter.
     assert any(float(row.split("|")[-4]) > 0.0 for row in rows[2:])
+
+
+def test_window_study_tells_whatever_moves(case: ballast.Case, place: Path) -> None:
+    for needed in ("scipy", "matplotlib"):
+        pytest.importorskip(needed)
+    renamed(case).write(place / "tiny.toml")
+    said = run(place, "window_study.py", "study", "2,1", "7")
+    assert "larger than the range" not in said and "smallest p" not in said, "one bed has no range"
+    told = json.loads((place / "study/motion_7.json").read_text())
+    assert set(told) == {"times_ns", "phases", "left", "right", "block"}
+    lifted = [height for _, _, height, *_ in told["block"]]
+    assert max(lifted) - lifted[0] == pytest.approx(case.to_dict()["tamping"]["lift"]["height_m"])
+    # Figures that are nothing in every phase have no row.
+    assert "| vertical impulse of the sleepers, N s |" in said
 
 
 def test_every_way_of_keeping_a_state(place: Path) -> None:

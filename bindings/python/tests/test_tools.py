@@ -76,6 +76,15 @@ def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> No
     assert np.isfinite(env.step(np.array([0.0, 2.0, 0.0]))[0]).all()
 
 
+def test_seeds_of_beds_are_whole_numbers(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    for seeds in (3, [1.5], ["1"]):
+        with pytest.raises(TypeError, match=f"seeds: expected a list of whole numbers, found {re.escape(repr(seeds))}"):
+            TampingEnv(case, seeds=seeds, beds=beds)  # type: ignore[arg-type]
+
+
 def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
@@ -163,9 +172,45 @@ def test_points_fill_their_ranges() -> None:
         study.latin_hypercube(ranges, 8, integers=["c"])
     with pytest.raises(ValueError, match=r"range of 'seed', a whole number: .* found \(1\.5, 3\.2\)"):
         study.latin_hypercube({"seed": (1.5, 3.2)}, 8, integers=["seed"])
-    for ends in ((2.0, 1.0), (0.0, math.nan)):
+    for ends in ((2.0, 1.0), (0.0, math.nan), [1, 2, 3], ("a", "b"), 5):
         with pytest.raises(ValueError, match="range of 'b': expected .lowest, highest., found"):
             study.latin_hypercube({"b": ends}, 8)
+
+
+def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> None:
+    from ballast import study
+
+    for axes, said in (
+        ({"a": 3}, "axis 'a': expected a list of values, found 3"),
+        ({"solver.schedule": "synchronous"}, "axis 'solver.schedule': expected a list of values, found 'synchronous'"),
+        (["a"], r"axes: expected a dictionary .*, found \['a'\]"),
+    ):
+        with pytest.raises(TypeError, match=said):
+            study.grid(axes)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="point: expected a dictionary .*, found 'seed'"):
+        study.apply(case, "seed")  # type: ignore[arg-type]
+    for points, said in (
+        ({"a": 40}, r"points: expected a list of points, .*, found \{'a': 40\}"),
+        (40, "points: expected a list of points, .*, found 40"),
+        ([{}, "a"], r"points\[1\]: expected a dictionary from paths of keys to values, found 'a'"),
+    ):
+        for ask in (lambda p: study.run(case, p, tmp_path / "study"), lambda p: study.plan("a.toml", p, tmp_path / "p.toml")):
+            with pytest.raises(TypeError, match=said):
+                ask(points)
+    assert not list(tmp_path.iterdir())
+
+
+def test_ranges_without_sense_are_told() -> None:
+    pytest.importorskip("scipy")
+    from ballast import study
+
+    with pytest.raises(TypeError, match="ranges: expected a dictionary .* found 3"):
+        study.latin_hypercube(3, 4)  # type: ignore[arg-type]
+    for n in (2.5, -1):
+        with pytest.raises(ValueError, match=f"n: expected a whole number from 0 on, found {n}"):
+            study.latin_hypercube({"a": (0.0, 1.0)}, n)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="integers: expected a list of names of axes, found 'seed'"):
+        study.latin_hypercube({"seed": (1, 3)}, 4, integers="seed")
 
 
 def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
@@ -436,6 +481,36 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert isinstance(checkpoint, ballast.State)
     assert np.array_equal(checkpoint.positions, sim.save().positions)
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
+
+
+def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    from conftest import ROOT, renamed
+
+    from ballast import plot
+
+    program = ROOT / "target/release/ballast"
+    if not program.exists():
+        pytest.skip(f"{program} is not built")
+    # Its vibration carries a blade farther than this stroke.
+    renamed(case, stroke_m=0.001).write(tmp_path / "own.toml")
+    called = [program, "run", tmp_path / "own.toml", "--beds", beds, "--out"]
+    subprocess.run([*called, tmp_path / "run"], check=True, capture_output=True)
+    results = ballast.read(tmp_path / "run/results.vtkhdf")
+    assert isinstance(results, ballast.Results)
+    assert plot.tines(results) == ["left", "right"]
+    assert [line.get_label() for line in plot.forces(results).lines] == ["left", "right"]
+    steps = results.table("steps")
+    squeeze = steps["phase"] == plot.SQUEEZE
+    for line, inwards in zip(plot.loops(results).lines, (1.0, -1.0), strict=True):
+        x = steps[f"{line.get_label()}_x"][squeeze]
+        assert np.allclose(line.get_xdata(), 1e3 * inwards * (x - x[0]))
+    # A run that ends before its squeeze has no loops, and matplotlib does not warn.
+    subprocess.run([*called, tmp_path / "short", "--steps", "5"], check=True, capture_output=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = plot.overview(tmp_path / "short/results.vtkhdf")
+    assert not figure.axes[2].lines and figure.axes[2].get_legend() is None
 
 
 def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:

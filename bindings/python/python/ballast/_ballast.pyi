@@ -173,7 +173,8 @@ class Motion:
 
 @final
 class Load:
-    """Load on a mounted body through a window, besides its weight.
+    """Load on a mounted body through a window, beside its weight along directions that are loaded; along sprung ones the
+    spring carries that already.
 
     Knots of forces (n, 3) in N and torques (n, 3) about the reference point in N m, linear between them or held from each
     one on; `times_ns` (n,) are in order."""

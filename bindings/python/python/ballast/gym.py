@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import os
 from collections.abc import Sequence
 from typing import Any
@@ -82,7 +83,10 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             raise ValueError(f"energy_price: expected a finite number, found {energy_price}")
         if render_mode is not None:
             raise ValueError(f"render_mode: expected None, as nothing is drawn, found {render_mode!r}")
-        self._seeds = [int(s) for s in (() if seeds is None else seeds)] or [self._case.seed]
+        try:
+            self._seeds = [operator.index(seed) for seed in (() if seeds is None else seeds)] or [self._case.seed]
+        except TypeError:
+            raise TypeError(f"seeds: expected a list of whole numbers, found {seeds!r}") from None
         self._steps = max(1, round(interval_s * 1e9 / self._case.step_ns))
         self._limits = (squeeze_speed, insertion_speed, energy_price)
         self._threads, self._beds = threads, beds

@@ -3,7 +3,9 @@ the axes."""
 
 from __future__ import annotations
 
+import itertools
 import os
+import tomllib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,10 +35,26 @@ def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:
     return ax
 
 
+def _legend(ax: Axes) -> None:
+    """Where something is drawn: of none matplotlib warns."""
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(fontsize="small")
+
+
 def tines(run: Run) -> list[str]:
     """Names of the tines that a results file follows."""
-    columns = _results(run).table("steps")
-    return [c.removesuffix("_force_x") for c in columns if c.startswith("tine") and c.endswith("_force_x")]
+    results = _results(run)
+    columns = results.table("steps")
+    # Sleepers have the same columns. Tines come first among the bodies, then what has none: floor and walls.
+    return list(itertools.takewhile(lambda name: f"{name}_force_x" in columns, results.bodies[1]))
+
+
+def _directions(results: ballast.Results) -> dict[str, float]:
+    """Where each tine squeezes along x, 1 or -1, as its case says: its blade vibrates, and may be jammed."""
+    towards = {tine["name"]: tine["towards"] for tine in tomllib.loads(results.case_text).get("tine", [])}
+    # Those of rows have it in their names.
+    plus = [name for name in tines(results) if towards.get(name, name).endswith(("+x", "_plus"))]
+    return {name: 1.0 if name in plus else -1.0 for name in tines(results)}
 
 
 def compactness(run: Run, ax: Axes | None = None) -> Axes:
@@ -46,7 +64,7 @@ def compactness(run: Run, ax: Axes | None = None) -> Axes:
     for name, values in table.items():
         if name not in ("step", "time"):
             ax.plot(table["time"], values, label=name)
-    ax.legend(fontsize="small")
+    _legend(ax)
     return ax
 
 
@@ -58,7 +76,7 @@ def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes
     for name in tines(results):
         force = _mean(_force(table, name), table["time"], window_s)
         ax.plot(table["time"], np.linalg.norm(force, axis=1) * 1e-3, lw=0.8, label=name)
-    ax.legend(fontsize="small")
+    _legend(ax)
     return ax
 
 
@@ -69,16 +87,13 @@ def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
     y = f"force against the motion, mean over {window_s * 1e3:g} ms, kN"
     ax = _axes(ax, "Squeeze", "closing, mm", y)
     squeeze = table["phase"] == SQUEEZE
-    for name in tines(results):
-        if not squeeze.any():
-            break
+    for name, inwards in _directions(results).items() if squeeze.any() else ():
         x = table[f"{name}_x"][squeeze]
         # Vibration carries a tine back behind where it began, too.
-        inwards = np.sign(x[-1] - x[0])
         closing = inwards * (x - x[0])
         against = -inwards * _mean(_force(table, name), table["time"], window_s)[squeeze, 0]
         ax.plot(closing * 1e3, against * 1e-3, lw=0.8, label=name)
-    ax.legend(fontsize="small")
+    _legend(ax)
     return ax
 
 

@@ -57,8 +57,32 @@ class Executor(Protocol):
 
 def grid(axes: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
     """All combinations of the values of each axis."""
-    names = list(axes)
-    return [dict(zip(names, values, strict=True)) for values in itertools.product(*axes.values())]
+    if not isinstance(axes, Mapping):
+        raise TypeError(f"axes: expected a dictionary from paths of keys to lists of values, found {axes!r}")
+    lists = [_listed(f"axis {name!r}", "a list of values", values) for name, values in axes.items()]
+    return [dict(zip(axes, values, strict=True)) for values in itertools.product(*lists)]
+
+
+def _listed(place: str, expected: str, values: Any) -> list[Any]:
+    """A list of what is to be one: letters of a text and keys of a dictionary are not meant."""
+    try:
+        if not isinstance(values, str | bytes | Mapping):
+            return list(iter(values))
+    except TypeError:
+        pass
+    raise TypeError(f"{place}: expected {expected}, found {values!r}")
+
+
+def _points(points: Any) -> list[Point]:
+    listed = _listed("points", "a list of points, as of study.grid", points)
+    for i, point in enumerate(listed):
+        _check_point(f"points[{i}]", point)
+    return listed
+
+
+def _check_point(place: str, point: object) -> None:
+    if not isinstance(point, Mapping):
+        raise TypeError(f"{place}: expected a dictionary from paths of keys to values, found {point!r}")
 
 
 def latin_hypercube(
@@ -74,12 +98,22 @@ def latin_hypercube(
     """
     from scipy.stats import qmc
 
+    if not isinstance(ranges, Mapping):
+        raise TypeError(f"ranges: expected a dictionary from paths of keys to (lowest, highest), found {ranges!r}")
+    if not isinstance(n, numbers.Integral) or n < 0:
+        raise ValueError(f"n: expected a whole number from 0 on, found {n!r}")
+    integers = _listed("integers", "a list of names of axes", integers)
     unknown = set(integers) - set(ranges)
     if unknown:
         raise ValueError(f"integers: expected some of {list(ranges)}, found {sorted(unknown)}")
-    for name, (low, high) in ranges.items():
-        if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-            raise ValueError(f"range of {name!r}: expected (lowest, highest), found ({low}, {high})")
+    for name, ends in ranges.items():
+        try:
+            low, high = ends
+            is_range = math.isfinite(low) and math.isfinite(high) and low <= high
+        except (TypeError, ValueError):
+            is_range = False
+        if not is_range:
+            raise ValueError(f"range of {name!r}: expected (lowest, highest), found {ends!r}")
         if name in integers and not (float(low).is_integer() and float(high).is_integer()):
             raise ValueError(f"range of {name!r}, a whole number: expected whole ends, found ({low}, {high})")
 
@@ -98,6 +132,7 @@ def latin_hypercube(
 
 def apply(case: ballast.Case, point: Point) -> ballast.Case:
     """The case of a point."""
+    _check_point("point", point)
     values = {key: value for key, value in _with_one_seed(point).items() if key != "seed"}
     changed = case.with_values(values) if values else case
     return changed.choose(seed=point.get("seed"))
@@ -201,7 +236,7 @@ def run(
         progress: a line per point on stderr.
     """
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
-    points = list(points)
+    points = _points(points)
     cases = [_applied(base, point) for point in points]
     store = Path(folder)
     store.mkdir(parents=True, exist_ok=True)
@@ -248,7 +283,7 @@ def plan(
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
     text = _toml.dumps({"case": os.fspath(case)})
-    for point in points:
+    for point in _points(points):
         values = _with_one_seed(point).items()
         named = {"bed.seed" if key == "seed" else key: value for key, value in values}
         text += f"\n[[points]]\n{_toml.dumps(named)}"
