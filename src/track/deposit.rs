@@ -42,8 +42,8 @@ const LAST_STAGE: f64 = 0.02;
 const MOST_GRAINS: f64 = 2e7;
 /// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
 const DEEPEST: f64 = 0.05;
-/// How far a grain may stick out of the fill level, in mean grain sizes.
-const HIGHEST: f64 = 0.5;
+/// How far a grain may stick out of the fill level after trimming, in mean grain sizes.
+pub const HIGHEST: f64 = 0.5;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
 const REST_TOLERANCE: f64 = 1.666e-4;

@@ -2,6 +2,7 @@ use super::*;
 use crate::drive::Inputs;
 use crate::model::Freedom;
 use crate::step::step;
+use crate::track::tamping_cycle::start_position;
 use crate::track::test_plan::small_plan;
 use crate::track::{scene, sleeper_mount};
 
@@ -83,6 +84,20 @@ fn a_scene_is_the_bed_with_the_tines_clear_above_it() {
     assert_eq!(state.position[n + 6].z, 0.1 + 0.03 + 0.07, "fill level, clearance, blade");
     assert_eq!(state.contacts, bed.state.contacts, "numbers of what was there stay");
     assert!(state.energy.initial_potential > 0.0);
+}
+
+#[test]
+fn tines_without_a_cycle_begin_above_the_grains_that_stick_out() {
+    let mut plan = tiny();
+    plan.tamping = None;
+    let bed = prepared(&plan);
+    let n = bed.model.grains.len();
+    let (_, state) = scene(&plan, bed).unwrap();
+    let lower_edge = state.position[n + 6].z - plan.tines[0].blade.z;
+    assert!((lower_edge - (0.1 + 0.75 * 0.03)).abs() < 1e-12, "three quarters of a grain");
+    plan.bed.grains.classes[0].size = 0.01;
+    let lower_edge = start_position(&plan, &plan.tines[0]).z - plan.tines[0].blade.z;
+    assert!((lower_edge - (0.1 + 0.02)).abs() < 1e-12, "20 mm at least");
 }
 
 #[test]

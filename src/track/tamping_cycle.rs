@@ -6,6 +6,7 @@
 //! a springy shaft follows its target as its mount lets it (T-28).
 
 use super::clearance;
+use super::deposit::HIGHEST;
 use super::machine_control::{MachineControl, TinePair, tine_index};
 use super::motion_law::{smooth_step, travel};
 use crate::error::{Error, Result};
@@ -17,6 +18,10 @@ use crate::track::plan::{Plan, TampingPlan};
 
 /// Vibration periods over which the amplitude grows, and dies away again.
 const FADE_PERIODS: f64 = 3.0;
+/// Least clearance of tines without a cycle, m: that of the cases that have one and do not say it.
+const IDLE_CLEARANCE: f64 = 0.02;
+/// Their clearance beyond [`HIGHEST`], in mean grain sizes: a grain may rise while the trimmed bed comes to rest.
+const IDLE_MARGIN: f64 = 0.25;
 
 /// Where in the cycle a moment lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -315,7 +320,9 @@ fn driven_tines(
 
 /// Where a tine's reference point is before the cycle: its blade clear of the bed, m.
 pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 {
-    let clearance = plan.tamping.map_or(0.0, |t| t.insertion.clearance);
+    // Whoever drives the tines instead of a cycle begins above the grains that stick out.
+    let idle = || IDLE_CLEARANCE.max((HIGHEST + IDLE_MARGIN) * plan.bed.grains.mean_size());
+    let clearance = plan.tamping.map_or_else(idle, |t| t.insertion.clearance);
     let z = plan.bed.preparation.fill_level + clearance + tine.blade.z;
     Vec3::new(tine.position[0], tine.position[1], z)
 }

@@ -2,8 +2,8 @@
 
 use crate::layout::Layout;
 use crate::report::{Finding, Report};
-use ballast::track::LONGEST_WINDOW;
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
+use ballast::track::{HIGHEST, LONGEST_WINDOW};
 
 /// Fastest insertion that machines reach, m/s.
 const FAST_INSERTION: f64 = 1.0;
@@ -48,6 +48,7 @@ pub fn machine(
         return;
     }
     above_floor(tamping, bed, layout, report);
+    above_grains(tamping, bed, layout, report);
     step_resolves(tamping, bed, layout, run, report);
 }
 
@@ -98,6 +99,23 @@ fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &m
             return;
         }
     }
+}
+
+/// Tines that begin among grains are refused once the bed is there. Whether a grain sticks out right under a blade is known only
+/// then.
+fn above_grains(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
+    let highest = HIGHEST * bed.grains.mean_size();
+    let clearance = tamping.insertion.clearance;
+    if clearance >= highest || layout.tines.is_empty() {
+        return;
+    }
+    let finding = Finding {
+        problem: "the tines may begin among grains, and the run fail".into(),
+        found: format!("a clearance of {clearance} m"),
+        expected: format!("at least {highest:.4} m, as far as grains stick out of the filled bed"),
+        hint: None,
+    };
+    report.warn("tamping.insertion.clearance_m", finding);
 }
 
 /// Tools must not jump over grains, nor the steps over the vibration.

@@ -191,6 +191,7 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("\"synchronous\"", "\"sequential\"", "`boxes` changes nothing"),
         ("\"synchronous\"", "\"asynchronous\"\nmomentum = false", "`momentum` changes nothing"),
         ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
+        ("0.45, depth_m", "0.45, clearance_m = 0.016, depth_m", "may begin among grains"),
     ] {
         let case = read_case(&changed(from, to), "case.toml").unwrap_or_else(|e| panic!("{e}"));
         let text: Vec<String> = case.warnings.iter().map(|w| w.to_string()).collect();
