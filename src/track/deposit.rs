@@ -14,6 +14,7 @@
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
 
 use super::boundary::boundaries;
+use super::clearance::SLACK;
 use super::pour::{self, Laid, Templates};
 use super::scene::{run_settings, sleeper_pose};
 use super::settle::{Bench, DepositProgress, DepositStage, Settling};
@@ -324,7 +325,11 @@ fn check(plan: &Plan) -> Result<()> {
     let bed = &plan.bed;
     let p = &bed.preparation;
     if !bed.size.iter().all(|s| s.is_finite() && *s > 0.0) {
-        return refused("bed.size", "three lengths above 0 m", format!("{}", bed.size.transpose()));
+        return refused(
+            "bed.size",
+            "three lengths above 0 m",
+            format!("{:?}", bed.size.as_slice()),
+        );
     }
     if !(p.ballast_depth > 0.0 && p.ballast_depth <= p.fill_level && p.fill_level.is_finite()) {
         return refused(
@@ -344,9 +349,9 @@ fn check(plan: &Plan) -> Result<()> {
         );
     }
     for block in block_boxes(plan) {
-        let inside = (0..2).all(|k| block.low[k] >= 0.0 && block.high[k] <= bed.size[k]);
+        let inside = (0..2).all(|k| block.low[k] >= -SLACK && block.high[k] <= bed.size[k] + SLACK);
         if !inside {
-            let found = format!("from {} to {}", block.low.transpose(), block.high.transpose());
+            let found = format!("from {:?} to {:?} m", block.low.as_slice(), block.high.as_slice());
             return refused("sleepers", "blocks inside the box of the bed", found);
         }
     }

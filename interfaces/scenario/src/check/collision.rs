@@ -2,6 +2,7 @@
 
 use crate::layout::{Layout, Placed};
 use crate::report::{Finding, Report};
+use ballast::track::SLACK;
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};
 use std::collections::BTreeSet;
 
@@ -11,9 +12,6 @@ struct Area {
     low: [f64; 2],
     high: [f64; 2],
 }
-
-/// Rounding of positions that are sums of decimal numbers, m.
-const SLACK: f64 = 1e-9;
 
 impl Area {
     fn around(centre: [f64; 2], size_x: f64, size_y: f64) -> Self {
