@@ -101,7 +101,8 @@ impl TampingCycle {
     /// tines that would meet a sleeper or a wall on their way.
     pub fn new(plan: &Plan, model: &Model) -> Result<Self> {
         let Some(tamping) = plan.tamping else { return Ok(Self { machine: None }) };
-        check_numbers(&tamping, model)?;
+        check_numbers(&tamping)?;
+        check_period(plan, &tamping, model)?;
         clearance::check(plan, &tamping)?;
         let control = MachineControl::new(&tamping, &plan.tines, model)?;
         let mut ends = [0.0; 5];
@@ -340,7 +341,7 @@ fn lifted_sleepers(plan: &Plan, model: &Model) -> Result<Vec<Lifted>> {
     plan.sleepers.iter().filter(|s| s.tamped).map(lifted).collect()
 }
 
-fn check_numbers(plan: &TampingPlan, model: &Model) -> Result<()> {
+fn check_numbers(plan: &TampingPlan) -> Result<()> {
     let at_least = |place: &str, value: f64, least: f64, strictly: bool| {
         if value.is_finite() && (value > least || (!strictly && value == least)) {
             return Ok(());
@@ -372,9 +373,14 @@ fn check_numbers(plan: &TampingPlan, model: &Model) -> Result<()> {
             });
         }
     }
-    // Fewer steps than these would alias the sine into another motion.
-    let per_period = 1.0 / (plan.vibration.frequency * model.stepping.h());
-    if per_period < 8.0 {
+    Ok(())
+}
+
+/// Fewer steps than these would alias the sine into another motion, where something swings.
+fn check_period(plan: &Plan, tamping: &TampingPlan, model: &Model) -> Result<()> {
+    let vibrates = tamping.vibration.amplitude > 0.0 && !plan.tines.is_empty();
+    let per_period = 1.0 / (tamping.vibration.frequency * model.stepping.h());
+    if vibrates && per_period < 8.0 {
         return Err(Error::Model {
             place: "tamping.vibration.frequency".into(),
             expected: "at least 8 time steps per period".into(),

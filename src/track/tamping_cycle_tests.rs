@@ -251,6 +251,21 @@ fn tines_that_would_meet_a_sleeper_or_a_wall_are_refused_by_name() {
 }
 
 #[test]
+fn only_what_vibrates_needs_steps_for_its_period() {
+    let (mut model, _) = model(&plan());
+    model.stepping.step_ns = 4_000_000;
+    let message = TampingCycle::new(&plan(), &model).unwrap_err().to_string();
+    assert!(message.contains("at least 8 time steps") && message.contains("7.1"), "{message}");
+    let mut still = plan();
+    if let Some(t) = &mut still.tamping {
+        t.vibration.amplitude = 0.0;
+    }
+    TampingCycle::new(&still, &model).unwrap();
+    let no_tines = Plan { tines: Vec::new(), ..plan() };
+    TampingCycle::new(&no_tines, &model).unwrap();
+}
+
+#[test]
 fn without_tamping_nothing_moves() {
     let mut plan = plan();
     let (model, state) = model(&plan);

@@ -132,6 +132,16 @@ fn step_resolves(
         let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
         slow_enough("tamping.lift.duration_s", lift, h, smallest, report);
     }
+    let steps = 1.0 / (tamping.vibration.frequency * h);
+    if steps > LONGEST_WINDOW {
+        let finding = Finding {
+            problem: "the time step is too small for the vibration".into(),
+            found: format!("{steps:.0} steps per period"),
+            expected: format!("at most {LONGEST_WINDOW}, of which the machine means its forces"),
+            hint: None,
+        };
+        report.error("tamping.vibration.frequency_Hz", finding);
+    }
     let Some(travel) = farthest(tamping, bed, layout) else { return };
     let vibration =
         std::f64::consts::TAU * tamping.vibration.frequency * tamping.vibration.amplitude;
@@ -152,7 +162,6 @@ fn step_resolves(
     ] {
         slow_enough(key, speed, h, smallest, report);
     }
-    let steps = 1.0 / (tamping.vibration.frequency * h);
     if tamping.vibration.amplitude > 0.0 && steps < STEPS_PER_PERIOD {
         let finding = Finding {
             problem: "the time step is too large for the vibration".into(),
@@ -162,15 +171,6 @@ fn step_resolves(
                 "a step of {:.1e} s would do",
                 1.0 / (STEPS_PER_PERIOD * tamping.vibration.frequency)
             )),
-        };
-        report.error("tamping.vibration.frequency_Hz", finding);
-    }
-    if steps > LONGEST_WINDOW {
-        let finding = Finding {
-            problem: "the time step is too small for the vibration".into(),
-            found: format!("{steps:.0} steps per period"),
-            expected: format!("at most {LONGEST_WINDOW}, of which the machine means its forces"),
-            hint: None,
         };
         report.error("tamping.vibration.frequency_Hz", finding);
     }

@@ -160,6 +160,14 @@ const TABLE: &[Broken] = &[
         "frequency_Hz = «0.001",
         &["1250000 steps per period", "at most 100000"],
     ),
+    // The machine asks for it without tines, too.
+    Broken(
+        "[tines]\ny_offsets_m = [-0.1, 0.1]\ngap_to_sleeper_m = 0.06\n\n[tamping]\n\
+         insertion = { duration_s = 0.45, depth_m = 0.018 }\n\
+         squeeze = { stroke_m = 0.05, force_limit_N = 7800 }\nvibration = { frequency_Hz = 35",
+        "[tamping]\nvibration = { frequency_Hz = «0.001",
+        &["1250000 steps per period", "at most 100000"],
+    ),
     Broken(
         "= 0.45, d",
         "= «0.01, d",
