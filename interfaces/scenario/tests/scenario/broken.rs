@@ -183,13 +183,25 @@ const TABLE: &[Broken] = &[
         "[tamping]\nlift = { height_m = 10, duration_s = «0.2 }",
         &["time step is too large", "93.750 m/s"],
     ),
-    // Up by 0.238 m, open by 0.05 m in half the time.
+    // 11.6 m/s down and 10.9 m/s to the side are slow enough alone, 15.6 m/s are for both together.
+    Broken(
+        "duration_s = 0.45, depth_m = 0.018 }\nsqueeze = { stroke_m = 0.05, force_limit_N = 7800 }\n\
+         vibration = { frequency_Hz = 35, amplitude_m = 0.005 }",
+        "duration_s = «0.0256, depth_m = 0.018 }\nsqueeze = { stroke_m = 0.02, force_limit_N = 7800 }\n\
+         vibration = { frequency_Hz = 60, amplitude_m = 0.029 }",
+        &["time step is too large", "the vibration included", "0.0127 m per step"],
+    ),
+    // Up by 0.238 m, open by 0.05 m in half the time; the vibration comes on top.
     Broken(
         "[tamping]",
         "[tamping]\nwithdrawal_s = «0.01",
-        &["time step is too large", "32.269 m/s"],
+        &["time step is too large", "32.710 m/s", "the vibration included"],
     ),
-    Broken("= 1.764", "= «1.56", &["time step is too large", "32.269 m/s"]),
+    Broken(
+        "= 1.764",
+        "= «1.56",
+        &["time step is too large", "32.710 m/s", "the vibration included"],
+    ),
     // Time and solver.
     Broken("step_s = 8e-4", "step_s = «1.5e-9", &["whole number of nanoseconds"]),
     Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),
