@@ -97,6 +97,19 @@ const TABLE: &[Broken] = &[
         "size_m = «[0.05, 0.7, 0.45]",
         &["too small for one grain"],
     ),
+    // Flat stones are wider than the sphere of their volume: by the cube root of 10 at a flatness of 0.1.
+    Broken(
+        "size_m = [0.60, 0.70, 0.45]\nballast_depth_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]",
+        "size_m = «[0.10, 0.70, 0.45]\nballast_depth_m = 0.28\n\n[bed.grains]\n\
+         elongation = [1.0, 0.0]\nflatness = [0.1, 0.0]",
+        &["too small for one grain", "the longest grain, 0.108 m"],
+    ),
+    Broken(
+        "0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\nclasses = [{ size_m = 0.025, share = 0.7 }, \
+         { size_m = 0.05, share = 0.3 }]\nvertices = [8, 40]\n\n[bed.preparation]",
+        "«0.03\n[bed.preparation]\nfill_level_m = 0.04",
+        &["the fill is too small for one grain", "the size of a grain, 0.050 m"],
+    ),
     Broken("= 0.28", "= «0.5", &["deeper than the box", "0.45 m"]),
     Broken("0.70, 0.45]", "0.70, «0.40]", &["fill level", "0.4 m", "highest block"]),
     Broken("step_s = 1e-3", "step_s = 1e-3\nfill_level_m = «0.2", &["fill level", "0.28 m"]),

@@ -184,6 +184,13 @@ fn a_range_of_shapes_may_begin_at_the_very_limit() {
 }
 
 #[test]
+fn flat_grains_are_as_many_as_others_of_their_size() {
+    // 4.3 million; sizes are those of spheres of equal volume.
+    let text = changed("[0.60, 0.70, 0.45]", "[20, 22, 0.45]");
+    plan(&text.replace("vertices = [8, 40]", "flatness = [0.4, 0.1]"));
+}
+
+#[test]
 fn what_looks_like_a_slip_is_a_warning() {
     for (from, to, words) in [
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
