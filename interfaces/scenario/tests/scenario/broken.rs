@@ -48,6 +48,7 @@ const TABLE: &[Broken] = &[
     Broken("0.45]", "«true]", &["wrong type", "`true`", "a number from 0.0001 to 1000"]),
     Broken("\"synchronous\"", "«\"syncronous\"", &["unknown value", "did you mean `synchronous`?"]),
     Broken("iterations = 300", "iterations = «300.5", &["wrong type", "a whole number"]),
+    Broken("[8, 40]", "[8, «101]", &["out of range", "from 4 to 100"]),
     Broken("[8, 40]", "«40", &["wrong type", "a list of 2"]),
     Broken("[run]", "«[[run]]", &["wrong type", "a list of 1", "a table"]),
     // Ranges.
