@@ -272,7 +272,7 @@ fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &Axi
     !apart && clipper.inside_box(shape, pose, region).volume > TOUCH * shape.volume
 }
 
-/// Lays what lacks under the blocks, and in the cribs up to the fill level.
+/// Lays what lacks under the blocks, and in the cribs up to the fill level, where grains fit into them.
 fn lay_cribs(
     plan: &Plan,
     templates: &Templates,
@@ -302,7 +302,8 @@ fn lay_cribs(
     let present: f64 = (0..grains.len()).map(|g| shape(g).volume).sum();
     let added: f64 = stuffed.iter().map(|g| shapes[g.shape].volume).sum();
     let lacking = RECKONED_COMPACTNESS * room - present - added;
-    stuffed.extend(pour::pour(&mut relief, templates, shapes, &bed.size, lacking, rng)?);
+    let size = &bed.size;
+    stuffed.extend(pour::pour_where_it_fits(&mut relief, templates, shapes, size, lacking, rng));
     Ok(stuffed)
 }
 

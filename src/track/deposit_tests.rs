@@ -176,6 +176,19 @@ fn blocks_flush_with_a_wall_are_inside_whatever_rounding_says() {
 }
 
 #[test]
+fn cribs_narrower_than_grains_stay_as_they_are() {
+    for covered in [Vec3::new(0.25, 0.19, 0.04), Vec3::new(0.26, 0.2, 0.04)] {
+        let mut plan = tiny();
+        plan.sleepers[0].blocks[0].size = covered;
+        let bed = prepared(&plan);
+        let n = bed.model.grains.len();
+        assert!(n > 60, "{n}");
+        let tallest = bed.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max);
+        assert!(tallest < 0.06, "all are below the sleeper: {tallest}");
+    }
+}
+
+#[test]
 fn beds_that_cannot_be_are_refused() {
     let refused = |change: &dyn Fn(&mut Plan)| {
         let mut plan = tiny();
