@@ -130,7 +130,13 @@ const TABLE: &[Broken] = &[
     ),
     Broken("[-0.1, 0.1]", "[-0.1, «0.3]", &["faces none of its blocks", "-0.200 to 0.200"]),
     Broken("[-0.1, 0.1]", "[0.0, «0.1]", &["overlap at the start", "tine_1_plus"]),
-    Broken("= 0.06", "= «0.14", &["leaves the box"]),
+    Broken("= 0.06", "= «0.14", &["leaves the box", "at rest", "x = -0.0110 and 0.0190 m"]),
+    Broken(
+        "stroke_m = 0.05",
+        "stroke_m = «35",
+        &["leaves the box", "vibration and squeeze", "35.1040 m", "between 0 and 0.6 m"],
+    ),
+    Broken("amplitude_m = 0.005", "amplitude_m = «3", &["leaves the box", "with its vibration"]),
     Broken("= 0.06", "= «0.005", &["goes down into `sleeper_1`"]),
     Broken("stroke_m = 0.05", "stroke_m = «0.06", &["drives `tine_1_plus`", "less than 0.0510 m"]),
     // At the end of the squeeze they are past each other.
