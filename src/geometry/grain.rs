@@ -17,7 +17,7 @@ use rand_pcg::Pcg64;
 /// Axes are the extents along the principal axes, longest, intermediate and shortest: a, b, c.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrainShape {
-    /// Least and greatest number of corners, 4 to 200.
+    /// Least and greatest number of corners, 4 to 100.
     pub vertices: [u32; 2],
     /// b / a: mean and half-width of a uniform distribution.
     pub elongation: [f64; 2],
@@ -45,7 +45,8 @@ const NARROWEST_FACE: f64 = 0.02;
 const FLATTEST_EDGE: f64 = 0.01;
 /// Attempts at a grain; typical shapes need a few.
 const ATTEMPTS: usize = 2000;
-const MAX_CORNERS: u32 = 200;
+/// More corners come too close for edges and faces of these widths: of 120 no attempt succeeds.
+const MAX_CORNERS: u32 = 100;
 /// Rounding of ratios that are sums of decimal numbers.
 const SLACK: f64 = 1e-9;
 
@@ -58,7 +59,7 @@ const SLACK: f64 = 1e-9;
 ///
 /// # Errors
 /// [`Error::Geometry`] for ranges that allow no grain: ratios outside 0.05 to 1, numbers of corners
-/// outside 4 to 200, sizes that are not positive, or shapes that keep coming out degenerate.
+/// outside 4 to 100, sizes that are not positive, or shapes that keep coming out degenerate.
 pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Polyhedron> {
     check(shape, size)?;
     // Drawn once: drawing it anew after a rejection would favour few corners.
@@ -94,7 +95,7 @@ fn check(shape: &GrainShape, size: f64) -> Result<()> {
     let bad = |expected, found: String| Err(Error::Geometry { expected, found });
     let [least, most] = shape.vertices;
     if least < 4 || most > MAX_CORNERS || least > most {
-        return bad("a range of 4 to 200 corners", format!("{least} to {most}"));
+        return bad("a range of 4 to 100 corners", format!("{least} to {most}"));
     }
     for [mean, half_width] in [shape.elongation, shape.flatness] {
         let (low, high) = (mean - half_width, mean + half_width);

@@ -126,12 +126,19 @@ fn ratios_may_begin_at_the_very_limit() {
 }
 
 #[test]
+fn the_largest_number_of_corners_gives_grains() {
+    let shape = GrainShape { vertices: [MAX_CORNERS; 2], ..GrainShape::default() };
+    let grain = random_grain(&mut Pcg64::seed_from_u64(1), &shape, 1.0).unwrap();
+    assert_eq!(grain.vertices.len(), 100);
+}
+
+#[test]
 fn impossible_shapes_are_refused() {
     let good = GrainShape::default();
     let cases = [
         (GrainShape { vertices: [3, 9], ..good }, 1.0, "corners"),
         (GrainShape { vertices: [9, 8], ..good }, 1.0, "corners"),
-        (GrainShape { vertices: [9, u32::MAX], ..good }, 1.0, "corners"),
+        (GrainShape { vertices: [9, 101], ..good }, 1.0, "4 to 100 corners"),
         (GrainShape { elongation: [0.9, 0.2], ..good }, 1.0, "ratios"),
         (GrainShape { flatness: [f64::NAN, 0.2], ..good }, 1.0, "ratios"),
         (GrainShape { angularity: 1.5, ..good }, 1.0, "angularity"),

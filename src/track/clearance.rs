@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 use crate::math::Vec3;
 use crate::track::plan::{Plan, SleeperPlan, TampingPlan, TinePlan};
 
+/// Rounding of positions that are sums of decimal numbers, m: what is flush with a wall is inside.
+pub const SLACK: f64 = 1e-9;
+
 /// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
 pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
     let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
@@ -14,10 +17,10 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
         }
         let swept = swept(tine, tamping);
         let size = &plan.bed.size;
-        let inside = swept.x[0] >= 0.0
-            && swept.x[1] <= size.x
-            && swept.y[0] >= 0.0
-            && swept.y[1] <= size.y
+        let inside = swept.x[0] >= -SLACK
+            && swept.x[1] <= size.x + SLACK
+            && swept.y[0] >= -SLACK
+            && swept.y[1] <= size.y + SLACK
             && deep - tine.blade.z > 0.0;
         if !inside {
             return Err(refused(

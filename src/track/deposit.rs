@@ -14,6 +14,7 @@
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
 
 use super::boundary::boundaries;
+use super::clearance::SLACK;
 use super::pour::{self, Laid, Templates};
 use super::scene::{run_settings, sleeper_pose};
 use super::settle::{Bench, DepositProgress, DepositStage, Settling};
@@ -42,8 +43,8 @@ const LAST_STAGE: f64 = 0.02;
 const MOST_GRAINS: f64 = 2e7;
 /// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
 const DEEPEST: f64 = 0.05;
-/// How far a grain may stick out of the fill level, in mean grain sizes.
-const HIGHEST: f64 = 0.5;
+/// How far a grain may stick out of the fill level after trimming, in mean grain sizes.
+pub const HIGHEST: f64 = 0.5;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
 const REST_TOLERANCE: f64 = 1.666e-4;
@@ -271,7 +272,7 @@ fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &Axi
     !apart && clipper.inside_box(shape, pose, region).volume > TOUCH * shape.volume
 }
 
-/// Lays what lacks under the blocks, and in the cribs up to the fill level.
+/// Lays what lacks under the blocks, and in the cribs up to the fill level, where grains fit into them.
 fn lay_cribs(
     plan: &Plan,
     templates: &Templates,
@@ -301,7 +302,8 @@ fn lay_cribs(
     let present: f64 = (0..grains.len()).map(|g| shape(g).volume).sum();
     let added: f64 = stuffed.iter().map(|g| shapes[g.shape].volume).sum();
     let lacking = RECKONED_COMPACTNESS * room - present - added;
-    stuffed.extend(pour::pour(&mut relief, templates, shapes, &bed.size, lacking, rng)?);
+    let size = &bed.size;
+    stuffed.extend(pour::pour_where_it_fits(&mut relief, templates, shapes, size, lacking, rng));
     Ok(stuffed)
 }
 
@@ -324,7 +326,11 @@ fn check(plan: &Plan) -> Result<()> {
     let bed = &plan.bed;
     let p = &bed.preparation;
     if !bed.size.iter().all(|s| s.is_finite() && *s > 0.0) {
-        return refused("bed.size", "three lengths above 0 m", format!("{}", bed.size.transpose()));
+        return refused(
+            "bed.size",
+            "three lengths above 0 m",
+            format!("{:?}", bed.size.as_slice()),
+        );
     }
     if !(p.ballast_depth > 0.0 && p.ballast_depth <= p.fill_level && p.fill_level.is_finite()) {
         return refused(
@@ -344,9 +350,9 @@ fn check(plan: &Plan) -> Result<()> {
         );
     }
     for block in block_boxes(plan) {
-        let inside = (0..2).all(|k| block.low[k] >= 0.0 && block.high[k] <= bed.size[k]);
+        let inside = (0..2).all(|k| block.low[k] >= -SLACK && block.high[k] <= bed.size[k] + SLACK);
         if !inside {
-            let found = format!("from {} to {}", block.low.transpose(), block.high.transpose());
+            let found = format!("from {:?} to {:?} m", block.low.as_slice(), block.high.as_slice());
             return refused("sleepers", "blocks inside the box of the bed", found);
         }
     }

@@ -2,6 +2,8 @@ use super::*;
 use crate::drive::Inputs;
 use crate::model::Freedom;
 use crate::step::step;
+use crate::track::plan::BlockPlan;
+use crate::track::tamping_cycle::start_position;
 use crate::track::test_plan::small_plan;
 use crate::track::{scene, sleeper_mount};
 
@@ -72,6 +74,7 @@ fn a_scene_is_the_bed_with_the_tines_clear_above_it() {
     other.sleepers[0].centre[0] += 0.01;
     let message = scene(&other, bed.clone()).unwrap_err().to_string();
     assert!(message.contains("\"sleeper\""), "{message}");
+    assert!(message.contains("it stands at [0.13, 0.1, 0.06] m"), "{message}");
     let mut heaped = bed.clone();
     let tine = &plan.tines[0];
     heaped.state.position[0] = Vec3::new(tine.position[0], tine.position[1], 0.13);
@@ -83,6 +86,20 @@ fn a_scene_is_the_bed_with_the_tines_clear_above_it() {
     assert_eq!(state.position[n + 6].z, 0.1 + 0.03 + 0.07, "fill level, clearance, blade");
     assert_eq!(state.contacts, bed.state.contacts, "numbers of what was there stay");
     assert!(state.energy.initial_potential > 0.0);
+}
+
+#[test]
+fn tines_without_a_cycle_begin_above_the_grains_that_stick_out() {
+    let mut plan = tiny();
+    plan.tamping = None;
+    let bed = prepared(&plan);
+    let n = bed.model.grains.len();
+    let (_, state) = scene(&plan, bed).unwrap();
+    let lower_edge = state.position[n + 6].z - plan.tines[0].blade.z;
+    assert!((lower_edge - (0.1 + 0.75 * 0.03)).abs() < 1e-12, "three quarters of a grain");
+    plan.bed.grains.classes[0].size = 0.01;
+    let lower_edge = start_position(&plan, &plan.tines[0]).z - plan.tines[0].blade.z;
+    assert!((lower_edge - (0.1 + 0.02)).abs() < 1e-12, "20 mm at least");
 }
 
 #[test]
@@ -144,6 +161,34 @@ fn removing_and_inserting_grains_renumbers_contacts() {
 }
 
 #[test]
+fn blocks_flush_with_a_wall_are_inside_whatever_rounding_says() {
+    let mut plan = tiny();
+    plan.bed.size.y = 0.6;
+    plan.sleepers[0].centre[1] = 0.3;
+    let block = plan.sleepers[0].blocks[0];
+    plan.sleepers[0].blocks = vec![
+        BlockPlan { offset_y: -0.2, size: Vec3::new(0.08, 0.2, 0.04) },
+        BlockPlan { offset_y: 0.2, ..block },
+    ];
+    let low = block_boxes(&plan).next().unwrap().low.y;
+    assert!(low < 0.0 && low > -SLACK, "the sum of these decimal numbers is not 0: {low}");
+    check(&plan).unwrap();
+}
+
+#[test]
+fn cribs_narrower_than_grains_stay_as_they_are() {
+    for covered in [Vec3::new(0.25, 0.19, 0.04), Vec3::new(0.26, 0.2, 0.04)] {
+        let mut plan = tiny();
+        plan.sleepers[0].blocks[0].size = covered;
+        let bed = prepared(&plan);
+        let n = bed.model.grains.len();
+        assert!(n > 60, "{n}");
+        let tallest = bed.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max);
+        assert!(tallest < 0.06, "all are below the sleeper: {tallest}");
+    }
+}
+
+#[test]
 fn beds_that_cannot_be_are_refused() {
     let refused = |change: &dyn Fn(&mut Plan)| {
         let mut plan = tiny();
@@ -154,5 +199,7 @@ fn beds_that_cannot_be_are_refused() {
     assert!(refused(&|p| p.bed.size.x = 1e9).contains("bed"));
     assert!(refused(&|p| p.bed.preparation.step_ns = 0).contains("step"));
     assert!(refused(&|p| p.bed.preparation.ballast_depth = 0.2).contains("ballast_depth"));
-    assert!(refused(&|p| p.sleepers[0].centre[0] = 0.03).contains("inside the box"));
+    let message = refused(&|p| p.sleepers[0].centre[0] = 0.03);
+    assert!(message.contains("inside the box"), "{message}");
+    assert!(message.contains("from [-0.01") && !message.contains('\n'), "in one line: {message}");
 }

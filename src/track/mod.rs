@@ -20,7 +20,8 @@ mod test_plan;
 pub mod tine;
 pub mod zones;
 
-pub use deposit::{Bed, deposit};
+pub use clearance::SLACK;
+pub use deposit::{Bed, HIGHEST, deposit};
 pub use machine_control::{LONGEST_WINDOW, TinePair};
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};

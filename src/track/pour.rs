@@ -22,6 +22,8 @@ use rand_pcg::Pcg64;
 const TRIES: usize = 100;
 /// Tries without any place before the bed counts as too narrow.
 const HOPELESS: usize = 10_000;
+/// Grains without any place, one after the other, before the cribs count as narrower than grains.
+const MISSES: usize = 20;
 /// Places tried under a block, per grain that would cover it.
 const STUFFING: f64 = 400.0;
 /// Air between a grain and what it is laid upon, m: rounding must not make it an overlap.
@@ -117,7 +119,7 @@ pub(super) fn cover_present<'a>(
 /// Lays grains in random orientation until `volume` (m³) of them lies on the relief.
 ///
 /// # Errors
-/// No place where a grain fits between the walls and what is forbidden.
+/// No place where a grain fits between the walls.
 pub(super) fn pour(
     relief: &mut Relief,
     templates: &Templates,
@@ -133,10 +135,38 @@ pub(super) fn pour(
         let shape = templates.draw(rng);
         poured += shapes[shape].volume;
         let orientation = random_rotation(rng);
-        let pose = lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng)?;
+        let pose = lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng)
+            .ok_or_else(|| too_narrow(size))?;
         laid.push(Laid { shape, pose });
     }
     Ok(laid)
+}
+
+/// As [`pour`], but what finds no place is left out: cribs may be narrower than grains, and stay as they are then.
+pub(super) fn pour_where_it_fits(
+    relief: &mut Relief,
+    templates: &Templates,
+    shapes: &[Polyhedron],
+    size: &Vec3,
+    volume: f64,
+    rng: &mut Pcg64,
+) -> Vec<Laid> {
+    let mut laid = Vec::new();
+    let (mut poured, mut missed) = (0.0, 0);
+    let mut silhouette = Silhouette::default();
+    while poured < volume && missed < MISSES {
+        let shape = templates.draw(rng);
+        let orientation = random_rotation(rng);
+        match lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng) {
+            Some(pose) => {
+                poured += shapes[shape].volume;
+                missed = 0;
+                laid.push(Laid { shape, pose });
+            }
+            None => missed += 1,
+        }
+    }
+    laid
 }
 
 /// Lays grains into the voids right under a block, wherever one happens to fit below its underside
@@ -179,7 +209,7 @@ pub(super) fn stuff(
     laid
 }
 
-/// Lays one grain at the lowest of some random places.
+/// Lays one grain at the lowest of some random places; `None` where there is none.
 fn lay(
     relief: &mut Relief,
     shape: &Polyhedron,
@@ -187,7 +217,7 @@ fn lay(
     size: &Vec3,
     silhouette: &mut Silhouette,
     rng: &mut Pcg64,
-) -> Result<Pose> {
+) -> Option<Pose> {
     let bounds = turned_bounds(shape, &orientation);
     let within: [f64; 2] = [rng.random(), rng.random()];
     let cell = relief.cell;
@@ -196,7 +226,7 @@ fn lay(
         let last = ((size[axis] - AIR - bounds.high[axis]) / cell - within[axis]).floor() as i64;
         (first <= last).then_some(first..=last)
     };
-    let (Some(columns), Some(rows)) = (range(0), range(1)) else { return Err(too_narrow(size)) };
+    let (columns, rows) = (range(0)?, range(1)?);
     silhouette.cover(shape, &orientation, within, cell);
     let (mut lowest, mut place) = (f64::INFINITY, [0, 0]);
     for tried in 1.. {
@@ -209,19 +239,19 @@ fn lay(
             break;
         }
         if tried >= HOPELESS {
-            return Err(too_narrow(size));
+            return None;
         }
     }
     let z = lowest + AIR;
     relief.add(silhouette, place, z);
     let coordinate = |axis: usize| (place[axis] as f64 + within[axis]) * cell;
-    Ok(Pose { position: Vec3::new(coordinate(0), coordinate(1), z), orientation })
+    Some(Pose { position: Vec3::new(coordinate(0), coordinate(1), z), orientation })
 }
 
 fn too_narrow(size: &Vec3) -> Error {
     Error::Model {
         place: "bed.size".into(),
-        expected: "room for a grain between the walls and the sleepers".into(),
+        expected: "room for a grain between the walls".into(),
         found: format!("{} x {} m", size.x, size.y),
     }
 }

@@ -141,7 +141,7 @@ fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> 
     let found = state.position[model.grains.len() + index];
     let expected = sleeper_pose(plan, s).position;
     if (found - expected).norm() > 1e-6 {
-        return refused(format!("it stands at {}", found.transpose()));
+        return refused(format!("it stands at {:?} m", found.as_slice()));
     }
     Ok(index)
 }

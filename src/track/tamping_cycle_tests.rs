@@ -238,6 +238,31 @@ fn tines_that_would_meet_a_sleeper_or_a_wall_are_refused_by_name() {
     outside.tines[1].position[0] = 0.59;
     let message = TampingCycle::new(&outside, &model).unwrap_err().to_string();
     assert!(message.contains("\"right\"") && message.contains("inside the box"), "{message}");
+    let mut flush = plan();
+    flush.bed.size.y = 0.24;
+    flush.sleepers[0].centre[1] = 0.02;
+    flush.sleepers[0].blocks[0].size.y = 0.04;
+    for tine in &mut flush.tines {
+        tine.position[1] = 0.17;
+        tine.blade.y = 0.14;
+    }
+    assert!(0.17 + 0.5 * 0.14 > 0.24, "the sum of these decimal numbers");
+    TampingCycle::new(&flush, &model).unwrap();
+}
+
+#[test]
+fn only_what_vibrates_needs_steps_for_its_period() {
+    let (mut model, _) = model(&plan());
+    model.stepping.step_ns = 4_000_000;
+    let message = TampingCycle::new(&plan(), &model).unwrap_err().to_string();
+    assert!(message.contains("at least 8 time steps") && message.contains("7.1"), "{message}");
+    let mut still = plan();
+    if let Some(t) = &mut still.tamping {
+        t.vibration.amplitude = 0.0;
+    }
+    TampingCycle::new(&still, &model).unwrap();
+    let no_tines = Plan { tines: Vec::new(), ..plan() };
+    TampingCycle::new(&no_tines, &model).unwrap();
 }
 
 #[test]

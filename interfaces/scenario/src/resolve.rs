@@ -21,6 +21,7 @@ pub fn resolve(case: &CaseFile, report: &mut Report) -> Plan {
     check::names(case, &layout, report);
     check::collisions(&layout, [x, y], tamping.as_ref(), report);
     check::machine(tamping.as_ref(), &bed, &layout, &run, report);
+    check::slips(case, &layout, tamping.as_ref(), report);
     Plan {
         name: case.name.clone(),
         bed,

@@ -77,8 +77,8 @@ range!(
     Count, "type": "integer", "minimum": 1, "maximum": 4294967295u64
 );
 range!(
-    /// Number of points of a hull.
-    Corners, "type": "integer", "minimum": 4, "maximum": 200
+    /// Number of points of a hull: from a tetrahedron to as many as keep edges long and faces wide enough for detection.
+    Corners, "type": "integer", "minimum": 4, "maximum": 100
 );
 range!(
     /// Number of sleepers in a row.

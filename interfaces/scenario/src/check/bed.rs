@@ -1,6 +1,6 @@
 //! Checks of `[bed]`.
 
-use crate::case_file::{Bed, CaseFile};
+use crate::case_file::{Bed, CaseFile, Grains};
 use crate::report::{Finding, Report};
 
 /// Compactness of a prepared bed, for estimates only.
@@ -113,26 +113,24 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
     let [x, y, _] = bed.size_m;
     let grains = &bed.grains;
     let largest = grains.classes.iter().map(|c| c.size_m).fold(0.0, f64::max);
-    // A grain of sieve size d is d / elongation long.
-    let longest = largest / (grains.elongation[0] - grains.elongation[1]);
-    let narrowest = x.min(y).min(fill_level);
-    if narrowest < longest {
-        let (key, what) = if x.min(y) < longest {
-            ("bed.size_m", "a side of the box")
-        } else {
-            ("bed.ballast_depth_m", "the fill")
-        };
-        let finding = Finding {
-            problem: format!("{what} is too small for one grain"),
-            found: format!("{narrowest:.3} m"),
-            expected: format!("more than the longest grain, {longest:.3} m"),
-            hint: None,
-        };
-        report.error(key, finding);
-        return;
+    // Grains stand in any way between the walls, and lie flat on the floor.
+    let longest = largest * stretch(grains);
+    let walls = ("bed.size_m", "a side of the box", x.min(y), longest, "the longest grain");
+    let fill = ("bed.ballast_depth_m", "the fill", fill_level, largest, "the size of a grain");
+    for (key, what, found, least, of) in [walls, fill] {
+        if found < least {
+            let finding = Finding {
+                problem: format!("{what} is too small for one grain"),
+                found: format!("{found:.3} m"),
+                expected: format!("more than {of}, {least:.3} m"),
+                hint: None,
+            };
+            report.error(key, finding);
+            return;
+        }
     }
-    let mean_volume: f64 = std::f64::consts::FRAC_PI_6 * grains.flatness[0] / grains.elongation[0]
-        * grains.classes.iter().map(|c| c.share * c.size_m.powi(3)).sum::<f64>();
+    let cubes: f64 = grains.classes.iter().map(|c| c.share * c.size_m.powi(3)).sum();
+    let mean_volume = std::f64::consts::FRAC_PI_6 * cubes;
     let expected = COMPACTNESS * x * y * fill_level / mean_volume;
     // Written so that a number that is not one is refused, too.
     if !(expected <= MOST_GRAINS) {
@@ -144,6 +142,15 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
         };
         report.error("bed.size_m", finding);
     }
+}
+
+/// Longest extent of a grain over its size, the diameter of the sphere of equal volume: at least that of an ellipsoid of
+/// the same volume, as a hull of corners on an ellipsoid fills less than that.
+fn stretch(grains: &Grains) -> f64 {
+    let least = |[mean, half]: [f64; 2]| mean - half;
+    let (elongation, flatness) = (least(grains.elongation), least(grains.flatness));
+    // Axes 1, e and e f have the product e² f.
+    (elongation * elongation * flatness).cbrt().recip()
 }
 
 /// Pouring damps falls to 1 m/s; one step must not gain more.

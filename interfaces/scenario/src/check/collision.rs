@@ -2,6 +2,7 @@
 
 use crate::layout::{Layout, Placed};
 use crate::report::{Finding, Report};
+use ballast::track::SLACK;
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};
 use std::collections::BTreeSet;
 
@@ -11,9 +12,6 @@ struct Area {
     low: [f64; 2],
     high: [f64; 2],
 }
-
-/// Rounding of positions that are sums of decimal numbers, m.
-const SLACK: f64 = 1e-9;
 
 impl Area {
     fn around(centre: [f64; 2], size_x: f64, size_y: f64) -> Self {
@@ -128,13 +126,25 @@ fn in_box(
     report: &mut Report,
     told: &mut BTreeSet<String>,
 ) -> bool {
-    let leaves = swept(&tine.plan, stroke, amplitude).leaves(size);
-    let Some(axis) = leaves else { return true };
-    let (name, at) = (&tine.plan.name, tine.plan.position[axis]);
-    tell(report, told, [&tine.key_x, &tine.key_y][axis], || Finding {
+    let plan = &tine.plan;
+    // What takes it out of the box is what it was still inside without.
+    let at_rest = (tine_area(plan, 0.0, 0.0), "at rest");
+    let swinging = (tine_area(plan, 0.0, amplitude), "with its vibration");
+    let closing = (swept(plan, stroke, amplitude), "with vibration and squeeze");
+    let keys = [None, Some("tamping.vibration.amplitude_m"), Some("tamping.squeeze.stroke_m")];
+    let outside = [at_rest, swinging, closing]
+        .into_iter()
+        .zip(keys)
+        .find_map(|((area, how), key)| Some((area.leaves(size)?, area, how, key)));
+    let Some((axis, area, how, key)) = outside else { return true };
+    let (name, along) = (&plan.name, ["x", "y"][axis]);
+    tell(report, told, key.unwrap_or([&tine.key_x, &tine.key_y][axis]), || Finding {
         problem: format!("`{name}` leaves the box"),
-        found: format!("its middle at {} = {at:.4} m", ["x", "y"][axis]),
-        expected: format!("blade, shaft and vibration between 0 and {} m", size[axis]),
+        found: format!(
+            "{how} it is between {along} = {:.4} and {:.4} m",
+            area.low[axis], area.high[axis]
+        ),
+        expected: format!("all of it between 0 and {} m", size[axis]),
         hint: None,
     });
     false

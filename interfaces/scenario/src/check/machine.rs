@@ -2,8 +2,9 @@
 
 use crate::layout::Layout;
 use crate::report::{Finding, Report};
-use ballast::track::LONGEST_WINDOW;
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
+use ballast::track::{HIGHEST, LONGEST_WINDOW};
+use std::f64::consts::PI;
 
 /// Fastest insertion that machines reach, m/s.
 const FAST_INSERTION: f64 = 1.0;
@@ -48,6 +49,7 @@ pub fn machine(
         return;
     }
     above_floor(tamping, bed, layout, report);
+    above_grains(tamping, bed, layout, report);
     step_resolves(tamping, bed, layout, run, report);
 }
 
@@ -100,6 +102,23 @@ fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &m
     }
 }
 
+/// Tines that begin among grains are refused once the bed is there. Whether a grain sticks out right under a blade is known only
+/// then.
+fn above_grains(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
+    let highest = HIGHEST * bed.grains.mean_size();
+    let clearance = tamping.insertion.clearance;
+    if clearance >= highest || layout.tines.is_empty() {
+        return;
+    }
+    let finding = Finding {
+        problem: "the tines may begin among grains, and the run fail".into(),
+        found: format!("a clearance of {clearance} m"),
+        expected: format!("at least {highest:.4} m, as far as grains stick out of the filled bed"),
+        hint: None,
+    };
+    report.warn("tamping.insertion.clearance_m", finding);
+}
+
 /// Tools must not jump over grains, nor the steps over the vibration.
 fn step_resolves(
     tamping: &TampingPlan,
@@ -110,31 +129,43 @@ fn step_resolves(
 ) {
     let h = run.stepping.h();
     let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
+    let limit = Limit { h, smallest };
     if layout.sleepers.iter().any(|s| s.plan.tamped) {
         let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
-        slow_enough("tamping.lift.duration_s", lift, h, smallest, report);
+        limit.check("tamping.lift.duration_s", lift, 0.0, report);
+    }
+    let steps = 1.0 / (tamping.vibration.frequency * h);
+    if steps > LONGEST_WINDOW {
+        let finding = Finding {
+            problem: "the time step is too small for the vibration".into(),
+            found: format!("{steps:.0} steps per period"),
+            expected: format!("at most {LONGEST_WINDOW}, of which the machine means its forces"),
+            hint: None,
+        };
+        report.error("tamping.vibration.frequency_Hz", finding);
     }
     let Some(travel) = farthest(tamping, bed, layout) else { return };
-    let vibration =
-        std::f64::consts::TAU * tamping.vibration.frequency * tamping.vibration.amplitude;
+    // Over a step: the chord of a sine is flatter than its tangent.
+    let angle = (PI * tamping.vibration.frequency * h).min(0.5 * PI);
+    let swing = 2.0 * tamping.vibration.amplitude * angle.sin() / h;
+    // What is too fast alone is told once.
+    let vibration = if limit.check("tamping.vibration", swing, 0.0, report) { swing } else { 0.0 };
     let insertion = TINE_PEAK * travel / tamping.insertion.duration;
     let squeeze = TINE_PEAK * tamping.squeeze.stroke / tamping.squeeze.duration;
     // They open in its first half, while they go up.
     let opening = TINE_PEAK * tamping.squeeze.stroke / (0.5 * tamping.withdrawal);
-    let withdrawal = opening.hypot(TINE_PEAK * travel / tamping.withdrawal);
+    let withdrawal = (opening + vibration).hypot(TINE_PEAK * travel / tamping.withdrawal);
     let withdrawal_key = match report.document.has("tamping.withdrawal_s") {
         true => "tamping.withdrawal_s",
         false => "run.duration_s",
     };
     for (key, speed) in [
-        ("tamping.vibration", vibration),
-        ("tamping.insertion.duration_s", insertion),
-        ("tamping.squeeze.duration_s", squeeze),
+        ("tamping.insertion.duration_s", insertion.hypot(vibration)),
+        ("tamping.squeeze.duration_s", squeeze + vibration),
         (withdrawal_key, withdrawal),
     ] {
-        slow_enough(key, speed, h, smallest, report);
+        limit.check(key, speed, vibration, report);
     }
-    let steps = 1.0 / (tamping.vibration.frequency * h);
     if tamping.vibration.amplitude > 0.0 && steps < STEPS_PER_PERIOD {
         let finding = Finding {
             problem: "the time step is too large for the vibration".into(),
@@ -144,15 +175,6 @@ fn step_resolves(
                 "a step of {:.1e} s would do",
                 1.0 / (STEPS_PER_PERIOD * tamping.vibration.frequency)
             )),
-        };
-        report.error("tamping.vibration.frequency_Hz", finding);
-    }
-    if steps > LONGEST_WINDOW {
-        let finding = Finding {
-            problem: "the time step is too small for the vibration".into(),
-            found: format!("{steps:.0} steps per period"),
-            expected: format!("at most {LONGEST_WINDOW}, of which the machine means its forces"),
-            hint: None,
         };
         report.error("tamping.vibration.frequency_Hz", finding);
     }
@@ -174,15 +196,29 @@ fn farthest(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout) -> Option<f64
     layout.tines.iter().map(|t| (start + t.plan.blade.z - deep).abs()).reduce(f64::max)
 }
 
-/// Refuses a motion whose peak `speed`, m/s, leads over half a grain of the `smallest` size in a step.
-fn slow_enough(key: &str, speed: f64, h: f64, smallest: f64, report: &mut Report) {
-    if speed * h > 0.5 * smallest {
-        let finding = Finding {
-            problem: "the time step is too large for this motion".into(),
-            found: format!("{speed:.3} m/s, {:.4} m per step", speed * h),
-            expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
-            hint: Some(format!("a step of {:.1e} s would do", 0.4 * smallest / speed)),
-        };
-        report.error(key, finding);
+/// What a step allows: half of the smallest grain.
+struct Limit {
+    /// Time step, s.
+    h: f64,
+    /// m.
+    smallest: f64,
+}
+
+impl Limit {
+    /// Refuses a motion, with the `vibration` in it, whose peak `speed` leads too far in a step; both in m/s.
+    fn check(&self, key: &str, speed: f64, vibration: f64, report: &mut Report) -> bool {
+        let Self { h, smallest } = self;
+        let is_slow = speed * h <= 0.5 * smallest;
+        if !is_slow {
+            let included = if vibration > 0.0 { ", the vibration included" } else { "" };
+            let finding = Finding {
+                problem: "the time step is too large for this motion".into(),
+                found: format!("{speed:.3} m/s, {:.4} m per step{included}", speed * h),
+                expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
+                hint: Some(format!("a step of {:.1e} s would do", 0.4 * smallest / speed)),
+            };
+            report.error(key, finding);
+        }
+        is_slow
     }
 }

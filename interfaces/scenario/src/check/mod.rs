@@ -6,10 +6,12 @@ mod bed;
 mod collision;
 mod machine;
 mod names;
+mod slips;
 mod time;
 
 pub use bed::bed;
 pub use collision::collisions;
 pub use machine::machine;
 pub use names::names;
+pub use slips::slips;
 pub use time::{run, step_ns};

@@ -48,6 +48,7 @@ const TABLE: &[Broken] = &[
     Broken("0.45]", "«true]", &["wrong type", "`true`", "a number from 0.0001 to 1000"]),
     Broken("\"synchronous\"", "«\"syncronous\"", &["unknown value", "did you mean `synchronous`?"]),
     Broken("iterations = 300", "iterations = «300.5", &["wrong type", "a whole number"]),
+    Broken("[8, 40]", "[8, «101]", &["out of range", "from 4 to 100"]),
     Broken("[8, 40]", "«40", &["wrong type", "a list of 2"]),
     Broken("[run]", "«[[run]]", &["wrong type", "a list of 1", "a table"]),
     // Ranges.
@@ -97,6 +98,19 @@ const TABLE: &[Broken] = &[
         "size_m = «[0.05, 0.7, 0.45]",
         &["too small for one grain"],
     ),
+    // Flat stones are wider than the sphere of their volume: by the cube root of 10 at a flatness of 0.1.
+    Broken(
+        "size_m = [0.60, 0.70, 0.45]\nballast_depth_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]",
+        "size_m = «[0.10, 0.70, 0.45]\nballast_depth_m = 0.28\n\n[bed.grains]\n\
+         elongation = [1.0, 0.0]\nflatness = [0.1, 0.0]",
+        &["too small for one grain", "the longest grain, 0.108 m"],
+    ),
+    Broken(
+        "0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\nclasses = [{ size_m = 0.025, share = 0.7 }, \
+         { size_m = 0.05, share = 0.3 }]\nvertices = [8, 40]\n\n[bed.preparation]",
+        "«0.03\n[bed.preparation]\nfill_level_m = 0.04",
+        &["the fill is too small for one grain", "the size of a grain, 0.050 m"],
+    ),
     Broken("= 0.28", "= «0.5", &["deeper than the box", "0.45 m"]),
     Broken("0.70, 0.45]", "0.70, «0.40]", &["fill level", "0.4 m", "highest block"]),
     Broken("step_s = 1e-3", "step_s = 1e-3\nfill_level_m = «0.2", &["fill level", "0.28 m"]),
@@ -116,7 +130,13 @@ const TABLE: &[Broken] = &[
     ),
     Broken("[-0.1, 0.1]", "[-0.1, «0.3]", &["faces none of its blocks", "-0.200 to 0.200"]),
     Broken("[-0.1, 0.1]", "[0.0, «0.1]", &["overlap at the start", "tine_1_plus"]),
-    Broken("= 0.06", "= «0.14", &["leaves the box"]),
+    Broken("= 0.06", "= «0.14", &["leaves the box", "at rest", "x = -0.0110 and 0.0190 m"]),
+    Broken(
+        "stroke_m = 0.05",
+        "stroke_m = «35",
+        &["leaves the box", "vibration and squeeze", "35.1040 m", "between 0 and 0.6 m"],
+    ),
+    Broken("amplitude_m = 0.005", "amplitude_m = «3", &["leaves the box", "with its vibration"]),
     Broken("= 0.06", "= «0.005", &["goes down into `sleeper_1`"]),
     Broken("stroke_m = 0.05", "stroke_m = «0.06", &["drives `tine_1_plus`", "less than 0.0510 m"]),
     // At the end of the squeeze they are past each other.
@@ -160,6 +180,14 @@ const TABLE: &[Broken] = &[
         "frequency_Hz = «0.001",
         &["1250000 steps per period", "at most 100000"],
     ),
+    // The machine asks for it without tines, too.
+    Broken(
+        "[tines]\ny_offsets_m = [-0.1, 0.1]\ngap_to_sleeper_m = 0.06\n\n[tamping]\n\
+         insertion = { duration_s = 0.45, depth_m = 0.018 }\n\
+         squeeze = { stroke_m = 0.05, force_limit_N = 7800 }\nvibration = { frequency_Hz = 35",
+        "[tamping]\nvibration = { frequency_Hz = «0.001",
+        &["1250000 steps per period", "at most 100000"],
+    ),
     Broken(
         "= 0.45, d",
         "= «0.01, d",
@@ -175,13 +203,25 @@ const TABLE: &[Broken] = &[
         "[tamping]\nlift = { height_m = 10, duration_s = «0.2 }",
         &["time step is too large", "93.750 m/s"],
     ),
-    // Up by 0.238 m, open by 0.05 m in half the time.
+    // 11.6 m/s down and 10.9 m/s to the side are slow enough alone, 15.6 m/s are for both together.
+    Broken(
+        "duration_s = 0.45, depth_m = 0.018 }\nsqueeze = { stroke_m = 0.05, force_limit_N = 7800 }\n\
+         vibration = { frequency_Hz = 35, amplitude_m = 0.005 }",
+        "duration_s = «0.0256, depth_m = 0.018 }\nsqueeze = { stroke_m = 0.02, force_limit_N = 7800 }\n\
+         vibration = { frequency_Hz = 60, amplitude_m = 0.029 }",
+        &["time step is too large", "the vibration included", "0.0127 m per step"],
+    ),
+    // Up by 0.238 m, open by 0.05 m in half the time; the vibration comes on top.
     Broken(
         "[tamping]",
         "[tamping]\nwithdrawal_s = «0.01",
-        &["time step is too large", "32.269 m/s"],
+        &["time step is too large", "32.710 m/s", "the vibration included"],
     ),
-    Broken("= 1.764", "= «1.56", &["time step is too large", "32.269 m/s"]),
+    Broken(
+        "= 1.764",
+        "= «1.56",
+        &["time step is too large", "32.710 m/s", "the vibration included"],
+    ),
     // Time and solver.
     Broken("step_s = 8e-4", "step_s = «1.5e-9", &["whole number of nanoseconds"]),
     Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),

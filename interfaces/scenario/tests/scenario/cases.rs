@@ -178,9 +178,37 @@ fn tines_that_squeeze_away_from_each_other_are_sound() {
 }
 
 #[test]
+fn pairs_that_do_not_face_each_other_are_told() {
+    let warnings = |towards: [&str; 2]| {
+        let tine = |name: &str, x: f64, towards: &str| {
+            format!(
+                "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\ntowards = \"{towards}\"\npair = 8\n"
+            )
+        };
+        let both = tine("a", 0.10, towards[0]) + &tine("b", 0.40, towards[1]);
+        let text = changed("[tamping]", &format!("{both}[tamping]"));
+        let case = read_case(&text, "case.toml").unwrap_or_else(|e| panic!("{e}"));
+        case.warnings.iter().map(|w| w.to_string()).collect::<String>()
+    };
+    assert_eq!(warnings(["+x", "-x"]), "");
+    for towards in [["+x", "+x"], ["-x", "-x"], ["-x", "+x"]] {
+        let text = warnings(towards);
+        assert!(text.contains("two tines of pair 8 do not face"), "{towards:?}: {text}");
+        assert!(text.contains(&format!("`b` at x = 0.4 m towards {}", towards[1])), "{text}");
+    }
+}
+
+#[test]
 fn a_range_of_shapes_may_begin_at_the_very_limit() {
     // As floating-point numbers 0.15 - 0.1 is below 0.05.
     plan(&changed("vertices = [8, 40]", "flatness = [0.15, 0.1]"));
+}
+
+#[test]
+fn flat_grains_are_as_many_as_others_of_their_size() {
+    // 4.3 million; sizes are those of spheres of equal volume.
+    let text = changed("[0.60, 0.70, 0.45]", "[20, 22, 0.45]");
+    plan(&text.replace("vertices = [8, 40]", "flatness = [0.4, 0.1]"));
 }
 
 #[test]
@@ -191,6 +219,12 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("\"synchronous\"", "\"sequential\"", "`boxes` changes nothing"),
         ("\"synchronous\"", "\"asynchronous\"\nmomentum = false", "`momentum` changes nothing"),
         ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
+        ("m3 = 2700", "m3 = 2.7", "2.7 kg/m³"),
+        ("m3 = 2700", "m3 = 27000", "1000 to 8000 kg/m³"),
+        ("[tines]", "[bed.friction]\nsleeper = 35\n[tines]", "at most 2"),
+        ("step_s = 1e-3", "step_s = 1e-3\nfriction = 2.5", "at most 2"),
+        ("= 0.06", "= 0.06\nmount = { stiffness_N_per_m = 745 }", "`tine_1_plus` is too soft"),
+        ("0.45, depth_m", "0.45, clearance_m = 0.016, depth_m", "may begin among grains"),
     ] {
         let case = read_case(&changed(from, to), "case.toml").unwrap_or_else(|e| panic!("{e}"));
         let text: Vec<String> = case.warnings.iter().map(|w| w.to_string()).collect();
@@ -222,7 +256,8 @@ fn machine(plan: &Plan) -> Model {
 
 #[test]
 fn the_machine_takes_what_the_reader_takes() {
-    for (name, text) in EXAMPLES.into_iter().chain([("base", BASE)]) {
+    let still = changed("amplitude_m = 0.005", "amplitude_m = 0").replace("= 8e-4", "= 4e-3");
+    for (name, text) in EXAMPLES.into_iter().chain([("base", BASE), ("still", still.as_str())]) {
         let plan = plan(text);
         let model = machine(&plan);
         model.check().unwrap_or_else(|e| panic!("{name}: {e}"));
