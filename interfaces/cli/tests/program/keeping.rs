@@ -35,6 +35,8 @@ fn what_cannot_be_begun_costs_nothing() {
         ("--record nowhere/x.mcap", "nowhere"),
         ("--record run/summary.json", "none of the run's own"),
         ("--record run/checkpoint.h5", "none of the run's own"),
+        ("--record run/results.vtkhdf.spare", "none of the run's own"),
+        ("--record run/report.html", "none of the run's own"),
         ("--dump-problems tiny.toml", "tiny.toml"),
     ] {
         let ended = place.run(&format!("--out run {more}"));
