@@ -5,7 +5,8 @@ use crate::setup::{CASE, Place};
 #[test]
 fn a_page_tells_a_whole_run_by_itself() {
     let place = Place::new();
-    place.run("--out run").with_code(0);
+    let said = place.run("--out run").with_code(0).stdout();
+    assert!(said.contains("ParaView") && !said.contains("tables only"), "{said}");
     let said = place.call("report run").with_code(0);
     assert!(said.stdout().contains("report.html"));
     let page = place.text("run/report.html");
@@ -73,7 +74,9 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     let rare = CASE.replace("output_every_s = 0.01", "output_every_s = 0");
     assert_ne!(rare, CASE);
     let rare = Place::with(&rare);
-    rare.run("--out rare --steps 120").with_code(0);
+    let said = rare.run("--out rare --steps 120").with_code(0).stdout();
+    assert!(said.contains("tables only") && said.contains("output_every_s"), "{said}");
+    assert!(!said.contains("ParaView"), "there is no geometry: {said}");
     rare.call("report rare").with_code(0);
     let page = rare.text("rare/report.html");
     let summary = rare.summary("rare");
