@@ -424,6 +424,11 @@ fn bad_files_end_with_their_codes() {
         let said = replay(&place, &format!("run.mcap {for_poses}")).with_code(2).stderr();
         assert!(said.contains("holds the windows of a run"), "{said}");
     }
+    let said = place.call("export run.mcap --out csv").with_code(1).stderr();
+    assert!(said.contains("run.mcap: expected results, found a recording"), "{said}");
+    let said = place.call("export run/summary.json --out csv").with_code(1).stderr();
+    assert!(said.contains("expected results, found text (JSON)"), "{said}");
+    assert!(!place.path("csv").exists());
     std::fs::hard_link(place.path("run.mcap"), place.path("hard.mcap")).unwrap();
     let said = replay(&place, "run.mcap --record hard.mcap").with_code(2).stderr();
     assert!(said.contains("the recording and --record: expected two files"), "{said}");
