@@ -139,7 +139,7 @@ impl Recorder {
 }
 
 /// What shows that results are not those of the run that came by `state`, if anything does.
-fn of_another_run(
+pub fn of_another_run(
     reader: &Reader,
     steps: &Table,
     case: &Case,

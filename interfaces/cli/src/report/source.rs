@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::record::{self, Column, Row};
-use crate::recorder::{self, STEPS, ZONES};
+use crate::recorder::{self, STEPS, TOGETHER, ZONES};
 use crate::summary::{Setting, Summary};
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -72,6 +72,9 @@ impl Source {
         let choices = Choices::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
+        if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &kept.state)? {
+            return Err(Failure::at(&results, format!("{what}; {TOGETHER}")));
+        }
         let mut summary = Summary::new(Setting::of(&case, &kept.model));
         check_columns(&results, &steps, &summary)?;
         if zones.columns.len() != summary.setting().zones.len() + 1 {

@@ -65,6 +65,22 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     assert!(page.contains("not come to its end") && page.contains("profile is not known"));
     assert!(!page.contains("End of the squeeze"), "it had not ended");
 
+    // Rows beyond the checkpoint are those of a run that was killed; other rows are of another run.
+    place.run("--out early --steps 30").with_code(0);
+    let kept = std::fs::read(place.path("part/checkpoint.h5")).unwrap();
+    std::fs::copy(place.path("early/checkpoint.h5"), place.path("part/checkpoint.h5")).unwrap();
+    place.call("report part").with_code(0);
+    std::fs::write(place.path("early/checkpoint.h5"), kept).unwrap();
+    place.run("--out other --steps 60 --schedule sequential").with_code(0);
+    std::fs::copy(place.path("other/checkpoint.h5"), place.path("part/checkpoint.h5")).unwrap();
+    for (folder, says) in [
+        ("early", "steps: expected a row for each of 60 steps, found 30"),
+        ("part", "steps, step 60, kinetic: expected that of the checkpoint"),
+    ] {
+        let said = place.call(&format!("report {folder}")).with_code(1).stderr();
+        assert!(said.contains(says) && said.contains("its own run's results"), "{said}");
+    }
+
     std::fs::remove_file(place.path("part/checkpoint.h5")).unwrap();
     let refused = place.call("report part").with_code(1);
     assert!(refused.stderr().contains("checkpoint.h5"), "{}", refused.stderr());
