@@ -1,6 +1,7 @@
 //! Pages about runs.
 
 use crate::setup::{CASE, Place};
+use ballast_hdf5::checkpoint;
 
 #[test]
 fn a_page_tells_a_whole_run_by_itself() {
@@ -42,6 +43,23 @@ fn a_page_tells_a_whole_run_by_itself() {
     let ended = place.call("report run/results.vtkhdf --out again.html --json").with_code(0);
     assert_eq!(ended.events().last().unwrap()["bytes"], page.len());
     assert_eq!(place.text("again.html"), page);
+}
+
+#[test]
+fn a_served_run_has_no_results_to_make_a_page_of() {
+    let place = Place::new();
+    place.run("--out run --steps 5").with_code(0);
+    std::fs::remove_file(place.path("run/results.vtkhdf")).unwrap();
+    let said = place.call("report run").with_code(1).stderr();
+    assert!(said.contains("results.vtkhdf") && !said.contains("served"), "{said}");
+    let path = place.path("run/checkpoint.h5");
+    let mut kept = checkpoint::read(&path).unwrap();
+    kept.extra.insert("run_id".into(), "1".into());
+    checkpoint::write(&path, &kept).unwrap();
+    let said = place.call("report run").with_code(1).stderr();
+    for word in ["results.vtkhdf", "a served run leaves none", "--record", "ballast replay"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
 }
 
 #[test]
