@@ -2,7 +2,7 @@
 
 use ballast_mcap::messages::Messages;
 use ballast_mcap::recording::{self, Windows};
-use ballast_mcap::{Drive, Entry, Error, Meta, Writer};
+use ballast_mcap::{Drive, Entry, Error, Meta, Writer, may_become_a_recording};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Header, PoseStamped};
 use mcap::records::op;
@@ -90,6 +90,22 @@ fn a_topic_keeps_its_type() {
     let other = Entry::of("/body_0/pose", 0, &Header::world(0)).unwrap();
     let error = writer.write(&other).unwrap_err().to_string();
     assert!(error.contains("/body_0/pose") && error.contains("std_msgs/msg/Header"), "{error}");
+}
+
+#[test]
+fn only_a_file_becomes_a_recording() {
+    let (folder, path) = place("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    for (at, found) in [
+        (path.as_path(), "a device or a pipe"),
+        (Path::new("/dev/null"), "a device or a pipe"),
+        (folder.path(), "a folder"),
+    ] {
+        let said = may_become_a_recording(at).unwrap_err().to_string();
+        let expected = "expected a new file, or a recording to replace, found ";
+        assert!(said.ends_with(&format!("{expected}{found}")), "{said}");
+    }
+    may_become_a_recording(&folder.path().join("new.mcap")).unwrap();
 }
 
 #[test]
