@@ -83,6 +83,28 @@ fn equal_messages_leave_equal_bytes_and_come_back() {
 }
 
 #[test]
+fn a_recording_that_is_gone_at_its_end_is_no_recording() {
+    let (_folder, path) = place("a.mcap");
+    for replaced in [false, true] {
+        let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+        writer.write(&pose(0)).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        if replaced {
+            std::fs::write(&path, "another").unwrap();
+        }
+        let said = writer.finish().unwrap_err().to_string();
+        assert!(said.contains("a.mcap: recording: expected the file that was begun"), "{said}");
+        assert!(said.contains("another file, or none, lies there now"), "{said}");
+    }
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "another");
+    // A link leads to the file that was begun.
+    let link = path.with_file_name("link.mcap");
+    std::os::unix::fs::symlink("b.mcap", &link).unwrap();
+    write(&link, Some(&meta()));
+    assert_eq!(read(&link).unwrap(), (all_times(), None));
+}
+
+#[test]
 fn a_topic_keeps_its_type() {
     let (_folder, path) = place("a.mcap");
     let mut writer = Writer::create(&path, None).unwrap();
