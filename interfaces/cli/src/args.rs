@@ -123,7 +123,7 @@ pub struct Beds {
 pub struct Run {
     /// Case file (TOML)
     pub case: PathBuf,
-    /// Folder of the run's files; by default runs/<name of the case>
+    /// Folder of the run's files, where a finished run is replaced; by default runs/<name of the case>
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
@@ -132,7 +132,7 @@ pub struct Run {
     pub overrides: Overrides,
     #[command(flatten)]
     pub until: Until,
-    /// Start over even if the folder holds an unfinished run
+    /// Start over even if the folder holds an unfinished run; a finished one is replaced without it
     #[arg(long)]
     pub force: bool,
     /// Record the run in an MCAP file, which is replaced

@@ -13,6 +13,8 @@ use std::sync::Arc;
 
 /// What a process that writes a run has locked.
 const LOCK: &str = ".lock";
+/// What lies beside results while they are written, and is removed with their end.
+const SPARE: &str = "results.vtkhdf.spare";
 /// Most bytes of a summary.
 const LONGEST_SUMMARY: u64 = 16 << 20;
 
@@ -75,6 +77,11 @@ impl RunFiles {
         self.folder.join("summary.json")
     }
 
+    /// The page about the run.
+    pub fn report(&self) -> PathBuf {
+        self.folder.join("report.html")
+    }
+
     /// Whether a run stopped here before its end, be it where it was told to.
     pub fn is_unfinished(&self) -> bool {
         self.checkpoint().exists() && self.whole_summary().is_none()
@@ -105,8 +112,9 @@ impl RunFiles {
 
     /// Refuses a file of the run for something else.
     pub fn refuse_own(&self, path: &Path) -> Outcome {
-        let own = [self.results(), self.checkpoint(), self.summary(), self.folder.join(LOCK)];
-        if own.iter().any(|file| same_file(file, path)) {
+        let beside = [LOCK, SPARE].map(|name| self.folder.join(name));
+        let own = [self.results(), self.checkpoint(), self.summary(), self.report()];
+        if own.iter().chain(&beside).any(|file| same_file(file, path)) {
             let text = "expected a file that is none of the run's own, found one of them";
             return Err(Failure::Usage(format!("{}: {text}", path.display())));
         }

@@ -22,6 +22,10 @@ pub const ZONES: &str = "zones";
 /// Frames and rows that may wait while the file is written.
 const WAITING: usize = 64;
 
+/// What can be done where a checkpoint has no results of its run.
+pub const TOGETHER: &str =
+    "put the checkpoint beside its own run's results, or run its case anew with another --out";
+
 /// The open records of a run.
 pub struct Recorder {
     zones: Vec<Zone>,
@@ -47,6 +51,10 @@ impl Recorder {
 
     /// Takes the records of a run up at `state`; later ones are cut off.
     pub fn reopen(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+        Self::taken_up(files, case, model, state).map_err(|e| e.with(&format!("; {TOGETHER}")))
+    }
+
+    fn taken_up(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
         let path = files.results();
         // First: the file may have to be put right before anything reads it.
         results::mend(&path)?;
@@ -54,8 +62,7 @@ impl Recorder {
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
         // Before anything is cut off.
         if let Some(what) = of_another_run(&reader, &steps, case, state)? {
-            let how = "put the checkpoint beside its own run's results, or run its case anew with another --out";
-            return Err(Failure::at(&path, format!("{what}; {how}")));
+            return Err(Failure::at(&path, what));
         }
         drop(reader);
         let writer = Writer::append_to(&path, model, state.step)?;
@@ -132,7 +139,7 @@ impl Recorder {
 }
 
 /// What shows that results are not those of the run that came by `state`, if anything does.
-fn of_another_run(
+pub fn of_another_run(
     reader: &Reader,
     steps: &Table,
     case: &Case,

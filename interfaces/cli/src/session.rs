@@ -368,7 +368,8 @@ impl Session {
             steps => summary_text::profile(&self.profile, steps),
         };
         let is_resumable = self.engine.playback().is_none();
-        let files = summary_text::pointers(&self.files, is_resumable, self.recorded.as_deref());
+        let (frames, recorded) = (self.case.plan.run.output_ns > 0, self.recorded.as_deref());
+        let files = summary_text::pointers(&self.files, frames, is_resumable, recorded);
         let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
         format!(
             "{name}: {grains} grains, {step} of {} steps, {time:.4} s\n\n{figures}\n{profile}\n\

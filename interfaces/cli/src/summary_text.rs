@@ -175,18 +175,25 @@ pub fn profile(profile: &Profile, steps: u64) -> String {
     format!("{}in all {}\n", table.text(), duration(std::time::Duration::from_secs_f64(whole)))
 }
 
-/// Where the run's files are and what to look at.
-pub fn pointers(files: &RunFiles, resumable: bool, recording: Option<&Path>) -> String {
+/// Where the run's files are and what to look at; `frames`: whether the results hold geometry.
+pub fn pointers(
+    files: &RunFiles,
+    frames: bool,
+    resumable: bool,
+    recording: Option<&Path>,
+) -> String {
     let mut text = String::from("files\n");
     let checkpoint =
         resumable.then(|| (files.checkpoint(), "the last state; `ballast resume` goes on from it"));
     let recording = recording.map(|path| {
         (path.to_owned(), "the recording; viewers of MCAP open it, `ballast replay` runs it again")
     });
-    let always = [
-        (files.results(), "open it in ParaView; `ballast export` makes tables and shapes of it"),
-        (files.summary(), "these figures, for programs"),
-    ];
+    let results = if frames {
+        "open it in ParaView; `ballast export` makes tables and shapes of it"
+    } else {
+        "tables only, which `ballast export` writes as CSV; `output_every_s` above 0 in [run] asks for frames"
+    };
+    let always = [(files.results(), results), (files.summary(), "these figures, for programs")];
     for (path, what) in always.into_iter().chain(checkpoint).chain(recording) {
         text += &format!("  {}\n      {what}\n", path.display());
     }

@@ -52,8 +52,17 @@ fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
 /// # Errors
 /// [`Error::Unsuitable`], or the system refuses.
 pub fn may_become_a_recording(path: &Path) -> Result<()> {
-    if !path.is_file() {
-        return Ok(());
+    let refused = |found: &str| {
+        let expected = "a new file, or a recording to replace";
+        Err(Error::unsuitable(path, "recording", expected, found))
+    };
+    match path.metadata() {
+        Ok(what) if what.is_file() => {}
+        Ok(what) if what.is_dir() => return refused("a folder"),
+        // A pipe would be waited for, and a device cannot be emptied.
+        Ok(_) => return refused("a device or a pipe"),
+        // Nothing is there, or what is there is told when it is opened.
+        Err(_) => return Ok(()),
     }
     let mut start = vec![];
     let read =
@@ -62,12 +71,7 @@ pub fn may_become_a_recording(path: &Path) -> Result<()> {
     if start.is_empty() || start == mcap::MAGIC {
         return Ok(());
     }
-    Err(Error::unsuitable(
-        path,
-        "recording",
-        "a new file, or a recording to replace",
-        "another file",
-    ))
+    refused("another file")
 }
 
 impl Tape {

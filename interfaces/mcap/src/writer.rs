@@ -144,13 +144,42 @@ impl Writer {
     /// Writes index and end, and brings the file to the disk.
     ///
     /// # Errors
-    /// The system refuses.
+    /// The system refuses; the file was removed or replaced meanwhile.
     pub fn finish(mut self) -> Result<()> {
         self.inner.finish().map_err(|e| failed(&self.path, e))?;
         let mut sink = self.inner.into_inner().into_inner();
         sink.flush().map_err(|e| Error::io(&self.path, "write", e))?;
-        sink.get_ref().sync_all().map_err(|e| Error::io(&self.path, "bring to the disk", e))
+        let file = sink.get_ref();
+        file.sync_all().map_err(|e| Error::io(&self.path, "bring to the disk", e))?;
+        // A file that was removed takes all that is written to it, and is gone when it is closed.
+        if !is_at(file, &self.path).map_err(|e| Error::io(&self.path, "look at", e))? {
+            let (expected, found) =
+                ("the file that was begun", "that another file, or none, lies there now");
+            return Err(Error::unsuitable(&self.path, "recording", expected, found));
+        }
+        Ok(())
     }
+}
+
+/// Whether an open file is the one that lies at `path`.
+fn is_at(file: &File, path: &Path) -> std::io::Result<bool> {
+    match path.metadata() {
+        Ok(there) => Ok(is_one(&file.metadata()?, &there)),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(e),
+    }
+}
+
+#[cfg(unix)]
+fn is_one(a: &std::fs::Metadata, b: &std::fs::Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// An open file cannot be removed there.
+#[cfg(not(unix))]
+fn is_one(_: &std::fs::Metadata, _: &std::fs::Metadata) -> bool {
+    true
 }
 
 fn failed(path: &Path, error: mcap::McapError) -> Error {

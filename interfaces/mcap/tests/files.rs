@@ -2,7 +2,7 @@
 
 use ballast_mcap::messages::Messages;
 use ballast_mcap::recording::{self, Windows};
-use ballast_mcap::{Drive, Entry, Error, Meta, Writer};
+use ballast_mcap::{Drive, Entry, Error, Meta, Writer, may_become_a_recording};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Header, PoseStamped};
 use mcap::records::op;
@@ -83,6 +83,28 @@ fn equal_messages_leave_equal_bytes_and_come_back() {
 }
 
 #[test]
+fn a_recording_that_is_gone_at_its_end_is_no_recording() {
+    let (_folder, path) = place("a.mcap");
+    for replaced in [false, true] {
+        let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+        writer.write(&pose(0)).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        if replaced {
+            std::fs::write(&path, "another").unwrap();
+        }
+        let said = writer.finish().unwrap_err().to_string();
+        assert!(said.contains("a.mcap: recording: expected the file that was begun"), "{said}");
+        assert!(said.contains("another file, or none, lies there now"), "{said}");
+    }
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "another");
+    // A link leads to the file that was begun.
+    let link = path.with_file_name("link.mcap");
+    std::os::unix::fs::symlink("b.mcap", &link).unwrap();
+    write(&link, Some(&meta()));
+    assert_eq!(read(&link).unwrap(), (all_times(), None));
+}
+
+#[test]
 fn a_topic_keeps_its_type() {
     let (_folder, path) = place("a.mcap");
     let mut writer = Writer::create(&path, None).unwrap();
@@ -90,6 +112,22 @@ fn a_topic_keeps_its_type() {
     let other = Entry::of("/body_0/pose", 0, &Header::world(0)).unwrap();
     let error = writer.write(&other).unwrap_err().to_string();
     assert!(error.contains("/body_0/pose") && error.contains("std_msgs/msg/Header"), "{error}");
+}
+
+#[test]
+fn only_a_file_becomes_a_recording() {
+    let (folder, path) = place("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+    for (at, found) in [
+        (path.as_path(), "a device or a pipe"),
+        (Path::new("/dev/null"), "a device or a pipe"),
+        (folder.path(), "a folder"),
+    ] {
+        let said = may_become_a_recording(at).unwrap_err().to_string();
+        let expected = "expected a new file, or a recording to replace, found ";
+        assert!(said.ends_with(&format!("{expected}{found}")), "{said}");
+    }
+    may_become_a_recording(&folder.path().join("new.mcap")).unwrap();
 }
 
 #[test]

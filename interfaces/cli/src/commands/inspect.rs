@@ -7,7 +7,7 @@ use crate::files::{RunFiles, begins_with};
 use std::path::Path;
 
 pub fn inspect(args: Inspect, console: Console) -> Outcome {
-    if let Some(how) = of_another_kind(&args.file) {
+    if let Some(how) = of_another_kind(&args.file, "a bed, a checkpoint or results") {
         return Err(Failure::at(&args.file, how));
     }
     let summary = ballast_hdf5::inspect::inspect(&args.file);
@@ -17,13 +17,13 @@ pub fn inspect(args: Inspect, console: Console) -> Outcome {
     Ok(())
 }
 
-/// What a file is that Ballast writes, too, but that is nothing to inspect.
-fn of_another_kind(path: &Path) -> Option<String> {
+/// What a file is that Ballast writes, too, but that is not what is `expected`, which HDF5 holds.
+pub fn of_another_kind(path: &Path, expected: &str) -> Option<String> {
     let begins = |words: &[u8]| begins_with(path, words);
     let found = match () {
         () if begins(b"\x89MCAP0") => "a recording; `ballast verify` and `ballast replay` read it",
         () if begins(b"{") => "text (JSON), such as a summary or a sample",
         () => return None,
     };
-    Some(format!("expected a bed, a checkpoint or results, found {found}"))
+    Some(format!("expected {expected}, found {found}"))
 }

@@ -10,7 +10,7 @@ use serde_json::json;
 
 pub fn report(args: Report, console: Console) -> Outcome {
     let files = report::of_run(&args.run)?;
-    let path = args.out.unwrap_or_else(|| files.folder.join("report.html"));
+    let path = args.out.unwrap_or_else(|| files.report());
     may_replace(&path, "a page", || begins_with(&path, BEGINNING.as_bytes()))
         .map_err(|e| Failure::at(&path, e))?;
     let source = Source::open(&files, console).map_err(|e| files.unread(e))?;

@@ -15,6 +15,9 @@ use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+/// Characters of a line that are told.
+const LONGEST_LINE: usize = 100;
+
 pub fn verify(args: Verify, console: Console) -> Outcome {
     interrupt::install()?;
     let mut windows = Windows::open(&args.file)?;
@@ -82,12 +85,35 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
         ("schedule", meta.schedule.clone(), case.plan.run.solver.schedule.name().to_string()),
         ("program", meta.program.clone(), concat!("ballast ", env!("CARGO_PKG_VERSION")).into()),
     ];
-    let differ: Vec<String> = pairs
+    let mut differ: Vec<String> = pairs
         .iter()
         .filter(|(_, recorded, here)| recorded != here)
         .map(|(what, recorded, here)| format!("{what}: recorded {recorded}, here {here}"))
         .collect();
-    if differ.is_empty() { String::new() } else { format!("; {}", differ.join("; ")) }
+    differ.extend(first_other_line(&meta.case_text, &case.text));
+    if differ.is_empty() {
+        let text = "case and program are the recorded ones; the bed may be another one of the same key, of \
+                    another build: `ballast prepare CASE --force` prepares it again";
+        differ.push(text.into());
+    }
+    format!("; {}", differ.join("; "))
+}
+
+/// The first line in which two texts of a case differ.
+fn first_other_line(recorded: &str, here: &str) -> Option<String> {
+    // Not `lines`: ends of lines may be all that differs.
+    let (mut a, mut b) = (recorded.split('\n'), here.split('\n'));
+    let told = |line: Option<&str>| match line {
+        Some(line) => format!("{:?}", line.chars().take(LONGEST_LINE).collect::<String>()),
+        None => "none".into(),
+    };
+    (1..).find_map(|number| match (a.next(), b.next()) {
+        (None, None) => Some(None),
+        (x, y) if x == y => None,
+        (x, y) => {
+            Some(Some(format!("line {number} of the case: recorded {}, here {}", told(x), told(y))))
+        }
+    })?
 }
 
 /// Where a verification stands.
@@ -100,5 +126,29 @@ impl Mark for At {
 
     fn fields(&self) -> Value {
         json!({ "time_s": self.0 as f64 * 1e-9 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_line_that_differs_is_told() {
+        let told = |a, b| first_other_line(a, b);
+        assert_eq!(told("a\nb\n", "a\nb\n"), None);
+        for (a, b, says) in [
+            (
+                "a\nb = 1\nc",
+                "a\nb = 2\nd",
+                "line 2 of the case: recorded \"b = 1\", here \"b = 2\"",
+            ),
+            ("a\n", "a\r\n", "line 1 of the case: recorded \"a\", here \"a\\r\""),
+            ("a", "a\nb", "line 2 of the case: recorded none, here \"b\""),
+            ("a\n", "a", "line 2 of the case: recorded \"\", here none"),
+        ] {
+            assert_eq!(told(a, b).unwrap(), says);
+        }
+        assert!(told(&"a".repeat(1 << 20), "").unwrap().len() < 200);
     }
 }

@@ -1,18 +1,18 @@
 //! What a report is made of: the files of a run, read back.
 
-use crate::case::{self, Case, Choices};
+use crate::case::{self, Case, Choices, RUN_ID};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::record::{self, Column, Row};
-use crate::recorder::{self, STEPS, ZONES};
+use crate::recorder::{self, STEPS, TOGETHER, ZONES};
 use crate::summary::{Setting, Summary};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::observe::lost_grains;
 use ballast::state::State;
 use ballast::track::{self, TampingPhase};
-use ballast_hdf5::checkpoint::{self, Kind};
+use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use ballast_hdf5::results::{Reader, Table};
 use serde_json::Value;
 use std::path::Path;
@@ -53,9 +53,13 @@ pub struct Frame {
 impl Source {
     /// Reads a run.
     pub fn open(files: &RunFiles, console: Console) -> Outcome<Self> {
-        let results = files.results();
+        let (results, at) = (files.results(), files.checkpoint());
+        if !results.exists() && at.exists() && is_served(&checkpoint::read(&at)?) {
+            let what = "it is not there, a served run leaves none; `ballast serve --record FILE`, then \
+                        `ballast replay FILE`, make one for ParaView and `ballast export`";
+            return Err(Failure::at(&results, what));
+        }
         let reader = Reader::open(&results)?;
-        let at = files.checkpoint();
         if !at.exists() {
             let what =
                 "it is not there, and the shapes of the bodies are in it; a replay leaves none";
@@ -72,6 +76,9 @@ impl Source {
         let choices = Choices::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
+        if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &kept.state)? {
+            return Err(Failure::at(&results, format!("{what}; {TOGETHER}")));
+        }
         let mut summary = Summary::new(Setting::of(&case, &kept.model));
         check_columns(&results, &steps, &summary)?;
         if zones.columns.len() != summary.setting().zones.len() + 1 {
@@ -127,6 +134,11 @@ impl Source {
         let where_in = if is_over && is_near { "End of" } else { "In" };
         Some((format!("{where_in} the {}, {:.3} s", phase.name(), frame.time), frame))
     }
+}
+
+/// Whether others drive the run.
+fn is_served(kept: &Checkpoint) -> bool {
+    kept.extra.contains_key(RUN_ID)
 }
 
 /// Whether the table has the columns that this version writes.

@@ -31,10 +31,16 @@ fn what_cannot_be_begun_costs_nothing() {
     let place = Place::new();
     place.run("--out run").with_code(0);
     let (summary, hash) = (place.text("run/summary.json"), place.hash("run"));
+    let made = std::process::Command::new("mkfifo").arg(place.path("pipe")).status().unwrap();
+    assert!(made.success());
     for (more, says) in [
         ("--record nowhere/x.mcap", "nowhere"),
+        ("--record pipe", "a device or a pipe"),
+        ("--record /dev/null", "a device or a pipe"),
         ("--record run/summary.json", "none of the run's own"),
         ("--record run/checkpoint.h5", "none of the run's own"),
+        ("--record run/results.vtkhdf.spare", "none of the run's own"),
+        ("--record run/report.html", "none of the run's own"),
         ("--dump-problems tiny.toml", "tiny.toml"),
     ] {
         let ended = place.run(&format!("--out run {more}"));

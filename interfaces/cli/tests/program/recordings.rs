@@ -271,9 +271,25 @@ fn another_case_is_noticed() {
         .unwrap();
     let said = place.with_beds("verify run.mcap --case tiny.toml").with_code(5).stderr();
     assert!(said.contains("initial_hash"), "{said}");
+    let line = CASE.lines().position(|line| line.starts_with("hold_s")).unwrap() + 2;
+    let line = format!("line {line} of the case: recorded \"[tamping.lift]\", here \"\"");
+    assert!(said.contains(&line), "{said}");
     let ended = replay(&place, "run.mcap --out other").with_code(0);
     assert!(ended.stderr().contains("results will differ"), "{}", ended.stderr());
     assert_ne!(place.hash("other"), place.hash("run"));
+}
+
+#[test]
+fn a_start_that_differs_with_all_that_is_known_of_it_alike_is_told_to_be_of_the_bed() {
+    let place = recorded();
+    let mut bytes = std::fs::read(place.path("run.mcap")).unwrap();
+    let key = b"initial_hash\x20\0\0\0";
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len();
+    bytes[at] = if bytes[at] == b'0' { b'1' } else { b'0' };
+    std::fs::write(place.path("other.mcap"), bytes).unwrap();
+    let said = verify(&place, "other.mcap").with_code(5).stderr();
+    assert!(said.contains("another one of the same key"), "{said}");
+    assert!(said.contains("`ballast prepare CASE --force`"), "{said}");
 }
 
 #[test]
@@ -408,6 +424,11 @@ fn bad_files_end_with_their_codes() {
         let said = replay(&place, &format!("run.mcap {for_poses}")).with_code(2).stderr();
         assert!(said.contains("holds the windows of a run"), "{said}");
     }
+    let said = place.call("export run.mcap --out csv").with_code(1).stderr();
+    assert!(said.contains("run.mcap: expected results, found a recording"), "{said}");
+    let said = place.call("export run/summary.json --out csv").with_code(1).stderr();
+    assert!(said.contains("expected results, found text (JSON)"), "{said}");
+    assert!(!place.path("csv").exists());
     std::fs::hard_link(place.path("run.mcap"), place.path("hard.mcap")).unwrap();
     let said = replay(&place, "run.mcap --record hard.mcap").with_code(2).stderr();
     assert!(said.contains("the recording and --record: expected two files"), "{said}");

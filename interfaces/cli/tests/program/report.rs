@@ -1,11 +1,13 @@
 //! Pages about runs.
 
 use crate::setup::{CASE, Place};
+use ballast_hdf5::checkpoint;
 
 #[test]
 fn a_page_tells_a_whole_run_by_itself() {
     let place = Place::new();
-    place.run("--out run").with_code(0);
+    let said = place.run("--out run").with_code(0).stdout();
+    assert!(said.contains("ParaView") && !said.contains("tables only"), "{said}");
     let said = place.call("report run").with_code(0);
     assert!(said.stdout().contains("report.html"));
     let page = place.text("run/report.html");
@@ -44,6 +46,23 @@ fn a_page_tells_a_whole_run_by_itself() {
 }
 
 #[test]
+fn a_served_run_has_no_results_to_make_a_page_of() {
+    let place = Place::new();
+    place.run("--out run --steps 5").with_code(0);
+    std::fs::remove_file(place.path("run/results.vtkhdf")).unwrap();
+    let said = place.call("report run").with_code(1).stderr();
+    assert!(said.contains("results.vtkhdf") && !said.contains("served"), "{said}");
+    let path = place.path("run/checkpoint.h5");
+    let mut kept = checkpoint::read(&path).unwrap();
+    kept.extra.insert("run_id".into(), "1".into());
+    checkpoint::write(&path, &kept).unwrap();
+    let said = place.call("report run").with_code(1).stderr();
+    for word in ["results.vtkhdf", "a served run leaves none", "--record", "ballast replay"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+}
+
+#[test]
 fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     let place = Place::new();
     place.run("--out part --steps 60").with_code(0);
@@ -64,6 +83,22 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     assert!(page.contains("not come to its end") && page.contains("profile is not known"));
     assert!(!page.contains("End of the squeeze"), "it had not ended");
 
+    // Rows beyond the checkpoint are those of a run that was killed; other rows are of another run.
+    place.run("--out early --steps 30").with_code(0);
+    let kept = std::fs::read(place.path("part/checkpoint.h5")).unwrap();
+    std::fs::copy(place.path("early/checkpoint.h5"), place.path("part/checkpoint.h5")).unwrap();
+    place.call("report part").with_code(0);
+    std::fs::write(place.path("early/checkpoint.h5"), kept).unwrap();
+    place.run("--out other --steps 60 --schedule sequential").with_code(0);
+    std::fs::copy(place.path("other/checkpoint.h5"), place.path("part/checkpoint.h5")).unwrap();
+    for (folder, says) in [
+        ("early", "steps: expected a row for each of 60 steps, found 30"),
+        ("part", "steps, step 60, kinetic: expected that of the checkpoint"),
+    ] {
+        let said = place.call(&format!("report {folder}")).with_code(1).stderr();
+        assert!(said.contains(says) && said.contains("its own run's results"), "{said}");
+    }
+
     std::fs::remove_file(place.path("part/checkpoint.h5")).unwrap();
     let refused = place.call("report part").with_code(1);
     assert!(refused.stderr().contains("checkpoint.h5"), "{}", refused.stderr());
@@ -73,7 +108,9 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     let rare = CASE.replace("output_every_s = 0.01", "output_every_s = 0");
     assert_ne!(rare, CASE);
     let rare = Place::with(&rare);
-    rare.run("--out rare --steps 120").with_code(0);
+    let said = rare.run("--out rare --steps 120").with_code(0).stdout();
+    assert!(said.contains("tables only") && said.contains("output_every_s"), "{said}");
+    assert!(!said.contains("ParaView"), "there is no geometry: {said}");
     rare.call("report rare").with_code(0);
     let page = rare.text("rare/report.html");
     let summary = rare.summary("rare");

@@ -206,4 +206,13 @@ fn a_checkpoint_is_not_joined_to_the_results_of_another_run() {
     std::fs::write(place.path("tiny.toml"), CASE).unwrap();
     place.run("--out mix --steps 5 --force").with_code(0);
     refused("expected a row for each of 10 steps, found 5");
+
+    // Nor to none.
+    let path = place.path("mix/results.vtkhdf");
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    refused("results.vtkhdf");
+    std::fs::remove_file(&path).unwrap();
+    let said = place.call("resume mix/old.h5 --steps 30").with_code(1).stderr();
+    assert!(said.contains("results.vtkhdf") && said.contains("another --out"), "{said}");
 }

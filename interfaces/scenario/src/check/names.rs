@@ -5,7 +5,11 @@ use crate::layout::Layout;
 use crate::report::{Finding, Report};
 use std::collections::BTreeSet;
 
-/// Checks that names can be used in files and messages, and that no two bodies share one.
+/// What a table adds to a body's name for the components of its force, `_x`, `_y` and `_z` after it; the places of a
+/// body have these after its name alone.
+const FORCE: &str = "_force";
+
+/// Checks that names can be used in files and messages, and that no two bodies share one, or columns of a table.
 pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
     usable("name", &case.name, report);
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
@@ -13,6 +17,7 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
     // The names of the box's floor, ends and sides.
     let parts = ["floor", "end_start", "end_far", "side_right", "side_left"];
     let mut taken = BTreeSet::from(parts.map(String::from));
+    let mut earlier: BTreeSet<&str> = BTreeSet::new();
     for (key, name) in sleepers.chain(tines) {
         let key = format!("{key}.name");
         usable(&key, name, report);
@@ -26,8 +31,25 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
                 hint: None,
             };
             report.error(&key, finding);
+        } else if shares_columns(name, &earlier) {
+            let finding = Finding {
+                problem: "columns of this name are taken in tables".into(),
+                found: format!("`{name}`"),
+                expected: format!(
+                    "a name that differs from that of each other sleeper and tine by more than `{FORCE}` at the end"
+                ),
+                hint: None,
+            };
+            report.error(&key, finding);
         }
+        earlier.insert(name);
     }
+}
+
+/// Whether tables would have two columns of one name.
+fn shares_columns(name: &str, earlier: &BTreeSet<&str>) -> bool {
+    earlier.contains(&format!("{name}{FORCE}")[..])
+        || name.strip_suffix(FORCE).is_some_and(|stem| earlier.contains(stem))
 }
 
 fn usable(key: &str, name: &str, report: &mut Report) {

@@ -157,6 +157,13 @@ const TABLE: &[Broken] = &[
          blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n[tines]",
         &["name is taken", "`sleeper_1`"],
     ),
+    // A force of the one would have the name of a place of the other.
+    Broken(
+        "[tines]",
+        "[[sleeper]]\nname = «\"sleeper_1_force\"\nx_m = 0.3\ny_m = 0.06\n\
+         blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n[tines]",
+        &["columns of this name are taken", "`sleeper_1_force`", "more than `_force`"],
+    ),
     Broken("\"base\"", "«\"a/b\"", &["cannot be used in files", "`a/b`"]),
     // Mounts of sleepers.
     Broken("tamped = [1]", "tamped = [1]\nmount = { z = «\"loaded\" }", &["the lift cannot move"]),
