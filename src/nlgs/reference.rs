@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::lanes::Line;
 use crate::local_problem::LocalProblem;
 use crate::math::{Mat3, Vec3, cone, widen};
+use std::ops::RangeInclusive;
 
 /// Contacts visited one after the other, velocities as the running state.
 #[derive(Debug, Clone)]
@@ -100,6 +101,9 @@ pub struct Assembled {
 /// Largest μ of a problem, as of a case: beyond, what the errors compare is lost in rounding.
 pub const MOST_FRICTION: f64 = 1000.0;
 
+/// Largest component of `q`, m/s, unless it is zero: beyond, squares of what the errors compare are none, or infinite.
+const SIZES: RangeInclusive<f64> = 1e-100..=1e100;
+
 /// How far impulses are from a solution, in the scalings in use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NaturalMapErrors {
@@ -117,7 +121,8 @@ impl Assembled {
     /// From scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
     ///
     /// Entries of the same place are added up. Refuses indices out of range, values that are not
-    /// finite, friction that is negative or above [`MOST_FRICTION`], and contacts whose own `W_nn` is not above zero.
+    /// finite, friction that is negative or above [`MOST_FRICTION`], contacts whose own `W_nn` is not above zero, and
+    /// `q` whose squares are none or infinite.
     pub fn from_entries(
         entries: impl IntoIterator<Item = (usize, usize, f64)>,
         q: Vec<Vec3>,
@@ -134,6 +139,12 @@ impl Assembled {
             let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
             let expected = format!("finite q, mu from 0 to {MOST_FRICTION}");
             return Err(unusable("q and mu", expected, found));
+        }
+        let largest = (0..nc).max_by(|&a, &b| q[a].amax().total_cmp(&q[b].amax()));
+        if let Some(c) = largest.filter(|&c| q[c].amax() > 0.0 && !SIZES.contains(&q[c].amax())) {
+            let [least, most] = [SIZES.start(), SIZES.end()];
+            let expected = format!("zero, or a largest component from {least:e} to {most:e} m/s");
+            return Err(unusable("q", expected, format!("{:e} at contact {c}", q[c].amax())));
         }
         let mut scalars = Vec::new();
         for (row, column, value) in entries {
@@ -330,5 +341,23 @@ mod tests {
         assert!(refused(entries(), vec![0.3, -1.0]).contains("-1 at contact 1"));
         let huge = refused(entries(), vec![1e3, 1e10]);
         assert!(huge.contains("mu from 0 to 1000") && huge.contains("at contact 1"), "{huge}");
+    }
+
+    #[test]
+    fn velocities_whose_squares_are_no_numbers_are_refused() {
+        let of = |size: f64| {
+            let q = vec![Vec3::zeros(), Vec3::new(-size, 1e-3 * size, 0.0)];
+            Assembled::from_entries(entries(), q, vec![0.3; 2])
+        };
+        for size in [1e-200, 1e-101, 1e101, 1e200] {
+            let said = of(size).unwrap_err().to_string();
+            let expected = "q: expected zero, or a largest component from 1e-100 to 1e100 m/s";
+            assert!(said.contains(expected), "{said}");
+            assert!(said.ends_with(&format!("found {size:e} at contact 1")), "{said}");
+        }
+        for size in [0.0, 1e-100, 1.0, 1e100] {
+            let errors = of(size).unwrap().natural_map(&[Vec3::zeros(); 2]);
+            assert!(errors.abh.is_finite() && (errors.abh > 0.0) == (size > 0.0), "{errors:?}");
+        }
     }
 }
