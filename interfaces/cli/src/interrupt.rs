@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one asks the run to stop after its step, the second one aborts.
+//! Ctrl-C: the first one asks the command to stop, a run after its step; the second one aborts.
 
 use crate::console::write_err;
 use crate::exit::{Failure, Outcome};
@@ -8,9 +8,14 @@ static REQUESTS: AtomicU32 = AtomicU32::new(0);
 
 /// Takes over SIGINT, SIGTERM and SIGHUP, so that queues and closed terminals stop a run cleanly too.
 pub fn install() -> Outcome {
-    ctrlc::set_handler(|| {
+    install_saying("stopping after this step")
+}
+
+/// The same, for a command that says what it does when it is asked to stop.
+pub fn install_saying(what: &'static str) -> Outcome {
+    ctrlc::set_handler(move || {
         if REQUESTS.fetch_add(1, Ordering::SeqCst) == 0 {
-            write_err("\nstopping after this step (Ctrl-C again aborts at once)");
+            write_err(&format!("\n{what} (Ctrl-C again aborts at once)"));
         } else {
             std::process::exit(130);
         }

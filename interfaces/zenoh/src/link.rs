@@ -106,6 +106,7 @@ impl Link {
             None => Config::default(),
         };
         keep_to_this_machine(&mut config)?;
+        self.listen.iter().chain(&self.connect).try_for_each(|endpoint| well_formed(endpoint))?;
         if !self.listen.is_empty() {
             set(&mut config, LISTEN, &list(&self.listen))?;
         }
@@ -130,6 +131,16 @@ impl Link {
 pub fn free_endpoint() -> Result<String, Error> {
     let socket = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     socket.map(|at| format!("tcp/{at}")).map_err(|e| Error::link("loopback", e))
+}
+
+/// Zenoh's own word on one that is not names the place in a text of JSON that nobody has written.
+fn well_formed(endpoint: &str) -> Result<(), Error> {
+    let is_whole = |(protocol, address): (&str, &str)| !protocol.is_empty() && !address.is_empty();
+    if endpoint.split_once('/').is_some_and(is_whole) {
+        return Ok(());
+    }
+    let text = format!("expected PROTOCOL/ADDRESS, such as {DEFAULT_ENDPOINT}, found {endpoint:?}");
+    Err(Error::link("endpoint", text))
 }
 
 /// Sets what a configuration leaves as Zenoh has it: scouting would find, and be found by, strangers on the
@@ -207,6 +218,17 @@ mod tests {
         let config = with("{ mode: 'peer' }", |path| Link::configured(path).or_connecting());
         assert_eq!(endpoints(&config), [false, true]);
         assert_eq!(config.get_json(LISTEN).unwrap(), "[]");
+    }
+
+    #[test]
+    fn an_endpoint_without_a_protocol_is_told_in_plain_words() {
+        for endpoint in ["", "127.0.0.1:7551", "tcp/", "/127.0.0.1:7551"] {
+            for link in [Link::to(endpoint), Link::listening(endpoint)] {
+                let said = link.configuration().unwrap_err().to_string();
+                let expected = "endpoint: expected PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447";
+                assert_eq!(said, format!("{expected}, found {endpoint:?}"));
+            }
+        }
     }
 
     #[test]

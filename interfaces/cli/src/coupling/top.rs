@@ -40,7 +40,8 @@ impl Told {
 }
 
 pub fn top(args: Top, console: Console) -> Outcome {
-    interrupt::install()?;
+    // It computes no step that would be waited for.
+    interrupt::install_saying("stopping")?;
     let line = Line::open(&args.key, &args.endpoints.to_connect(), Patience::default())?;
     let told = Arc::new(Mutex::new(Told::default()));
     let to = Arc::clone(&told);
