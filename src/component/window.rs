@@ -31,7 +31,7 @@ impl Input {
     }
 }
 
-/// The load on one mounted body through a window, besides its weight.
+/// The load on one mounted body through a window, besides its weight along directions that are loaded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadInput {
     /// The body's name.
@@ -49,7 +49,7 @@ impl LoadInput {
 }
 
 /// All inputs of a window. A body without motion stays where it is, or where its mount is; one without
-/// load carries its weight.
+/// load has none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Window<'a> {
     pub motions: &'a [Input],

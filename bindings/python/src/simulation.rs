@@ -183,7 +183,7 @@ impl Simulation {
     /// Args:
     ///     t1_ns: end of the window, ns since the start of the run.
     ///     tools: motions of driven bodies by name; the others stay where they are.
-    ///     loads: loads on mounted bodies by name; the others carry their weight.
+    ///     loads: loads on mounted bodies by name; the others have none.
     ///     series: keep the impulses of every step, see `Outcome.series`.
     ///     zones: measure the case's zones at the end, see `Outcome.zones`; it takes longer than a coupling's
     ///         own work, so it is not done unasked.
