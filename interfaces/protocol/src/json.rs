@@ -109,7 +109,7 @@ mod tests {
             ),
             (
                 param(r#"{"tolerance": "1e-4"}"#),
-                "param.tolerance: expected a number, found string `1e-4` (line 1, column 20)",
+                "param.tolerance: expected a number, found string \"1e-4\" (line 1, column 20)",
             ),
             (
                 param("{} {}"),
