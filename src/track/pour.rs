@@ -128,18 +128,8 @@ pub(super) fn pour(
     volume: f64,
     rng: &mut Pcg64,
 ) -> Result<Vec<Laid>> {
-    let mut laid = Vec::new();
-    let mut poured = 0.0;
-    let mut silhouette = Silhouette::default();
-    while poured < volume {
-        let shape = templates.draw(rng);
-        poured += shapes[shape].volume;
-        let orientation = random_rotation(rng);
-        let pose = lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng)
-            .ok_or_else(|| too_narrow(size))?;
-        laid.push(Laid { shape, pose });
-    }
-    Ok(laid)
+    let (laid, is_all) = pour_until(1, relief, templates, shapes, size, volume, rng);
+    if is_all { Ok(laid) } else { Err(too_narrow(size)) }
 }
 
 /// As [`pour`], but what finds no place is left out: cribs may be narrower than grains, and stay as they are then.
@@ -151,10 +141,23 @@ pub(super) fn pour_where_it_fits(
     volume: f64,
     rng: &mut Pcg64,
 ) -> Vec<Laid> {
+    pour_until(MISSES, relief, templates, shapes, size, volume, rng).0
+}
+
+/// Lays grains until `volume` of them lies, or until so many in a row find no place; and whether all lies.
+fn pour_until(
+    misses: usize,
+    relief: &mut Relief,
+    templates: &Templates,
+    shapes: &[Polyhedron],
+    size: &Vec3,
+    volume: f64,
+    rng: &mut Pcg64,
+) -> (Vec<Laid>, bool) {
     let mut laid = Vec::new();
     let (mut poured, mut missed) = (0.0, 0);
     let mut silhouette = Silhouette::default();
-    while poured < volume && missed < MISSES {
+    while poured < volume && missed < misses {
         let shape = templates.draw(rng);
         let orientation = random_rotation(rng);
         match lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng) {
@@ -166,7 +169,7 @@ pub(super) fn pour_where_it_fits(
             None => missed += 1,
         }
     }
-    laid
+    (laid, missed < misses)
 }
 
 /// Lays grains into the voids right under a block, wherever one happens to fit below its underside
