@@ -486,7 +486,7 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let serving = Serving::start(&place, &endpoint, "--out s");
     let mut client = attach(&endpoint, None).unwrap();
     // More than this bed pushes back at first, less than before its tines are closed.
-    let force = 2000.0;
+    let force = 2500.0;
     let done = controller_loop::squeeze(&mut client, force, 0.01).unwrap();
     assert!(done.force >= force && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
     // Nobody has said when the squeeze began; it was seen.
@@ -495,7 +495,7 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let squeeze = told.into_iter().find(|(told, ..)| *told == key).expect("a squeeze").2;
     let squeeze: Squeeze = from_cdr(&squeeze).unwrap();
     assert!((squeeze.pair.as_str(), squeeze.number) == ("pair_0", 1), "{squeeze:?}");
-    assert!(squeeze.peak_force > 0.0 && squeeze.closing > 1e-3, "{squeeze:?}");
+    assert!(squeeze.peak_force > 0.0 && squeeze.closing > 2e-3, "{squeeze:?}");
     client.reset().unwrap();
     client.detach().unwrap();
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
