@@ -2,7 +2,7 @@
 
 use crate::compute::{Crew, compute};
 use crate::errors::{self, CaseError};
-use crate::inputs::whole;
+use crate::inputs::{refused, whole};
 use crate::machine::Machine;
 use crate::simulation::Simulation;
 use crate::state::Snapshot;
@@ -111,7 +111,7 @@ impl Case {
         schedule: Option<&str>,
     ) -> PyResult<Self> {
         let kind = "a whole number";
-        let whole = |seed| whole(seed, kind, "seed", "one from 0 to 2^64 - 1", errors::invalid);
+        let whole = |seed| whole(seed, kind, "seed", "one from 0 to 2^64 - 1", refused);
         let seed = seed.map(whole).transpose()?;
         let choices = Choices::named(seed, schedule)
             .map_err(|e| errors::error::<CaseError>(py, "case", e))?;

@@ -158,7 +158,12 @@ impl Load {
 /// A time, ns since the start of the run.
 pub fn time(number: &Bound<'_, PyAny>, place: impl FnOnce() -> String) -> PyResult<u64> {
     let expected = "ns since the start of the run, from 0 to 2^64 - 1";
-    whole(number, "a whole number of ns", &place(), expected, errors::invalid)
+    whole(number, "a whole number of ns", &place(), expected, refused)
+}
+
+/// A request that makes no sense, as an error of [`whole`].
+pub fn refused(py: Python<'_>, place: &str, expected: &str, found: &Bound<'_, PyAny>) -> PyErr {
+    errors::invalid(py, place, expected, found)
 }
 
 /// A whole number from 0 to 2^64 - 1, `kind` in words; `beyond` is the error for one that is not: interpreter, place, what is
