@@ -246,7 +246,9 @@ fn tines_that_would_meet_a_sleeper_or_a_wall_are_refused_by_name() {
         tine.position[1] = 0.17;
         tine.blade.y = 0.14;
     }
-    assert!(0.17 + 0.5 * 0.14 > 0.24, "the sum of these decimal numbers");
+    let tine = &flush.tines[0];
+    let edge = tine.position[1] + 0.5 * tine.blade.y;
+    assert!(edge > flush.bed.size.y, "the sum of these decimal numbers: {edge}");
     TampingCycle::new(&flush, &model).unwrap();
 }
 
