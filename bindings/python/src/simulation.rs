@@ -446,7 +446,7 @@ type Solid<'py> = (Matrix<'py>, Vec<Vec<u16>>);
 
 fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> Solid<'py> {
     let corners = shape.vertices.iter().map(|corner| pose.point(corner));
-    let corners: Vec<f64> = corners.flat_map(|corner| <[f64; 3]>::from(corner)).collect();
+    let corners: Vec<f64> = corners.flat_map(<[f64; 3]>::from).collect();
     let ends = shape.face_starts.windows(2);
     let faces = ends.map(|e| shape.face_vertices[e[0] as usize..e[1] as usize].to_vec()).collect();
     (crate::arrays::table(py, &corners, 3), faces)
