@@ -70,10 +70,12 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
         out["nobody"]
 
 
-def test_a_squeeze_is_followed(sim: ballast.Simulation) -> None:
+def test_a_squeeze_is_followed(case: ballast.Case, beds: Path) -> None:
     told = []
-    for _ in range(sim.case.duration_ns // sim.step_ns):
-        told += sim.step_by_machine().squeezes.values()
+    # On the case's own bed the tines jam, and are not open again at the end.
+    with ballast.open(case.choose(seed=12), beds=beds, threads=1, progress=False) as sim:
+        for _ in range(sim.case.duration_ns // sim.step_ns):
+            told += sim.step_by_machine().squeezes.values()
     assert told and {s.number for s in told} == {1}
     last = told[-1]
     assert last.is_over and not any(s.is_over for s in told[:-1])
