@@ -153,9 +153,14 @@ impl<'a> Body<'a> {
     }
 
     /// What held rotations follow, at configuration m.
-    pub fn target_at_middle(&self) -> Quat {
+    fn target_at_middle(&self) -> Quat {
         let turn = self.turn() * (1.0 - self.stepping.theta);
         rotation::advance(&self.from.orientation, &turn)
+    }
+
+    /// How a body of this orientation is turned from what held rotations follow, at configuration m.
+    pub fn turn_from_target(&self, middle: &Quat) -> Quat {
+        middle * self.target_at_middle().inverse()
     }
 
     /// Turn of the mount during the step, rad.

@@ -141,7 +141,7 @@ impl Body<'_> {
         let mut about = inertia + Mat3::from_diagonal(&added) - arm(&centre) * mass;
         // The mass counts at 1 m.
         let stiff = HELD * (inertia.trace() + m);
-        let turn = middle.orientation * self.target_at_middle().inverse();
+        let turn = self.turn_from_target(&middle.orientation);
         for (_, n) in held::conditions(mount, &turn) {
             about += n * n.transpose() * stiff;
             angular += n * (n.dot(&(turn * target)) * stiff);
@@ -164,7 +164,7 @@ impl Body<'_> {
         let (d, inertia) = self.inertia(&middle.orientation);
         let own_spin = self.own_spin(&middle.orientation);
         let [momentum, angular] = self.momenta(middle, &d, own_spin);
-        let turn = middle.orientation * self.target_at_middle().inverse();
+        let turn = self.turn_from_target(&middle.orientation);
         let conditions = held::conditions(mount, &turn);
         // Unit twists of the degrees of freedom: velocity and spin. One that is not there has none, and
         // an inertia of 1.

@@ -8,6 +8,7 @@ use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
 pub use ballast_beds::Case;
+use ballast_hdf5::checkpoint::Checkpoint;
 use ballast_mcap::recording::Windows;
 pub use ballast_scenario::Choices;
 use ballast_scenario::LONGEST_CASE;
@@ -16,6 +17,11 @@ use std::sync::Arc;
 
 /// The note in a checkpoint that says which run of a served component it is of.
 pub const RUN_ID: &str = "run_id";
+
+/// Whether others drive the run that a checkpoint is of.
+pub fn is_served(kept: &Checkpoint) -> bool {
+    kept.extra.contains_key(RUN_ID)
+}
 
 impl From<&Overrides> for Choices {
     fn from(args: &Overrides) -> Self {

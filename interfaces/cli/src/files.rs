@@ -1,6 +1,6 @@
 //! The files of one run, side by side in one folder.
 
-use crate::case::RUN_ID;
+use crate::case;
 use crate::exit::{Failure, Outcome};
 use ballast_hdf5::checkpoint;
 use ballast_scenario::NoText;
@@ -127,7 +127,7 @@ impl RunFiles {
             return Ok(());
         }
         let (folder, checkpoint) = (self.folder.display(), self.checkpoint());
-        let is_served = checkpoint::read(&checkpoint).is_ok_and(|c| c.extra.contains_key(RUN_ID));
+        let is_served = checkpoint::read(&checkpoint).is_ok_and(|kept| case::is_served(&kept));
         let how = if is_served {
             format!("`ballast serve CASE --out {folder} --resume`")
         } else {

@@ -389,7 +389,7 @@ fn resumable(path: &Path) -> Outcome<Checkpoint> {
         );
         return Err(Failure::at(path, what));
     }
-    if kept.extra.contains_key(case::RUN_ID) {
+    if case::is_served(&kept) {
         let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
         return Err(Failure::at(path, what));
     }

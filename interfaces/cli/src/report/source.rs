@@ -1,6 +1,6 @@
 //! What a report is made of: the files of a run, read back.
 
-use crate::case::{self, Case, Choices, RUN_ID};
+use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
@@ -12,7 +12,7 @@ use ballast::model::Model;
 use ballast::observe::lost_grains;
 use ballast::state::State;
 use ballast::track::{self, TampingPhase};
-use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_hdf5::results::{Reader, Table};
 use serde_json::Value;
 use std::path::Path;
@@ -54,7 +54,7 @@ impl Source {
     /// Reads a run.
     pub fn open(files: &RunFiles, console: Console) -> Outcome<Self> {
         let (results, at) = (files.results(), files.checkpoint());
-        if !results.exists() && at.exists() && is_served(&checkpoint::read(&at)?) {
+        if !results.exists() && at.exists() && case::is_served(&checkpoint::read(&at)?) {
             let what = "it is not there, a served run leaves none; `ballast serve --record FILE`, then \
                         `ballast replay FILE`, make one for ParaView and `ballast export`";
             return Err(Failure::at(&results, what));
@@ -134,11 +134,6 @@ impl Source {
         let where_in = if is_over && is_near { "End of" } else { "In" };
         Some((format!("{where_in} the {}, {:.3} s", phase.name(), frame.time), frame))
     }
-}
-
-/// Whether others drive the run.
-fn is_served(kept: &Checkpoint) -> bool {
-    kept.extra.contains_key(RUN_ID)
 }
 
 /// Whether the table has the columns that this version writes.
