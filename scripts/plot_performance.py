@@ -56,7 +56,7 @@ def threads(row: dict[str, str]) -> str:
 
 def kernel(results: Path) -> Figure:
     """Visits of the kernel, and the roof above each."""
-    _, rows = table(results / "kernel_zen5.csv")
+    _, rows = table(results / "kernel_xeon.csv")
     rows = [row for row in rows if row["instructions"] != "portable"]
     for row in rows:
         alone = row["form"] == "one set per thread"
@@ -70,7 +70,7 @@ def kernel(results: Path) -> Figure:
         ax.plot(middles, column(of, "roof_mvisits_per_s"), "_", ms=11, mew=2, color=drawn[0].get_facecolor())
     ax.plot([], [], "k_", ms=11, mew=2, label="roof of each")
     beside(ax)
-    ax.set(title="Visits of the kernel (Zen 5)", xlabel="contacts", ylabel="10⁶ visits per second")
+    ax.set(title="Visits of the kernel (Xeon, 2 MiB L2 per core)", xlabel="contacts", ylabel="10⁶ visits per second")
     return figure
 
 

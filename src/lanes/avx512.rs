@@ -13,6 +13,8 @@ pub struct Avx512(__m512d);
 impl Lanes for Avx512 {
     type Mask = __mmask8;
 
+    const TWO_AT_ONCE: bool = true;
+
     #[inline(always)]
     fn splat(x: f64) -> Self {
         unsafe { Self(_mm512_set1_pd(x)) }

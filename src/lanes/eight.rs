@@ -36,6 +36,9 @@ pub trait Lanes: Copy {
     /// One truth value per lane.
     type Mask: Copy;
 
+    /// Whether there are registers enough for two visits at once.
+    const TWO_AT_ONCE: bool = false;
+
     fn splat(x: f64) -> Self;
     fn load(row: &[f64; LANES]) -> Self;
     fn load32(row: &[f32; LANES]) -> Self;

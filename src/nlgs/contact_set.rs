@@ -146,6 +146,12 @@ impl ContactSet {
         }
     }
 
+    /// The packed contacts.
+    #[cfg(test)]
+    pub fn blocks(&self) -> &Blocks {
+        &self.blocks
+    }
+
     /// Chooses the instructions; results do not depend on them.
     pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) {
         self.arithmetic = arithmetic;

@@ -135,6 +135,7 @@ fn every_arithmetic_gives_the_same_bits() {
         }
         let norms = set.measured_sweep(1.0);
         let chosen = awake(&mut set);
+        set.sweep_awake(0.9);
         // Some of these are outside of their cones.
         let moved: Vec<f64> = set.chosen_impulses(&chosen).map(|r| 1.5 * r - 1e-4).collect();
         set.replace_impulses(&chosen, &moved);

@@ -60,32 +60,97 @@ pub fn approach<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> (L, L::Mask) 
     (beta, beta.lt(L::splat(0.0)))
 }
 
-/// New impulses after [`approach`]; `slip` is where the slip solve starts and is overwritten where a contact slips.
-#[inline(always)]
-pub fn solve<L: Lanes>(
-    law: &Law<L>,
-    (beta, closed): (L, L::Mask),
-    u: &[L; 3],
-    r: &[L; 3],
-    slip: &mut [f32; 8],
-) -> [L; 3] {
-    let zero = L::splat(0.0);
-    let [k1, k2] = law.coupling;
-    let slide1 = k1.neg_mul_add(u[0], u[1]);
-    let slide2 = k2.neg_mul_add(u[0], u[2]);
-    let z1 = law.tangent_mass.mul(law.tangent_ratio).neg_mul_add(slide1, r[1]);
-    let z2 = law.tangent_mass.neg_mul_add(slide2, r[2]);
-    let normal = normal_impulse(law, beta, z1, z2);
-    let bound = law.friction.mul(normal);
-    let inside = L::and(zero.le(normal), z2.mul_add(z2, z1.mul(z1)).le(bound.mul(bound)));
-    let slips = L::and_not(closed, inside);
-    let mut tangential = [z1, z2];
-    if L::any(slips) {
-        tangential = solve_slip(law, beta, [z1, z2], slips, slip);
+/// A visit under way: what eight contacts would do if they stuck, and how far the search for the slip of those that do
+/// not has come.
+#[derive(Clone, Copy)]
+pub struct Visit<L: Lanes> {
+    beta: L,
+    closed: L::Mask,
+    /// Tangential impulses of contacts that stick.
+    z: [L; 2],
+    slips: L::Mask,
+    secular: Secular<L>,
+    /// The root is between these.
+    bracket: [L; 2],
+    /// Where the last solve of these contacts ended, and where this one has come to.
+    start: L,
+    y: L,
+    /// Where it goes on.
+    active: L::Mask,
+}
+
+impl<L: Lanes> Visit<L> {
+    /// After [`approach`]; `slip` is where the slip solve starts.
+    #[inline(always)]
+    pub fn begin(
+        law: &Law<L>,
+        (beta, closed): (L, L::Mask),
+        u: &[L; 3],
+        r: &[L; 3],
+        slip: &[f32; 8],
+    ) -> Self {
+        let (zero, one) = (L::splat(0.0), L::splat(1.0));
+        let [k1, k2] = law.coupling;
+        let slide1 = k1.neg_mul_add(u[0], u[1]);
+        let slide2 = k2.neg_mul_add(u[0], u[2]);
+        let z1 = law.tangent_mass.mul(law.tangent_ratio).neg_mul_add(slide1, r[1]);
+        let z2 = law.tangent_mass.neg_mul_add(slide2, r[2]);
+        let normal = normal_impulse(law, beta, z1, z2);
+        let bound = law.friction.mul(normal);
+        let inside = L::and(zero.le(normal), z2.mul_add(z2, z1.mul(z1)).le(bound.mul(bound)));
+        let slips = L::and_not(closed, inside);
+        let secular = Secular::new(law, beta, [z1, z2]);
+        let high = L::select(zero.lt(law.friction), one, zero);
+        let start = L::load32(slip);
+        let y = L::select(high.lt(start), high, start);
+        let (z, bracket) = ([z1, z2], [zero, high]);
+        Self { beta, closed, z, slips, secular, bracket, start, y, active: slips }
     }
-    let normal = normal_impulse(law, beta, tangential[0], tangential[1]);
-    let solved = [normal, tangential[0], tangential[1]];
-    each!(K in 3 => L::select(closed, solved[K], zero))
+
+    /// One step of the search.
+    #[inline(always)]
+    fn step(&mut self) {
+        let y = self.y;
+        let (halley, holds, real) = self.secular.step(y);
+        let [low, high] = self.bracket;
+        let (low, high) = (L::select(holds, y, low), L::select(holds, high, y));
+        let bracketed = L::and(real, L::and(low.le(halley), halley.le(high)));
+        let next = L::select(bracketed, halley, L::splat(0.5).mul(low.add(high)));
+        let change = next.sub(y).abs();
+        self.bracket = [low, high];
+        // A lane that is done stays: its result must not depend on its neighbours.
+        self.y = L::select(self.active, next, y);
+        self.active = L::and_not(self.active, change.le(L::splat(SMALL_STEP).mul(next)));
+    }
+
+    /// New impulses after [`search`]; `slip` is overwritten where a contact slips.
+    #[inline(always)]
+    pub fn end(self, law: &Law<L>, slip: &mut [f32; 8]) -> [L; 3] {
+        let Self { beta, z, slips, y, .. } = self;
+        L::select(slips, y, self.start).store32(slip);
+        let slid = [z[0].mul(y).div(self.secular.denominator(y)), z[1].mul(y)];
+        let [r1, r2] = each!(K in 2 => L::select(slips, slid[K], z[K]));
+        let solved = [normal_impulse(law, beta, r1, r2), r1, r2];
+        each!(K in 3 => L::select(self.closed, solved[K], L::splat(0.0)))
+    }
+}
+
+/// Searches the slip of all contacts of so many visits: a step is a chain of operations that need each other, and one
+/// visit's go on while the other's are waited for.
+#[inline(always)]
+pub fn search<L: Lanes, const N: usize>(visits: &mut [Visit<L>; N]) {
+    for _ in 0..MAX_STEPS {
+        let mut goes_on = false;
+        for visit in &*visits {
+            goes_on |= L::any(visit.active);
+        }
+        if !goes_on {
+            break;
+        }
+        for visit in &mut *visits {
+            visit.step();
+        }
+    }
 }
 
 /// `r_n` that makes `u_n` zero.
@@ -95,52 +160,21 @@ fn normal_impulse<L: Lanes>(law: &Law<L>, beta: L, r1: L, r2: L) -> L {
     k2.neg_mul_add(r2, k1.neg_mul_add(r1, L::splat(0.0).sub(beta)))
 }
 
-/// Tangential impulses: `z` where a contact does not slip.
-#[inline(always)]
-fn solve_slip<L: Lanes>(
-    law: &Law<L>,
-    beta: L,
-    z: [L; 2],
-    slips: L::Mask,
-    warm: &mut [f32; 8],
-) -> [L; 2] {
-    let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let secular = Secular::new(law, beta, z);
-    let mut low = zero;
-    let mut high = L::select(zero.lt(law.friction), one, zero);
-    let start = L::load32(warm);
-    let mut y = L::select(high.lt(start), high, start);
-    let mut active = slips;
-    for _ in 0..MAX_STEPS {
-        let (halley, holds, real) = secular.step(y);
-        low = L::select(holds, y, low);
-        high = L::select(holds, high, y);
-        let bracketed = L::and(real, L::and(low.le(halley), halley.le(high)));
-        let next = L::select(bracketed, halley, L::splat(0.5).mul(low.add(high)));
-        let change = next.sub(y).abs();
-        // A lane that is done stays: its result must not depend on its neighbours.
-        y = L::select(active, next, y);
-        active = L::and_not(active, change.le(L::splat(SMALL_STEP).mul(next)));
-        if !L::any(active) {
-            break;
-        }
-    }
-    L::select(slips, y, start).store32(warm);
-    let slid = [z[0].mul(y).div(secular.denominator(y)), z[1].mul(y)];
-    each!(K in 2 => L::select(slips, slid[K], z[K]))
-}
-
 /// The secular equation of slip without roots and fractions.
 ///
 /// With `e = ρ + (1-ρ) y = 1/D`, `P = e μ r_n` is a quadratic in y, `G = z_t² + e² z_s²` too, and
 /// `h = 0` is `Q = P² - y² G = 0` with `P >= 0`. The roots of Q with `P < 0` are about `2/(μ ‖k‖)`
 /// away, so steps count as small enough while μ is below some hundreds.
+#[derive(Clone, Copy)]
 struct Secular<L> {
     ratio: L,
     rest: L,
     /// Coefficients of P.
     p: [L; 3],
+    /// Halves of the last two.
+    half: [L; 2],
     z_squared: [L; 2],
+    quarter: L,
 }
 
 impl<L: Lanes> Secular<L> {
@@ -152,11 +186,15 @@ impl<L: Lanes> Secular<L> {
         let by1 = law.friction.mul(law.coupling[0].mul(z[0]));
         let by2 = law.friction.mul(law.coupling[1].mul(z[1]));
         let linear = by2.neg_mul_add(ratio, rest.mul_sub(load, by1));
+        let square = L::splat(0.0).sub(by2.mul(rest));
+        let z_squared = [z[0].mul(z[0]), z[1].mul(z[1])];
         Self {
             ratio,
             rest,
-            p: [load.mul(ratio), linear, L::splat(0.0).sub(by2.mul(rest))],
-            z_squared: [z[0].mul(z[0]), z[1].mul(z[1])],
+            p: [load.mul(ratio), linear, square],
+            half: [L::splat(0.5).mul(linear), L::splat(0.5).mul(square)],
+            z_squared,
+            quarter: L::splat(0.25).mul(z_squared[1]),
         }
     }
 
@@ -174,19 +212,20 @@ impl<L: Lanes> Secular<L> {
         let [p0, p1, p2] = self.p;
         let e = self.denominator(y);
         let p = p2.mul_add(y, p1).mul_add(y, p0);
-        let p_slope = p2.add(p2).mul_add(y, p1);
+        // P'/2.
+        let half_slope = p2.mul_add(y, self.half[0]);
         // With ' for d/dy: G' = 2 rest m, and `b` is y G'/2.
         let m = self.z_squared[1].mul(e);
         let g = m.mul_add(e, self.z_squared[0]);
         let shift = self.rest.mul(y);
         let b = m.mul(shift);
-        // Q, Q'/2, Q''/2.
+        // Q, Q'/2, Q''/8.
         let q = y.mul(y).neg_mul_add(g, p.mul(p));
-        let q1 = y.neg_mul_add(g.add(b), p.mul(p_slope));
-        let bend = self.z_squared[1].mul(shift).mul_add(shift, L::splat(4.0).mul_add(b, g));
-        let q2 = p2.add(p2).mul_add(p, p_slope.mul_sub(p_slope, bend));
-        let below = q.neg_mul_add(q2, L::splat(4.0).mul(q1).mul(q1));
-        let halley = y.sub(q.add(q).mul(q1).div(below));
+        let q1 = y.neg_mul_add(g.add(b), p.mul(half_slope.add(half_slope)));
+        let bend = self.quarter.mul(shift).mul_add(shift, L::splat(0.25).mul_add(g, b));
+        let q2 = self.half[1].mul_add(p, half_slope.mul_sub(half_slope, bend));
+        let below = q.neg_mul_add(q2, q1.mul(q1));
+        let halley = y.sub(L::splat(0.5).mul(q).mul(q1).div(below));
         let real = zero.lt(p);
         (halley, L::and(real, zero.lt(q)), real)
     }
@@ -283,17 +322,27 @@ mod tests {
             problems
         }
 
-        fn solve(&mut self) -> [Vec3; 8] {
-            type L = Portable;
-            let law = Law::<L>::load(&self.rows);
-            let (u, r) = (self.u.map(|x| L::load(&x)), self.r.map(|x| L::load(&x)));
-            let approach = approach(&law, &u, &r);
-            let rows = solve(&law, approach, &u, &r, &mut self.rows.slip).map(|lanes| {
+        fn visit(&self) -> Visit<Portable> {
+            let law = Law::load(&self.rows);
+            let [u, r] = [self.u, self.r].map(|rows| rows.map(|x| Portable::load(&x)));
+            Visit::begin(&law, approach(&law, &u, &r), &u, &r, &self.rows.slip)
+        }
+
+        fn end(&mut self, visit: Visit<Portable>) -> [Vec3; 8] {
+            let law = Law::load(&self.rows);
+            let rows = visit.end(&law, &mut self.rows.slip).map(|lanes| {
                 let mut row = [0.0; 8];
                 lanes.store(&mut row);
                 row
             });
             std::array::from_fn(|i| Vec3::new(rows[0][i], rows[1][i], rows[2][i]))
+        }
+
+        fn solve(&mut self) -> [Vec3; 8] {
+            let mut visits = [self.visit()];
+            search(&mut visits);
+            let [visit] = visits;
+            self.end(visit)
         }
 
         /// `W_αα`, and `u` and `r` at the visit.
@@ -358,6 +407,22 @@ mod tests {
         }
         println!("{counts:?}, worst {worst:e}");
         assert!(counts.len() == 3 && counts.values().all(|&n| n > 5_000), "{counts:?}");
+    }
+
+    #[test]
+    fn two_visits_at_once_end_as_each_alone() {
+        let mut rng = Pcg64::seed_from_u64(31);
+        for _ in 0..2_000 {
+            let mut two = [Problems::random(&mut rng), Problems::random(&mut rng)];
+            let mut visits = two.each_ref().map(Problems::visit);
+            search(&mut visits);
+            for (problems, visit) in two.iter_mut().zip(visits) {
+                let slip = problems.rows.slip;
+                let (at_once, ended) = (problems.end(visit), problems.rows.slip);
+                problems.rows.slip = slip;
+                assert_eq!((problems.solve(), problems.rows.slip), (at_once, ended));
+            }
+        }
     }
 
     #[test]

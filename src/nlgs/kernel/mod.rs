@@ -16,9 +16,9 @@ pub use counting::Operations;
 
 use super::block::{Course, LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
-use crate::lanes::{Arithmetic, Line, Pass, run};
+use crate::lanes::{Arithmetic, LANES, Line, Pass, run};
 use crate::local_problem::LocalContact;
-use passes::{Apply, Every, GoOn, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
+use passes::{Apply, Every, Few, GoOn, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
 
 /// Some of the blocks: singles and pairs.
 #[derive(Debug, Clone, Default)]
@@ -31,6 +31,8 @@ pub struct Blocks {
     pairs: Vec<PairBlock>,
     /// Singles and pairs of which a contact carried an impulse when [`Blocks::wake`] looked.
     awake: [Vec<u32>; 2],
+    /// Whether each of the singles and of the pairs shares no grain with the one after it: the two may be visited at once.
+    apart: [Vec<bool>; 2],
     /// Lines of grains; the spare line of padding comes after them.
     line_count: u32,
 }
@@ -42,6 +44,7 @@ impl Blocks {
         self.singles.clear();
         self.pairs.clear();
         self.awake.iter_mut().for_each(Vec::clear);
+        self.apart.iter_mut().for_each(Vec::clear);
         self.line_count = line_count as u32;
     }
 
@@ -54,6 +57,8 @@ impl Blocks {
                 block.set(i, contact, grain);
             }
         }
+        let before = self.singles.last().map(|before| before.grain);
+        self.follow(0, before.is_some_and(|before| self.are_apart(&before, &block.grain)));
         self.singles.push(block);
     }
 
@@ -66,7 +71,28 @@ impl Blocks {
                 block.set(i, contact, grains);
             }
         }
+        let grains = |block: &PairBlock| [block.candidate, block.antagonist];
+        let before = self.pairs.last().map(grains);
+        let is_apart = |before: [[u32; LANES]; 2]| {
+            self.are_apart(before.as_flattened(), grains(&block).as_flattened())
+        };
+        self.follow(1, before.is_some_and(is_apart));
         self.pairs.push(block);
+    }
+
+    /// A block of this kind follows, `apart` from the one before.
+    fn follow(&mut self, kind: usize, apart: bool) {
+        if let Some(before) = self.apart[kind].last_mut() {
+            *before = apart;
+        }
+        self.apart[kind].push(false);
+    }
+
+    /// Whether two blocks have no line in common but the spare one.
+    fn are_apart(&self, one: &[u32], other: &[u32]) -> bool {
+        // Without a branch within: compared many at a time.
+        let has_not = |line: u32| other.iter().fold(true, |apart, &o| apart & (o != line));
+        one.iter().all(|&line| line == self.line_count || has_not(line))
     }
 
     fn check(&self, line: u32) {
@@ -93,10 +119,11 @@ impl Blocks {
         assert!(found >= needed, "{found} lines, {needed} needed");
     }
 
-    fn as_sweep<'a>(&'a mut self, lines: &'a mut [Line], relaxation: f64) -> Sweep<'a, Every> {
+    fn as_sweep<'a>(&'a mut self, lines: &'a mut [Line], relaxation: f64) -> Sweep<'a, Every<'a>> {
         self.check_lines(lines);
+        let choice = self.apart.each_ref().map(|apart| Every(apart));
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        Sweep { singles, pairs, choice: [Every, Every], lines, relaxation }
+        Sweep { singles, pairs, choice, lines, relaxation }
     }
 
     /// Visits every contact once.
@@ -109,8 +136,12 @@ impl Blocks {
     /// Visits the contacts of the blocks that are awake.
     pub fn sweep_awake(&mut self, arithmetic: Arithmetic, lines: &mut [Line], relaxation: f64) {
         self.check_lines(lines);
+        let [of_singles, of_pairs] = &self.apart;
+        let choice = [
+            Few { blocks: &self.awake[0], apart: of_singles },
+            Few { blocks: &self.awake[1], apart: of_pairs },
+        ];
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        let choice = self.awake.each_ref().map(Vec::as_slice);
         let pass = PlainSweep(Sweep { singles, pairs, choice, lines, relaxation });
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
@@ -258,5 +289,34 @@ impl Blocks {
         let pass = NaturalMap { singles: &self.singles, pairs: &self.pairs, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::nlgs::ContactSet;
+    use crate::nlgs::scenes::Scene;
+
+    #[test]
+    fn blocks_that_are_visited_at_once_share_no_grain() {
+        let problem = Scene::grid([6, 5, 4], 3, 0.2, 11).problem;
+        let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
+        let mut set = ContactSet::default();
+        set.pack(&problem, &contacts, problem.body_count(), |grain| grain);
+        let blocks = set.blocks();
+        let singles: Vec<Vec<u32>> = blocks.singles.iter().map(|b| b.grain.to_vec()).collect();
+        let pairs = blocks.pairs.iter().map(|b| [b.candidate, b.antagonist].concat()).collect();
+        let mut counts = [0; 2];
+        for (grains, apart) in [singles, pairs].iter().zip(&blocks.apart) {
+            assert_eq!(apart.len(), grains.len());
+            assert!(!apart[grains.len() - 1]);
+            for (two, &is_apart) in grains.windows(2).zip(apart) {
+                let of_grain = |g: &&u32| **g < blocks.line_count;
+                let shared = two[0].iter().filter(of_grain).any(|g| two[1].contains(g));
+                assert_eq!(is_apart, !shared, "{two:?}");
+                counts[usize::from(is_apart)] += 1;
+            }
+        }
+        assert!(counts[0] > 0 && counts[1] > 0, "{counts:?}");
     }
 }

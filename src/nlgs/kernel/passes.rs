@@ -4,7 +4,7 @@ use super::coupling::{Block, dot};
 use crate::lanes::{Lanes, Line, Pass, each, prefetch_at};
 use crate::nlgs::block::{Course, PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
-use crate::nlgs::visit::{self, Law};
+use crate::nlgs::visit::{self, Law, Visit};
 
 /// What a sweep takes down of its visits.
 trait Record<L: Lanes>: Copy {
@@ -82,35 +82,54 @@ const AHEAD: usize = 6;
 pub trait Choice {
     /// Whether many of them are likely to carry nothing: then it pays to look before the law is solved.
     const MANY_REST: bool;
-    fn count(&self, all: usize) -> usize;
+    fn count(&self) -> usize;
     /// The `k`-th of them; any number if `k` is too large.
     fn block(&self, k: usize) -> usize;
+    /// Whether there is a next one, which shares no grain with the `k`-th.
+    fn is_apart(&self, k: usize) -> bool;
 }
 
-/// All blocks.
-pub struct Every;
+/// All blocks; whether each shares no grain with the one after it.
+pub struct Every<'a>(pub &'a [bool]);
 
-impl Choice for Every {
+impl Choice for Every<'_> {
     const MANY_REST: bool = true;
     #[inline(always)]
-    fn count(&self, all: usize) -> usize {
-        all
+    fn count(&self) -> usize {
+        self.0.len()
     }
     #[inline(always)]
     fn block(&self, k: usize) -> usize {
         k
     }
+    #[inline(always)]
+    fn is_apart(&self, k: usize) -> bool {
+        self.0[k]
+    }
 }
 
-impl Choice for &[u32] {
+/// Some of the blocks.
+pub struct Few<'a> {
+    pub blocks: &'a [u32],
+    /// Of all blocks, as in [`Every`].
+    pub apart: &'a [bool],
+}
+
+impl Choice for Few<'_> {
     const MANY_REST: bool = false;
     #[inline(always)]
-    fn count(&self, _: usize) -> usize {
-        self.len()
+    fn count(&self) -> usize {
+        self.blocks.len()
     }
     #[inline(always)]
     fn block(&self, k: usize) -> usize {
-        self.get(k).map_or(0, |&i| i as usize)
+        self.blocks.get(k).map_or(0, |&i| i as usize)
+    }
+    #[inline(always)]
+    fn is_apart(&self, k: usize) -> bool {
+        let i = self.block(k);
+        // Of others it is not known.
+        self.block(k + 1) == i + 1 && self.apart[i]
     }
 }
 
@@ -122,6 +141,62 @@ fn carries<L: Lanes>(r: &[L; 3]) -> L::Mask {
     L::and_not(zero.le(zero), size.le(zero))
 }
 
+/// A block as a visit finds it.
+struct Found<L: Lanes, B: Block> {
+    held: B::Held<L>,
+    u: [L; 3],
+    r: [L; 3],
+    law: Law<L>,
+    approach: (L, L::Mask),
+}
+
+impl<L: Lanes, B: Block> Found<L, B> {
+    #[inline(always)]
+    unsafe fn read(block: &B, lines: &[Line]) -> Self {
+        // SAFETY: the caller's.
+        let (held, u) = unsafe { block.read::<L>(lines) };
+        let law = Law::load(block.law());
+        let r = each!(K in 3 => L::load(&block.impulse()[K]));
+        let approach = visit::approach(&law, &u, &r);
+        Self { held, u, r, law, approach }
+    }
+
+    /// Open contacts that stay open: nothing would change.
+    #[inline(always)]
+    fn rests(&self) -> bool {
+        !L::any(L::or(self.approach.1, carries(&self.r)))
+    }
+
+    #[inline(always)]
+    fn visit(&self, block: &B) -> Visit<L> {
+        Visit::begin(&self.law, self.approach, &self.u, &self.r, &block.law().slip)
+    }
+
+    /// Ends the visit: impulses and lines are changed by what it has found, relaxed.
+    #[inline(always)]
+    unsafe fn end<R: Record<L>>(
+        self,
+        visit: Visit<L>,
+        block: &mut B,
+        lines: &mut [Line],
+        relaxation: L,
+        record: &mut R,
+    ) {
+        let (impulse, slip) = block.outcome();
+        let solved = visit.end(&self.law, slip);
+        let change = each!(K in 3 => solved[K].sub(self.r[K]));
+        let delta = each!(K in 3 => relaxation.mul(change[K]));
+        let after = each!(K in 3 => self.r[K].add(delta[K]));
+        for k in 0..3 {
+            after[k].store(&mut impulse[k]);
+        }
+        // Not what is done of it: a relaxed visit is no better solved.
+        record.visit(&self.law, &change, &after);
+        // SAFETY: the caller's.
+        unsafe { block.push(self.held, &delta, lines) };
+    }
+}
+
 #[inline(always)]
 unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     blocks: &mut [B],
@@ -130,31 +205,44 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     relaxation: L,
     record: &mut R,
 ) {
-    for k in 0..choice.count(blocks.len()) {
+    let mut k = 0;
+    while k < choice.count() {
         let next = blocks.as_ptr().wrapping_add(choice.block(k + AHEAD));
         prefetch_at(next.cast(), size_of::<B>());
-        let block = &mut blocks[choice.block(k)];
-        // SAFETY: the caller's.
-        let (held, u) = unsafe { block.read::<L>(lines) };
-        let law = Law::load(block.law());
-        let r = each!(K in 3 => L::load(&block.impulse()[K]));
-        let approach = visit::approach(&law, &u, &r);
-        // Open contacts that stay open: nothing would change.
-        if C::MANY_REST && !L::any(L::or(approach.1, carries(&r))) {
-            continue;
+        let i = choice.block(k);
+        if L::TWO_AT_ONCE && choice.is_apart(k) {
+            let next = blocks.as_ptr().wrapping_add(choice.block(k + 1 + AHEAD));
+            prefetch_at(next.cast(), size_of::<B>());
+            let [one, other] = &mut blocks[i..][..2] else { unreachable!("a slice of two") };
+            k += 2;
+            // SAFETY: the caller's.
+            let (first, second) =
+                unsafe { (Found::read(&*one, lines), Found::read(&*other, lines)) };
+            if C::MANY_REST && first.rests() && second.rests() {
+                continue;
+            }
+            let mut visits = [first.visit(one), second.visit(other)];
+            visit::search(&mut visits);
+            let [of_first, of_second] = visits;
+            // SAFETY: the caller's.
+            unsafe {
+                first.end(of_first, one, lines, relaxation, record);
+                second.end(of_second, other, lines, relaxation, record);
+            }
+        } else {
+            let block = &mut blocks[i];
+            k += 1;
+            // SAFETY: the caller's.
+            let found = unsafe { Found::<L, B>::read(block, lines) };
+            if C::MANY_REST && found.rests() {
+                continue;
+            }
+            let mut visits = [found.visit(block)];
+            visit::search(&mut visits);
+            let [visit] = visits;
+            // SAFETY: the caller's.
+            unsafe { found.end(visit, block, lines, relaxation, record) };
         }
-        let (impulse, slip) = block.outcome();
-        let solved = visit::solve(&law, approach, &u, &r, slip);
-        let change = each!(K in 3 => solved[K].sub(r[K]));
-        let delta = each!(K in 3 => relaxation.mul(change[K]));
-        let after = each!(K in 3 => r[K].add(delta[K]));
-        for k in 0..3 {
-            after[k].store(&mut impulse[k]);
-        }
-        // Not what is done of it: a relaxed visit is no better solved.
-        record.visit(&law, &change, &after);
-        // SAFETY: the caller's.
-        unsafe { block.push(held, &delta, lines) };
     }
 }
 
@@ -193,7 +281,7 @@ impl<C: Choice> Pass for PlainSweep<'_, C> {
     }
 }
 
-pub struct MeasuredSweep<'a>(pub Sweep<'a, Every>);
+pub struct MeasuredSweep<'a>(pub Sweep<'a, Every<'a>>);
 
 impl Pass for MeasuredSweep<'_> {
     type Output = VisitNorms;
@@ -325,8 +413,8 @@ unsafe fn go_on<L: Lanes, B: Block>(
     lines: &mut [Line],
 ) {
     for (k, (&i, course)) in choice.iter().zip(courses).enumerate() {
-        let next = blocks.as_ptr().wrapping_add(choice.block(k + AHEAD));
-        prefetch_at(next.cast(), size_of::<B>());
+        let next = choice.get(k + AHEAD).map_or(0, |&i| i as usize);
+        prefetch_at(blocks.as_ptr().wrapping_add(next).cast(), size_of::<B>());
         let block = &mut blocks[i as usize];
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let change = each!(K in 3 => r[K].sub(L::load(&course.before[K])));

@@ -160,6 +160,14 @@ pub fn exponent(a: [f64; 2], b: [f64; 2]) -> f64 {
     (b[1] / a[1]).ln() / (b[0] / a[0]).ln()
 }
 
+/// Mean, and its standard error.
+pub fn mean_and_error(values: &[f64]) -> [f64; 2] {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    [mean, (variance / n).sqrt()]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,7 @@
 //! Columns of ballast grains that collapse.
 
 use super::check::{Check, Finding, exponent};
-use super::heaps::{grains, stones};
+use super::heaps::{SEED, grains, stones};
 use super::size::Size;
 use super::world::{D, FALL, GRAVITY, World};
 use crate::exit::Outcome;
@@ -138,7 +138,7 @@ pub fn collapse(size: &Size) -> Outcome<Check> {
 /// Aspect ratio before and runout after, for a column of about this aspect ratio.
 fn fall_apart(sector: &Sector, aspect: f64) -> Outcome<[f64; 2]> {
     let place = |rng: &mut Pcg64, reach: f64| sector.place(rng, reach);
-    let mut world = grains(&stones(), sector.count(aspect), FRICTION, PLACES, place)?;
+    let mut world = grains(&stones(), sector.count(aspect), FRICTION, SEED, PLACES, place)?;
     sector.frame(&mut world);
     for (k, out) in sector.tube().into_iter().enumerate() {
         world.wall(&format!("tube {k}"), out * sector.radius, -out, 0.2);

@@ -1,6 +1,6 @@
 //! A whole tamping cycle: its energy balance, and what the settings of the solver change.
 
-use super::check::{Check, DIGITS, Finding, Verdict};
+use super::check::{Check, DIGITS, Finding, Verdict, mean_and_error};
 use super::size::Size;
 use super::{heed_interrupts, listed};
 use crate::case::{self, Case, Choices};
@@ -115,14 +115,6 @@ impl Group {
         let values = self.runs.iter().map(|run| run.as_ref().map_or(f64::NAN, &of));
         values.fold(0.0, |worst, x| if x > worst || x.is_nan() { x } else { worst })
     }
-}
-
-/// Mean, and its standard error.
-fn mean_and_error(values: &[f64]) -> [f64; 2] {
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    [mean, (variance / n).sqrt()]
 }
 
 /// Energy balance of a cycle, and its outcome for other time steps and caps of iterations.

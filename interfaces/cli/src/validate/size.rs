@@ -13,6 +13,11 @@ impl Size {
         if self.quick { 10 } else { 5 }
     }
 
+    /// How many heaps of stones have their slopes measured: of 120 stones, one differs from another by 9°.
+    pub fn heaps(self) -> u64 {
+        if self.quick { 10 } else { 3 }
+    }
+
     /// One of two numbers of grains.
     pub fn grains(&self, quick: usize, full: usize) -> usize {
         if self.quick { quick } else { full }

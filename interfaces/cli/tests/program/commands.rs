@@ -115,7 +115,7 @@ fn a_bed_is_prepared_once() {
     let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
     assert_eq!(
         [&inspected[0]["key"], &inspected[0]["hash"]],
-        ["a581b09b81b3fad06160719988502a5f", "b4a770971795f87d62f7c469f023d5e9"]
+        ["4fbc90c4a78d2584bb1cd4db291c4f98", "1d38ee6d312da1ee27726c75cdc9cd6f"]
     );
     let bytes = std::fs::read(&bed).unwrap();
     place.call("prepare tiny.toml --beds beds --force").with_code(0);

@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the eighth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "b91f4a06254328562c7009cc6e709bee");
+    assert_eq!(key(BASE), "d5fd4ca8953b95767f2135d07d44fc4d");
 }
 
 #[test]
