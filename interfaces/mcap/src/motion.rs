@@ -82,6 +82,13 @@ pub fn read(
     join(path, tracks, begin_ns, lost)
 }
 
+/// A stamp as ns; one with a second and more beside its seconds is none.
+fn whole(stamp: messages::Time) -> std::result::Result<i64, Malformed> {
+    let rest = stamp.nanosec;
+    let wrong = || Malformed::new("header.stamp.nanosec", "less than a second", rest);
+    (rest < 1_000_000_000).then(|| stamp.ns()).ok_or_else(wrong)
+}
+
 /// Poses and twists by body.
 #[derive(Default)]
 struct Found {
@@ -110,13 +117,13 @@ impl Found {
             Source::Pose(body) => {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
-                let time = at(Some(stamped.header.stamp.ns()))?;
+                let time = at(Some(whole(stamped.header.stamp)?))?;
                 self.track(body).pose(time, stamped.pose);
             }
             Source::Twist(body) => {
                 self.only(assignment, "twists", body, &message.channel.topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
-                let time = at(Some(stamped.header.stamp.ns()))?;
+                let time = at(Some(whole(stamped.header.stamp)?))?;
                 self.track(body).twist(time, stamped.twist);
             }
             Source::Json(body) => {
@@ -135,7 +142,7 @@ impl Found {
                     let topic = &message.channel.topic;
                     if let Some(body) = assignment.body_of_frame(topic, &frame) {
                         self.only(assignment, "poses", body, &format!("{topic}:{frame}"))?;
-                        let time = at(Some(transform.header.stamp.ns()))?;
+                        let time = at(Some(whole(transform.header.stamp)?))?;
                         let pose = messages::Pose {
                             position: messages::Point {
                                 x: transform.transform.translation.x,

@@ -21,6 +21,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let folder = format!("{}-serve", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
     let files = RunFiles::begun_in(folder)?;
+    args.record.as_deref().map(|path| files.refuse_own(path)).transpose()?;
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     if resumes {

@@ -546,3 +546,13 @@ fn a_recording_that_cannot_go_on_is_told_at_the_end_of_a_run_that_did() {
     assert!(said.contains("failed: s.2.mcap") && said.contains("went on without it"), "{said}");
     place.with_beds("verify s.mcap").with_code(0);
 }
+
+#[test]
+fn a_recording_that_would_lie_in_a_file_of_the_run_is_refused() {
+    let place = Place::new();
+    for own in ["checkpoint.h5", "summary.json"] {
+        let arguments = format!("serve tiny.toml --key {KEY} --out s --record s/{own}");
+        let said = place.with_beds(&arguments).with_code(2).stderr();
+        assert!(said.contains(own) && said.contains("none of the run's own"), "{said}");
+    }
+}

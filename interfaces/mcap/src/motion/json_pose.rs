@@ -63,7 +63,9 @@ fn stamp(value: &Value) -> Result<Option<i64>, Malformed> {
     };
     let rest = stamp.get("nanosec").or_else(|| stamp.get("nsec"));
     let whole = stamp.get("sec").and_then(Value::as_i64).zip(rest.and_then(Value::as_i64));
+    let whole = whole.filter(|(_, rest)| (0..1_000_000_000).contains(rest));
     let ns = whole.and_then(|(sec, rest)| sec.checked_mul(1_000_000_000)?.checked_add(rest));
-    let wrong = || Malformed::new("stamp", "whole `sec` and `nanosec`", stamp);
+    let wrong =
+        || Malformed::new("stamp", "whole `sec` and `nanosec`, the latter below 10⁹", stamp);
     ns.map(Some).ok_or_else(wrong)
 }

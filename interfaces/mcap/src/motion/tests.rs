@@ -167,6 +167,12 @@ fn messages_out_of_order_are_sorted_and_two_poses_at_a_time_refused() {
     let unstamped = [pose(topic, 0, 0.0, 0), pose(topic, 0, 1.0, 9)];
     let error = read_all(&place.file(&unstamped), &[]).unwrap_err().to_string();
     assert!(error.contains("0 ns") && error.contains("--time log"), "{error}");
+    // A second and more beside the seconds.
+    let mut message = PoseStamped { header: Header::world(7), pose: at(0.0) };
+    message.header.stamp.nanosec = 1_000_000_000;
+    let odd = Entry::of(topic, 7, &message).unwrap();
+    let error = read_all(&place.file(&[pose(topic, 0, 0.0, 0), odd]), &[]).unwrap_err().to_string();
+    assert!(error.contains("header.stamp.nanosec") && error.contains("1000000000"), "{error}");
 }
 
 #[test]
@@ -219,6 +225,8 @@ fn json_poses_are_read_in_their_forms() {
         (pose.replace("\"y\": 2", "\"y\": null"), "position.y"),
         (pose.replace("\"w\"", "\"v\""), "orientation.w"),
         (format!(r#"{{"timestamp": {{"sec": 1}}, "pose": {pose}}}"#), "stamp"),
+        (stamped.replace("\"nanosec\": 5", "\"nanosec\": 1000000000"), "stamp"),
+        (stamped.replace("\"nanosec\": 5", "\"nanosec\": -1"), "stamp"),
         ("{".into(), "message"),
     ] {
         assert_eq!(read(&wrong).unwrap_err().place, place);
