@@ -92,6 +92,7 @@ impl Packing {
         last.clear();
         last.resize(occupied.len(), 0);
         let of_block = |block: &[u32; LANES]| {
+            // Padding is beyond the list.
             block
                 .map(|i| grains.get(i as usize))
                 .into_iter()

@@ -174,6 +174,7 @@ struct Secular<L> {
     /// Halves of the last two.
     half: [L; 2],
     z_squared: [L; 2],
+    /// A quarter of the last.
     quarter: L,
 }
 

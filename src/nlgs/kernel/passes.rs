@@ -78,6 +78,18 @@ impl<L: Lanes> Record<L> for Sums<L> {
 /// whose end the processor's own prefetching stops: a quarter to a half is gained out of cache.
 const AHEAD: usize = 6;
 
+/// Asks for a block; its number may be anything.
+#[inline(always)]
+fn expect<B>(blocks: &[B], number: usize) {
+    prefetch_at(blocks.as_ptr().wrapping_add(number).cast(), size_of::<B>());
+}
+
+/// The `k`-th of some numbers of blocks; any number if `k` is too large.
+#[inline(always)]
+fn number(of: &[u32], k: usize) -> usize {
+    of.get(k).map_or(0, |&i| i as usize)
+}
+
 /// The blocks that a sweep visits, in ascending order.
 pub trait Choice {
     /// Whether many of them are likely to carry nothing: then it pays to look before the law is solved.
@@ -123,7 +135,7 @@ impl Choice for Few<'_> {
     }
     #[inline(always)]
     fn block(&self, k: usize) -> usize {
-        self.blocks.get(k).map_or(0, |&i| i as usize)
+        number(self.blocks, k)
     }
     #[inline(always)]
     fn is_apart(&self, k: usize) -> bool {
@@ -207,12 +219,10 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
 ) {
     let mut k = 0;
     while k < choice.count() {
-        let next = blocks.as_ptr().wrapping_add(choice.block(k + AHEAD));
-        prefetch_at(next.cast(), size_of::<B>());
+        expect(blocks, choice.block(k + AHEAD));
         let i = choice.block(k);
         if L::TWO_AT_ONCE && choice.is_apart(k) {
-            let next = blocks.as_ptr().wrapping_add(choice.block(k + 1 + AHEAD));
-            prefetch_at(next.cast(), size_of::<B>());
+            expect(blocks, choice.block(k + 1 + AHEAD));
             let [one, other] = &mut blocks[i..][..2] else { unreachable!("a slice of two") };
             k += 2;
             // SAFETY: the caller's.
@@ -413,8 +423,7 @@ unsafe fn go_on<L: Lanes, B: Block>(
     lines: &mut [Line],
 ) {
     for (k, (&i, course)) in choice.iter().zip(courses).enumerate() {
-        let next = choice.get(k + AHEAD).map_or(0, |&i| i as usize);
-        prefetch_at(blocks.as_ptr().wrapping_add(next).cast(), size_of::<B>());
+        expect(blocks, number(choice, k + AHEAD));
         let block = &mut blocks[i as usize];
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let change = each!(K in 3 => r[K].sub(L::load(&course.before[K])));
