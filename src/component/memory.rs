@@ -53,6 +53,28 @@ pub fn remembered(state: &State, bodies: usize, rule: &Arc<SqueezeRule>) -> (Rec
     (recent, squeezes)
 }
 
+/// With which twist a cubic motion has left driven body `d`, or its mount, in `state`: the next one has to begin with
+/// it. `None` where the last window had no such motion, or `state` is of no component.
+pub fn left_twist(state: &State, d: usize) -> Option<Twist> {
+    let (_, rest) = parts(&state.drive)?;
+    let twist = rest.as_chunks().0.get(d)?;
+    read_twist(twist)
+}
+
+/// The numbers of squeezes, and those of twists and steps, where a component has left them.
+fn parts(drive: &[f64]) -> Option<(&[f64], &[f64])> {
+    let ([mark, length], rest) = drive.split_first_chunk()?;
+    if *mark != MARK || *length > rest.len() as f64 {
+        return None;
+    }
+    rest.split_at_checked(*length as usize)
+}
+
+fn read_twist(n: &[f64; TWIST]) -> Option<Twist> {
+    let vector = |n: &[f64]| Vec3::new(n[0], n[1], n[2]);
+    (n[0] == 1.0).then(|| Twist { velocity: vector(&n[1..4]), spin: vector(&n[4..7]) })
+}
+
 /// Twists in which bodies left the last window, what the ballast did to them in the last steps, and how far
 /// squeezes are.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,25 +96,18 @@ impl Memory {
     }
 
     fn written(drive: &[f64], bodies: usize, rule: &Arc<SqueezeRule>) -> Option<Self> {
-        let ([mark, length], rest) = drive.split_first_chunk()?;
         let row = REACTION * bodies;
-        if *mark != MARK || row == 0 || *length > rest.len() as f64 {
-            return None;
-        }
-        let (squeezes, rest) = rest.split_at_checked(*length as usize)?;
+        let (squeezes, rest) = parts(drive).filter(|_| row > 0)?;
         let squeezes = SqueezeMeter::read(Arc::clone(rule), squeezes)?;
         let (twists, steps) = rest.split_at_checked(TWIST * bodies)?;
         if !steps.len().is_multiple_of(row) {
             return None;
         }
         let vector = |n: &[f64]| Vec3::new(n[0], n[1], n[2]);
-        let twist = |n: &[f64; TWIST]| {
-            (n[0] == 1.0).then(|| Twist { velocity: vector(&n[1..4]), spin: vector(&n[4..7]) })
-        };
         let reaction = |n: &[f64; REACTION]| [vector(&n[..3]), vector(&n[3..])];
         Some(Self {
             squeezes,
-            twist: twists.as_chunks().0.iter().map(twist).collect(),
+            twist: twists.as_chunks().0.iter().map(read_twist).collect(),
             recent: Recent {
                 steps: steps
                     .chunks_exact(row)

@@ -16,16 +16,15 @@ mod waveform;
 mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
-pub use memory::{Recent, remembered};
+pub use memory::{Recent, left_twist, remembered};
 pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use parameters::Parameters;
 pub use refusal::Refusal;
-pub use waveform::{Interpolation, Knot, WIDEST_TURN, Waveform};
+pub use waveform::{Interpolation, Knot, Twist, WIDEST_TURN, Waveform};
 pub use window::{Input, LoadInput, Window};
 
 use crate::drive::{Inputs, SpeedLimit};
 use crate::error::{Cause, Error};
-use crate::math::Vec3;
 use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
 use crate::state::State;
@@ -36,7 +35,6 @@ use outcome::Account;
 use spares::Spares;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use waveform::Twist;
 use window::Plan;
 
 /// What to do when a window cannot be computed to its end.
@@ -175,12 +173,10 @@ impl Component {
         &self.workspace
     }
 
-    /// Velocity (m/s) and spin (rad/s) in which driven body `d`, or its mount, has left the last window, where that
-    /// said so; otherwise none. The next window has to go on so.
-    pub fn twist(&self, d: usize) -> [Vec3; 2] {
-        let memory = Memory::read(&self.state.drive, self.model.driven.len(), &self.squeezes);
-        let Twist { velocity, spin } = memory.twist[d].unwrap_or_default();
-        [velocity, spin]
+    /// With which twist the last window's cubic motion has left driven body `d`, or its mount; `None` where it had no
+    /// such motion. The next window has to go on so.
+    pub fn twist(&self, d: usize) -> Option<Twist> {
+        left_twist(&self.state, d)
     }
 
     /// Simulated time, ns.

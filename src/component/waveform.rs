@@ -41,15 +41,17 @@ pub struct Waveform {
     pub knots: Vec<Knot>,
 }
 
-/// Velocity and spin.
+/// How a body moves at an instant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Twist {
+pub struct Twist {
+    /// Of the reference point, m/s, world axes.
     pub velocity: Vec3,
+    /// rad/s, world axes.
     pub spin: Vec3,
 }
 
 impl Twist {
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let [v, w] = [self.velocity, self.spin];
         format!(
             "({:.3e}, {:.3e}, {:.3e}) m/s, ({:.3e}, {:.3e}, {:.3e}) rad/s",
@@ -117,8 +119,8 @@ impl Waveform {
         })
     }
 
-    /// Velocity and spin at a time for which there are knots that tell: at a knot its own.
-    pub(super) fn twist(&self, time_ns: u64) -> Option<Twist> {
+    /// Velocity and spin at a time for which there are knots that tell, those of a cubic motion: at a knot its own.
+    pub fn twist(&self, time_ns: u64) -> Option<Twist> {
         if self.interpolation != Interpolation::Hermite {
             return None;
         }

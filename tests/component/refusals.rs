@@ -1,7 +1,9 @@
 //! Requests that are refused: with a code, the place, and nothing changed.
 
-use crate::{FLOOR, MS, floor, heap, shaken};
-use ballast::component::{Component, Input, Interpolation, Knot, Limits, Refusal};
+use crate::{FLOOR, MS, floor, floor_knot, heap, shaken};
+use ballast::component::{
+    Component, Input, Interpolation, Knot, Limits, Refusal, Twist, left_twist,
+};
 use ballast::math::{Quat, Vec3, rotation};
 
 /// A good window to 50 ms, changed into a bad one; the refusal.
@@ -79,7 +81,12 @@ fn windows_must_join() {
 fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
+    let d = component.model().driven_index(FLOOR).expect("the floor");
+    assert_eq!(component.twist(d), None);
     component.advance_to(30 * MS, &[shaken(rest, 0, 30 * MS)]).expect("a window");
+    let last = floor_knot(rest, 30 * MS);
+    assert_eq!(component.twist(d), Some(Twist { velocity: last.velocity, spin: last.spin }));
+    assert_eq!(component.twist(d), left_twist(&component.save(), d));
     let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
     check(&stopped, "input_jump", &[FLOOR, "moving"]);
     let mut jerked = shaken(rest, 30 * MS, 40 * MS);

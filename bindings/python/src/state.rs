@@ -5,6 +5,8 @@ use crate::case;
 use crate::errors;
 use crate::machine::Machine;
 use crate::there::Kept;
+use ballast::component::{Twist, left_twist};
+use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state;
 use ballast_beds::Case;
@@ -18,7 +20,7 @@ use std::sync::Arc;
 /// simulation goes on, and stay valid as long as somebody holds them.
 ///
 /// A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-/// `time_ns`, `hash` and `target`, and `restore` takes it.
+/// `time_ns`, `hash`, `target` and `target_twist`, and `restore` takes it.
 #[pyclass(frozen, module = "ballast")]
 pub struct State(pub Saved);
 
@@ -94,6 +96,17 @@ impl State {
         match &self.0 {
             Saved::Here(snapshot) => Ok(snapshot),
             Saved::There(_) => Err(errors::elsewhere(py, what)),
+        }
+    }
+
+    /// Where the next motion of a driven body begins, and with which twist, if that is not free.
+    fn goal(&self, py: Python<'_>, name: &str) -> PyResult<(Pose, Option<Twist>)> {
+        match &self.0 {
+            Saved::Here(Snapshot { model, state, .. }) => {
+                let d = driven(py, model.driven.iter().map(|d| &d.name), name)?;
+                Ok((state.imposed(model, d), left_twist(state, d)))
+            }
+            Saved::There(kept) => Ok(kept.targets[driven(py, kept.names.iter(), name)?]),
         }
     }
 }
@@ -204,14 +217,17 @@ impl State {
     /// Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
     /// holds it: where its next motion has to begin.
     fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 2]> {
-        let pose = match &self.0 {
-            Saved::Here(Snapshot { model, state, .. }) => {
-                let d = driven(py, model.driven.iter().map(|d| &d.name), name)?;
-                state.imposed(model, d)
-            }
-            Saved::There(kept) => kept.targets[driven(py, kept.names.iter(), name)?],
-        };
+        let (pose, _) = self.goal(py, name)?;
         Ok([arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)])
+    }
+
+    /// Velocity (m/s) and spin (rad/s) in which the last window's cubic motion has left a driven body, or the mount
+    /// that holds it: its next motion begins with them, if it is cubic, and it has one unless they are zero. None where
+    /// the last window had no such motion for it.
+    fn target_twist<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<[Vector<'py>; 2]>> {
+        let (_, twist) = self.goal(py, name)?;
+        let vectors = |t: Twist| [t.velocity, t.spin].map(|v| arrays::vector(py, &v));
+        Ok(twist.map(vectors))
     }
 
     fn __repr__(&self) -> String {

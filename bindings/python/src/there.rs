@@ -8,6 +8,7 @@ use crate::errors::{self, Error, Lost, Unreachable};
 use crate::lock::enter;
 use crate::outcome::{Outcome, Series, Trouble};
 use crate::simulation::Asked;
+use ballast::component::Twist;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
 use ballast_protocol::description::Body;
@@ -20,8 +21,8 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
-/// Where the next motion of each driven body begins `[nd]`.
-type Targets = Arc<[Pose]>;
+/// Where the next motion of each driven body begins `[nd]`, and with which twist, if that is not free.
+type Targets = Arc<[(Pose, Option<Twist>)]>;
 
 /// The process that was the first to open a session. Zenoh has threads that every session of a process shares, and a
 /// fork of it has none of them: there nothing would ever be answered.
@@ -171,7 +172,8 @@ impl There {
         let (driver, about) = Driver::attach(py, name, &link)?;
         let target = |body: &Body| {
             let orientation = body.orientation.try_into()?;
-            Ok(Pose { position: body.position.into(), orientation })
+            let pose = Pose { position: body.position.into(), orientation };
+            Ok((pose, body.twist.map(Into::into)))
         };
         let targets: Result<_, Malformed> = about.bodies.iter().map(target).collect();
         let there = Self {
@@ -298,10 +300,12 @@ impl There {
         let mut targets = before.to_vec();
         if reply.status != Status::Discard {
             let end = core_ns(reply.t1_ns);
-            for input in &asked.motions {
-                if let Some(d) = self.names.iter().position(|n| *n == input.body) {
-                    targets[d] = input.waveform.pose(end);
-                }
+            for (name, target) in self.names.iter().zip(&mut targets) {
+                let motion = asked.motions.iter().find(|input| input.body == *name);
+                *target = match motion {
+                    Some(input) => (input.waveform.pose(end), input.waveform.twist(end)),
+                    None => (target.0, None),
+                };
             }
         }
         let begin = core_ns(request.t0_ns);

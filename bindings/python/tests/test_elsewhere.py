@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import ballast
@@ -84,6 +84,18 @@ def told(sim: ballast.Simulation, out: ballast.Outcome) -> object:
     return ends, bodies, solver, energy, sim.save().hash
 
 
+def swing(sim: ballast.Simulation, names: Iterable[str]) -> dict[str, ballast.Motion]:
+    """From as fast as they are to 0.01 m/s downward within two steps, cubic."""
+    state, ends, motions = sim.save(), [sim.now_ns, sim.now_ns + 2 * sim.step_ns], {}
+    for name in names:
+        (x, q), twist = state.target(name), state.target_twist(name)
+        v = np.zeros(3) if twist is None else twist[0]
+        down = np.array([0.0, 0.0, -0.01])
+        way = (v + down) / 2 * 2e-9 * sim.step_ns
+        motions[name] = ballast.Motion(ends, [x, x + way], [q, q], velocities=[v, down])
+    return motions
+
+
 def story(sim: ballast.Simulation) -> list[object]:
     """Windows, a window again, a state taken up again, requests without sense."""
     h, said = sim.step_ns, []
@@ -96,6 +108,14 @@ def story(sim: ballast.Simulation) -> list[object]:
               for name in motions for x, q in [kept.target(name)]}  # fmt: skip
     said.append(told(sim, sim.redo(slower)))
     said.append([x.tobytes() for name in motions for x in sim.save().target(name)])
+    assert all(sim.save().target_twist(name) is None for name in motions)
+    for _ in range(2):
+        said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, swing(sim, motions))))
+        twists = [sim.save().target_twist(name) for name in motions]
+        said.append([twist and [x.tolist() for x in twist] for twist in twists])
+        assert said[-1] == [[[0.0, 0.0, -0.01], [0.0, 0.0, 0.0]]] * len(motions)
+    with pytest.raises(ballast.Refused, match="moving"):
+        sim.advance_to(sim.now_ns + h)
     sim.restore(kept)
     said.append((sim.now_ns, sim.save().hash, kept.time_ns, kept.hash))
     said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))

@@ -1,7 +1,7 @@
 //! What a component says of itself.
 
 use crate::lockstep::Lockstep;
-use crate::messages::{Parameters, Point, Quaternion};
+use crate::messages::{Parameters, Point, Quaternion, Twist};
 use ballast::component::Component;
 use ballast::model::{Freedom, Model, Role, Schedule};
 use schemars::JsonSchema;
@@ -66,6 +66,10 @@ pub struct Body {
     /// from. Of a body on springs that is where its mount is.
     pub position: Point,
     pub orientation: Quaternion,
+    /// Velocity (m/s) and spin (rad/s) in which the last window's cubic motion has left it, if it had one: its next
+    /// motion begins with them, if it is cubic, and it has one unless they are zero. Null: any.
+    #[serde(default)]
+    pub twist: Option<Twist>,
 }
 
 impl Description {
@@ -85,6 +89,7 @@ impl Description {
                 mass_kg: body.mount.map(|m| m.mass),
                 position: Point::default(),
                 orientation: Quaternion::default(),
+                twist: None,
             }
         };
         let mut this = Self {
@@ -112,13 +117,14 @@ impl Description {
         this
     }
 
-    /// Puts the bodies where they are now.
+    /// Puts the bodies where they are now, and as they move.
     pub fn follow(&mut self, lockstep: &Lockstep) {
         let component = lockstep.component();
         let (model, state) = (component.model(), component.state());
         for (d, body) in self.bodies.iter_mut().enumerate() {
             let pose = state.imposed(model, d);
             (body.position, body.orientation) = (pose.position.into(), pose.orientation.into());
+            body.twist = component.twist(d).map(Into::into);
         }
     }
 }

@@ -17,7 +17,7 @@
 mod reach;
 
 use crate::lockstep::{Activity, Code, Fault, StatusReport};
-use crate::messages::{BodyInput, Interpolation, Knot, Twist, ns};
+use crate::messages::{BodyInput, Interpolation, Knot, ns};
 use ballast::component::{self, Component};
 use reach::Reach;
 use schemars::JsonSchema;
@@ -156,15 +156,16 @@ impl Pacer {
                 Fault::expected(Code::UnknownBody, "free_running.bodies", expected, body)
             })?;
             let pose = state.imposed(model, d).into();
-            let [linear, angular] = component.twist(d).map(Into::into);
-            let start = Knot { time_ns: ns(now_ns), pose, twist: Twist { linear, angular } };
+            let twist = component.twist(d).unwrap_or_default().into();
+            let start = Knot { time_ns: ns(now_ns), pose, twist };
             let reach = Reach::of(component, d, asked.interpolation.into());
             Ok(Track { body: body.clone(), reach, knots: [start].into(), heard_at: wall_ns })
         };
         let tracks = asked.bodies.iter().map(track).collect::<Result<_, Fault>>()?;
         let limits = component.limits();
         for (d, driven) in model.driven.iter().enumerate() {
-            let [velocity, spin] = component.twist(d).map(|v| v.norm());
+            let twist = component.twist(d).unwrap_or_default();
+            let [velocity, spin] = [twist.velocity, twist.spin].map(|v| v.norm());
             let moves = velocity > limits.join_speed || spin > limits.join_spin;
             if moves && !asked.bodies.contains(&driven.name) {
                 let expected = "all bodies that move; bring the others to rest first";

@@ -359,7 +359,7 @@ class State:
     simulation goes on, and stay valid as long as somebody holds them.
 
     A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-    `time_ns`, `hash` and `target`, and `restore` takes it."""
+    `time_ns`, `hash`, `target` and `target_twist`, and `restore` takes it."""
 
     @staticmethod
     def read(path: _Path) -> State:
@@ -374,6 +374,11 @@ class State:
     def target(self, name: str) -> tuple[_Floats, _Floats]:
         """Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
         holds it: where its next motion has to begin."""
+
+    def target_twist(self, name: str) -> tuple[_Floats, _Floats] | None:
+        """Velocity (m/s) and spin (rad/s) in which the last window's cubic motion has left a driven body, or the mount
+        that holds it: its next motion begins with them, if it is cubic, and it has one unless they are zero. None where
+        the last window had no such motion for it."""
 
     @property
     def time_ns(self) -> int:

@@ -102,9 +102,21 @@ pub fn core_ns(time_ns: i64) -> u64 {
     u64::try_from(time_ns).unwrap_or(0)
 }
 
+impl From<component::Twist> for Twist {
+    fn from(twist: component::Twist) -> Self {
+        Self { linear: twist.velocity.into(), angular: twist.spin.into() }
+    }
+}
+
+impl From<Twist> for component::Twist {
+    fn from(twist: Twist) -> Self {
+        Self { velocity: twist.linear.into(), spin: twist.angular.into() }
+    }
+}
+
 impl From<component::Knot> for Knot {
     fn from(knot: component::Knot) -> Self {
-        let twist = Twist { linear: knot.velocity.into(), angular: knot.spin.into() };
+        let twist = component::Twist { velocity: knot.velocity, spin: knot.spin }.into();
         Self { time_ns: ns(knot.time_ns), pose: knot.pose.into(), twist }
     }
 }

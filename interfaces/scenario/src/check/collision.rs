@@ -161,7 +161,8 @@ fn tine_and_sleeper(
     // Tools need more than no room: touching counts.
     let hits = |area: Area| blocks(&sleeper.plan).any(|block| area.overlaps(&block, SLACK));
     let (name, other) = (&tine.plan.name, &sleeper.plan.name);
-    if hits(tine_area(&tine.plan, 0.0, amplitude)) {
+    // What drives it into the block is what it was still clear without.
+    if hits(tine_area(&tine.plan, 0.0, 0.0)) {
         tell(report, told, &tine.key_x, || Finding {
             problem: format!("`{name}` goes down into `{other}`"),
             found: format!("its middle at x = {:.4} m", tine.plan.position[0]),
@@ -170,6 +171,13 @@ fn tine_and_sleeper(
                 0.5 * tine.plan.blade.x.max(tine.plan.shaft.x) + amplitude
             ),
             hint: Some("their sizes, `amplitude_m` and where the blocks are decide it, too".into()),
+        });
+    } else if hits(tine_area(&tine.plan, 0.0, amplitude)) {
+        tell(report, told, "tamping.vibration.amplitude_m", || Finding {
+            problem: format!("its vibration drives `{name}` into `{other}`"),
+            found: format!("an amplitude of {amplitude} m"),
+            expected: format!("less than {:.4} m", clearance(&tine.plan, &sleeper.plan, 0.0)),
+            hint: Some("or tines farther away from the blocks".into()),
         });
     } else if hits(swept(&tine.plan, stroke, amplitude)) {
         tell(report, told, "tamping.squeeze.stroke_m", || Finding {

@@ -26,9 +26,9 @@ pub fn machine(
         if !layout.tines.is_empty() {
             let key = layout.tines[0].key.clone();
             let finding = Finding {
-                problem: "the tines never move".into(),
+                problem: "the tines move only where a partner moves them".into(),
                 found: "tines without `[tamping]`".into(),
-                expected: "a table `[tamping]`, which may be empty".into(),
+                expected: "a table `[tamping]`, which may be empty, for a run by itself".into(),
                 hint: None,
             };
             report.warn(&key, finding);

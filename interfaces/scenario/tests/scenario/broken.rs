@@ -137,7 +137,12 @@ const TABLE: &[Broken] = &[
         &["leaves the box", "vibration and squeeze", "35.1040 m", "between 0 and 0.6 m"],
     ),
     Broken("amplitude_m = 0.005", "amplitude_m = «3", &["leaves the box", "with its vibration"]),
-    Broken("= 0.06", "= «0.005", &["goes down into `sleeper_1`"]),
+    Broken("= 0.06", "= «0.003", &["goes down into `sleeper_1`"]),
+    Broken(
+        "amplitude_m = 0.005",
+        "amplitude_m = «0.06",
+        &["vibration drives", "less than 0.0560 m"],
+    ),
     Broken("stroke_m = 0.05", "stroke_m = «0.06", &["drives `tine_1_plus`", "less than 0.0510 m"]),
     // At the end of the squeeze they are past each other.
     Broken(

@@ -56,6 +56,9 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     let moved = reply.bodies.iter().find(|b| b.body == "floor").unwrap().pose.position;
     assert_eq!(*place, moved);
     assert_ne!(*place, floor.position);
+    let shaken = now.bodies.iter().find(|b| b.name == "floor").unwrap().twist;
+    let last = shaking(0, WINDOW)[0].knots.last().unwrap().twist;
+    assert_eq!((floor.twist, shaken), (None, Some(last)));
     let status = client.status().unwrap();
     let who = format!("window 2 from {}", client.id());
     assert_eq!((status.waiting_for, status.owner.as_deref()), (Some(who), Some(client.id())));
