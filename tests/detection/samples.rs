@@ -3,23 +3,13 @@
 use crate::oracle::{self, Body};
 use crate::{json, scene};
 use ballast::math::{Pose, Quat};
-use std::path::PathBuf;
 
-/// The sample's text, or a word on why the test is left out.
-fn sample(name: &str) -> Option<serde_json::Value> {
-    let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/cases");
-    let folder = std::env::var_os("BALLAST_CASES").map_or_else(default, PathBuf::from);
-    let file = folder.join(name);
-    let Ok(text) = std::fs::read_to_string(&file) else {
-        eprintln!("left out: no sample {}; set BALLAST_CASES to its folder", file.display());
-        return None;
-    };
-    Some(serde_json::from_str(&text).expect("the sample is JSON"))
-}
+/// Settled by LMGC90 (`tests/data/README.md`).
+const SETTLED: &str = include_str!("../data/settled2000.json");
 
 #[test]
 fn settled_sample_with_its_overlap_of_5_mm() {
-    let Some(sample) = sample("settled2000.json") else { return };
+    let sample: serde_json::Value = serde_json::from_str(SETTLED).expect("the sample is JSON");
     let (mut shapes, mut poses) = (vec![], vec![]);
     for grain in json::list(&sample["grains"]) {
         let (shape, frame) = json::stone(&grain["vertices"]);

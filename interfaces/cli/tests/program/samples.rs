@@ -2,7 +2,6 @@
 
 use crate::setup::Place;
 use serde_json::Value;
-use std::path::PathBuf;
 
 /// Stones that have come to rest under exact contacts; the file looks for them up to 1 mm.
 const RESTED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/rested500.json");
@@ -85,13 +84,7 @@ fn contacts_that_no_step_reaches_do_not_matter() {
 /// steps.
 #[test]
 fn a_bed_that_rearranges_is_solved_in_every_step() {
-    let default = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/cases");
-    let folder = std::env::var_os("BALLAST_CASES").map_or_else(default, PathBuf::from);
-    let Ok(file) = std::fs::canonicalize(folder.join("settled500.json")) else {
-        eprintln!("left out: no settled500.json in {}; set BALLAST_CASES", folder.display());
-        return;
-    };
-    let place = Place::new();
-    let told = bench_file(&place, &file.display().to_string(), "--steps 50");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/settled500.json");
+    let told = bench_file(&Place::new(), file, "--steps 50");
     assert_eq!((&told["steps_not_converged"], &told["grains_lost"]), (&0.into(), &0.into()));
 }

@@ -1,6 +1,6 @@
 //! Results: what is written is read, by us and by VTK; killed and resumed runs keep their frames.
 
-use crate::scene;
+use crate::{left_out, scene};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Model;
 use ballast::state::State;
@@ -9,7 +9,7 @@ use ballast_hdf5::Error;
 use ballast_hdf5::export::export;
 use ballast_hdf5::results::{Background, BlockFrame, Meta, Reader, Writer};
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 const COLUMNS: [(&str, &str); 2] = [("iterations", "1"), ("kinetic energy", "J")];
@@ -379,7 +379,7 @@ fn no_room_is_an_error_and_not_an_end() {
             "{told}"
         );
     } else {
-        eprintln!("left out: this system lets nobody mount a small disk");
+        left_out("this system lets nobody mount a small disk");
     }
 }
 
@@ -434,10 +434,11 @@ fn all_are_whole(path: &Path, model: &Model, count: u64) {
 
 /// Facts that VTK tells about `files`; `None` where there is no VTK.
 fn told_by_vtk(files: &[&Path]) -> Option<Vec<String>> {
-    let python = std::env::var("BALLAST_TEST_PYTHON").unwrap_or("python3".into());
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python");
+    let python = std::env::var_os("BALLAST_TEST_PYTHON").map_or(own, PathBuf::from);
     let has_vtk = Command::new(&python).args(["-c", "import vtk"]).output();
     if !has_vtk.is_ok_and(|o| o.status.success()) {
-        eprintln!("left out: {python:?} cannot import vtk (set BALLAST_TEST_PYTHON)");
+        left_out(&format!("{python:?} cannot import vtk (scripts/python.sh gets it)"));
         return None;
     }
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/files/read_frames.py");
