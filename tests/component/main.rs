@@ -6,6 +6,7 @@ mod common;
 mod halving;
 mod modes;
 mod parameters;
+mod readme;
 mod refusals;
 mod waveforms;
 mod windows;
