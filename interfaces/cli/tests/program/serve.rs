@@ -498,28 +498,44 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     assert!(squeeze.peak_force > 0.0 && squeeze.closing > 2e-3, "{squeeze:?}");
     client.reset().unwrap();
     client.detach().unwrap();
+    if let Some(told) = partner("controller_zenoh.py", [&force.to_string(), "0.01", &endpoint]) {
+        assert!(told.contains(&done.hash), "{done:?}: {told}");
+    }
+    let client = attach(&endpoint, None).unwrap();
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+}
+
+#[test]
+fn tines_follow_a_stick_in_python_while_time_runs_by_itself() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serving = Serving::start(&place, &endpoint, "--out s");
+    if let Some(told) = partner("operator_freely.py", ["0.2", "0.01", &endpoint]) {
+        // On a slow machine not as far as the stick.
+        let deep = told.lines().last().and_then(|l| l.split(' ').next()?.parse::<f64>().ok());
+        assert!(deep.is_some_and(|deep| 0.0 < deep && deep <= 0.0101), "{told}");
+    }
+    let client = attach(&endpoint, None).unwrap();
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+}
+
+/// What a partner of the examples in Python says at its end; `None` where Python has no Zenoh.
+fn partner(script: &str, [first, second, endpoint]: [&str; 3]) -> Option<String> {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let python =
         std::env::var("BALLAST_PYTHON").unwrap_or(format!("{root}/target/python/bin/python"));
     let has_zenoh = Command::new(&python).args(["-c", "import zenoh"]).output();
     if !has_zenoh.is_ok_and(|o| o.status.success()) {
         // Past the test harness, which would keep it to itself.
-        let _ = writeln!(
-            std::io::stderr(),
-            "SKIPPED the half in Python: no eclipse-zenoh in {python}; scripts/python.sh gets it"
-        );
-        return;
+        let why = format!("no eclipse-zenoh in {python}; scripts/python.sh gets it");
+        let _ = writeln!(std::io::stderr(), "LEFT OUT: {script}: {why}");
+        return None;
     }
-    let script = format!("{root}/examples/python/controller_zenoh.py");
-    let output = Command::new(&python)
-        .args([&script[..], KEY, &force.to_string(), "0.01", &endpoint])
-        .output()
-        .unwrap();
-    let output = Ended(output).with_code(0);
-    assert!(output.stdout().contains(&done.hash), "{done:?}: {}", output.stdout());
-    let client = attach(&endpoint, None).unwrap();
-    client.shut_down().unwrap();
-    serving.end().with_code(0);
+    let script = format!("{root}/examples/python/{script}");
+    let output = Command::new(&python).args([&script[..], KEY, first, second, endpoint]).output();
+    Some(Ended(output.unwrap()).with_code(0).stdout())
 }
 
 #[test]
