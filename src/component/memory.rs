@@ -49,16 +49,21 @@ impl Recent {
 
 /// What a component remembers in `state` of the last steps and of squeezes, for who goes on beside one.
 pub fn remembered(state: &State, bodies: usize, rule: &Arc<SqueezeRule>) -> (Recent, SqueezeMeter) {
-    let Memory { recent, squeezes, .. } = Memory::read(&state.drive, bodies, rule);
+    let Memory { recent, squeezes, .. } = Memory::read(state, bodies, rule);
     (recent, squeezes)
 }
 
-/// With which twist a cubic motion has left driven body `d`, or its mount, in `state`: the next one has to begin with
-/// it. `None` where the last window had no such motion, or `state` is of no component.
+/// With which twist the last window has left driven body `d`, or its mount, in `state`: that of its cubic motion, or
+/// none where it had no motion. The next cubic motion has to begin with it. `None`, any twist, after a held or linear
+/// motion, and where `state` is of no component.
 pub fn left_twist(state: &State, d: usize) -> Option<Twist> {
-    let (_, rest) = parts(&state.drive)?;
-    let twist = rest.as_chunks().0.get(d)?;
-    read_twist(twist)
+    let Some((_, rest)) = parts(&state.drive) else { return first_twist(state) };
+    rest.as_chunks().0.get(d).and_then(read_twist)
+}
+
+/// Before the first step everything is at rest; what other drives have left moving is not known.
+fn first_twist(state: &State) -> Option<Twist> {
+    (state.step == 0).then(Twist::default)
 }
 
 /// The numbers of squeezes, and those of twists and steps, where a component has left them.
@@ -79,7 +84,7 @@ fn read_twist(n: &[f64; TWIST]) -> Option<Twist> {
 /// squeezes are.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Memory {
-    /// Where the last window said so `[nd]`.
+    /// As [`left_twist`] tells `[nd]`.
     pub twist: Vec<Option<Twist>>,
     pub recent: Recent,
     pub squeezes: SqueezeMeter,
@@ -87,9 +92,9 @@ pub(super) struct Memory {
 
 impl Memory {
     /// Reads what [`Memory::write`] left for `bodies` driven bodies and the pairs of `rule`.
-    pub fn read(drive: &[f64], bodies: usize, rule: &Arc<SqueezeRule>) -> Self {
-        Self::written(drive, bodies, rule).unwrap_or_else(|| Self {
-            twist: vec![None; bodies],
+    pub fn read(state: &State, bodies: usize, rule: &Arc<SqueezeRule>) -> Self {
+        Self::written(&state.drive, bodies, rule).unwrap_or_else(|| Self {
+            twist: vec![first_twist(state); bodies],
             recent: Recent::default(),
             squeezes: SqueezeMeter::new(Arc::clone(rule)),
         })

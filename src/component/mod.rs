@@ -173,8 +173,7 @@ impl Component {
         &self.workspace
     }
 
-    /// With which twist the last window's cubic motion has left driven body `d`, or its mount; `None` where it had no
-    /// such motion. The next window has to go on so.
+    /// With which twist the next cubic motion of driven body `d`, or of its mount, has to begin: see [`left_twist`].
     pub fn twist(&self, d: usize) -> Option<Twist> {
         left_twist(&self.state, d)
     }
@@ -228,7 +227,7 @@ impl Component {
     ) -> Result<Outcome, Refusal> {
         let steps = self.steps_to(t1_ns)?;
         let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
-        let mut memory = Memory::read(&self.state.drive, model.driven.len(), &self.squeezes);
+        let mut memory = Memory::read(&self.state, model.driven.len(), &self.squeezes);
         let plan = Plan::check(&model, &self.state, &memory, &limits, t1_ns, &window)?;
         let before = Arc::clone(&self.state);
         let mut account = Account::new(&model, before.time_ns);
@@ -268,7 +267,7 @@ impl Component {
         if status == Status::Discard {
             self.state = Arc::clone(&before);
             account = Account::new(&model, self.now_ns());
-            memory = Memory::read(&self.state.drive, model.driven.len(), &self.squeezes);
+            memory = Memory::read(&self.state, model.driven.len(), &self.squeezes);
         } else {
             memory.twist = plan.twists(self.now_ns());
             memory.write(&mut Arc::make_mut(&mut self.state).drive);

@@ -133,9 +133,11 @@ impl<'a> Plan<'a> {
         self.loads.iter().map(|w| w.map_or_else(Load::zero, |w| w.load(middle))).collect()
     }
 
-    /// In which twist each driven body, or its mount, is at a time, where an input tells `[nd]`.
+    /// In which twist each driven body, or its mount, is at a time: a cubic motion tells, and one without a motion
+    /// stays `[nd]`.
     pub fn twists(&self, time_ns: u64) -> Vec<Option<Twist>> {
-        self.motions.iter().map(|w| w.and_then(|w| w.twist(time_ns))).collect()
+        let still = Some(Twist::default());
+        self.motions.iter().map(|w| w.map_or(still, |w| w.twist(time_ns))).collect()
     }
 }
 

@@ -82,7 +82,7 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
     let d = component.model().driven_index(FLOOR).expect("the floor");
-    assert_eq!(component.twist(d), None);
+    assert_eq!(component.twist(d), Some(Twist::default()));
     component.advance_to(30 * MS, &[shaken(rest, 0, 30 * MS)]).expect("a window");
     let last = floor_knot(rest, 30 * MS);
     assert_eq!(component.twist(d), Some(Twist { velocity: last.velocity, spin: last.spin }));
@@ -93,6 +93,29 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     jerked.waveform.knots[0].velocity.x += 0.01;
     check(&component.advance_to(40 * MS, &[jerked]).expect_err("a jerk"), "input_jump", &["m/s"]);
     component.advance_to(40 * MS, &[shaken(rest, 30 * MS, 40 * MS)]).expect("it goes on");
+}
+
+#[test]
+fn a_body_at_rest_does_not_start_at_speed_unasked() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    let begun = |t0: u64, rebase: bool| {
+        let mut input = shaken(rest, 0, 5 * MS);
+        for (knot, time_ns) in input.waveform.knots.iter_mut().zip([t0, t0 + 5 * MS]) {
+            (knot.time_ns, knot.velocity.z) = (time_ns, -0.5);
+        }
+        Input { rebase, ..input }
+    };
+    // Neither before the first step nor after a window without a motion.
+    check(
+        &component.advance_to(MS, &[begun(0, false)]).expect_err("a jerk"),
+        "input_jump",
+        &["m/s"],
+    );
+    component.advance_to(MS, &[]).expect("it stays");
+    let jerk = component.advance_to(2 * MS, &[begun(MS, false)]).expect_err("a jerk");
+    check(&jerk, "input_jump", &[FLOOR, "0.000e0", "-5.000e-1"]);
+    component.advance_to(2 * MS, &[begun(MS, true)]).expect("told to");
 }
 
 /// A floor that moves and turns, with two knots that are far apart.

@@ -221,9 +221,8 @@ impl State {
         Ok([arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)])
     }
 
-    /// Velocity (m/s) and spin (rad/s) in which the last window's cubic motion has left a driven body, or the mount
-    /// that holds it: its next motion begins with them, if it is cubic, and it has one unless they are zero. None where
-    /// the last window had no such motion for it.
+    /// Velocity (m/s) and spin (rad/s) with which the next cubic motion of a driven body, or of the mount that holds
+    /// it, begins: as the last one ended, or zero where the body had no motion. None, any, after a held or linear one.
     fn target_twist<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<[Vector<'py>; 2]>> {
         let (_, twist) = self.goal(py, name)?;
         let vectors = |t: Twist| [t.velocity, t.spin].map(|v| arrays::vector(py, &v));

@@ -304,7 +304,7 @@ impl There {
                 let motion = asked.motions.iter().find(|input| input.body == *name);
                 *target = match motion {
                     Some(input) => (input.waveform.pose(end), input.waveform.twist(end)),
-                    None => (target.0, None),
+                    None => (target.0, Some(Twist::default())),
                 };
             }
         }

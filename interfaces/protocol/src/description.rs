@@ -66,8 +66,8 @@ pub struct Body {
     /// from. Of a body on springs that is where its mount is.
     pub position: Point,
     pub orientation: Quaternion,
-    /// Velocity (m/s) and spin (rad/s) in which the last window's cubic motion has left it, if it had one: its next
-    /// motion begins with them, if it is cubic, and it has one unless they are zero. Null: any.
+    /// Velocity (m/s) and spin (rad/s) with which its next cubic motion begins: as the last one ended, or zero where it
+    /// had no motion. Null, any, after a held or linear one.
     #[serde(default)]
     pub twist: Option<Twist>,
 }

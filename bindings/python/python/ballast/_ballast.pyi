@@ -376,9 +376,8 @@ class State:
         holds it: where its next motion has to begin."""
 
     def target_twist(self, name: str) -> tuple[_Floats, _Floats] | None:
-        """Velocity (m/s) and spin (rad/s) in which the last window's cubic motion has left a driven body, or the mount
-        that holds it: its next motion begins with them, if it is cubic, and it has one unless they are zero. None where
-        the last window had no such motion for it."""
+        """Velocity (m/s) and spin (rad/s) with which the next cubic motion of a driven body, or of the mount that holds
+        it, begins: as the last one ended, or zero where the body had no motion. None, any, after a held or linear one."""
 
     @property
     def time_ns(self) -> int:

@@ -2,7 +2,7 @@
 
 use crate::setup::{KEY, Served, WINDOW, lockstep, patient, shaking, step, undisturbed};
 use ballast_protocol::lockstep::{Activity, Code, WindowKind};
-use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
+use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status, Twist};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Error, Line, Link, Patience, Server};
 use std::sync::Arc;
@@ -58,7 +58,7 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     assert_ne!(*place, floor.position);
     let shaken = now.bodies.iter().find(|b| b.name == "floor").unwrap().twist;
     let last = shaking(0, WINDOW)[0].knots.last().unwrap().twist;
-    assert_eq!((floor.twist, shaken), (None, Some(last)));
+    assert_eq!((floor.twist, shaken), (Some(Twist::default()), Some(last)));
     let status = client.status().unwrap();
     let who = format!("window 2 from {}", client.id());
     assert_eq!((status.waiting_for, status.owner.as_deref()), (Some(who), Some(client.id())));
