@@ -339,7 +339,7 @@ pub struct StepReport {
     pub residuals: Residuals,
     /// Whether the tolerance was reached, or none was asked for.
     pub converged: bool,
-    /// Whether asynchronous iterations diverged and were repeated with the guard on.
+    /// Whether asynchronous iterations diverged and were repeated by the synchronous schedule.
     pub guarded: bool,
     /// How often the step was done: once, and again for each time that something was overlooked (T-35, T-36).
     pub attempts: u32,

@@ -32,7 +32,7 @@ pub struct Workspace {
     pub(crate) problem: LocalProblem,
     /// Of models with recovery; empty otherwise.
     pub(crate) recovery: Recovery,
-    /// Velocities of the mobile bodies at the end of the step `[nm]`, m/s and rad/s.
+    /// Velocities of the mobile bodies at the end of the step `[ng + nm]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
     pub(crate) spin: Vec<Vec3>,
     /// Memory for the state at the end of the step; nothing in it is read.
@@ -43,7 +43,7 @@ pub struct Workspace {
 #[derive(Debug, Default)]
 pub(crate) struct Recovery {
     pub problem: LocalProblem,
-    /// Velocities that last for the step, of the mobile bodies `[nm]`, m/s and rad/s.
+    /// Velocities that last for the step, of the mobile bodies `[ng + nm]`, m/s and rad/s.
     pub velocity: Vec<Vec3>,
     pub spin: Vec<Vec3>,
 }

@@ -246,7 +246,7 @@ impl Decomposition {
             .for_each(|(impulse, contact)| *impulse = contact.world(impulse));
     }
 
-    /// Writes out the velocities of the solution, of the mobile bodies `[nm]`: m/s and rad/s.
+    /// Writes out the velocities of the solution, of the mobile bodies `[ng + nm]`: m/s and rad/s.
     pub fn unpack_velocities(
         &mut self,
         problem: &LocalProblem,

@@ -189,7 +189,7 @@ fn one_subdomain_is_the_same_problem_for_every_schedule() {
 
 #[test]
 fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
-    // Steps of 2.6 times the exact one blow up; the guard takes none above the exact one.
+    // Steps of 2.6 times the exact one blow up; what repeats them takes none above the exact one.
     let overshoot = Solver { relaxation: 2.6, check_every: 2, ..solver(Schedule::Asynchronous, 4) };
     let (model, state, contacts) = wall(6, 5, overshoot);
     let solved = run(&model, &state, &contacts, 2);

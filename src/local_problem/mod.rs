@@ -34,9 +34,9 @@ const CHUNK: usize = 32 * LANES;
 pub struct LocalProblem {
     /// `[nc]`, in the order of [`Contacts`].
     pub contacts: Vec<LocalContact>,
-    /// Free velocities of the mobile bodies `[nm]`.
+    /// Free velocities of the mobile bodies `[ng + nm]`.
     pub lines: Vec<Line>,
-    /// `B = R D^(-1/2)` per mobile body `[nm]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
+    /// `B = R D^(-1/2)` per mobile body `[ng + nm]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
     pub whitening: Vec<Mat3>,
     /// Of the mounted bodies, which come after the grains.
     pub responses: Vec<Response>,

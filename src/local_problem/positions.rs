@@ -18,7 +18,7 @@ pub struct Solved<'a> {
     pub contacts: &'a Contacts,
     /// World axes, N s `[nc]`.
     pub impulse: &'a [Vec3],
-    /// Of the mobile bodies `[nm]`, m/s and rad/s.
+    /// Of the mobile bodies `[ng + nm]`, m/s and rad/s.
     pub velocity: &'a [Vec3],
     pub spin: &'a [Vec3],
 }
