@@ -112,24 +112,24 @@ struct Identity {
     parts: Vec<Vec<Part>>,
 }
 
-/// Tells shapes apart without comparing all their features: no two different ones agree in all
-/// digits of these.
+/// Tells shapes apart without comparing all their features.
 #[derive(Debug, PartialEq)]
 struct ShapeMark {
     counts: [usize; 3],
-    /// Of which a mirror image has another.
-    handedness: f64,
-    radius: f64,
-    volume: f64,
-    unit_inertia: Vec3,
+    /// All coordinates of the corners, in their order: a shape that is turned or mirrored has another mark.
+    corners: u64,
 }
 
 impl ShapeMark {
     fn of(s: &Polyhedron) -> Self {
         let counts = [s.vertices.len(), s.edges.len(), s.face_count()];
-        let handedness = s.vertices.iter().map(|v| v.x * v.y * v.z).sum();
-        let Polyhedron { radius, volume, unit_inertia, .. } = *s;
-        Self { counts, handedness, radius, volume, unit_inertia }
+        let bits = s.vertices.iter().flat_map(|v| v.iter().map(|x| x.to_bits()));
+        // Odd factors and shifts lose nothing, so two shapes that differ in one number never agree.
+        let mix = |sum: u64, x: u64| {
+            let next = (sum ^ x).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            next ^ (next >> 32)
+        };
+        Self { counts, corners: bits.fold(0, mix) }
     }
 }
 

@@ -13,7 +13,7 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Residuals {
     /// LMGC90's norms, not divided by a tolerance: rms of the visits' velocity change over rms of
-    /// W r on active contacts (T-11).
+    /// `W_αα r_α` on active contacts (T-11).
     pub quad: f64,
     /// The same with the largest change, over 16.666.
     pub max16: f64,

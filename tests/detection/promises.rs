@@ -139,6 +139,12 @@ fn mirror(shape: &mut Polyhedron) {
     shape.edges.iter_mut().for_each(|edge| edge.faces.swap(0, 1));
 }
 
+/// Turns a shape by half a turn about x.
+fn turn_over(shape: &mut Polyhedron) {
+    let half = |v: &mut Vec3| (v.y, v.z) = (-v.y, -v.z);
+    shape.vertices.iter_mut().chain(&mut shape.face_normals).for_each(half);
+}
+
 /// Other shapes for the same bodies, in the same places.
 #[test]
 fn other_shapes_are_not_mistaken_for_old_ones() {
@@ -153,6 +159,10 @@ fn other_shapes_are_not_mistaken_for_old_ones() {
     model.shapes.iter_mut().for_each(mirror);
     let contacts = scene::detect(&mut detector, &model, &motion);
     assert_same(&contacts, &scene::fresh(&model, &motion), "mirror images");
+    // Nor does half a turn change any of them, nor the product of a corner's coordinates.
+    model.shapes.iter_mut().for_each(turn_over);
+    let contacts = scene::detect(&mut detector, &model, &motion);
+    assert_same(&contacts, &scene::fresh(&model, &motion), "turned shapes");
     model.driven[1].parts.swap(0, 2);
     let contacts = scene::detect(&mut detector, &model, &motion);
     assert_same(&contacts, &scene::fresh(&model, &motion), "other parts");
