@@ -29,22 +29,28 @@ pub fn from_json<T: Message>(text: &[u8]) -> Result<T, Malformed> {
 /// # Errors
 /// As [`from_json`].
 pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<T, Malformed> {
+    // Lists of values by position would be read, too, but are nothing that the schema knows.
+    let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
+    if first.is_some_and(|first| *first != b'{') {
+        let found: String = String::from_utf8_lossy(text).trim_start().chars().take(20).collect();
+        return Err(Malformed::new(name, "a JSON object", found));
+    }
     let mut reader = serde_json::Deserializer::from_slice(text);
     let message: T = serde_path_to_error::deserialize(&mut reader).map_err(|e| {
         // `.` is the whole; `?` is where the text ends within a field.
         let path = e.path().to_string();
         let place = path.trim_end_matches('?').trim_end_matches('.');
-        in_parts(place.to_string(), e.inner()).inside(name)
+        in_parts(place.to_string(), e.inner(), text).inside(name)
     })?;
     reader.end().map_err(|e| Malformed::new(name, "the end of the text", e))?;
     Ok(message)
 }
 
-/// What serde says in one sentence, as expected and found.
-fn in_parts(place: String, error: &serde_json::Error) -> Malformed {
-    let text = error.to_string();
+/// What serde says of `text` in one sentence, as expected and found.
+fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> Malformed {
+    let sentence = error.to_string();
     let (said, at) =
-        text.rsplit_once(" at line ").map_or((&text[..], None), |(s, at)| (s, Some(at)));
+        sentence.rsplit_once(" at line ").map_or((&sentence[..], None), |(s, at)| (s, Some(at)));
     let kinds = [
         "invalid type: ",
         "invalid value: ",
@@ -54,25 +60,54 @@ fn in_parts(place: String, error: &serde_json::Error) -> Malformed {
     ];
     let differs = kinds.iter().find_map(|kind| said.strip_prefix(kind)?.rsplit_once(", expected "));
     let (expected, found) = match (said.strip_prefix("missing field "), differs) {
-        (Some(field), _) => (format!("the field {field}"), "none"),
-        (_, Some((found, expected))) => (in_words(expected).to_string(), found),
-        _ if error.is_data() => ("a value of this type".to_string(), said),
-        _ => ("JSON".to_string(), said),
+        (Some(field), _) => (format!("the field {field}"), "none".to_string()),
+        (_, Some((found, expected))) => (in_words(expected), found.to_string()),
+        _ if error.is_data() => ("a value of this type".to_string(), said.to_string()),
+        _ => match word_at(text, error.line(), error.column()) {
+            // What programs write of numbers that JSON has no word for.
+            word if said == "number out of range" || is_no_number(&word) => {
+                ("a finite number".to_string(), word)
+            }
+            word if said == "expected value" && !word.is_empty() => ("JSON".to_string(), word),
+            _ => ("JSON".to_string(), said.to_string()),
+        },
     };
     let found = match at.and_then(|at| at.split_once(" column ")) {
         Some((line, column)) => format!("{found} (line {line}, column {column})"),
-        None => found.to_string(),
+        None => found,
     };
     Malformed::new(place, expected, found)
 }
 
+/// The word of `text` in which a line and column (from 1) lie, or that ends before it: 20 characters at most.
+fn word_at(text: &[u8], line: usize, column: usize) -> String {
+    let line = text.split(|byte| *byte == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
+    let ends = |byte: &u8| byte.is_ascii_whitespace() || b",:{}[]\"".contains(byte);
+    let at = column.saturating_sub(1).min(line.len());
+    let before = line[..at].iter().rev().take_while(|byte| !ends(byte)).count();
+    let word = line[at - before..].iter().take_while(|byte| !ends(byte)).take(20);
+    String::from_utf8_lossy(&word.copied().collect::<Vec<_>>()).into_owned()
+}
+
+fn is_no_number(word: &str) -> bool {
+    let word = word.trim_start_matches(['-', '+']).to_ascii_lowercase();
+    matches!(&word[..], "nan" | "inf" | "infinity")
+}
+
 /// Types of numbers in words that partners in other languages know.
-fn in_words(expected: &str) -> &str {
+fn in_words(expected: &str) -> String {
+    let whole = |low: i128, high: u128| format!("a whole number from {low} to {high}");
     match expected {
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number from 0 on",
-        "i8" | "i16" | "i32" | "i64" => "a whole number",
-        "f32" | "f64" => "a number",
-        other => other,
+        "u8" => whole(0, u8::MAX.into()),
+        "u16" => whole(0, u16::MAX.into()),
+        "u32" => whole(0, u32::MAX.into()),
+        "u64" | "usize" => whole(0, u64::MAX.into()),
+        "i8" => whole(i8::MIN.into(), i8::MAX as u128),
+        "i16" => whole(i16::MIN.into(), i16::MAX as u128),
+        "i32" => whole(i32::MIN.into(), i32::MAX as u128),
+        "i64" => whole(i64::MIN.into(), i64::MAX as u128),
+        "f32" | "f64" => "a number".into(),
+        other => other.into(),
     }
 }
 
@@ -99,17 +134,30 @@ mod tests {
                 attach(r#"{"clint": "a"}"#),
                 "attach.clint: expected one of `client`, `resume`, `ticket`, found `clint` (line 1, column 8)",
             ),
-            (
-                attach("[]"),
-                "attach: expected struct Attach with 3 elements, found 0 (line 1, column 2)",
-            ),
+            (attach(r#"["a"]"#), r#"attach: expected a JSON object, found ["a"]"#),
             (
                 param(r#"{"iterations": -1}"#),
-                "param.iterations: expected a whole number from 0 on, found integer `-1` (line 1, column 17)",
+                "param.iterations: expected a whole number from 0 to 4294967295, found integer `-1` (line 1, column 17)",
             ),
             (
                 param(r#"{"tolerance": "1e-4"}"#),
                 "param.tolerance: expected a number, found string \"1e-4\" (line 1, column 20)",
+            ),
+            (
+                param(r#"{"tolerance": -Infinity}"#),
+                "param.tolerance: expected a finite number, found -Infinity (line 1, column 16)",
+            ),
+            (
+                param("{\n\"tolerance\": NaN }"),
+                "param.tolerance: expected a finite number, found NaN (line 2, column 14)",
+            ),
+            (
+                param(r#"{"tolerance": 1e999}"#),
+                "param.tolerance: expected a finite number, found 1e999 (line 1, column 19)",
+            ),
+            (
+                param(r#"{"tolerance": soft}"#),
+                "param.tolerance: expected JSON, found soft (line 1, column 15)",
             ),
             (
                 param("{} {}"),

@@ -3,7 +3,8 @@
 use super::args::Describe;
 use crate::console::Console;
 use crate::exit::Outcome;
-use ballast_zenoh::{Description, Line, Patience};
+use ballast_protocol::lockstep::Code;
+use ballast_zenoh::{Description, HEARTBEAT, Line, Patience};
 use serde_json::json;
 
 pub fn describe(args: Describe, console: Console) -> Outcome {
@@ -14,7 +15,18 @@ pub fn describe(args: Describe, console: Console) -> Outcome {
         console.event("schema", json!({ "schema": schema }));
         return Ok(());
     }
-    let description = line.describe()?;
+    let mut has_told = false;
+    let description = loop {
+        match line.describe() {
+            Err(error) if error.fault().is_some_and(|f| f.code == Code::Settling) => {
+                if !std::mem::replace(&mut has_told, true) {
+                    console.note("the bed is being prepared; waiting for it");
+                }
+                std::thread::sleep(HEARTBEAT);
+            }
+            told => break told?,
+        }
+    };
     console.event("component", json!(description));
     console.result(&text(&description));
     Ok(())

@@ -251,10 +251,12 @@ impl Lockstep {
         };
         let AdvanceRequest { seq: asked, t0_ns, t1_ns, .. } = request;
         let found = format!("window {asked} from {t0_ns} to {t1_ns} ns");
+        let next = if kind == WindowKind::Redo { seq } else { seq.saturating_add(1) };
+        let place = if *asked == next { "t0_ns" } else { "seq" };
         Fault {
-            expected_seq: Some(if kind == WindowKind::Redo { seq } else { seq.saturating_add(1) }),
+            expected_seq: Some(next),
             now_ns: Some(now),
-            ..Fault::expected(Code::OutOfSequence, "seq", expected, found)
+            ..Fault::expected(Code::OutOfSequence, place, expected, found)
         }
     }
 }

@@ -49,7 +49,11 @@ impl TryFrom<Quaternion> for Quat {
         if (norm - 1.0).abs() <= UNIT {
             return Ok(Quat::new_unchecked(plain));
         }
-        Err(Malformed::new("orientation", "a unit quaternion (x, y, z, w)", format!("{q:?}")))
+        Err(Malformed::new(
+            "orientation",
+            "a unit quaternion (x, y, z, w)",
+            format!("{:?}, of norm {norm}", [q.x, q.y, q.z, q.w]),
+        ))
     }
 }
 

@@ -113,6 +113,10 @@ fn enter(shared: &Arc<Shared>, keys: &Keys, sender: &Sender<Call>, query: Query)
             let admitted = Pass::of(&query).and_then(|pass| Ok((pass, shared.admit(verb, bytes)?)));
             match admitted {
                 Ok((pass, room)) => {
+                    // A window may have days to go.
+                    if matches!(verb, Verb::Detach | Verb::Shutdown) {
+                        shared.set_leaving(Some(&pass.ticket));
+                    }
                     let request = Call::Request(Box::new(Request { query, verb, pass, room }));
                     if let Err(SendError(Call::Request(refused))) = sender.send(request) {
                         answer::send(&refused.query, key, Err(quitting()));

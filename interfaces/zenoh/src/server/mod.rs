@@ -18,7 +18,8 @@ mod requests;
 mod running;
 mod shared;
 
-use crate::{Error, Keys, Link};
+use crate::keys::last;
+use crate::{Error, HEARTBEAT, Keys, Link, SILENCE};
 use ballast::component::Component;
 use ballast_protocol::description::Description;
 use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
@@ -33,7 +34,7 @@ use pictures::Pictures;
 use shared::Shared;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use zenoh::liveliness::LivelinessToken;
 use zenoh::{Session, Wait};
 
@@ -175,6 +176,7 @@ impl Server {
         service.picture(None);
         service.describe();
         service.show();
+        service.be_the_only_one()?;
         service.come_alive()?;
         service.serve(&inbox)?;
         service.lockstep.quit();
@@ -254,6 +256,30 @@ impl Service<'_> {
     fn say(&mut self, text: &str) {
         self.host.note(text);
         self.outlets.log(self.lockstep.component().now_ns(), text);
+    }
+
+    /// Waits until no other component is alive under this key, as one that was killed is for a moment.
+    ///
+    /// # Errors
+    /// It stays: partners could not tell the two apart.
+    fn be_the_only_one(&mut self) -> Result<(), Error> {
+        let begin = Instant::now();
+        while let Some(run) = self.other_run()? {
+            if begin.elapsed() > 3 * SILENCE {
+                let found = format!("expected nobody alive there, found run {run}");
+                return Err(Error::link(format!("key {}", self.keys.name()), found));
+            }
+            std::thread::sleep(HEARTBEAT);
+        }
+        Ok(())
+    }
+
+    /// The run of a component that is alive under this key.
+    fn other_run(&self) -> Result<Option<String>, Error> {
+        let tokens = self.session.liveliness().get(self.keys.alive_any()).timeout(SILENCE).wait();
+        let tokens = tokens.map_err(|e| Error::link("zenoh", e))?;
+        let alive = std::iter::from_fn(|| tokens.recv().ok()).find_map(|r| r.into_result().ok());
+        Ok(alive.map(|token| last(token.key_expr().as_str()).to_string()))
     }
 
     /// Declares the component alive in its run.

@@ -52,6 +52,9 @@ impl Service<'_> {
                 self.answered.keep(numbered, &result);
                 result
             });
+            if matches!(verb, Verb::Detach | Verb::Shutdown) {
+                self.shared.set_leaving(None);
+            }
             // Shown before it is answered: who has the answer may ask for something else at once.
             self.show();
             if matches!(verb, Verb::Reset | Verb::Init) && result.is_ok() {
@@ -105,7 +108,7 @@ impl Service<'_> {
         let (shared, host) = (Arc::clone(&self.shared), &mut *self.host);
         let mut watch = |progress: &Progress| {
             shared.show_progress(progress);
-            if host.is_stopped() || shared.is_forsaken() {
+            if host.is_stopped() || shared.is_forsaken() || shared.is_left() {
                 Pace::Abandon
             } else if due.is_some_and(|due| clock() >= due) {
                 Pace::TimeIsUp
@@ -120,6 +123,9 @@ impl Service<'_> {
         self.show();
         result.map_err(|fault| match fault.code {
             Code::Abandoned if self.host.is_stopped() => quitting(),
+            Code::Abandoned if self.shared.is_left() => {
+                Fault::new(Code::NotOwner, "window: taken back, its owner leaves")
+            }
             // What its ticket is worth from now on.
             Code::Abandoned => Fault::new(Code::NotOwner, "window: taken back, its owner is gone"),
             _ => fault,

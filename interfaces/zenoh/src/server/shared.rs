@@ -42,6 +42,8 @@ struct Seen {
     owner: Option<(String, String)>,
     /// Since when the owner's token is gone, ms after the start.
     owner_gone_at: Option<u64>,
+    /// The ticket with which its owner has asked to leave, or to end the component, until that is done.
+    leaving: Option<String>,
     /// Clients that are alive, as many as are remembered.
     live: BTreeSet<String>,
     /// The client that was seen alive when it asked to drive, while it is: however many others there are.
@@ -75,6 +77,7 @@ impl Shared {
             description: None,
             owner: None,
             owner_gone_at: None,
+            leaving: None,
             live: BTreeSet::new(),
             driver: None,
             requests: 0,
@@ -249,6 +252,17 @@ impl Shared {
     pub fn is_forsaken(&self) -> bool {
         let now = self.now_ms();
         self.seen().owner_gone_at.is_some_and(|at| now.saturating_sub(at) >= FORSAKEN_MS)
+    }
+
+    /// Tells the window at hand whose owner leaves, if it does.
+    pub fn set_leaving(&self, ticket: Option<&str>) {
+        self.seen().leaving = ticket.map(str::to_string);
+    }
+
+    /// Whether the owner waits for its window only to leave.
+    pub fn is_left(&self) -> bool {
+        let seen = self.seen();
+        seen.leaving.is_some() && seen.leaving.as_ref() == seen.owner.as_ref().map(|(_, t)| t)
     }
 
     /// Refuses who does not drive, before its request takes any room.

@@ -1,15 +1,18 @@
 //! One drives: others are refused at once, and the run holds for the next one when it is gone.
 
 use crate::setup::{
-    KEY, MS, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
-    wait_for,
+    KEY, MS, Served, WINDOW, attach, lockstep, once_free, patient, shaking, step, times,
+    undisturbed, wait_for,
 };
-use ballast_protocol::lockstep::{Activity, Code, WindowKind};
+use ballast_protocol::lockstep::{Activity, Code, Fault, WindowKind};
 use ballast_protocol::messages::AdvanceRequest;
-use ballast_zenoh::{Client, Error, HEARTBEAT, Line};
+use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::{Client, Error, HEARTBEAT, Line, Link, Server};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
+use zenoh::Wait;
 
 #[test]
 fn a_second_owner_is_told_who_drives() {
@@ -161,6 +164,50 @@ fn a_window_that_is_asked_for_without_the_ticket_is_refused_and_not_computed() {
     assert_eq!(client.status().unwrap().place, *client.place());
     step(&mut client).unwrap();
     assert_eq!(client.place().hash, undisturbed(2)[1]);
+}
+
+#[test]
+fn an_owner_that_leaves_does_not_wait_for_the_end_of_its_window() {
+    let (served, _is_let_go) = Served::dawdling();
+    let stranger = crate::hostile::Stranger::at(&served.link());
+    let (_token, ticket, run_id) = stranger.attach();
+    // Hours of dawdling.
+    let long = 100_000 * WINDOW;
+    let request = AdvanceRequest {
+        run_id,
+        seq: 1,
+        t1_ns: long as i64,
+        motions: shaking(0, long),
+        ..AdvanceRequest::default()
+    };
+    let (sender, answer) = channel();
+    let text = ballast_protocol::to_json(&request).unwrap();
+    let get = stranger.session.get(stranger.keys.control("advance")).payload(text);
+    let get = get.attachment(&ticket).timeout(Duration::from_secs(60)).callback(move |reply| {
+        let fault = reply.result().expect_err("taken back").payload().to_bytes().into_owned();
+        sender.send(serde_json::from_slice::<Fault>(&fault).unwrap()).unwrap();
+    });
+    get.wait().unwrap();
+    let line = Line::open(KEY, &served.link(), patient()).unwrap();
+    wait_for(|| line.status(), Activity::Playing);
+    stranger.ask("detach", b"{}", Some(&ticket)).unwrap();
+    let fault = answer.recv_timeout(Duration::from_secs(20)).expect("an answer");
+    assert!(fault.code == Code::NotOwner && fault.message.contains("leaves"), "{fault}");
+    // As if it had never been asked for; and the next one has its windows to itself.
+    let client = served.client();
+    assert_eq!((client.place().seq, client.place().now_ns), (0, 0));
+}
+
+#[test]
+fn a_key_has_one_component_that_others_can_see() {
+    let served = Served::new();
+    let mut client = served.client();
+    let here = Link::listening(free_endpoint().unwrap());
+    let link = Link { connect: vec![served.endpoint.clone()], ..here };
+    let second = Server::open(KEY, &link).unwrap();
+    let refused = second.run(lockstep(), &mut ()).err().expect("the key is taken").to_string();
+    assert!(refused.contains(KEY) && refused.contains("found run run-1"), "{refused}");
+    step(&mut client).unwrap();
 }
 
 #[test]
