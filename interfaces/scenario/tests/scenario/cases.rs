@@ -44,6 +44,26 @@ fn the_examples_are_sound_and_give_no_warning() {
 }
 
 #[test]
+fn the_cases_of_the_page_are_sound() {
+    let page = include_str!("../../../../docs/cases.md");
+    let blocks = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let mut cases: Vec<String> = Vec::new();
+    for block in blocks {
+        match cases.last() {
+            _ if block.starts_with("name") => cases.push(block.into()),
+            // Is added to the case before it.
+            Some(case) if block.starts_with("[[sleeper]]") => cases.push(format!("{case}{block}")),
+            _ => {}
+        }
+    }
+    assert_eq!(cases.len(), 3);
+    for text in &cases {
+        let case = read_case(text, "docs/cases.md").unwrap_or_else(|e| panic!("{e}"));
+        assert!(case.warnings.is_empty(), "{:?}", case.warnings);
+    }
+}
+
+#[test]
 fn examples_have_the_steps_of_the_study() {
     let steps = |p: &Plan| p.run.duration_ns / p.run.stepping.step_ns;
     let seven = example("seven_sleepers");
