@@ -11,6 +11,8 @@ mod layout;
 mod mount;
 mod nearest;
 mod read;
+#[cfg(test)]
+mod reference_tests;
 mod report;
 mod resolve;
 pub mod sample;

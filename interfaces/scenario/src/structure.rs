@@ -42,7 +42,11 @@ impl<'s> Walker<'_, '_, '_, 's> {
                 let inner = &properties[key];
                 let finding = Finding {
                     problem: format!("missing key `{key}`"),
-                    expected: format!("`{key}`: {}{}", self.kind(inner), self.meaning(inner)),
+                    expected: format!(
+                        "`{key}`: {}{}",
+                        kind(self.schema, inner),
+                        self.meaning(inner)
+                    ),
                     ..Finding::default()
                 };
                 self.at(place.clone(), join(path, key), finding);
@@ -85,7 +89,7 @@ impl<'s> Walker<'_, '_, '_, 's> {
                         path => format!("`[{path}]`"),
                     });
                 }
-                open.push((join(&path, name), self.resolve(inner)));
+                open.push((join(&path, name), resolve(self.schema, inner)));
             }
         }
         homes.sort();
@@ -102,7 +106,7 @@ impl<'s> Walker<'_, '_, '_, 's> {
         if self.report.errors.len() >= MOST {
             return;
         }
-        let resolved = self.resolve(schema);
+        let resolved = resolve(self.schema, schema);
         let span = value.span();
         match (resolved["type"].as_str(), value.get_ref()) {
             (Some("object"), DeValue::Table(table)) => self.table(resolved, table, name, path),
@@ -142,7 +146,7 @@ impl<'s> Walker<'_, '_, '_, 's> {
     }
 
     fn number(&mut self, schema: &'s Value, value: &Spanned<DeValue>, path: &str) {
-        let resolved = self.resolve(schema);
+        let resolved = resolve(self.schema, schema);
         let number = match value.get_ref() {
             DeValue::Integer(i) => {
                 i64::from_str_radix(i.as_str(), i.radix()).map(|i| i as f64).ok()
@@ -188,7 +192,7 @@ impl<'s> Walker<'_, '_, '_, 's> {
         let finding = Finding {
             problem: format!("`{}` {what}", last(path)),
             found,
-            expected: format!("{}{}", self.kind(schema), self.meaning(schema)),
+            expected: format!("{}{}", kind(self.schema, schema), self.meaning(schema)),
             hint: is_text
                 .then(|| "write the number without quotes; the key's name says its unit".into()),
         };
@@ -207,14 +211,6 @@ impl<'s> Walker<'_, '_, '_, 's> {
         self.report.errors.push(d);
     }
 
-    /// The definition that a `$ref` names.
-    fn resolve(&self, schema: &'s Value) -> &'s Value {
-        schema["$ref"]
-            .as_str()
-            .and_then(|r| self.schema.pointer(r.trim_start_matches('#')))
-            .unwrap_or(schema)
-    }
-
     /// The first sentence of what a key means.
     fn meaning(&self, schema: &Value) -> String {
         let text = schema["description"].as_str().unwrap_or_default().replace('\n', " ");
@@ -223,32 +219,37 @@ impl<'s> Walker<'_, '_, '_, 's> {
             Some(sentence) => format!(" — {sentence}"),
         }
     }
+}
 
-    /// What a value must be, in words.
-    fn kind(&self, schema: &'s Value) -> String {
-        let schema = self.resolve(schema);
-        let words = choices(schema);
-        match schema["type"].as_str() {
-            None if !words.is_empty() => {
-                let list: Vec<String> = words.iter().map(|w| format!("\"{w}\"")).collect();
-                format!("one of {}", list.join(", "))
-            }
-            Some("object") => "a table".into(),
-            Some("boolean") => "true or false".into(),
-            Some("string") => "a text in quotes".into(),
-            Some("array") => {
-                let count = match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
-                    (Some(a), Some(b)) if a == b => format!("of {a}"),
-                    (Some(a), Some(b)) => format!("of {a} to {b}"),
-                    (None, Some(b)) => format!("of up to {b}"),
-                    _ => "with".into(),
-                };
-                format!("a list {count} entries, each {}", self.kind(&schema["items"]))
-            }
-            Some("integer") => format!("a whole number{}", limits(schema)),
-            Some("number") => format!("a number{}", limits(schema)),
-            _ => "another value".into(),
+/// The definition that a `$ref` names.
+pub fn resolve<'s>(root: &'s Value, schema: &'s Value) -> &'s Value {
+    schema["$ref"].as_str().and_then(|r| root.pointer(r.trim_start_matches('#'))).unwrap_or(schema)
+}
+
+/// What a value must be, in words.
+pub fn kind(root: &Value, schema: &Value) -> String {
+    let schema = resolve(root, schema);
+    let words = choices(schema);
+    match schema["type"].as_str() {
+        None if !words.is_empty() => {
+            let list: Vec<String> = words.iter().map(|w| format!("\"{w}\"")).collect();
+            format!("one of {}", list.join(", "))
         }
+        Some("object") => "a table".into(),
+        Some("boolean") => "true or false".into(),
+        Some("string") => "a text in quotes".into(),
+        Some("array") => {
+            let count = match (schema["minItems"].as_u64(), schema["maxItems"].as_u64()) {
+                (Some(a), Some(b)) if a == b => format!("{a} "),
+                (Some(a), Some(b)) => format!("{a} to {b} "),
+                (None, Some(b)) => format!("up to {b} "),
+                _ => String::new(),
+            };
+            format!("a list of {count}entries, each {}", kind(root, &schema["items"]))
+        }
+        Some("integer") => format!("a whole number{}", limits(schema)),
+        Some("number") => format!("a number{}", limits(schema)),
+        _ => "another value".into(),
     }
 }
 

@@ -364,8 +364,9 @@ fn poses_of_any_file_move_a_body() {
 #[test]
 fn a_killed_run_leaves_a_recording_that_is_true_as_far_as_it_goes() {
     // Slow enough that the run is still going when it is killed.
-    let place =
-        Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000"));
+    let place = Place::with(
+        &CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000\ntolerance = 0"),
+    );
     let mut child = place
         .run_command("--out killed --record killed.mcap --json --threads 1")
         .stdout(Stdio::piped())

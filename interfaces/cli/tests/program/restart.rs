@@ -71,8 +71,9 @@ fn what_was_written_after_the_checkpoint_is_written_again() {
 #[test]
 fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
     // Slow enough that the run is still going when the signal arrives.
-    let place =
-        Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000"));
+    let place = Place::with(
+        &CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000\ntolerance = 0"),
+    );
     place.run("--out whole").with_code(0);
     let mut child = place
         .run_command("--out stopped --json")

@@ -143,7 +143,7 @@ pub struct Preparation {
     /// Time step while pouring, s.
     #[schemars(with = "Duration")]
     pub step_s: f64,
-    /// DDM iterations per step while pouring.
+    /// Iterations per step while pouring.
     #[schemars(with = "Count")]
     pub iterations: u32,
     /// The bed rests when the mean speed of the grains is below this, m/s.

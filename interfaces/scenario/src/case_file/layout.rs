@@ -64,7 +64,7 @@ pub struct Sleeper {
     /// Blocks: one, or two for a twin-block sleeper.
     #[schemars(length(min = 1, max = 16))]
     pub blocks: Vec<Block>,
-    /// Whether the tamping cycle lifts it.
+    /// Whether the tamping cycle lifts it and the rows of `[tines]` stand beside it.
     #[serde(default)]
     pub tamped: bool,
     /// How ballast and loads move it in the run. Absent: it stands, or follows the lift.
@@ -93,19 +93,19 @@ pub struct SleeperMount {
     pub about_y: Mode,
     /// Rotation about the world's z axis.
     pub about_z: Mode,
-    /// Of each sprung translation, N/m. Absent: none is sprung.
+    /// Stiffness of each sprung translation, N/m. Absent: none is sprung.
     #[serde(rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub stiffness: Option<f64>,
-    /// Of each sprung translation, N s/m.
+    /// Damping of each sprung translation, N s/m.
     #[serde(rename = "damping_N_s_per_m")]
     #[schemars(with = "NonNegative")]
     pub damping: f64,
-    /// Of each sprung rotation, N m/rad. Absent: none is sprung.
+    /// Stiffness of each sprung rotation, N m/rad. Absent: none is sprung.
     #[serde(rename = "turning_stiffness_N_m_per_rad", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub turning_stiffness: Option<f64>,
-    /// Of each sprung rotation, N m s/rad.
+    /// Damping of each sprung rotation, N m s/rad.
     #[serde(rename = "turning_damping_N_m_s_per_rad")]
     #[schemars(with = "NonNegative")]
     pub turning_damping: f64,
@@ -170,10 +170,10 @@ fn default_shaft() -> [f64; 3] {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mount {
-    /// Whether the tine does not give way at all.
+    /// true: the tine does not give way at all.
     #[serde(default)]
     pub rigid: bool,
-    /// N/m. Absent: that of the shaft as a steel beam held at its top, in its weaker direction.
+    /// Stiffness of the spring, N/m. Absent: that of the shaft as a steel beam held at its top, in its weaker direction.
     #[serde(default, rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Positive>")]
     pub stiffness: Option<f64>,

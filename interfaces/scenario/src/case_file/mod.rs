@@ -39,7 +39,7 @@ pub struct CaseFile {
     /// Single tines, each with its own numbers, beside those of the rows.
     #[serde(default)]
     pub tine: Vec<Tine>,
-    /// The cycle of the tamping machine. Without it nothing moves: the bed just rests.
+    /// The cycle of the tamping machine. Without it nothing moves by itself.
     pub tamping: Option<Tamping>,
     /// Time stepping and output.
     pub run: Run,

@@ -26,7 +26,7 @@ pub struct Run {
     /// Absent: 0.5 m/s times the time step.
     #[schemars(with = "Option<Positive>")]
     pub alert_m: Option<f64>,
-    /// Newton restitution of every contact.
+    /// Newton's coefficient of restitution, of every contact.
     #[serde(default)]
     #[schemars(with = "Fraction")]
     pub restitution: f64,
@@ -64,21 +64,21 @@ pub struct Solver {
     /// Compact subdomains of about this many contacts each.
     #[schemars(with = "Option<Count>")]
     pub contacts_per_subdomain: Option<u32>,
-    /// Largest number of DDM iterations per step.
+    /// Largest number of iterations per step; one is a round over subdomains and interface.
     #[schemars(with = "Count")]
     pub iterations: u32,
-    /// Sweeps over a subdomain per DDM iteration.
+    /// Sweeps over a subdomain per iteration.
     #[schemars(with = "Count")]
     pub subdomain_sweeps: u32,
-    /// Sweeps over the interface per DDM iteration.
+    /// Sweeps over the interface per iteration.
     #[schemars(with = "Count")]
     pub interface_sweeps: u32,
-    /// Stop a step when `norm` is below this. Absent: always run all iterations.
-    #[schemars(with = "Option<Positive>")]
-    pub tolerance: Option<f64>,
+    /// A step is solved when its residual (`norm`) is below this; 0: always all iterations, without momentum.
+    #[schemars(with = "NonNegative")]
+    pub tolerance: f64,
     /// Which residual `tolerance` bounds.
     pub norm: Norm,
-    /// DDM iterations between two convergence tests; those between leave open contacts out.
+    /// Iterations between two convergence tests; those between leave open contacts out.
     #[schemars(with = "Count")]
     pub check_every: u32,
     /// Relaxation of each contact visit.
@@ -106,35 +106,43 @@ pub struct Recovery {
     /// Penetration that is left as it is, m: the less it is, the more a bed at rest creeps.
     #[schemars(with = "NonNegative")]
     pub allowed_m: f64,
-    /// DDM iterations over the problem of positions.
+    /// Iterations over the problem of positions.
     #[schemars(with = "Count")]
     pub iterations: u32,
 }
 
-impl Default for Recovery {
-    fn default() -> Self {
-        let model::Recovery { share, allowed, iterations } = model::Recovery::default();
+impl From<model::Recovery> for Recovery {
+    fn from(recovery: model::Recovery) -> Self {
+        let model::Recovery { share, allowed, iterations } = recovery;
         Self { share, allowed_m: allowed, iterations }
     }
 }
 
-impl Default for Solver {
+impl Default for Recovery {
     fn default() -> Self {
+        model::Recovery::default().into()
+    }
+}
+
+impl Default for Solver {
+    /// The core's; how it divides a bed holds where none of the three ways is asked for.
+    fn default() -> Self {
+        let core = model::Solver::default();
         Self {
-            schedule: Schedule::Synchronous,
+            schedule: core.schedule.into(),
             boxes: None,
             balanced: None,
             contacts_per_subdomain: None,
-            iterations: 1000,
-            subdomain_sweeps: 1,
-            interface_sweeps: 1,
-            tolerance: None,
-            norm: Norm::Qm16,
-            check_every: 5,
-            relaxation: 1.0,
-            warm_start: 1.0,
-            momentum: true,
-            recovery: None,
+            iterations: core.iterations,
+            subdomain_sweeps: core.subdomain_sweeps,
+            interface_sweeps: core.interface_sweeps,
+            tolerance: core.tolerance.unwrap_or(0.0),
+            norm: core.norm.into(),
+            check_every: core.check_every,
+            relaxation: core.relaxation,
+            warm_start: core.warm_start,
+            momentum: core.momentum,
+            recovery: core.recovery.map(Recovery::from),
         }
     }
 }
@@ -151,6 +159,16 @@ pub enum Schedule {
     Asynchronous,
 }
 
+impl From<model::Schedule> for Schedule {
+    fn from(schedule: model::Schedule) -> Self {
+        match schedule {
+            model::Schedule::Sequential => Self::Sequential,
+            model::Schedule::Synchronous => Self::Synchronous,
+            model::Schedule::Asynchronous => Self::Asynchronous,
+        }
+    }
+}
+
 /// A measure of how well a step is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -161,4 +179,14 @@ pub enum Norm {
     Quad,
     /// The natural map, scaled.
     NaturalMap,
+}
+
+impl From<model::Norm> for Norm {
+    fn from(norm: model::Norm) -> Self {
+        match norm {
+            model::Norm::Qm16 => Self::Qm16,
+            model::Norm::Quad => Self::Quad,
+            model::Norm::NaturalMap => Self::NaturalMap,
+        }
+    }
 }

@@ -45,7 +45,7 @@ impl Default for Tamping {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Lift {
-    /// How far, m.
+    /// How far they are lifted, m.
     #[schemars(with = "NonNegative")]
     pub height_m: f64,
     /// How long it takes, s.

@@ -106,7 +106,7 @@ fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
         iterations: solver.iterations,
         subdomain_sweeps: solver.subdomain_sweeps,
         interface_sweeps: solver.interface_sweeps,
-        tolerance: solver.tolerance,
+        tolerance: (solver.tolerance > 0.0).then_some(solver.tolerance),
         norm: match solver.norm {
             Norm::Qm16 => model::Norm::Qm16,
             Norm::Quad => model::Norm::Quad,
@@ -156,13 +156,13 @@ fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
 
 /// Keys that were written but change nothing.
 fn unused(solver: &Solver, report: &mut Report) {
-    let keys: &[&str] = match (solver.tolerance, solver.schedule) {
-        (None, crate::case_file::Schedule::Sequential) => {
+    let keys: &[&str] = match (solver.tolerance > 0.0, solver.schedule) {
+        (false, crate::case_file::Schedule::Sequential) => {
             &["norm", "momentum", "boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
         }
-        (None, _) => &["norm", "momentum"],
-        (Some(_), crate::case_file::Schedule::Asynchronous) => &["momentum"],
-        (Some(_), crate::case_file::Schedule::Sequential) => {
+        (false, _) => &["norm", "momentum"],
+        (true, crate::case_file::Schedule::Asynchronous) => &["momentum"],
+        (true, crate::case_file::Schedule::Sequential) => {
             &["boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
         }
         _ => &[],

@@ -82,7 +82,7 @@ const TABLE: &[Broken] = &[
     Broken("iterations = 300", "recovery = { «part = 0.1 }", &["`share`"]),
     Broken("= 7800", "= «0", &["`force_limit_N` is out of range", "above 0"]),
     Broken("= 7800", "= «nan", &["out of range"]),
-    Broken("1.666e-4", "«1e-999", &["out of range"]),
+    Broken("= 7800", "= «1e-999", &["out of range"]),
     // The bed.
     Broken(
         "[{ size_m = 0.025, share = 0.7",
@@ -239,6 +239,9 @@ const TABLE: &[Broken] = &[
     Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),
     Broken("restitution = 0", "output_every_s = «0.01", &["whole number", "0.0096 or 0.0104 s"]),
     Broken("restitution = 0", "checkpoint_every_s = «1e-4", &["whole number", "0.0008 s"]),
+    Broken("1.666e-4", "«-1.666e-4", &["out of range", "0 or more", "0: always all iterations"]),
+    Broken("1.666e-4", "«nan", &["out of range", "0 or more"]),
+    Broken("1.666e-4", "«inf", &["not finite", "0 or more"]),
     Broken("tolerance =", "balanced = «4\ntolerance =", &["contradicts `boxes`", "remove"]),
     Broken("[2, 1, 1]", "«[1000, 1000, 1000]", &["too many subdomains"]),
 ];

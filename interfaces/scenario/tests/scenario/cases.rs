@@ -2,7 +2,7 @@
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
-use ballast::model::{Freedom, Grains, Model, Norm, PartitionRule, Schedule};
+use ballast::model::{Freedom, Grains, Model, Solver};
 use ballast::track::TampingCycle;
 use ballast::track::boundary::boundaries;
 use ballast::track::plan::Plan;
@@ -44,6 +44,26 @@ fn the_examples_are_sound_and_give_no_warning() {
 }
 
 #[test]
+fn the_cases_of_the_page_are_sound() {
+    let page = include_str!("../../../../docs/cases.md");
+    let blocks = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let mut cases: Vec<String> = Vec::new();
+    for block in blocks {
+        match cases.last() {
+            _ if block.starts_with("name") => cases.push(block.into()),
+            // Is added to the case before it.
+            Some(case) if block.starts_with("[[sleeper]]") => cases.push(format!("{case}{block}")),
+            _ => {}
+        }
+    }
+    assert_eq!(cases.len(), 3);
+    for text in &cases {
+        let case = read_case(text, "docs/cases.md").unwrap_or_else(|e| panic!("{e}"));
+        assert!(case.warnings.is_empty(), "{:?}", case.warnings);
+    }
+}
+
+#[test]
 fn examples_have_the_steps_of_the_study() {
     let steps = |p: &Plan| p.run.duration_ns / p.run.stepping.step_ns;
     let seven = example("seven_sleepers");
@@ -53,6 +73,7 @@ fn examples_have_the_steps_of_the_study() {
     assert_eq!(solver.interface_sweeps, solver.subdomain_sweeps);
     assert_eq!((solver.tolerance, solver.recovery), (None, None));
     let one = example("one_sleeper");
+    assert_eq!((one.run.solver.tolerance, one.run.solver.recovery), (None, None));
     assert_eq!((one.run.stepping.step_ns, steps(&one)), (800_000, 2272));
     let laptop = example("laptop");
     assert_eq!(steps(&laptop), 2205);
@@ -137,9 +158,18 @@ fn what_is_not_written_has_the_documented_default() {
     let run = plan.run;
     assert_eq!((run.stepping.step_ns, run.stepping.theta), (200_000, 0.5));
     assert_eq!((run.output_ns, run.checkpoint_ns), (10_000_000, 0));
-    assert_eq!(run.solver.schedule, Schedule::Synchronous);
-    assert_eq!(run.solver.partition, PartitionRule::ContactsPer(4000));
-    assert_eq!((run.solver.tolerance, run.solver.norm), (None, Norm::Qm16));
+    assert_eq!(run.solver, Solver::default(), "as the core's");
+}
+
+#[test]
+fn a_tolerance_of_zero_is_none() {
+    let tolerance = |text| plan(&changed("tolerance = 1.666e-4", text)).run.solver.tolerance;
+    assert_eq!(tolerance("tolerance = 1e-3"), Some(1e-3));
+    assert_eq!(tolerance(""), Solver::default().tolerance);
+    assert!(tolerance("").is_some());
+    for none in ["tolerance = 0", "tolerance = 0.0", "tolerance = -0.0"] {
+        assert_eq!(tolerance(none), None, "{none}");
+    }
 }
 
 #[test]
@@ -217,6 +247,8 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
         ("restitution = 0", "alert_m = 0.01", "kept from very far"),
         ("\"synchronous\"", "\"sequential\"", "`boxes` changes nothing"),
+        ("1.666e-4", "0\nnorm = \"quad\"", "`norm` changes nothing"),
+        ("1.666e-4", "0\nmomentum = true", "`momentum` changes nothing"),
         ("\"synchronous\"", "\"asynchronous\"\nmomentum = false", "`momentum` changes nothing"),
         ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
         ("m3 = 2700", "m3 = 2.7", "2.7 kg/m³"),
