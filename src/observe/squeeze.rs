@@ -101,7 +101,7 @@ pub struct SqueezeRecord {
     /// included, J.
     pub work: f64,
     /// Work of the mean force along the closing as far as it came, J: the area under the loop, both sides; opening
-    /// takes nothing back.
+    /// takes nothing back (T-24).
     pub compaction_energy: f64,
     /// The loop: closing of a side (m) and mean force of a side (N).
     pub loop_points: Vec<[f64; 2]>,
