@@ -1,6 +1,6 @@
 //! A convex polyhedron in its principal frame.
 
-use crate::math::{Mat3, Vec3};
+use crate::math::Vec3;
 
 /// An edge: its two vertices and the two faces that share it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,10 +51,5 @@ impl Polyhedron {
     /// Corners of face `f`, counter-clockwise seen from outside.
     pub fn face(&self, f: usize) -> &[u16] {
         &self.face_vertices[self.face_starts[f] as usize..self.face_starts[f + 1] as usize]
-    }
-
-    /// Inertia tensor for unit density in the principal frame.
-    pub fn inertia_tensor(&self) -> Mat3 {
-        Mat3::from_diagonal(&self.unit_inertia)
     }
 }

@@ -9,7 +9,6 @@
 pub mod compactness;
 pub mod coordination;
 pub mod energy;
-pub mod fabric;
 pub mod grain_size;
 pub mod inertial_number;
 pub mod lost;
@@ -22,7 +21,6 @@ pub mod zone;
 pub use compactness::{Compactness, compactness};
 pub use coordination::{Coordination, coordination};
 pub use energy::{energy, mean_speed};
-pub use fabric::{Fabric, fabric};
 pub use inertial_number::{InertialNumber, inertial_number};
 pub use lost::lost_grains;
 pub use penetration::{Penetration, penetration};

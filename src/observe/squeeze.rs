@@ -101,7 +101,7 @@ pub struct SqueezeRecord {
     /// included, J.
     pub work: f64,
     /// Work of the mean force along the closing as far as it came, J: the area under the loop, both sides; opening
-    /// takes nothing back.
+    /// takes nothing back (T-24).
     pub compaction_energy: f64,
     /// The loop: closing of a side (m) and mean force of a side (N).
     pub loop_points: Vec<[f64; 2]>,
@@ -239,9 +239,6 @@ impl Period {
     }
 }
 
-/// Numbers of a course besides its loop.
-const NUMBERS: usize = 26;
-
 impl Course {
     /// The squeeze that is over with this period, if one is.
     fn end_period(&mut self, sides: f64, now_ns: u64) -> Option<SqueezeRecord> {
@@ -312,81 +309,98 @@ impl Course {
             self.per_point = self.per_point.saturating_mul(2);
         }
     }
+}
 
+/// What is kept as numbers, and read back from them.
+trait Kept: Sized {
+    fn write(&self, numbers: &mut Vec<f64>);
+    /// Takes the numbers off the front of `rest`; nothing where they cannot be these.
+    fn read(rest: &mut &[f64]) -> Option<Self>;
+}
+
+/// Fields in the order in which they are kept.
+macro_rules! kept {
+    ($type:ident: $($field:ident),*) => {
+        impl Kept for $type {
+            fn write(&self, numbers: &mut Vec<f64>) {
+                let Self { $($field),* } = self;
+                $($field.write(numbers);)*
+            }
+
+            fn read(rest: &mut &[f64]) -> Option<Self> {
+                $(let $field = Kept::read(rest)?;)*
+                Some(Self { $($field),* })
+            }
+        }
+    };
+}
+
+kept!(Course: period, is_squeezing, count, widest, farthest, last_force, per_point, waiting, waiting_sum, record);
+kept!(Period: steps, force, place, work, peak_step_force);
+kept!(SqueezeRecord: number, began_ns, onset_ns, onset_closing, peak_force, peak_closing, peak_step_force, closing, work,
+    compaction_energy, loop_points);
+
+/// What is one number: as which it is kept, and what is read from it.
+macro_rules! one_number {
+    ($($type:ty: $to:expr, $from:expr;)*) => {$(
+        impl Kept for $type {
+            fn write(&self, numbers: &mut Vec<f64>) {
+                let to: fn(Self) -> f64 = $to;
+                numbers.push(to(*self));
+            }
+
+            fn read(rest: &mut &[f64]) -> Option<Self> {
+                rest.split_off_first().copied().map($from)
+            }
+        }
+    )*};
+}
+
+one_number! {
+    f64: |number| number, |number| number;
+    u32: f64::from, |number| number as u32;
+    bool: f64::from, |number| number == 1.0;
+    // Times are exact as numbers for a hundred days.
+    u64: |ns| ns as f64, |number| number as u64;
+    Option<u64>: |ns| ns.map_or(-1.0, |ns| ns as f64), |number| (number >= 0.0).then_some(number as u64);
+}
+
+/// Whether there is one, and the number or 0.
+impl Kept for Option<f64> {
     fn write(&self, numbers: &mut Vec<f64>) {
-        let Self { period, record, .. } = self;
-        let flag = |is: bool| f64::from(u8::from(is));
-        let fixed: [f64; NUMBERS] = [
-            f64::from(period.steps),
-            period.force,
-            period.place,
-            period.work,
-            period.peak_step_force,
-            flag(self.is_squeezing),
-            f64::from(self.count),
-            flag(self.widest.is_some()),
-            self.widest.unwrap_or_default(),
-            self.farthest,
-            self.last_force,
-            f64::from(self.per_point),
-            f64::from(self.waiting),
-            self.waiting_sum[0],
-            self.waiting_sum[1],
-            f64::from(record.number),
-            // Times are exact as numbers for a hundred days.
-            record.began_ns as f64,
-            record.onset_ns.map_or(-1.0, |ns| ns as f64),
-            record.onset_closing,
-            record.peak_force,
-            record.peak_closing,
-            record.peak_step_force,
-            record.closing,
-            record.work,
-            record.compaction_energy,
-            record.loop_points.len() as f64,
-        ];
-        numbers.extend(fixed);
-        numbers.extend(record.loop_points.iter().flatten());
+        self.is_some().write(numbers);
+        self.unwrap_or_default().write(numbers);
     }
 
     fn read(rest: &mut &[f64]) -> Option<Self> {
-        let (n, after) = rest.split_first_chunk::<NUMBERS>()?;
-        let points = n[NUMBERS - 1];
+        let (is_some, number) = (bool::read(rest)?, f64::read(rest)?);
+        Some(is_some.then_some(number))
+    }
+}
+
+impl Kept for [f64; 2] {
+    fn write(&self, numbers: &mut Vec<f64>) {
+        numbers.extend(self);
+    }
+
+    fn read(rest: &mut &[f64]) -> Option<Self> {
+        Some([f64::read(rest)?, f64::read(rest)?])
+    }
+}
+
+/// The points of a loop after their number.
+impl Kept for Vec<[f64; 2]> {
+    fn write(&self, numbers: &mut Vec<f64>) {
+        numbers.push(self.len() as f64);
+        numbers.extend(self.iter().flatten());
+    }
+
+    fn read(rest: &mut &[f64]) -> Option<Self> {
+        let points = f64::read(rest)?;
         if !(0.0..=MOST_POINTS as f64).contains(&points) {
             return None;
         }
-        let (points, after) = after.split_at_checked(2 * points as usize)?;
-        *rest = after;
-        Some(Self {
-            period: Period {
-                steps: n[0] as u32,
-                force: n[1],
-                place: n[2],
-                work: n[3],
-                peak_step_force: n[4],
-            },
-            is_squeezing: n[5] == 1.0,
-            count: n[6] as u32,
-            widest: (n[7] == 1.0).then_some(n[8]),
-            farthest: n[9],
-            last_force: n[10],
-            per_point: n[11] as u32,
-            waiting: n[12] as u32,
-            waiting_sum: [n[13], n[14]],
-            record: SqueezeRecord {
-                number: n[15] as u32,
-                began_ns: n[16] as u64,
-                onset_ns: (n[17] >= 0.0).then_some(n[17] as u64),
-                onset_closing: n[18],
-                peak_force: n[19],
-                peak_closing: n[20],
-                peak_step_force: n[21],
-                closing: n[22],
-                work: n[23],
-                compaction_energy: n[24],
-                loop_points: points.as_chunks().0.to_vec(),
-            },
-        })
+        (0..points as usize).map(|_| Kept::read(rest)).collect()
     }
 }
 

@@ -195,6 +195,48 @@ fn what_is_written_down_goes_on_as_if_never_interrupted() {
     }
 }
 
+/// States that were kept before are read by this order.
+#[test]
+fn numbers_are_kept_in_their_order() {
+    let course = Course {
+        period: Period { steps: 1, force: 2.0, place: 3.0, work: 4.0, peak_step_force: 5.0 },
+        is_squeezing: true,
+        count: 7,
+        widest: Some(9.0),
+        farthest: 10.0,
+        last_force: 11.0,
+        per_point: 12,
+        waiting: 13,
+        waiting_sum: [14.0, 15.0],
+        record: SqueezeRecord {
+            number: 16,
+            began_ns: 17,
+            onset_ns: Some(18),
+            onset_closing: 19.0,
+            peak_force: 20.0,
+            peak_closing: 21.0,
+            peak_step_force: 22.0,
+            closing: 23.0,
+            work: 24.0,
+            compaction_energy: 25.0,
+            loop_points: vec![[27.0, 28.0]],
+        },
+    };
+    let mut numbers = vec![];
+    course.write(&mut numbers);
+    let mut expected: Vec<f64> = (1..=28).map(f64::from).collect();
+    // What is or is not, and how many points there are.
+    (expected[5], expected[7], expected[25]) = (1.0, 1.0, 1.0);
+    assert_eq!(numbers, expected);
+    assert_eq!(Course::read(&mut &numbers[..]), Some(course));
+    numbers.clear();
+    Course::default().write(&mut numbers);
+    let mut nothing = [0.0; 26];
+    nothing[17] = -1.0;
+    assert_eq!(numbers, nothing);
+    assert_eq!(Course::read(&mut &numbers[..]), Some(Course::default()));
+}
+
 #[test]
 fn what_does_not_fit_is_refused() {
     let rule = |tines: PairTines, period| {

@@ -38,6 +38,17 @@ pub enum TampingPhase {
 }
 
 impl TampingPhase {
+    /// All phases in the order of the cycle; in files a phase's number is its place among them.
+    pub const ALL: [TampingPhase; 7] = [
+        TampingPhase::Waiting,
+        TampingPhase::Lift,
+        TampingPhase::Insertion,
+        TampingPhase::Squeeze,
+        TampingPhase::Hold,
+        TampingPhase::Withdrawal,
+        TampingPhase::Done,
+    ];
+
     /// The phase's name in files and recordings.
     pub fn name(self) -> &'static str {
         match self {
@@ -49,6 +60,11 @@ impl TampingPhase {
             TampingPhase::Withdrawal => "withdrawal",
             TampingPhase::Done => "done",
         }
+    }
+
+    /// The phase of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|phase| phase.name() == name)
     }
 }
 
@@ -180,15 +196,9 @@ impl TampingCycle {
         if time_s < machine.plan.start {
             return TampingPhase::Waiting;
         }
-        let phases = [
-            TampingPhase::Lift,
-            TampingPhase::Insertion,
-            TampingPhase::Squeeze,
-            TampingPhase::Hold,
-            TampingPhase::Withdrawal,
-        ];
         let ended = machine.ends.iter().take_while(|end| time_s >= **end).count();
-        phases.get(ended).copied().unwrap_or(TampingPhase::Done)
+        // The first that can end is the one after waiting.
+        TampingPhase::ALL[1 + ended]
     }
 
     /// Time of the run at which the cycle is over, s; 0 without tamping.

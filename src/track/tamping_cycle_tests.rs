@@ -76,6 +76,14 @@ fn one_step(
 }
 
 #[test]
+fn phases_are_numbered_in_the_order_of_the_cycle() {
+    for (number, phase) in TampingPhase::ALL.into_iter().enumerate() {
+        assert_eq!((phase as usize, TampingPhase::named(phase.name())), (number, Some(phase)));
+    }
+    assert_eq!(TampingPhase::named("tamping"), None);
+}
+
+#[test]
 fn vibration_of_35_hz_and_5_mm_peaks_at_1_10_m_per_s_and_24_6_g() {
     let mut plan = plan();
     if let Some(t) = &mut plan.tamping {

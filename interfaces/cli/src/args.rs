@@ -3,6 +3,7 @@
 use ballast::model::Schedule;
 use ballast::nlgs::solution::Method;
 use ballast::track::TampingPhase;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
@@ -153,29 +154,16 @@ pub struct DumpProblems {
     pub dump_every: NonZeroU32,
     /// Only of these phases, separated by commas; by default of all
     #[arg(long, value_name = "PHASE", value_delimiter = ',', requires = "dump_problems")]
-    pub dump_phases: Vec<PhaseName>,
+    #[arg(value_parser = phase())]
+    pub dump_phases: Vec<TampingPhase>,
 }
 
-/// The phases of the cycle by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PhaseName {
-    Lift,
-    Insertion,
-    Squeeze,
-    Hold,
-    Withdrawal,
-}
-
-impl From<PhaseName> for TampingPhase {
-    fn from(name: PhaseName) -> Self {
-        match name {
-            PhaseName::Lift => TampingPhase::Lift,
-            PhaseName::Insertion => TampingPhase::Insertion,
-            PhaseName::Squeeze => TampingPhase::Squeeze,
-            PhaseName::Hold => TampingPhase::Hold,
-            PhaseName::Withdrawal => TampingPhase::Withdrawal,
-        }
-    }
+/// A phase of the cycle, by name.
+fn phase() -> impl TypedValueParser<Value = TampingPhase> {
+    let in_cycle = |p: &TampingPhase| !matches!(p, TampingPhase::Waiting | TampingPhase::Done);
+    let names = TampingPhase::ALL.into_iter().filter(in_cycle).map(TampingPhase::name);
+    let expected = "expected a phase of the cycle";
+    PossibleValuesParser::new(names).try_map(move |name| TampingPhase::named(&name).ok_or(expected))
 }
 
 #[derive(Debug, Args)]

@@ -23,9 +23,8 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let cycle = session::cycle(&case, &model, &state)?;
     let engine = Engine::machine(model, state, cycle);
     let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
-    let phases = dump_phases.into_iter().map(Into::into).collect();
     // Before anything that is there is replaced.
-    let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), phases));
+    let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
     let dump = dump.transpose()?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.dumping(dump).run(args.until.steps, args.until.expect)

@@ -9,6 +9,7 @@ mod recordings;
 mod redone;
 mod report;
 mod restart;
+mod results;
 mod samples;
 #[cfg(feature = "zenoh")]
 mod serve;
