@@ -16,8 +16,8 @@ use zenoh::bytes::Encoding;
 
 /// Any Zenoh program.
 pub struct Stranger {
-    session: zenoh::Session,
-    keys: Keys,
+    pub session: zenoh::Session,
+    pub keys: Keys,
 }
 
 impl Stranger {
