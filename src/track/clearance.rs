@@ -10,7 +10,7 @@ pub const SLACK: f64 = 1e-9;
 
 /// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
 pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
-    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(&plan.bed);
     for tine in &plan.tines {
         if tine.direction.abs() != 1.0 {
             return Err(refused(tine, "direction +1 or -1", tine.direction.to_string()));

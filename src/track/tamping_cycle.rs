@@ -303,7 +303,7 @@ fn driven_tines(
     model: &Model,
     control: &MachineControl,
 ) -> Result<Vec<TinePath>> {
-    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(&plan.bed);
     let tine = |tine: &crate::track::plan::TinePlan| {
         let pair = control.pairs.iter().position(|p| p.number == tine.pair);
         Ok(TinePath {

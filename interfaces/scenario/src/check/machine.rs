@@ -83,7 +83,7 @@ fn cycle_fits(tamping: &TampingPlan, run: &RunPlan, report: &mut Report) {
 }
 
 fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
-    let edge = bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let edge = tamping.deep_edge(bed);
     for tine in &layout.tines {
         let lowest = edge - tine.plan.blade.z;
         if lowest <= 0.0 {
@@ -192,7 +192,7 @@ fn step_resolves(
 /// The longest way of a tine down to full depth, or up to it, m; none without tines.
 fn farthest(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout) -> Option<f64> {
     let start = bed.preparation.fill_level + tamping.insertion.clearance;
-    let deep = bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(bed);
     layout.tines.iter().map(|t| (start + t.plan.blade.z - deep).abs()).reduce(f64::max)
 }
 
