@@ -20,7 +20,7 @@ mod test_plan;
 pub mod tine;
 pub mod zones;
 
-pub use clearance::SLACK;
+pub use clearance::{SLACK, Swept, swept};
 pub use deposit::{Bed, HIGHEST, deposit};
 pub use machine_control::{LONGEST_WINDOW, TinePair};
 pub use scene::scene;
