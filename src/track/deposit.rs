@@ -31,16 +31,16 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::ops::ControlFlow;
 
-/// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms.
-const FALL_SPEED: f64 = 1.0;
+/// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms. A step must gain less.
+pub const FALL_SPEED: f64 = 1.0;
 /// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed.
 const RECKONED_COMPACTNESS: f64 = 0.62;
 /// Steps before a pour may count as at rest: it starts from rest.
 const LEAST_STEPS: u64 = 50;
 /// Longest last stage, s: the bed is at rest already, only impulses have to settle.
 const LAST_STAGE: f64 = 0.02;
-/// Most grains of a bed.
-const MOST_GRAINS: f64 = 2e7;
+/// Most grains of a bed, reckoned without voids.
+pub const MOST_GRAINS: f64 = 2e7;
 /// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
 const DEEPEST: f64 = 0.05;
 /// How far a grain may stick out of the fill level after trimming, in mean grain sizes.
@@ -345,7 +345,7 @@ fn check(plan: &Plan) -> Result<()> {
     if !(bed.gravity * pouring_h(plan) < FALL_SPEED) {
         return refused(
             "bed.preparation.step",
-            "a step in which free fall gains less than 1 m/s",
+            &format!("a step in which free fall gains less than {FALL_SPEED} m/s"),
             format!("{} s", pouring_h(plan)),
         );
     }

@@ -3,7 +3,7 @@
 use crate::layout::Layout;
 use crate::report::{Finding, Report};
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
-use ballast::track::{HIGHEST, LONGEST_WINDOW};
+use ballast::track::{HIGHEST, LEAST_STEPS_PER_PERIOD, LONGEST_WINDOW};
 use std::f64::consts::PI;
 
 /// Fastest insertion that machines reach, m/s.
@@ -11,8 +11,10 @@ const FAST_INSERTION: f64 = 1.0;
 /// Peak over mean speed of the smooth motions: tines cruise between ramps, a lift does not.
 const TINE_PEAK: f64 = 1.25;
 const LIFT_PEAK: f64 = 1.875;
-/// Fewest steps that show a sine.
-const STEPS_PER_PERIOD: f64 = 10.0;
+/// Fewest steps per period that show a sine.
+const STEPS_OF_A_SINE: f64 = 10.0;
+// The core refuses fewer: only what would be another motion.
+const _: () = assert!(STEPS_OF_A_SINE > LEAST_STEPS_PER_PERIOD);
 
 /// Checks the cycle against bed, layout and time stepping.
 pub fn machine(
@@ -166,14 +168,14 @@ fn step_resolves(
     ] {
         limit.check(key, speed, vibration, report);
     }
-    if tamping.vibration.amplitude > 0.0 && steps < STEPS_PER_PERIOD {
+    if tamping.vibration.amplitude > 0.0 && steps < STEPS_OF_A_SINE {
         let finding = Finding {
             problem: "the time step is too large for the vibration".into(),
             found: format!("{steps:.1} steps per period"),
-            expected: format!("at least {STEPS_PER_PERIOD}"),
+            expected: format!("at least {STEPS_OF_A_SINE}"),
             hint: Some(format!(
                 "a step of {:.1e} s would do",
-                1.0 / (STEPS_PER_PERIOD * tamping.vibration.frequency)
+                1.0 / (STEPS_OF_A_SINE * tamping.vibration.frequency)
             )),
         };
         report.error("tamping.vibration.frequency_Hz", finding);
