@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
 use crate::geometry::clip::{AxisBox, Clipper};
 use crate::math::{Pose, Vec3};
-use crate::model::{Grains, Model, Norm, PartitionRule, Schedule, Solver, Stepping};
+use crate::model::{Grains, Model, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
 use crate::track::plan::Plan;
 use crate::workspace::Workspace;
@@ -200,17 +200,10 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
 fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
     Solver {
         schedule: Schedule::Synchronous,
-        partition: PartitionRule::ContactsPer(4000),
         iterations,
-        subdomain_sweeps: 1,
-        interface_sweeps: 1,
         tolerance,
-        norm: Norm::Qm16,
         check_every: 10,
-        relaxation: 1.0,
-        warm_start: 1.0,
-        momentum: true,
-        recovery: None,
+        ..Solver::default()
     }
 }
 
