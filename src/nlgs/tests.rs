@@ -1,6 +1,7 @@
 //! The kernel against the plain method, and properties of a sweep.
 
-use super::reference::{Assembled, MatrixFree};
+use super::assembled::Assembled;
+use super::reference::MatrixFree;
 use super::scenes::Scene;
 use super::{Chosen, ContactSet};
 use crate::lanes::Arithmetic;

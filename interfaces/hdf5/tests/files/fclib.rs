@@ -1,7 +1,7 @@
 //! Published friction-contact problems: what is written is read, what is read is solved.
 
 use ballast::math::Vec3;
-use ballast::nlgs::reference::Assembled;
+use ballast::nlgs::assembled::Assembled;
 use ballast::nlgs::solution::{Method, Settings, Solution, solve};
 use ballast_hdf5::fclib::{Storage, read, write_local, write_solution};
 use hdf5::File;
