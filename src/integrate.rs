@@ -36,8 +36,8 @@ impl Default for Reaction {
 }
 
 /// Puts all bodies where the step ends: every body of `next` is written.
-pub fn configurations(course: &Course, targets: &[Pose], next: &mut State) {
-    let Course { model, state, motion, velocity, spin } = *course;
+pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
+    let StepMotion { model, state, motion, velocity, spin } = *step;
     let (ng, mobile, bodies) = (model.grains.len(), velocity.len(), motion.position.len());
     let after = model.stepping.h() * model.stepping.theta;
     next.position.resize(bodies, Vec3::zeros());
@@ -90,7 +90,7 @@ pub fn shift(velocity: &[Vec3], spin: &[Vec3], h: f64, next: &mut State) {
 
 /// How bodies move through a step: the state it starts from, its prediction, and the solved
 /// velocities of the mobile bodies at its end.
-pub struct Course<'a> {
+pub struct StepMotion<'a> {
     pub model: &'a Model,
     pub state: &'a State,
     pub motion: &'a Motion,
@@ -98,7 +98,7 @@ pub struct Course<'a> {
     pub spin: &'a [Vec3],
 }
 
-impl Course<'_> {
+impl StepMotion<'_> {
     /// Mean velocity over the step of the point of body `b` that is at `point`: the one that impulses do work on. What is
     /// imposed has its velocity over the whole step.
     fn mean_velocity(&self, b: usize, point: &Vec3) -> Vec3 {
@@ -129,8 +129,8 @@ pub struct Balance {
 
 impl Balance {
     /// One pass over all contacts.
-    pub fn of(course: &Course, contacts: &Contacts, impulse: &[Vec3]) -> Self {
-        let ng = course.model.grains.len();
+    pub fn of(step: &StepMotion, contacts: &Contacts, impulse: &[Vec3]) -> Self {
+        let ng = step.model.grains.len();
         let chunks: Vec<Self> = impulse
             .par_chunks(CHUNK)
             .enumerate()
@@ -146,7 +146,7 @@ impl Balance {
                 let closed = (k * CHUNK..).zip(chunk).filter(|(_, f)| **f != Vec3::zeros());
                 for (c, f) in closed {
                     let [candidate, antagonist] = contacts.bodies[c];
-                    let velocity = |b: u32| course.mean_velocity(b as usize, &contacts.point[c]);
+                    let velocity = |b: u32| step.mean_velocity(b as usize, &contacts.point[c]);
                     part.active += 1;
                     part.dissipated -= f.dot(&(velocity(candidate) - velocity(antagonist)));
                     if antagonist as usize >= ng {
@@ -171,20 +171,20 @@ impl Balance {
     /// configuration m, where the contacts were found. One after another, as sums of floating point want.
     pub fn reactions(
         &self,
-        course: &Course,
+        step: &StepMotion,
         contacts: &Contacts,
         impulse: &[Vec3],
     ) -> Vec<Reaction> {
-        let model = course.model;
+        let model = step.model;
         let mut reactions = vec![Reaction::default(); model.driven.len()];
         for &c in &self.driven {
             let c = c as usize;
             let (b, f, point) = (contacts.bodies[c][1] as usize, &impulse[c], &contacts.point[c]);
             let reaction = &mut reactions[b - model.grains.len()];
-            let lever = point - course.motion.position[b];
+            let lever = point - step.motion.position[b];
             reaction.impulse -= f;
             reaction.angular_impulse -= lever.cross(f);
-            reaction.work += f.dot(&course.mean_velocity(b, point));
+            reaction.work += f.dot(&step.mean_velocity(b, point));
             reaction.contacts += 1;
         }
         reactions

@@ -23,15 +23,15 @@ pub mod motion;
 
 pub mod detection;
 
-pub mod contact_graph;
+mod contact_graph;
 pub mod partition;
 
 pub mod local_problem;
 pub mod nlgs;
 
-pub mod ddm;
+mod ddm;
 
-pub mod integrate;
+mod integrate;
 
 pub mod workspace;
 

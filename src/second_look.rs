@@ -38,14 +38,14 @@ pub fn after(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<Look> {
 
 /// Velocities of all bodies over a solved step: those of the next state, and what recovery adds for this step only.
 #[derive(Clone, Copy)]
-struct Course<'a> {
+struct SolvedMotion<'a> {
     motion: &'a Motion,
     velocity: &'a [Vec3],
     spin: &'a [Vec3],
     recovery: &'a Recovery,
 }
 
-impl Course<'_> {
+impl SolvedMotion<'_> {
     /// Velocity and spin of body `b`, m/s and rad/s.
     fn twist(&self, b: usize) -> (Vec3, Vec3) {
         let (v, w) = self.motion.twist(self.velocity, self.spin, b);
@@ -85,8 +85,8 @@ impl Course<'_> {
 /// (T-35); more is allowed for such bodies then.
 fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
     let Workspace { motion, velocity, spin, recovery, reach, .. } = ws;
-    let course = Course { motion, velocity, spin, recovery };
-    let twist = |b: usize| course.twist(b);
+    let solved = SolvedMotion { motion, velocity, spin, recovery };
+    let twist = |b: usize| solved.twist(b);
     let change = |b: usize| {
         let (v, w) = twist(b);
         top_speed(model, b, &(v - motion.velocity[b]), &(w - motion.spin[b]))
@@ -102,7 +102,7 @@ fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
     (0..found.len()).any(|i| {
         let pair = found.bodies[i].map(|b| b as usize);
         let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
-        gap > reach.between_before(motion, radius, pair) && gap + h * course.opening(found, i) < 0.0
+        gap > reach.between_before(motion, radius, pair) && gap + h * solved.opening(found, i) < 0.0
     })
 }
 
@@ -111,30 +111,30 @@ fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
 fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
     let h = model.stepping.h();
     let Workspace { motion, velocity, spin, recovery, .. } = ws;
-    let course = Course { motion, velocity, spin, recovery };
+    let solved = SolvedMotion { motion, velocity, spin, recovery };
     let ng = model.grains.len();
-    let turns = |b: usize| b < ng && h * course.twist(b).1.norm() > TURN;
+    let turns = |b: usize| b < ng && h * solved.twist(b).1.norm() > TURN;
     if !(0..ng).any(turns) {
         return false;
     }
-    course.end(h, &mut ws.end);
+    solved.end(h, &mut ws.end);
     // The list of pairs holds there, too: reach is as far as the step can carry bodies.
     let asked = |[a, b]: [usize; 2]| turns(a) || turns(b);
     ws.detector.look_again(model, &ws.end, &ws.reach, asked, &mut ws.fresh);
     ws.foreseen.clear();
-    let (found, way) = (&ws.fresh, |b: u32| course.twist(b as usize).0 * h);
+    let (found, way) = (&ws.fresh, |b: u32| solved.twist(b as usize).0 * h);
     for (i, &bodies) in found.bodies.iter().enumerate() {
         let let_pass = LET_PASS * model.grain_radius(bodies[0] as usize);
         if -found.gap[i] <= let_pass {
             continue;
         }
-        let excess = found.gap[i] + course.foretold(&ws.contacts, bodies, h);
+        let excess = found.gap[i] + solved.foretold(&ws.contacts, bodies, h);
         if -excess > let_pass {
             // Levers as they will be, from where the bodies are.
             let point = found.point[i] - 0.5 * (way(bodies[0]) + way(bodies[1]));
             let k = ws.foreseen.len();
             ws.foreseen.push(bodies, found.feature[i], point, found.normal[i], 0.0);
-            ws.foreseen.gap[k] = (excess - h * course.opening(&ws.foreseen, k)).max(0.0);
+            ws.foreseen.gap[k] = (excess - h * solved.opening(&ws.foreseen, k)).max(0.0);
         }
     }
     ws.contacts.adopt(&ws.foreseen, &mut ws.impulse);

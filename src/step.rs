@@ -9,7 +9,7 @@ use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
-use crate::integrate::{self, Balance, Course};
+use crate::integrate::{self, Balance, StepMotion};
 use crate::local_problem::Solved;
 use crate::math::Vec3;
 use crate::model::{Model, Recovery, Schedule, Solver};
@@ -228,10 +228,10 @@ fn integrate_and_report(
     outcome: &Outcome,
 ) -> StepReport {
     let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
-    let course = Course { model, state, motion, velocity: &ws.velocity, spin: &ws.spin };
-    let balance = Balance::of(&course, contacts, impulse);
-    let reactions = balance.reactions(&course, contacts, impulse);
-    integrate::configurations(&course, inputs.targets, next);
+    let step_motion = StepMotion { model, state, motion, velocity: &ws.velocity, spin: &ws.spin };
+    let balance = Balance::of(&step_motion, contacts, impulse);
+    let reactions = balance.reactions(&step_motion, contacts, impulse);
+    integrate::configurations(&step_motion, inputs.targets, next);
     let ledger = if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
     let (kinetic, potential) = integrate::energies(model, next);
     next.energy = EnergyLedger {

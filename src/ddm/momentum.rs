@@ -5,7 +5,7 @@
 //! number of threads.
 
 use super::{Decomposition, next_after};
-use crate::nlgs::block::{Course, Row64};
+use crate::nlgs::block::{BlockMemory, Row64};
 use crate::nlgs::{Chosen, ContactSet};
 
 /// Iterations between two points.
@@ -20,14 +20,14 @@ const BOUND: f64 = 1.2;
 pub(super) struct Memory {
     chosen: Chosen,
     weights: Vec<Row64>,
-    courses: Vec<Course>,
+    blocks: Vec<BlockMemory>,
     change_squared: f64,
 }
 
 impl Memory {
     /// Takes note of how far the sweeps have come since the last point.
     pub fn measure(&mut self, contacts: &ContactSet) {
-        self.change_squared = contacts.change_squared(&self.chosen, &self.courses);
+        self.change_squared = contacts.change_squared(&self.chosen, &self.blocks);
     }
 
     /// Does what the next iterations begin with.
@@ -40,14 +40,14 @@ impl Memory {
                 self.begin(contacts);
             }
             Start::Anew => self.begin(contacts),
-            Start::GoOn(share) => contacts.go_on(&self.chosen, &mut self.courses, share),
+            Start::GoOn(share) => contacts.go_on(&self.chosen, &mut self.blocks, share),
         }
     }
 
     /// Without momentum, from the present impulses.
     fn begin(&mut self, contacts: &ContactSet) {
         contacts.choose_awake(&mut self.chosen);
-        contacts.set_out(&self.chosen, &self.weights, &mut self.courses);
+        contacts.set_out(&self.chosen, &self.weights, &mut self.blocks);
     }
 }
 

@@ -13,16 +13,16 @@ use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
 pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
-    let mut course = Course::new(solver);
+    let mut progress = Progress::new(solver);
     loop {
         decomposition.in_stretches(
             |set, turn, leg: &Leg| leg.visit(set, turn, solver),
-            |sets| course.next(sets),
+            |sets| progress.next(sets),
         );
-        let Some(leg) = course.leg.take() else { break };
-        course.turn(decomposition, &leg);
+        let Some(leg) = progress.leg.take() else { break };
+        progress.turn(decomposition, &leg);
     }
-    let mut outcome = course.outcome;
+    let mut outcome = progress.outcome;
     outcome.residuals.natural_map = decomposition.natural_map();
     outcome.visits = decomposition.visits();
     outcome
@@ -75,7 +75,7 @@ impl Leg {
 }
 
 /// How far the iterations have come.
-struct Course<'a> {
+struct Progress<'a> {
     solver: &'a Solver,
     round: Round<'a>,
     outcome: Outcome,
@@ -85,7 +85,7 @@ struct Course<'a> {
     leg: Option<Leg>,
 }
 
-impl<'a> Course<'a> {
+impl<'a> Progress<'a> {
     fn new(solver: &'a Solver) -> Self {
         let outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
         Self { solver, round: Round::first(solver), outcome, start: Start::Sweeps, leg: None }

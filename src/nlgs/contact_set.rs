@@ -4,7 +4,7 @@
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
 //! shares nothing with other sets, so sets may be swept in parallel.
 
-use super::block::{Course, PairBlock, Row64, SingleBlock};
+use super::block::{BlockMemory, PairBlock, Row64, SingleBlock};
 use super::kernel::{Blocks, Chosen, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
@@ -280,37 +280,37 @@ impl ContactSet {
         singles.chain(self.blocks.pairs().iter().map(|block| block.law.weight()))
     }
 
-    /// Courses that begin at the present impulses of the chosen blocks, for [`ContactSet::go_on`]; `weights` are
-    /// those of [`ContactSet::weights`].
-    pub fn set_out(&self, chosen: &Chosen, weights: &[Row64], courses: &mut Vec<Course>) {
+    /// What [`ContactSet::go_on`] begins with at the present impulses of the chosen blocks; `weights` are those of
+    /// [`ContactSet::weights`].
+    pub fn set_out(&self, chosen: &Chosen, weights: &[Row64], memories: &mut Vec<BlockMemory>) {
         let impulses = self.blocks.chosen(chosen).map(|(_, impulse)| *impulse);
         let weights = self.blocks.numbers_of(chosen).map(|i| weights[i]);
-        courses.clear();
-        courses.extend(impulses.zip(weights).map(|(before, weight)| Course {
+        memories.clear();
+        memories.extend(impulses.zip(weights).map(|(before, weight)| BlockMemory {
             before,
             direction: [[0.0; LANES]; 3],
             weight,
         }));
     }
 
-    /// Square of the change of the courses' impulses since they were last led on (T-37), N² s²/kg.
-    pub fn change_squared(&self, chosen: &Chosen, courses: &[Course]) -> f64 {
+    /// Square of the change of the chosen blocks' impulses since they last went on (T-37), N² s²/kg.
+    pub fn change_squared(&self, chosen: &Chosen, memories: &[BlockMemory]) -> f64 {
         let mut sum = 0.0;
-        for ((_, impulse), course) in self.blocks.chosen(chosen).zip(courses) {
-            for (r, before) in impulse.iter().zip(&course.before) {
+        for ((_, impulse), memory) in self.blocks.chosen(chosen).zip(memories) {
+            for (r, before) in impulse.iter().zip(&memory.before) {
                 let squares: Row64 =
-                    std::array::from_fn(|i| ((r[i] - before[i]) * course.weight[i]).powi(2));
+                    std::array::from_fn(|i| ((r[i] - before[i]) * memory.weight[i]).powi(2));
                 sum = squares.iter().fold(sum, |sum, square| sum + square);
             }
         }
         sum
     }
 
-    /// Goes on from the impulses of the chosen blocks along their courses, `share` of the way that led there once
-    /// more (T-37), within their cones; the grains' velocities follow.
-    pub fn go_on(&mut self, chosen: &Chosen, courses: &mut [Course], share: f64) {
+    /// Goes on from the impulses of the chosen blocks by `share` of the way that led there (T-37), within their
+    /// cones; the grains' velocities follow.
+    pub fn go_on(&mut self, chosen: &Chosen, memories: &mut [BlockMemory], share: f64) {
         let Self { blocks, arithmetic, lines, .. } = self;
-        if blocks.go_on(*arithmetic, chosen, courses, share, lines) {
+        if blocks.go_on(*arithmetic, chosen, memories, share, lines) {
             self.count_roused();
         }
     }

@@ -4,7 +4,7 @@
 //! inverse per set of coupled degrees of freedom (a rigid body: six), one product per pair of contacts
 //! on the same body. Contract: refuses, before it allocates, what claims more than `MOST_ENTRIES`.
 
-use super::reference::{Assembled, unusable};
+use super::assembled::{Assembled, unusable};
 use crate::error::Result;
 use crate::math::Vec3;
 use nalgebra::{DMatrix, DVector};

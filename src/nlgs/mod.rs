@@ -2,9 +2,10 @@
 //!
 //! [`ContactSet`] is what runs: blocks of eight independent contacts, body velocities as the running
 //! state, one arithmetic for every processor. [`mod@reference`] is what it is checked with: the same
-//! method written plainly and with the assembled Delassus operator.
+//! method written plainly. [`solution`] solves problems given by their Delassus operator ([`assembled`]).
 
 pub mod acceleration;
+pub mod assembled;
 pub mod block;
 pub mod contact_law;
 pub mod contact_set;

@@ -1,6 +1,7 @@
 //! The kernel against the plain method, and properties of a sweep.
 
-use super::reference::{Assembled, MatrixFree};
+use super::assembled::Assembled;
+use super::reference::MatrixFree;
 use super::scenes::Scene;
 use super::{Chosen, ContactSet};
 use crate::lanes::Arithmetic;
@@ -164,8 +165,8 @@ fn momentum_goes_on_as_its_definition_says() {
     for arithmetic in Arithmetic::available() {
         let (mut set, chosen) = begin(arithmetic);
         let weights: Vec<_> = set.weights().collect();
-        let mut courses = Vec::new();
-        set.set_out(&chosen, &weights, &mut courses);
+        let mut memories = Vec::new();
+        set.set_out(&chosen, &weights, &mut memories);
         // The same in numbers: where iterations began, where they led, what led there.
         let (mut plain, _) = begin(Arithmetic::PORTABLE);
         let weights: Vec<f64> = plain.chosen_weights(&chosen).collect();
@@ -177,11 +178,11 @@ fn momentum_goes_on_as_its_definition_says() {
             let image: Vec<f64> = plain.chosen_impulses(&chosen).collect();
             let change: Vec<f64> = image.iter().zip(&before).map(|(r, b)| r - b).collect();
             let squares = change.iter().zip(&weights).map(|(c, w)| (c * w).powi(2));
-            assert_eq!(set.change_squared(&chosen, &courses), squares.sum());
+            assert_eq!(set.change_squared(&chosen, &memories), squares.sum());
             direction.iter_mut().for_each(|p| *p *= share);
             let on: Vec<f64> = image.iter().zip(&direction).map(|(r, p)| r + p).collect();
             direction.iter_mut().zip(&change).for_each(|(p, c)| *p += c);
-            set.go_on(&chosen, &mut courses, share);
+            set.go_on(&chosen, &mut memories, share);
             plain.replace_impulses(&chosen, &on);
             before = plain.chosen_impulses(&chosen).collect();
             assert!(

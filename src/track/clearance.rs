@@ -10,12 +10,12 @@ pub const SLACK: f64 = 1e-9;
 
 /// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
 pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
-    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(&plan.bed);
     for tine in &plan.tines {
         if tine.direction.abs() != 1.0 {
             return Err(refused(tine, "direction +1 or -1", tine.direction.to_string()));
         }
-        let swept = swept(tine, tamping);
+        let swept = swept(tine, tamping.squeeze.stroke, tamping.vibration.amplitude);
         let size = &plan.bed.size;
         let inside = swept.x[0] >= -SLACK
             && swept.x[1] <= size.x + SLACK
@@ -36,10 +36,11 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
     Ok(())
 }
 
-/// What a tine sweeps in plan view, m.
-struct Swept {
-    x: [f64; 2],
-    y: [f64; 2],
+/// What a tine sweeps in plan view: from and to, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Swept {
+    pub x: [f64; 2],
+    pub y: [f64; 2],
 }
 
 impl std::fmt::Display for Swept {
@@ -50,11 +51,12 @@ impl std::fmt::Display for Swept {
     }
 }
 
-fn swept(tine: &TinePlan, tamping: &TampingPlan) -> Swept {
+/// What blade and shaft sweep while the tine closes by `stroke` metres and swings by `amplitude`.
+pub fn swept(tine: &TinePlan, stroke: f64, amplitude: f64) -> Swept {
     let half: Vec3 = tine.blade.sup(&tine.shaft) * 0.5;
     let [x, y] = tine.position;
-    let closed = x + tine.direction * tamping.squeeze.stroke;
-    let margin = half.x + tamping.vibration.amplitude;
+    let closed = x + tine.direction * stroke;
+    let margin = half.x + amplitude;
     Swept { x: [x.min(closed) - margin, x.max(closed) + margin], y: [y - half.y, y + half.y] }
 }
 

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
 use crate::geometry::clip::{AxisBox, Clipper};
 use crate::math::{Pose, Vec3};
-use crate::model::{Grains, Model, Norm, PartitionRule, Schedule, Solver, Stepping};
+use crate::model::{Grains, Model, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
 use crate::track::plan::Plan;
 use crate::workspace::Workspace;
@@ -31,16 +31,16 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::ops::ControlFlow;
 
-/// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms.
-const FALL_SPEED: f64 = 1.0;
+/// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms. A step must gain less.
+pub const FALL_SPEED: f64 = 1.0;
 /// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed.
 const RECKONED_COMPACTNESS: f64 = 0.62;
 /// Steps before a pour may count as at rest: it starts from rest.
 const LEAST_STEPS: u64 = 50;
 /// Longest last stage, s: the bed is at rest already, only impulses have to settle.
 const LAST_STAGE: f64 = 0.02;
-/// Most grains of a bed.
-const MOST_GRAINS: f64 = 2e7;
+/// Most grains of a bed, reckoned without voids.
+pub const MOST_GRAINS: f64 = 2e7;
 /// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
 const DEEPEST: f64 = 0.05;
 /// How far a grain may stick out of the fill level after trimming, in mean grain sizes.
@@ -200,17 +200,10 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
 fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
     Solver {
         schedule: Schedule::Synchronous,
-        partition: PartitionRule::ContactsPer(4000),
         iterations,
-        subdomain_sweeps: 1,
-        interface_sweeps: 1,
         tolerance,
-        norm: Norm::Qm16,
         check_every: 10,
-        relaxation: 1.0,
-        warm_start: 1.0,
-        momentum: true,
-        recovery: None,
+        ..Solver::default()
     }
 }
 
@@ -345,7 +338,7 @@ fn check(plan: &Plan) -> Result<()> {
     if !(bed.gravity * pouring_h(plan) < FALL_SPEED) {
         return refused(
             "bed.preparation.step",
-            "a step in which free fall gains less than 1 m/s",
+            &format!("a step in which free fall gains less than {FALL_SPEED} m/s"),
             format!("{} s", pouring_h(plan)),
         );
     }

@@ -5,13 +5,17 @@
 /// Share of a travel that is spent on speeding up, and again on slowing down.
 pub const RAMP: f64 = 0.2;
 
+/// Peak over mean speed of [`smooth_step`] and of [`travel`].
+pub const SMOOTH_STEP_PEAK: f64 = 1.875;
+pub const TRAVEL_PEAK: f64 = 1.0 / (1.0 - RAMP);
+
 /// Minimum-jerk step from 0 to 1; speed and acceleration vanish at both ends.
 pub fn smooth_step(u: f64) -> f64 {
     let u = u.clamp(0.0, 1.0);
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
-/// Travel from 0 to 1 at constant rate `1/(1 - RAMP)` between two smooth ramps.
+/// Travel from 0 to 1 at constant rate [`TRAVEL_PEAK`] between two smooth ramps.
 ///
 /// Slower at its peak than a minimum-jerk step (1.25 instead of 1.875): tines enter the bed at
 /// about 1 m/s at most. The acceleration is continuous.
@@ -20,12 +24,11 @@ pub fn travel(u: f64) -> f64 {
     if u > 0.5 {
         return 1.0 - travel(1.0 - u);
     }
-    let rate = 1.0 / (1.0 - RAMP);
     if u >= RAMP {
-        return rate * (u - 0.5 * RAMP);
+        return TRAVEL_PEAK * (u - 0.5 * RAMP);
     }
     let x = u / RAMP;
-    rate * RAMP * x * x * x * (1.0 - 0.5 * x)
+    TRAVEL_PEAK * RAMP * x * x * x * (1.0 - 0.5 * x)
 }
 
 #[cfg(test)]
@@ -52,8 +55,9 @@ mod tests {
 
     #[test]
     fn peak_rates_are_those_stated() {
-        assert!((steepest(smooth_step) - 1.875).abs() < 1e-6);
-        assert!((steepest(travel) - 1.25).abs() < 1e-6);
+        assert_eq!([SMOOTH_STEP_PEAK, TRAVEL_PEAK], [1.875, 1.25]);
+        assert!((steepest(smooth_step) - SMOOTH_STEP_PEAK).abs() < 1e-6);
+        assert!((steepest(travel) - TRAVEL_PEAK).abs() < 1e-6);
     }
 
     #[test]

@@ -145,6 +145,13 @@ pub struct TampingPlan {
     pub vibration: VibrationPlan,
 }
 
+impl TampingPlan {
+    /// Level of the blades' upper edges at full depth, m: the insertion's depth below the lifted underside.
+    pub fn deep_edge(&self, bed: &BedPlan) -> f64 {
+        bed.preparation.ballast_depth + self.lift.height - self.insertion.depth
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LiftPlan {
     /// m.

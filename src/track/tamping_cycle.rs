@@ -22,6 +22,8 @@ const FADE_PERIODS: f64 = 3.0;
 const IDLE_CLEARANCE: f64 = 0.02;
 /// Their clearance beyond [`HIGHEST`], in mean grain sizes: a grain may rise while the trimmed bed comes to rest.
 const IDLE_MARGIN: f64 = 0.25;
+/// Fewer steps per period of the vibration would alias the sine into another motion.
+pub const LEAST_STEPS_PER_PERIOD: f64 = 8.0;
 
 /// Where in the cycle a moment lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -313,7 +315,7 @@ fn driven_tines(
     model: &Model,
     control: &MachineControl,
 ) -> Result<Vec<TinePath>> {
-    let deep = plan.bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(&plan.bed);
     let tine = |tine: &crate::track::plan::TinePlan| {
         let pair = control.pairs.iter().position(|p| p.number == tine.pair);
         Ok(TinePath {
@@ -386,14 +388,14 @@ fn check_numbers(plan: &TampingPlan) -> Result<()> {
     Ok(())
 }
 
-/// Fewer steps than these would alias the sine into another motion, where something swings.
+/// Whether there are steps enough, where something swings.
 fn check_period(plan: &Plan, tamping: &TampingPlan, model: &Model) -> Result<()> {
     let vibrates = tamping.vibration.amplitude > 0.0 && !plan.tines.is_empty();
     let per_period = 1.0 / (tamping.vibration.frequency * model.stepping.h());
-    if vibrates && per_period < 8.0 {
+    if vibrates && per_period < LEAST_STEPS_PER_PERIOD {
         return Err(Error::Model {
             place: "tamping.vibration.frequency".into(),
-            expected: "at least 8 time steps per period".into(),
+            expected: format!("at least {LEAST_STEPS_PER_PERIOD} time steps per period"),
             found: format!("{per_period:.1}"),
         });
     }

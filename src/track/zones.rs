@@ -90,14 +90,13 @@ fn cribs(plan: &Plan, sleeper: &SleeperPlan) -> [AxisBox; 2] {
 
 fn insertion(plan: &Plan, tine: &TinePlan) -> Option<AxisBox> {
     let tamping = plan.tamping?;
-    let depth = plan.bed.preparation.ballast_depth;
-    let upper_edge = depth + tamping.lift.height - tamping.insertion.depth;
+    let upper_edge = tamping.deep_edge(&plan.bed);
     let half = tine.blade * 0.5;
     let reach = half.x + tamping.vibration.amplitude;
     let [x, y] = tine.position;
     Some(AxisBox {
         low: Vec3::new(x - reach, y - half.y, upper_edge - tine.blade.z),
-        high: Vec3::new(x + reach, y + half.y, depth.max(upper_edge)),
+        high: Vec3::new(x + reach, y + half.y, plan.bed.preparation.ballast_depth.max(upper_edge)),
     })
 }
 

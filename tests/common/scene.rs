@@ -5,7 +5,7 @@ use ballast::error::Result;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Grains, Model, Mount, Norm, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+    DrivenBody, Grains, Model, Mount, Part, PartitionRule, Role, Schedule, Solver, Stepping,
 };
 use ballast::state::State;
 use ballast::step::{StepReport, step};
@@ -145,20 +145,7 @@ impl Scene {
 
 /// Converged far below what the checks look at.
 pub fn tight(schedule: Schedule, partition: PartitionRule) -> Solver {
-    Solver {
-        schedule,
-        partition,
-        iterations: 2000,
-        subdomain_sweeps: 1,
-        interface_sweeps: 1,
-        tolerance: Some(1e-8),
-        norm: Norm::Qm16,
-        check_every: 5,
-        relaxation: 1.0,
-        warm_start: 1.0,
-        momentum: true,
-        recovery: None,
-    }
+    Solver { schedule, partition, iterations: 2000, tolerance: Some(1e-8), ..Solver::default() }
 }
 
 /// A plane turned by `angle` about y: downhill is +x.

@@ -84,7 +84,7 @@ fn machine(plan: &Plan, t: f64) -> Result<Vec<Placed>, Box<dyn Error>> {
         let [x, y] = sleeper.centre;
         bodies.push((sleeper.name.clone(), [still(x), still(y), z]));
     }
-    let deep = depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(&plan.bed);
     for tine in &plan.tines {
         bodies.push((tine.name.clone(), tine_place(plan, tine, deep, t)));
     }

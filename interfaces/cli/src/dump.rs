@@ -6,7 +6,7 @@
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::create_folder;
-use ballast::nlgs::reference::Assembled;
+use ballast::nlgs::assembled::Assembled;
 use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
 use std::path::PathBuf;

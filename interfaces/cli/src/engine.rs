@@ -5,6 +5,7 @@
 
 use crate::case::{self, Case};
 use crate::exit::{Failure, Outcome};
+use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
 use ballast::component::{Component, Status};
@@ -15,8 +16,7 @@ use ballast::state::State;
 use ballast::step::{StepReport, step};
 use ballast::track::{TampingCycle, TampingPhase};
 use ballast::workspace::Workspace;
-use ballast_mcap::verify::Keeper;
-use ballast_protocol::messages::StateHash;
+use ballast_mcap::verify::Keeper as _;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -203,38 +203,4 @@ impl Machine {
 /// Where each driven body, or its mount, was told to be `[nd]`.
 fn imposed(model: &Model, state: &State) -> Vec<Pose> {
     (0..model.driven.len()).map(|d| state.imposed(model, d)).collect()
-}
-
-/// What the machine of the case would remember of the steps of a recording of it: forces of the last
-/// vibration period, how far it has lowered and closed.
-pub struct Memory {
-    cycle: TampingCycle,
-    /// `None`: no machine moved the bodies.
-    drive: Option<Vec<f64>>,
-}
-
-impl Memory {
-    /// The memory at `state`; nothing is remembered unless the machine moved the bodies.
-    pub fn new(cycle: &TampingCycle, state: &State, of_the_machine: bool) -> Self {
-        Self { cycle: cycle.clone(), drive: of_the_machine.then(|| state.drive.clone()) }
-    }
-
-    fn complete<'a>(&self, state: &'a State) -> Cow<'a, State> {
-        match &self.drive {
-            Some(drive) => Cow::Owned(State { drive: drive.clone(), ..state.clone() }),
-            None => Cow::Borrowed(state),
-        }
-    }
-}
-
-impl Keeper for Memory {
-    fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
-        if let Some(drive) = &mut self.drive {
-            self.cycle.observe(model, report, state, drive);
-        }
-    }
-
-    fn hash(&self, model: &Model, state: &State) -> StateHash {
-        ballast_hdf5::state_hash(model, &self.complete(state)).into()
-    }
 }

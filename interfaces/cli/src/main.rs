@@ -17,6 +17,7 @@ mod exit;
 mod files;
 mod interrupt;
 mod lock;
+mod memory;
 mod playback;
 mod plot;
 mod profile;

@@ -14,7 +14,7 @@ mod roofline;
 
 pub use counting::Operations;
 
-use super::block::{Course, LawRows, PairBlock, Row64, SingleBlock};
+use super::block::{BlockMemory, LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::lanes::{Arithmetic, LANES, Line, Pass, run};
 use crate::local_problem::LocalContact;
@@ -245,23 +245,23 @@ impl Blocks {
         self.rouse(chosen)
     }
 
-    /// Goes on from the present impulses of the chosen blocks along their courses, `share` of the way that led there
-    /// once more (T-37), within their cones; the lines follow. They are awake from now on.
+    /// Goes on from the present impulses of the chosen blocks by `share` of the way that led there (T-37), within
+    /// their cones; the lines follow. They are awake from now on.
     ///
     /// Tells whether one was not.
     pub fn go_on(
         &mut self,
         arithmetic: Arithmetic,
         chosen: &Chosen,
-        courses: &mut [Course],
+        memories: &mut [BlockMemory],
         share: f64,
         lines: &mut [Line],
     ) -> bool {
         self.check_lines(lines);
         let choice = chosen.0.each_ref().map(Vec::as_slice);
-        assert_eq!(courses.len(), choice[0].len() + choice[1].len(), "one course per block");
+        assert_eq!(memories.len(), choice[0].len() + choice[1].len(), "one memory per block");
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        let pass = GoOn { singles, pairs, choice, courses, share, lines };
+        let pass = GoOn { singles, pairs, choice, memories, share, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
         self.rouse(chosen)

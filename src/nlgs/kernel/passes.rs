@@ -2,7 +2,7 @@
 
 use super::coupling::{Block, dot};
 use crate::lanes::{Lanes, Line, Pass, each, prefetch_at};
-use crate::nlgs::block::{Course, PairBlock, Row64, SingleBlock};
+use crate::nlgs::block::{BlockMemory, PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 use crate::nlgs::visit::{self, Law, Visit};
 
@@ -395,7 +395,7 @@ pub struct GoOn<'a> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
     pub choice: [&'a [u32]; 2],
-    pub courses: &'a mut [Course],
+    pub memories: &'a mut [BlockMemory],
     pub share: f64,
     pub lines: &'a mut [Line],
 }
@@ -405,7 +405,7 @@ impl Pass for GoOn<'_> {
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
         let ([singles, pairs], share) = (self.choice, L::splat(self.share));
-        let (of_singles, of_pairs) = self.courses.split_at_mut(singles.len());
+        let (of_singles, of_pairs) = self.memories.split_at_mut(singles.len());
         // SAFETY: the caller's.
         unsafe {
             go_on(self.singles, singles, of_singles, share, self.lines);
@@ -418,21 +418,21 @@ impl Pass for GoOn<'_> {
 unsafe fn go_on<L: Lanes, B: Block>(
     blocks: &mut [B],
     choice: &[u32],
-    courses: &mut [Course],
+    memories: &mut [BlockMemory],
     share: L,
     lines: &mut [Line],
 ) {
-    for (k, (&i, course)) in choice.iter().zip(courses).enumerate() {
+    for (k, (&i, memory)) in choice.iter().zip(memories).enumerate() {
         expect(blocks, number(choice, k + AHEAD));
         let block = &mut blocks[i as usize];
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
-        let change = each!(K in 3 => r[K].sub(L::load(&course.before[K])));
-        let further = each!(K in 3 => share.mul(L::load(&course.direction[K])));
+        let change = each!(K in 3 => r[K].sub(L::load(&memory.before[K])));
+        let further = each!(K in 3 => share.mul(L::load(&memory.direction[K])));
         // SAFETY: the caller's.
         let on = unsafe { replace(block, &each!(K in 3 => r[K].add(further[K])), lines) };
         for k in 0..3 {
-            on[k].store(&mut course.before[k]);
-            further[k].add(change[k]).store(&mut course.direction[k]);
+            on[k].store(&mut memory.before[k]);
+            further[k].add(change[k]).store(&mut memory.direction[k]);
         }
     }
 }

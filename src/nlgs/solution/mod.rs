@@ -8,7 +8,7 @@
 mod newton;
 mod search;
 
-use super::reference::{Assembled, NaturalMapErrors};
+use super::assembled::{Assembled, NaturalMapErrors};
 use crate::math::Vec3;
 use search::Search;
 

@@ -1,7 +1,7 @@
 //! Semismooth Newton method for the function of Alart and Curnier (T-33), regularised.
 
 use crate::math::{Mat3, Vec3};
-use crate::nlgs::reference::Assembled;
+use crate::nlgs::assembled::Assembled;
 use nalgebra::{DMatrix, DVector};
 
 /// Most unknowns of a dense system: larger ones take minutes.

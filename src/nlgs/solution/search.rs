@@ -3,7 +3,7 @@
 use super::{Settings, Solution, newton};
 use crate::math::{Mat3, Vec3, cone};
 use crate::nlgs::acceleration::{Guard, History, Mixing, PERIOD, Verdict};
-use crate::nlgs::reference::Assembled;
+use crate::nlgs::assembled::Assembled;
 
 /// Least share of a Newton step that is tried.
 const SHORTEST: f64 = 0.1;

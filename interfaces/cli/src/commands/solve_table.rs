@@ -217,7 +217,7 @@ fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ballast::nlgs::reference::NaturalMapErrors;
+    use ballast::nlgs::assembled::NaturalMapErrors;
 
     fn row(problem: &str, method: &str, seconds: f64, converged: bool) -> Row {
         let errors = NaturalMapErrors { abh: 5e-7, siconos: 4e-7, fclib: 3e-7, unit_free: 2e-7 };

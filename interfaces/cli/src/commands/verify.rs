@@ -3,8 +3,8 @@
 use crate::args::Verify;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
-use crate::engine::Memory;
 use crate::exit::{Failure, Outcome};
+use crate::memory::Memory;
 use crate::progress::{Mark, Progress};
 use crate::{beds, interrupt, session, start};
 use ballast::track;

@@ -6,8 +6,8 @@ use crate::image::{self, Source};
 use crate::seal;
 use ballast::Error as CoreError;
 use ballast::math::Vec3;
+use ballast::nlgs::assembled::Assembled;
 use ballast::nlgs::global_form::{Given, GlobalForm};
-use ballast::nlgs::reference::Assembled;
 use std::path::Path;
 
 /// A friction-contact problem, and where its file says that a solution is or may be.

@@ -5,7 +5,7 @@ use super::read::Problem;
 use crate::error::{Result, hdf5 as hdf5_error, io};
 use crate::{image, replace};
 use ballast::math::Vec3;
-use ballast::nlgs::reference::Assembled;
+use ballast::nlgs::assembled::Assembled;
 use hdf5::{File, H5Type};
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use crate::left_out;
 use ballast::math::Vec3;
-use ballast::nlgs::reference::Assembled;
+use ballast::nlgs::assembled::Assembled;
 use ballast::nlgs::solution::{Method, Settings, Solution, solve};
 use ballast_hdf5::fclib::{Storage, read, write_local, write_solution};
 use hdf5::File;

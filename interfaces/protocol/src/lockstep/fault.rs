@@ -200,3 +200,26 @@ fn parts(error: Error) -> Finding {
     };
     Finding { place, expected, found, nearest_ns: None }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_of_the_core_keeps_its_code() {
+        let text = String::new;
+        for refusal in [
+            Refusal::Time { now_ns: 0, step_ns: 2, nearest_ns: [2, 4], found_ns: 3 },
+            Refusal::Gap { body: text(), expected: text(), found: text() },
+            Refusal::Jump { body: text(), expected: text(), found: text() },
+            Refusal::Input { body: text(), expected: text(), found: text() },
+            Refusal::UnknownBody { known: Vec::new(), found: text() },
+            Refusal::NothingToRedo,
+            Refusal::Abandoned,
+            Refusal::Core(Error::Geometry { expected: "", found: text() }),
+        ] {
+            let code = refusal.code();
+            assert_eq!(Fault::from(refusal).code.to_string(), code);
+        }
+    }
+}

@@ -2,11 +2,14 @@
 
 use crate::case_file::{Bed, CaseFile, Grains};
 use crate::report::{Finding, Report};
+use ballast::track::{FALL_SPEED, MOST_GRAINS};
 
 /// Compactness of a prepared bed, for estimates only.
 const COMPACTNESS: f64 = 0.58;
-/// More grains than this are a slip of the pen, not a bed.
-const MOST_GRAINS: f64 = 5e6;
+/// More grains than this in a case are a slip of the pen.
+const MOST_EXPECTED: f64 = 5e6;
+// The core, which reckons without voids, refuses fewer.
+const _: () = assert!(MOST_EXPECTED / COMPACTNESS < MOST_GRAINS);
 /// Rounding of sums of decimal numbers.
 const SLACK: f64 = 1e-9;
 
@@ -133,11 +136,11 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
     let mean_volume = std::f64::consts::FRAC_PI_6 * cubes;
     let expected = COMPACTNESS * x * y * fill_level / mean_volume;
     // Written so that a number that is not one is refused, too.
-    if !(expected <= MOST_GRAINS) {
+    if !(expected <= MOST_EXPECTED) {
         let finding = Finding {
             problem: "the bed is too large".into(),
             found: format!("about {expected:.1e} grains"),
-            expected: format!("at most {MOST_GRAINS:.0e}"),
+            expected: format!("at most {MOST_EXPECTED:.0e}"),
             hint: Some("all sizes are in metres".into()),
         };
         report.error("bed.size_m", finding);
@@ -153,15 +156,15 @@ fn stretch(grains: &Grains) -> f64 {
     (elongation * elongation * flatness).cbrt().recip()
 }
 
-/// Pouring damps falls to 1 m/s; one step must not gain more.
+/// Pouring damps falls; one step must not gain more than it lets through.
 fn pouring_step(bed: &Bed, report: &mut Report) {
     let key = "bed.preparation.step_s";
     let step = bed.preparation.step_s;
-    if report.clean(&[key, "bed.gravity_m_per_s2"]) && step * bed.gravity_m_per_s2 >= 1.0 {
+    if report.clean(&[key, "bed.gravity_m_per_s2"]) && step * bed.gravity_m_per_s2 >= FALL_SPEED {
         let finding = Finding {
             problem: "the time step is too large for pouring".into(),
             found: format!("{step} s"),
-            expected: "a step in which free fall gains less than 1 m/s".into(),
+            expected: format!("a step in which free fall gains less than {FALL_SPEED} m/s"),
             hint: Some("1e-3 s is usual".into()),
         };
         report.error(key, finding);

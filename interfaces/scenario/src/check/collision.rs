@@ -2,8 +2,8 @@
 
 use crate::layout::{Layout, Placed};
 use crate::report::{Finding, Report};
-use ballast::track::SLACK;
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};
+use ballast::track::{SLACK, Swept, swept};
 use std::collections::BTreeSet;
 
 /// A rectangle in plan view: lower and upper corner, m.
@@ -38,20 +38,10 @@ fn blocks(sleeper: &SleeperPlan) -> impl Iterator<Item = Area> {
     sleeper.blocks.iter().map(move |b| Area::around([x, y + b.offset_y], b.size.x, b.size.y))
 }
 
-/// Blade and shaft together with their vibration, closed by `closing` metres.
-fn tine_area(tine: &TinePlan, closing: f64, amplitude: f64) -> Area {
-    let centre = [tine.position[0] + tine.direction * closing, tine.position[1]];
-    let size = tine.blade.sup(&tine.shaft);
-    Area::around(centre, size.x + 2.0 * amplitude, size.y)
-}
-
-/// What a tine sweeps from open to closed.
-fn swept(tine: &TinePlan, stroke: f64, amplitude: f64) -> Area {
-    let (open, closed) = (tine_area(tine, 0.0, amplitude), tine_area(tine, stroke, amplitude));
-    Area {
-        low: [open.low[0].min(closed.low[0]), open.low[1]],
-        high: [open.high[0].max(closed.high[0]), open.high[1]],
-    }
+/// What blade and shaft sweep while the tine swings by `amplitude` and closes by `stroke`, m.
+fn tine_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> Area {
+    let Swept { x, y } = swept(tine, stroke, amplitude);
+    Area { low: [x[0], y[0]], high: [x[1], y[1]] }
 }
 
 /// Checks all pairs of sleepers and tines, and each of them with the box of size `size`.
@@ -130,7 +120,7 @@ fn in_box(
     // What takes it out of the box is what it was still inside without.
     let at_rest = (tine_area(plan, 0.0, 0.0), "at rest");
     let swinging = (tine_area(plan, 0.0, amplitude), "with its vibration");
-    let closing = (swept(plan, stroke, amplitude), "with vibration and squeeze");
+    let closing = (tine_area(plan, stroke, amplitude), "with vibration and squeeze");
     let keys = [None, Some("tamping.vibration.amplitude_m"), Some("tamping.squeeze.stroke_m")];
     let outside = [at_rest, swinging, closing]
         .into_iter()
@@ -179,7 +169,7 @@ fn tine_and_sleeper(
             expected: format!("less than {:.4} m", clearance(&tine.plan, &sleeper.plan, 0.0)),
             hint: Some("or tines farther away from the blocks".into()),
         });
-    } else if hits(swept(&tine.plan, stroke, amplitude)) {
+    } else if hits(tine_area(&tine.plan, stroke, amplitude)) {
         tell(report, told, "tamping.squeeze.stroke_m", || Finding {
             problem: format!("the squeeze drives `{name}` into `{other}`"),
             found: format!("a stroke of {stroke} m"),
@@ -226,7 +216,7 @@ fn tine_and_tine(
     }
     // Those of one direction keep their distance; of the others only those that close on each other sweep the same
     // place.
-    let way = [a, b].map(|t| swept(t, stroke, amplitude));
+    let way = [a, b].map(|t| tine_area(t, stroke, amplitude));
     if a.direction != b.direction && way[0].overlaps(&way[1], -SLACK) {
         let gap = (begin[0].low[0] - begin[1].high[0]).max(begin[1].low[0] - begin[0].high[0]);
         tell(report, told, &tine.key_x, || Finding {

@@ -2,17 +2,17 @@
 
 use crate::layout::Layout;
 use crate::report::{Finding, Report};
+use ballast::track::motion_law::{SMOOTH_STEP_PEAK, TRAVEL_PEAK};
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
-use ballast::track::{HIGHEST, LONGEST_WINDOW};
+use ballast::track::{HIGHEST, LEAST_STEPS_PER_PERIOD, LONGEST_WINDOW};
 use std::f64::consts::PI;
 
 /// Fastest insertion that machines reach, m/s.
 const FAST_INSERTION: f64 = 1.0;
-/// Peak over mean speed of the smooth motions: tines cruise between ramps, a lift does not.
-const TINE_PEAK: f64 = 1.25;
-const LIFT_PEAK: f64 = 1.875;
-/// Fewest steps that show a sine.
-const STEPS_PER_PERIOD: f64 = 10.0;
+/// Fewest steps per period that show a sine.
+const STEPS_OF_A_SINE: f64 = 10.0;
+// The core refuses fewer: only what would be another motion.
+const _: () = assert!(STEPS_OF_A_SINE > LEAST_STEPS_PER_PERIOD);
 
 /// Checks the cycle against bed, layout and time stepping.
 pub fn machine(
@@ -83,7 +83,7 @@ fn cycle_fits(tamping: &TampingPlan, run: &RunPlan, report: &mut Report) {
 }
 
 fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
-    let edge = bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let edge = tamping.deep_edge(bed);
     for tine in &layout.tines {
         let lowest = edge - tine.plan.blade.z;
         if lowest <= 0.0 {
@@ -131,7 +131,7 @@ fn step_resolves(
     let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
     let limit = Limit { h, smallest };
     if layout.sleepers.iter().any(|s| s.plan.tamped) {
-        let lift = LIFT_PEAK * tamping.lift.height / tamping.lift.duration;
+        let lift = SMOOTH_STEP_PEAK * tamping.lift.height / tamping.lift.duration;
         limit.check("tamping.lift.duration_s", lift, 0.0, report);
     }
     let steps = 1.0 / (tamping.vibration.frequency * h);
@@ -150,11 +150,11 @@ fn step_resolves(
     let swing = 2.0 * tamping.vibration.amplitude * angle.sin() / h;
     // What is too fast alone is told once.
     let vibration = if limit.check("tamping.vibration", swing, 0.0, report) { swing } else { 0.0 };
-    let insertion = TINE_PEAK * travel / tamping.insertion.duration;
-    let squeeze = TINE_PEAK * tamping.squeeze.stroke / tamping.squeeze.duration;
+    let insertion = TRAVEL_PEAK * travel / tamping.insertion.duration;
+    let squeeze = TRAVEL_PEAK * tamping.squeeze.stroke / tamping.squeeze.duration;
     // They open in its first half, while they go up.
-    let opening = TINE_PEAK * tamping.squeeze.stroke / (0.5 * tamping.withdrawal);
-    let withdrawal = (opening + vibration).hypot(TINE_PEAK * travel / tamping.withdrawal);
+    let opening = TRAVEL_PEAK * tamping.squeeze.stroke / (0.5 * tamping.withdrawal);
+    let withdrawal = (opening + vibration).hypot(TRAVEL_PEAK * travel / tamping.withdrawal);
     let withdrawal_key = match report.document.has("tamping.withdrawal_s") {
         true => "tamping.withdrawal_s",
         false => "run.duration_s",
@@ -166,14 +166,14 @@ fn step_resolves(
     ] {
         limit.check(key, speed, vibration, report);
     }
-    if tamping.vibration.amplitude > 0.0 && steps < STEPS_PER_PERIOD {
+    if tamping.vibration.amplitude > 0.0 && steps < STEPS_OF_A_SINE {
         let finding = Finding {
             problem: "the time step is too large for the vibration".into(),
             found: format!("{steps:.1} steps per period"),
-            expected: format!("at least {STEPS_PER_PERIOD}"),
+            expected: format!("at least {STEPS_OF_A_SINE}"),
             hint: Some(format!(
                 "a step of {:.1e} s would do",
-                1.0 / (STEPS_PER_PERIOD * tamping.vibration.frequency)
+                1.0 / (STEPS_OF_A_SINE * tamping.vibration.frequency)
             )),
         };
         report.error("tamping.vibration.frequency_Hz", finding);
@@ -192,7 +192,7 @@ fn step_resolves(
 /// The longest way of a tine down to full depth, or up to it, m; none without tines.
 fn farthest(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout) -> Option<f64> {
     let start = bed.preparation.fill_level + tamping.insertion.clearance;
-    let deep = bed.preparation.ballast_depth + tamping.lift.height - tamping.insertion.depth;
+    let deep = tamping.deep_edge(bed);
     layout.tines.iter().map(|t| (start + t.plan.blade.z - deep).abs()).reduce(f64::max)
 }
 

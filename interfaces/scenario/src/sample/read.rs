@@ -4,9 +4,7 @@ use super::file::{FORMAT, Fixed, Grain, Norm, SampleFile, Solver};
 use super::{Sample, SampleError};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{
-    self, DrivenBody, Grains, Model, Part, PartitionRule, Role, Schedule, Stepping,
-};
+use ballast::model::{self, DrivenBody, Grains, Model, Part, Role, Schedule, Stepping};
 use ballast::state::State;
 use std::collections::BTreeSet;
 
@@ -112,10 +110,7 @@ fn solver(solver: &Solver, place: &Place) -> Result<model::Solver, SampleError> 
     Ok(model::Solver {
         // Sweeps over all contacts, as the format's other programs do them.
         schedule: Schedule::Sequential,
-        partition: PartitionRule::ContactsPer(4000),
         iterations,
-        subdomain_sweeps: 1,
-        interface_sweeps: 1,
         tolerance,
         norm: match solver.norm {
             Norm::Quad => model::Norm::Quad,
@@ -124,9 +119,7 @@ fn solver(solver: &Solver, place: &Place) -> Result<model::Solver, SampleError> 
         },
         check_every: solver.check_every,
         relaxation: solver.relax,
-        warm_start: 1.0,
-        momentum: true,
-        recovery: None,
+        ..model::Solver::default()
     })
 }
 
