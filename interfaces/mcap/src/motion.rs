@@ -6,6 +6,7 @@
 //! covers the stretch of time that the messages of all mapped bodies have in common.
 
 mod assign;
+mod frames;
 mod json_pose;
 mod knots;
 
@@ -70,6 +71,7 @@ pub fn read(
     }
     assignment.all_used(path, &found.topics, &found.frames)?;
     let topics = std::mem::take(&mut found.topics);
+    let placed = std::mem::take(&mut found.frames);
     let lost = messages.lost().cloned();
     let tracks = found.tracks();
     if tracks.is_empty() {
@@ -79,6 +81,7 @@ pub fn read(
         let lost = lost.map_or(String::new(), |lost| format!("; {lost}"));
         return Err(Error::unsuitable(path, "topics", expected, format!("{topics:?}{lost}")));
     }
+    frames::expect_still(path, &tracks, &placed)?;
     join(path, tracks, begin_ns, lost)
 }
 
@@ -118,21 +121,21 @@ impl Found {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
                 let time = at(Some(whole(stamped.header.stamp)?))?;
-                self.track(body).pose(time, stamped.pose);
+                self.track(body).pose(time, stamped.pose, &stamped.header.frame_id);
             }
             Source::Twist(body) => {
                 self.only(assignment, "twists", body, &message.channel.topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
                 let time = at(Some(whole(stamped.header.stamp)?))?;
-                self.track(body).twist(time, stamped.twist);
+                self.track(body).twist(time, stamped.twist, &stamped.header.frame_id);
             }
             Source::Json(body) => {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let read = json_pose::read(&message.data)?;
                 let time = at(read.stamp_ns)?;
-                self.track(body).pose(time, read.pose);
+                self.track(body).pose(time, read.pose, &read.frame);
                 if let Some(twist) = read.twist {
-                    self.track(body).twist(time, twist);
+                    self.track(body).twist(time, twist, &read.frame);
                 }
             }
             Source::Transforms => {
@@ -151,10 +154,18 @@ impl Found {
                             },
                             orientation: transform.transform.rotation,
                         };
-                        self.transforms.entry(body.into()).or_default().pose(time, pose);
+                        let parent = &transform.header.frame_id;
+                        self.transforms.entry(body.into()).or_default().pose(time, pose, parent);
                     }
                     self.frames.insert(format!("{topic}:{frame}"));
                 }
+            }
+            Source::Frames => {
+                // Nothing is moved by them: one that cannot be read spoils nothing.
+                let tf = from_cdr::<TFMessage>(&message.data).unwrap_or_default();
+                let frames = tf.transforms.into_iter().map(|transform| transform.child_frame_id);
+                let topic = &message.channel.topic;
+                self.frames.extend(frames.map(|frame| format!("{topic}:{frame}")));
             }
         }
         Ok(())
@@ -207,7 +218,7 @@ fn join(
     lost: Option<Lost>,
 ) -> Result<Motion> {
     let mut waveforms = Vec::new();
-    let mut notes = Vec::new();
+    let mut notes = frames::notes(&tracks);
     for (body, track) in tracks {
         let (waveform, note) = track.waveform().map_err(|e| {
             Error::damaged(path, format!("poses of {body:?}, {}", e.place), e.expected, e.found)

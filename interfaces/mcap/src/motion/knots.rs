@@ -5,7 +5,7 @@ use ballast::component::{Interpolation, Knot, Waveform};
 use ballast::math::{Quat, Vec3};
 use ballast_protocol::Malformed;
 use ballast_protocol::messages::{Pose, Quaternion, Twist};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the norm of a recorded quaternion may be from 1; it is normalised.
 const NEARLY_UNIT: f64 = 1e-3;
@@ -19,14 +19,19 @@ pub(super) struct Track {
     twists: BTreeMap<u64, Twist>,
     /// A time at which two were told.
     two_twists_at: Option<u64>,
+    /// In which poses are told, and twists.
+    pub pose_frames: BTreeSet<String>,
+    pub twist_frames: BTreeSet<String>,
 }
 
 impl Track {
-    pub fn pose(&mut self, time_ns: u64, pose: Pose) {
+    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) {
+        note(&mut self.pose_frames, frame);
         self.poses.push((time_ns, pose));
     }
 
-    pub fn twist(&mut self, time_ns: u64, twist: Twist) {
+    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) {
+        note(&mut self.twist_frames, frame);
         if self.twists.insert(time_ns, twist).is_some_and(|other| other != twist) {
             self.two_twists_at.get_or_insert(time_ns);
         }
@@ -38,6 +43,7 @@ impl Track {
 
     pub fn take_twists(&mut self, other: &mut Track) {
         self.twists.append(&mut other.twists);
+        self.twist_frames.append(&mut other.twist_frames);
         self.two_twists_at = self.two_twists_at.or(other.two_twists_at);
     }
 
@@ -77,6 +83,12 @@ impl Track {
         };
         let note = format!("{} poses, {how}", knots.len());
         Ok((Waveform { interpolation, knots }, note))
+    }
+}
+
+fn note(frames: &mut BTreeSet<String>, frame: &str) {
+    if !frames.contains(frame) {
+        frames.insert(frame.into());
     }
 }
 
@@ -132,8 +144,8 @@ mod tests {
             for speed in speeds {
                 let mut twist = no_twist();
                 twist.linear.x = speed;
-                track.pose(5, Pose::default());
-                track.twist(5, twist);
+                track.pose(5, Pose::default(), "");
+                track.twist(5, twist, "");
             }
             track.waveform()
         };

@@ -46,13 +46,22 @@ fn twist(topic: &str, time_ns: u64, speed: f64) -> Entry {
 }
 
 fn transform(time_ns: u64, frame: &str, x: f64) -> Entry {
+    transform_in("world", "/tf", time_ns, frame, x)
+}
+
+fn transform_in(parent: &str, topic: &str, time_ns: u64, frame: &str, x: f64) -> Entry {
     let translation = Vector3 { x, y: 0.0, z: 0.5 };
     let transform = TransformStamped {
-        header: Header::world(time_ns),
+        header: Header { frame_id: parent.into(), ..Header::world(time_ns) },
         child_frame_id: frame.into(),
         transform: Transform { translation, rotation: Quaternion::default() },
     };
-    Entry::of("/tf", time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
+    Entry::of(topic, time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
+}
+
+fn pose_in(frame: &str, topic: &str, time_ns: u64, x: f64) -> Entry {
+    let header = Header { frame_id: frame.into(), ..Header::world(time_ns) };
+    Entry::of(topic, time_ns, &PoseStamped { header, pose: at(x) }).unwrap()
 }
 
 fn read_all(path: &Path, maps: &[&str]) -> Result<Motion> {
@@ -136,6 +145,46 @@ fn transforms_move_the_bodies_of_their_frames() {
 }
 
 #[test]
+fn poses_in_a_frame_that_the_file_places_are_refused() {
+    let place = Place::new();
+    let arm = |time, x| transform_in("/unit", "/tf", time, "tine-1", x);
+    for topic in ["/tf", "/tf_static", "/machine/tf"] {
+        let unit = [0, 9].map(|t| transform_in("world", topic, t, "unit", 1e-3 * t as f64));
+        let tree = [unit.to_vec(), vec![arm(0, 1.0), arm(9, 1.0)]].concat();
+        let error = read_all(&place.file(&tree), &[]).unwrap_err().to_string();
+        assert!(error.contains("poses of \"tine-1\": expected"), "{error}");
+        assert!(error.contains(&format!("\"/unit\", which {topic} places")), "{error}");
+        // A topic of its own counts before transforms.
+        let own = [tree.clone(), vec![pose("/tine_1/pose", 0, 0.0, 0)]].concat();
+        read_all(&place.file(&own), &[]).unwrap();
+        let poses = [unit.to_vec(), vec![pose_in("unit", "/tine_1/pose", 0, 0.0)]].concat();
+        let error = read_all(&place.file(&poses), &[]).unwrap_err().to_string();
+        assert!(error.contains("\"unit\""), "{error}");
+    }
+    // What is called as the bed's frame may have a place on the earth.
+    let tf = ["map", "world"].map(|frame| transform_in("earth", "/tf_static", 0, frame, 7.0));
+    let on_earth = [&tf[..], &[pose_in("map", "/tine_1/pose", 0, 0.0)]].concat();
+    assert_eq!(read_all(&place.file(&on_earth), &[]).unwrap().notes.len(), 1);
+}
+
+#[test]
+fn frames_other_than_the_bed_s_are_named() {
+    let place = Place::new();
+    let (a, b) = ("/tine_1/pose", "/sleeper/pose");
+    let path = place.file(&[pose_in("unit", a, 0, 0.0), pose_in("unit", b, 0, 0.0)]);
+    let notes = read_all(&path, &[]).unwrap().notes;
+    assert!(notes[0].starts_with("poses in the frame \"unit\" are taken"), "{notes:?}");
+    assert!(notes[0].ends_with("sleeper, tine-1") && notes.len() == 3, "{notes:?}");
+    for silent in ["", "/world", "map"] {
+        let notes = read_all(&place.file(&[pose_in(silent, a, 0, 0.0)]), &[]).unwrap().notes;
+        assert_eq!(notes.len(), 1, "{notes:?}");
+    }
+    let path = place.file(&[transform_in("rail", "/tf", 0, "tine-1", 0.0)]);
+    let notes = read_all(&path, &[]).unwrap().notes;
+    assert!(notes[0].contains("\"rail\""), "{notes:?}");
+}
+
+#[test]
 fn two_sources_for_one_body_are_refused() {
     let place = Place::new();
     let path = place.file(&[
@@ -211,10 +260,12 @@ fn json_poses_are_read_in_their_forms() {
     let pose = r#"{"position": {"x": 1, "y": 2, "z": 3}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}"#;
     let read = |text: &str| json_pose::read(text.as_bytes());
     let plain = read(pose).unwrap();
-    assert_eq!((plain.pose.position.z, plain.stamp_ns), (3.0, None));
+    assert_eq!((plain.pose.position.z, plain.stamp_ns, &plain.frame[..]), (3.0, None, ""));
     let stamped =
         format!(r#"{{"header": {{"stamp": {{"sec": 1, "nanosec": 5}}}}, "pose": {pose}}}"#);
     assert_eq!(read(&stamped).unwrap().stamp_ns, Some(1_000_000_005));
+    let framed = stamped.replace("{\"stamp\"", "{\"frame_id\": \"unit\", \"stamp\"");
+    assert_eq!(read(&framed).unwrap().frame, "unit");
     let timed = format!(
         r#"{{"time_ns": 7, "pose": {pose}, "twist": {{"linear": {{"x": 1, "y": 0, "z": 0}},
         "angular": {{"x": 0, "y": 0, "z": 2}}}}}}"#
