@@ -2,6 +2,7 @@
 
 use crate::case;
 use crate::exit::{Failure, Outcome};
+use crate::plot::BEGINNING;
 use ballast_hdf5::checkpoint;
 use ballast_scenario::NoText;
 use serde_json::Value;
@@ -139,7 +140,9 @@ impl RunFiles {
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
     pub fn remove_all(&self) -> Outcome {
         let files = [self.summary(), self.checkpoint(), self.results()];
-        for file in files {
+        // A page that somebody else has put there is no report.
+        let report = Some(self.report()).filter(|path| begins_with(path, BEGINNING.as_bytes()));
+        for file in files.into_iter().chain(report) {
             match std::fs::remove_file(&file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
                     return Err(Failure::at(&file, format!("cannot replace it: {e}")));
