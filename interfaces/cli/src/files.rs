@@ -83,8 +83,13 @@ impl RunFiles {
         self.folder.join("report.html")
     }
 
-    /// Whether a run stopped here before its end, be it where it was told to.
+    /// Whether a run stopped here before its end, be it where it was told to, or was ended before its first checkpoint.
     pub fn is_unfinished(&self) -> bool {
+        self.is_resumable() || self.results().exists() && self.told_summary().is_none()
+    }
+
+    /// Whether a run stopped here that can be gone on with.
+    pub fn is_resumable(&self) -> bool {
         self.checkpoint().exists() && self.whole_summary().is_none()
     }
 
@@ -128,6 +133,14 @@ impl RunFiles {
             return Ok(());
         }
         let (folder, checkpoint) = (self.folder.display(), self.checkpoint());
+        if !self.is_resumable() {
+            let results = self.results();
+            return Err(Failure::Usage(format!(
+                "{folder} holds a run that was ended before its first checkpoint; `ballast export {} --out DIR` \
+                 writes out what it recorded; {or}",
+                results.display()
+            )));
+        }
         let is_served = checkpoint::read(&checkpoint).is_ok_and(|kept| case::is_served(&kept));
         let how = if is_served {
             format!("`ballast serve CASE --out {folder} --resume`")

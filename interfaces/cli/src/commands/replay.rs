@@ -43,7 +43,9 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     let folder = format!("{}-replay", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
     let files = RunFiles::begun_in(folder)?;
-    files.refuse_unfinished("choose another folder with --out")?;
+    if !args.force {
+        files.refuse_unfinished("choose another folder with --out, or replace it with --force")?;
+    }
     files.refuse_own(&args.file)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
