@@ -75,11 +75,18 @@ pub fn read(
     let lost = messages.lost().cloned();
     let tracks = found.tracks();
     if tracks.is_empty() {
-        let topics: Vec<&String> = topics.iter().take(20).collect();
-        let expected = format!("poses of one of {bodies:?}; name them with --map TOPIC=BODY");
+        let few =
+            |names: &BTreeSet<String>| format!("{:?}", names.iter().take(20).collect::<Vec<_>>());
+        let mut found = few(&topics);
+        if !placed.is_empty() {
+            found += &format!(" with the frames {}", few(&placed));
+        }
+        let expected = format!(
+            "poses of one of {bodies:?}; name them with --map TOPIC=BODY, transforms with --map TOPIC:FRAME=BODY"
+        );
         // What is damaged may have held them.
         let lost = lost.map_or(String::new(), |lost| format!("; {lost}"));
-        return Err(Error::unsuitable(path, "topics", expected, format!("{topics:?}{lost}")));
+        return Err(Error::unsuitable(path, "topics", expected, format!("{found}{lost}")));
     }
     frames::expect_still(path, &tracks, &placed)?;
     join(path, tracks, begin_ns, lost)

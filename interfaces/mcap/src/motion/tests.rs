@@ -245,6 +245,12 @@ fn what_cannot_be_used_is_named() {
     assert!(error.contains("tine-1") && error.contains("sleeper"), "{error}");
     let error = read_all(&place.file(&entries[..1]), &[]).unwrap_err().to_string();
     assert!(error.contains("/clock") && error.contains("--map"), "{error}");
+    // Frames of other names than the bodies', on the usual topic and on another.
+    let tf = transform_in("world", "/machine/tf", 0, "tine-1", 0.0);
+    let path = place.file(&[transform(0, "/tine-1", 0.0), tf]);
+    let error = read_all(&path, &[]).unwrap_err().to_string();
+    let frames = "frames [\"/machine/tf:tine-1\", \"/tf:/tine-1\"]";
+    assert!(error.contains(frames) && error.contains("TOPIC:FRAME=BODY"), "{error}");
     for text in ["", "=a", "/a=", "/a"] {
         assert!(text.parse::<Map>().is_err(), "{text}");
     }
