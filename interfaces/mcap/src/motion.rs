@@ -9,6 +9,7 @@ mod assign;
 mod frames;
 mod json_pose;
 mod knots;
+mod stretch;
 
 pub use assign::Map;
 
@@ -42,6 +43,8 @@ pub struct Motion {
     pub end_ns: u64,
     /// What the person should know: interpolation of each body, topics.
     pub notes: Vec<String>,
+    /// What is more likely a slip than meant.
+    pub warnings: Vec<String>,
     pub lost: Option<Lost>,
 }
 
@@ -226,11 +229,16 @@ fn join(
 ) -> Result<Motion> {
     let mut waveforms = Vec::new();
     let mut notes = frames::notes(&tracks);
+    let (mut contradicted, mut most) = (Vec::new(), 0.0_f64);
     for (body, track) in tracks {
         let (waveform, note) = track.waveform().map_err(|e| {
             Error::damaged(path, format!("poses of {body:?}, {}", e.place), e.expected, e.found)
         })?;
         notes.push(format!("{body}: {note}"));
+        if let Some(share) = knots::contradiction(&waveform) {
+            contradicted.push(body.clone());
+            most = share.max(most);
+        }
         waveforms.push((body, waveform));
     }
     let ends = |pick: fn(&ballast::component::Waveform) -> Option<u64>| {
@@ -243,13 +251,30 @@ fn join(
         let found = format!("the last to begin at {start} ns, the first to end at {end} ns");
         return Err(Error::unsuitable(path, "times", expected, found));
     }
+    let warnings = (!contradicted.is_empty()).then(|| {
+        format!(
+            "twists of {}: expected velocities (m/s, in the axes of the bed) that lead from pose to pose, found some \
+             that miss up to {:.0} % of the way; they are used all the same: from a file without them, motions \
+             between poses are linear",
+            contradicted.join(", "),
+            100.0 * most
+        )
+    });
+    notes.extend(stretch::notes(&waveforms, [start, end]));
     let inputs = waveforms.into_iter().map(|(body, waveform)| Input {
         body,
         waveform: knots::cut(&waveform, start, begin_ns),
         rebase: false,
     });
     let end_ns = begin_ns.saturating_add(end - start);
-    Ok(Motion { inputs: inputs.collect(), start_ns: begin_ns, end_ns, notes, lost })
+    Ok(Motion {
+        inputs: inputs.collect(),
+        start_ns: begin_ns,
+        end_ns,
+        notes,
+        warnings: Vec::from_iter(warnings),
+        lost,
+    })
 }
 
 /// A twist that says nothing.

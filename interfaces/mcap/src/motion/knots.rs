@@ -12,6 +12,12 @@ const NEARLY_UNIT: f64 = 1e-3;
 /// Norms nearer to 1 than this are left as they are, so that exact recordings stay exact.
 const UNIT: f64 = 1e-9;
 
+/// Share of the way by which twists and poses may differ without a word: twists of a vibration that is sampled three
+/// times a period come to 0.45, those in another unit or of another frame to 1 and more.
+const CONTRADICTION: f64 = 0.6;
+/// What moves less than this says nothing of its twists, m.
+const STILL: f64 = 1e-3;
+
 /// Poses and twists of one body, as they come.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Track {
@@ -84,6 +90,24 @@ impl Track {
         let note = format!("{} poses, {how}", knots.len());
         Ok((Waveform { interpolation, knots }, note))
     }
+}
+
+/// The share of the way that the twists of a cubic motion miss from pose to pose, where it is out of proportion.
+pub(super) fn contradiction(waveform: &Waveform) -> Option<f64> {
+    if waveform.interpolation != Interpolation::Hermite {
+        return None;
+    }
+    let knots = &waveform.knots;
+    let first = knots.first()?.pose.position;
+    let moves = knots.iter().any(|k| (k.pose.position - first).norm() > STILL);
+    let (mut missed, mut way) = (0.0, 0.0);
+    for [a, b] in knots.windows(2).map(|pair| [&pair[0], &pair[1]]) {
+        let h = (b.time_ns - a.time_ns) as f64 * 1e-9;
+        let moved = b.pose.position - a.pose.position;
+        missed += (moved - 0.5 * h * (a.velocity + b.velocity)).norm();
+        way += moved.norm();
+    }
+    (moves && missed > CONTRADICTION * way).then(|| missed / way)
 }
 
 fn note(frames: &mut BTreeSet<String>, frame: &str) {

@@ -131,6 +131,64 @@ fn nothing_is_extrapolated_and_the_common_stretch_begins_the_run() {
 }
 
 #[test]
+fn what_a_motion_leaves_out_or_bridges_is_told() {
+    let place = Place::new();
+    let (a, b) = ("/tine_1/pose", "/sleeper/pose");
+    let body = |topic: &str, times: &[u64]| -> Vec<Entry> {
+        times.iter().map(|t| pose(topic, *t, 0.0, 0)).collect()
+    };
+    let notes = |entries: [Vec<Entry>; 2]| {
+        let notes = read_all(&place.file(&entries.concat()), &[]).unwrap().notes;
+        notes[2..].to_vec()
+    };
+    let whole: Vec<u64> = (0..=50).map(|k| k * 1_000_000).collect();
+    assert_eq!(notes([body(a, &whole), body(b, &whole[1..50])]), [""; 0]);
+    let told = notes([body(a, &whole), body(b, &whole[5..11])]);
+    let says = |edge: &str| format!("{edge}, there is no pose of sleeper");
+    assert!(
+        told[0].contains("at 0.005 s of the file, not at 0 s")
+            && told[0].ends_with(&says("before"))
+    );
+    assert!(
+        told[1].contains("at 0.01 s of the file, not at 0.05 s")
+            && told[1].ends_with(&says("after"))
+    );
+    let torn = [&whole[..20], &whole[40..]].concat();
+    let told = notes([body(a, &torn), body(b, &whole)]);
+    assert!(
+        told.len() == 1 && told[0].contains("tine-1: no pose from 0.019 to 0.04 s"),
+        "{told:?}"
+    );
+    // Outside of what is replayed nothing is missing.
+    assert_eq!(notes([body(a, &torn), body(b, &whole[..15])]).len(), 1);
+}
+
+#[test]
+fn twists_that_do_not_lead_from_pose_to_pose_are_warned_of() {
+    let place = Place::new();
+    // A vibration of 35 Hz, sampled at 100 Hz.
+    let (turn, amplitude) = (std::f64::consts::TAU * 35.0, 3e-3);
+    let warned = |scale: f64, amplitude: f64| {
+        let entries: Vec<Entry> = (0..60)
+            .flat_map(|k| {
+                let (time, angle) = (k * 10_000_000, turn * 0.01 * k as f64);
+                let speed = scale * amplitude * turn * angle.cos();
+                let topic = |what: &str| format!("/tine_1/{what}");
+                let x = amplitude * angle.sin();
+                [pose(&topic("pose"), time, x, 0), twist(&topic("twist"), time, speed)]
+            })
+            .collect();
+        read_all(&place.file(&entries), &[]).unwrap().warnings
+    };
+    assert_eq!(warned(1.0, amplitude), [""; 0]);
+    for scale in [0.0, 1e-3, 1e3, -1.0] {
+        let warnings = warned(scale, amplitude);
+        assert!(warnings[0].contains("twists of tine-1:") && warnings.len() == 1, "{scale}");
+    }
+    assert_eq!(warned(0.0, 0.2e-3), [""; 0], "what hardly moves says nothing");
+}
+
+#[test]
 fn transforms_move_the_bodies_of_their_frames() {
     let place = Place::new();
     let tf = [transform(0, "tine-1", 0.0), transform(0, "arm", 5.0), transform(9, "tine-1", 1.0)];
