@@ -60,7 +60,11 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
             (model, state, playback)
         }
     };
-    let engine = Engine::recording(&case, model, state, cycle, playback)?;
+    let mut engine = Engine::recording(&case, model, state, cycle, playback)?;
+    // Before an earlier replay is removed.
+    if args.until.steps != Some(engine.state().step) {
+        engine.expect_a_step()?;
+    }
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.until.steps, args.until.expect)
 }

@@ -302,13 +302,13 @@ fn the_choices_of_the_command_line_are_part_of_a_recording() {
     verify(&place, "run.mcap").with_code(0);
 }
 
-/// Poses of a body that goes up from where it is for so many steps, at 1 mm/s and 1 kHz.
-fn rising(place: &Place, from: PoseStamped, steps: u64) {
+/// Poses of a body that goes up from where it is for so many steps, at 1 kHz, by so much in each.
+fn rising(place: &Place, from: PoseStamped, steps: u64, by: f64) {
     let mut writer = Writer::create(&place.path("rising.mcap"), None).unwrap();
     for i in 0..=steps {
         let (time, mut pose) = (i * 1_000_000, from.clone());
         pose.header = Header::world(time);
-        pose.pose.position.z += 1e-6 * i as f64;
+        pose.pose.position.z += by * i as f64;
         writer.write(&Entry::of("/machine/arm", time, &pose).unwrap()).unwrap();
     }
     writer.finish().unwrap();
@@ -327,7 +327,7 @@ fn poses_of_any_file_move_a_body() {
     };
     let body = first.channel.topic.split('/').nth(1).unwrap().to_string();
     let start: PoseStamped = from_cdr(&first.data).unwrap();
-    rising(&place, start.clone(), 20);
+    rising(&place, start.clone(), 20, 1e-6);
 
     let map = format!("--map /machine/arm={body}");
     let ended =
@@ -346,9 +346,11 @@ fn poses_of_any_file_move_a_body() {
     // A body elsewhere is refused, unless it is let go there.
     let mut elsewhere = start.clone();
     elsewhere.pose.position.z += 1e-3;
-    rising(&place, elsewhere, 20);
-    let ended = replay(&place, &format!("rising.mcap {map} --out off")).with_code(1);
-    assert!(ended.stderr().contains(&body), "{}", ended.stderr());
+    rising(&place, elsewhere, 20, 1e-6);
+    let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
+    assert!(said.contains(&body) && said.contains("--rebase"), "{said}");
+    assert!(!said.contains("are kept"), "nothing was begun: {said}");
+    assert_eq!(place.hash("up"), hash, "what was refused replaces nothing");
     replay(&place, &format!("rising.mcap {map} --out off --rebase")).with_code(0);
 
     let ended = replay(&place, "rising.mcap --out none").with_code(1);
@@ -356,9 +358,10 @@ fn poses_of_any_file_move_a_body() {
     let ended = replay(&place, "rising.mcap --out none --map /machine/arm=crane").with_code(1);
     assert!(ended.stderr().contains("crane"), "{}", ended.stderr());
     // A pose is no motion.
-    rising(&place, start, 0);
-    let said = replay(&place, &format!("rising.mcap {map} --out none")).with_code(1).stderr();
+    rising(&place, start, 0, 0.0);
+    let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
     assert!(said.contains("rising.mcap: expected motions"), "{said}");
+    assert_eq!(place.hash("up"), hash);
 }
 
 #[test]
