@@ -24,6 +24,7 @@ mod progress;
 mod record;
 mod recorder;
 mod report;
+mod room;
 mod session;
 mod start;
 mod statistics;

@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, expect_apart};
 use crate::playback::Playback;
 use crate::session::{self, Session};
-use crate::{beds, interrupt, start};
+use crate::{beds, interrupt, room, start};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_mcap::motion::{self, TimeOf};
@@ -89,6 +89,10 @@ fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Out
     let motion = motion::read(&args.file, &bodies, &args.map, time, state.time_ns)?;
     for note in &motion.notes {
         console.note(note);
+    }
+    let lack = room::lack(model, state, &motion.inputs, motion.end_ns);
+    for warning in motion.warnings.iter().chain(&lack) {
+        console.warning(&format!("{}: {warning}", args.file.display()));
     }
     Ok(Playback::of_motion(&args.file, motion, args.rebase))
 }

@@ -357,6 +357,14 @@ fn poses_of_any_file_move_a_body() {
     assert!(ended.stderr().contains("/machine/arm"), "{}", ended.stderr());
     let ended = replay(&place, "rising.mcap --out none --map /machine/arm=crane").with_code(1);
     assert!(ended.stderr().contains("crane"), "{}", ended.stderr());
+    // Nothing stops a tine at the floor.
+    rising(&place, start.clone(), 20, -0.01);
+    let said = replay(&place, &format!("rising.mcap {map} --out deep --steps 1")).with_code(0);
+    let said = said.stderr();
+    assert!(
+        said.contains("warning: rising.mcap: poses of") && said.contains("\"floor\""),
+        "{said}"
+    );
     // A pose is no motion.
     rising(&place, start, 0, 0.0);
     let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
