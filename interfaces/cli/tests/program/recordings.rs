@@ -260,7 +260,7 @@ fn the_first_difference_is_named() {
         vec![to_cdr(&record).unwrap()]
     });
     let said = verify(&place, "other.mcap").with_code(5).stderr();
-    assert!(said.contains("window 50"), "{said}");
+    assert!(said.contains("window 50") && !said.contains("of the case"), "{said}");
     assert!(said.contains("/pose") || said.contains("/tf"), "{said}");
 }
 
@@ -275,6 +275,14 @@ fn another_case_is_noticed() {
     let line = CASE.lines().position(|line| line.starts_with("hold_s")).unwrap() + 2;
     let line = format!("line {line} of the case: recorded \"[tamping.lift]\", here \"\"");
     assert!(said.contains(&line), "{said}");
+    // A line that nothing depends on before the tines go down.
+    std::fs::write(place.path("tiny.toml"), CASE.replace("depth_m = 0.004", "depth_m = 0.003"))
+        .unwrap();
+    let said = place.with_beds("verify run.mcap --case tiny.toml").with_code(5).stderr();
+    assert!(said.contains("the case: recorded \"depth_m = 0.004\", here"), "{said}");
+    assert!(!said.contains(", :") && !said.contains("another one of the same key"), "{said}");
+    std::fs::write(place.path("tiny.toml"), other.replace("iterations = 30", "iterations = 31"))
+        .unwrap();
     let ended = replay(&place, "run.mcap --out other").with_code(0);
     assert!(ended.stderr().contains("results will differ"), "{}", ended.stderr());
     assert_ne!(place.hash("other"), place.hash("run"));
