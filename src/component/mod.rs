@@ -287,6 +287,18 @@ impl Component {
         Ok(account.close(status, trouble, end))
     }
 
+    /// Whether a window up to `t1_ns` would be begun; nothing is computed, and nothing changes.
+    ///
+    /// # Errors
+    /// As for [`Component::advance_to`], and a body that is led too far in the first step.
+    pub fn check<'a>(&self, t1_ns: u64, inputs: impl Into<Window<'a>>) -> Result<(), Refusal> {
+        self.steps_to(t1_ns)?;
+        let (model, state, window) = (&self.model, &self.state, inputs.into());
+        let memory = Memory::read(state, model.driven.len(), &self.squeezes);
+        let plan = Plan::check(model, state, &memory, &self.limits, t1_ns, &window)?;
+        Ok(self.speed_limit.check(model, state, &plan.targets(model, state))?)
+    }
+
     /// Computes the last window again from its beginning, with other inputs; also one that was discarded.
     ///
     /// # Errors

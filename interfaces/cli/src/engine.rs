@@ -126,6 +126,18 @@ impl Engine {
         }
     }
 
+    /// Refuses a recording that cannot lead the bodies through the next step; nothing is computed.
+    pub fn expect_a_step(&mut self) -> Outcome {
+        let Source::Recording { component, playback, .. } = &mut self.source else { return Ok(()) };
+        let (t0_ns, stepping) = (component.now_ns(), component.model().stepping);
+        let t1_ns = t0_ns.saturating_add(stepping.step_ns);
+        if !playback.reach(t0_ns, t1_ns)? {
+            return Err(playback.too_short(t0_ns, stepping.h()));
+        }
+        let checked = component.check(t1_ns, playback.inputs());
+        checked.map_err(|e| Failure::at(playback.path(), format!("{e}{}", playback.advice())))
+    }
+
     /// Takes a step; `None` where the recording ends.
     pub fn step(&mut self, watch: &mut Profile) -> Outcome<Option<Stepped>> {
         match &mut self.source {

@@ -2,6 +2,7 @@
 
 use crate::case;
 use crate::exit::{Failure, Outcome};
+use crate::plot::BEGINNING;
 use ballast_hdf5::checkpoint;
 use ballast_scenario::NoText;
 use serde_json::Value;
@@ -82,8 +83,13 @@ impl RunFiles {
         self.folder.join("report.html")
     }
 
-    /// Whether a run stopped here before its end, be it where it was told to.
+    /// Whether a run stopped here before its end, be it where it was told to, or was ended before its first checkpoint.
     pub fn is_unfinished(&self) -> bool {
+        self.is_resumable() || self.results().exists() && self.told_summary().is_none()
+    }
+
+    /// Whether a run stopped here that can be gone on with.
+    pub fn is_resumable(&self) -> bool {
         self.checkpoint().exists() && self.whole_summary().is_none()
     }
 
@@ -127,6 +133,14 @@ impl RunFiles {
             return Ok(());
         }
         let (folder, checkpoint) = (self.folder.display(), self.checkpoint());
+        if !self.is_resumable() {
+            let results = self.results();
+            return Err(Failure::Usage(format!(
+                "{folder} holds a run that was ended before its first checkpoint; `ballast export {} --out DIR` \
+                 writes out what it recorded; {or}",
+                results.display()
+            )));
+        }
         let is_served = checkpoint::read(&checkpoint).is_ok_and(|kept| case::is_served(&kept));
         let how = if is_served {
             format!("`ballast serve CASE --out {folder} --resume`")
@@ -139,7 +153,9 @@ impl RunFiles {
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
     pub fn remove_all(&self) -> Outcome {
         let files = [self.summary(), self.checkpoint(), self.results()];
-        for file in files {
+        // A page that somebody else has put there is no report.
+        let report = Some(self.report()).filter(|path| begins_with(path, BEGINNING.as_bytes()));
+        for file in files.into_iter().chain(report) {
             match std::fs::remove_file(&file) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
                     return Err(Failure::at(&file, format!("cannot replace it: {e}")));

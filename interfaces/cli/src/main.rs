@@ -25,6 +25,7 @@ mod progress;
 mod record;
 mod recorder;
 mod report;
+mod room;
 mod session;
 mod start;
 mod statistics;

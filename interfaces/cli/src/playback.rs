@@ -76,6 +76,30 @@ impl Playback {
         }
     }
 
+    /// Why not a single step can be taken.
+    pub fn too_short(&self, now_ns: u64, h: f64) -> Failure {
+        let seconds = |ns: u64| ns as f64 * 1e-9;
+        let end =
+            self.end_ns().map_or("none".into(), |end| format!("an end at {:.9} s", seconds(end)));
+        let lost = self.lost().map_or(String::new(), |lost| format!("; {lost}"));
+        let expected =
+            format!("motions from {:.9} s on for a step of {h} s at least", seconds(now_ns));
+        Failure::at(&self.path, format!("expected {expected}, found {end}{lost}"))
+    }
+
+    /// What may help where the first step is refused.
+    pub fn advice(&self) -> &'static str {
+        match &self.script {
+            Script::Windows { .. } => "",
+            Script::Motion(motion) if motion.inputs.iter().any(|input| input.rebase) => {
+                "; poses are taken in m, in the bed's frame (docs/recordings.md)"
+            }
+            Script::Motion(_) => {
+                "; poses are taken in m, in the bed's frame (docs/recordings.md); --rebase lets motions begin elsewhere"
+            }
+        }
+    }
+
     /// Goes on to the step from `t0_ns` to `t1_ns`; whether there is one.
     pub fn reach(&mut self, t0_ns: u64, t1_ns: u64) -> Outcome<bool> {
         let Self { path, script } = self;

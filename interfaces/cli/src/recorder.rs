@@ -176,8 +176,16 @@ pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Outcome<Vec<
 impl Setting {
     /// What the case says beforehand of a run of `model`.
     pub fn of(case: &Case, model: &Model) -> Self {
+        let followed = record::followed(model);
+        let cycle = track::TampingCycle::new(&case.plan, model).ok();
+        let deep = |body: &Followed| {
+            let mut tines = cycle.iter().flat_map(|cycle| cycle.tines());
+            tines.find(|tine| tine.body == body.driven).map(|tine| tine.deep)
+        };
         Self {
-            followed: record::followed(model),
+            asked: followed.iter().map(deep).collect(),
+            has_tolerance: model.solver.tolerance.is_some(),
+            followed,
             zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),
             period: steps_per_period(&case.plan),
             grain_size: case.plan.bed.grains.mean_size(),

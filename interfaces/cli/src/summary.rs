@@ -20,6 +20,10 @@ pub struct Setting {
     pub period: usize,
     /// Size `d` that penetrations are compared with, m.
     pub grain_size: f64,
+    /// Whether steps are to converge: without a tolerance they take all their iterations.
+    pub has_tolerance: bool,
+    /// How deep the case asks each followed body to come, m; `None`: it does not say.
+    pub asked: Vec<Option<f64>>,
 }
 
 /// Figures of a run so far.
@@ -232,6 +236,19 @@ impl Summary {
         &self.setting
     }
 
+    /// Steps that did not converge, where they were to: a partner may ask for a tolerance that the case has not.
+    pub fn not_converged(&self) -> Option<u64> {
+        (self.setting.has_tolerance || self.not_converged > 0).then_some(self.not_converged)
+    }
+
+    /// How far each tine that has been lowered as long as the case allows is from the depth that it asks, m.
+    pub fn short_of_depth(&self) -> Vec<f64> {
+        let is_over = self.last.as_ref().is_some_and(|row| row.phase() > TampingPhase::Hold);
+        let bodies = self.setting.asked.iter().zip(&self.bodies).filter(|_| is_over);
+        let lowered = bodies.filter(|(_, body)| !body.insertion.single.is_empty());
+        lowered.filter_map(|(asked, body)| Some(body.lowest - (*asked)?)).collect()
+    }
+
     /// The last row, if there is one.
     pub fn last(&self) -> Option<&Row> {
         self.last.as_ref()
@@ -281,7 +298,7 @@ impl Summary {
                 "subdomains": self.subdomains.json(), "visits": self.visits,
                 "iterations": self.iterations.json(), "residual_qm16": self.residual.json(),
                 "residual_natural_map": self.natural_map.json(),
-                "steps_not_converged": self.not_converged, "steps_guarded": self.guarded,
+                "steps_not_converged": self.not_converged(), "steps_guarded": self.guarded,
                 "steps_repeated": self.repeated,
             },
         })
@@ -334,7 +351,14 @@ mod tests {
 
     fn setting() -> Setting {
         let tine = Followed { name: "left".into(), role: Role::Tine, driven: 0 };
-        Setting { followed: vec![tine], zones: vec!["under".into()], period: 2, grain_size: 0.02 }
+        Setting {
+            followed: vec![tine],
+            zones: vec!["under".into()],
+            period: 2,
+            grain_size: 0.02,
+            has_tolerance: true,
+            asked: vec![Some(0.65)],
+        }
     }
 
     fn step(time: f64, phase: f64, coordination: f64, force: f64, converged: bool) -> Row {
@@ -389,6 +413,19 @@ mod tests {
         assert_eq!(json["penetration_over_d"]["max"], 0.15);
         assert_eq!(json["solver"]["steps_not_converged"], 1);
         assert_eq!(json["time_s"], 3.0);
+    }
+
+    #[test]
+    fn what_nothing_asked_for_is_not_told_as_reached() {
+        let mut summary = Summary::new(Setting { has_tolerance: false, ..setting() });
+        summary.take_step(&step(1.0, 2.0, 6.0, 900.0, true));
+        assert!(summary.json()["solver"]["steps_not_converged"].is_null());
+        assert!(summary.short_of_depth().is_empty(), "it is still on its way");
+        summary.take_step(&step(3.0, 5.0, 6.0, 0.0, true));
+        assert!((summary.short_of_depth()[0] - 0.05).abs() < 1e-12);
+        // A partner has asked for one.
+        summary.take_step(&step(4.0, 5.0, 6.0, 0.0, false));
+        assert_eq!(summary.json()["solver"]["steps_not_converged"], 1);
     }
 
     #[test]

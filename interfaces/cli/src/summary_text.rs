@@ -9,6 +9,11 @@ use crate::table::{Table, figure};
 use ballast::model::Role;
 use std::path::Path;
 
+/// What is said of convergence where none was asked for.
+pub const NO_TOLERANCE: &str = "no tolerance asked for";
+/// How far a tine may stay above its depth without a word, m: what its mount gives way.
+const SHORT: f64 = 1e-3;
+
 /// The summary as a text of several tables.
 pub fn text(summary: &Summary) -> String {
     let tables = tables(summary);
@@ -142,8 +147,17 @@ fn quality(summary: &Summary) -> Table {
         let cells = [label.into(), figure(statistics.mean(), 3), figure(statistics.max(), 3)];
         table.row(cells);
     }
-    let not_converged = format!("{} of {}", summary.not_converged, summary.steps);
+    let not_converged = summary.not_converged();
+    let not_converged =
+        not_converged.map_or(NO_TOLERANCE.into(), |steps| format!("{steps} of {}", summary.steps));
     table.row(["steps not converged", "", &not_converged]);
+    let depths = summary.short_of_depth();
+    let short: Vec<f64> = depths.iter().copied().filter(|by| *by > SHORT).collect();
+    if !short.is_empty() {
+        let most = 1e3 * short.iter().copied().fold(0.0, f64::max);
+        let told = format!("{} of {}, by {most:.1} mm", short.len(), depths.len());
+        table.row(["tines short of the depth asked for", "", &told]);
+    }
     if let Some(lost) = summary.lost {
         table.row(["grains lost", "", &lost.to_string()]);
     }

@@ -103,13 +103,17 @@ fn given(engine: &Engine) -> component::Window<'_> {
     engine.playback().map(Playback::inputs).unwrap_or_default()
 }
 
-/// The motions of a step as inputs: what was given, as it was; besides, of tines and sleepers always, of other bodies where
-/// they move.
+/// The motions of a step as inputs: where a recording is replayed what was given, as it was; otherwise those of tines and
+/// sleepers always, of other bodies where they move.
 fn motions(engine: &Engine, stepped: &Stepped, given: &component::Window) -> Vec<BodyInput> {
     let times = [stepped.t0_ns, engine.state().time_ns];
     let input = |body: &DrivenBody, poses: &[Pose; 2]| {
         if let Some(input) = given.motions.iter().find(|input| input.body == body.name) {
             return Some((&input.cut(times[0], times[1])).into());
+        }
+        // What was given no motion is remembered to be at rest; a motion that stands still says less of the next window.
+        if engine.playback().is_some() {
+            return None;
         }
         let knot = |i: usize| Knot {
             time_ns: ns(times[i]),

@@ -6,8 +6,10 @@
 //! covers the stretch of time that the messages of all mapped bodies have in common.
 
 mod assign;
+mod frames;
 mod json_pose;
 mod knots;
+mod stretch;
 
 pub use assign::Map;
 
@@ -41,6 +43,8 @@ pub struct Motion {
     pub end_ns: u64,
     /// What the person should know: interpolation of each body, topics.
     pub notes: Vec<String>,
+    /// What is more likely a slip than meant.
+    pub warnings: Vec<String>,
     pub lost: Option<Lost>,
 }
 
@@ -70,15 +74,24 @@ pub fn read(
     }
     assignment.all_used(path, &found.topics, &found.frames)?;
     let topics = std::mem::take(&mut found.topics);
+    let placed = std::mem::take(&mut found.frames);
     let lost = messages.lost().cloned();
     let tracks = found.tracks();
     if tracks.is_empty() {
-        let topics: Vec<&String> = topics.iter().take(20).collect();
-        let expected = format!("poses of one of {bodies:?}; name them with --map TOPIC=BODY");
+        let few =
+            |names: &BTreeSet<String>| format!("{:?}", names.iter().take(20).collect::<Vec<_>>());
+        let mut found = few(&topics);
+        if !placed.is_empty() {
+            found += &format!(" with the frames {}", few(&placed));
+        }
+        let expected = format!(
+            "poses of one of {bodies:?}; name them with --map TOPIC=BODY, transforms with --map TOPIC:FRAME=BODY"
+        );
         // What is damaged may have held them.
         let lost = lost.map_or(String::new(), |lost| format!("; {lost}"));
-        return Err(Error::unsuitable(path, "topics", expected, format!("{topics:?}{lost}")));
+        return Err(Error::unsuitable(path, "topics", expected, format!("{found}{lost}")));
     }
+    frames::expect_still(path, &tracks, &placed)?;
     join(path, tracks, begin_ns, lost)
 }
 
@@ -118,21 +131,21 @@ impl Found {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
                 let time = at(Some(whole(stamped.header.stamp)?))?;
-                self.track(body).pose(time, stamped.pose);
+                self.track(body).pose(time, stamped.pose, &stamped.header.frame_id);
             }
             Source::Twist(body) => {
                 self.only(assignment, "twists", body, &message.channel.topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
                 let time = at(Some(whole(stamped.header.stamp)?))?;
-                self.track(body).twist(time, stamped.twist);
+                self.track(body).twist(time, stamped.twist, &stamped.header.frame_id);
             }
             Source::Json(body) => {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let read = json_pose::read(&message.data)?;
                 let time = at(read.stamp_ns)?;
-                self.track(body).pose(time, read.pose);
+                self.track(body).pose(time, read.pose, &read.frame);
                 if let Some(twist) = read.twist {
-                    self.track(body).twist(time, twist);
+                    self.track(body).twist(time, twist, &read.frame);
                 }
             }
             Source::Transforms => {
@@ -151,10 +164,18 @@ impl Found {
                             },
                             orientation: transform.transform.rotation,
                         };
-                        self.transforms.entry(body.into()).or_default().pose(time, pose);
+                        let parent = &transform.header.frame_id;
+                        self.transforms.entry(body.into()).or_default().pose(time, pose, parent);
                     }
                     self.frames.insert(format!("{topic}:{frame}"));
                 }
+            }
+            Source::Frames => {
+                // Nothing is moved by them: one that cannot be read spoils nothing.
+                let tf = from_cdr::<TFMessage>(&message.data).unwrap_or_default();
+                let frames = tf.transforms.into_iter().map(|transform| transform.child_frame_id);
+                let topic = &message.channel.topic;
+                self.frames.extend(frames.map(|frame| format!("{topic}:{frame}")));
             }
         }
         Ok(())
@@ -207,12 +228,17 @@ fn join(
     lost: Option<Lost>,
 ) -> Result<Motion> {
     let mut waveforms = Vec::new();
-    let mut notes = Vec::new();
+    let mut notes = frames::notes(&tracks);
+    let (mut contradicted, mut most) = (Vec::new(), 0.0_f64);
     for (body, track) in tracks {
         let (waveform, note) = track.waveform().map_err(|e| {
             Error::damaged(path, format!("poses of {body:?}, {}", e.place), e.expected, e.found)
         })?;
         notes.push(format!("{body}: {note}"));
+        if let Some(share) = knots::contradiction(&waveform) {
+            contradicted.push(body.clone());
+            most = share.max(most);
+        }
         waveforms.push((body, waveform));
     }
     let ends = |pick: fn(&ballast::component::Waveform) -> Option<u64>| {
@@ -225,13 +251,30 @@ fn join(
         let found = format!("the last to begin at {start} ns, the first to end at {end} ns");
         return Err(Error::unsuitable(path, "times", expected, found));
     }
+    let warnings = (!contradicted.is_empty()).then(|| {
+        format!(
+            "twists of {}: expected velocities (m/s, in the axes of the bed) that lead from pose to pose, found some \
+             that miss up to {:.0} % of the way; they are used all the same: from a file without them, motions \
+             between poses are linear",
+            contradicted.join(", "),
+            100.0 * most
+        )
+    });
+    notes.extend(stretch::notes(&waveforms, [start, end]));
     let inputs = waveforms.into_iter().map(|(body, waveform)| Input {
         body,
         waveform: knots::cut(&waveform, start, begin_ns),
         rebase: false,
     });
     let end_ns = begin_ns.saturating_add(end - start);
-    Ok(Motion { inputs: inputs.collect(), start_ns: begin_ns, end_ns, notes, lost })
+    Ok(Motion {
+        inputs: inputs.collect(),
+        start_ns: begin_ns,
+        end_ns,
+        notes,
+        warnings: Vec::from_iter(warnings),
+        lost,
+    })
 }
 
 /// A twist that says nothing.

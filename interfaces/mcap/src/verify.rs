@@ -32,7 +32,7 @@ pub struct Difference {
     pub time_ns: u64,
     /// Topic, with the body or zone.
     pub topic: String,
-    /// Path of the field.
+    /// Path of the field; empty: the whole message.
     pub field: String,
     pub recorded: String,
     pub computed: String,
@@ -41,9 +41,11 @@ pub struct Difference {
 impl std::fmt::Display for Difference {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { seq, step, time_ns, topic, field, recorded, computed } = self;
+        // A message may be of a single value.
+        let field = if field.is_empty() { String::new() } else { format!(", {field}") };
         write!(
             f,
-            "window {seq}, step {step} at {time_ns} ns, {topic}, {field}: recorded {recorded}, \
+            "window {seq}, step {step} at {time_ns} ns, {topic}{field}: recorded {recorded}, \
              computed {computed}"
         )
     }

@@ -145,8 +145,8 @@ fn block(block: &Block) -> BlockPlan {
 fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
     let tamped: Vec<SleeperPlan> =
         layout.sleepers.iter().filter(|s| s.plan.tamped).map(|s| s.plan.clone()).collect();
-    // Where `tamped` names sleepers that are not there, that is told already.
-    if tamped.is_empty() && report.clean(&["sleepers.tamped"]) {
+    // Where `tamped` names sleepers that are not there, or the row has no pitch, that is told already.
+    if tamped.is_empty() && report.clean(&["sleepers"]) {
         let key = if report.document.has("sleepers.tamped") { "sleepers.tamped" } else { "tines" };
         let finding = Finding {
             problem: "rows of tines need a tamped sleeper".into(),

@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, expect_apart};
 use crate::playback::Playback;
 use crate::session::{self, Session};
-use crate::{beds, interrupt, start};
+use crate::{beds, interrupt, room, start};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_mcap::motion::{self, TimeOf};
@@ -43,7 +43,9 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     let folder = format!("{}-replay", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
     let files = RunFiles::begun_in(folder)?;
-    files.refuse_unfinished("choose another folder with --out")?;
+    if !args.force {
+        files.refuse_unfinished("choose another folder with --out, or replace it with --force")?;
+    }
     files.refuse_own(&args.file)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
@@ -58,7 +60,11 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
             (model, state, playback)
         }
     };
-    let engine = Engine::recording(&case, model, state, cycle, playback)?;
+    let mut engine = Engine::recording(&case, model, state, cycle, playback)?;
+    // Before an earlier replay is removed.
+    if args.until.steps != Some(engine.state().step) {
+        engine.expect_a_step()?;
+    }
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.until.steps, args.until.expect)
 }
@@ -83,6 +89,10 @@ fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Out
     let motion = motion::read(&args.file, &bodies, &args.map, time, state.time_ns)?;
     for note in &motion.notes {
         console.note(note);
+    }
+    let lack = room::lack(model, state, &motion.inputs, motion.end_ns);
+    for warning in motion.warnings.iter().chain(&lack) {
+        console.warning(&format!("{}: {warning}", args.file.display()));
     }
     Ok(Playback::of_motion(&args.file, motion, args.rebase))
 }

@@ -163,10 +163,16 @@ impl Place {
         let run = |number: usize| {
             let files = RunFiles::in_folder(self.of(number));
             let mut command = Command::new(&program);
-            if files.is_unfinished() {
+            if files.is_resumable() {
                 command.arg("resume").arg(files.checkpoint());
             } else {
-                command.arg("run").arg(self.case(number)).arg("--out").arg(&files.folder);
+                // Killed before its first checkpoint, it begins anew.
+                command
+                    .arg("run")
+                    .arg(self.case(number))
+                    .arg("--out")
+                    .arg(&files.folder)
+                    .arg("--force");
             }
             command
         };

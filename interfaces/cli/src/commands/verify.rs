@@ -73,11 +73,8 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     }
 }
 
-/// What may explain a start that differs.
+/// What may explain a difference.
 fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
-    if difference.seq > 0 {
-        return String::new();
-    }
     let pairs = [
         ("case", meta.case_name.clone(), case.plan.name.clone()),
         ("bed", meta.case_key.clone(), case.bed_key()),
@@ -91,6 +88,9 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
         .map(|(what, recorded, here)| format!("{what}: recorded {recorded}, here {here}"))
         .collect();
     differ.extend(first_other_line(&meta.case_text, &case.text));
+    if differ.is_empty() && difference.seq > 0 {
+        return String::new();
+    }
     if differ.is_empty() {
         let text = "case and program are the recorded ones; the bed may be another one of the same key, of \
                     another build: `ballast prepare CASE --force` prepares it again";

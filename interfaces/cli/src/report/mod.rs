@@ -88,8 +88,12 @@ fn introduction(source: &Source, page: &mut Page) {
     cards.push(["mean penetration / d".into(), percent(summary.mean_penetration.mean()), largest]);
     cards.push([
         "steps not converged".into(),
-        format!("{} of {}", summary.not_converged, summary.steps),
-        format!("tolerance {}", tolerance(&source.model.solver)),
+        summary.not_converged().map_or("-".into(), |n| format!("{n} of {}", summary.steps)),
+        source
+            .model
+            .solver
+            .tolerance
+            .map_or(summary_text::NO_TOLERANCE.into(), |t| format!("tolerance {t:e}")),
     ]);
     page.cards(&cards);
 }

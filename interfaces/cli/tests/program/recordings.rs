@@ -260,7 +260,7 @@ fn the_first_difference_is_named() {
         vec![to_cdr(&record).unwrap()]
     });
     let said = verify(&place, "other.mcap").with_code(5).stderr();
-    assert!(said.contains("window 50"), "{said}");
+    assert!(said.contains("window 50") && !said.contains("of the case"), "{said}");
     assert!(said.contains("/pose") || said.contains("/tf"), "{said}");
 }
 
@@ -275,6 +275,14 @@ fn another_case_is_noticed() {
     let line = CASE.lines().position(|line| line.starts_with("hold_s")).unwrap() + 2;
     let line = format!("line {line} of the case: recorded \"[tamping.lift]\", here \"\"");
     assert!(said.contains(&line), "{said}");
+    // A line that nothing depends on before the tines go down.
+    std::fs::write(place.path("tiny.toml"), CASE.replace("depth_m = 0.004", "depth_m = 0.003"))
+        .unwrap();
+    let said = place.with_beds("verify run.mcap --case tiny.toml").with_code(5).stderr();
+    assert!(said.contains("the case: recorded \"depth_m = 0.004\", here"), "{said}");
+    assert!(!said.contains(", :") && !said.contains("another one of the same key"), "{said}");
+    std::fs::write(place.path("tiny.toml"), other.replace("iterations = 30", "iterations = 31"))
+        .unwrap();
     let ended = replay(&place, "run.mcap --out other").with_code(0);
     assert!(ended.stderr().contains("results will differ"), "{}", ended.stderr());
     assert_ne!(place.hash("other"), place.hash("run"));
@@ -302,13 +310,13 @@ fn the_choices_of_the_command_line_are_part_of_a_recording() {
     verify(&place, "run.mcap").with_code(0);
 }
 
-/// Poses of a body that goes up from where it is for so many steps, at 1 mm/s and 1 kHz.
-fn rising(place: &Place, from: PoseStamped, steps: u64) {
+/// Poses of a body that goes up from where it is for so many steps, at 1 kHz, by so much in each.
+fn rising(place: &Place, from: PoseStamped, steps: u64, by: f64) {
     let mut writer = Writer::create(&place.path("rising.mcap"), None).unwrap();
     for i in 0..=steps {
         let (time, mut pose) = (i * 1_000_000, from.clone());
         pose.header = Header::world(time);
-        pose.pose.position.z += 1e-6 * i as f64;
+        pose.pose.position.z += by * i as f64;
         writer.write(&Entry::of("/machine/arm", time, &pose).unwrap()).unwrap();
     }
     writer.finish().unwrap();
@@ -327,7 +335,7 @@ fn poses_of_any_file_move_a_body() {
     };
     let body = first.channel.topic.split('/').nth(1).unwrap().to_string();
     let start: PoseStamped = from_cdr(&first.data).unwrap();
-    rising(&place, start.clone(), 20);
+    rising(&place, start.clone(), 20, 1e-6);
 
     let map = format!("--map /machine/arm={body}");
     let ended =
@@ -346,19 +354,30 @@ fn poses_of_any_file_move_a_body() {
     // A body elsewhere is refused, unless it is let go there.
     let mut elsewhere = start.clone();
     elsewhere.pose.position.z += 1e-3;
-    rising(&place, elsewhere, 20);
-    let ended = replay(&place, &format!("rising.mcap {map} --out off")).with_code(1);
-    assert!(ended.stderr().contains(&body), "{}", ended.stderr());
+    rising(&place, elsewhere, 20, 1e-6);
+    let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
+    assert!(said.contains(&body) && said.contains("--rebase"), "{said}");
+    assert!(!said.contains("are kept"), "nothing was begun: {said}");
+    assert_eq!(place.hash("up"), hash, "what was refused replaces nothing");
     replay(&place, &format!("rising.mcap {map} --out off --rebase")).with_code(0);
 
     let ended = replay(&place, "rising.mcap --out none").with_code(1);
     assert!(ended.stderr().contains("/machine/arm"), "{}", ended.stderr());
     let ended = replay(&place, "rising.mcap --out none --map /machine/arm=crane").with_code(1);
     assert!(ended.stderr().contains("crane"), "{}", ended.stderr());
+    // Nothing stops a tine at the floor.
+    rising(&place, start.clone(), 20, -0.01);
+    let said = replay(&place, &format!("rising.mcap {map} --out deep --steps 1")).with_code(0);
+    let said = said.stderr();
+    assert!(
+        said.contains("warning: rising.mcap: poses of") && said.contains("\"floor\""),
+        "{said}"
+    );
     // A pose is no motion.
-    rising(&place, start, 0);
-    let said = replay(&place, &format!("rising.mcap {map} --out none")).with_code(1).stderr();
+    rising(&place, start, 0, 0.0);
+    let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
     assert!(said.contains("rising.mcap: expected motions"), "{said}");
+    assert_eq!(place.hash("up"), hash);
 }
 
 #[test]

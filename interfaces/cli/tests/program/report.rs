@@ -43,6 +43,13 @@ fn a_page_tells_a_whole_run_by_itself() {
     let ended = place.call("report run/results.vtkhdf --out again.html --json").with_code(0);
     assert_eq!(ended.events().last().unwrap()["bytes"], page.len());
     assert_eq!(place.text("again.html"), page);
+
+    // It is not left beside the results of another run, where a page of somebody else's is.
+    place.run("--out run --steps 3").with_code(0);
+    assert!(!place.path("run/report.html").exists());
+    std::fs::write(place.path("run/report.html"), "mine").unwrap();
+    place.run("--out run --steps 3 --force").with_code(0);
+    assert_eq!(place.text("run/report.html"), "mine");
 }
 
 #[test]

@@ -125,7 +125,7 @@ fn runs_killed_at_any_instant_go_on_to_the_same_end() {
             place.call("resume killed/checkpoint.h5").with_code(0);
             resumed += 1;
         } else {
-            place.run("--out killed").with_code(0);
+            place.run("--out killed --force").with_code(0);
             early += 1;
         }
         assert_eq!(place.summary("killed"), summary, "kill {k}");
@@ -145,6 +145,19 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     assert!(refused.stderr().contains("resume"), "{}", refused.stderr());
     place.run("--out here --steps 10 --force").with_code(0);
     assert_eq!(place.summary("here")["steps"], 10);
+    // As after a kill before the first checkpoint.
+    std::fs::remove_file(place.path("here/checkpoint.h5")).unwrap();
+    std::fs::remove_file(place.path("here/summary.json")).unwrap();
+    let results = std::fs::read(place.path("here/results.vtkhdf")).unwrap();
+    for refused in [place.run("--out here"), place.with_beds("replay here.mcap --out here")] {
+        let said = refused.with_code(2).stderr();
+        assert!(said.contains("export") && said.contains("--force"), "{said}");
+    }
+    assert_eq!(std::fs::read(place.path("here/results.vtkhdf")).unwrap(), results);
+    place.call("export here/results.vtkhdf --out tables").with_code(0);
+    place.with_beds("replay here.mcap --out here --force").with_code(0);
+    assert_eq!(place.summary("here")["steps"], 20);
+    place.run("--out here --steps 10").with_code(0);
 
     // Nor a case, nor results, by a recording.
     for (file, code, says) in [

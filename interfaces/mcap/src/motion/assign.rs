@@ -41,6 +41,8 @@ pub(super) enum Source<'a> {
     Twist(&'a str),
     Json(&'a str),
     Transforms,
+    /// Transforms that move nothing; they tell which frames the file places.
+    Frames,
 }
 
 pub(super) struct Assignment {
@@ -106,6 +108,7 @@ impl Assignment {
         };
         match self.maps.iter().find(beside) {
             Some(map) if is("geometry_msgs/TwistStamped") => Ok(Source::Twist(&map.body)),
+            _ if is("tf2_msgs/TFMessage") => Ok(Source::Frames),
             _ => Ok(Source::Other),
         }
     }

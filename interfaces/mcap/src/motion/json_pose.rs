@@ -11,11 +11,13 @@ pub(super) struct JsonPose {
     pub twist: Option<Twist>,
     /// `None`: the message has no time of its own.
     pub stamp_ns: Option<i64>,
+    /// Empty: it names none.
+    pub frame: String,
 }
 
 /// Reads `{pose: {position: {x, y, z}, orientation: {x, y, z, w}}}` or what is inside `pose` alone; beside
 /// it, if wanted, `twist: {linear, angular}`, and the time as `time_ns`, `header.stamp` or `timestamp`
-/// (`sec` and `nanosec` or `nsec`).
+/// (`sec` and `nanosec` or `nsec`), and the frame as `header.frame_id` or `frame_id`.
 pub(super) fn read(text: &[u8]) -> Result<JsonPose, Malformed> {
     let value: Value =
         serde_json::from_slice(text).map_err(|e| Malformed::new("message", "JSON", e))?;
@@ -38,7 +40,9 @@ pub(super) fn read(text: &[u8]) -> Result<JsonPose, Malformed> {
         None => None,
     };
     let pose = Pose { position: Point { x, y, z }, orientation: quaternion };
-    Ok(JsonPose { pose, twist, stamp_ns: stamp(&value)? })
+    let frame = value.pointer("/header/frame_id").or_else(|| value.get("frame_id"));
+    let frame = frame.and_then(Value::as_str).unwrap_or_default().to_string();
+    Ok(JsonPose { pose, twist, stamp_ns: stamp(&value)?, frame })
 }
 
 fn triple(value: &Value, field: &str) -> Result<[f64; 3], Malformed> {

@@ -5,12 +5,18 @@ use ballast::component::{Interpolation, Knot, Waveform};
 use ballast::math::{Quat, Vec3};
 use ballast_protocol::Malformed;
 use ballast_protocol::messages::{Pose, Quaternion, Twist};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How far the norm of a recorded quaternion may be from 1; it is normalised.
 const NEARLY_UNIT: f64 = 1e-3;
 /// Norms nearer to 1 than this are left as they are, so that exact recordings stay exact.
 const UNIT: f64 = 1e-9;
+
+/// Share of the way by which twists and poses may differ without a word: twists of a vibration that is sampled three
+/// times a period come to 0.45, those in another unit or of another frame to 1 and more.
+const CONTRADICTION: f64 = 0.6;
+/// What moves less than this says nothing of its twists, m.
+const STILL: f64 = 1e-3;
 
 /// Poses and twists of one body, as they come.
 #[derive(Debug, Clone, Default)]
@@ -19,14 +25,19 @@ pub(super) struct Track {
     twists: BTreeMap<u64, Twist>,
     /// A time at which two were told.
     two_twists_at: Option<u64>,
+    /// In which poses are told, and twists.
+    pub pose_frames: BTreeSet<String>,
+    pub twist_frames: BTreeSet<String>,
 }
 
 impl Track {
-    pub fn pose(&mut self, time_ns: u64, pose: Pose) {
+    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) {
+        note(&mut self.pose_frames, frame);
         self.poses.push((time_ns, pose));
     }
 
-    pub fn twist(&mut self, time_ns: u64, twist: Twist) {
+    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) {
+        note(&mut self.twist_frames, frame);
         if self.twists.insert(time_ns, twist).is_some_and(|other| other != twist) {
             self.two_twists_at.get_or_insert(time_ns);
         }
@@ -38,6 +49,7 @@ impl Track {
 
     pub fn take_twists(&mut self, other: &mut Track) {
         self.twists.append(&mut other.twists);
+        self.twist_frames.append(&mut other.twist_frames);
         self.two_twists_at = self.two_twists_at.or(other.two_twists_at);
     }
 
@@ -77,6 +89,30 @@ impl Track {
         };
         let note = format!("{} poses, {how}", knots.len());
         Ok((Waveform { interpolation, knots }, note))
+    }
+}
+
+/// The share of the way that the twists of a cubic motion miss from pose to pose, where it is out of proportion.
+pub(super) fn contradiction(waveform: &Waveform) -> Option<f64> {
+    if waveform.interpolation != Interpolation::Hermite {
+        return None;
+    }
+    let knots = &waveform.knots;
+    let first = knots.first()?.pose.position;
+    let moves = knots.iter().any(|k| (k.pose.position - first).norm() > STILL);
+    let (mut missed, mut way) = (0.0, 0.0);
+    for [a, b] in knots.windows(2).map(|pair| [&pair[0], &pair[1]]) {
+        let h = (b.time_ns - a.time_ns) as f64 * 1e-9;
+        let moved = b.pose.position - a.pose.position;
+        missed += (moved - 0.5 * h * (a.velocity + b.velocity)).norm();
+        way += moved.norm();
+    }
+    (moves && missed > CONTRADICTION * way).then(|| missed / way)
+}
+
+fn note(frames: &mut BTreeSet<String>, frame: &str) {
+    if !frames.contains(frame) {
+        frames.insert(frame.into());
     }
 }
 
@@ -132,8 +168,8 @@ mod tests {
             for speed in speeds {
                 let mut twist = no_twist();
                 twist.linear.x = speed;
-                track.pose(5, Pose::default());
-                track.twist(5, twist);
+                track.pose(5, Pose::default(), "");
+                track.twist(5, twist, "");
             }
             track.waveform()
         };

@@ -46,13 +46,22 @@ fn twist(topic: &str, time_ns: u64, speed: f64) -> Entry {
 }
 
 fn transform(time_ns: u64, frame: &str, x: f64) -> Entry {
+    transform_in("world", "/tf", time_ns, frame, x)
+}
+
+fn transform_in(parent: &str, topic: &str, time_ns: u64, frame: &str, x: f64) -> Entry {
     let translation = Vector3 { x, y: 0.0, z: 0.5 };
     let transform = TransformStamped {
-        header: Header::world(time_ns),
+        header: Header { frame_id: parent.into(), ..Header::world(time_ns) },
         child_frame_id: frame.into(),
         transform: Transform { translation, rotation: Quaternion::default() },
     };
-    Entry::of("/tf", time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
+    Entry::of(topic, time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
+}
+
+fn pose_in(frame: &str, topic: &str, time_ns: u64, x: f64) -> Entry {
+    let header = Header { frame_id: frame.into(), ..Header::world(time_ns) };
+    Entry::of(topic, time_ns, &PoseStamped { header, pose: at(x) }).unwrap()
 }
 
 fn read_all(path: &Path, maps: &[&str]) -> Result<Motion> {
@@ -122,6 +131,64 @@ fn nothing_is_extrapolated_and_the_common_stretch_begins_the_run() {
 }
 
 #[test]
+fn what_a_motion_leaves_out_or_bridges_is_told() {
+    let place = Place::new();
+    let (a, b) = ("/tine_1/pose", "/sleeper/pose");
+    let body = |topic: &str, times: &[u64]| -> Vec<Entry> {
+        times.iter().map(|t| pose(topic, *t, 0.0, 0)).collect()
+    };
+    let notes = |entries: [Vec<Entry>; 2]| {
+        let notes = read_all(&place.file(&entries.concat()), &[]).unwrap().notes;
+        notes[2..].to_vec()
+    };
+    let whole: Vec<u64> = (0..=50).map(|k| k * 1_000_000).collect();
+    assert_eq!(notes([body(a, &whole), body(b, &whole[1..50])]), [""; 0]);
+    let told = notes([body(a, &whole), body(b, &whole[5..11])]);
+    let says = |edge: &str| format!("{edge}, there is no pose of sleeper");
+    assert!(
+        told[0].contains("at 0.005 s of the file, not at 0 s")
+            && told[0].ends_with(&says("before"))
+    );
+    assert!(
+        told[1].contains("at 0.01 s of the file, not at 0.05 s")
+            && told[1].ends_with(&says("after"))
+    );
+    let torn = [&whole[..20], &whole[40..]].concat();
+    let told = notes([body(a, &torn), body(b, &whole)]);
+    assert!(
+        told.len() == 1 && told[0].contains("tine-1: no pose from 0.019 to 0.04 s"),
+        "{told:?}"
+    );
+    // Outside of what is replayed nothing is missing.
+    assert_eq!(notes([body(a, &torn), body(b, &whole[..15])]).len(), 1);
+}
+
+#[test]
+fn twists_that_do_not_lead_from_pose_to_pose_are_warned_of() {
+    let place = Place::new();
+    // A vibration of 35 Hz, sampled at 100 Hz.
+    let (turn, amplitude) = (std::f64::consts::TAU * 35.0, 3e-3);
+    let warned = |scale: f64, amplitude: f64| {
+        let entries: Vec<Entry> = (0..60)
+            .flat_map(|k| {
+                let (time, angle) = (k * 10_000_000, turn * 0.01 * k as f64);
+                let speed = scale * amplitude * turn * angle.cos();
+                let topic = |what: &str| format!("/tine_1/{what}");
+                let x = amplitude * angle.sin();
+                [pose(&topic("pose"), time, x, 0), twist(&topic("twist"), time, speed)]
+            })
+            .collect();
+        read_all(&place.file(&entries), &[]).unwrap().warnings
+    };
+    assert_eq!(warned(1.0, amplitude), [""; 0]);
+    for scale in [0.0, 1e-3, 1e3, -1.0] {
+        let warnings = warned(scale, amplitude);
+        assert!(warnings[0].contains("twists of tine-1:") && warnings.len() == 1, "{scale}");
+    }
+    assert_eq!(warned(0.0, 0.2e-3), [""; 0], "what hardly moves says nothing");
+}
+
+#[test]
 fn transforms_move_the_bodies_of_their_frames() {
     let place = Place::new();
     let tf = [transform(0, "tine-1", 0.0), transform(0, "arm", 5.0), transform(9, "tine-1", 1.0)];
@@ -133,6 +200,46 @@ fn transforms_move_the_bodies_of_their_frames() {
     let both = [tf[0].clone(), pose("/tine_1/pose", 0, 7.0, 0)];
     let motion = read_all(&place.file(&both), &[]).unwrap();
     assert_eq!(motion.inputs[0].waveform.knots[0].pose.position.x, 7.0);
+}
+
+#[test]
+fn poses_in_a_frame_that_the_file_places_are_refused() {
+    let place = Place::new();
+    let arm = |time, x| transform_in("/unit", "/tf", time, "tine-1", x);
+    for topic in ["/tf", "/tf_static", "/machine/tf"] {
+        let unit = [0, 9].map(|t| transform_in("world", topic, t, "unit", 1e-3 * t as f64));
+        let tree = [unit.to_vec(), vec![arm(0, 1.0), arm(9, 1.0)]].concat();
+        let error = read_all(&place.file(&tree), &[]).unwrap_err().to_string();
+        assert!(error.contains("poses of \"tine-1\": expected"), "{error}");
+        assert!(error.contains(&format!("\"/unit\", which {topic} places")), "{error}");
+        // A topic of its own counts before transforms.
+        let own = [tree.clone(), vec![pose("/tine_1/pose", 0, 0.0, 0)]].concat();
+        read_all(&place.file(&own), &[]).unwrap();
+        let poses = [unit.to_vec(), vec![pose_in("unit", "/tine_1/pose", 0, 0.0)]].concat();
+        let error = read_all(&place.file(&poses), &[]).unwrap_err().to_string();
+        assert!(error.contains("\"unit\""), "{error}");
+    }
+    // What is called as the bed's frame may have a place on the earth.
+    let tf = ["map", "world"].map(|frame| transform_in("earth", "/tf_static", 0, frame, 7.0));
+    let on_earth = [&tf[..], &[pose_in("map", "/tine_1/pose", 0, 0.0)]].concat();
+    assert_eq!(read_all(&place.file(&on_earth), &[]).unwrap().notes.len(), 1);
+}
+
+#[test]
+fn frames_other_than_the_bed_s_are_named() {
+    let place = Place::new();
+    let (a, b) = ("/tine_1/pose", "/sleeper/pose");
+    let path = place.file(&[pose_in("unit", a, 0, 0.0), pose_in("unit", b, 0, 0.0)]);
+    let notes = read_all(&path, &[]).unwrap().notes;
+    assert!(notes[0].starts_with("poses in the frame \"unit\" are taken"), "{notes:?}");
+    assert!(notes[0].ends_with("sleeper, tine-1") && notes.len() == 3, "{notes:?}");
+    for silent in ["", "/world", "map"] {
+        let notes = read_all(&place.file(&[pose_in(silent, a, 0, 0.0)]), &[]).unwrap().notes;
+        assert_eq!(notes.len(), 1, "{notes:?}");
+    }
+    let path = place.file(&[transform_in("rail", "/tf", 0, "tine-1", 0.0)]);
+    let notes = read_all(&path, &[]).unwrap().notes;
+    assert!(notes[0].contains("\"rail\""), "{notes:?}");
 }
 
 #[test]
@@ -196,6 +303,12 @@ fn what_cannot_be_used_is_named() {
     assert!(error.contains("tine-1") && error.contains("sleeper"), "{error}");
     let error = read_all(&place.file(&entries[..1]), &[]).unwrap_err().to_string();
     assert!(error.contains("/clock") && error.contains("--map"), "{error}");
+    // Frames of other names than the bodies', on the usual topic and on another.
+    let tf = transform_in("world", "/machine/tf", 0, "tine-1", 0.0);
+    let path = place.file(&[transform(0, "/tine-1", 0.0), tf]);
+    let error = read_all(&path, &[]).unwrap_err().to_string();
+    let frames = "frames [\"/machine/tf:tine-1\", \"/tf:/tine-1\"]";
+    assert!(error.contains(frames) && error.contains("TOPIC:FRAME=BODY"), "{error}");
     for text in ["", "=a", "/a=", "/a"] {
         assert!(text.parse::<Map>().is_err(), "{text}");
     }
@@ -211,10 +324,12 @@ fn json_poses_are_read_in_their_forms() {
     let pose = r#"{"position": {"x": 1, "y": 2, "z": 3}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}"#;
     let read = |text: &str| json_pose::read(text.as_bytes());
     let plain = read(pose).unwrap();
-    assert_eq!((plain.pose.position.z, plain.stamp_ns), (3.0, None));
+    assert_eq!((plain.pose.position.z, plain.stamp_ns, &plain.frame[..]), (3.0, None, ""));
     let stamped =
         format!(r#"{{"header": {{"stamp": {{"sec": 1, "nanosec": 5}}}}, "pose": {pose}}}"#);
     assert_eq!(read(&stamped).unwrap().stamp_ns, Some(1_000_000_005));
+    let framed = stamped.replace("{\"stamp\"", "{\"frame_id\": \"unit\", \"stamp\"");
+    assert_eq!(read(&framed).unwrap().frame, "unit");
     let timed = format!(
         r#"{{"time_ns": 7, "pose": {pose}, "twist": {{"linear": {{"x": 1, "y": 0, "z": 0}},
         "angular": {{"x": 0, "y": 0, "z": 2}}}}}}"#

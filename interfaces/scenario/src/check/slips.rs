@@ -12,11 +12,15 @@ const STONES: std::ops::RangeInclusive<f64> = 1000.0..=8000.0;
 /// Highest friction coefficient of stones and what they lie on.
 const ROUGHEST: f64 = 2.0;
 
+/// Force limits below this are reached by the first stones, N.
+const LOWEST_LIMIT: f64 = 100.0;
+
 /// Warns of likely slips of the bed, and of the tines where there is a cycle.
 pub fn slips(case: &CaseFile, layout: &Layout, tamping: Option<&TampingPlan>, report: &mut Report) {
     density(case, report);
     friction(case, report);
     if let Some(tamping) = tamping {
+        force_limits(tamping, report);
         soft_mounts(layout, tamping, report);
         pairs(layout, report);
     }
@@ -52,6 +56,23 @@ fn friction(case: &CaseFile, report: &mut Report) {
                 hint: Some("it is the tangent of the angle, not the angle in degrees".into()),
             };
             report.warn(key, finding);
+        }
+    }
+}
+
+fn force_limits(tamping: &TampingPlan, report: &mut Report) {
+    let limits =
+        [("insertion", tamping.insertion.force_limit), ("squeeze", tamping.squeeze.force_limit)];
+    for (phase, limit) in limits {
+        let key = format!("tamping.{phase}.force_limit_N");
+        if report.clean(&[&key]) && limit < LOWEST_LIMIT {
+            let finding = Finding {
+                problem: format!("the {phase} waits as soon as tines touch the bed"),
+                found: format!("a force limit of {limit} N"),
+                expected: format!("{LOWEST_LIMIT} N or more"),
+                hint: Some("limits are in N: 7800, not 7.8".into()),
+            };
+            report.warn(&key, finding);
         }
     }
 }

@@ -302,6 +302,16 @@ fn all_errors_of_a_file_are_told_in_its_order() {
 }
 
 #[test]
+fn a_row_without_a_pitch_is_not_told_to_be_without_tamped_sleepers() {
+    let keys: Vec<String> = errors(&changed("tamped = [1]", "tamped = [1]\ncount = 3"))
+        .errors
+        .into_iter()
+        .map(|e| e.key)
+        .collect();
+    assert_eq!(keys, ["sleepers.pitch_m"]);
+}
+
+#[test]
 fn the_line_is_shown_with_carets_under_the_place() {
     let text = changed("density_kg_per_m3 = 2700", "density_kg_per_m3 = -2700 # é");
     let message = errors(&text).to_string();

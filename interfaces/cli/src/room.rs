@@ -1,0 +1,68 @@
+//! Whether bodies have room where a recording leads them: driven bodies do not meet each other, so the run does not tell.
+
+use ballast::component::{Input, Waveform};
+use ballast::geometry::clip::half_spaces_of;
+use ballast::geometry::{Clipper, HalfSpace};
+use ballast::math::Pose;
+use ballast::model::{Model, Part, Role};
+use ballast::state::State;
+
+/// Depth up to which bodies lie side by side, m: what recorded the poses is no more exact.
+const SLACK: f64 = 1e-4;
+
+/// Warns of the first knot, up to `end_ns`, at which a tine or sleeper that is moved lies in another driven body.
+pub fn lack(model: &Model, state: &State, inputs: &[Input], end_ns: u64) -> Option<String> {
+    let knots = inputs.iter().flat_map(|input| &input.waveform.knots);
+    let mut times: Vec<u64> = knots.map(|knot| knot.time_ns).filter(|t| *t <= end_ns).collect();
+    times.sort_unstable();
+    times.dedup();
+    let motion = |name: &str| inputs.iter().find(|input| input.body == name).map(|i| &i.waveform);
+    let motions: Vec<Option<&Waveform>> = model.driven.iter().map(|d| motion(&d.name)).collect();
+    let all = 0..model.driven.len();
+    let is_led = |d: usize| motions[d].is_some() && model.driven[d].role != Role::Boundary;
+    // Of two that are led, once.
+    let pairs: Vec<[usize; 2]> = all
+        .clone()
+        .filter(|a| is_led(*a))
+        .flat_map(|a| all.clone().filter(move |b| *b != a).map(move |b| [a, b]))
+        .filter(|[a, b]| a < b || !is_led(*b))
+        .collect();
+    let mut clipper = Clipper::default();
+    times.into_iter().find_map(|time| {
+        let pose = |d: usize| motions[d].map_or_else(|| state.imposed(model, d), |w| w.pose(time));
+        let poses: Vec<Pose> = all.clone().map(pose).collect();
+        let [a, b] = *pairs.iter().find(|pair| overlap(model, **pair, &poses, &mut clipper))?;
+        let [a, b] = [a, b].map(|d| &model.driven[d].name);
+        Some(format!(
+            "poses of {a:?}: expected a way clear of other driven bodies, since nothing stops them at each other, found \
+             one into {b:?} at {:.4} s of the run",
+            time as f64 * 1e-9
+        ))
+    })
+}
+
+/// Whether a part of the first body lies deeper than [`SLACK`] in one of the second.
+fn overlap(model: &Model, [a, b]: [usize; 2], poses: &[Pose], clipper: &mut Clipper) -> bool {
+    model.driven[a].parts.iter().any(|part| {
+        let Part::Convex { shape, pose } = part else { return false };
+        let (solid, pose) = (&model.shapes[*shape as usize], poses[a].then(pose));
+        model.driven[b].parts.iter().any(|other| {
+            let mut planes = match other {
+                Part::HalfSpace { normal, offset } => {
+                    let normal = poses[b].orientation * normal;
+                    let offset = offset + normal.dot(&poses[b].position);
+                    vec![HalfSpace { normal, offset }]
+                }
+                Part::Convex { shape, pose: at } => {
+                    let (other, at) = (&model.shapes[*shape as usize], poses[b].then(at));
+                    if (at.position - pose.position).norm() > solid.radius + other.radius {
+                        return false;
+                    }
+                    half_spaces_of(other, &at)
+                }
+            };
+            planes.iter_mut().for_each(|plane| plane.offset -= SLACK);
+            clipper.inside(solid, &pose, &planes).volume > 0.0
+        })
+    })
+}
