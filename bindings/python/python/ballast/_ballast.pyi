@@ -101,7 +101,7 @@ class Case:
         """The text's values as nested dictionaries; what the text leaves to defaults is not in them."""
 
     def write(self, path: _Path) -> None:
-        """Writes the case's text to a file; overrides of `choose` are not part of it."""
+        """Writes the case's text to a file."""
 
     def with_values(self, values: dict[str, Any]) -> Case:
         """The same case with other values: paths of keys joined by points, and what they become, such as
@@ -116,7 +116,8 @@ class Case:
 
     @property
     def text(self) -> str:
-        """As it was read, TOML."""
+        """TOML, as it was read; where `choose` has changed the seed or the schedule, with these. Raises CaseError where
+        TOML cannot hold the seed (above 2^63 - 1)."""
 
     @property
     def seed(self) -> int:
