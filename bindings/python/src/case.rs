@@ -13,13 +13,15 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::borrow::Cow;
 use std::fs::File;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A case that was read and found sound.
 ///
-/// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError.
+/// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError. Cases that were read
+/// from the same text and have the same seed and schedule are equal; they can be copied and pickled.
 #[pyclass(frozen, module = "ballast", from_py_object)]
 #[derive(Clone)]
 pub struct Case(pub Arc<ballast_beds::Case>);
@@ -44,6 +46,11 @@ impl Case {
 
     fn chosen(&self, choices: Choices) -> Self {
         Self(Arc::new(ballast_beds::Case::clone(&self.0).chosen(choices)))
+    }
+
+    /// What tells it from others.
+    fn identity(&self) -> (&str, u64, &'static str) {
+        (&self.0.text, self.seed(), self.schedule())
     }
 
     /// The text, in which what was chosen otherwise is said, too.
@@ -200,6 +207,39 @@ impl Case {
     fn __repr__(&self) -> String {
         format!("Case({:?})", self.0.plan.name)
     }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.identity() == other.identity()
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.identity().hash(&mut hasher);
+        hasher.finish()
+    }
+
+    /// The text alone could not hold every seed, and has comments that a changed one loses.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Told)> {
+        let Choices { seed, schedule } = self.0.choices;
+        let again = py.import("ballast._ballast")?.getattr("case_again")?;
+        Ok((again, (self.0.text.clone(), seed, schedule.map(|s| s.name().to_string()))))
+    }
+}
+
+/// Text, and what was chosen: seed and schedule.
+type Told = (String, Option<u64>, Option<String>);
+
+/// A case that was copied or pickled.
+#[pyfunction]
+pub fn case_again(
+    py: Python<'_>,
+    text: String,
+    seed: Option<u64>,
+    schedule: Option<&str>,
+) -> PyResult<Case> {
+    let choices =
+        Choices::named(seed, schedule).map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+    Ok(Case::read(py, text, "case")?.chosen(choices))
 }
 
 /// Prepares the bed of a case unless it is there, and tells where it is kept. `progress(share, text)` is

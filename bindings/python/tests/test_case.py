@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from pathlib import Path
 
 import ballast
@@ -81,6 +83,19 @@ def test_what_is_written_is_what_was_chosen(case: ballast.Case, tmp_path: Path) 
             ask()
         assert wrong.value.code == "case"
     assert [path.name for path in tmp_path.iterdir()] == ["chosen.toml"]
+
+
+def test_cases_are_copied_pickled_and_compared(case: ballast.Case) -> None:
+    greatest = case.choose(seed=2**64 - 1, schedule="sequential")
+    for one in (case, case.choose(seed=5), greatest):
+        for other in (copy.copy(one), copy.deepcopy(one), pickle.loads(pickle.dumps(one))):
+            assert other == one and hash(other) == hash(one)
+            assert (other.name, other.seed, other.schedule, other.bed_key) == (one.name, one.seed, one.schedule, one.bed_key)
+    assert pickle.loads(pickle.dumps(case)).text == case.text
+    assert case.choose(seed=case.seed) == case
+    others = {case, case.choose(seed=5), case.choose(schedule="sequential"), case.with_values({"name": "other"}), greatest}
+    assert len(others) == 5
+    assert case != case.text and case is not None
 
 
 def test_what_is_chosen_or_said_last_holds(case: ballast.Case) -> None:

@@ -35,6 +35,7 @@ __all__ = [
     "__version__",
     "attach",
     "begin",
+    "case_again",
     "prepare",
     "replace",
     "resume",
@@ -86,7 +87,8 @@ class Lost(Error):
 class Case:
     """A case that was read and found sound.
 
-    `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError."""
+    `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError. Cases that were read
+    from the same text and have the same seed and schedule are equal; they can be copied and pickled."""
 
     def __new__(cls, text: str, name: str = "case") -> Case: ...
     @staticmethod
@@ -142,6 +144,10 @@ class Case:
     @property
     def bed_key(self) -> str:
         """What the prepared bed depends on, as a short text."""
+
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Callable[..., Case], tuple[str, int | None, str | None]]: ...
 
 @final
 class Motion:
@@ -777,6 +783,9 @@ def begin(
     max_penetration: float | None = None,
     keep_early: bool = False,
 ) -> Simulation: ...
+def case_again(text: str, seed: int | None, schedule: str | None) -> Case:
+    """A case that was copied or pickled."""
+
 def prepare(
     case: Case,
     beds: _Path,
