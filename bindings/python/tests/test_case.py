@@ -143,6 +143,19 @@ def test_a_preparation_tells_how_far_it_is(case: ballast.Case, tmp_path: Path) -
     assert Path(path).stat().st_mtime_ns == stamp, "it was there"
 
 
+def test_a_damaged_bed_is_told_with_the_way_out(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    [bed] = beds.glob(f"{case.bed_key}.h5")
+    # Damaged, and that of another case.
+    for damaged, of in ((b"no bed", case), (bed.read_bytes(), case.choose(seed=5))):
+        path = tmp_path / f"{of.bed_key}.h5"
+        path.write_bytes(damaged)
+        for use in (ballast.open, ballast.prepare):
+            with pytest.raises(ballast.FileError, match=r"prepare it again with `ballast.prepare\(case, again=True\)`, or delete"):
+                use(of, beds=tmp_path, progress=False)  # type: ignore[operator]
+    ballast.prepare(case, beds=tmp_path, threads=1, progress=False, again=True)
+    ballast.open(case, beds=tmp_path, threads=1, progress=False).close()
+
+
 def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> None:
     def listen(share: float, text: str) -> None:
         raise RuntimeError("enough")
