@@ -241,7 +241,8 @@ class Simulation:
         series: bool = False,
         zones: bool = False,
     ) -> Outcome:
-        """Computes the last window again from its beginning, with other inputs: for implicit coupling."""
+        """Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
+        asked for, also where Ctrl-C or trouble (status "early") had ended it before its end."""
 
     def step_by_machine(self, *, series: bool = False, zones: bool = False) -> Outcome:
         """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
