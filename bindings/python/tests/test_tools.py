@@ -373,12 +373,12 @@ def test_a_measure_that_fails_is_told_and_tried_again(
 
 def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
-    from ballast import study
+    from ballast import _identity, study
 
     wrong = {"tamping.vibration.frequency_Hz": -1.0}
     with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):
         study.run(case, [{}, wrong], tmp_path / "study", beds=beds, progress=False)
-    key = study._key(case, {}, fails)
+    key = _identity.key(case, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
     with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point"):
