@@ -153,6 +153,20 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     assert 0.2 < table["under sleeper_1: after"].iloc[0] < 0.9
 
 
+def the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
+    return {"figure": case.seed}
+
+
+def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    greatest = 2**64 - 1
+    for base, point in ((case, {"seed": greatest}), (case.choose(seed=greatest), {})):
+        table = study.run(base, [point], tmp_path / "study", measure=the_seed, jobs=1, beds=tmp_path / "beds", progress=False)
+        assert table["error"].isna().all() and table["figure"].tolist() == [greatest], table["error"].tolist()
+
+
 def test_points_fill_their_ranges() -> None:
     pytest.importorskip("scipy")
     from ballast import study

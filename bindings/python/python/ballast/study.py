@@ -256,12 +256,12 @@ def run(
 
     # Beds first, each once: points that share one would all prepare it.
     shared = {cases[i].bed_key: i for i in missing}
-    every({i: (_bed, *_told(cases[i]), str(beds)) for i in shared.values()}, lambda i, bed: None)
+    every({i: (_bed, cases[i], str(beds)) for i in shared.values()}, lambda i, bed: None)
     for i in missing:
         first = shared[cases[i].bed_key]
         if first in errors and i not in errors:
             fail(i, errors[first])
-    every({i: (_point, *_told(cases[i]), str(beds), measure) for i in missing if i not in errors}, keep)
+    every({i: (_point, cases[i], str(beds), measure) for i in missing if i not in errors}, keep)
     return _table(points, files, errors)
 
 
@@ -278,21 +278,12 @@ def plan(
     Path(path).write_text(text, encoding="utf-8")
 
 
-def _told(case: ballast.Case) -> tuple[str, int, str]:
-    """A case as what can be sent to another process."""
-    return case.text, case.seed, case.schedule
+def _bed(case: ballast.Case, beds: str) -> None:
+    ballast.prepare(case, beds=beds, threads=1, progress=False)
 
 
-def _again(text: str, seed: int, schedule: str) -> ballast.Case:
-    return ballast.Case(text).choose(seed=seed, schedule=schedule)
-
-
-def _bed(text: str, seed: int, schedule: str, beds: str) -> None:
-    ballast.prepare(_again(text, seed, schedule), beds=beds, threads=1, progress=False)
-
-
-def _point(text: str, seed: int, schedule: str, beds: str, measure: Measure) -> Figures:
-    return measure(_again(text, seed, schedule), beds)
+def _point(case: ballast.Case, beds: str, measure: Measure) -> Figures:
+    return measure(case, beds)
 
 
 def _check_figures(point: Point, figures: object) -> None:
