@@ -18,6 +18,7 @@ from pathlib import Path
 import ballast
 import numpy as np
 import pytest
+from ballast import _identity
 
 
 def test_the_environment_is_one_of_gymnasium(case: ballast.Case, beds: Path) -> None:
@@ -165,6 +166,21 @@ def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Pa
     for base, point in ((case, {"seed": greatest}), (case.choose(seed=greatest), {})):
         table = study.run(base, [point], tmp_path / "study", measure=the_seed, jobs=1, beds=tmp_path / "beds", progress=False)
         assert table["error"].isna().all() and table["figure"].tolist() == [greatest], table["error"].tolist()
+
+
+def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    axis = "tamping.vibration.frequency_Hz"
+    points = [{axis: value} for value in (20, 20.0, np.float64(20), 20)] + [{axis: 20.5}]
+    points += [{"bed.size_m": size} for size in ((0.5, 1), [0.5, 1.0], np.array([0.5, 1]))]
+    keys = [_identity.key(case, point, the_seed) for point in points]
+    assert [keys.count(key) for key in keys] == [4] * 4 + [1] + [3] * 3
+    table = study.run(case, points[:4], tmp_path, measure=the_seed, jobs=2, beds=beds, progress=False)
+    assert table["figure"].tolist() == [case.seed] * 4 and len([*tmp_path.iterdir()]) == 1
+    table = study.run(case, points[:2], tmp_path, measure=fails, jobs=2, beds=beds, progress=False)
+    assert table["error"].notna().all(), "all are told of what one of them has failed with"
 
 
 def test_points_fill_their_ranges() -> None:
@@ -387,7 +403,7 @@ def test_a_measure_that_fails_is_told_and_tried_again(
 
 def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
-    from ballast import _identity, study
+    from ballast import study
 
     wrong = {"tamping.vibration.frequency_Hz": -1.0}
     with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):

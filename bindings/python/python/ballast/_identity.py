@@ -9,15 +9,19 @@ from collections.abc import Callable, Iterable, Mapping
 from types import CodeType
 from typing import Any
 
+import numpy as np
+
 import ballast
 from ballast._json import dumps
 
 
 def key(case: ballast.Case, point: Mapping[str, Any], measure: Callable[..., Any]) -> str:
     """What a point's figures depend on, as the name of its file."""
+    # 20 and 20.0 ask for the same.
+    values = sorted((name, _whole(value)) for name, value in point.items())
     # As it is pickled: `text` could not hold every seed.
     _, (text, *_) = case.__reduce__()
-    what = [ballast.__version__, text, case.seed, case.schedule, sorted(point.items())]
+    what = [ballast.__version__, text, case.seed, case.schedule, values]
     described = _described(measure)
     try:
         told = dumps([*what, described])
@@ -27,6 +31,17 @@ def key(case: ballast.Case, point: Mapping[str, Any], measure: Callable[..., Any
             f"from around it, name its file, and one of them cannot: {error}"
         ) from None
     return hashlib.sha256(told.encode()).hexdigest()[:24]
+
+
+def _whole(value: Any) -> Any:
+    """The same value, in which whole numbers are integers."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, Mapping):
+        return {name: _whole(inner) for name, inner in value.items()}
+    return [_whole(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def _described(measure: Callable[..., Any], seen: frozenset[int] = frozenset()) -> list[Any]:

@@ -231,22 +231,24 @@ def run(
     files = [store / f"{_identity.key(base, point, measure)}.json" for point in points]
     for file in filter(Path.exists, files):
         _kept(file)
-    missing = [i for i, file in enumerate(files) if not file.exists()]
-    errors: dict[int, str] = {}
+    # Points that ask for the same share a file.
+    first = {file: i for i, file in reversed([*enumerate(files)])}
+    missing = sorted(i for file, i in first.items() if not file.exists())
+    errors: dict[Path, str] = {}
 
     def say(what: str) -> None:
         if progress:
             print(f"study: {what}", file=sys.stderr, flush=True)
 
     def fail(i: int, error: str) -> None:
-        errors[i] = error
+        errors[files[i]] = error
         say(f"{dict(points[i])} failed: {error}")
 
     def keep(i: int, figures: Figures) -> None:
         _check_figures(points[i], figures)
         text = dumps({"point": dict(points[i]), "figures": figures}, indent=1)
         _ballast.replace(files[i], text)
-        say(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
+        say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
     def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
         if executor is None:
@@ -258,10 +260,10 @@ def run(
     shared = {cases[i].bed_key: i for i in missing}
     every({i: (_bed, cases[i], str(beds)) for i in shared.values()}, lambda i, bed: None)
     for i in missing:
-        first = shared[cases[i].bed_key]
-        if first in errors and i not in errors:
-            fail(i, errors[first])
-    every({i: (_point, cases[i], str(beds), measure) for i in missing if i not in errors}, keep)
+        without_bed = errors.get(files[shared[cases[i].bed_key]])
+        if without_bed is not None and files[i] not in errors:
+            fail(i, without_bed)
+    every({i: (_point, cases[i], str(beds), measure) for i in missing if files[i] not in errors}, keep)
     return _table(points, files, errors)
 
 
@@ -309,11 +311,11 @@ def _kept(file: Path) -> Figures:
     raise ballast.FileError(text)
 
 
-def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[int, str]) -> pd.DataFrame:
+def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[Path, str]) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    for i, (point, file) in enumerate(zip(points, files, strict=True)):
+    for point, file in zip(points, files, strict=True):
         figures = _kept(file) if file.exists() else {}
-        rows.append({**point, **figures, "error": errors.get(i)})
+        rows.append({**point, **figures, "error": errors.get(file)})
     return pd.DataFrame(rows)
