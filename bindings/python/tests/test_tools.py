@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import json
 import math
 import os
 import re
@@ -168,6 +169,23 @@ def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Pa
         assert table["error"].isna().all() and table["figure"].tolist() == [greatest], table["error"].tolist()
 
 
+def test_figures_say_what_they_are_of(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    # As of a program that prepares another bed from the same case.
+    assert _identity.key(case, "one", {}, the_seed) != _identity.key(case, "another", {}, the_seed)
+    measure = functools.partial(the_seed)
+    study.run(case, [{"seed": np.int64(case.seed)}], tmp_path, measure=measure, jobs=1, beds=beds, progress=False)
+    [file] = tmp_path.iterdir()
+    told = json.loads(file.read_text())
+    assert (told["case"], told["seed"], told["bed"]) == ("tiny", case.seed, case.bed_key)
+    assert (told["measure"], told["version"]) == ("test_tools.the_seed", ballast.__version__)
+    assert told["point"] == {"seed": case.seed} and told["figures"] == {"figure": case.seed}
+    key = _identity.key(case, case.bed_key, {"seed": case.seed}, measure)
+    assert file.name == f"{key}.json"
+
+
 def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
@@ -175,7 +193,7 @@ def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Pat
     axis = "tamping.vibration.frequency_Hz"
     points = [{axis: value} for value in (20, 20.0, np.float64(20), 20)] + [{axis: 20.5}]
     points += [{"bed.size_m": size} for size in ((0.5, 1), [0.5, 1.0], np.array([0.5, 1]))]
-    keys = [_identity.key(case, point, the_seed) for point in points]
+    keys = [_identity.key(case, case.bed_key, point, the_seed) for point in points]
     assert [keys.count(key) for key in keys] == [4] * 4 + [1] + [3] * 3
     table = study.run(case, points[:4], tmp_path, measure=the_seed, jobs=2, beds=beds, progress=False)
     assert table["figure"].tolist() == [case.seed] * 4 and len([*tmp_path.iterdir()]) == 1
@@ -408,7 +426,7 @@ def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Ca
     wrong = {"tamping.vibration.frequency_Hz": -1.0}
     with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):
         study.run(case, [{}, wrong], tmp_path / "study", beds=beds, progress=False)
-    key = _identity.key(case, {}, fails)
+    key = _identity.key(case, case.bed_key, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
     with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point"):

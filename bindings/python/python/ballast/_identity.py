@@ -15,13 +15,14 @@ import ballast
 from ballast._json import dumps
 
 
-def key(case: ballast.Case, point: Mapping[str, Any], measure: Callable[..., Any]) -> str:
-    """What a point's figures depend on, as the name of its file."""
+def key(case: ballast.Case, bed_key: str, point: Mapping[str, Any], measure: Callable[..., Any]) -> str:
+    """What a point's figures depend on, as the name of its file. `bed_key` is that of the point's own bed: it also changes
+    where the program has come to prepare another one."""
     # 20 and 20.0 ask for the same.
     values = sorted((name, _whole(value)) for name, value in point.items())
     # As it is pickled: `text` could not hold every seed.
     _, (text, *_) = case.__reduce__()
-    what = [ballast.__version__, text, case.seed, case.schedule, values]
+    what = [ballast.__version__, text, case.seed, case.schedule, bed_key, values]
     described = _described(measure)
     try:
         told = dumps([*what, described])
@@ -31,6 +32,11 @@ def key(case: ballast.Case, point: Mapping[str, Any], measure: Callable[..., Any
             f"from around it, name its file, and one of them cannot: {error}"
         ) from None
     return hashlib.sha256(told.encode()).hexdigest()[:24]
+
+
+def name(measure: Callable[..., Any]) -> str:
+    """A measure as readers know it."""
+    return ".".join(_described(measure)[:2])
 
 
 def _whole(value: Any) -> Any:

@@ -206,7 +206,9 @@ def run(
     """Runs every point that the folder does not hold yet, and returns the table of all.
 
     Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
-    with more points or from another process. A point that fails is told at once, and in the column `error`; the
+    with more points or from another process. A point is run again where its case, its values, the measure, the version of
+    the package or the key of its bed is another one. A build that computes otherwise on the same beds is not noticed: it
+    needs a folder of its own. A point that fails is told at once, and in the column `error`; the
     next call tries it again. Points that make no case (CaseError) are told before anything is run. Where a process is
     killed (for its memory, say), the points at hand are run again one by one, and only one that is killed again fails.
 
@@ -228,7 +230,8 @@ def run(
     cases = [_applied(base, point) for point in points]
     store = Path(folder)
     store.mkdir(parents=True, exist_ok=True)
-    files = [store / f"{_identity.key(base, point, measure)}.json" for point in points]
+    keys = [_identity.key(base, case.bed_key, point, measure) for case, point in zip(cases, points, strict=True)]
+    files = [store / f"{key}.json" for key in keys]
     for file in filter(Path.exists, files):
         _kept(file)
     # Points that ask for the same share a file.
@@ -246,7 +249,9 @@ def run(
 
     def keep(i: int, figures: Figures) -> None:
         _check_figures(points[i], figures)
-        text = dumps({"point": dict(points[i]), "figures": figures}, indent=1)
+        # For readers; the name of the file holds what counts.
+        of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key, "measure": _identity.name(measure)}
+        text = dumps({**of, "version": ballast.__version__, "point": dict(points[i]), "figures": figures}, indent=1)
         _ballast.replace(files[i], text)
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
