@@ -13,7 +13,8 @@ import subprocess
 import sys
 import tomllib
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import ballast
@@ -444,8 +445,47 @@ def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: P
     table = study.run(
         case, [{"seed": case.seed}], tmp_path, measure=fails, jobs=1, beds=beds, progress=False
     )
-    assert table["error"].tolist() == ["ValueError: no figures of tiny"]
+    [said] = table["error"]
+    assert re.fullmatch(r"ValueError: no figures of tiny \(test_tools.py:\d+, in fails\)", said)
     assert not list(tmp_path.glob("*.json"))
+
+
+class Odd(Exception):
+    """Python makes it again from its message alone, which is too little."""
+
+    def __init__(self, what: str, where: str) -> None:
+        super().__init__(f"{what} at {where}")
+
+
+class OddNumber(float):
+    def __reduce__(self) -> tuple[object, ...]:
+        return float, ("no number",)
+
+
+def is_odd(case: ballast.Case, beds: str) -> dict[str, object]:
+    frequency = case.to_dict()["tamping"]["vibration"]["frequency_Hz"]
+    if frequency == 30.0:
+        raise Odd("no figures", "30 Hz")
+    if frequency == 40.0:
+        return {"figure": (lambda: 1)}
+    return {"figure": OddNumber(frequency)}
+
+
+@pytest.mark.parametrize("processes", [True, False])
+def test_what_no_other_process_can_read_is_told_as_it_is(
+    case: ballast.Case, beds: Path, tmp_path: Path, processes: bool
+) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 40.0, 50.0, 60.0]})
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        by = {"jobs": 2} if processes else {"executor": pool}
+        table = study.run(case, points, tmp_path, measure=is_odd, beds=beds, progress=False, **by)  # type: ignore[arg-type]
+    odd, no_number = table["error"].iloc[:2]
+    assert re.fullmatch(r"Odd: no figures at 30 Hz \(test_tools.py:\d+, in is_odd\)", odd)
+    assert no_number.startswith("TypeError: measure: expected a dictionary from names to numbers, found 'figure': <function")
+    assert table["error"].iloc[2:].isna().all() and table["figure"].iloc[2:].tolist() == [50.0, 60.0]
 
 
 def is_killed_at_60(case: ballast.Case, beds: str) -> dict[str, float]:

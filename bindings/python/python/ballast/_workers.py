@@ -1,8 +1,10 @@
-"""Calls in processes of this machine, or by whatever runs them elsewhere."""
+"""Calls in processes of this machine, or by whatever runs them elsewhere. What they raise comes back in words."""
 
 from __future__ import annotations
 
 import os
+import pickle
+import traceback
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -15,6 +17,8 @@ Call = tuple[Any, ...]
 Keep = Callable[[int, Any], None]
 Fail = Callable[[int, str], None]
 
+_PACKAGE = os.path.dirname(__file__)
+
 
 def by_processes(calls: dict[int, Call], jobs: int | None, keep: Keep, fail: Fail) -> None:
     """Makes calls in processes of this machine.
@@ -22,20 +26,21 @@ def by_processes(calls: dict[int, Call], jobs: int | None, keep: Keep, fail: Fai
     One that is killed takes its whole pool down, and nothing tells which call it had: those that were at hand are made
     again, each alone.
     """
-    left = dict(calls)
+    sent = {i: pickle.dumps(call) for i, call in calls.items()}
+    left = dict(sent)
     while left:
         at_hand = _until_killed(left, (os.cpu_count() or 1) if jobs is None else jobs, keep, fail)
         # Where not even this can be called, a process for each of the others would end no better.
-        if at_hand and _until_killed({0: (int,)}, 1, lambda i, zero: None, fail):
+        if at_hand and _until_killed({0: pickle.dumps((int,))}, 1, lambda i, zero: None, fail):
             for i in [*at_hand, *left]:
                 fail(i, "BrokenProcessPool: no process begins, as of a script without `if __name__ == '__main__':`")
             return
         for i in at_hand:
-            if _until_killed({i: calls[i]}, 1, keep, fail):
+            if _until_killed({i: sent[i]}, 1, keep, fail):
                 fail(i, "BrokenProcessPool: its process was killed, as where memory runs out, or crashed")
 
 
-def _until_killed(left: dict[int, Call], jobs: int, keep: Keep, fail: Fail) -> list[int]:
+def _until_killed(left: dict[int, bytes], jobs: int, keep: Keep, fail: Fail) -> list[int]:
     """Takes calls from `left` and makes them, so many at a time, until a process is killed; gives those at hand then."""
     at_hand: dict[Future[Any], int] = {}
 
@@ -50,7 +55,7 @@ def _until_killed(left: dict[int, Call], jobs: int, keep: Keep, fail: Fail) -> l
         while (left or at_hand) and not at_hand.keys() & done:
             while left and len(at_hand) < jobs:
                 i = next(iter(left))
-                at_hand[pool.submit(*left[i])] = i
+                at_hand[pool.submit(_tried_as_sent, left[i])] = i
                 del left[i]
             done = wait(at_hand, return_when=FIRST_COMPLETED).done
             take(done)
@@ -72,9 +77,50 @@ def wait_for(tasks: Mapping[int, Any], keep: Keep, fail: Fail) -> None:
 
 
 def _take(i: int, future: Any, keep: Keep, fail: Fail) -> None:
-    """Takes a result, or what was raised instead."""
+    """Takes what came of a call."""
     try:
-        keep(i, future.result())
-    except (Exception, SystemExit) as error:
+        result, failure = future.result()
+        if failure is None:
+            keep(i, result)
+    except Exception as error:
+        failure = _told(error)
+    if failure is not None:
+        fail(i, failure)
+
+
+def tried(function: Callable[..., Any], *arguments: Any) -> tuple[Any, str | None]:
+    """The result of a call, or in words what it has raised: an exception may be none that another process can read."""
+    try:
+        return function(*arguments), None
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         # The measure of one point may end its process, not the study.
-        fail(i, f"{type(error).__name__}: {error}")
+        return None, _told(error) + _place(error)
+
+
+def _tried_as_sent(sent: bytes) -> tuple[Any, str | None]:
+    """The same of a call that is read here: a pool breaks where it cannot read one itself."""
+
+    def call() -> Any:
+        function, *arguments = pickle.loads(sent)
+        return function(*arguments)
+
+    return tried(call)
+
+
+def _told(error: BaseException) -> str:
+    """An exception in words."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception:
+        return f"{type(error).__name__}, whose message cannot be told"
+
+
+def _place(error: BaseException) -> str:
+    """The last place outside of this package that an exception has come through, if there is one."""
+    for frame, line in reversed([*traceback.walk_tb(error.__traceback__)]):
+        code = frame.f_code
+        if not code.co_filename.startswith(_PACKAGE):
+            return f" ({os.path.basename(code.co_filename)}:{line}, in {code.co_name})"
+    return ""

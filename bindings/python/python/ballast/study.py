@@ -247,19 +247,18 @@ def run(
         errors[files[i]] = error
         say(f"{dict(points[i])} failed: {error}")
 
-    def keep(i: int, figures: Figures) -> None:
-        _check_figures(points[i], figures)
+    def keep(i: int, figures: str) -> None:
         # For readers; the name of the file holds what counts.
-        of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key, "measure": _identity.name(measure)}
-        text = dumps({**of, "version": ballast.__version__, "point": dict(points[i]), "figures": figures}, indent=1)
-        _ballast.replace(files[i], text)
+        of: dict[str, Any] = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key, "measure": _identity.name(measure)}
+        of |= {"version": ballast.__version__, "point": dict(points[i]), "figures": json.loads(figures)}
+        _ballast.replace(files[i], dumps(of, indent=1))
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
     def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
         if executor is None:
             _workers.by_processes(calls, jobs, keep, fail)
         else:
-            _workers.wait_for({i: executor.submit(*call) for i, call in calls.items()}, keep, fail)
+            _workers.wait_for({i: executor.submit(_workers.tried, *call) for i, call in calls.items()}, keep, fail)
 
     # Beds first, each once: points that share one would all prepare it.
     shared = {cases[i].bed_key: i for i in missing}
@@ -268,7 +267,8 @@ def run(
         without_bed = errors.get(files[shared[cases[i].bed_key]])
         if without_bed is not None and files[i] not in errors:
             fail(i, without_bed)
-    every({i: (_point, cases[i], str(beds), measure) for i in missing if files[i] not in errors}, keep)
+    named = {i: tuple(points[i]) for i in missing if files[i] not in errors}
+    every({i: (_point, cases[i], str(beds), measure, names) for i, names in named.items()}, keep)
     return _table(points, files, errors)
 
 
@@ -289,18 +289,21 @@ def _bed(case: ballast.Case, beds: str) -> None:
     ballast.prepare(case, beds=beds, threads=1, progress=False)
 
 
-def _point(case: ballast.Case, beds: str, measure: Measure) -> Figures:
-    return measure(case, beds)
+def _point(case: ballast.Case, beds: str, measure: Measure, names: Collection[str]) -> str:
+    """Figures of a point whose values have these names, as JSON: they may be of types that no other process knows."""
+    figures = measure(case, beds)
+    _check_figures(names, figures)
+    return dumps(dict(figures))
 
 
-def _check_figures(point: Point, figures: object) -> None:
+def _check_figures(names: Collection[str], figures: object) -> None:
     expected = "measure: expected a dictionary from names to numbers"
     if not isinstance(figures, Mapping):
         raise TypeError(f"{expected}, found {figures!r}")
     for name, value in figures.items():
         if not isinstance(name, str) or not isinstance(value, numbers.Real | np.generic | None):
             raise TypeError(f"{expected}, found {name!r}: {value!r}")
-        if name in point or name == "error":
+        if name in names or name == "error":
             raise ValueError(f"measure: expected other names than those of the point and 'error', found {name!r}")
 
 
