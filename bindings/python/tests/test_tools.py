@@ -522,6 +522,38 @@ def test_a_script_that_begins_its_study_again_is_told_so(case: ballast.Case, bed
     assert done.stdout.splitlines() == ["begun"] * 3 + [said]
 
 
+def test_a_measure_that_processes_cannot_find_is_told(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    with pytest.raises(TypeError, match="can be sent to other processes, found <function .*<lambda>.*; put it in a module, or pass"):
+        study.run(case, [{}], tmp_path / "study", measure=lambda case, beds: {}, beds=tmp_path / "beds", progress=False)
+    # As in the cell of a notebook, whose text Python knows though no file has it.
+    case.write(tmp_path / "tiny.toml")
+    cell = (
+        "import functools, linecache\n"
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "from ballast import study\n"
+        "text = 'def seed(case, beds, more=0): return {\"figure\": case.seed + more}'\n"
+        "linecache.cache['<cell>'] = len(text), None, [text], '<cell>'\n"
+        "exec(compile(text, '<cell>', 'exec'))\n"
+        "for measure in (seed, functools.partial(seed, more=1)):\n"
+        "    try:\n"
+        "        study.run('tiny.toml', [{}], 'study', measure=measure, progress=False)\n"
+        "    except TypeError as error:\n"
+        "        print(error)\n"
+        "with ThreadPoolExecutor(1) as pool:\n"
+        "    print(study.run('tiny.toml', [{}], 'study', measure=seed, executor=pool, progress=False).figure.tolist())\n"
+        "print(study.run('tiny.toml', [{}], 'study', measure=seed, progress=False).figure.tolist(), 'of the folder')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", cell], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    *refused, there, kept = done.stdout.splitlines()
+    said = "measure: expected a function of a module, .* found <function seed .*> of a notebook or a prompt; put it in a module"
+    assert len(refused) == 2 and all(re.match(said, line) for line in refused), refused
+    assert (there, kept) == (f"[{case.seed}]", f"[{case.seed}] of the folder")
+
+
 def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     distributed = pytest.importorskip("distributed")

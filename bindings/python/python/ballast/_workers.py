@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import pickle
+import sys
 import traceback
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
@@ -18,6 +20,31 @@ Keep = Callable[[int, Any], None]
 Fail = Callable[[int, str], None]
 
 _PACKAGE = os.path.dirname(__file__)
+
+
+def check(measure: Callable[..., Any]) -> None:
+    """Tells of a measure that other processes cannot find, before any of them ends at it."""
+    advice = "put it in a module, or pass `executor=`"
+    inner = measure
+    while isinstance(inner, functools.partial):
+        inner = inner.func
+    if getattr(inner, "__module__", None) == "__main__" and not _main_is_read_again():
+        raise TypeError(
+            f"measure: expected a function of a module, which other processes read, found {inner!r} of a notebook or a "
+            f"prompt; {advice}"
+        )
+    try:
+        pickle.dumps(measure)
+    except Exception as error:
+        raise TypeError(
+            f"measure: expected a function that can be sent to other processes, found {inner!r} ({_told(error)}); {advice}"
+        ) from None
+
+
+def _main_is_read_again() -> bool:
+    """Whether processes that begin read what this one has begun with: a script or a module."""
+    main = sys.modules["__main__"]
+    return getattr(main, "__spec__", None) is not None or os.path.isfile(getattr(main, "__file__", None) or "")
 
 
 def by_processes(calls: dict[int, Call], jobs: int | None, keep: Keep, fail: Fail) -> None:

@@ -216,7 +216,7 @@ def run(
         case: the case that points change.
         points: see `grid` and `latin_hypercube`.
         folder: of this study.
-        measure: a function of a module (processes must find it) from a case and a folder of beds to figures, or
+        measure: a function of a module or of the script (processes must find it, unless `executor` does) from a case and a folder of beds to figures, or
             `functools.partial` of one. With another text, or other values bound to it or taken from around it, all points
             are run again; what it calls, and what its module holds, is not looked at. Of a lambda, what it was compiled to
             counts as text: another Python runs its points again.
@@ -260,6 +260,8 @@ def run(
         else:
             _workers.wait_for({i: executor.submit(_workers.tried, *call) for i, call in calls.items()}, keep, fail)
 
+    if missing and executor is None:
+        _workers.check(measure)
     # Beds first, each once: points that share one would all prepare it.
     shared = {cases[i].bed_key: i for i in missing}
     every({i: (_bed, cases[i], str(beds)) for i in shared.values()}, lambda i, bed: None)
