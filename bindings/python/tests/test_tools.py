@@ -11,8 +11,10 @@ import re
 import signal
 import subprocess
 import sys
+import time
 import tomllib
 import warnings
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -552,6 +554,62 @@ def test_a_measure_that_processes_cannot_find_is_told(case: ballast.Case, tmp_pa
     said = "measure: expected a function of a module, .* found <function seed .*> of a notebook or a prompt; put it in a module"
     assert len(refused) == 2 and all(re.match(said, line) for line in refused), refused
     assert (there, kept) == (f"[{case.seed}]", f"[{case.seed}] of the folder")
+
+
+# The first point takes no time, the others more than a test.
+SLOW = """
+import os, pathlib, time
+from ballast import study
+
+def slow(case, beds):
+    frequency = case.to_dict()["tamping"]["vibration"]["frequency_Hz"]
+    pathlib.Path(f"begun_{frequency}").write_text(str(os.getpid()))
+    if frequency > 1.0:
+        time.sleep(600.0)
+    return {"figure": frequency}
+
+if __name__ == "__main__":
+    points = study.grid({"tamping.vibration.frequency_Hz": [1.0, 30.0, 40.0, 50.0]})
+    study.run("tiny.toml", points, "study", measure=slow, jobs=2, beds=BEDS)
+"""
+
+
+def slow_study(case: ballast.Case, beds: Path, folder: Path) -> tuple[subprocess.Popen[str], list[int]]:
+    """A study whose first point is done and whose second and third are being computed, and the processes of these."""
+    case.write(folder / "tiny.toml")
+    (folder / "slow.py").write_text(SLOW.replace("BEDS", repr(str(beds))))
+    study = subprocess.Popen([sys.executable, "slow.py"], cwd=folder, stderr=subprocess.PIPE, text=True)
+    begun = [folder / f"begun_{frequency}" for frequency in (30.0, 40.0)]
+    until(lambda: all(file.exists() and file.read_text() for file in begun) and any((folder / "study").glob("*.json")))
+    return study, [int(file.read_text()) for file in begun]
+
+
+def until(is_so: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end, f"not so after {seconds} s"
+        time.sleep(0.05)
+
+
+def has_ended(process: int) -> bool:
+    try:
+        # One that nobody has waited for has ended, too.
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="tells processes by /proc")
+
+
+@needs_proc
+def test_no_process_outlives_a_study_that_is_killed(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    study, processes = slow_study(case, beds, tmp_path)
+    assert not any(map(has_ended, processes))
+    study.kill()
+    study.communicate()
+    until(lambda: all(map(has_ended, processes)))
 
 
 def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:

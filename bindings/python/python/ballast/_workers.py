@@ -6,12 +6,14 @@ import functools
 import os
 import pickle
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any
 
 #: A function and its arguments.
@@ -76,8 +78,15 @@ def _until_killed(left: dict[int, bytes], jobs: int, keep: Keep, fail: Fail) -> 
             if not isinstance(future.exception(), BrokenProcessPool):
                 _take(at_hand.pop(future), future, keep, fail)
 
+    context = get_context("spawn")
+    watched, held = context.Pipe(duplex=False)
     # A pool may also break between two results, which its next `submit` tells.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool, suppress(BrokenProcessPool):
+    with (
+        watched,
+        held,
+        ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with, initargs=(watched,)) as pool,
+        suppress(BrokenProcessPool),
+    ):
         done: Collection[Future[Any]] = ()
         while (left or at_hand) and not at_hand.keys() & done:
             while left and len(at_hand) < jobs:
@@ -88,6 +97,18 @@ def _until_killed(left: dict[int, bytes], jobs: int, keep: Keep, fail: Fail) -> 
             take(done)
     take(list(at_hand))
     return list(at_hand.values())
+
+
+def _end_with(watched: Connection) -> None:
+    """Lets a process of a pool end, whatever it computes, as soon as the other end of `watched` is closed: by what began it,
+    or because that has ended, however it has. Nothing else would tell the process: it would wait for calls for ever."""
+
+    def end() -> None:
+        with suppress(OSError):
+            watched.poll(None)
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
 
 
 def wait_for(tasks: Mapping[int, Any], keep: Keep, fail: Fail) -> None:
