@@ -14,8 +14,9 @@ import sys
 import time
 import tomllib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -574,14 +575,23 @@ if __name__ == "__main__":
 """
 
 
-def slow_study(case: ballast.Case, beds: Path, folder: Path) -> tuple[subprocess.Popen[str], list[int]]:
+@contextmanager
+def slow_study(case: ballast.Case, beds: Path, folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
     """A study whose first point is done and whose second and third are being computed, and the processes of these."""
     case.write(folder / "tiny.toml")
     (folder / "slow.py").write_text(SLOW.replace("BEDS", repr(str(beds))))
-    study = subprocess.Popen([sys.executable, "slow.py"], cwd=folder, stderr=subprocess.PIPE, text=True)
+    called = [sys.executable, "slow.py"]
+    study = subprocess.Popen(called, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
     begun = [folder / f"begun_{frequency}" for frequency in (30.0, 40.0)]
-    until(lambda: all(file.exists() and file.read_text() for file in begun) and any((folder / "study").glob("*.json")))
-    return study, [int(file.read_text()) for file in begun]
+    try:
+        until(lambda: all(file.exists() and file.read_text() for file in begun))
+        until(lambda: any((folder / "study").glob("*.json")))
+        yield study, [int(file.read_text()) for file in begun]
+    finally:
+        # Whatever of it is left where a test fails.
+        with suppress(ProcessLookupError):
+            os.killpg(study.pid, signal.SIGKILL)
+        study.communicate()
 
 
 def until(is_so: Callable[[], bool], seconds: float = 120.0) -> None:
@@ -605,11 +615,43 @@ needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="te
 @needs_proc
 def test_no_process_outlives_a_study_that_is_killed(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
-    study, processes = slow_study(case, beds, tmp_path)
-    assert not any(map(has_ended, processes))
-    study.kill()
-    study.communicate()
-    until(lambda: all(map(has_ended, processes)))
+    with slow_study(case, beds, tmp_path) as (study, processes):
+        assert not any(map(has_ended, processes))
+        study.kill()
+        until(lambda: all(map(has_ended, processes)))
+
+
+@needs_proc
+def test_ctrl_c_ends_a_study_at_once_and_keeps_what_is_done(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    with slow_study(case, beds, tmp_path) as (study, processes):
+        # The stop button of a notebook tells this process alone.
+        study.send_signal(signal.SIGINT)
+        _, said = study.communicate(timeout=120)
+        assert all(map(has_ended, processes))
+    assert study.returncode != 0 and said.count("Traceback") == 1 and said.rstrip().endswith("KeyboardInterrupt"), said
+    [done] = (tmp_path / "study").iterdir()
+    assert json.loads(done.read_text())["figures"] == {"figure": 1.0}
+    assert not (tmp_path / "begun_50.0").exists()
+
+
+def interrupts(case: ballast.Case, beds: str) -> dict[str, float]:
+    INTERRUPTED.append(case.seed)
+    time.sleep(0.05)
+    raise KeyboardInterrupt
+
+
+INTERRUPTED: list[int] = []
+
+
+def test_ctrl_c_takes_back_what_an_executor_has_not_begun(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": range(20, 60)})
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        study.run(case, points, tmp_path, measure=interrupts, executor=pool, beds=beds, progress=False)
+    assert 1 <= len(INTERRUPTED) < len(points)
 
 
 def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:

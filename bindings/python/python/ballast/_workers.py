@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 import pickle
+import signal
 import sys
 import threading
 import traceback
@@ -76,25 +77,33 @@ def _until_killed(left: dict[int, bytes], jobs: int, keep: Keep, fail: Fail) -> 
     def take(futures: Iterable[Future[Any]]) -> None:
         for future in futures:
             if not isinstance(future.exception(), BrokenProcessPool):
-                _take(at_hand.pop(future), future, keep, fail)
+                _take(at_hand[future], future, keep, fail)
+                # Not before: what Ctrl-C keeps from being taken is taken after it.
+                del at_hand[future]
 
     context = get_context("spawn")
     watched, held = context.Pipe(duplex=False)
-    # A pool may also break between two results, which its next `submit` tells.
-    with (
-        watched,
-        held,
-        ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with, initargs=(watched,)) as pool,
-        suppress(BrokenProcessPool),
-    ):
-        done: Collection[Future[Any]] = ()
-        while (left or at_hand) and not at_hand.keys() & done:
-            while left and len(at_hand) < jobs:
-                i = next(iter(left))
-                at_hand[pool.submit(_tried_as_sent, left[i])] = i
-                del left[i]
-            done = wait(at_hand, return_when=FIRST_COMPLETED).done
-            take(done)
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with, initargs=(watched,))
+    try:
+        # A pool may also break between two results, which its next `submit` tells.
+        with suppress(BrokenProcessPool):
+            done: Collection[Future[Any]] = ()
+            while (left or at_hand) and not at_hand.keys() & done:
+                while left and len(at_hand) < jobs:
+                    i = next(iter(left))
+                    at_hand[pool.submit(_tried_as_sent, left[i])] = i
+                    del left[i]
+                done = wait(at_hand, return_when=FIRST_COMPLETED).done
+                take(done)
+    except BaseException:
+        # Ctrl-C, or a line that cannot be printed: nobody waits for what is being computed.
+        held.close()
+        take([future for future in at_hand if future.done() and future.exception() is None])
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        held.close()
+        watched.close()
     take(list(at_hand))
     return list(at_hand.values())
 
@@ -109,6 +118,8 @@ def _end_with(watched: Connection) -> None:
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
+    # Ctrl-C is for what began it. Not ignored, as programs that a measure starts would then ignore it, too.
+    signal.signal(signal.SIGINT, lambda *_: None)
 
 
 def wait_for(tasks: Mapping[int, Any], keep: Keep, fail: Fail) -> None:
@@ -120,8 +131,14 @@ def wait_for(tasks: Mapping[int, Any], keep: Keep, fail: Fail) -> None:
         from dask.distributed import as_completed as dask_as_completed
 
         done = dask_as_completed(numbers)
-    for future in done:
-        _take(numbers[future], future, keep, fail)
+    try:
+        for future in done:
+            _take(numbers[future], future, keep, fail)
+    finally:
+        # After Ctrl-C, what has not begun need not begin.
+        for future in numbers:
+            if not future.done():
+                future.cancel()
 
 
 def _take(i: int, future: Any, keep: Keep, fail: Fail) -> None:
