@@ -170,6 +170,9 @@ def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast
         case.with_values({"tamping.vibration.frequency_Hz": math.nan})
     with pytest.raises(TypeError, match="tamping.vibration.frequency_Hz: expected texts, numbers, .* found None"):
         case.with_values({"tamping.vibration.frequency_Hz": None})
+    for no_list in ({0.3, 0.1}, frozenset([1.0]), b"text", bytearray(3)):
+        with pytest.raises(TypeError, match="bed.size_m: expected texts, numbers, .* lists .* found"):
+            case.with_values({"bed.size_m": no_list})
     with pytest.raises(ballast.CaseError, match="seed"):
         case.with_values({"bed.seed": 2**63})
     free = case.with_values({"tamping.insertion.force_limit_N": math.inf})

@@ -249,6 +249,9 @@ def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> Non
         for ask in (lambda p: study.run(case, p, tmp_path / "study"), lambda p: study.plan("a.toml", p, tmp_path / "p.toml")):
             with pytest.raises(TypeError, match=said):
                 ask(points)
+    for jobs in (0, -1, 1.5, "2"):
+        with pytest.raises(ValueError, match=f"jobs: expected a whole number from 1 on, found {jobs!r}"):
+            study.run(case, [{}], tmp_path / "study", jobs=jobs)  # type: ignore[arg-type]
     assert not list(tmp_path.iterdir())
 
 
@@ -433,8 +436,9 @@ def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Ca
     key = _identity.key(case, case.bed_key, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
-    with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point"):
+    with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point") as damaged:
         study.run(case, [{}], tmp_path / "study", measure=fails, beds=beds, progress=False)
+    assert damaged.value.code == "file"
 
 
 def fails(case: ballast.Case, beds: str) -> dict[str, float]:

@@ -225,6 +225,8 @@ def run(
         beds: folder of prepared beds.
         progress: a line per point on stderr.
     """
+    if jobs is not None and not (isinstance(jobs, numbers.Integral) and jobs > 0):
+        raise ValueError(f"jobs: expected a whole number from 1 on, found {jobs!r}")
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
     points = _points(points)
     cases = [_applied(base, point) for point in points]
@@ -318,7 +320,9 @@ def _kept(file: Path) -> Figures:
     except (ValueError, KeyError, TypeError):
         pass
     text = f"{file}: expected the figures of a point (JSON), found something else; without the file the point is run again"
-    raise ballast.FileError(text)
+    error = ballast.FileError(text)
+    error.code = "file"
+    raise error
 
 
 def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[Path, str]) -> pd.DataFrame:
