@@ -105,6 +105,21 @@ def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: P
         assert seen[-3:] == pytest.approx([math.sin(angle), math.cos(angle), frequency / 50.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("interval_s", [0.07, 1.0, 1e6])
+def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s: float) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds, interval_s=interval_s)
+    env.reset(seed=1)
+    times, is_over = [], False
+    while not is_over:
+        seen, _, closed, is_over, info = env.step(np.array([-1.0, 0.0, -1.0]))
+        assert not closed and "trouble" not in info, info
+        times.append(seen[3])
+    assert times[-1] == 1.0 and times == sorted(set(times)) and len(times) == (3 if interval_s == 0.07 else 1)
+
+
 class Interrupted:
     """A simulation whose windows Ctrl-C ends after their first step."""
 
