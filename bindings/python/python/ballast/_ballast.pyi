@@ -2,13 +2,14 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, final
+from typing import Any, SupportsIndex, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
+_Times = Sequence[SupportsIndex] | NDArray[np.integer[Any]]
 
 __all__ = [
     "BodyOutcome",
@@ -109,7 +110,7 @@ class Case:
         """The same case with other values: paths of keys joined by points, and what they become, such as
         `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError."""
 
-    def choose(self, *, seed: int | None = None, schedule: str | None = None) -> Case:
+    def choose(self, *, seed: SupportsIndex | None = None, schedule: str | None = None) -> Case:
         """The same case with another seed of the bed, or another schedule of the solver."""
 
     @property
@@ -168,7 +169,7 @@ class Motion:
 
     def __new__(
         cls,
-        times_ns: Sequence[int],
+        times_ns: _Times,
         positions: ArrayLike,
         orientations: ArrayLike | None = None,
         *,
@@ -188,7 +189,7 @@ class Load:
 
     def __new__(
         cls,
-        times_ns: Sequence[int],
+        times_ns: _Times,
         forces: ArrayLike,
         torques: ArrayLike | None = None,
         *,
@@ -211,7 +212,7 @@ class Simulation:
     def __exit__(self, *error: object) -> None: ...
     def advance_to(
         self,
-        t1_ns: int,
+        t1_ns: SupportsIndex,
         tools: Mapping[str, Motion] | None = None,
         loads: Mapping[str, Load] | None = None,
         *,
