@@ -22,7 +22,7 @@ Call = tuple[Any, ...]
 Keep = Callable[[int, Any], None]
 Fail = Callable[[int, str], None]
 
-_PACKAGE = os.path.dirname(__file__)
+_PACKAGE = os.path.join(os.path.dirname(__file__), "")
 
 
 def check(measure: Callable[..., Any]) -> None:

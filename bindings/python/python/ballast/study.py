@@ -205,21 +205,21 @@ def run(
 ) -> pd.DataFrame:
     """Runs every point that the folder does not hold yet, and returns the table of all.
 
-    Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
-    with more points or from another process. A point is run again where its case, its values, the measure, the version of
-    the package or the key of its bed is another one. A build that computes otherwise on the same beds is not noticed: it
-    needs a folder of its own. A point that fails is told at once, and in the column `error`; the
-    next call tries it again. Points that make no case (CaseError) are told before anything is run. Where a process is
-    killed (for its memory, say), the points at hand are run again one by one, and only one that is killed again fails.
+    Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also with more
+    points or from another process. A point is run again where its case, its values, the measure, the version of the
+    package or the key of its bed is another one. A build that computes otherwise on the same beds is not noticed: it
+    needs a folder of its own. A point that fails is told at once, and in the column `error`; the next call tries it
+    again. Points that make no case (CaseError) are told before anything is run. Where a process is killed (for its
+    memory, say), the points at hand are run again one by one, and only one that is killed again fails.
 
     Args:
         case: the case that points change.
         points: see `grid` and `latin_hypercube`.
         folder: of this study.
-        measure: a function of a module or of the script (processes must find it, unless `executor` does) from a case and a folder of beds to figures, or
-            `functools.partial` of one. With another text, or other values bound to it or taken from around it, all points
-            are run again; what it calls, and what its module holds, is not looked at. Of a lambda, what it was compiled to
-            counts as text: another Python runs its points again.
+        measure: a function from a case and a folder of beds to figures, of a module or of the script (processes must find
+            it, unless `executor` does), or `functools.partial` of one. With another text, or other values bound to it or
+            taken from around it, all points are run again; what it calls, and what its module holds, is not looked at. Of a
+            lambda, what it was compiled to counts as text: another Python runs its points again.
         jobs: processes; by default one per processor.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
@@ -251,9 +251,10 @@ def run(
 
     def keep(i: int, figures: str) -> None:
         # For readers; the name of the file holds what counts.
-        of: dict[str, Any] = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key, "measure": _identity.name(measure)}
-        of |= {"version": ballast.__version__, "point": dict(points[i]), "figures": json.loads(figures)}
-        _ballast.replace(files[i], dumps(of, indent=1))
+        of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key}
+        by = {"measure": _identity.name(measure), "version": ballast.__version__}
+        told = {**of, **by, "point": dict(points[i]), "figures": json.loads(figures)}
+        _ballast.replace(files[i], dumps(told, indent=1))
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
     def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
