@@ -107,10 +107,11 @@ def replay(case, seed, folder, kind, n):
         while a < len(phases):
             b = next((i for i in range(a + 1, a + n) if phases[i : i + 1] != [phases[a]]), a + n)
             ends = [a] if kind == "hold" else [a, b]
+            # The first cubic begins with the speed of its curve, where a body was at rest.
             tools = {
                 name: ballast.Motion([times[i] for i in ends], way[ends, :3], way[ends, 3:],
                                      velocities=speeds[name][ends] if kind == "hermite" else None,
-                                     interpolation=kind, rebase=kind == "hold")
+                                     interpolation=kind, rebase=kind == "hold" or a == 0)
                 for name, way in ways.items()
             }  # fmt: skip
             tally.add(phases[a], sim.advance_to(times[b], tools))

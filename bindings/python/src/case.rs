@@ -11,14 +11,17 @@ use ballast_beds::{Beds, Pace};
 use ballast_scenario::{Choices, LONGEST_CASE, NoText, read_text, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use std::borrow::Cow;
 use std::fs::File;
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A case that was read and found sound.
 ///
-/// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError.
+/// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError. Cases that were read
+/// from the same text and have the same seed and schedule are equal; they can be copied and pickled.
 #[pyclass(frozen, module = "ballast", from_py_object)]
 #[derive(Clone)]
 pub struct Case(pub Arc<ballast_beds::Case>);
@@ -43,6 +46,39 @@ impl Case {
 
     fn chosen(&self, choices: Choices) -> Self {
         Self(Arc::new(ballast_beds::Case::clone(&self.0).chosen(choices)))
+    }
+
+    /// What tells it from others.
+    fn identity(&self) -> (&str, u64, &'static str) {
+        (&self.0.text, self.seed(), self.schedule())
+    }
+
+    /// The text, in which what was chosen otherwise is said, too.
+    fn told(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
+        let ballast_beds::Case { plan, text, choices, .. } = &*self.0;
+        if *choices == Choices::default() {
+            return Ok(Cow::Borrowed(text));
+        }
+        let read = read(py, text.clone(), &plan.name)?.plan;
+        let mut point = sweep::Point::new();
+        let seed = plan.bed.seed;
+        if seed != read.bed.seed {
+            let held = i64::try_from(seed).map_err(|_| {
+                let expected = format!("one up to {}, as a text (TOML) holds no greater", i64::MAX);
+                let wrong = format!("bed.seed: expected {expected}, found {seed}");
+                errors::error::<CaseError>(py, "case", wrong)
+            })?;
+            point.push(("bed.seed".into(), held.into()));
+        }
+        let schedule = plan.run.solver.schedule;
+        if schedule != read.run.solver.schedule {
+            point.push(("solver.schedule".into(), schedule.name().into()));
+        }
+        if point.is_empty() {
+            return Ok(Cow::Borrowed(text));
+        }
+        let told = sweep::with_values(text, &point, &plan.name);
+        told.map(Cow::Owned).map_err(|e| errors::error::<CaseError>(py, "case", e))
     }
 }
 
@@ -76,12 +112,13 @@ impl Case {
 
     /// The text's values as nested dictionaries; what the text leaves to defaults is not in them.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("tomllib")?.call_method1("loads", (&self.0.text,))
+        py.import("tomllib")?.call_method1("loads", (self.told(py)?,))
     }
 
-    /// Writes the case's text to a file; overrides of `choose` are not part of it.
+    /// Writes the case's text to a file.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        ballast_hdf5::replace(&path, &[self.0.text.as_bytes()]).map_err(|e| errors::file(py, e))
+        let text = self.told(py)?;
+        ballast_hdf5::replace(&path, &[text.as_bytes()]).map_err(|e| errors::file(py, e))
     }
 
     /// The same case with other values: paths of keys joined by points, and what they become, such as
@@ -124,10 +161,11 @@ impl Case {
         &self.0.plan.name
     }
 
-    /// As it was read, TOML.
+    /// TOML, as it was read; where `choose` has changed the seed or the schedule, with these. Raises CaseError where
+    /// TOML cannot hold the seed (above 2^63 - 1).
     #[getter]
-    fn text(&self) -> &str {
-        &self.0.text
+    fn text(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
+        self.told(py)
     }
 
     /// Of the bed: the case's, or that of `choose`.
@@ -169,6 +207,39 @@ impl Case {
     fn __repr__(&self) -> String {
         format!("Case({:?})", self.0.plan.name)
     }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.identity() == other.identity()
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.identity().hash(&mut hasher);
+        hasher.finish()
+    }
+
+    /// The text alone could not hold every seed, and has comments that a changed one loses.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Told)> {
+        let Choices { seed, schedule } = self.0.choices;
+        let again = py.import("ballast._ballast")?.getattr("case_again")?;
+        Ok((again, (self.0.text.clone(), seed, schedule.map(|s| s.name().to_string()))))
+    }
+}
+
+/// Text, and what was chosen: seed and schedule.
+type Told = (String, Option<u64>, Option<String>);
+
+/// A case that was copied or pickled.
+#[pyfunction]
+pub fn case_again(
+    py: Python<'_>,
+    text: String,
+    seed: Option<u64>,
+    schedule: Option<&str>,
+) -> PyResult<Case> {
+    let choices =
+        Choices::named(seed, schedule).map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+    Ok(Case::read(py, text, "case")?.chosen(choices))
 }
 
 /// Prepares the bed of a case unless it is there, and tells where it is kept. `progress(share, text)` is

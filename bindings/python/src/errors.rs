@@ -113,6 +113,11 @@ pub fn beds(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {
     use ballast_beds::Error as Beds;
     match failure {
         Beds::Scene { .. } | Beds::Preparation { .. } => error::<CaseError>(py, "case", failure),
+        Beds::Kept(_) | Beds::AnotherBed { .. } => {
+            let way_out =
+                "prepare it again with `ballast.prepare(case, again=True)`, or delete the file";
+            file(py, format!("{failure}; {way_out}"))
+        }
         _ => file(py, failure),
     }
 }

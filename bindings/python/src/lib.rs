@@ -69,6 +69,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<simulation::Tine>()?;
     module.add_class::<state::State>()?;
     module.add_function(wrap_pyfunction!(case::begin, module)?)?;
+    module.add_function(wrap_pyfunction!(case::case_again, module)?)?;
     module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
     module.add_function(wrap_pyfunction!(there::attach, module)?)?;
     module.add_function(wrap_pyfunction!(replace, module)?)?;

@@ -205,7 +205,8 @@ impl Simulation {
         self.window(py, &Asked::of(Some(t1_ns), tools, loads, series, zones)?)
     }
 
-    /// Computes the last window again from its beginning, with other inputs: for implicit coupling.
+    /// Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
+    /// asked for, also where Ctrl-C or trouble (status "early") had ended it before its end.
     #[pyo3(signature = (tools=None, loads=None, *, series=false, zones=false))]
     fn redo(
         &self,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from pathlib import Path
 
 import ballast
@@ -66,13 +68,41 @@ def test_a_case_is_written_at_once_or_not_at_all(case: ballast.Case, tmp_path: P
     assert sorted(tmp_path.iterdir()) == [path, old]
 
 
-def test_choices_are_not_in_the_text(case: ballast.Case) -> None:
+def test_what_is_written_is_what_was_chosen(case: ballast.Case, tmp_path: Path) -> None:
+    chosen = case.choose(seed=5, schedule="sequential")
+    chosen.write(tmp_path / "chosen.toml")
+    for again in (ballast.Case.load(tmp_path / "chosen.toml"), ballast.Case(chosen.text), ballast.Case.from_dict(chosen.to_dict())):
+        assert (again.seed, again.schedule, again.bed_key) == (5, "sequential", chosen.bed_key)
+    assert chosen.to_dict()["name"] == case.name
+    # Comments stay where nothing changes.
+    assert case.choose(seed=case.seed, schedule=case.schedule).text == case.text
+    greatest = case.choose(seed=2**64 - 1)
+    assert greatest.seed == 2**64 - 1
+    for ask in (lambda: greatest.text, greatest.to_dict, lambda: greatest.write(tmp_path / "greatest.toml")):
+        with pytest.raises(ballast.CaseError, match=f"bed.seed: expected one up to {2**63 - 1}, .* found {2**64 - 1}") as wrong:
+            ask()
+        assert wrong.value.code == "case"
+    assert [path.name for path in tmp_path.iterdir()] == ["chosen.toml"]
+
+
+def test_cases_are_copied_pickled_and_compared(case: ballast.Case) -> None:
+    greatest = case.choose(seed=2**64 - 1, schedule="sequential")
+    for one in (case, case.choose(seed=5), greatest):
+        for other in (copy.copy(one), copy.deepcopy(one), pickle.loads(pickle.dumps(one))):
+            assert other == one and hash(other) == hash(one)
+            assert (other.name, other.seed, other.schedule, other.bed_key) == (one.name, one.seed, one.schedule, one.bed_key)
+    assert pickle.loads(pickle.dumps(case)).text == case.text
+    assert case.choose(seed=case.seed) == case
+    others = {case, case.choose(seed=5), case.choose(schedule="sequential"), case.with_values({"name": "other"}), greatest}
+    assert len(others) == 5
+    assert case != case.text and case is not None
+
+
+def test_what_is_chosen_or_said_last_holds(case: ballast.Case) -> None:
     chosen = case.choose(seed=5, schedule="sequential")
     assert (chosen.seed, chosen.schedule) == (5, "sequential")
-    assert chosen.text == case.text
     with pytest.raises(ballast.CaseError, match="expected one of"):
         case.choose(schedule="random")
-    # What is said last holds.
     for seed in (-1, 2**70):
         with pytest.raises(ballast.Refused, match="seed: expected one from 0 to 2"):
             case.choose(seed=seed)
@@ -113,6 +143,19 @@ def test_a_preparation_tells_how_far_it_is(case: ballast.Case, tmp_path: Path) -
     assert Path(path).stat().st_mtime_ns == stamp, "it was there"
 
 
+def test_a_damaged_bed_is_told_with_the_way_out(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    [bed] = beds.glob(f"{case.bed_key}.h5")
+    # Damaged, and that of another case.
+    for damaged, of in ((b"no bed", case), (bed.read_bytes(), case.choose(seed=5))):
+        path = tmp_path / f"{of.bed_key}.h5"
+        path.write_bytes(damaged)
+        for use in (ballast.open, ballast.prepare):
+            with pytest.raises(ballast.FileError, match=r"prepare it again with `ballast.prepare\(case, again=True\)`, or delete"):
+                use(of, beds=tmp_path, progress=False)  # type: ignore[operator]
+    ballast.prepare(case, beds=tmp_path, threads=1, progress=False, again=True)
+    ballast.open(case, beds=tmp_path, threads=1, progress=False).close()
+
+
 def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> None:
     def listen(share: float, text: str) -> None:
         raise RuntimeError("enough")
@@ -127,6 +170,9 @@ def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast
         case.with_values({"tamping.vibration.frequency_Hz": math.nan})
     with pytest.raises(TypeError, match="tamping.vibration.frequency_Hz: expected texts, numbers, .* found None"):
         case.with_values({"tamping.vibration.frequency_Hz": None})
+    for no_list in ({0.3, 0.1}, frozenset([1.0]), b"text", bytearray(3)):
+        with pytest.raises(TypeError, match="bed.size_m: expected texts, numbers, .* lists .* found"):
+            case.with_values({"bed.size_m": no_list})
     with pytest.raises(ballast.CaseError, match="seed"):
         case.with_values({"bed.seed": 2**63})
     free = case.with_values({"tamping.insertion.force_limit_N": math.inf})

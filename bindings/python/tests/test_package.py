@@ -98,3 +98,30 @@ def test_types(check: list[str], tmp_path: Path) -> None:
         [sys.executable, "-m", *check], capture_output=True, text=True, cwd=tmp_path
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+USES = """
+import ballast
+import numpy as np
+import numpy.typing as npt
+
+def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64]) -> ballast.Outcome:
+    times = np.linspace(sim.now_ns, sim.now_ns + 5 * sim.step_ns, 3).astype(int)
+    rows = np.zeros((3, 3))
+    ballast.Load([0, np.int32(5), np.uint64(7)], rows)
+    ballast.Motion(range(3), rows)
+    for seed in seeds:
+        case = case.choose(seed=seed)
+    return sim.advance_to(times[-1], {"tine_1": ballast.Motion(times, rows)}, {"sleeper_1": ballast.Load(times, rows)})
+"""
+
+
+def test_types_take_what_works(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    pytest.importorskip("pyvista")
+    (tmp_path / "uses.py").write_text(USES)
+    # Without the package's own settings, as a user checks.
+    for checked in (["uses.py"], ["-m", "ballast.view"]):
+        called = [sys.executable, "-m", "mypy", "--strict", *checked]
+        done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout + done.stderr

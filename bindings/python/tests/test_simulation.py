@@ -108,6 +108,17 @@ def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
         assert sim.save().hash == first
 
 
+def test_a_window_that_ended_early_is_redone_to_the_end_that_was_asked_for(case: ballast.Case, beds: Path) -> None:
+    with ballast.open(case, beds=beds, threads=1, progress=False, keep_early=True) as sim:
+        end, tine = 10 * sim.step_ns, sim.tines[0].name
+        at, _ = sim.save().target(tine)
+        away = at + [0.0, 0.0, 10.0]
+        jump = ballast.Motion([0, 5 * sim.step_ns, 6 * sim.step_ns, end], [at, at, away, away])
+        out = sim.advance_to(end, {tine: jump})
+        assert out.status == "early" and 0 < out.t1_ns == sim.now_ns < end, out.trouble
+        assert sim.redo().t1_ns == sim.now_ns == end
+
+
 def test_restored_is_never_interrupted(
     sim: ballast.Simulation, case: ballast.Case, beds: Path, tmp_path: Path
 ) -> None:

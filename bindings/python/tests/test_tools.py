@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import functools
 import importlib
+import json
 import math
 import os
 import re
 import signal
 import subprocess
 import sys
+import time
 import tomllib
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
 from pathlib import Path
 
 import ballast
 import numpy as np
 import pytest
+from ballast import _identity
 
 
 def test_the_environment_is_one_of_gymnasium(case: ballast.Case, beds: Path) -> None:
@@ -99,6 +105,21 @@ def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: P
         assert seen[-3:] == pytest.approx([math.sin(angle), math.cos(angle), frequency / 50.0], abs=1e-9)
 
 
+@pytest.mark.parametrize("interval_s", [0.07, 1.0, 1e6])
+def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s: float) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds, interval_s=interval_s)
+    env.reset(seed=1)
+    times, is_over = [], False
+    while not is_over:
+        seen, _, closed, is_over, info = env.step(np.array([-1.0, 0.0, -1.0]))
+        assert not closed and "trouble" not in info, info
+        times.append(seen[3])
+    assert times[-1] == 1.0 and times == sorted(set(times)) and len(times) == (3 if interval_s == 0.07 else 1)
+
+
 class Interrupted:
     """A simulation whose windows Ctrl-C ends after their first step."""
 
@@ -153,6 +174,52 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     assert 0.2 < table["under sleeper_1: after"].iloc[0] < 0.9
 
 
+def the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
+    return {"figure": case.seed}
+
+
+def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    greatest = 2**64 - 1
+    for base, point in ((case, {"seed": greatest}), (case.choose(seed=greatest), {})):
+        table = study.run(base, [point], tmp_path / "study", measure=the_seed, jobs=1, beds=tmp_path / "beds", progress=False)
+        assert table["error"].isna().all() and table["figure"].tolist() == [greatest], table["error"].tolist()
+
+
+def test_figures_say_what_they_are_of(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    # As of a program that prepares another bed from the same case.
+    assert _identity.key(case, "one", {}, the_seed) != _identity.key(case, "another", {}, the_seed)
+    measure = functools.partial(the_seed)
+    study.run(case, [{"seed": np.int64(case.seed)}], tmp_path, measure=measure, jobs=1, beds=beds, progress=False)
+    [file] = tmp_path.iterdir()
+    told = json.loads(file.read_text())
+    assert (told["case"], told["seed"], told["bed"]) == ("tiny", case.seed, case.bed_key)
+    assert (told["measure"], told["version"]) == ("test_tools.the_seed", ballast.__version__)
+    assert told["point"] == {"seed": case.seed} and told["figures"] == {"figure": case.seed}
+    key = _identity.key(case, case.bed_key, {"seed": case.seed}, measure)
+    assert file.name == f"{key}.json"
+
+
+def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    axis = "tamping.vibration.frequency_Hz"
+    points = [{axis: value} for value in (20, 20.0, np.float64(20), 20)] + [{axis: 20.5}]
+    points += [{"bed.size_m": size} for size in ((0.5, 1), [0.5, 1.0], np.array([0.5, 1]))]
+    keys = [_identity.key(case, case.bed_key, point, the_seed) for point in points]
+    assert [keys.count(key) for key in keys] == [4] * 4 + [1] + [3] * 3
+    table = study.run(case, points[:4], tmp_path, measure=the_seed, jobs=2, beds=beds, progress=False)
+    assert table["figure"].tolist() == [case.seed] * 4 and len([*tmp_path.iterdir()]) == 1
+    table = study.run(case, points[:2], tmp_path, measure=fails, jobs=2, beds=beds, progress=False)
+    assert table["error"].notna().all(), "all are told of what one of them has failed with"
+
+
 def test_points_fill_their_ranges() -> None:
     pytest.importorskip("scipy")
     from ballast import study
@@ -197,6 +264,9 @@ def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> Non
         for ask in (lambda p: study.run(case, p, tmp_path / "study"), lambda p: study.plan("a.toml", p, tmp_path / "p.toml")):
             with pytest.raises(TypeError, match=said):
                 ask(points)
+    for jobs in (0, -1, 1.5, "2"):
+        with pytest.raises(ValueError, match=f"jobs: expected a whole number from 1 on, found {jobs!r}"):
+            study.run(case, [{}], tmp_path / "study", jobs=jobs)  # type: ignore[arg-type]
     assert not list(tmp_path.iterdir())
 
 
@@ -378,11 +448,12 @@ def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Ca
     wrong = {"tamping.vibration.frequency_Hz": -1.0}
     with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):
         study.run(case, [{}, wrong], tmp_path / "study", beds=beds, progress=False)
-    key = study._key(case, {}, fails)
+    key = _identity.key(case, case.bed_key, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
-    with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point"):
+    with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point") as damaged:
         study.run(case, [{}], tmp_path / "study", measure=fails, beds=beds, progress=False)
+    assert damaged.value.code == "file"
 
 
 def fails(case: ballast.Case, beds: str) -> dict[str, float]:
@@ -396,8 +467,47 @@ def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: P
     table = study.run(
         case, [{"seed": case.seed}], tmp_path, measure=fails, jobs=1, beds=beds, progress=False
     )
-    assert table["error"].tolist() == ["ValueError: no figures of tiny"]
+    [said] = table["error"]
+    assert re.fullmatch(r"ValueError: no figures of tiny \(test_tools.py:\d+, in fails\)", said)
     assert not list(tmp_path.glob("*.json"))
+
+
+class Odd(Exception):
+    """Python makes it again from its message alone, which is too little."""
+
+    def __init__(self, what: str, where: str) -> None:
+        super().__init__(f"{what} at {where}")
+
+
+class OddNumber(float):
+    def __reduce__(self) -> tuple[object, ...]:
+        return float, ("no number",)
+
+
+def is_odd(case: ballast.Case, beds: str) -> dict[str, object]:
+    frequency = case.to_dict()["tamping"]["vibration"]["frequency_Hz"]
+    if frequency == 30.0:
+        raise Odd("no figures", "30 Hz")
+    if frequency == 40.0:
+        return {"figure": (lambda: 1)}
+    return {"figure": OddNumber(frequency)}
+
+
+@pytest.mark.parametrize("processes", [True, False])
+def test_what_no_other_process_can_read_is_told_as_it_is(
+    case: ballast.Case, beds: Path, tmp_path: Path, processes: bool
+) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 40.0, 50.0, 60.0]})
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        by = {"jobs": 2} if processes else {"executor": pool}
+        table = study.run(case, points, tmp_path, measure=is_odd, beds=beds, progress=False, **by)  # type: ignore[arg-type]
+    odd, no_number = table["error"].iloc[:2]
+    assert re.fullmatch(r"Odd: no figures at 30 Hz \(test_tools.py:\d+, in is_odd\)", odd)
+    assert no_number.startswith("TypeError: measure: expected a dictionary from names to numbers, found 'figure': <function")
+    assert table["error"].iloc[2:].isna().all() and table["figure"].iloc[2:].tolist() == [50.0, 60.0]
 
 
 def is_killed_at_60(case: ballast.Case, beds: str) -> dict[str, float]:
@@ -432,6 +542,135 @@ def test_a_script_that_begins_its_study_again_is_told_so(case: ballast.Case, bed
     # By this process, the first of its pool, and the one that was to tell why that has ended.
     said = "BrokenProcessPool: no process begins, as of a script without `if __name__ == '__main__':`"
     assert done.stdout.splitlines() == ["begun"] * 3 + [said]
+
+
+def test_a_measure_that_processes_cannot_find_is_told(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    with pytest.raises(TypeError, match="can be sent to other processes, found <function .*<lambda>.*; put it in a module, or pass"):
+        study.run(case, [{}], tmp_path / "study", measure=lambda case, beds: {}, beds=tmp_path / "beds", progress=False)
+    # As in the cell of a notebook, whose text Python knows though no file has it.
+    case.write(tmp_path / "tiny.toml")
+    cell = (
+        "import functools, linecache\n"
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "from ballast import study\n"
+        "text = 'def seed(case, beds, more=0): return {\"figure\": case.seed + more}'\n"
+        "linecache.cache['<cell>'] = len(text), None, [text], '<cell>'\n"
+        "exec(compile(text, '<cell>', 'exec'))\n"
+        "for measure in (seed, functools.partial(seed, more=1)):\n"
+        "    try:\n"
+        "        study.run('tiny.toml', [{}], 'study', measure=measure, progress=False)\n"
+        "    except TypeError as error:\n"
+        "        print(error)\n"
+        "with ThreadPoolExecutor(1) as pool:\n"
+        "    print(study.run('tiny.toml', [{}], 'study', measure=seed, executor=pool, progress=False).figure.tolist())\n"
+        "print(study.run('tiny.toml', [{}], 'study', measure=seed, progress=False).figure.tolist(), 'of the folder')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", cell], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    *refused, there, kept = done.stdout.splitlines()
+    said = "measure: expected a function of a module, .* found <function seed .*> of a notebook or a prompt; put it in a module"
+    assert len(refused) == 2 and all(re.match(said, line) for line in refused), refused
+    assert (there, kept) == (f"[{case.seed}]", f"[{case.seed}] of the folder")
+
+
+# The first point takes no time, the others more than a test.
+SLOW = """
+import os, pathlib, time
+from ballast import study
+
+def slow(case, beds):
+    frequency = case.to_dict()["tamping"]["vibration"]["frequency_Hz"]
+    pathlib.Path(f"begun_{frequency}").write_text(str(os.getpid()))
+    if frequency > 1.0:
+        time.sleep(600.0)
+    return {"figure": frequency}
+
+if __name__ == "__main__":
+    points = study.grid({"tamping.vibration.frequency_Hz": [1.0, 30.0, 40.0, 50.0]})
+    study.run("tiny.toml", points, "study", measure=slow, jobs=2, beds=BEDS)
+"""
+
+
+@contextmanager
+def slow_study(case: ballast.Case, beds: Path, folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
+    """A study whose first point is done and whose second and third are being computed, and the processes of these."""
+    case.write(folder / "tiny.toml")
+    (folder / "slow.py").write_text(SLOW.replace("BEDS", repr(str(beds))))
+    called = [sys.executable, "slow.py"]
+    study = subprocess.Popen(called, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    begun = [folder / f"begun_{frequency}" for frequency in (30.0, 40.0)]
+    try:
+        until(lambda: all(file.exists() and file.read_text() for file in begun))
+        until(lambda: any((folder / "study").glob("*.json")))
+        yield study, [int(file.read_text()) for file in begun]
+    finally:
+        # Whatever of it is left where a test fails.
+        with suppress(ProcessLookupError):
+            os.killpg(study.pid, signal.SIGKILL)
+        study.communicate()
+
+
+def until(is_so: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end, f"not so after {seconds} s"
+        time.sleep(0.05)
+
+
+def has_ended(process: int) -> bool:
+    try:
+        # One that nobody has waited for has ended, too.
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="tells processes by /proc")
+
+
+@needs_proc
+def test_no_process_outlives_a_study_that_is_killed(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    with slow_study(case, beds, tmp_path) as (study, processes):
+        assert not any(map(has_ended, processes))
+        study.kill()
+        until(lambda: all(map(has_ended, processes)))
+
+
+@needs_proc
+def test_ctrl_c_ends_a_study_at_once_and_keeps_what_is_done(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    with slow_study(case, beds, tmp_path) as (study, processes):
+        # The stop button of a notebook tells this process alone.
+        study.send_signal(signal.SIGINT)
+        _, said = study.communicate(timeout=120)
+        assert all(map(has_ended, processes))
+    assert study.returncode != 0 and said.count("Traceback") == 1 and said.rstrip().endswith("KeyboardInterrupt"), said
+    [done] = (tmp_path / "study").iterdir()
+    assert json.loads(done.read_text())["figures"] == {"figure": 1.0}
+    assert not (tmp_path / "begun_50.0").exists()
+
+
+def interrupts(case: ballast.Case, beds: str) -> dict[str, float]:
+    INTERRUPTED.append(case.seed)
+    time.sleep(0.05)
+    raise KeyboardInterrupt
+
+
+INTERRUPTED: list[int] = []
+
+
+def test_ctrl_c_takes_back_what_an_executor_has_not_begun(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    points = study.grid({"tamping.vibration.frequency_Hz": range(20, 60)})
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        study.run(case, points, tmp_path, measure=interrupts, executor=pool, beds=beds, progress=False)
+    assert 1 <= len(INTERRUPTED) < len(points)
 
 
 def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:

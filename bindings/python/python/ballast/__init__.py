@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from typing import SupportsIndex
 
 from . import _ballast
 from ._ballast import (
@@ -78,7 +79,7 @@ Path = str | os.PathLike[str]
 OnProgress = Callable[[float, str], object]
 
 
-def _case(case: Case | Path, seed: int | None, schedule: str | None) -> Case:
+def _case(case: Case | Path, seed: SupportsIndex | None, schedule: str | None) -> Case:
     loaded = case if isinstance(case, Case) else Case.load(case)
     return loaded.choose(seed=seed, schedule=schedule)
 
@@ -93,7 +94,7 @@ def _unused(options: Mapping[str, object], why: str) -> None:
 def open(
     case: Case | Path,
     *,
-    seed: int | None = None,
+    seed: SupportsIndex | None = None,
     schedule: str | None = None,
     threads: int | None = None,
     beds: Path = "runs/beds",
@@ -165,7 +166,7 @@ def resume(
 def prepare(
     case: Case | Path,
     *,
-    seed: int | None = None,
+    seed: SupportsIndex | None = None,
     threads: int | None = None,
     beds: Path = "runs/beds",
     progress: bool | OnProgress = True,

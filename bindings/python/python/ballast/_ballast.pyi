@@ -2,13 +2,14 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, final
+from typing import Any, SupportsIndex, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
+_Times = Sequence[SupportsIndex] | NDArray[np.integer[Any]]
 
 __all__ = [
     "BodyOutcome",
@@ -35,6 +36,7 @@ __all__ = [
     "__version__",
     "attach",
     "begin",
+    "case_again",
     "prepare",
     "replace",
     "resume",
@@ -86,7 +88,8 @@ class Lost(Error):
 class Case:
     """A case that was read and found sound.
 
-    `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError."""
+    `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError. Cases that were read
+    from the same text and have the same seed and schedule are equal; they can be copied and pickled."""
 
     def __new__(cls, text: str, name: str = "case") -> Case: ...
     @staticmethod
@@ -101,13 +104,13 @@ class Case:
         """The text's values as nested dictionaries; what the text leaves to defaults is not in them."""
 
     def write(self, path: _Path) -> None:
-        """Writes the case's text to a file; overrides of `choose` are not part of it."""
+        """Writes the case's text to a file."""
 
     def with_values(self, values: dict[str, Any]) -> Case:
         """The same case with other values: paths of keys joined by points, and what they become, such as
         `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError."""
 
-    def choose(self, *, seed: int | None = None, schedule: str | None = None) -> Case:
+    def choose(self, *, seed: SupportsIndex | None = None, schedule: str | None = None) -> Case:
         """The same case with another seed of the bed, or another schedule of the solver."""
 
     @property
@@ -116,7 +119,8 @@ class Case:
 
     @property
     def text(self) -> str:
-        """As it was read, TOML."""
+        """TOML, as it was read; where `choose` has changed the seed or the schedule, with these. Raises CaseError where
+        TOML cannot hold the seed (above 2^63 - 1)."""
 
     @property
     def seed(self) -> int:
@@ -142,6 +146,10 @@ class Case:
     def bed_key(self) -> str:
         """What the prepared bed depends on, as a short text."""
 
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Callable[..., Case], tuple[str, int | None, str | None]]: ...
+
 @final
 class Motion:
     """Motion of a driven body, or of the mount of one, through a window.
@@ -161,7 +169,7 @@ class Motion:
 
     def __new__(
         cls,
-        times_ns: Sequence[int],
+        times_ns: _Times,
         positions: ArrayLike,
         orientations: ArrayLike | None = None,
         *,
@@ -181,7 +189,7 @@ class Load:
 
     def __new__(
         cls,
-        times_ns: Sequence[int],
+        times_ns: _Times,
         forces: ArrayLike,
         torques: ArrayLike | None = None,
         *,
@@ -204,7 +212,7 @@ class Simulation:
     def __exit__(self, *error: object) -> None: ...
     def advance_to(
         self,
-        t1_ns: int,
+        t1_ns: SupportsIndex,
         tools: Mapping[str, Motion] | None = None,
         loads: Mapping[str, Load] | None = None,
         *,
@@ -234,7 +242,8 @@ class Simulation:
         series: bool = False,
         zones: bool = False,
     ) -> Outcome:
-        """Computes the last window again from its beginning, with other inputs: for implicit coupling."""
+        """Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
+        asked for, also where Ctrl-C or trouble (status "early") had ended it before its end."""
 
     def step_by_machine(self, *, series: bool = False, zones: bool = False) -> Outcome:
         """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
@@ -776,6 +785,9 @@ def begin(
     max_penetration: float | None = None,
     keep_early: bool = False,
 ) -> Simulation: ...
+def case_again(text: str, seed: int | None, schedule: str | None) -> Case:
+    """A case that was copied or pickled."""
+
 def prepare(
     case: Case,
     beds: _Path,

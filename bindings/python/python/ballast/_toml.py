@@ -26,7 +26,8 @@ def value_of(value: Any, place: str = "") -> str:
     if isinstance(value, Mapping):
         inside = (f"{value_of(str(key))} = {value_of(inner, f'{place}.{key}')}" for key, inner in value.items())
         return f"{{ {', '.join(inside)} }}"
-    if isinstance(value, Iterable):
+    # A set has no order, and no one means a list by bytes.
+    if isinstance(value, Iterable) and not isinstance(value, set | frozenset | bytes | bytearray | memoryview):
         return f"[{', '.join(value_of(inner, place) for inner in value)}]"
     kind = type(value).__name__
     raise TypeError(f"{place}: expected texts, numbers, truths, and lists and dictionaries of these, found {value!r} ({kind})")

@@ -31,7 +31,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     """One cycle of squeezing with the tines of a case.
 
     An episode begins after the lift of the sleeper, with the tines above the bed. Each step of the
-    environment is `interval_s` of simulated time.
+    environment is `interval_s` of simulated time; the last one is as long as what is left of the case's.
 
     **Action** (3,), each from -1 to 1: squeeze speed (0 to `squeeze_speed`, m/s), frequency of the vibration
     (20 to 50 Hz), depth that the tines are lowered or raised to (0 to 1 of the case's), at
@@ -127,10 +127,11 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         if not is_one:
             raise ballast.Error(f"action: expected 3 numbers from -1 to 1, found {action!r}")
         sim, was = self._sim, self._compactness
-        tools, after = self._motions(np.clip(asked, -1.0, 1.0))
+        n = min(self._steps, self._left(sim.now_ns))
+        tools, after = self._motions(np.clip(asked, -1.0, 1.0), n)
         begun = sim.save()
         try:
-            out = sim.advance_to(sim.now_ns + self._steps * sim.step_ns, tools, zones=True)
+            out = sim.advance_to(sim.now_ns + n * sim.step_ns, tools, zones=True)
         except BaseException:
             # Ctrl-C ends the window after any of its steps; the next motions begin where this one did.
             sim.restore(begun)
@@ -146,7 +147,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         gain = 100.0 * (self._compactness - was)
         reward = gain - self._limits[2] * work
         closed = self._closing >= 1.0
-        late = sim.now_ns >= self._case.duration_ns
+        late = self._left(sim.now_ns) == 0
         self._is_over = closed or late
         info = {"gain_percent": gain, "work_J": work}
         if self._work > 0.0:
@@ -170,16 +171,19 @@ class TampingEnv(gymnasium.Env[Array, Array]):
                 self._begun[bed] = sim.save()
         return ballast.resume(self._begun[bed], threads=self._threads)
 
+    def _left(self, now_ns: int) -> int:
+        """Whole steps to the end of the case's run."""
+        return (self._case.duration_ns - now_ns) // self._case.step_ns
+
     def _motions(
-        self, action: Array
+        self, action: Array, n: int
     ) -> tuple[dict[str, ballast.Motion], tuple[float, float, float, float]]:
-        """Motions of the tines through the next interval, and where they leave them."""
+        """Motions of the tines through the next `n` steps, and where they leave them."""
         assert self._sim is not None
         speed, lowering, _ = self._limits
         share = 0.5 * (action + 1.0)
         frequency = FREQUENCIES[0] + float(share[1]) * (FREQUENCIES[1] - FREQUENCIES[0])
-        n, h = self._steps, self._sim.step_ns * 1e-9
-        seconds = n * h
+        seconds = n * self._sim.step_ns * 1e-9
         lowest = self._tines[0]
         way = float(lowest.start[2] - lowest.deep)
         most = lowering * seconds / way if way > 0.0 else 1.0

@@ -13,9 +13,6 @@ pandas; Latin hypercubes need scipy, schedulers dask.
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import inspect
 import itertools
 import json
 import math
@@ -23,18 +20,13 @@ import numbers
 import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, as_completed, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
-from multiprocessing import get_context
 from pathlib import Path
-from types import CodeType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 import ballast
-from ballast import _ballast, _toml
+from ballast import _ballast, _identity, _toml, _workers
 from ballast._json import dumps
 
 if TYPE_CHECKING:
@@ -43,10 +35,6 @@ if TYPE_CHECKING:
 Point = Mapping[str, Any]
 Figures = dict[str, float]
 Measure = Callable[[ballast.Case, str], Figures]
-#: A function and its arguments.
-Call = tuple[Any, ...]
-Keep = Callable[[int, Any], None]
-Fail = Callable[[int, str], None]
 
 
 class Executor(Protocol):
@@ -217,63 +205,75 @@ def run(
 ) -> pd.DataFrame:
     """Runs every point that the folder does not hold yet, and returns the table of all.
 
-    Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also
-    with more points or from another process. A point that fails is told at once, and in the column `error`; the
-    next call tries it again. Points that make no case (CaseError) are told before anything is run. Where a process is
-    killed (for its memory, say), the points at hand are run again one by one, and only one that is killed again fails.
+    Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also with more
+    points or from another process. A point is run again where its case, its values, the measure, the version of the
+    package or the key of its bed is another one. A build that computes otherwise on the same beds is not noticed: it
+    needs a folder of its own. A point that fails is told at once, and in the column `error`; the next call tries it
+    again. Points that make no case (CaseError) are told before anything is run. Where a process is killed (for its
+    memory, say), the points at hand are run again one by one, and only one that is killed again fails.
 
     Args:
         case: the case that points change.
         points: see `grid` and `latin_hypercube`.
         folder: of this study.
-        measure: a function of a module (processes must find it) from a case and a folder of beds to figures, or
-            `functools.partial` of one. With another text, or other values bound to it or taken from around it, all points
-            are run again; what it calls, and what its module holds, is not looked at. Of a lambda, what it was compiled to
-            counts as text: another Python runs its points again.
+        measure: a function from a case and a folder of beds to figures, of a module or of the script (processes must find
+            it, unless `executor` does), or `functools.partial` of one. With another text, or other values bound to it or
+            taken from around it, all points are run again; what it calls, and what its module holds, is not looked at. Of a
+            lambda, what it was compiled to counts as text: another Python runs its points again.
         jobs: processes; by default one per processor.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
         progress: a line per point on stderr.
     """
+    if jobs is not None and not (isinstance(jobs, numbers.Integral) and jobs > 0):
+        raise ValueError(f"jobs: expected a whole number from 1 on, found {jobs!r}")
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
     points = _points(points)
     cases = [_applied(base, point) for point in points]
     store = Path(folder)
     store.mkdir(parents=True, exist_ok=True)
-    files = [store / f"{_key(base, point, measure)}.json" for point in points]
+    keys = [_identity.key(base, case.bed_key, point, measure) for case, point in zip(cases, points, strict=True)]
+    files = [store / f"{key}.json" for key in keys]
     for file in filter(Path.exists, files):
         _kept(file)
-    missing = [i for i, file in enumerate(files) if not file.exists()]
-    errors: dict[int, str] = {}
+    # Points that ask for the same share a file.
+    first = {file: i for i, file in reversed([*enumerate(files)])}
+    missing = sorted(i for file, i in first.items() if not file.exists())
+    errors: dict[Path, str] = {}
 
     def say(what: str) -> None:
         if progress:
             print(f"study: {what}", file=sys.stderr, flush=True)
 
     def fail(i: int, error: str) -> None:
-        errors[i] = error
+        errors[files[i]] = error
         say(f"{dict(points[i])} failed: {error}")
 
-    def keep(i: int, figures: Figures) -> None:
-        _check_figures(points[i], figures)
-        text = dumps({"point": dict(points[i]), "figures": figures}, indent=1)
-        _ballast.replace(files[i], text)
-        say(f"{dict(points[i])} done, {sum(not file.exists() for file in files)} to go")
+    def keep(i: int, figures: str) -> None:
+        # For readers; the name of the file holds what counts.
+        of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key}
+        by = {"measure": _identity.name(measure), "version": ballast.__version__}
+        told = {**of, **by, "point": dict(points[i]), "figures": json.loads(figures)}
+        _ballast.replace(files[i], dumps(told, indent=1))
+        say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
-    def every(calls: dict[int, Call], keep: Keep) -> None:
+    def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
         if executor is None:
-            _by_processes(calls, jobs, keep, fail)
+            _workers.by_processes(calls, jobs, keep, fail)
         else:
-            _wait({i: executor.submit(*call) for i, call in calls.items()}, keep, fail)
+            _workers.wait_for({i: executor.submit(_workers.tried, *call) for i, call in calls.items()}, keep, fail)
 
+    if missing and executor is None:
+        _workers.check(measure)
     # Beds first, each once: points that share one would all prepare it.
     shared = {cases[i].bed_key: i for i in missing}
-    every({i: (_bed, *_told(cases[i]), str(beds)) for i in shared.values()}, lambda i, bed: None)
+    every({i: (_bed, cases[i], str(beds)) for i in shared.values()}, lambda i, bed: None)
     for i in missing:
-        first = shared[cases[i].bed_key]
-        if first in errors and i not in errors:
-            fail(i, errors[first])
-    every({i: (_point, *_told(cases[i]), str(beds), measure) for i in missing if i not in errors}, keep)
+        without_bed = errors.get(files[shared[cases[i].bed_key]])
+        if without_bed is not None and files[i] not in errors:
+            fail(i, without_bed)
+    named = {i: tuple(points[i]) for i in missing if files[i] not in errors}
+    every({i: (_point, cases[i], str(beds), measure, names) for i, names in named.items()}, keep)
     return _table(points, files, errors)
 
 
@@ -290,175 +290,25 @@ def plan(
     Path(path).write_text(text, encoding="utf-8")
 
 
-def _told(case: ballast.Case) -> tuple[str, int, str]:
-    """A case as what can be sent to another process."""
-    return case.text, case.seed, case.schedule
+def _bed(case: ballast.Case, beds: str) -> None:
+    ballast.prepare(case, beds=beds, threads=1, progress=False)
 
 
-def _again(text: str, seed: int, schedule: str) -> ballast.Case:
-    return ballast.Case(text).choose(seed=seed, schedule=schedule)
+def _point(case: ballast.Case, beds: str, measure: Measure, names: Collection[str]) -> str:
+    """Figures of a point whose values have these names, as JSON: they may be of types that no other process knows."""
+    figures = measure(case, beds)
+    _check_figures(names, figures)
+    return dumps(dict(figures))
 
 
-def _bed(text: str, seed: int, schedule: str, beds: str) -> None:
-    ballast.prepare(_again(text, seed, schedule), beds=beds, threads=1, progress=False)
-
-
-def _point(text: str, seed: int, schedule: str, beds: str, measure: Measure) -> Figures:
-    return measure(_again(text, seed, schedule), beds)
-
-
-def _by_processes(calls: dict[int, Call], jobs: int | None, keep: Keep, fail: Fail) -> None:
-    """Makes calls in processes of this machine.
-
-    One that is killed takes its whole pool down, and nothing tells which call it had: those that were at hand are made
-    again, each alone.
-    """
-    left = dict(calls)
-    while left:
-        at_hand = _until_killed(left, (os.cpu_count() or 1) if jobs is None else jobs, keep, fail)
-        # Where not even this can be called, a process for each of the others would end no better.
-        if at_hand and _until_killed({0: (int,)}, 1, lambda i, zero: None, fail):
-            for i in [*at_hand, *left]:
-                fail(i, "BrokenProcessPool: no process begins, as of a script without `if __name__ == '__main__':`")
-            return
-        for i in at_hand:
-            if _until_killed({i: calls[i]}, 1, keep, fail):
-                fail(i, "BrokenProcessPool: its process was killed, as where memory runs out, or crashed")
-
-
-def _until_killed(left: dict[int, Call], jobs: int, keep: Keep, fail: Fail) -> list[int]:
-    """Takes calls from `left` and makes them, so many at a time, until a process is killed; gives those at hand then."""
-    at_hand: dict[Future[Any], int] = {}
-
-    def take(futures: Iterable[Future[Any]]) -> None:
-        for future in futures:
-            if not isinstance(future.exception(), BrokenProcessPool):
-                _take(at_hand.pop(future), future, keep, fail)
-
-    # A pool may also break between two results, which its next `submit` tells.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool, suppress(BrokenProcessPool):
-        done: Collection[Future[Any]] = ()
-        while (left or at_hand) and not at_hand.keys() & done:
-            while left and len(at_hand) < jobs:
-                i = next(iter(left))
-                at_hand[pool.submit(*left[i])] = i
-                del left[i]
-            done = wait(at_hand, return_when=FIRST_COMPLETED).done
-            take(done)
-    take(list(at_hand))
-    return list(at_hand.values())
-
-
-def _wait(tasks: Mapping[int, Any], keep: Keep, fail: Fail) -> None:
-    """Takes results as they come."""
-    numbers = {future: i for i, future in tasks.items()}
-    if all(isinstance(future, Future) for future in numbers):
-        done: Iterable[Any] = as_completed(numbers)
-    else:
-        from dask.distributed import as_completed as dask_as_completed
-
-        done = dask_as_completed(numbers)
-    for future in done:
-        _take(numbers[future], future, keep, fail)
-
-
-def _take(i: int, future: Any, keep: Keep, fail: Fail) -> None:
-    """Takes a result, or what was raised instead."""
-    try:
-        keep(i, future.result())
-    except (Exception, SystemExit) as error:
-        # The measure of one point may end its process, not the study.
-        fail(i, f"{type(error).__name__}: {error}")
-
-
-def _key(case: ballast.Case, point: Point, measure: Measure) -> str:
-    """What a point's figures depend on, as the name of its file."""
-    what = [ballast.__version__, case.text, case.seed, case.schedule, sorted(point.items())]
-    described = _described(measure)
-    try:
-        told = dumps([*what, described])
-    except (TypeError, ValueError) as error:
-        raise TypeError(
-            f"point {dict(point)} of measure {described[1]}: its values, and those that the measure is bound to or takes "
-            f"from around it, name its file, and one of them cannot: {error}"
-        ) from None
-    return hashlib.sha256(told.encode()).hexdigest()[:24]
-
-
-def _described(measure: Callable[..., Any], seen: frozenset[int] = frozenset()) -> list[Any]:
-    """What tells a measure from others: its name, its text, and the values bound to it or taken from around it."""
-    if isinstance(measure, functools.partial):
-        bound = [*measure.args, sorted(measure.keywords.items())]
-        return [*_described(measure.func, seen), _plain(bound, seen)]
-    functions = []
-    layer: Any = None if inspect.ismethod(measure) else measure
-    # What decorators have put around a function has a text and values of its own.
-    while layer is not None:
-        if inspect.isfunction(layer):
-            functions.append(layer)
-        layer = getattr(layer, "__wrapped__", None)
-    seen |= {id(function) for function in functions}
-    try:
-        texts = [text for function in functions for text in _texts(function.__code__)]
-        named = [functions[-1].__module__, functions[-1].__qualname__, *texts]
-    except (IndexError, OSError, TypeError):
-        raise TypeError(
-            "measure: expected a function whose text can be read, or functools.partial of one, "
-            f"found {measure!r}"
-        ) from None
-    values = [value for function in functions for value in _values(function)]
-    return [*named, _plain(values, seen)] if values else named
-
-
-def _texts(code: CodeType) -> Iterable[Any]:
-    yield inspect.getsource(code)
-    # That of a lambda is the line that it is on, perhaps with others.
-    if code.co_name == "<lambda>":
-        yield _compiled(code)
-
-
-def _compiled(code: CodeType) -> list[Any]:
-    """What a function does, alike in all processes of the same Python."""
-
-    def told(constant: Any) -> Any:
-        if isinstance(constant, CodeType):
-            return _compiled(constant)
-        # In whatever order a set has here.
-        return sorted(map(repr, constant)) if isinstance(constant, frozenset) else repr(constant)
-
-    return [code.co_code.hex(), code.co_names, code.co_varnames, [told(c) for c in code.co_consts]]
-
-
-def _values(function: Any) -> Iterable[Any]:
-    """What a function has besides its arguments: defaults, and what it takes from the functions around it."""
-    yield from function.__defaults__ or ()
-    yield from sorted((function.__kwdefaults__ or {}).items())
-    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        try:
-            yield name, cell.cell_contents
-        except ValueError:  # Nothing is in it yet.
-            yield name, None
-
-
-def _plain(value: Any, seen: frozenset[int]) -> Any:
-    """Functions as what tells them from others; `seen` are those that are told already."""
-    if isinstance(value, list | tuple):
-        return [_plain(inner, seen) for inner in value]
-    if inspect.ismodule(value) or id(value) in seen:
-        return value.__name__
-    if inspect.isfunction(value) or isinstance(value, functools.partial):
-        return _described(value, seen)
-    return value
-
-
-def _check_figures(point: Point, figures: object) -> None:
+def _check_figures(names: Collection[str], figures: object) -> None:
     expected = "measure: expected a dictionary from names to numbers"
     if not isinstance(figures, Mapping):
         raise TypeError(f"{expected}, found {figures!r}")
     for name, value in figures.items():
         if not isinstance(name, str) or not isinstance(value, numbers.Real | np.generic | None):
             raise TypeError(f"{expected}, found {name!r}: {value!r}")
-        if name in point or name == "error":
+        if name in names or name == "error":
             raise ValueError(f"measure: expected other names than those of the point and 'error', found {name!r}")
 
 
@@ -471,14 +321,16 @@ def _kept(file: Path) -> Figures:
     except (ValueError, KeyError, TypeError):
         pass
     text = f"{file}: expected the figures of a point (JSON), found something else; without the file the point is run again"
-    raise ballast.FileError(text)
+    error = ballast.FileError(text)
+    error.code = "file"
+    raise error
 
 
-def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[int, str]) -> pd.DataFrame:
+def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[Path, str]) -> pd.DataFrame:
     import pandas as pd
 
     rows = []
-    for i, (point, file) in enumerate(zip(points, files, strict=True)):
+    for point, file in zip(points, files, strict=True):
         figures = _kept(file) if file.exists() else {}
-        rows.append({**point, **figures, "error": errors.get(i)})
+        rows.append({**point, **figures, "error": errors.get(file)})
     return pd.DataFrame(rows)

@@ -86,7 +86,8 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
     and sleepers, which let the bed behind them be seen."""
     import pyvista as pv
 
-    plotter = pv.Plotter(off_screen=off_screen)
+    # Its types ask for more than it does.
+    plotter: Any = pv.Plotter(off_screen=off_screen)
     surface = bed(sim)
     if forces:
         # Some twenty stones lie one behind the other: together they must leave the chains to be seen.
