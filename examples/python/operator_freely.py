@@ -29,10 +29,10 @@ def ask(what, body):
 ticket = ask("ctl/attach", {"client": me})["ticket"]  # waits while the bed is prepared
 about = ask("describe", {})
 tines = [body for body in about["bodies"] if body["role"] == "tine"]
-forces = {}
-def feel(sample):  # geometry_msgs/WrenchStamped as CDR: force and torque come last
-    forces[str(sample.key_expr).split("/")[-2]] = struct.unpack("<6d", sample.payload.to_bytes()[-48:])
-felt = [session.declare_subscriber(f"{base}/out/{t['name']}/wrench", feel) for t in tines]
+# The last one of each; read here, not called from Zenoh's threads.
+felt = {t["name"]: session.declare_subscriber(f"{base}/out/{t['name']}/wrench", zenoh.handlers.RingChannel(1))
+        for t in tines}
+forces = dict.fromkeys(felt, 0.0)
 window = max(1_000_000 // about["step_ns"], 1) * about["step_ns"]
 ask("ctl/param", {"free_running": {"factor": factor, "window_ns": window, "latency_ns": 5 * window, "max_age_ms": 500,
                                    "bodies": [t["name"] for t in tines]}})
@@ -53,8 +53,10 @@ while (t := factor * (time.monotonic() - begin)) < 0.55:
         session.put(f"{base}/in/{tine['name']}/kin", json.dumps(knot), encoding="application/json", attachment=ticket)
     if time.monotonic() - told >= 2.0:
         told, status = time.monotonic(), ask("ctl/status", {})
-        up = {name: round(force[2]) for name, force in forces.items()}
-        print(f"{status['activity']}, {way:.3f} m deep, force upward in N: {up}", flush=True)
+        for name, sample in [(name, wrenches.try_recv()) for name, wrenches in felt.items()]:
+            if sample:  # geometry_msgs/WrenchStamped as CDR: force and torque come last
+                forces[name] = round(struct.unpack("<6d", sample.payload.to_bytes()[-48:])[2])
+        print(f"{status['activity']}, {way:.3f} m deep, force upward in N: {forces}", flush=True)
     time.sleep(0.02)
 status = ask("ctl/status", {})
 ask("ctl/param", {"free_running": None})
@@ -63,3 +65,4 @@ deep = sum(t["position"]["z"] - now[t["name"]] for t in tines) / len(tines)
 print(f"{deep:.4f} m deep, the stick {way:.4f}, after {status['seq']} windows; "
       f"{run['slips']} slips, {run['dropped']} samples of no use")
 ask("ctl/detach", {})
+session.close()

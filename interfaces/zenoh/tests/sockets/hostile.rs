@@ -16,8 +16,8 @@ use zenoh::bytes::Encoding;
 
 /// Any Zenoh program.
 pub struct Stranger {
-    pub session: zenoh::Session,
-    pub keys: Keys,
+    session: zenoh::Session,
+    keys: Keys,
 }
 
 impl Stranger {
@@ -62,6 +62,39 @@ impl Stranger {
     }
 
     /// The answer, the refusal, or a refusal of no code of ours where there is no answer.
+    /// Asks for window 1, of so many windows' length, and does not wait: `then` gets the refusal, if it is one.
+    pub fn ask_for_long(
+        &self,
+        windows: u64,
+        run_id: String,
+        ticket: &str,
+        then: impl Fn(Option<Fault>) + Send + Sync + 'static,
+    ) {
+        let long = windows * WINDOW;
+        let motions = shaking(0, long);
+        let (seq, t1_ns) = (1, long as i64);
+        let request = AdvanceRequest { run_id, seq, t1_ns, motions, ..AdvanceRequest::default() };
+        let text = ballast_protocol::to_json(&request).unwrap();
+        self.ask_later("advance", text.into_bytes(), ticket, then);
+    }
+
+    /// The same of any request.
+    pub fn ask_later(
+        &self,
+        verb: &str,
+        payload: Vec<u8>,
+        ticket: &str,
+        then: impl Fn(Option<Fault>) + Send + Sync + 'static,
+    ) {
+        let get = self.session.get(self.keys.control(verb)).payload(payload);
+        let get = get.attachment(ticket).timeout(Duration::from_secs(120));
+        let get = get.callback(move |reply| {
+            let fault = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
+            then(fault.map(|bytes| serde_json::from_slice(&bytes).unwrap()));
+        });
+        get.wait().unwrap();
+    }
+
     pub fn ask(&self, verb: &str, payload: &[u8], ticket: Option<&str>) -> Result<Vec<u8>, Fault> {
         self.ask_as(verb, payload, ticket, Encoding::APPLICATION_JSON)
     }
@@ -262,35 +295,20 @@ fn an_owner_that_floods_is_refused_what_does_not_fit() {
     let stranger = Stranger::at(&served.link());
     let (_token, ticket, run_id) = stranger.attach();
     // A window that takes a while, and behind it a thousand requests.
-    let long = 500 * WINDOW;
-    let request = AdvanceRequest {
-        run_id,
-        seq: 1,
-        t1_ns: long as i64,
-        motions: shaking(0, long),
-        ..AdvanceRequest::default()
-    };
     let (sender, answers) = channel();
-    let ask = |verb: &str, payload: Vec<u8>| {
+    let told = || {
         let sender = sender.clone();
-        let get = stranger.session.get(stranger.keys.control(verb)).payload(payload);
-        let get = get.attachment(&ticket).timeout(Duration::from_secs(120));
-        let get = get.callback(move |reply| {
-            let fault = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
-            let _ = sender.send(fault);
-        });
-        get.wait().unwrap();
+        move |fault| drop(sender.send(fault))
     };
-    ask("advance", ballast_protocol::to_json(&request).unwrap().into_bytes());
+    stranger.ask_for_long(500, run_id, &ticket, told());
     for _ in 0..1000 {
-        ask("save", br#"{"name":"x"}"#.to_vec());
+        stranger.ask_later("save", br#"{"name":"x"}"#.to_vec(), &ticket, told());
     }
     let begin = Instant::now();
     let mut refused = 0;
     for _ in 0..1001 {
         let left = Duration::from_secs(60).saturating_sub(begin.elapsed());
         if let Some(fault) = answers.recv_timeout(left).expect("an answer to each") {
-            let fault: Fault = serde_json::from_slice(&fault).unwrap();
             assert_eq!(fault.code, Code::TooManyRequests, "{fault}");
             refused += 1;
         }

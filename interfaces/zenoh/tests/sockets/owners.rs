@@ -4,7 +4,7 @@ use crate::setup::{
     KEY, MS, Served, WINDOW, attach, lockstep, once_free, patient, shaking, step, times,
     undisturbed, wait_for,
 };
-use ballast_protocol::lockstep::{Activity, Code, Fault, WindowKind};
+use ballast_protocol::lockstep::{Activity, Code, WindowKind};
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, Error, HEARTBEAT, Line, Link, Server};
@@ -12,7 +12,6 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
-use zenoh::Wait;
 
 #[test]
 fn a_second_owner_is_told_who_drives() {
@@ -172,26 +171,13 @@ fn an_owner_that_leaves_does_not_wait_for_the_end_of_its_window() {
     let stranger = crate::hostile::Stranger::at(&served.link());
     let (_token, ticket, run_id) = stranger.attach();
     // Hours of dawdling.
-    let long = 100_000 * WINDOW;
-    let request = AdvanceRequest {
-        run_id,
-        seq: 1,
-        t1_ns: long as i64,
-        motions: shaking(0, long),
-        ..AdvanceRequest::default()
-    };
     let (sender, answer) = channel();
-    let text = ballast_protocol::to_json(&request).unwrap();
-    let get = stranger.session.get(stranger.keys.control("advance")).payload(text);
-    let get = get.attachment(&ticket).timeout(Duration::from_secs(60)).callback(move |reply| {
-        let fault = reply.result().expect_err("taken back").payload().to_bytes().into_owned();
-        sender.send(serde_json::from_slice::<Fault>(&fault).unwrap()).unwrap();
-    });
-    get.wait().unwrap();
+    stranger.ask_for_long(100_000, run_id, &ticket, move |fault| drop(sender.send(fault)));
     let line = Line::open(KEY, &served.link(), patient()).unwrap();
     wait_for(|| line.status(), Activity::Playing);
     stranger.ask("detach", b"{}", Some(&ticket)).unwrap();
     let fault = answer.recv_timeout(Duration::from_secs(20)).expect("an answer");
+    let fault = fault.expect("taken back");
     assert!(fault.code == Code::NotOwner && fault.message.contains("leaves"), "{fault}");
     // As if it had never been asked for; and the next one has its windows to itself.
     let client = served.client();
