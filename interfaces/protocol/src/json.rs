@@ -31,7 +31,7 @@ pub fn from_json<T: Message>(text: &[u8]) -> Result<T, Malformed> {
 pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<T, Malformed> {
     // Lists of values by position would be read, too, but are nothing that the schema knows.
     let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
-    if first.is_some_and(|first| *first != b'{') {
+    if first == Some(&b'[') {
         let found: String = String::from_utf8_lossy(text).trim_start().chars().take(20).collect();
         return Err(Malformed::new(name, "a JSON object", found));
     }
