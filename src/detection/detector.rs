@@ -9,6 +9,7 @@ use super::Contacts;
 use super::broad_phase::{CHUNK, PairList, PartRef, by_chunk, pose};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
 use super::reach::Reach;
+use crate::geometry::HalfSpace;
 use crate::lanes;
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Part};
@@ -29,7 +30,7 @@ pub struct Detector {
 #[derive(Debug, Clone, Copy)]
 enum Placed {
     Convex { shape: u32, pose: Pose },
-    HalfSpace { normal: Vec3, offset: f64 },
+    HalfSpace(HalfSpace),
 }
 
 /// Buffers of one chunk of grains.
@@ -110,8 +111,7 @@ fn place_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut V
         match &model.driven[p.driven as usize].parts[p.part as usize] {
             Part::Convex { shape, pose } => Placed::Convex { shape: *shape, pose: body.then(pose) },
             Part::HalfSpace { normal, offset } => {
-                let normal = body.orientation * normal;
-                Placed::HalfSpace { normal, offset: offset + normal.dot(&body.position) }
+                Placed::HalfSpace(HalfSpace { normal: *normal, offset: *offset }.at(&body))
             }
         }
     }));
@@ -185,7 +185,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
         for (k, (part, placed)) in self.parts.iter().zip(self.placed).enumerate() {
             let pair = [i, ng + part.driven as usize];
             match placed {
-                Placed::HalfSpace { normal, offset } => {
+                Placed::HalfSpace(HalfSpace { normal, offset }) => {
                     if !(self.asked)(pair) {
                         continue;
                     }

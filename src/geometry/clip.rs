@@ -19,6 +19,12 @@ pub struct HalfSpace {
 }
 
 impl HalfSpace {
+    /// Of a body at `pose`, in world axes.
+    pub fn at(&self, pose: &Pose) -> Self {
+        let normal = pose.orientation * self.normal;
+        Self { normal, offset: self.offset + normal.dot(&pose.position) }
+    }
+
     /// The other side of the same plane.
     pub fn flipped(&self) -> Self {
         Self { normal: -self.normal, offset: -self.offset }
@@ -60,11 +66,8 @@ impl AxisBox {
 
 /// The half-spaces, in world axes, whose intersection is `polyhedron` at `pose`.
 pub fn half_spaces_of(polyhedron: &Polyhedron, pose: &Pose) -> Vec<HalfSpace> {
-    let turned = polyhedron.face_normals.iter().map(|n| pose.orientation * n);
-    turned
-        .zip(&polyhedron.face_offsets)
-        .map(|(normal, d)| HalfSpace { normal, offset: d + normal.dot(&pose.position) })
-        .collect()
+    let faces = polyhedron.face_normals.iter().zip(&polyhedron.face_offsets);
+    faces.map(|(normal, offset)| HalfSpace { normal: *normal, offset: *offset }.at(pose)).collect()
 }
 
 /// What is left of a polyhedron after clipping.

@@ -65,9 +65,8 @@ pub fn accessible_volume(model: &Model, state: &State, zone: &Zone) -> f64 {
         for part in &body.parts {
             match part {
                 Part::HalfSpace { normal, offset } => {
-                    let normal = body_pose.orientation * normal;
-                    let offset = offset + normal.dot(&body_pose.position);
-                    outside_walls.push(HalfSpace { normal, offset }.flipped());
+                    let wall = HalfSpace { normal: *normal, offset: *offset };
+                    outside_walls.push(wall.at(&body_pose).flipped());
                 }
                 Part::Convex { shape, pose } => {
                     let shape = &model.shapes[*shape as usize];

@@ -1,5 +1,6 @@
 //! Grains that have left the bed.
 
+use crate::geometry::HalfSpace;
 use crate::math::Vec3;
 use crate::model::{Model, Part, Role};
 use crate::state::State;
@@ -15,8 +16,7 @@ pub fn lost_grains(model: &Model, state: &State) -> usize {
         for part in &driven.parts {
             match part {
                 Part::HalfSpace { normal, offset } => {
-                    let normal = body.orientation * normal;
-                    planes.push((normal, offset + normal.dot(&body.position)));
+                    planes.push(HalfSpace { normal: *normal, offset: *offset }.at(&body));
                 }
                 Part::Convex { shape, pose } => {
                     let pose = body.then(pose);
@@ -32,7 +32,7 @@ pub fn lost_grains(model: &Model, state: &State) -> usize {
     let is_outside = |p: &Vec3| {
         has_box && (p.x < low.x || p.x > high.x || p.y < low.y || p.y > high.y || p.z < low.z)
     };
-    let is_behind = |p: &Vec3| planes.iter().any(|(normal, offset)| normal.dot(p) < *offset);
+    let is_behind = |p: &Vec3| planes.iter().any(|wall| wall.normal.dot(p) < wall.offset);
     state.position[..grains].iter().filter(|p| is_outside(p) || is_behind(p)).count()
 }
 

@@ -49,9 +49,7 @@ fn overlap(model: &Model, [a, b]: [usize; 2], poses: &[Pose], clipper: &mut Clip
         model.driven[b].parts.iter().any(|other| {
             let mut planes = match other {
                 Part::HalfSpace { normal, offset } => {
-                    let normal = poses[b].orientation * normal;
-                    let offset = offset + normal.dot(&poses[b].position);
-                    vec![HalfSpace { normal, offset }]
+                    vec![HalfSpace { normal: *normal, offset: *offset }.at(&poses[b])]
                 }
                 Part::Convex { shape, pose: at } => {
                     let (other, at) = (&model.shapes[*shape as usize], poses[b].then(at));
