@@ -108,44 +108,39 @@ struct Built {
 struct Identity {
     /// Of the grains.
     shape: Vec<u32>,
-    shapes: Vec<ShapeMark>,
+    /// Of each shape: how many corners, edges and faces.
+    counts: Vec<[usize; 3]>,
+    /// Of all shapes, one after the other: of a turned or mirrored one nothing else differs.
+    corners: Vec<Vec3>,
     parts: Vec<Vec<Part>>,
 }
 
-/// Tells shapes apart without comparing all their features.
-#[derive(Debug, PartialEq)]
-struct ShapeMark {
-    counts: [usize; 3],
-    /// All coordinates of the corners, in their order: a shape that is turned or mirrored has another mark.
-    corners: u64,
-}
-
-impl ShapeMark {
-    fn of(s: &Polyhedron) -> Self {
-        let counts = [s.vertices.len(), s.edges.len(), s.face_count()];
-        let bits = s.vertices.iter().flat_map(|v| v.iter().map(|x| x.to_bits()));
-        // Odd factors and shifts lose nothing, so two shapes that differ in one number never agree.
-        let mix = |sum: u64, x: u64| {
-            let next = (sum ^ x).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            next ^ (next >> 32)
-        };
-        Self { counts, corners: bits.fold(0, mix) }
-    }
+fn counts(s: &Polyhedron) -> [usize; 3] {
+    [s.vertices.len(), s.edges.len(), s.face_count()]
 }
 
 impl Identity {
     fn note(&mut self, model: &Model) {
         self.shape.clone_from(&model.grains.shape);
-        self.shapes.clear();
-        self.shapes.extend(model.shapes.iter().map(ShapeMark::of));
+        self.counts.clear();
+        self.counts.extend(model.shapes.iter().map(counts));
+        self.corners.clear();
+        self.corners.extend(model.shapes.iter().flat_map(|s| &s.vertices));
         self.parts.clear();
         self.parts.extend(model.driven.iter().map(|d| d.parts.clone()));
     }
 
     fn is_of(&self, model: &Model) -> bool {
+        let mut corners = &self.corners[..];
+        let mut are_corners =
+            |of: &[Vec3]| corners.split_off(..of.len()).is_some_and(|known| known == of);
         self.shape == model.grains.shape
-            && self.shapes.len() == model.shapes.len()
-            && self.shapes.iter().zip(&model.shapes).all(|(m, s)| *m == ShapeMark::of(s))
+            && self.counts.len() == model.shapes.len()
+            && self
+                .counts
+                .iter()
+                .zip(&model.shapes)
+                .all(|(known, s)| *known == counts(s) && are_corners(&s.vertices))
             && self.parts.len() == model.driven.len()
             && self.parts.iter().zip(&model.driven).all(|(p, d)| *p == d.parts)
     }
