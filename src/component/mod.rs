@@ -225,10 +225,8 @@ impl Component {
         watch: Watch,
         stopwatch: &mut impl Stopwatch,
     ) -> Result<Outcome, Refusal> {
-        let steps = self.steps_to(t1_ns)?;
-        let (model, limits, window) = (Arc::clone(&self.model), self.limits, inputs.into());
-        let mut memory = Memory::read(&self.state, model.driven.len(), &self.squeezes);
-        let plan = Plan::check(&model, &self.state, &memory, &limits, t1_ns, &window)?;
+        let (model, limits) = (Arc::clone(&self.model), self.limits);
+        let (steps, mut memory, plan) = self.planned(t1_ns, &inputs.into())?;
         let before = Arc::clone(&self.state);
         let mut account = Account::new(&model, before.time_ns);
         let mut trouble = None;
@@ -292,11 +290,21 @@ impl Component {
     /// # Errors
     /// As for [`Component::advance_to`], and a body that is led too far in the first step.
     pub fn check<'a>(&self, t1_ns: u64, inputs: impl Into<Window<'a>>) -> Result<(), Refusal> {
-        self.steps_to(t1_ns)?;
-        let (model, state, window) = (&self.model, &self.state, inputs.into());
-        let memory = Memory::read(state, model.driven.len(), &self.squeezes);
-        let plan = Plan::check(model, state, &memory, &self.limits, t1_ns, &window)?;
+        let (_, _, plan) = self.planned(t1_ns, &inputs.into())?;
+        let (model, state) = (&self.model, &self.state);
         Ok(self.speed_limit.check(model, state, &plan.targets(model, state))?)
+    }
+
+    /// The steps of a window, what is remembered at its beginning, and its inputs, checked.
+    fn planned<'a>(
+        &self,
+        t1_ns: u64,
+        window: &Window<'a>,
+    ) -> Result<(u64, Memory, Plan<'a>), Refusal> {
+        let (steps, model) = (self.steps_to(t1_ns)?, &self.model);
+        let memory = Memory::read(&self.state, model.driven.len(), &self.squeezes);
+        let plan = Plan::check(model, &self.state, &memory, &self.limits, t1_ns, window)?;
+        Ok((steps, memory, plan))
     }
 
     /// Computes the last window again from its beginning, with other inputs; also one that was discarded.

@@ -129,10 +129,9 @@ impl Engine {
     /// Refuses a recording that cannot lead the bodies through the next step; nothing is computed.
     pub fn expect_a_step(&mut self) -> Outcome {
         let Source::Recording { component, playback, .. } = &mut self.source else { return Ok(()) };
-        let (t0_ns, stepping) = (component.now_ns(), component.model().stepping);
-        let t1_ns = t0_ns.saturating_add(stepping.step_ns);
+        let [t0_ns, t1_ns] = next_step(component);
         if !playback.reach(t0_ns, t1_ns)? {
-            return Err(playback.too_short(t0_ns, stepping.h()));
+            return Err(playback.too_short(t0_ns, component.model().stepping.h()));
         }
         let checked = component.check(t1_ns, playback.inputs());
         checked.map_err(|e| Failure::at(playback.path(), format!("{e}{}", playback.advice())))
@@ -150,8 +149,7 @@ impl Engine {
             }
             Source::Recording { component, playback, memory } => {
                 let before = imposed(component.model(), component.state());
-                let t0_ns = component.now_ns();
-                let t1_ns = t0_ns.saturating_add(component.model().stepping.step_ns);
+                let [t0_ns, t1_ns] = next_step(component);
                 if !playback.reach(t0_ns, t1_ns)? {
                     return Ok(None);
                 }
@@ -179,6 +177,12 @@ impl Engine {
             }
         }
     }
+}
+
+/// When the next step begins and ends, ns.
+fn next_step(component: &Component) -> [u64; 2] {
+    let t0_ns = component.now_ns();
+    [t0_ns, t0_ns.saturating_add(component.model().stepping.step_ns)]
 }
 
 /// The machine of a case.

@@ -262,9 +262,9 @@ impl Service<'_> {
     ///
     /// # Errors
     /// It stays: partners could not tell the two apart.
-    fn be_the_only_one(&mut self) -> Result<(), Error> {
+    fn be_the_only_one(&self) -> Result<(), Error> {
         let begin = Instant::now();
-        while let Some(run) = self.other_run()? {
+        while let Some(run) = self.find_token(self.keys.alive_any(), SILENCE)? {
             if begin.elapsed() > 3 * SILENCE {
                 let found = format!("expected nobody alive there, found run {run}");
                 return Err(Error::link(format!("key {}", self.keys.name()), found));
@@ -274,9 +274,9 @@ impl Service<'_> {
         Ok(())
     }
 
-    /// The run of a component that is alive under this key.
-    fn other_run(&self) -> Result<Option<String>, Error> {
-        let tokens = self.session.liveliness().get(self.keys.alive_any()).timeout(SILENCE).wait();
+    /// The last word of a liveliness token of others under `key`, if one is found within `most`.
+    fn find_token(&self, key: String, most: Duration) -> Result<Option<String>, Error> {
+        let tokens = self.session.liveliness().get(key).timeout(most).wait();
         let tokens = tokens.map_err(|e| Error::link("zenoh", e))?;
         let alive = std::iter::from_fn(|| tokens.recv().ok()).find_map(|r| r.into_result().ok());
         Ok(alive.map(|token| last(token.key_expr().as_str()).to_string()))

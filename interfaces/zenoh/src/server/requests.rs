@@ -13,7 +13,6 @@ use ballast_protocol::schema::Nothing;
 use ballast_protocol::{from_cdr, from_json};
 use std::sync::Arc;
 use std::time::Duration;
-use zenoh::Wait;
 use zenoh::query::Query;
 
 /// How long a client's token is looked for.
@@ -247,9 +246,8 @@ impl Service<'_> {
         let ask: Attach = object(query)?;
         if !self.shared.is_live(&ask.client) {
             // The token may come right behind the request. A name that cannot be a key has none.
-            let liveliness = self.session.liveliness();
-            let alive = liveliness.get(self.keys.owner(&ask.client)).timeout(LOOK).wait();
-            if !alive.is_ok_and(|replies| replies.recv().is_ok_and(|r| r.result().is_ok())) {
+            let token = self.find_token(self.keys.owner(&ask.client), LOOK);
+            if !token.is_ok_and(|token| token.is_some()) {
                 let expected = "a client with a liveliness token `owner/CLIENT`";
                 let found: String = ask.client.chars().take(50).collect();
                 return Err(Fault::expected(Code::NotAlive, "attach", expected, found));
