@@ -189,7 +189,8 @@ impl<'a> Run<'a> {
         self.relaxation.store(tests.softening.relaxation.to_bits(), Ordering::Relaxed);
         // The natural map needs a state at rest: until then the norms of the visits decide.
         let norm = if self.solver.norm == Norm::NaturalMap { Norm::Qm16 } else { self.solver.norm };
-        if tests.diverged || is_solved(&Solver { norm, ..*self.solver }, &residuals) {
+        let solver = Solver { norm, ..*self.solver };
+        if tests.diverged || is_solved(&solver, &residuals, &sum, self.decomposition.fall) {
             self.stop.store(true, Ordering::Relaxed);
         }
     }

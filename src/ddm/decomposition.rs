@@ -42,10 +42,11 @@ impl Set {
         self.boundary.clear();
     }
 
-    /// Sweeps `n` times over what carries; the last sweep is over all and measured, if asked.
+    /// Sweeps `n` times over what carries; the first sweep is over all and measured, if asked. It sees what the other sets
+    /// have changed, of which nothing is left in the last one.
     pub fn sweeps(&mut self, n: u32, relaxation: f64, measured: bool) {
         for sweep in 1..=n {
-            if measured && sweep == n {
+            if measured && sweep == 1 {
                 self.norms = self.contacts.measured_sweep(relaxation);
                 self.contacts.wake();
             } else {
@@ -74,6 +75,8 @@ pub struct Decomposition {
     /// Line of each grain in its subdomain `[ng]`.
     pub(super) line_of: Vec<u32>,
     pub(super) boundary: Boundary,
+    /// Of the problem, m/s.
+    pub(super) fall: f64,
     /// Buffers: of the tests of the asynchronous schedule, and of what velocities are read from.
     pub(super) reports: Vec<Report>,
     sets: Vec<&'static ContactSet>,
@@ -103,6 +106,7 @@ impl Decomposition {
 
     /// Lays out the contacts of `problem` in sets, velocities at their free values.
     pub fn pack(&mut self, problem: &LocalProblem) {
+        self.fall = problem.fall;
         let partition = &self.partition;
         self.line_of.resize(partition.owner.len(), 0);
         for s in 0..partition.grains.len() {

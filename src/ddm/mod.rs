@@ -15,7 +15,7 @@ mod turns;
 
 use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
-use crate::nlgs::Residuals;
+use crate::nlgs::{Residuals, VisitNorms};
 
 pub use decomposition::Decomposition;
 
@@ -58,14 +58,15 @@ fn next_after(done: u32, began: u32, period: u32) -> u32 {
     done.saturating_add(period - (done - began) % period)
 }
 
-/// Whether `residuals` are below the tolerance asked for.
-fn is_solved(solver: &Solver, residuals: &Residuals) -> bool {
+/// Whether `residuals` are below the tolerance asked for, and nothing is being flung (T-11); `norms` and `fall` are of
+/// the same problem.
+fn is_solved(solver: &Solver, residuals: &Residuals, norms: &VisitNorms, fall: f64) -> bool {
     let value = match solver.norm {
         Norm::Qm16 => residuals.qm16(),
         Norm::Quad => residuals.quad,
         Norm::NaturalMap => residuals.natural_map,
     };
-    solver.tolerance.is_some_and(|tolerance| value < tolerance)
+    solver.tolerance.is_some_and(|tolerance| value < tolerance) && norms.are_calm(fall)
 }
 
 /// Does `work` on so many threads at once, as far as they are free; it finds out itself what is left to do.

@@ -125,11 +125,12 @@ impl<'a> Progress<'a> {
     /// After a test: whether the iterations end with it.
     fn ends(&mut self, sets: &Decomposition, mapped: bool) -> bool {
         let residuals = &mut self.outcome.residuals;
-        *residuals = sets.visit_norms().residuals();
+        let norms = sets.visit_norms();
+        *residuals = norms.residuals();
         if mapped {
             residuals.natural_map = sets.sum(|set| set.map).residual();
         }
-        if is_solved(self.solver, residuals) {
+        if is_solved(self.solver, residuals, &norms, sets.fall) {
             self.outcome.converged = true;
             return true;
         }

@@ -140,7 +140,7 @@ fn polygon(mut flat: Vec<(u16, [f64; 2])>, tolerance: f64) -> Option<Vec<u16>> {
     while let Some(k) = (0..chain.len()).find(|&k| {
         let n = chain.len();
         let (before, after) = (chain[(k + n - 1) % n].1, chain[(k + 1) % n].1);
-        let base = (after[0] - before[0]).hypot(after[1] - before[1]);
+        let base = libm::hypot(after[0] - before[0], after[1] - before[1]);
         cross(before, chain[k].1, after) <= tolerance * base
     }) {
         chain.remove(k);

@@ -40,7 +40,7 @@ pub struct Polyhedron {
 impl Polyhedron {
     /// Nominal diameter, m: that of the sphere of the same volume.
     pub fn nominal_diameter(&self) -> f64 {
-        (6.0 / std::f64::consts::PI * self.volume).cbrt()
+        libm::cbrt(6.0 / std::f64::consts::PI * self.volume)
     }
 
     /// Number of faces.

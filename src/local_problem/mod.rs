@@ -40,6 +40,8 @@ pub struct LocalProblem {
     pub whitening: Vec<Mat3>,
     /// Of the mounted bodies, which come after the grains.
     pub responses: Vec<Response>,
+    /// What weight adds to a velocity in a step, m/s; infinite where it does not count.
+    pub fall: f64,
 }
 
 impl LocalProblem {
@@ -54,17 +56,16 @@ impl LocalProblem {
         warm: &[Vec3],
     ) {
         self.build_lines(model, motion);
-        let Self { contacts: built, lines, whitening, responses } = self;
+        let Self { contacts: built, lines, whitening, responses, .. } = self;
         let (lines, whitening, responses) = (&**lines, &**whitening, &**responses);
-        // What weight adds to a velocity in a step: an impulse next to the contact may bring as much.
-        let nearly = model.gravity.norm() * model.stepping.h();
-        let step =
-            Step { model, state, motion, contacts, warm, lines, whitening, responses, nearly };
+        let fall = model.gravity.norm() * model.stepping.h();
+        let step = Step { model, state, motion, contacts, warm, lines, whitening, responses, fall };
         let arithmetic = Arithmetic::detect();
         built.resize(contacts.len(), LocalContact::default());
         built.par_chunks_mut(CHUNK).enumerate().for_each(|(k, built)| {
             lanes::compute(arithmetic, Build { step: &step, first: k * CHUNK, built });
         });
+        self.fall = if fall > 0.0 { fall } else { f64::INFINITY };
     }
 
     fn build_lines(&mut self, model: &Model, motion: &Motion) {
@@ -120,7 +121,7 @@ struct Step<'a> {
     whitening: &'a [Mat3],
     responses: &'a [Response],
     /// m/s
-    nearly: f64,
+    fall: f64,
 }
 
 impl Step<'_> {
@@ -185,7 +186,8 @@ impl Step<'_> {
         let world = warm.get(i).filter(|world| **world != Vec3::zeros());
         contact.impulse = world.map_or(Vec3::zeros(), |world| contact.components(world));
         let approach = contact.offset.x + contact.normal_velocity(lines);
-        contact.likely = contact.impulse.x > 0.0 || approach < self.nearly;
+        // An impulse next to the contact may bring as much as weight does.
+        contact.likely = contact.impulse.x > 0.0 || approach < self.fall;
     }
 }
 

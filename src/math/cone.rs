@@ -4,7 +4,7 @@ use super::Vec3;
 
 /// Orthogonal projection of `x` on the cone of slope `mu`.
 pub fn project(x: &Vec3, mu: f64) -> Vec3 {
-    let tangential = x.y.hypot(x.z);
+    let tangential = x.yz().norm();
     // First: without friction, what pulls straight would pass for a point of the cone.
     if mu * tangential <= -x.x {
         return Vec3::zeros();
@@ -30,7 +30,7 @@ mod tests {
                 let x = Vec3::new((a * 1.3).sin(), (a * 2.1).cos() * 2.0, (a * 0.7).sin());
                 for x in [x, Vec3::new(x.x, 0.0, 0.0), Vec3::new(0.0, x.y, x.z)] {
                     let p = project(&x, mu);
-                    assert!(p.x >= 0.0 && p.y.hypot(p.z) <= mu * p.x * (1.0 + 1e-14), "{p}");
+                    assert!(p.x >= 0.0 && p.yz().norm() <= mu * p.x * (1.0 + 1e-14), "{p}");
                     assert!((project(&p, mu) - p).norm() < 1e-14);
                     assert!(p.dot(&(x - p)).abs() < 1e-14);
                 }

@@ -1,4 +1,6 @@
 //! Exponential and logarithm of rotations (T-3).
+//!
+//! Sines and arctangents are libm's: the operating system's differ in the last bit from one to the next (decision 002).
 
 use super::{Quat, Vec3};
 
@@ -11,7 +13,8 @@ pub fn exp(angle: &Vec3) -> Quat {
         (1.0 - 0.5 * half_squared, 0.5 * (1.0 - half_squared / 6.0))
     } else {
         let half = half_squared.sqrt();
-        (half.cos(), 0.5 * half.sin() / half)
+        let (sine, cosine) = libm::sincos(half);
+        (cosine, 0.5 * sine / half)
     };
     let v = angle * ratio;
     Quat::new_normalize(nalgebra::Quaternion::new(scalar, v.x, v.y, v.z))
@@ -22,7 +25,7 @@ pub fn log(q: &Quat) -> Vec3 {
     let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
     let v = Vec3::new(q.i, q.j, q.k) * sign;
     let sine = v.norm();
-    let factor = if sine < 1e-8 { 2.0 } else { 2.0 * sine.atan2(q.w * sign) / sine };
+    let factor = if sine < 1e-8 { 2.0 } else { 2.0 * libm::atan2(sine, q.w * sign) / sine };
     v * factor
 }
 
@@ -41,7 +44,7 @@ pub fn rate_of_log(phi: &Vec3, spin: &Vec3) -> Vec3 {
         1.0 / 12.0 + squared / 720.0
     } else {
         let angle = squared.sqrt();
-        1.0 / squared - 0.5 / (angle * (0.5 * angle).tan())
+        1.0 / squared - 0.5 / (angle * libm::tan(0.5 * angle))
     };
     let once = phi.cross(spin);
     spin - once * 0.5 + phi.cross(&once) * factor
@@ -56,7 +59,8 @@ pub fn spin_of_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
         (0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0)
     } else {
         let angle = squared.sqrt();
-        ((1.0 - angle.cos()) / squared, (angle - angle.sin()) / (squared * angle))
+        let (sine, cosine) = libm::sincos(angle);
+        ((1.0 - cosine) / squared, (angle - sine) / (squared * angle))
     };
     let once = phi.cross(rate);
     rate + once * first + phi.cross(&once) * second

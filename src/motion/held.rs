@@ -30,7 +30,8 @@ pub fn beside(conditions: &[(usize, Vec3)], k: usize) -> Vec3 {
 /// The orientation next to `q` that held rotations allow beside the target's. Rounding does not add up over steps.
 pub fn put(mount: &Mount, target: &Quat, q: &Quat) -> Quat {
     let turn = q * target.inverse();
-    let about = |k: usize, share: f64| Vec3::ith(k, share * 2.0 * turn.imag()[k].atan2(turn.w));
+    let about =
+        |k: usize, share: f64| Vec3::ith(k, share * 2.0 * libm::atan2(turn.imag()[k], turn.w));
     let (free, held) = axes(mount);
     match (&free[..], &held[..]) {
         ([], _) => *target,

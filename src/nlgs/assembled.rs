@@ -196,7 +196,7 @@ impl Assembled {
         let mut sums = [0.0_f64; 5];
         for i in 0..self.contact_count() {
             let (r, u, mu) = (impulse[i], self.relative_velocity(i, impulse), self.friction[i]);
-            let shifted = u + Vec3::x() * (mu * u.y.hypot(u.z));
+            let shifted = u + Vec3::x() * (mu * u.yz().norm());
             let map = |rho: f64| (r - cone::project(&(r - shifted * rho), mu)).norm_squared();
             let terms = [
                 map(1.0),

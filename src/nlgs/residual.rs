@@ -97,6 +97,14 @@ impl VisitNorms {
     }
 }
 
+impl VisitNorms {
+    /// Whether no visit changes a velocity by more than weight does in a step, `fall` (m/s), or by more than a tenth of
+    /// the largest speed (T-11).
+    pub fn are_calm(&self, fall: f64) -> bool {
+        self.max_dv_squared <= (fall * fall).max(0.01 * self.speed_squared)
+    }
+}
+
 /// Sums of the natural map with `ρ_c = 3 / tr W_cc` (T-10).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct NaturalMapSums {

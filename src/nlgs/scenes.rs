@@ -6,7 +6,7 @@
 
 use crate::detection::Contacts;
 use crate::local_problem::LocalProblem;
-use crate::math::{Pose, Quat, Vec3};
+use crate::math::{Pose, Vec3, rotation};
 use crate::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
 use crate::motion::Motion;
 use crate::state::State;
@@ -83,8 +83,8 @@ impl Scene {
                     model.grains.shape.push(0);
                     model.grains.mass.push(mass);
                     model.grains.inertia.push(inertia);
-                    let axis = nalgebra::Unit::new_normalize(unit(&mut rng));
-                    let orientation = Quat::from_axis_angle(&axis, rng.random_range(0.0..3.0));
+                    let axis = unit(&mut rng).normalize();
+                    let orientation = rotation::exp(&(axis * rng.random_range(0.0..3.0)));
                     state.push(Pose { position: at, orientation });
                 }
             }

@@ -183,7 +183,8 @@ pub(super) fn stuff(
 ) -> Vec<Laid> {
     let cell = relief.cell;
     let size = block.high - block.low;
-    let tries = STUFFING * size.x * size.y / templates.mean_volume(shapes).powf(2.0 / 3.0);
+    let grain = libm::cbrt(templates.mean_volume(shapes));
+    let tries = STUFFING * size.x * size.y / (grain * grain);
     let mut silhouette = Silhouette::default();
     let mut laid = Vec::new();
     for _ in 0..tries as usize {

@@ -296,7 +296,7 @@ impl Machine {
         let grown = smooth_step((t - begin) / fade.min(inserted - begin));
         let left = smooth_step((end - t) / fade.min(end - held));
         let angle = std::f64::consts::TAU * v.frequency * (t - begin);
-        v.amplitude * grown * left * angle.sin()
+        v.amplitude * grown * left * libm::sin(angle)
     }
 }
 

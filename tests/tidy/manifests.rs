@@ -6,8 +6,8 @@ use std::process::Command;
 use toml::Table;
 
 /// All that the core may depend on. Each further crate is a decision, not an accident.
-const CORE_MAY_USE: [&str; 6] =
-    ["nalgebra", "parry3d-f64", "rayon", "thiserror", "rand", "rand_pcg"];
+const CORE_MAY_USE: [&str; 7] =
+    ["libm", "nalgebra", "parry3d-f64", "rayon", "thiserror", "rand", "rand_pcg"];
 
 /// The packages that bring interfaces together: what people and programs see.
 const FACES: [&str; 2] = ["ballast-cli", "ballast-python"];

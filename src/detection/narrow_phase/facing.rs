@@ -321,7 +321,8 @@ impl Area {
     }
 
     fn diagonal(&self) -> f64 {
-        (self.high[0] - self.low[0]).hypot(self.high[1] - self.low[1])
+        let [wide, long] = [0, 1].map(|k| self.high[k] - self.low[k]);
+        (wide * wide + long * long).sqrt()
     }
 
     fn meets(&self, other: &Area) -> bool {

@@ -121,7 +121,7 @@ impl<'a> System<'a> {
 
 fn status(problem: &Assembled, c: usize, r: &Vec3, u: &Vec3) -> Status {
     let x = r - u * (3.0 / problem.diagonal[c].trace());
-    let (mu, length) = (problem.friction[c], x.y.hypot(x.z));
+    let (mu, length) = (problem.friction[c], x.yz().norm());
     if x.x <= 0.0 {
         Status::Open
     } else if length <= mu * x.x {

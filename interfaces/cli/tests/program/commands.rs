@@ -115,7 +115,7 @@ fn a_bed_is_prepared_once() {
     let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
     assert_eq!(
         [&inspected[0]["key"], &inspected[0]["hash"]],
-        ["4fbc90c4a78d2584bb1cd4db291c4f98", "1d38ee6d312da1ee27726c75cdc9cd6f"]
+        ["a588e1887e8f3a87009681d53f27f9b1", "1d38ee6d312da1ee27726c75cdc9cd6f"]
     );
     let bytes = std::fs::read(&bed).unwrap();
     place.call("prepare tiny.toml --beds beds --force").with_code(0);

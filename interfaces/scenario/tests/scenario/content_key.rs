@@ -10,8 +10,8 @@ fn key(text: &str) -> String {
 
 #[test]
 fn the_key_is_the_same_on_every_machine() {
-    // Obtained from the eighth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "d5fd4ca8953b95767f2135d07d44fc4d");
+    // Obtained from the tenth version of the key; changes with it, and with the base case.
+    assert_eq!(key(BASE), "9036959e26daf9002aed692c88976660");
 }
 
 #[test]
