@@ -45,6 +45,8 @@ pub struct Summary {
     pub natural_map: Statistics,
     pub mean_penetration: Statistics,
     pub max_penetration: Statistics,
+    /// Energy of the steps in which contacts gave more than they took, J.
+    pub created: f64,
     /// At the first step, at the step of the minimum, at the last one.
     pub coordination: Option<[Moment; 3]>,
     pub bodies: Vec<BodyFigures>,
@@ -162,6 +164,7 @@ impl Summary {
             natural_map: Statistics::default(),
             mean_penetration: Statistics::default(),
             max_penetration: Statistics::default(),
+            created: 0.0,
             coordination: None,
             compactness: Vec::new(),
             lost: None,
@@ -189,6 +192,9 @@ impl Summary {
         ] {
             statistics.take(row.get(column));
         }
+        let dissipated = |row: &Row| row.get(Column::Dissipated);
+        let before = self.last.as_ref().map_or(0.0, dissipated);
+        self.created += (before - dissipated(row)).max(0.0);
         self.take_coordination(row);
         for (i, body) in self.bodies.iter_mut().enumerate() {
             body.take(row, i);
@@ -290,7 +296,7 @@ impl Summary {
             "energy_j": {
                 "kinetic": last(Column::Kinetic), "potential": last(Column::Potential),
                 "work_in": last(Column::WorkIn), "dissipated": last(Column::Dissipated),
-                "balance_error": last(Column::BalanceError),
+                "balance_error": last(Column::BalanceError), "created": self.created,
             },
             "solver": {
                 "contacts": self.contacts.json(), "active_contacts": self.active_contacts.json(),
@@ -374,6 +380,7 @@ mod tests {
         set("rattlers", 10.0 * time);
         set("converged", f64::from(u8::from(converged)));
         set("max_penetration", 0.001 * time);
+        set("dissipated", 4.0 - time.min(2.0));
         set("left_force_x", force);
         set("left_work", 2.0);
         set("left_z", 1.0 - 0.1 * time);
@@ -412,6 +419,8 @@ mod tests {
         assert_eq!(json["compactness"]["under"]["after"], 0.61);
         assert_eq!(json["penetration_over_d"]["max"], 0.15);
         assert_eq!(json["solver"]["steps_not_converged"], 1);
+        assert_eq!(json["energy_j"]["dissipated"], 2.0);
+        assert_eq!(json["energy_j"]["created"], 1.0);
         assert_eq!(json["time_s"], 3.0);
     }
 

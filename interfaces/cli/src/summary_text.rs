@@ -119,6 +119,8 @@ fn energy(summary: &Summary) -> Table {
         ] {
             table.row([label.to_string(), figure(last.get(column), 4)]);
         }
+        let label = "created, in steps whose contacts gave more than they took";
+        table.row([label.to_string(), figure(summary.created, 4)]);
     }
     table
 }

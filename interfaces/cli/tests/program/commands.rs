@@ -85,6 +85,8 @@ fn the_summary_tells_the_figures_of_a_tamping_run() {
     let value = |key: &str| energy[key].as_f64().unwrap();
     assert!(value("dissipated") > 0.0);
     assert!(value("balance_error").abs() < 1e-4 * value("dissipated"), "{energy}");
+    // Thirty iterations are too few for stones that jam: some steps fling.
+    assert!(value("created") > 0.0 && value("created") < 0.3 * value("dissipated"), "{energy}");
 }
 
 #[test]
