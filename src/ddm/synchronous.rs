@@ -128,7 +128,7 @@ impl<'a> Progress<'a> {
         let norms = sets.visit_norms();
         *residuals = norms.residuals();
         if mapped {
-            residuals.natural_map = sets.sum(|set| set.map).residual();
+            residuals.natural_map = sets.last_map();
         }
         if is_solved(self.solver, residuals, &norms, sets.fall) {
             self.outcome.converged = true;

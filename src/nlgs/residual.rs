@@ -77,7 +77,7 @@ impl VisitNorms {
     /// All zero when nothing acts, or nothing changes but by rounding: there is nothing left to
     /// solve. The norms do not show it where the impulses fade away, for they are relative to them.
     pub fn residuals(&self) -> Residuals {
-        if self.dv_squared <= self.active * ROUNDING * ROUNDING * self.speed_squared {
+        if self.are_of_rounding() {
             return Residuals::default();
         }
         if self.active == 0.0 || self.wr_squared <= 0.0 || self.r_wr <= 0.0 {
@@ -98,6 +98,11 @@ impl VisitNorms {
 }
 
 impl VisitNorms {
+    /// Whether nothing changes but by rounding (T-11).
+    pub fn are_of_rounding(&self) -> bool {
+        self.dv_squared <= self.active * ROUNDING * ROUNDING * self.speed_squared
+    }
+
     /// Whether no visit changes a velocity by more than weight does in a step, `fall` (m/s), or by more than a tenth of
     /// the largest speed (T-11).
     pub fn are_calm(&self, fall: f64) -> bool {

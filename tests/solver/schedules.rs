@@ -5,7 +5,7 @@ use crate::common::scene::{Random, SCHEDULES, Scene, tight};
 use crate::{bits, on_threads};
 use ballast::geometry::hull::cuboid;
 use ballast::math::{Pose, Vec3};
-use ballast::model::{PartitionRule, Schedule, Solver};
+use ballast::model::{Norm, PartitionRule, Schedule, Solver};
 
 #[test]
 fn with_one_subdomain_all_schedules_are_the_same_bytes() {
@@ -89,8 +89,11 @@ fn two_cubes(schedule: Schedule) -> Scene {
 
 #[test]
 fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
-    for schedule in SCHEDULES {
+    for (schedule, norm) in
+        SCHEDULES.into_iter().flat_map(|s| [(s, Norm::Qm16), (s, Norm::NaturalMap)])
+    {
         let mut scene = two_cubes(schedule);
+        scene.model.solver.norm = norm;
         assert_eq!(scene.step().active_contacts, 8, "{schedule:?}");
         let (rest, floor) = (scene.state.clone(), scene.targets[0].position.z);
         // The last digits of what the step starts from decide whether impulses end at zero after a
@@ -106,6 +109,8 @@ fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
             let before = scene.state.velocity[0].z;
             let report = scene.step();
             assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
+            let map = report.residuals.natural_map;
+            assert!(map < 1e-4, "{schedule:?}, {norm:?}, {seed}: natural map {map}");
             let left: f64 = scene.workspace.impulse.iter().map(|f| f.norm()).sum();
             assert!(left < 1e-9, "{schedule:?}: {left} N s between falling cubes");
             let gained = scene.state.velocity[0].z - before + 9.81e-3;
