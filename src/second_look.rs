@@ -10,6 +10,7 @@ use crate::math::{Vec3, rotation};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::workspace::{Recovery, Workspace};
+use rayon::prelude::*;
 
 /// Grains that turn by more than this in a step, rad, are looked at where they end.
 const TURN: f64 = 0.03;
@@ -79,6 +80,16 @@ impl SolvedMotion<'_> {
             *q = rotation::advance(q, &(w * h));
         }
     }
+}
+
+/// How deep bodies will be in each other at configuration m of the next step, as the contacts of this one have it, m: what
+/// the next step's penetration will be but for turns and new contacts (T-26).
+pub fn penetration_ahead(model: &Model, ws: &Workspace) -> f64 {
+    let Workspace { motion, contacts, velocity, spin, recovery, .. } = ws;
+    let solved = SolvedMotion { motion, velocity, spin, recovery };
+    let h = model.stepping.h();
+    let depth = |i: usize| -(contacts.gap[i] + h * solved.opening(contacts, i));
+    (0..contacts.len()).into_par_iter().with_min_len(1024).map(depth).reduce(|| 0.0, f64::max)
 }
 
 /// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for

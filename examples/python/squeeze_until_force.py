@@ -1,4 +1,4 @@
-"""Squeezes until the ballast pushes back with a preset force, then holds: what a controller does.
+"""Squeezes until the ballast pushes back with a preset force: what a controller does.
 
     python examples/python/squeeze_until_force.py [CASE [FORCE_N]]
 
@@ -32,6 +32,8 @@ with ballast.open(CASE) as sim:
             for tine in sim.tines
         }
         out = sim.advance_to(t1, tools)
+        if out.status not in ("ok", "warn"):
+            sys.exit(f"{t1 * 1e-9:.4f} s  {out.status}  {out.code}: {out.trouble}")  # nothing has moved
         closed = after
         force = np.mean([abs(out[name].moving_force[0]) for name in tools])
         print(f"{t1 * 1e-9:.4f} s  closed {closed * 1e3:5.2f} mm  force {force:6.0f} N")

@@ -27,6 +27,7 @@ use crate::drive::{Inputs, SpeedLimit};
 use crate::error::{Cause, Error};
 use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
+use crate::second_look::penetration_ahead;
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, advance};
 use crate::workspace::Workspace;
@@ -64,7 +65,7 @@ pub struct Limits {
     pub join_angle: f64,
     pub join_speed: f64,
     pub join_spin: f64,
-    /// Deepest penetration of a sound step, m; infinite: any.
+    /// How deep a sound step may press bodies into each other, m, beyond what it finds; infinite: any.
     pub penetration: f64,
     pub on_trouble: OnTrouble,
 }
@@ -406,6 +407,26 @@ impl Component {
         })
     }
 
+    /// Refuses a step that presses bodies into each other deeper than allowed. What it has found so deep is no fault of
+    /// it: no window could be computed any more.
+    fn expect_shallow(&self, report: &StepReport) -> Result<(), Error> {
+        let limit = self.limits.penetration;
+        if limit.is_infinite() {
+            return Ok(());
+        }
+        let ahead = penetration_ahead(&self.model, &self.workspace);
+        if ahead <= limit.max(report.max_penetration + 1e-3 * limit) {
+            return Ok(());
+        }
+        Err(Error::Step {
+            cause: Cause::Penetration,
+            time_s: self.state.time(),
+            place: "penetration".into(),
+            expected: format!("at most {limit:.3e} m"),
+            found: format!("{ahead:.3e} m"),
+        })
+    }
+
     /// One step along the waveforms.
     fn one_step(
         &mut self,
@@ -419,15 +440,7 @@ impl Component {
         let mut next = self.spares.take();
         let report =
             advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, stopwatch)?;
-        if report.max_penetration > self.limits.penetration {
-            return Err(Error::Step {
-                cause: Cause::Penetration,
-                time_s: self.state.time(),
-                place: "penetration".into(),
-                expected: format!("at most {:.3e} m", self.limits.penetration),
-                found: format!("{:.3e} m", report.max_penetration),
-            });
-        }
+        self.expect_shallow(&report)?;
         self.spares.keep(std::mem::replace(&mut self.state, Arc::new(next)));
         Ok(report)
     }

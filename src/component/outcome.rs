@@ -13,7 +13,7 @@ use crate::step::StepReport;
 /// How a window went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Status {
-    /// Computed to its end, every step solved.
+    /// Computed to its end, every step solved; without a tolerance that is not asked.
     Ok,
     /// Computed to its end; some step stopped at the cap of iterations.
     Warn,

@@ -13,7 +13,7 @@ pub struct Parameters {
     pub iterations: u32,
     /// `None`: all iterations.
     pub tolerance: Option<f64>,
-    /// Deepest penetration of a sound step, m; infinite: any.
+    /// How deep a sound step may press bodies into each other, m, beyond what it finds; infinite: any.
     pub penetration: f64,
 }
 

@@ -16,7 +16,7 @@
 //! schedule, which decides whether the step is solved; if not, the next run goes on from there.
 
 use super::decomposition::{Set, enter};
-use super::{Decomposition, Outcome, Softening, is_solved, on_threads, synchronous};
+use super::{Decomposition, Outcome, Softening, is_solved, left, on_threads, synchronous};
 use crate::model::{Norm, Solver};
 use crate::nlgs::VisitNorms;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -56,8 +56,11 @@ struct Tests {
     diverged: bool,
 }
 
-/// Iterates until the tolerance or the cap is reached; `None` if the iterations diverged.
-pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Option<Outcome> {
+/// Iterates until the tolerance or the cap is reached; if the iterations diverge, what they have cost is the error.
+pub(super) fn iterate(
+    decomposition: &mut Decomposition,
+    solver: &Solver,
+) -> Result<Outcome, Outcome> {
     iterate_with(decomposition, solver, |run| {
         let threads = rayon::current_num_threads().min(run.decomposition.subdomains.len());
         on_threads(threads, &|| while run.visit_next() {});
@@ -69,9 +72,9 @@ fn iterate_with(
     decomposition: &mut Decomposition,
     solver: &Solver,
     work: impl Fn(&Run),
-) -> Option<Outcome> {
+) -> Result<Outcome, Outcome> {
     if decomposition.sets() < 2 {
-        return Some(synchronous::iterate(decomposition, solver));
+        return Ok(synchronous::iterate(decomposition, solver));
     }
     let mut solver = *solver;
     let mut outcome = Outcome::default();
@@ -87,7 +90,8 @@ fn iterate_with(
         let tests = run.tests.into_inner().unwrap_or_else(PoisonError::into_inner);
         decomposition.reports = tests.reports;
         if tests.diverged {
-            return None;
+            let iterations = before.iterations + decomposition.begun();
+            return Err(Outcome { iterations, visits: decomposition.visits(), ..before });
         }
         softening = tests.softening;
         let iterations = decomposition.begun();
@@ -98,7 +102,7 @@ fn iterate_with(
         solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
         outcome.iterations += before.iterations + iterations;
         if outcome.converged || solver.iterations == 0 {
-            return Some(outcome);
+            return Ok(outcome);
         }
     }
 }
@@ -185,12 +189,13 @@ impl<'a> Run<'a> {
         let finite = (sum.dv_squared + sum.wr_squared).is_finite();
         tests.diverged |= !finite || change > GROWTH * GROWTH * scale;
         let residuals = sum.residuals();
-        tests.softening.observe(judged, residuals.qm16());
+        let fling = sum.fling(self.decomposition.fall);
+        tests.softening.observe(judged, left(self.solver, &residuals, fling));
         self.relaxation.store(tests.softening.relaxation.to_bits(), Ordering::Relaxed);
         // The natural map needs a state at rest: until then the norms of the visits decide.
         let norm = if self.solver.norm == Norm::NaturalMap { Norm::Qm16 } else { self.solver.norm };
         let solver = Solver { norm, ..*self.solver };
-        if tests.diverged || is_solved(&solver, &residuals, &sum, self.decomposition.fall) {
+        if tests.diverged || is_solved(&solver, &residuals, fling) {
             self.stop.store(true, Ordering::Relaxed);
         }
     }

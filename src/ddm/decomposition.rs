@@ -42,15 +42,19 @@ impl Set {
         self.boundary.clear();
     }
 
-    /// Sweeps `n` times over what carries; the first sweep is over all and measured, if asked. It sees what the other sets
-    /// have changed, of which nothing is left in the last one.
+    /// Sweeps `n` times over what carries, or, to be `measured`, first and last over all. The first sweep is measured: it
+    /// sees what the other sets have changed, of which nothing is left in the last one.
     pub fn sweeps(&mut self, n: u32, relaxation: f64, measured: bool) {
         for sweep in 1..=n {
             if measured && sweep == 1 {
                 self.norms = self.contacts.measured_sweep(relaxation);
-                self.contacts.wake();
+            } else if measured && sweep == n {
+                self.contacts.sweep(relaxation);
             } else {
                 self.contacts.sweep_awake(relaxation);
+            }
+            if measured && (sweep == 1 || sweep == n) {
+                self.contacts.wake();
             }
         }
     }
@@ -287,6 +291,9 @@ fn emptied<'b, T>(mut list: Vec<&T>) -> Vec<&'b T> {
 
 /// Sets the lines of `set` to the free velocities of `grains`.
 fn fill(set: &mut ContactSet, grains: &[u32], problem: &LocalProblem) {
+    debug_assert!(grains.is_sorted());
+    let mounted = problem.lines.len() - problem.responses.len();
+    set.grains = grains.partition_point(|&grain| (grain as usize) < mounted);
     for (line, &grain) in set.lines.iter_mut().zip(grains) {
         *line = problem.lines[grain as usize];
     }

@@ -15,7 +15,7 @@ mod turns;
 
 use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
-use crate::nlgs::{Residuals, VisitNorms};
+use crate::nlgs::Residuals;
 
 pub use decomposition::Decomposition;
 
@@ -44,13 +44,16 @@ pub fn solve(
     if solver.schedule != Schedule::Asynchronous || decomposition.sets() == 1 {
         return synchronous::iterate(decomposition, solver);
     }
-    if let Some(outcome) = asynchronous::iterate(decomposition, solver) {
-        return outcome;
-    }
+    let lost = match asynchronous::iterate(decomposition, solver) {
+        Ok(outcome) => return outcome,
+        Err(lost) => lost,
+    };
     decomposition.pack(problem);
     decomposition.apply_impulses();
     let relaxed = Solver { relaxation: solver.relaxation.min(1.0), ..*solver };
-    Outcome { guarded: true, ..synchronous::iterate(decomposition, &relaxed) }
+    let outcome = synchronous::iterate(decomposition, &relaxed);
+    let (iterations, visits) = (outcome.iterations + lost.iterations, outcome.visits + lost.visits);
+    Outcome { guarded: true, iterations, visits, ..outcome }
 }
 
 /// The first iteration after `done` that is a multiple of `period` after iteration `began`.
@@ -58,15 +61,19 @@ fn next_after(done: u32, began: u32, period: u32) -> u32 {
     done.saturating_add(period - (done - began) % period)
 }
 
-/// Whether `residuals` are below the tolerance asked for, and nothing is being flung (T-11); `norms` and `fall` are of
-/// the same problem.
-fn is_solved(solver: &Solver, residuals: &Residuals, norms: &VisitNorms, fall: f64) -> bool {
+/// Whether `residuals` are below the tolerance asked for, and nothing is being flung: `fling` is not above one (T-11).
+fn is_solved(solver: &Solver, residuals: &Residuals, fling: f64) -> bool {
     let value = match solver.norm {
         Norm::Qm16 => residuals.qm16(),
         Norm::Quad => residuals.quad,
         Norm::NaturalMap => residuals.natural_map,
     };
-    solver.tolerance.is_some_and(|tolerance| value < tolerance) && norms.are_calm(fall)
+    solver.tolerance.is_some_and(|tolerance| value < tolerance) && fling <= 1.0
+}
+
+/// What iterations have to bring down: the residual, or what is still flung, as large as the tolerance at its limit.
+fn left(solver: &Solver, residuals: &Residuals, fling: f64) -> f64 {
+    residuals.qm16().max(solver.tolerance.unwrap_or(0.0) * fling)
 }
 
 /// Does `work` on so many threads at once, as far as they are free; it finds out itself what is left to do.

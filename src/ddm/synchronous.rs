@@ -8,7 +8,7 @@ use super::decomposition::Set;
 use super::momentum::Start;
 use super::round::Round;
 use super::turns::{Stretch, Turn};
-use super::{Decomposition, Outcome, is_solved, next_after};
+use super::{Decomposition, Outcome, is_solved, left, next_after};
 use crate::model::{Norm, Solver};
 
 /// Iterates until the tolerance or the cap is reached.
@@ -126,11 +126,12 @@ impl<'a> Progress<'a> {
     fn ends(&mut self, sets: &Decomposition, mapped: bool) -> bool {
         let residuals = &mut self.outcome.residuals;
         let norms = sets.visit_norms();
+        let fling = norms.fling(sets.fall);
         *residuals = norms.residuals();
         if mapped {
             residuals.natural_map = sets.last_map();
         }
-        if is_solved(self.solver, residuals, &norms, sets.fall) {
+        if is_solved(self.solver, residuals, fling) {
             self.outcome.converged = true;
             return true;
         }
@@ -138,7 +139,7 @@ impl<'a> Progress<'a> {
         if residuals.quad.is_nan() {
             return true;
         }
-        self.round.observe(self.outcome.iterations, residuals.qm16());
+        self.round.observe(self.outcome.iterations, left(self.solver, residuals, fling));
         false
     }
 

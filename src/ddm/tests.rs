@@ -196,6 +196,11 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     assert!(solved.outcome.guarded, "{:?}", solved.outcome);
     assert!(solved.outcome.converged, "{:?}", solved.outcome);
     assert!(momentum_error(&model, &contacts, &solved) < 1e-12);
+    // What diverged has cost something, too.
+    let guard = Solver { relaxation: 1.0, check_every: 2, ..solver(Schedule::Synchronous, 4) };
+    let (model, state, contacts) = wall(6, 5, guard);
+    let alone = run(&model, &state, &contacts, 2).outcome;
+    assert!(solved.outcome.iterations > alone.iterations && solved.outcome.visits > alone.visits);
     let (model, state, contacts) = wall(6, 5, solver(Schedule::Asynchronous, 4));
     assert!(!run(&model, &state, &contacts, 2).outcome.guarded);
 }

@@ -39,6 +39,8 @@ pub struct ContactSet {
     /// Velocities of the grains, then a spare line that padding refers to. The caller fills all but
     /// the spare one after [`ContactSet::pack`].
     pub lines: Vec<Line>,
+    /// How many of the lines are grains'; mounted bodies' come after them.
+    pub grains: usize,
     blocks: Blocks,
     /// Contacts of the problem lane by lane, in the order of the sweep; padding between.
     order: Vec<u32>,
@@ -59,6 +61,7 @@ impl Default for ContactSet {
     fn default() -> Self {
         Self {
             lines: Vec::new(),
+            grains: 0,
             blocks: Blocks::default(),
             order: Vec::new(),
             contact_count: 0,
@@ -242,7 +245,11 @@ impl ContactSet {
     pub fn measured_sweep(&mut self, relaxation: f64) -> VisitNorms {
         self.visits += self.contact_count as u64;
         let norms = self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation);
-        let speed_squared = self.lines.iter().map(Line::speed_squared).fold(0.0, f64::max);
+        // What is held of a mounted body is as heavy as a mountain, and its spin no measure.
+        let (grains, mounted) = self.lines.split_at(self.grains);
+        let mounted = mounted.iter().map(|line| line.velocity().norm_squared());
+        let speed_squared =
+            grains.iter().map(Line::speed_squared).chain(mounted).fold(0.0, f64::max);
         VisitNorms { speed_squared, ..norms }
     }
 

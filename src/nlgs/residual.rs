@@ -51,7 +51,7 @@ pub struct VisitNorms {
     pub r_squared_dv_squared: f64,
     /// `max ‖Δv‖²`, (m/s)².
     pub max_dv_squared: f64,
-    /// Largest square of a grain's speed, (m/s)²: what the rounding of the visits is relative to.
+    /// Largest square of a body's speed, with the spin of a grain, (m/s)²: what the rounding of the visits is relative to.
     pub speed_squared: f64,
 }
 
@@ -103,10 +103,9 @@ impl VisitNorms {
         self.dv_squared <= self.active * ROUNDING * ROUNDING * self.speed_squared
     }
 
-    /// Whether no visit changes a velocity by more than weight does in a step, `fall` (m/s), or by more than a tenth of
-    /// the largest speed (T-11).
-    pub fn are_calm(&self, fall: f64) -> bool {
-        self.max_dv_squared <= (fall * fall).max(0.01 * self.speed_squared)
+    /// The largest change over what weight changes in a step, `fall` (m/s): above one, something is being flung (T-11).
+    pub fn fling(&self, fall: f64) -> f64 {
+        self.max_dv_squared.sqrt() / fall
     }
 }
 

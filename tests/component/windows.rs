@@ -2,7 +2,10 @@
 
 use crate::common::scene::Scene;
 use crate::{FLOOR, MS, floor, heap, same, shaken};
-use ballast::component::{Component, Limits, OnTrouble, Refusal, Status, Stop};
+use ballast::component::{
+    Component, Input, Interpolation, Knot, Limits, OnTrouble, Outcome, Parameters, Refusal, Status,
+    Stop, Waveform,
+};
 use ballast::drive::Inputs;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::observe::Zone;
@@ -221,6 +224,59 @@ fn a_step_that_penetrates_too_deep_is_trouble() {
     assert_eq!(outcome.status, Status::Discard);
     assert_eq!(outcome.trouble.expect("a word").code(), "penetration");
     assert_eq!(component.save(), start);
+}
+
+/// A cube between a floor and a lid that nothing yields to.
+fn pressed(limits: Limits) -> Component {
+    let mut scene = Scene::new(MS, 0.5);
+    scene.model.solver.iterations = 50;
+    let cube = scene.shape(ballast::geometry::hull::cuboid(Vec3::repeat(0.05)));
+    scene.grain(cube, Pose::at(Vec3::z() * 0.05));
+    scene.plane("floor", Pose::identity(), 0.5);
+    let down = Quat::rotation_between(&Vec3::z(), &-Vec3::x())
+        .map(|quarter| quarter * quarter)
+        .expect("about some axis");
+    scene.plane("lid", Pose { position: Vec3::z() * 0.1, orientation: down }, 0.5);
+    Component::new(scene.model.into(), scene.state, limits).expect("a sound scene")
+}
+
+/// The next window of one step, in which the lid moves down by `way`, m.
+fn press(component: &mut Component, way: f64) -> Outcome {
+    let t0 = component.now_ns();
+    let from = component.state().imposed(component.model(), 1);
+    let to = Pose { position: from.position - Vec3::z() * way, ..from };
+    let knot = |time_ns, pose| Knot { time_ns, pose, velocity: Vec3::zeros(), spin: Vec3::zeros() };
+    let knots = vec![knot(t0, from), knot(t0 + MS, to)];
+    let waveform = Waveform { interpolation: Interpolation::Linear, knots };
+    let input = Input { body: "lid".into(), waveform, rebase: false };
+    component.advance_to(t0 + MS, &[input]).expect("a request in good form")
+}
+
+#[test]
+fn the_window_that_presses_too_deep_is_taken_back_and_not_the_one_after_it() {
+    let way = 1e-4;
+    let mut free = pressed(Limits::default());
+    // What a step presses in is there to be measured in the next one.
+    let depths: Vec<f64> = (0..8).map(|_| press(&mut free, way).solver.max_penetration).collect();
+    assert!(depths.windows(2).all(|d| d[1] > d[0]), "{depths:?}");
+    let between = 0.5 * (depths[4] + depths[5]);
+    let mut component = pressed(Limits { penetration: between, ..Limits::default() });
+    for step in 0..4 {
+        assert_ne!(press(&mut component, way).status, Status::Discard, "{step}");
+    }
+    let before = component.save();
+    let outcome = press(&mut component, way);
+    assert_eq!(outcome.status, Status::Discard);
+    assert_eq!(outcome.trouble.expect("a word").code(), "penetration");
+    assert_eq!(component.save(), before);
+    // It goes on from there, also where less is allowed than there is already.
+    for penetration in [between, 0.5 * depths[4]] {
+        let parameters = Parameters { penetration, ..component.parameters() };
+        component.set_parameters(&parameters).expect("a limit");
+        assert_ne!(press(&mut component, 0.0).status, Status::Discard);
+        assert_ne!(press(&mut component, -0.1 * way).status, Status::Discard);
+        assert_eq!(press(&mut component, 2.0 * way).status, Status::Discard);
+    }
 }
 
 #[test]

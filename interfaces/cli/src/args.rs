@@ -72,6 +72,12 @@ pub enum Command {
     /// Look for what would keep a served component from working here
     #[cfg(feature = "zenoh")]
     Doctor(crate::coupling::args::Doctor),
+    #[cfg(not(feature = "zenoh"))]
+    #[command(name = "serve", aliases = ["describe", "top", "doctor"], hide = true, disable_help_flag = true)]
+    Absent {
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        _rest: Vec<std::ffi::OsString>,
+    },
     /// Read a case and say what it asks for, or what is wrong with it
     Check(Check),
     /// Run a case many times with other values, side by side

@@ -214,11 +214,19 @@ pub fn create_folder(folder: &Path) -> Outcome {
         .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
 }
 
-/// Whether a file, not a pipe that would be waited for, begins with these bytes.
+/// Whether a file begins with these bytes.
 pub fn begins_with(path: &Path, words: &[u8]) -> bool {
+    start_of(path, words.len() as u64) == words
+}
+
+/// The first bytes, at most so many, of a file, not of a pipe that would be waited for; none where it cannot be read.
+pub fn start_of(path: &Path, most: u64) -> Vec<u8> {
     let mut start = Vec::new();
-    let read = |file: File| file.take(words.len() as u64).read_to_end(&mut start);
-    path.is_file() && File::open(path).and_then(read).is_ok() && start == words
+    if path.is_file() {
+        // What cannot be read is for its reader to tell.
+        let _ = File::open(path).and_then(|file| file.take(most).read_to_end(&mut start));
+    }
+    start
 }
 
 /// Reads a text file of at most `limit` bytes.

@@ -86,6 +86,10 @@ fn called() -> Result<Cli, ExitCode> {
 }
 
 fn dispatch(cli: Cli, console: Console) -> Outcome {
+    if matches!(cli.command, Command::Sweep(_)) && cli.threads.is_some() {
+        let text = "--threads: the runs of a sweep have theirs, --threads-each; --jobs are the runs at a time";
+        return Err(Failure::Usage(text.into()));
+    }
     start_threads(cli.threads)?;
     match cli.command {
         Command::Run(args) => commands::run::run(args, console),
@@ -102,6 +106,12 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Top(args) => coupling::top::top(args, console),
         #[cfg(feature = "zenoh")]
         Command::Doctor(args) => coupling::doctor::doctor(args, console),
+        #[cfg(not(feature = "zenoh"))]
+        Command::Absent { .. } => {
+            let text = "serve, describe, top and doctor: this program was built without the network; built with its \
+                        feature `zenoh`, as `cargo install --locked --path interfaces/cli` does, it has them";
+            Err(Failure::Usage(text.into()))
+        }
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Report(args) => commands::report::report(args, console),

@@ -165,7 +165,10 @@ fn describe(header: &[u8]) -> String {
     match header {
         [] => "an empty file".into(),
         [0x89, b'H', b'D', b'F', ..] => "an HDF5 file without our header".into(),
-        _ => format!("{:?}", String::from_utf8_lossy(&header[..header.len().min(32)])),
+        _ => match std::str::from_utf8(&header[..header.len().min(32)]) {
+            Ok(text) => format!("{text:?}"),
+            Err(_) => "bytes of another kind of file".into(),
+        },
     }
 }
 

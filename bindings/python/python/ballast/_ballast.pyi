@@ -442,8 +442,8 @@ class Outcome:
 
     @property
     def code(self) -> str | None:
-        """What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed"; of
-        a component elsewhere also "deadline"."""
+        """What ended the window, for programs: "over_speed", "penetration", "not_finite" or
+        "step_failed"."""
 
     @property
     def trouble(self) -> str | None:

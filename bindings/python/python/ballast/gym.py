@@ -1,5 +1,7 @@
 """Tamping as an environment of Gymnasium: how fast to squeeze, at which frequency, how deep.
 
+    import ballast.gym
+
     env = ballast.gym.TampingEnv("examples/first.toml")
     observation, info = env.reset(seed=1)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())

@@ -58,8 +58,8 @@ impl Outcome {
         self.trouble.as_ref().map(|trouble| &trouble.text[..])
     }
 
-    /// What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed"; of
-    /// a component elsewhere also "deadline".
+    /// What ended the window, for programs: "over_speed", "penetration", "not_finite" or
+    /// "step_failed".
     #[getter]
     fn code(&self) -> Option<&str> {
         self.trouble.as_ref().map(|trouble| &trouble.code[..])

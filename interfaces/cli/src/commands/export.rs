@@ -1,19 +1,17 @@
 //! `ballast export RESULTS --out DIR`: tables and shapes that need no HDF5.
 
-use super::inspect::of_another_kind;
+use super::given::Expected;
 use crate::args::Export;
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
+use crate::exit::Outcome;
 use crate::files::RunFiles;
 use ballast_hdf5::Error;
 use serde_json::json;
 
 pub fn export(args: Export, console: Console) -> Outcome {
-    if let Some(what) = of_another_kind(&args.results, "results") {
-        return Err(Failure::at(&args.results, what));
-    }
-    let run = RunFiles::beside(&args.results);
-    let files = ballast_hdf5::export::export(&args.results, &args.out);
+    let results = Expected::Results.file(&args.results)?;
+    let run = RunFiles::beside(&results);
+    let files = ballast_hdf5::export::export(&results, &args.out);
     let files = files.map_err(|e| match e {
         Error::Io { .. } => e.into(),
         _ => run.unread(e.into()),

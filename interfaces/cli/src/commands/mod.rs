@@ -4,6 +4,7 @@ pub mod bench;
 pub mod check;
 pub mod completions;
 pub mod export;
+mod given;
 pub mod inspect;
 pub mod prepare;
 pub mod replay;

@@ -19,10 +19,9 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     interrupt::install()?;
     expect_apart(&[("the recording", Some(&args.file)), ("--record", args.record.as_deref())])?;
     // Read before the bed is prepared: a wrong file is to be told at once.
-    let windows = match args.map.is_empty() && recording::is_ours(&args.file)? {
-        true => Some(Windows::open(&args.file)?),
-        false => None,
-    };
+    let is_ours = recording::is_ours(&args.file)?;
+    let ours = is_ours.then(|| Windows::open(&args.file)).transpose()?;
+    let (windows, posed) = if args.map.is_empty() { (ours, None) } else { (None, ours) };
     if windows.is_some() && (args.rebase || args.time.is_some()) {
         let text = format!(
             "{}: --time and --rebase are for poses; this recording holds the windows of a run (--map TOPIC=BODY \
@@ -35,10 +34,13 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     let case = match (&windows, &args.case) {
         (Some(windows), given) => case::recorded(windows, given.as_deref(), choices, console)?,
         (None, Some(given)) => case::load(given, &choices, console)?,
-        (None, None) => {
-            let text = "--case: expected the case whose bodies the poses move, found none";
-            return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
-        }
+        (None, None) => match &posed {
+            Some(posed) => case::recorded(posed, None, choices, console)?,
+            None => {
+                let text = "--case: expected the case whose bodies the poses move, found none";
+                return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
+            }
+        },
     };
     let folder = format!("{}-replay", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
@@ -56,6 +58,9 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
             (model, state, playback)
         }
         None => {
+            if posed.is_some() {
+                warn_of_mounts(&args, &model, console);
+            }
             let playback = foreign(&args, &model, &state, console)?;
             (model, state, playback)
         }
@@ -78,6 +83,27 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Play
         );
     }
     Playback::of_windows(windows)
+}
+
+/// Poses in recordings of ours are where bodies were; what a replay moves is what holds them.
+fn warn_of_mounts(args: &Replay, model: &Model, console: Console) {
+    let yields =
+        |name: &String| model.driven.iter().any(|body| body.name == *name && body.mount.is_some());
+    let bent: Vec<&str> = args
+        .map
+        .iter()
+        .map(|map| &map.body)
+        .filter(|body| yields(body))
+        .map(String::as_str)
+        .collect();
+    if !bent.is_empty() {
+        console.warning(&format!(
+            "{}: its poses are where {} had yielded to; the replay leads what holds them there, and they yield again \
+             (--map left out replays the motion of what held them)",
+            args.file.display(),
+            bent.join(", ")
+        ));
+    }
 }
 
 fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Outcome<Playback> {

@@ -1,5 +1,6 @@
 //! `ballast resume CHECKPOINT`: goes on where a run stopped.
 
+use super::given::Expected;
 use crate::args::Resume;
 use crate::console::Console;
 use crate::exit::Outcome;
@@ -8,6 +9,7 @@ use crate::session::Session;
 
 pub fn resume(args: Resume, console: Console) -> Outcome {
     interrupt::install()?;
-    let session = Session::resume(&args.checkpoint, console)?;
+    let checkpoint = Expected::Checkpoint.file(&args.checkpoint)?;
+    let session = Session::resume(&checkpoint, console)?;
     session.run(args.until.steps, args.until.expect)
 }

@@ -270,7 +270,7 @@ fn nobody_who_reads_messages_is_no_end_of_a_run() {
 fn results_that_cannot_be_read_while_a_run_writes_them_are_told_as_that() {
     let place = Place::new();
     place.run("--out run --steps 3").with_code(0);
-    std::fs::write(place.path("run/results.vtkhdf"), "half a file").unwrap();
+    std::fs::write(place.path("run/results.vtkhdf"), b"\x89HDF\r\n\x1a\nhalf a file").unwrap();
     let export = || place.call("export run/results.vtkhdf --out csv").with_code(1).stderr();
     let lock = std::fs::File::options().write(true).open(place.path("run/.lock")).unwrap();
     assert!(!export().contains("a run is writing"));

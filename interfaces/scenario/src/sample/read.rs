@@ -217,7 +217,7 @@ impl<'a> Place<'a> {
         let message = message.split(" at line ").next().unwrap_or_default();
         let (found, expected) = match message.split_once(", expected ") {
             Some((found, expected)) => (found, expected),
-            None => (message, "a sample in JSON"),
+            None => ("another text", "a sample in JSON"),
         };
         let line = error.line();
         SampleError { line, column: error.column(), ..self.error(path, expected, found) }

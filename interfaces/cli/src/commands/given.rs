@@ -1,0 +1,77 @@
+//! Which of our files is given, where one of them is expected.
+
+use crate::exit::{Failure, Outcome};
+use crate::files::{RunFiles, start_of};
+use std::path::{Path, PathBuf};
+
+/// A file of ours that HDF5 or our own reader is to open.
+#[derive(Clone, Copy)]
+pub enum Expected {
+    Checkpoint,
+    Results,
+    Any,
+}
+
+impl Expected {
+    fn words(self) -> &'static str {
+        match self {
+            Self::Checkpoint => "a checkpoint",
+            Self::Results => "results",
+            Self::Any => "a bed, a checkpoint or results",
+        }
+    }
+
+    /// The file that is `given`, or that of the run whose folder is given; what is clearly something else is refused.
+    pub fn file(self, given: &Path) -> Outcome<PathBuf> {
+        let files = RunFiles::in_folder(given);
+        let path = match self {
+            _ if !given.is_dir() => given.to_path_buf(),
+            Self::Checkpoint => files.checkpoint(),
+            Self::Results | Self::Any => files.results(),
+        };
+        match self.another(&start_of(&path, 64)) {
+            Some(found) => {
+                let what = format!("expected {}, found {found}", self.words());
+                Err(Failure::at(&path, what))
+            }
+            None => Ok(path),
+        }
+    }
+
+    /// What a file is that begins with `start`, if it is nothing that can be expected.
+    fn another(self, start: &[u8]) -> Option<&'static str> {
+        let is_text = || std::str::from_utf8(start).is_ok_and(|text| !text.contains('\0'));
+        match start {
+            [] => None,
+            [b'{', ..] => Some("text (JSON), such as a summary or a sample"),
+            _ if start.starts_with(b"\x89MCAP0") => {
+                Some("a recording; `ballast verify` and `ballast replay` read it")
+            }
+            _ if start.starts_with(b"\x89HDF") => matches!(self, Self::Checkpoint)
+                .then_some("another HDF5 file; of results, the checkpoint lies beside them"),
+            _ if start.starts_with(b"ballast-") => None,
+            _ if is_text() => Some("text, such as a case"),
+            _ => Some("no file of ours"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_given_instead_is_told_by_its_first_bytes() {
+        let told = |expected: Expected, start: &[u8]| expected.another(start).unwrap_or("");
+        for expected in [Expected::Checkpoint, Expected::Results, Expected::Any] {
+            assert!(told(expected, b"\x89MCAP0\r\n\x01").contains("recording"));
+            assert!(told(expected, b"{\"case\":1}").contains("JSON"));
+            assert!(told(expected, b"# A case\nname = \"a\"").contains("such as a case"));
+            assert!(told(expected, b"PK\x03\x04\xff\x00").contains("no file of ours"));
+            assert_eq!(told(expected, b"ballast-checkpoint 3\nbytes 12\n"), "");
+            assert_eq!(told(expected, b""), "", "its reader says why");
+        }
+        assert!(told(Expected::Checkpoint, b"\x89HDF\r\n\x1a\n").contains("beside"));
+        assert_eq!(told(Expected::Results, b"\x89HDF\r\n\x1a\n"), "");
+    }
+}
