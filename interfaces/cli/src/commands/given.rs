@@ -48,7 +48,7 @@ impl Expected {
                 Some("a recording; `ballast verify` and `ballast replay` read it")
             }
             _ if start.starts_with(b"\x89HDF") => matches!(self, Self::Checkpoint)
-                .then_some("another HDF5 file; of results, the checkpoint lies beside them"),
+                .then_some("another HDF5 file; if it is of results, the checkpoint lies beside it"),
             _ if start.starts_with(b"ballast-") => None,
             _ if is_text() => Some("text, such as a case"),
             _ => Some("no file of ours"),
