@@ -415,7 +415,8 @@ impl Component {
             return Ok(());
         }
         let ahead = penetration_ahead(&self.model, &self.workspace);
-        if ahead <= limit.max(report.max_penetration + 1e-3 * limit) {
+        // What rests there is not still to the last digit.
+        if ahead <= limit.max(report.max_penetration + 1e-5 * limit) {
             return Ok(());
         }
         Err(Error::Step {

@@ -292,8 +292,8 @@ fn emptied<'b, T>(mut list: Vec<&T>) -> Vec<&'b T> {
 /// Sets the lines of `set` to the free velocities of `grains`.
 fn fill(set: &mut ContactSet, grains: &[u32], problem: &LocalProblem) {
     debug_assert!(grains.is_sorted());
-    let mounted = problem.lines.len() - problem.responses.len();
-    set.grains = grains.partition_point(|&grain| (grain as usize) < mounted);
+    let first_mounted = problem.lines.len() - problem.responses.len();
+    set.grains = grains.partition_point(|&body| (body as usize) < first_mounted);
     for (line, &grain) in set.lines.iter_mut().zip(grains) {
         *line = problem.lines[grain as usize];
     }

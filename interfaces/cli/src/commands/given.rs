@@ -40,7 +40,11 @@ impl Expected {
 
     /// What a file is that begins with `start`, if it is nothing that can be expected.
     fn another(self, start: &[u8]) -> Option<&'static str> {
-        let is_text = || std::str::from_utf8(start).is_ok_and(|text| !text.contains('\0'));
+        // A letter may be cut in two at the end.
+        let is_text = || {
+            let letters = std::str::from_utf8(start);
+            !start.contains(&0) && letters.map_or_else(|e| e.error_len().is_none(), |_| true)
+        };
         match start {
             [] => None,
             [b'{', ..] => Some("text (JSON), such as a summary or a sample"),
@@ -67,6 +71,7 @@ mod tests {
             assert!(told(expected, b"\x89MCAP0\r\n\x01").contains("recording"));
             assert!(told(expected, b"{\"case\":1}").contains("JSON"));
             assert!(told(expected, b"# A case\nname = \"a\"").contains("such as a case"));
+            assert!(told(expected, &"μ".as_bytes()[..1]).contains("such as a case"));
             assert!(told(expected, b"PK\x03\x04\xff\x00").contains("no file of ours"));
             assert_eq!(told(expected, b"ballast-checkpoint 3\nbytes 12\n"), "");
             assert_eq!(told(expected, b""), "", "its reader says why");

@@ -217,7 +217,8 @@ impl<'a> Place<'a> {
         let message = message.split(" at line ").next().unwrap_or_default();
         let (found, expected) = match message.split_once(", expected ") {
             Some((found, expected)) => (found, expected),
-            None => ("another text", "a sample in JSON"),
+            None if message.starts_with("expected ") => ("another text", "a sample in JSON"),
+            None => (message, "a sample in JSON"),
         };
         let line = error.line();
         SampleError { line, column: error.column(), ..self.error(path, expected, found) }
