@@ -16,7 +16,8 @@ pub enum Error {
     #[error("input: {place}: expected {expected}, found {found}")]
     Input { place: String, expected: String, found: String },
     /// The step was refused; the state is exactly that of before the step.
-    #[error("step at t = {time_s} s: {place}: expected {expected}, found {found}")]
+    // Times are whole nanoseconds, and not 0.0024000000000000002 s.
+    #[error("step at t = {} s: {place}: expected {expected}, found {found}", (time_s * 1e9).round() / 1e9)]
     Step { cause: Cause, time_s: f64, place: String, expected: String, found: String },
 }
 

@@ -125,7 +125,7 @@ impl Mark for At {
     }
 
     fn fields(&self) -> Value {
-        json!({ "time_s": self.0 as f64 * 1e-9 })
+        json!({ "time_s": self.0 as f64 / 1e9 })
     }
 }
 

@@ -96,7 +96,7 @@ fn finish(lockstep: &Lockstep, keeper: &Keeper, console: Console) -> Outcome {
             Ok(())
         };
     }
-    let time_s = place.now_ns as f64 * 1e-9;
+    let time_s = place.now_ns as f64 / 1e9;
     console.event(
         "done",
         json!({
