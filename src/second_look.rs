@@ -59,10 +59,14 @@ impl SolvedMotion<'_> {
         contacts.opening(i, self.motion, |b| self.twist(b))
     }
 
+    /// Gap of contact `i` in `h` seconds, m.
+    fn gap_ahead(&self, contacts: &Contacts, i: usize, h: f64) -> f64 {
+        contacts.gap[i] + h * self.opening(contacts, i)
+    }
+
     /// How deep two bodies are in each other, or will be in `h` seconds as their contacts have it, m.
     fn foretold(&self, contacts: &Contacts, bodies: [u32; 2], h: f64) -> f64 {
-        let depth =
-            |i: usize| -contacts.gap[i].min(contacts.gap[i] + h * self.opening(contacts, i));
+        let depth = |i: usize| -contacts.gap[i].min(self.gap_ahead(contacts, i, h));
         contacts.of(bodies).map(depth).fold(0.0, f64::max)
     }
 
@@ -88,7 +92,7 @@ pub fn penetration_ahead(model: &Model, ws: &Workspace) -> f64 {
     let Workspace { motion, contacts, velocity, spin, recovery, .. } = ws;
     let solved = SolvedMotion { motion, velocity, spin, recovery };
     let h = model.stepping.h();
-    let depth = |i: usize| -(contacts.gap[i] + h * solved.opening(contacts, i));
+    let depth = |i: usize| -solved.gap_ahead(contacts, i, h);
     (0..contacts.len()).into_par_iter().with_min_len(1024).map(depth).reduce(|| 0.0, f64::max)
 }
 
@@ -113,7 +117,7 @@ fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
     (0..found.len()).any(|i| {
         let pair = found.bodies[i].map(|b| b as usize);
         let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
-        gap > reach.between_before(motion, radius, pair) && gap + h * solved.opening(found, i) < 0.0
+        gap > reach.between_before(motion, radius, pair) && solved.gap_ahead(found, i, h) < 0.0
     })
 }
 
