@@ -131,9 +131,9 @@ impl State {
         self.contacts.check(model)
     }
 
-    /// Simulated time, s.
+    /// Simulated time, s: the double nearest to it, which prints as it is counted.
     pub fn time(&self) -> f64 {
-        self.time_ns as f64 * 1e-9
+        self.time_ns as f64 / 1e9
     }
 }
 

@@ -163,7 +163,7 @@ impl TampingCycle {
         mut set: impl FnMut(usize, Vec3),
     ) {
         let Some(machine) = &self.machine else { return };
-        let end = (time_ns + model.stepping.step_ns) as f64 * 1e-9;
+        let end = clock(time_ns + model.stepping.step_ns);
         let lift = machine.lift(end);
         for sleeper in &machine.sleepers {
             set(sleeper.body, sleeper.rest + Vec3::z() * lift);
@@ -187,7 +187,7 @@ impl TampingCycle {
         memory: &mut Vec<f64>,
     ) {
         let Some(machine) = &self.machine else { return };
-        let since = machine.since(state.time());
+        let since = machine.since(clock(state.time_ns));
         let h = model.stepping.h();
         machine.control.observe(memory, report, state.step, since, h);
     }
@@ -247,6 +247,12 @@ impl TampingCycle {
             found: memory.len().to_string(),
         })
     }
+}
+
+/// A time on the clock that motions go by, s. A product, not the quotient of [`State::time`], which differs from it in the
+/// last digit now and then: one clock for what moves the tools and for what they have felt.
+fn clock(time_ns: u64) -> f64 {
+    time_ns as f64 * 1e-9
 }
 
 impl Machine {
