@@ -37,7 +37,9 @@ def main():
     for name in (c for c in table if c.endswith("mean force N")):
         axes[1].plot(table[axis], table[name] * 1e-3, "o", label=name.split(":")[0])
     axes[1].set(ylabel="mean force in the squeeze, kN")
-    axes[2].plot(table[axis], table["compaction_per_kJ"], "o")
+    # Of points that have all failed there are no figures.
+    if "compaction_per_kJ" in table:
+        axes[2].plot(table[axis], table["compaction_per_kJ"], "o")
     axes[2].set(ylabel="gain of compactness per kJ")
     for ax in axes:
         ax.set_xlabel("frequency, Hz")

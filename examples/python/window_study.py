@@ -5,9 +5,11 @@
 
 The machine of the case tamps the bed of every seed, step by step. How it moved the bodies is then told to the same bed again
 in windows of so many STEPS, as a partner would: one knot per end of a window, with the velocity there (cubic); that of the
-first seed also held. Impulses and work are summed up phase by phase. Stopped, it goes on where it was.
+first seed also held. Impulses and work are summed up phase by phase. Stopped, it goes on where it was; another case, or
+another version of the package, has runs of its own in the folder.
 """
 
+import hashlib
 import json
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -70,9 +72,16 @@ class Tally:
                 "capped": self.capped, "max_penetration_m": self.deepest}  # fmt: skip
 
 
+def place_of(case, folder):
+    """Where the runs of a case are kept: by what they depend on."""
+    read = ballast.Case.load(case)
+    told = json.dumps([ballast.__version__, read.text, read.bed_key])
+    return folder / hashlib.sha256(told.encode()).hexdigest()[:12]
+
+
 def begin(case, seed, folder):
     chosen = study.apply(ballast.Case.load(case), {"seed": seed})
-    return chosen, ballast.open(chosen, beds=str(folder / "beds"), threads=1, progress=False)
+    return chosen, ballast.open(chosen, beds=str(folder.parent / "beds"), threads=1, progress=False)
 
 
 def tamp(case, seed, folder):
@@ -213,10 +222,11 @@ def main():
     seeds = [int(s) for s in arguments.get(4, "1,2,3").split(",")]
     if len(steps) < 2:
         sys.exit(f"STEPS: expected two lengths of windows or more, such as 4,2; found {steps}")
-    folder.mkdir(parents=True, exist_ok=True)
+    kept = place_of(case, folder)
+    kept.mkdir(parents=True, exist_ok=True)
     wanted = [(seed, "machine", 1) for seed in seeds]
     wanted += [(seed, "hermite", n) for n in steps for seed in seeds] + [(seeds[0], "hold", steps[0])]
-    runs = compute(case, folder, wanted, int(arguments.get(5, "1")))
+    runs = compute(case, kept, wanted, int(arguments.get(5, "1")))
     draw(runs, seeds, steps, folder / "windows.png")
     text = "\n".join(table(runs, seeds, steps))
     (folder / "table.md").write_text(text + "\n")

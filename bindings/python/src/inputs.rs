@@ -6,8 +6,8 @@ use ballast::drive::Load as CoreLoad;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast_protocol::messages::Quaternion;
 use numpy::{
-    AllowTypeChange, PyArrayDescrMethods, PyArrayDyn, PyArrayLikeDyn, PyUntypedArray,
-    PyUntypedArrayMethods, get_array_module,
+    AllowTypeChange, PyArrayDescrMethods, PyArrayDyn, PyArrayLikeDyn, PyArrayMethods,
+    PyUntypedArray, PyUntypedArrayMethods, get_array_module,
 };
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
@@ -228,8 +228,8 @@ fn array<'py>(rows: Rows<'_, 'py>) -> Result<Array<'py>, String> {
     };
     // The usual ones are looked at no further.
     let is_plain = rows.is_exact_instance_of::<PyUntypedArray>();
-    if is_plain && rows.cast::<PyArrayDyn<f64>>().is_ok() {
-        return rows.extract().map_err(none);
+    if is_plain && let Ok(doubles) = rows.cast::<PyArrayDyn<f64>>() {
+        return even(doubles).map_err(none);
     }
     let array = get_array_module(rows.py()).and_then(|np| np.call_method1("asanyarray", (rows,)));
     let array = array.map_err(none)?.cast_into::<PyUntypedArray>().map_err(|e| none(e.into()))?;
@@ -241,7 +241,20 @@ fn array<'py>(rows: Rows<'_, 'py>) -> Result<Array<'py>, String> {
     if mask.map_or(Ok(false), |m| m.call_method0("any")?.is_truthy()).map_err(none)? {
         return Err("masked numbers".into());
     }
-    array.extract().map_err(none)
+    match array.cast::<PyArrayDyn<f64>>() {
+        Ok(doubles) => even(doubles).map_err(none),
+        Err(_) => array.extract().map_err(none),
+    }
+}
+
+/// These numbers, copied if they do not lie as doubles do: strides that are no multiples of their size, as of a field of
+/// packed records, would be rounded down.
+fn even<'py>(doubles: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<Array<'py>> {
+    let size = size_of::<f64>() as isize;
+    if doubles.data().is_aligned() && doubles.strides().iter().all(|stride| stride % size == 0) {
+        return doubles.extract();
+    }
+    doubles.call_method0("copy")?.extract()
 }
 
 fn shaped(

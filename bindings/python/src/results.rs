@@ -53,6 +53,12 @@ impl Results {
         self.read(py, Reader::bodies)
     }
 
+    /// What each of the driven bodies is: "boundary", "sleeper" or "tine".
+    #[getter]
+    fn roles(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.read(py, Reader::roles)
+    }
+
     /// (n,) step of each frame.
     #[getter]
     fn steps<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u64>> {

@@ -24,6 +24,12 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "ballast")]
 pub struct State(pub Saved);
 
+/// Position and orientation, or velocity and spin.
+type Two<'py> = (Vector<'py>, Vector<'py>);
+
+/// Position, orientation, velocity and spin.
+type Body<'py> = (Vector<'py>, Vector<'py>, Vector<'py>, Vector<'py>);
+
 /// Where a state is.
 pub enum Saved {
     Here(Snapshot),
@@ -203,29 +209,29 @@ impl State {
     }
 
     /// Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body.
-    fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 4]> {
+    fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Body<'py>> {
         let Snapshot { model, state, .. } = self.here(py, "body")?;
         let b = model.grains.len() + driven(py, model.driven.iter().map(|d| &d.name), name)?;
-        Ok([
+        Ok((
             arrays::vector(py, &state.position[b]),
             arrays::quaternion(py, &state.orientation[b]),
             arrays::vector(py, &state.velocity[b]),
             arrays::vector(py, &state.spin[b]),
-        ])
+        ))
     }
 
     /// Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
     /// holds it: where its next motion has to begin.
-    fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<[Vector<'py>; 2]> {
+    fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Two<'py>> {
         let (pose, _) = self.goal(py, name)?;
-        Ok([arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)])
+        Ok((arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)))
     }
 
     /// Velocity (m/s) and spin (rad/s) with which the next cubic motion of a driven body, or of the mount that holds
     /// it, begins: as the last one ended, or zero where the body had no motion. None, any, after a held or linear one.
-    fn target_twist<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<[Vector<'py>; 2]>> {
+    fn target_twist<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Two<'py>>> {
         let (_, twist) = self.goal(py, name)?;
-        let vectors = |t: Twist| [t.velocity, t.spin].map(|v| arrays::vector(py, &v));
+        let vectors = |t: Twist| (arrays::vector(py, &t.velocity), arrays::vector(py, &t.spin));
         Ok(twist.map(vectors))
     }
 

@@ -7,6 +7,7 @@ import importlib
 import json
 import math
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -103,6 +104,19 @@ def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: P
         seen, *_ = env.step(np.array([-1.0, action, -1.0]))
         angle = math.tau * turns
         assert seen[-3:] == pytest.approx([math.sin(angle), math.cos(angle), frequency / 50.0], abs=1e-9)
+
+
+def test_an_episode_begins_where_the_lift_has_left_the_tines(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    # The step that ends this lift goes on into the insertion.
+    half = 0.5e-9 * case.step_ns
+    lift = case.to_dict()["tamping"]["lift"]["duration_s"]
+    env = TampingEnv(case.with_values({"tamping.lift.duration_s": lift + half}), beds=beds)
+    env.reset(seed=1)
+    _, _, _, truncated, info = env.step(np.array([0.0, 0.0, 1.0]))
+    assert not truncated and "trouble" not in info
 
 
 @pytest.mark.parametrize("interval_s", [0.07, 1.0, 1e6])
@@ -367,6 +381,16 @@ def test_figures_are_those_of_the_measure(
     assert figure() == 10.0 and figure(2.0) == 20.0
     assert {file: file.stat().st_mtime_ns for file in done} == done
 
+    # What computes is what was read, whatever the file says by now.
+    file.write_text(MEASURES.replace("factor *", "7.0 * factor *"))
+    assert figure() == 10.0
+    importlib.reload(module)
+    assert figure() == 7.0
+    file.write_text(MEASURES)
+    ask = {"measure": module.seed_times, "jobs": 1, "beds": beds, "progress": False}
+    table = study.run(case, [{}], tmp_path / "elsewhere", **ask)
+    assert "as the study was begun with, found another one of this name" in table["error"].iloc[0]
+
     def told(measure: study.Measure) -> float:
         with ThreadPoolExecutor(1) as pool:
             table = study.run(
@@ -400,6 +424,7 @@ def test_figures_are_those_of_the_measure(
         told(taking(object()))
     with pytest.raises(TypeError, match="measure: expected a function .* found <bound method"):
         told(Measures().figure)
+    assert _identity.code(module.seed_times) == _identity.code(pickle.loads(pickle.dumps(module.seed_times)))
     with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
         study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
 
@@ -744,6 +769,15 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
     for line, inwards in zip(plot.loops(results).lines, (1.0, -1.0), strict=True):
         x = steps[f"{line.get_label()}_x"][squeeze]
         assert np.allclose(line.get_xdata(), 1e3 * inwards * (x - x[0]))
+    # Tines without a mount come after the walls, a sleeper with one before all others.
+    values = case.to_dict()
+    values["sleepers"]["mount"] = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6}
+    rigid, sprung = case.with_values({"tines.mount.rigid": True}), ballast.Case.from_dict(values)
+    for name, own in (("rigid", rigid), ("sprung", sprung)):
+        own.write(tmp_path / f"{name}.toml")
+        called[2:3] = [tmp_path / f"{name}.toml"]
+        subprocess.run([*called, tmp_path / name, "--steps", "5"], check=True, capture_output=True)
+        assert plot.tines(tmp_path / name / "results.vtkhdf") == ["tine_1_plus", "tine_1_minus"], name
     # A run that ends before its squeeze has no loops, and matplotlib does not warn.
     subprocess.run([*called, tmp_path / "short", "--steps", "5"], check=True, capture_output=True)
     with warnings.catch_warnings():

@@ -751,6 +751,10 @@ class Results:
         """Number of grains, and names of the driven bodies after them."""
 
     @property
+    def roles(self) -> list[str]:
+        """What each of the driven bodies is: "boundary", "sleeper" or "tine"."""
+
+    @property
     def steps(self) -> NDArray[np.uint64]:
         """(n,) step of each frame."""
 

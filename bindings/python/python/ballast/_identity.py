@@ -22,21 +22,34 @@ def key(case: ballast.Case, bed_key: str, point: Mapping[str, Any], measure: Cal
     values = sorted((name, _whole(value)) for name, value in point.items())
     # As it is pickled: `text` could not hold every seed.
     _, (text, *_) = case.__reduce__()
-    what = [ballast.__version__, text, case.seed, case.schedule, bed_key, values]
-    described = _described(measure)
+    named, described = name(measure), _described(measure)
+    what = [ballast.__version__, text, case.seed, case.schedule, bed_key, values, named, described]
     try:
-        told = dumps([*what, described])
+        return _digest(what)
     except (TypeError, ValueError) as error:
         raise TypeError(
-            f"point {dict(point)} of measure {described[1]}: its values, and those that the measure is bound to or takes "
+            f"point {dict(point)} of measure {described[0]}: its values, and those that the measure is bound to or takes "
             f"from around it, name its file, and one of them cannot: {error}"
         ) from None
-    return hashlib.sha256(told.encode()).hexdigest()[:24]
 
 
 def name(measure: Callable[..., Any]) -> str:
     """A measure as readers know it."""
-    return ".".join(_described(measure)[:2])
+    inner: Any = measure
+    while isinstance(inner, functools.partial):
+        inner = inner.func
+    function = _functions(inner)[-1]
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def code(measure: Callable[..., Any]) -> str:
+    """What a measure does, as it is loaded here: its file may be another one by now. Alike in all processes of one Python,
+    whatever name its module has there."""
+    return _digest(_described(measure))
+
+
+def _digest(what: list[Any]) -> str:
+    return hashlib.sha256(dumps(what).encode()).hexdigest()[:24]
 
 
 def _whole(value: Any) -> Any:
@@ -51,35 +64,30 @@ def _whole(value: Any) -> Any:
 
 
 def _described(measure: Callable[..., Any], seen: frozenset[int] = frozenset()) -> list[Any]:
-    """What tells a measure from others: its name, its text, and the values bound to it or taken from around it."""
+    """What tells a measure from others: its name, its code, and the values bound to it or taken from around it."""
     if isinstance(measure, functools.partial):
         bound = [*measure.args, sorted(measure.keywords.items())]
         return [*_described(measure.func, seen), _plain(bound, seen)]
-    functions = []
-    layer: Any = None if inspect.ismethod(measure) else measure
-    # What decorators have put around a function has a text and values of its own.
-    while layer is not None:
-        if inspect.isfunction(layer):
-            functions.append(layer)
-        layer = getattr(layer, "__wrapped__", None)
+    functions = _functions(measure)
     seen |= {id(function) for function in functions}
-    try:
-        texts = [text for function in functions for text in _texts(function.__code__)]
-        named = [functions[-1].__module__, functions[-1].__qualname__, *texts]
-    except (IndexError, OSError, TypeError):
-        raise TypeError(
-            "measure: expected a function whose text can be read, or functools.partial of one, "
-            f"found {measure!r}"
-        ) from None
+    named = [functions[-1].__qualname__, *(_compiled(function.__code__) for function in functions)]
     values = [value for function in functions for value in _values(function)]
     return [*named, _plain(values, seen)] if values else named
 
 
-def _texts(code: CodeType) -> Iterable[Any]:
-    yield inspect.getsource(code)
-    # That of a lambda is the line that it is on, perhaps with others.
-    if code.co_name == "<lambda>":
-        yield _compiled(code)
+def _functions(measure: Any) -> list[Any]:
+    """A function, and what decorators have put around it, outermost first: each has code and values of its own."""
+    functions = []
+    layer = None if inspect.ismethod(measure) else measure
+    while layer is not None:
+        if inspect.isfunction(layer):
+            functions.append(layer)
+        layer = getattr(layer, "__wrapped__", None)
+    if not functions:
+        raise TypeError(
+            f"measure: expected a function that is written in Python, or functools.partial of one, found {measure!r}"
+        )
+    return functions
 
 
 def _compiled(code: CodeType) -> list[Any]:
@@ -88,10 +96,16 @@ def _compiled(code: CodeType) -> list[Any]:
     def told(constant: Any) -> Any:
         if isinstance(constant, CodeType):
             return _compiled(constant)
+        if isinstance(constant, tuple):
+            return [told(inner) for inner in constant]
         # In whatever order a set has here.
         return sorted(map(repr, constant)) if isinstance(constant, frozenset) else repr(constant)
 
-    return [code.co_code.hex(), code.co_names, code.co_varnames, [told(c) for c in code.co_consts]]
+    takes = [code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags]
+    names = [code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars]
+    # Where exceptions go is told apart from what is done since 3.11.
+    handlers = getattr(code, "co_exceptiontable", b"")
+    return [code.co_code.hex(), handlers.hex(), takes, names, told(code.co_consts)]
 
 
 def _values(function: Any) -> Iterable[Any]:

@@ -112,6 +112,9 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         self.close()
         self._sim, self._is_over = self._start(bed), False
         self._tines = self._sim.tines
+        # Where they hang; a step that ended the lift may have begun to lower them.
+        begun = self._sim.save()
+        self._homes = {tine.name: begun.target(tine.name)[0] for tine in self._tines}
         self._depth = self._closing = self._angle = self._omega = self._work = 0.0
         self._compactness = self._first = self._under(self._sim.zones())
         self._forces = np.zeros((len(self._tines), 3))
@@ -208,11 +211,12 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         tools = {}
         for tine in self._tines:
             x, v = np.empty((n + 1, 3)), np.zeros((n + 1, 3))
-            x[:, 0] = tine.start[0] + tine.direction * (tine.stroke * closed + shake)
-            x[:, 1] = tine.start[1]
-            x[:, 2] = tine.start[2] + (tine.deep - tine.start[2]) * down
+            home = self._homes[tine.name]
+            x[:, 0] = home[0] + tine.direction * (tine.stroke * closed + shake)
+            x[:, 1] = home[1]
+            x[:, 2] = home[2] + (tine.deep - home[2]) * down
             v[:, 0] = tine.direction * (tine.stroke * (closing - self._closing) * rate + shaking)
-            v[:, 2] = (tine.deep - tine.start[2]) * (depth - self._depth) * rate
+            v[:, 2] = (tine.deep - home[2]) * (depth - self._depth) * rate
             tools[tine.name] = ballast.Motion(times, x, velocities=v)
         return tools, (depth, closing, float(angle[-1]) % math.tau, to)
 

@@ -3,7 +3,6 @@ the axes."""
 
 from __future__ import annotations
 
-import itertools
 import os
 import tomllib
 from typing import TYPE_CHECKING, Any
@@ -44,9 +43,7 @@ def _legend(ax: Axes) -> None:
 def tines(run: Run) -> list[str]:
     """Names of the tines that a results file follows."""
     results = _results(run)
-    columns = results.table("steps")
-    # Sleepers have the same columns. Tines come first among the bodies, then what has none: floor and walls.
-    return list(itertools.takewhile(lambda name: f"{name}_force_x" in columns, results.bodies[1]))
+    return [name for name, role in zip(results.bodies[1], results.roles, strict=True) if role == "tine"]
 
 
 def _directions(results: ballast.Results) -> dict[str, float]:

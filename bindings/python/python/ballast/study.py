@@ -217,9 +217,10 @@ def run(
         points: see `grid` and `latin_hypercube`.
         folder: of this study.
         measure: a function from a case and a folder of beds to figures, of a module or of the script (processes must find
-            it, unless `executor` does), or `functools.partial` of one. With another text, or other values bound to it or
-            taken from around it, all points are run again; what it calls, and what its module holds, is not looked at. Of a
-            lambda, what it was compiled to counts as text: another Python runs its points again.
+            it, unless `executor` does), or `functools.partial` of one. With other code, or other values bound to it or
+            taken from around it, all points are run again; what it calls, and what its module holds, is not looked at.
+            Code is what it was compiled to, not what its file says by now: another Python runs its points again. Where the
+            measure that a process has read is another one than here, its points fail.
         jobs: processes; by default one per processor.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
@@ -273,7 +274,8 @@ def run(
         if without_bed is not None and files[i] not in errors:
             fail(i, without_bed)
     named = {i: tuple(points[i]) for i in missing if files[i] not in errors}
-    every({i: (_point, cases[i], str(beds), measure, names) for i, names in named.items()}, keep)
+    code = _identity.code(measure)
+    every({i: (_point, cases[i], str(beds), measure, code, names) for i, names in named.items()}, keep)
     return _table(points, files, errors)
 
 
@@ -294,8 +296,14 @@ def _bed(case: ballast.Case, beds: str) -> None:
     ballast.prepare(case, beds=beds, threads=1, progress=False)
 
 
-def _point(case: ballast.Case, beds: str, measure: Measure, names: Collection[str]) -> str:
-    """Figures of a point whose values have these names, as JSON: they may be of types that no other process knows."""
+def _point(case: ballast.Case, beds: str, measure: Measure, code: str, names: Collection[str]) -> str:
+    """Figures of a point whose values have these names, as JSON: they may be of types that no other process knows. `code` is
+    what the measure was where the study was begun."""
+    if _identity.code(measure) != code:
+        raise ballast.Error(
+            f"measure: expected {_identity.name(measure)} as the study was begun with, found another one of this name: its "
+            "file was changed after one of the two processes had read it, or they run two versions of Python; begin both anew"
+        )
     figures = measure(case, beds)
     _check_figures(names, figures)
     return dumps(dict(figures))

@@ -133,6 +133,13 @@ impl Reader {
         read().map_err(hdf5_error(&self.path, "about"))
     }
 
+    /// What each of the driven bodies is: `boundary`, `sleeper` or `tine`.
+    pub fn roles(&self) -> Result<Vec<String>> {
+        let about = self.group("about")?;
+        let roles = growing::read_texts(&about, "driven_roles", self.version);
+        roles.map_err(hdf5_error(&self.path, "about/driven_roles"))
+    }
+
     /// Names of the blocks.
     pub fn blocks(&self) -> Result<Vec<String>> {
         if !self.file.link_exists("VTKHDF") {
