@@ -3,7 +3,7 @@
     ballast serve examples/first.toml --key demo/bed
     pip install eclipse-zenoh && python examples/python/controller_zenoh.py demo/bed 2000 0.1
 """
-import itertools, json, sys, time, uuid, zenoh
+import json, sys, time, uuid, zenoh
 
 key, force, depth = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
 endpoint = sys.argv[4] if len(sys.argv) > 4 else "tcp/127.0.0.1:7447"
@@ -13,9 +13,8 @@ for name, value in [("mode", "peer"), ("connect/endpoints", [endpoint]), ("liste
     config.insert_json5(name, json.dumps(value))
 session, base, me, ticket = zenoh.open(config), f"ballast/1/{key}", f"python-{uuid.uuid4().hex[:8]}", ""
 token = session.liveliness().declare_token(f"{base}/owner/{me}")  # whose loss makes the run hold
-numbers = itertools.count()
 def ask(what, body):
-    shown = f"{ticket};{next(numbers)}"
+    shown = f"{ticket};{uuid.uuid4().hex}"
     for _ in range(50):  # no reply: not known yet, or lost; asking again with the same number is safe
         for reply in session.get(f"{base}/{what}", payload=json.dumps(body), attachment=shown,
                                  encoding="application/json", timeout=3600.0):

@@ -84,6 +84,8 @@ pub struct Pacer {
     now_ns: u64,
     /// Simulated less sender's time, ns; none before the first sample.
     offset: Option<i64>,
+    /// When it was found, wall ns, as long as time stands.
+    found_at: Option<u64>,
     /// Simulated and wall time from which the pace is counted, ns.
     anchor: [u64; 2],
     /// Since when time stands, and for which body, wall ns.
@@ -178,6 +180,7 @@ impl Pacer {
             tracks,
             now_ns,
             offset: None,
+            found_at: None,
             anchor: [now_ns, wall_ns],
             starved: Some((wall_ns, 0)),
             dropped: 0,
@@ -205,7 +208,7 @@ impl Pacer {
     /// Takes a sample if it is of use. It is judged here: a bad one must not end the run later.
     fn accept(&mut self, body: &str, sample: Knot, wall_ns: u64) -> Option<()> {
         let b = self.tracks.iter().position(|t| t.body == body)?;
-        let time_ns = self.land(sample.time_ns)?;
+        let time_ns = self.land(b, sample.time_ns, wall_ns)?;
         if self.starved.is_none() && time_ns > self.farthest_ns(wall_ns) {
             return None;
         }
@@ -236,11 +239,14 @@ impl Pacer {
         (self.asked.max_age_ms as f64 * 1e6 * self.asked.factor) as u64
     }
 
-    /// Where a sender's time lands in the run.
-    fn land(&mut self, sent_ns: i64) -> Option<u64> {
+    /// Where the time lands in the run that the sender of body `b` tells.
+    fn land(&mut self, b: usize, sent_ns: i64, wall_ns: u64) -> Option<u64> {
         let lands = |offset: i64| sent_ns.checked_add(offset).and_then(|t| u64::try_from(t).ok());
         let latency = self.asked.latency_ns;
-        let near = self.now_ns..=self.now_ns.saturating_add(2 * latency);
+        // One that is heard for the first time after another one has set the time may be as late as it may be silent.
+        let is_next = self.found_at.is_some_and(|at| self.tracks[b].heard_at < at);
+        let late = if is_next { self.age_ns() } else { 0 };
+        let near = self.now_ns..=self.now_ns.saturating_add(2 * latency).saturating_add(late);
         if let Some(time) = self.offset.and_then(lands)
             && (self.starved.is_none() || near.contains(&time))
         {
@@ -252,7 +258,7 @@ impl Pacer {
         }
         // Time stands, and this is the first that is heard after a while: it sets the time of all.
         let offset = ns(self.now_ns.saturating_add(latency)).checked_sub(sent_ns)?;
-        self.offset = Some(offset);
+        (self.offset, self.found_at) = (Some(offset), Some(wall_ns));
         self.tracks.iter_mut().for_each(|track| track.cut(self.now_ns));
         lands(offset)
     }
@@ -272,6 +278,7 @@ impl Pacer {
                 return Due::Starved;
             }
             (self.starved, self.anchor) = (None, [self.now_ns, wall_ns]);
+            self.found_at = None;
         }
         if let Some(b) = missing.filter(|b| is_silent(&self.tracks[*b])) {
             self.stand(b);

@@ -212,6 +212,27 @@ fn all_bodies_must_be_heard_of_and_set_the_time_together() {
 }
 
 #[test]
+fn bodies_that_are_told_of_in_turn_may_be_farther_apart_than_the_latency() {
+    let bodies = vec!["floor".into(), "west".into()];
+    let mut run = Running::new(FreeRunning { bodies, max_age_ms: 100, ..asked() });
+    let wall_at = run.component.state().imposed(run.component.model(), 1);
+    let west = |time_ns: i64| Knot { time_ns, pose: wall_at.into(), twist: Twist::default() };
+    let still = |time_ns: i64| Knot { twist: Twist::default(), time_ns, ..shaken::floor(0) };
+    // Each every 30 ms of the wall, 15 ms of its own: half of that is more than the latency, 5 ms.
+    for k in 0..40 {
+        let wall = 10 * MS + k * 15 * MS;
+        let time_ns = (k * 15 * MS / 2) as i64;
+        match k % 2 {
+            0 => run.pacer.take("floor", still(time_ns), wall),
+            _ => run.pacer.take("west", west(time_ns), wall),
+        }
+        run.work(wall);
+    }
+    assert!(run.windows.len() > 250, "{} windows", run.windows.len());
+    assert_eq!(run.status(610 * MS).free_running.unwrap().dropped, 0);
+}
+
+#[test]
 fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
     let mut run = Running::new(asked());
     for k in 0..20 {
@@ -319,6 +340,26 @@ fn silence_counts_although_there_are_samples_for_a_while() {
     }
     assert_eq!(run.status(620 * MS).activity, Activity::Playing);
     assert!(run.component.now_ns() > stands);
+}
+
+#[test]
+fn jumps_of_a_held_body_that_add_up_to_too_much_are_dropped() {
+    // Ten samples in each step of 1 ms, each farther by a tenth of a step's way, or by as much as a step may have.
+    for (share, dropped) in [(0.04, false), (0.9, true)] {
+        let mut run = Running::new(FreeRunning { interpolation: Interpolation::Hold, ..asked() });
+        let most = ballast::drive::SpeedLimit::of(run.component.model()).way;
+        let mut knot = shaken::floor(0);
+        knot.twist = Twist::default();
+        for k in 0..1000 {
+            let wall = 10 * MS + k * MS / 5;
+            knot.time_ns = (k * MS / 10) as i64;
+            // There and back.
+            knot.pose.position.y += share * most * if k / 100 % 2 == 0 { 1.0 } else { -1.0 };
+            run.pacer.take("floor", knot, wall);
+            run.work(wall);
+        }
+        assert_eq!(run.status(210 * MS).free_running.unwrap().dropped > 0, dropped, "{share}");
+    }
 }
 
 #[test]

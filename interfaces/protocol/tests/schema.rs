@@ -73,7 +73,7 @@ fn what_is_written_is_taken() {
     let mut schema = Validator::new();
     let place = Place { run_id: "run".into(), hash: "0".repeat(32), ..Place::default() };
     schema.takes("attach.request", &Attach { client: "me".into(), ..Attach::default() });
-    schema.takes("attach.reply", &Attached { ticket: "t".into(), place: place.clone() });
+    schema.takes("attach.reply", &Attached { ticket: "t".into(), owners: 1, place: place.clone() });
     schema.takes("init.request", &Init { seed: Some(7), schedule: None });
     schema.takes("param.request", &SetParameters { tolerance: Some(1e-4), ..Default::default() });
     let running = FreeRunning { factor: 1.0, ..FreeRunning::default() };

@@ -71,10 +71,11 @@ pub fn top(args: Top, console: Console) -> Outcome {
             pace = Some((now.0 - at).as_secs_f64() / ((now.1 - ns) as f64 * 1e-9));
         }
         earlier = Some(now);
-        let told = enter(&told);
+        // Not held while it is printed: whoever reads may take its time, and the component would wait for it.
+        let table = table(&args.key, &status, pace, &enter(&told));
         console.event("status", json!({ "status": status, "wall_per_simulated": pace }));
         let clear = if std::io::stdout().is_terminal() { "\x1b[H\x1b[J" } else { "" };
-        console.result(&format!("{clear}{}\n", table(&args.key, &status, pace, &told)));
+        console.result(&format!("{clear}{table}\n"));
     }
     if interrupt::requested() && args.count.is_some() {
         return Err(Failure::Interrupted("stopped".into()));

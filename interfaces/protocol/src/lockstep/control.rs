@@ -25,6 +25,10 @@ pub struct Attach {
 pub struct Attached {
     /// To be shown with everything that changes the state; nobody else knows it.
     pub ticket: String,
+    /// How many owners there have been since the component began, one after another; the caller, who may come back, is the
+    /// last. More than when it left: somebody else has driven meanwhile.
+    #[serde(default)]
+    pub owners: u64,
     #[serde(flatten)]
     pub place: Place,
 }

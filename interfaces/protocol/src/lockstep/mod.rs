@@ -210,9 +210,9 @@ impl Lockstep {
         {
             return Err(self.wrong_run(resume));
         }
-        self.owner.take(ask, &ticket, now_ms)?;
+        let owners = self.owner.take(ask, &ticket, now_ms)?;
         self.idle_since_ms = now_ms;
-        Ok(Attached { ticket, place: self.place() })
+        Ok(Attached { ticket, owners, place: self.place() })
     }
 
     /// The owner leaves; the run stays where it is.

@@ -6,6 +6,9 @@ use super::{Attach, Code, Fault};
 #[derive(Debug, Default)]
 pub struct Ownership {
     owner: Option<Owner>,
+    /// The client that has driven last, and how many have one after another.
+    last: String,
+    owners: u64,
 }
 
 #[derive(Debug)]
@@ -16,11 +19,11 @@ struct Owner {
 }
 
 impl Ownership {
-    /// Makes the caller the owner.
+    /// Makes the caller the owner: the how manieth there has been.
     ///
     /// # Errors
     /// [`Code::Busy`] while another one drives.
-    pub(super) fn take(&mut self, ask: &Attach, ticket: &str, now_ms: u64) -> Result<(), Fault> {
+    pub(super) fn take(&mut self, ask: &Attach, ticket: &str, now_ms: u64) -> Result<u64, Fault> {
         if let Some(owner) = &self.owner
             && ask.ticket.as_ref() != Some(&owner.ticket)
         {
@@ -34,8 +37,12 @@ impl Ownership {
             });
         }
         let client = ask.client.clone();
+        if self.owners == 0 || self.last != client {
+            self.owners += 1;
+            self.last.clone_from(&client);
+        }
         self.owner = Some(Owner { client, ticket: ticket.into(), since_ms: now_ms });
-        Ok(())
+        Ok(self.owners)
     }
 
     /// Nobody drives any more.

@@ -38,7 +38,9 @@ impl Reach {
         let way = b.pose.position - a.pose.position;
         let turn = rotation::log(&(b.pose.orientation * a.pose.orientation.inverse()));
         if self.interpolation == Interpolation::Hold {
-            return self.led(way, turn) <= self.way;
+            // Jumps add up within a step: those that follow each other in it to half of its way, and the first, however
+            // long after the one before, to the other half.
+            return 2.0 * self.led(way, turn) * (self.step / seconds).max(1.0) <= self.way;
         }
         let in_a_step = match self.interpolation {
             Interpolation::Hermite => {

@@ -37,7 +37,7 @@ impl Client {
     pub fn restore(&mut self, name: &str) -> Result<&Place, Error> {
         let place = self.ask(Verb::Restore, Leads::Back, &named(name))?;
         // The windows before it do not lead here.
-        Ok(self.begin_at(place))
+        Ok(self.begin_anew(place))
     }
 
     /// Forgets a kept state.
@@ -56,7 +56,7 @@ impl Client {
     /// What the component refuses; no answer.
     pub fn reset(&mut self) -> Result<&Place, Error> {
         let place = self.ask(Verb::Reset, Leads::Anew, &Nothing {})?;
-        Ok(self.begin_at(place))
+        Ok(self.begin_anew(place))
     }
 
     /// Prepares the bed over there, with other choices than the case's where they are given, and starts a run in
@@ -66,7 +66,7 @@ impl Client {
     /// What the component refuses; no answer.
     pub fn init(&mut self, ask: &Init) -> Result<&Place, Error> {
         let place = self.ask(Verb::Init, Leads::Anew, ask)?;
-        Ok(self.begin_at(place))
+        Ok(self.begin_anew(place))
     }
 
     /// Sets parameters for all windows from now on, and for a redo of the last one.
@@ -76,8 +76,10 @@ impl Client {
     pub fn set_parameters(&mut self, ask: &SetParameters) -> Result<&Place, Error> {
         self.check_together()?;
         let asked = Unanswered::Parameters(ask.clone());
-        if self.unanswered.as_ref().is_some_and(|unanswered| *unanswered != asked) {
-            self.settle()?;
+        self.settle_other(&asked)?;
+        // Without content it would be a question.
+        if *ask == SetParameters::default() {
+            return Ok(&self.place);
         }
         self.unanswered = Some(asked);
         let place = self.ask(Verb::Param, Leads::On, ask).map_err(|error| self.without(error))?;
@@ -96,7 +98,7 @@ impl Client {
         let free_running = Some(Some(ask.clone()));
         let ask = SetParameters { free_running, ..SetParameters::default() };
         if let Err(error) = self.set_parameters(&ask) {
-            self.runs_freely = error.fault().is_none();
+            self.runs_freely = error.fault().is_none() && self.apart.is_none();
             return Err(error);
         }
         Ok(&self.place)

@@ -34,6 +34,8 @@ pub struct Client {
     id: String,
     _token: LivelinessToken,
     ticket: String,
+    /// How many had driven when this client became the owner.
+    owners: u64,
     place: Place,
     journal: Journal,
     /// Time was let run by itself: where it is, nobody knows beforehand.
@@ -80,7 +82,7 @@ impl Client {
         let id = format!("{name}-{}", &random()?[..8]);
         let line = Line::open_until(component, link, patience, is_given_up)?;
         let token = line.come_alive(&id)?;
-        let (ticket, place, journal) = Default::default();
+        let (ticket, owners, place, journal) = Default::default();
         let (runs_freely, is_behind) = (false, false);
         let (unanswered, guess, apart) = (None, None, None);
         let mut client = Self {
@@ -88,6 +90,7 @@ impl Client {
             id,
             _token: token,
             ticket,
+            owners,
             place,
             journal,
             runs_freely,
@@ -99,7 +102,8 @@ impl Client {
         let resume = resume.map(str::to_string);
         let ask = Attach { client: client.id.clone(), resume, ticket: None };
         let attached = client.ask_to_drive(&ask)?;
-        (client.ticket, client.place) = (attached.ticket, attached.place);
+        (client.ticket, client.owners) = (attached.ticket, attached.owners);
+        client.place = attached.place;
         Ok(client)
     }
 
@@ -148,7 +152,9 @@ impl Client {
     /// Computes the next window, to `t1_ns`.
     ///
     /// # Errors
-    /// What the component refuses; [`Error::Slow`], [`Error::PeerLost`]: the same call may be made again.
+    /// What the component refuses; [`Error::Slow`], [`Error::PeerLost`]: the same call may be made again. Another one
+    /// waits for the answer to this first, and is refused as out of sequence where the window has been computed:
+    /// [`Client::place`] tells where the run is then.
     pub fn advance_to(
         &mut self,
         t1_ns: u64,
@@ -184,10 +190,9 @@ impl Client {
     ) -> Result<AdvanceReply, Error> {
         let request = request.into();
         self.check_together()?;
-        if matches!(self.unanswered, Some(Unanswered::Parameters(_))) {
-            self.settle()?;
-        }
-        self.unanswered = Some(Unanswered::Window(kind, Arc::clone(&request)));
+        let asked = Unanswered::Window(kind, Arc::clone(&request));
+        self.settle_other(&asked)?;
+        self.unanswered = Some(asked);
         let result = self.returning(Leads::On, |client| client.deliver(kind, &request));
         let reply = result.map_err(|error| self.without(error))?;
         (self.unanswered, self.guess) = (None, None);

@@ -37,11 +37,13 @@ impl Client {
         };
         let attached = self.ask_to_drive(&ask)?;
         self.ticket = attached.ticket;
-        if std::mem::take(&mut self.runs_freely) {
+        let is_alone = attached.owners <= self.owners;
+        self.owners = attached.owners;
+        if std::mem::take(&mut self.runs_freely) && is_alone {
             self.begin_at(attached.place);
         } else if leads == Leads::On {
             if self.apart.is_none() {
-                self.catch_up(&attached.place)?;
+                self.catch_up(&attached.place, is_alone)?;
             }
             self.is_behind = false;
         }
@@ -49,17 +51,18 @@ impl Client {
         Ok(())
     }
 
-    fn catch_up(&mut self, found: &Place) -> Result<(), Error> {
+    /// Goes on from `found`; `is_alone`, unless somebody else has driven since this client did.
+    fn catch_up(&mut self, found: &Place, is_alone: bool) -> Result<(), Error> {
         if (found.seq, &found.hash) == (self.place.seq, &self.place.hash) {
             return Ok(());
         }
         // It was done, its answer lost: it will be asked for again.
-        let is_done = match &self.unanswered {
+        let may_be_done = match &self.unanswered {
             Some(Unanswered::Window(_, request)) => found.seq == request.seq,
             Some(Unanswered::Parameters(_)) => found.seq == self.place.seq,
             None => false,
         };
-        if is_done {
+        if may_be_done && is_alone {
             self.guess = Some(found.clone());
             return Ok(());
         }
@@ -98,6 +101,14 @@ impl Client {
             expected: text(&self.place),
             found: text(found),
         }
+    }
+
+    /// Asks again for what was not answered, if something else comes after it.
+    pub(super) fn settle_other(&mut self, asked: &Unanswered) -> Result<(), Error> {
+        if self.unanswered.as_ref().is_some_and(|unanswered| unanswered != asked) {
+            self.settle()?;
+        }
+        Ok(())
     }
 
     /// Asks again for what was not answered, for a request that comes after it.
@@ -158,5 +169,11 @@ impl Client {
         (self.unanswered, self.guess, self.apart) = (None, None, None);
         self.is_behind = false;
         &self.place
+    }
+
+    /// The same where time stands, however it ran before.
+    pub(super) fn begin_anew(&mut self, place: Place) -> &Place {
+        self.runs_freely = false;
+        self.begin_at(place)
     }
 }

@@ -22,6 +22,8 @@ use zenoh::{Session, Wait};
 const LARGEST_CONTROL: usize = 64 << 10;
 /// Longest ticket and number of a request together.
 const LONGEST_PASS: usize = 200;
+/// Least length of a number that nobody guesses.
+const SECRET: usize = 16;
 
 /// What a caller shows: the owner's ticket, and a number of its own for the request, by which a retry is
 /// known.
@@ -47,6 +49,13 @@ impl Pass {
         };
         let (ticket, number) = text.split_once(';').unwrap_or((&text, ""));
         Ok(Self { ticket: ticket.into(), number: number.into() })
+    }
+
+    /// Whether the same request again may be told what was answered to it. Who asks to drive has nothing but its number to
+    /// show, and the answer is the ticket.
+    pub fn is_known_again(&self, verb: Verb) -> bool {
+        let least = if verb == Verb::Attach { SECRET } else { 1 };
+        self.number.len() >= least
     }
 }
 
@@ -146,14 +155,20 @@ fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Ver
         Verb::Attach => {
             let ask: Attach = object(query)?;
             // The same request again gets the answer of the first; the computing thread knows.
-            let is_numbered = !Pass::of(query)?.number.is_empty();
+            let is_known = Pass::of(query)?.is_known_again(verb);
             if let Err(busy) = shared.check_free(ask.ticket.as_deref())
-                && !(is_numbered && busy.owner.as_ref() == Some(&ask.client))
+                && !(is_known && busy.owner.as_ref() == Some(&ask.client))
             {
                 return Err(busy);
             }
         }
-        _ => shared.check_owner(&Pass::of(query)?.ticket)?,
+        _ => {
+            shared.check_owner(&Pass::of(query)?.ticket)?;
+            // They end a window in work: not for what is refused then.
+            if matches!(verb, Verb::Detach | Verb::Shutdown) {
+                object::<Nothing>(query)?;
+            }
+        }
     }
     Ok(verb)
 }

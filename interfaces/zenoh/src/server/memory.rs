@@ -22,7 +22,7 @@ impl Numbered {
     /// A request that has a number.
     pub fn of(verb: Verb, pass: &Pass, query: &Query) -> Option<Self> {
         let content = || query.payload().map_or(Vec::new(), |p| p.to_bytes().into_owned());
-        (!pass.number.is_empty()).then(|| Self { verb, pass: pass.clone(), content: content() })
+        pass.is_known_again(verb).then(|| Self { verb, pass: pass.clone(), content: content() })
     }
 }
 
@@ -43,8 +43,8 @@ impl Answered {
         if matches!(asked.verb, Verb::Attach | Verb::Detach) && answer.is_ok() {
             self.forget();
         }
-        // Who has left is refused at the door.
-        if asked.verb == Verb::Detach {
+        // Who has left is refused at the door, and who does not drive takes no place.
+        if asked.verb == Verb::Detach || asked.verb == Verb::Attach && answer.is_err() {
             return;
         }
         if self.answers.len() >= MOST {

@@ -175,17 +175,13 @@ impl Service<'_> {
             }
             Verb::Drop => self.lockstep.drop_state(&object::<Named>(query)?, ticket)?,
             Verb::Detach => {
-                object::<Nothing>(query)?;
                 let place = self.lockstep.detach(ticket)?;
                 self.stop_running("the owner has left");
                 self.say("the owner has left; the run holds");
                 self.keep();
                 place
             }
-            Verb::Shutdown => {
-                object::<Nothing>(query)?;
-                self.lockstep.shut_down(ticket)?
-            }
+            Verb::Shutdown => self.lockstep.shut_down(ticket)?,
             Verb::Window(_) | Verb::Status => {
                 let message = format!("{}: is answered elsewhere", verb.word());
                 return Err(Fault::new(Code::UnknownRequest, message));

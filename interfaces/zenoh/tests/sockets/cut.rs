@@ -5,9 +5,10 @@ use crate::proxy::Proxy;
 use crate::setup::{
     KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
 };
-use ballast_protocol::lockstep::{Code, Place, SetParameters};
+use ballast_protocol::lockstep::{Code, Place, SetParameters, StatusReport};
 use ballast_protocol::messages::Interpolation;
-use ballast_zenoh::{Client, Error, Link, Patience, SILENCE};
+use ballast_protocol::pacer::FreeRunning;
+use ballast_zenoh::{Client, Error, Line, Link, Patience, SILENCE};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -151,32 +152,51 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
     client.detach().unwrap();
 }
 
+/// Makes a call whose answer is lost: what it asks is done, then the wire is cut, and comes back when nobody drives any more.
+/// The result of the call, and where the run was when the wire was cut.
+fn unheard<T>(served: &Served, proxy: &Proxy, call: impl FnOnce() -> T) -> (T, Place) {
+    let line = Line::open(KEY, &served.link(), patient()).unwrap();
+    let until = |what: &dyn Fn(&StatusReport) -> bool| {
+        let begin = Instant::now();
+        loop {
+            let status = line.status().unwrap();
+            if what(&status) {
+                return status.place;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(20), "{status:?}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let before = line.status().unwrap().place;
+    proxy.lose_answers();
+    std::thread::scope(|scope| {
+        let wire = scope.spawn(|| {
+            let done = until(&|status| status.place != before);
+            proxy.cut();
+            until(&|status| status.owner.is_none());
+            proxy.restore();
+            done
+        });
+        (call(), wire.join().unwrap())
+    })
+}
+
 #[test]
 fn what_was_done_before_the_wire_was_cut_is_done_once() {
     let (served, proxy, mut client) = cuttable(patient());
     let before = client.place().now_ns;
     step(&mut client).unwrap();
     let ends = [before, client.place().now_ns];
-    // Done by another with the same words: what the server is left with when only the answer is lost.
-    let otherwise = || {
-        let mut motions = shaking(ends[0], ends[1]);
-        motions[0].interpolation = Interpolation::Linear;
-        motions
-    };
-    let redone = meanwhile(&served, &proxy, &mut |other| {
-        other.redo(ends, otherwise(), vec![]).unwrap();
-    });
-    let reply = client.redo(ends, otherwise(), vec![]).unwrap();
-    assert_eq!((reply.hash.to_string(), client.place().seq), (redone.hash, redone.seq));
-    let set = meanwhile(&served, &proxy, &mut |other| {
-        other.set_parameters(&iterations(7)).unwrap();
-    });
-    assert_eq!(client.set_parameters(&iterations(7)).unwrap(), &set);
-    let reset = meanwhile(&served, &proxy, &mut |other| {
-        other.reset().unwrap();
-    });
-    let again = client.reset().unwrap();
-    assert_eq!((&again.hash, again.seq), (&reset.hash, 0));
+    let mut otherwise = shaking(ends[0], ends[1]);
+    otherwise[0].interpolation = Interpolation::Linear;
+    let redo = || client.redo(ends, otherwise, vec![]).unwrap();
+    let (reply, redone) = unheard(&served, &proxy, redo);
+    assert_eq!((reply.hash.to_string(), reply.seq), (redone.hash, redone.seq));
+    let (place, set) =
+        unheard(&served, &proxy, || client.set_parameters(&iterations(7)).unwrap().clone());
+    assert_eq!(place, set);
+    let (place, reset) = unheard(&served, &proxy, || client.reset().unwrap().clone());
+    assert_eq!((&place.hash, place.seq), (&reset.hash, 0));
     step(&mut client).unwrap();
     client.detach().unwrap();
     // One window, one redo of it, and one of the new run.
@@ -187,17 +207,77 @@ fn what_was_done_before_the_wire_was_cut_is_done_once() {
 fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next() {
     let (served, proxy, mut client) = cuttable(Patience::default());
     step(&mut client).unwrap();
-    proxy.cut();
-    let error = client.set_parameters(&iterations(9)).unwrap_err();
-    assert!(matches!(error, Error::PeerLost { .. }) && client.is_waiting(), "{error}");
-    // As if they had been set before the wire was cut.
-    meanwhile(&served, &proxy, &mut |other| {
-        other.set_parameters(&iterations(9)).unwrap();
-    });
+    // Once they have been set over there, and once not.
+    proxy.lose_answers();
+    for most in [9, 8] {
+        let error = client.set_parameters(&iterations(most)).unwrap_err();
+        assert!(matches!(error, Error::PeerLost { .. }) && client.is_waiting(), "{error}");
+        proxy.cut();
+        proxy.restore();
+        step_once_back(&mut client);
+        assert!(!client.is_waiting());
+        proxy.cut();
+    }
+    proxy.restore();
+    assert_eq!(client.place().seq, 3);
     step_once_back(&mut client);
-    assert!(!client.is_waiting());
-    assert_eq!(client.place().seq, 2);
     client.detach().unwrap();
+    let lockstep = served.stop();
+    assert_eq!(lockstep.component().parameters().iterations, 8);
+}
+
+#[test]
+fn what_somebody_else_did_meanwhile_is_not_taken_for_what_was_asked() {
+    let freely = FreeRunning { bodies: vec!["floor".into()], ..FreeRunning::default() };
+    let ends = [0, WINDOW];
+    for k in 0..3 {
+        let (served, proxy, mut client) = cuttable(patient());
+        client.save("start").unwrap();
+        step(&mut client).unwrap();
+        let left = client.place().clone();
+        // As many windows as before, another state.
+        let place = meanwhile(&served, &proxy, &mut |other| {
+            other.restore("start").unwrap();
+        });
+        assert_eq!((place.seq, place.now_ns), (left.seq, 0));
+        let error = match k {
+            0 => client.set_parameters(&iterations(5)).map(drop),
+            1 => client.run_freely(&freely).map(drop),
+            _ => client.redo(ends, shaking(0, WINDOW), vec![]).map(drop),
+        };
+        let error = error.unwrap_err();
+        assert!(matches!(error, Error::Diverged { .. }), "{k}: {error}");
+        assert!(matches!(step(&mut client).unwrap_err(), Error::Diverged { .. }), "{k}");
+        client.restore("start").unwrap();
+        step(&mut client).unwrap();
+        client.detach().unwrap();
+    }
+}
+
+#[test]
+fn another_window_waits_for_the_answer_to_the_one_before() {
+    let (served, proxy, mut client) = cuttable(Patience::default());
+    proxy.lose_answers();
+    let error = step(&mut client).unwrap_err();
+    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    proxy.cut();
+    proxy.restore();
+    // The same time, other inputs: it has been computed with those of before, and that is told.
+    let begin = Instant::now();
+    let error = loop {
+        match client.advance_to(WINDOW, vec![], vec![]).unwrap_err() {
+            Error::PeerLost { .. } => assert!(begin.elapsed() < Duration::from_secs(20)),
+            error => break error,
+        }
+    };
+    assert!(error.fault().is_some_and(|f| f.code == Code::OutOfSequence), "{error}");
+    assert_eq!((client.place().seq, &client.place().hash), (1, &undisturbed(1)[0]));
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, undisturbed(2)[1]);
+    // Nothing at all is set, and nothing is asked.
+    client.set_parameters(&SetParameters::default()).unwrap();
+    client.detach().unwrap();
+    assert_eq!(served.stop().answered_count(), 2);
 }
 
 #[test]

@@ -107,9 +107,14 @@ fn a_number_is_known_with_its_owner_its_verb_and_its_content() {
     let take = |client: &str| {
         let token = stranger.come_alive(client);
         let ask = format!("{{\"client\": \"{client}\"}}");
-        let attached = stranger.ask("attach", ask.as_bytes(), Some(";7")).unwrap();
-        // Asked again under its number: the same ticket.
-        assert_eq!(stranger.ask("attach", ask.as_bytes(), Some(";7")).unwrap(), attached);
+        let number = format!(";0123456789abcdef of {client}");
+        let attached = stranger.ask("attach", ask.as_bytes(), Some(&number)).unwrap();
+        // Asked again under its number: the same ticket. Under one that others guess, nothing.
+        assert_eq!(stranger.ask("attach", ask.as_bytes(), Some(&number)).unwrap(), attached);
+        for guess in [";0", "", ";0123456789abcde"] {
+            let fault = stranger.ask("attach", ask.as_bytes(), Some(guess)).unwrap_err();
+            assert_eq!(fault.code, Code::Busy, "{guess:?}: {fault}");
+        }
         let attached: serde_json::Value = serde_json::from_slice(&attached).unwrap();
         (token, attached["ticket"].as_str().unwrap().to_string())
     };
@@ -175,6 +180,10 @@ fn an_owner_that_leaves_does_not_wait_for_the_end_of_its_window() {
     stranger.ask_for_long(100_000, run_id, &ticket, move |fault| drop(sender.send(fault)));
     let line = Line::open(KEY, &served.link(), patient()).unwrap();
     wait_for(|| line.status(), Activity::Playing);
+    // What is refused ends no window.
+    let fault = stranger.ask("detach", b"{\"client\": \"raw\"}", Some(&ticket)).unwrap_err();
+    assert_eq!(fault.code, Code::Malformed, "{fault}");
+    assert!(answer.recv_timeout(Duration::from_millis(300)).is_err(), "it is computed still");
     stranger.ask("detach", b"{}", Some(&ticket)).unwrap();
     let fault = answer.recv_timeout(Duration::from_secs(20)).expect("an answer");
     let fault = fault.expect("taken back");

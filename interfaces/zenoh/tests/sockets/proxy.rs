@@ -1,4 +1,4 @@
-//! A wire that can be cut, and can fall silent.
+//! A wire that can be cut, can fall silent, and can lose what comes back.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -11,6 +11,8 @@ const OPEN: u8 = 0;
 const CUT: u8 = 1;
 /// Nothing comes through, and nobody is told.
 const SILENT: u8 = 2;
+/// Nothing comes back.
+const DEAF: u8 = 3;
 
 /// Forwards connections to `to`.
 pub struct Proxy {
@@ -37,11 +39,11 @@ impl Proxy {
                 }
                 let Ok(up) = TcpStream::connect(&to) else { continue };
                 let mut sockets = at.sockets.lock().unwrap();
-                for (a, b) in [(&from, &up), (&up, &from)] {
+                for (a, b, back) in [(&from, &up, false), (&up, &from, true)] {
                     let (a, b, at) =
                         (a.try_clone().unwrap(), b.try_clone().unwrap(), Arc::clone(&at));
                     a.set_nodelay(true).unwrap();
-                    std::thread::spawn(move || forward(a, b, &at));
+                    std::thread::spawn(move || forward(a, b, back, &at));
                 }
                 sockets.extend([from, up]);
             }
@@ -60,16 +62,24 @@ impl Proxy {
         self.wire.state.store(SILENT, Ordering::SeqCst);
     }
 
+    /// What comes back is lost from now on.
+    pub fn lose_answers(&self) {
+        self.wire.state.store(DEAF, Ordering::SeqCst);
+    }
+
     pub fn restore(&self) {
         self.wire.state.store(OPEN, Ordering::SeqCst);
     }
 }
 
-fn forward(mut from: TcpStream, mut to: TcpStream, wire: &Wire) {
+fn forward(mut from: TcpStream, mut to: TcpStream, back: bool, wire: &Wire) {
     let mut buffer = vec![0; 1 << 16];
     while let Ok(count @ 1..) = from.read(&mut buffer) {
         while wire.state.load(Ordering::SeqCst) == SILENT {
             std::thread::sleep(Duration::from_millis(5));
+        }
+        if back && wire.state.load(Ordering::SeqCst) == DEAF {
+            continue;
         }
         if to.write_all(&buffer[..count]).is_err() {
             break;
