@@ -6,7 +6,8 @@
 //!
 //! 1. *pour*: grains are laid up to a little above the sleepers' underside, and fall together;
 //! 2. *fill*: grains in the way of the sleepers are taken out, the voids that this leaves right
-//!    under the blocks are stuffed, the sleepers are put in, and the cribs fill around them;
+//!    under the blocks are stuffed, the sleepers are put in, and the cribs fill around them; where grains pack so densely
+//!    that the bed lies low then, what lacks is laid and settles, too;
 //! 3. *trim*: what lies above the fill level or sticks far out of it, or sits too deep in another
 //!    grain, is taken off; friction becomes that of the run;
 //! 4. *rest*: the run's own step.
@@ -16,6 +17,7 @@
 use super::boundary::boundaries;
 use super::clearance::SLACK;
 use super::pour::{self, Laid, Templates};
+use super::relief::Relief;
 use super::scene::{run_settings, sleeper_pose};
 use super::settle::{Bench, DepositProgress, DepositStage, Settling};
 use super::sleeper::sleeper;
@@ -33,8 +35,15 @@ use std::ops::ControlFlow;
 
 /// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms. A step must gain less.
 pub const FALL_SPEED: f64 = 1.0;
-/// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed.
+/// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed. Broad gradings pack more
+/// densely, and are topped up.
 const RECKONED_COMPACTNESS: f64 = 0.62;
+/// How far a bed may lie below its fill level in the mean, in mean grain sizes, before it is topped up.
+const LOW: f64 = 0.5;
+/// How often at most: each time lays what lacked to the level, and half a grain more.
+const TOP_UPS: usize = 3;
+/// A bed that lacks more than this share of what it lacked has not been filled by topping up: its cribs are too narrow.
+const NO_FULLER: f64 = 0.8;
 /// Steps before a pour may count as at rest: it starts from rest.
 const LEAST_STEPS: u64 = 50;
 /// Longest last stage, s: the bed is at rest already, only impulses have to settle.
@@ -71,7 +80,7 @@ pub fn deposit(
     let mut bench = empty_box(plan)?;
     let templates = Templates::generate(&plan.bed, &mut rng, &mut bench.model.shapes)?;
     check_count(plan, templates.mean_volume(&bench.model.shapes))?;
-    for stage in [pour_below, fill_cribs, trim, rest] {
+    for stage in [pour_below, fill_cribs, top_up, trim, rest] {
         if stage(plan, &templates, &mut rng, &mut bench, watch)?.is_break() {
             return Ok(None);
         }
@@ -131,6 +140,37 @@ fn fill_cribs(
     let laid = lay_cribs(plan, templates, rng, bench)?;
     insert(bench, &laid, bed.density);
     bench.settle(&pouring(plan, DepositStage::Fill), watch)
+}
+
+/// Stage 2, gone on with: what lacks to the fill level.
+fn top_up(
+    plan: &Plan,
+    templates: &Templates,
+    rng: &mut Pcg64,
+    bench: &mut Bench,
+    watch: Watch,
+) -> Result<ControlFlow<()>> {
+    let bed = &plan.bed;
+    let (level, mean_size) = (bed.preparation.fill_level, bed.grains.mean_size());
+    let mut before = f64::INFINITY;
+    for _ in 0..TOP_UPS {
+        let mut relief = present_relief(plan, bench)?;
+        block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
+        let [lacking, area] = relief.lacking(level);
+        if lacking <= LOW * mean_size * area || lacking > NO_FULLER * before {
+            break;
+        }
+        before = lacking;
+        let volume = RECKONED_COMPACTNESS * (lacking + 0.5 * mean_size * area);
+        let shapes = &bench.model.shapes;
+        let laid = pour::pour_where_it_fits(&mut relief, templates, shapes, &bed.size, volume, rng);
+        insert(bench, &laid, bed.density);
+        let settled = bench.settle(&pouring(plan, DepositStage::Fill), watch)?;
+        if settled.is_break() {
+            return Ok(settled);
+        }
+    }
+    Ok(ControlFlow::Continue(()))
 }
 
 /// Stage 3: the fill level, and the friction of the run.
@@ -274,30 +314,40 @@ fn lay_cribs(
 ) -> Result<Vec<Laid>> {
     let bed = &plan.bed;
     let preparation = &bed.preparation;
-    let mut relief = pour::relief(bed)?;
+    let mut relief = present_relief(plan, bench)?;
     let (grains, shapes) = (&bench.model.grains, &bench.model.shapes);
-    let shape = |g: usize| &shapes[grains.shape[g] as usize];
-    let present = (0..grains.len()).map(|g| (shape(g), bench.state.pose(g)));
-    pour::cover_present(&mut relief, present);
     let mut stuffed = Vec::new();
     for block in block_boxes(plan) {
         stuffed.extend(pour::stuff(&mut relief, templates, shapes, &block, rng));
     }
-    for block in block_boxes(plan) {
-        relief.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
-    }
+    block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
     let filled = preparation.fill_level;
     let occupied: f64 = block_boxes(plan)
         .map(|b| AxisBox { high: Vec3::new(b.high.x, b.high.y, b.high.z.min(filled)), ..b })
         .map(|b| b.volume())
         .sum();
     let room = bed.size.x * bed.size.y * filled - occupied;
-    let present: f64 = (0..grains.len()).map(|g| shape(g).volume).sum();
+    let present: f64 = grains.shape.iter().map(|shape| shapes[*shape as usize].volume).sum();
     let added: f64 = stuffed.iter().map(|g| shapes[g.shape].volume).sum();
     let lacking = RECKONED_COMPACTNESS * room - present - added;
     let size = &bed.size;
     stuffed.extend(pour::pour_where_it_fits(&mut relief, templates, shapes, size, lacking, rng));
     Ok(stuffed)
+}
+
+/// The relief of the grains that are there.
+fn present_relief(plan: &Plan, bench: &Bench) -> Result<Relief> {
+    let mut relief = pour::relief(&plan.bed)?;
+    let (grains, shapes) = (&bench.model.grains, &bench.model.shapes);
+    let shape = |g: usize| &shapes[grains.shape[g] as usize];
+    let present = (0..grains.len()).map(|g| (shape(g), bench.state.pose(g)));
+    pour::cover_present(&mut relief, present);
+    Ok(relief)
+}
+
+/// Nothing is laid upon a block.
+fn keep_clear(relief: &mut Relief, block: &AxisBox) {
+    relief.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
 }
 
 /// The blocks of all sleepers at their level, world.

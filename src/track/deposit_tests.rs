@@ -2,7 +2,7 @@ use super::*;
 use crate::drive::Inputs;
 use crate::model::Freedom;
 use crate::step::step;
-use crate::track::plan::BlockPlan;
+use crate::track::plan::{BlockPlan, SizeClass};
 use crate::track::tamping_cycle::start_position;
 use crate::track::test_plan::small_plan;
 use crate::track::{scene, sleeper_mount};
@@ -173,6 +173,22 @@ fn blocks_flush_with_a_wall_are_inside_whatever_rounding_says() {
     let low = block_boxes(&plan).next().unwrap().low.y;
     assert!(low < 0.0 && low > -SLACK, "the sum of these decimal numbers is not 0: {low}");
     check(&plan).unwrap();
+}
+
+#[test]
+fn grains_that_pack_densely_fill_their_bed_all_the_same() {
+    // Small ones between large ones, without friction while they settle.
+    let mut plan = tiny();
+    plan.bed.size = Vec3::new(0.12, 0.1, 0.3);
+    plan.bed.preparation.friction = 0.0;
+    let small = SizeClass { size: 0.012, share: 0.97 };
+    plan.bed.grains.classes = vec![SizeClass { size: 0.03, share: 0.03 }, small];
+    (plan.sleepers, plan.tines) = (vec![], vec![]);
+    let bed = prepared(&plan);
+    let bench = Bench { model: bed.model, state: bed.state, workspace: Workspace::default() };
+    let relief = present_relief(&plan, &bench).unwrap();
+    let [lacking, area] = relief.lacking(plan.bed.preparation.fill_level);
+    assert!(lacking < 0.75 * plan.bed.grains.mean_size() * area, "{} m", lacking / area);
 }
 
 #[test]

@@ -21,12 +21,12 @@ pub mod tine;
 pub mod zones;
 
 pub use clearance::{SLACK, Swept, swept};
-pub use deposit::{Bed, FALL_SPEED, HIGHEST, MOST_GRAINS, deposit};
+pub use deposit::{Bed, FALL_SPEED, MOST_GRAINS, deposit};
 pub use machine_control::{LONGEST_WINDOW, TinePair};
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use sleeper::sleeper_mount;
 pub use squeeze::squeezes;
-pub use tamping_cycle::{LEAST_STEPS_PER_PERIOD, TampingCycle, TampingPhase, TinePath};
+pub use tamping_cycle::{LEAST_STEPS_PER_PERIOD, RISEN, TampingCycle, TampingPhase, TinePath};
 pub use tine::steel_cantilever;
 pub use zones::zones;

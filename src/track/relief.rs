@@ -151,6 +151,15 @@ impl Relief {
         }
     }
 
+    /// What lacks to a level where grains may be placed, m³, and the area of that, m².
+    pub fn lacking(&self, level: f64) -> [f64; 2] {
+        let area = self.cell * self.cell;
+        let open = self.height.iter().filter(|height| height.is_finite());
+        open.fold([0.0; 2], |[volume, whole], height| {
+            [volume + area * (level - height).max(0.0), whole + area]
+        })
+    }
+
     fn index(&self, column: i64, row: i64) -> Option<usize> {
         let inside = column >= 0
             && row >= 0

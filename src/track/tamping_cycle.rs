@@ -20,8 +20,8 @@ use crate::track::plan::{Plan, TampingPlan};
 const FADE_PERIODS: f64 = 3.0;
 /// Least clearance of tines without a cycle, m: that of the cases that have one and do not say it.
 const IDLE_CLEARANCE: f64 = 0.02;
-/// Their clearance beyond [`HIGHEST`], in mean grain sizes: a grain may rise while the trimmed bed comes to rest.
-const IDLE_MARGIN: f64 = 0.25;
+/// How far grains may stick out of a prepared bed, in mean grain sizes: after trimming one may rise while the bed comes to rest.
+pub const RISEN: f64 = HIGHEST + 0.25;
 /// Fewer steps per period of the vibration would alias the sine into another motion.
 pub const LEAST_STEPS_PER_PERIOD: f64 = 8.0;
 
@@ -340,7 +340,7 @@ fn driven_tines(
 /// Where a tine's reference point is before the cycle: its blade clear of the bed, m.
 pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 {
     // Whoever drives the tines instead of a cycle begins above the grains that stick out.
-    let idle = || IDLE_CLEARANCE.max((HIGHEST + IDLE_MARGIN) * plan.bed.grains.mean_size());
+    let idle = || IDLE_CLEARANCE.max(RISEN * plan.bed.grains.mean_size());
     let clearance = plan.tamping.map_or_else(idle, |t| t.insertion.clearance);
     let z = plan.bed.preparation.fill_level + clearance + tine.blade.z;
     Vec3::new(tine.position[0], tine.position[1], z)

@@ -150,20 +150,27 @@ impl RunFiles {
         Err(Failure::Usage(format!("{folder} holds an unfinished run; go on with {how}, or {or}")))
     }
 
+    /// Removes the final figures of a run that is gone on with.
+    pub fn forget_summary(&self) -> Outcome {
+        remove(&self.summary())
+    }
+
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
     pub fn remove_all(&self) -> Outcome {
         let files = [self.summary(), self.checkpoint(), self.results()];
         // A page that somebody else has put there is no report.
         let report = Some(self.report()).filter(|path| begins_with(path, BEGINNING.as_bytes()));
-        for file in files.into_iter().chain(report) {
-            match std::fs::remove_file(&file) {
-                Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(Failure::at(&file, format!("cannot replace it: {e}")));
-                }
-                _ => {}
-            }
+        files.into_iter().chain(report).try_for_each(|file| remove(&file))
+    }
+}
+
+/// Removes a file, if it is there.
+fn remove(file: &Path) -> Outcome {
+    match std::fs::remove_file(file) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(Failure::at(file, format!("cannot replace it: {e}")))
         }
-        Ok(())
+        _ => Ok(()),
     }
 }
 

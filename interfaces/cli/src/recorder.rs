@@ -100,7 +100,7 @@ impl Recorder {
 
     /// Records the zones, and the geometry if the case asks for it.
     pub fn observe(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Outcome {
-        let compactness = self.compactness(model, state)?;
+        let compactness = compactness(model, state, &self.zones);
         self.summary.take_zones(&compactness);
         let mut row = vec![state.time()];
         row.extend(compactness);
@@ -113,11 +113,9 @@ impl Recorder {
 
     /// Lets the summary know the end, where a run may be between two frames; no record is made,
     /// since none would be there had the run gone on.
-    pub fn observe_end(&mut self, model: &Model, state: &State) -> Outcome {
-        let compactness = self.compactness(model, state)?;
-        self.summary.take_zones(&compactness);
+    pub fn observe_end(&mut self, model: &Model, state: &State) {
+        self.summary.take_zones(&compactness(model, state, &self.zones));
         self.summary.lost = Some(observe::lost_grains(model, state));
-        Ok(())
     }
 
     /// Makes sure that no kill from here on costs a record.
@@ -131,10 +129,6 @@ impl Recorder {
 
     pub fn summary(&self) -> &Summary {
         &self.summary
-    }
-
-    fn compactness(&self, model: &Model, state: &State) -> Outcome<Vec<f64>> {
-        compactness(model, state, &self.zones)
     }
 }
 
@@ -168,9 +162,10 @@ pub fn of_another_run(
     })
 }
 
-/// Compactness of each zone.
-pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Outcome<Vec<f64>> {
-    zones.iter().map(|zone| Ok(observe::compactness(model, state, zone)?.compactness)).collect()
+/// Compactness of each zone; not a number of one that bodies fill, as a blade may the space that it stands in.
+pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Vec<f64> {
+    let measured = |zone| observe::compactness(model, state, zone);
+    zones.iter().map(|zone| measured(zone).map_or(f64::NAN, |found| found.compactness)).collect()
 }
 
 impl Setting {
@@ -195,7 +190,8 @@ impl Setting {
 
 /// Steps per period of the vibration; 1 without one.
 fn steps_per_period(plan: &Plan) -> usize {
-    let frequency = plan.tamping.map_or(0.0, |t| t.vibration.frequency);
+    let vibration = plan.tamping.map(|t| t.vibration).filter(|v| v.amplitude > 0.0);
+    let frequency = vibration.map_or(0.0, |v| v.frequency);
     if frequency <= 0.0 {
         return 1;
     }

@@ -134,6 +134,10 @@ impl Session {
                 break;
             };
             let step = self.engine.state().step;
+            if step == self.first + 1 {
+                // It is about the steps before.
+                self.files.forget_summary()?;
+            }
             let share = ((step - self.first) as f64 / steps).min(1.0);
             progress.advance(share, &self.mark(&report, &progress));
             if interrupt::requested() && step < last {
@@ -276,7 +280,7 @@ impl Session {
     }
 
     fn finish(mut self, expected: Option<u128>) -> Outcome {
-        self.recorder.observe_end(self.engine.model(), self.engine.state())?;
+        self.recorder.observe_end(self.engine.model(), self.engine.state());
         let mut damage = None;
         match self.engine.playback() {
             None => self.checkpoint()?,

@@ -38,7 +38,8 @@ fn compactness(summary: &Summary) -> Table {
     let mut table = Table::new("compactness", ["before", "after", "change"]);
     for (name, [before, after]) in summary.setting().zones.iter().zip(&summary.compactness) {
         let change = change(*before, *after);
-        table.row([name.clone(), format!("{before:.4}"), format!("{after:.4}"), change]);
+        let told = |value: f64| if value.is_nan() { "-".into() } else { format!("{value:.4}") };
+        table.row([name.clone(), told(*before), told(*after), change]);
     }
     table
 }

@@ -39,7 +39,7 @@ pub fn lay_out(case: &CaseFile, report: &mut Report) -> Layout {
     }
     row_of_sleepers(case, report, &mut layout);
     for (i, sleeper) in case.sleeper.iter().enumerate() {
-        layout.sleepers.push(single_sleeper(i, sleeper, report));
+        layout.sleepers.push(single_sleeper(i, sleeper, lifts(case), report));
     }
     if let Some(tines) = &case.tines {
         let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
@@ -50,7 +50,8 @@ pub fn lay_out(case: &CaseFile, report: &mut Report) -> Layout {
         }
         rows_of_tines(tines, report, &mut layout);
     }
-    layout.tines.extend(case.tine.iter().enumerate().map(single_tine));
+    let single = case.tine.iter().enumerate().map(|(i, tine)| single_tine(i, tine, report));
+    layout.tines.extend(single);
     layout
 }
 
@@ -96,7 +97,8 @@ fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
     let first = row.first_x_m.unwrap_or(0.5 * (size_x - pitch * f64::from(row.count - 1)));
     let blocks: Vec<BlockPlan> = row.blocks.iter().map(block).collect();
     let mount = row.mount.and_then(|m| {
-        mount::of_sleeper(&m, &blocks, !row.tamped.is_empty(), "sleepers.mount", report)
+        let is_lifted = lifts(case) && !row.tamped.is_empty();
+        mount::of_sleeper(&m, &blocks, is_lifted, "sleepers.mount", report)
     });
     for number in 1..=row.count {
         let centre = [first + pitch * f64::from(number - 1), row.y_m.unwrap_or(0.5 * size_y)];
@@ -118,11 +120,21 @@ fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
     }
 }
 
-fn single_sleeper(i: usize, sleeper: &Sleeper, report: &mut Report) -> Placed<SleeperPlan> {
+/// Whether tamped sleepers are lifted.
+fn lifts(case: &CaseFile) -> bool {
+    case.tamping.as_ref().is_some_and(|tamping| tamping.lift.height_m > 0.0)
+}
+
+fn single_sleeper(
+    i: usize,
+    sleeper: &Sleeper,
+    lifts: bool,
+    report: &mut Report,
+) -> Placed<SleeperPlan> {
     let blocks: Vec<BlockPlan> = sleeper.blocks.iter().map(block).collect();
     let key = format!("sleeper[{i}].mount");
-    let mount =
-        sleeper.mount.and_then(|m| mount::of_sleeper(&m, &blocks, sleeper.tamped, &key, report));
+    let is_lifted = lifts && sleeper.tamped;
+    let mount = sleeper.mount.and_then(|m| mount::of_sleeper(&m, &blocks, is_lifted, &key, report));
     Placed {
         plan: SleeperPlan {
             name: sleeper.name.clone(),
@@ -157,6 +169,8 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
         };
         report.error(key, finding);
     }
+    let sizes = [tines.blade_m, tines.shaft_m];
+    let mount = mount::of_tine(&tines.mount, sizes, "tines.mount", report);
     let mut pair = 0;
     for sleeper in &tamped {
         for (i, offset) in tines.y_offsets_m.iter().enumerate() {
@@ -177,7 +191,7 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
                         pair,
                         blade: Vec3::from(tines.blade_m),
                         shaft: Vec3::from(tines.shaft_m),
-                        mount: mount::of_tine(&tines.mount, tines.blade_m, tines.shaft_m),
+                        mount,
                     },
                     key: "tines".into(),
                     key_x: "tines.gap_to_sleeper_m".into(),
@@ -212,7 +226,9 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
     report.error(key, finding);
 }
 
-fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {
+fn single_tine(i: usize, tine: &Tine, report: &mut Report) -> Placed<TinePlan> {
+    let sizes = [tine.blade_m, tine.shaft_m];
+    let mount = mount::of_tine(&tine.mount, sizes, &format!("tine[{i}].mount"), report);
     Placed {
         plan: TinePlan {
             name: tine.name.clone(),
@@ -224,7 +240,7 @@ fn single_tine((i, tine): (usize, &Tine)) -> Placed<TinePlan> {
             pair: tine.pair,
             blade: Vec3::from(tine.blade_m),
             shaft: Vec3::from(tine.shaft_m),
-            mount: mount::of_tine(&tine.mount, tine.blade_m, tine.shaft_m),
+            mount,
         },
         key: format!("tine[{i}]"),
         key_x: format!("tine[{i}].x_m"),

@@ -7,14 +7,42 @@ use ballast::model::{Freedom, Mount};
 use ballast::track::plan::BlockPlan;
 use ballast::track::{sleeper_mount, steel_cantilever};
 
-/// A tine's mount. What the case leaves open is that of a steel tine of these sizes.
-pub fn of_tine(case: &case_file::Mount, blade: [f64; 3], shaft: [f64; 3]) -> Option<Mount> {
+/// A tine's mount, which stands at `key`. What the case leaves open is that of a steel tine of these sizes.
+pub fn of_tine(
+    case: &case_file::Mount,
+    [blade, shaft]: [[f64; 3]; 2],
+    key: &str,
+    report: &mut Report,
+) -> Option<Mount> {
+    if case.rigid {
+        let usual = case_file::Mount::default().damping_ratio;
+        let idle = [
+            ("mass_kg", case.mass_kg.is_some()),
+            ("stiffness_N_per_m", case.stiffness.is_some()),
+            ("damping_ratio", case.damping_ratio != usual),
+        ];
+        warn_idle(&idle, "`rigid = true`: the tine does not give way", key, report);
+        return None;
+    }
     let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
     let [steel_stiffness, _] = steel.freedoms[0].spring();
     let stiffness = case.stiffness.unwrap_or(steel_stiffness);
     let mass = case.mass_kg.unwrap_or(steel.mass);
     let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
-    (!case.rigid).then_some(Mount::spring(mass, stiffness, damping))
+    Some(Mount::spring(mass, stiffness, damping))
+}
+
+/// Warns of keys that are there and change nothing.
+fn warn_idle(keys: &[(&str, bool)], found: &str, key: &str, report: &mut Report) {
+    for (name, _) in keys.iter().filter(|(_, is_there)| *is_there) {
+        let finding = Finding {
+            problem: format!("`{name}` changes nothing"),
+            found: found.into(),
+            expected: format!("no `{name}`"),
+            hint: None,
+        };
+        report.warn(&format!("{key}.{name}"), finding);
+    }
 }
 
 /// The mount of a sleeper of these blocks, which stands at `key`; `None` if it is none, or wrong.
@@ -46,6 +74,21 @@ pub fn of_sleeper(
             report.error(&format!("{key}.{name}"), finding);
             return None;
         }
+    }
+    let is_sprung = |modes: &[Mode]| modes.contains(&Mode::Sprung);
+    if !is_sprung(&modes[..3]) {
+        let idle = [
+            ("stiffness_N_per_m", case.stiffness.is_some()),
+            ("damping_N_s_per_m", case.damping != 0.0),
+        ];
+        warn_idle(&idle, "no translation that is sprung", key, report);
+    }
+    if !is_sprung(&modes[3..]) {
+        let idle = [
+            ("turning_stiffness_N_m_per_rad", case.turning_stiffness.is_some()),
+            ("turning_damping_N_m_s_per_rad", case.turning_damping != 0.0),
+        ];
+        warn_idle(&idle, "no rotation that is sprung", key, report);
     }
     if is_lifted && case.z == Mode::Loaded {
         let finding = Finding {

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::Outcome;
-use crate::files::RunFiles;
+use crate::files::{RunFiles, writable};
 use crate::session::{self, Session};
 use crate::{beds, interrupt};
 use std::path::Path;
@@ -19,13 +19,17 @@ pub fn run(args: Run, console: Console) -> Outcome {
     if !args.force {
         files.refuse_unfinished("start over with --force")?;
     }
+    // Before a bed is prepared, and anything that is there replaced.
+    if let Some(path) = &args.record {
+        files.refuse_own(path)?;
+        writable(path)?;
+    }
+    let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
+    let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
+    let dump = dump.transpose()?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let engine = Engine::machine(model, state, cycle);
-    let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
-    // Before anything that is there is replaced.
-    let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
-    let dump = dump.transpose()?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.dumping(dump).run(args.until.steps, args.until.expect)
 }

@@ -170,7 +170,9 @@ fn picture_top(source: &Source) -> f64 {
 fn compactness(source: &Source, page: &mut Page) {
     page.heading("Compactness");
     let bands = charts::phases(&source.rows);
-    page.figure(&charts::compactness(source, &bands).svg());
+    if !source.summary.setting().zones.is_empty() {
+        page.figure(&charts::compactness(source, &bands).svg());
+    }
     let plan = &source.case.plan;
     let y = plan.sleepers.iter().find(|s| s.tamped).and_then(|s| {
         let block = s.blocks.first()?;
@@ -219,6 +221,7 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
         page.figure(&charts::forces(source, Role::Sleeper, "Force on sleepers", &bands).svg());
     }
     page.note(&match charts::force_window(source) {
+        1 if period(source) == 1 => "Size of the force in each step.".into(),
         1 => format!("Size of the force in each step: these are fewer than a vibration period has ({}).", period(source)),
         steps => format!(
             "Size of the mean force over a vibration period ({steps} steps). Single steps jump; their peaks are in the table."

@@ -97,7 +97,7 @@ impl Source {
         };
         let rows: Vec<Row> = table(&steps, done).into_iter().map(Row).collect();
         let upto = zones.steps.iter().filter(|step| **step <= state.step).count();
-        let measured = recorder::compactness(model, state, &track::zones(&case.plan))?;
+        let measured = recorder::compactness(model, state, &track::zones(&case.plan));
         let mut zones = table(&zones, upto);
         // Between two outputs, or where the case asks for none.
         if zones.last().is_none_or(|row| row[0] < state.time()) {
@@ -106,7 +106,9 @@ impl Source {
         }
         summary.lost = Some(lost_grains(model, state));
         let frames = frames(&reader, &rows, state, &results)?;
-        let timing = files.told_summary().map(|mut summary| summary["timing"].take());
+        // That of a run that was gone on with is about an earlier state.
+        let told = files.told_summary().filter(|told| told["state_hash"] == state_hash);
+        let timing = told.map(|mut summary| summary["timing"].take());
         Ok(Self {
             program: reader.about("program")?,
             bed_key: reader.about("key")?,

@@ -117,13 +117,26 @@ fn a_bed_is_prepared_once() {
     let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
     assert_eq!(
         [&inspected[0]["key"], &inspected[0]["hash"]],
-        ["a588e1887e8f3a87009681d53f27f9b1", "1d38ee6d312da1ee27726c75cdc9cd6f"]
+        ["fc94b67b863d6a2a9f92b4e34991285a", "1d38ee6d312da1ee27726c75cdc9cd6f"]
     );
     let bytes = std::fs::read(&bed).unwrap();
     place.call("prepare tiny.toml --beds beds --force").with_code(0);
     assert_eq!(std::fs::read(&bed).unwrap(), bytes, "prepared again, same bytes");
     place.call("prepare tiny.toml --beds beds --seed 8").with_code(0);
     assert_eq!(std::fs::read_dir(place.path("beds")).unwrap().count(), 2);
+}
+
+#[test]
+fn files_that_cannot_be_written_cost_no_bed() {
+    let place = Place::new();
+    for option in ["--record nowhere/run.mcap", "--dump-problems tiny.toml/problems"] {
+        let said = place.call(&format!("run tiny.toml --beds beds {option}")).with_code(1).stderr();
+        assert!(
+            said.contains(option.split_once(' ').unwrap().1.split_once('/').unwrap().0),
+            "{said}"
+        );
+        assert!(!place.path("beds").exists(), "{option}");
+    }
 }
 
 #[test]

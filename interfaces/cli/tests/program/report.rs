@@ -2,6 +2,7 @@
 
 use crate::setup::{CASE, Place};
 use ballast_hdf5::checkpoint;
+use ballast_hdf5::results::Reader;
 
 #[test]
 fn a_page_tells_a_whole_run_by_itself() {
@@ -50,6 +51,47 @@ fn a_page_tells_a_whole_run_by_itself() {
     std::fs::write(place.path("run/report.html"), "mine").unwrap();
     place.run("--out run --steps 3 --force").with_code(0);
     assert_eq!(place.text("run/report.html"), "mine");
+}
+
+#[test]
+fn a_zone_that_a_blade_fills_has_no_compactness_for_that_long() {
+    // Without vibration a rigid blade that goes as deep as the sleeper is lifted fills its insertion zone.
+    let case = [
+        ("[tamping]\n", "mount = { rigid = true }\n[tamping]\n"),
+        ("amplitude_m = 0.002", "amplitude_m = 0.0"),
+        ("height_m = 0.004", "height_m = 0.012"),
+        ("depth_m = 0.004", "depth_m = 0.004\nforce_limit_N = inf"),
+    ];
+    let place = Place::with(&case.iter().fold(CASE.into(), |text: String, (from, to)| {
+        assert!(text.contains(from), "{from}");
+        text.replace(from, to)
+    }));
+    place.run("--out run").with_code(0);
+    let zones = Reader::open(place.path("run/results.vtkhdf")).unwrap().series("zones").unwrap();
+    assert!(zones.rows.iter().any(|value| value.is_nan()));
+    let said = place.run("--out part --steps 70").with_code(0).stdout();
+    assert!(said.contains("insertion tine_1_plus") && !said.contains("NaN"), "{said}");
+    assert!(place.summary("part")["compactness"]["insertion tine_1_plus"]["after"].is_null());
+    for folder in ["run", "part"] {
+        place.call(&format!("report {folder}")).with_code(0);
+        assert!(!place.text(&format!("{folder}/report.html")).contains("NaN"));
+    }
+}
+
+#[test]
+fn times_of_another_state_are_not_told() {
+    let place = Place::new();
+    place.run("--out run --steps 60").with_code(0);
+    let earlier = place.text("run/summary.json");
+    let tells_time = || {
+        place.call("report run").with_code(0);
+        place.text("run/report.html").contains("Wall time")
+    };
+    assert!(tells_time());
+    place.call("resume run --steps 90").with_code(0);
+    assert!(tells_time());
+    std::fs::write(place.path("run/summary.json"), earlier).unwrap();
+    assert!(!tells_time());
 }
 
 #[test]

@@ -4,9 +4,11 @@ use crate::layout::Layout;
 use crate::report::{Finding, Report};
 use ballast::track::motion_law::{SMOOTH_STEP_PEAK, TRAVEL_PEAK};
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
-use ballast::track::{HIGHEST, LEAST_STEPS_PER_PERIOD, LONGEST_WINDOW};
+use ballast::track::{LEAST_STEPS_PER_PERIOD, LONGEST_WINDOW, RISEN};
 use std::f64::consts::PI;
 
+/// Clearance, in mean grain sizes, below which some bed has a grain in the way of a tine: trimmed at half a size, they may rise.
+const CLOSE: f64 = 0.6;
 /// Fastest insertion that machines reach, m/s.
 const FAST_INSERTION: f64 = 1.0;
 /// Fewest steps per period that show a sine.
@@ -105,15 +107,18 @@ fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &m
 /// Tines that begin among grains are refused once the bed is there. Whether a grain sticks out right under a blade is known only
 /// then.
 fn above_grains(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
-    let highest = HIGHEST * bed.grains.mean_size();
+    let size = bed.grains.mean_size();
     let clearance = tamping.insertion.clearance;
-    if clearance >= highest || layout.tines.is_empty() {
+    if clearance >= CLOSE * size || layout.tines.is_empty() {
         return;
     }
+    let highest = RISEN * size;
     let finding = Finding {
         problem: "the tines may begin among grains, and the run fail".into(),
         found: format!("a clearance of {clearance} m"),
-        expected: format!("at least {highest:.4} m, as far as grains stick out of the filled bed"),
+        expected: format!(
+            "at least {highest:.4} m, as far as grains may stick out of the prepared bed"
+        ),
         hint: None,
     };
     report.warn("tamping.insertion.clearance_m", finding);

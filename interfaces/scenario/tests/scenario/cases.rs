@@ -256,6 +256,12 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("m3 = 2700", "m3 = 27000", "1000 to 8000 kg/m³"),
         ("[tines]", "[bed.friction]\nsleeper = 35\n[tines]", "at most 2"),
         ("step_s = 1e-3", "step_s = 1e-3\nfriction = 2.5", "at most 2"),
+        ("= 0.06", "= 0.06\nmount = { rigid = true, mass_kg = 5 }", "`mass_kg` changes nothing"),
+        (
+            "[sleepers]",
+            "[sleepers]\nmount = { x = \"loaded\", stiffness_N_per_m = 1e7 }",
+            "`stiffness_N_per_m` changes nothing",
+        ),
         ("= 0.06", "= 0.06\nmount = { stiffness_N_per_m = 745 }", "`tine_1_plus` is too soft"),
         ("force_limit_N = 7800", "force_limit_N = 7.8", "limits are in N"),
         ("0.45, depth_m", "0.45, force_limit_N = 5, depth_m", "the insertion waits as soon as"),

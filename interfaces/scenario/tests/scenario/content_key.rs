@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the tenth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "9036959e26daf9002aed692c88976660");
+    assert_eq!(key(BASE), "b9ccdfab485c6e638322eba4f00bf787");
 }
 
 #[test]
