@@ -20,20 +20,24 @@ pub struct Compactness {
     pub compactness: f64,
 }
 
+/// Share of a zone that bodies have to leave free: in less, what grains overlap with them counts for as much as the grains.
+const LEAST: f64 = 0.05;
+
 /// Measures φ of a zone, with exact volumes of clipped polyhedra (T-21).
 ///
 /// Not only sleepers and tines but all driven bodies take their volume from the zone, so a zone may
 /// reach beyond floor and walls. Parts that overlap count once.
 ///
 /// # Errors
-/// [`Error::State`] if driven bodies leave nothing of the zone.
+/// [`Error::State`] if driven bodies leave less than a twentieth of the zone.
 pub fn compactness(model: &Model, state: &State, zone: &Zone) -> Result<Compactness> {
     let accessible = accessible_volume(model, state, zone);
-    if accessible <= 0.0 {
+    let share = accessible / zone.region.volume();
+    if share <= LEAST {
         return Err(Error::State {
             place: format!("compactness of zone {:?}", zone.name),
-            expected: "a zone not filled by driven bodies".into(),
-            found: "no accessible volume".into(),
+            expected: format!("more than {} % of it free of driven bodies", 100.0 * LEAST),
+            found: format!("{:.1} %", 100.0 * share.max(0.0)),
         });
     }
     let solid = solid_volume(model, state, zone);
@@ -125,7 +129,19 @@ mod tests {
         let mut model = scene::cubes(0);
         let part = Part::Convex { shape: 0, pose: Pose::identity() };
         model.driven.push(scene::driven("block", Role::Sleeper, vec![part]));
-        let error = compactness(&model, &scene::at(&[[0.0; 3]]), &zone([-0.2; 3], [0.2; 3]));
-        assert!(error.unwrap_err().to_string().contains("\"test\""));
+        let within =
+            |z: f64| compactness(&model, &scene::at(&[[0.0; 3]]), &zone([-0.2; 3], [0.2, 0.2, z]));
+        // The block ends at 0.5: what is left of these zones is nothing, 4 and 6 %.
+        for (z, expected) in
+            [(0.2, Some("0.0 %")), (0.7 / 0.96 - 0.2, Some("4.0 %")), (0.7 / 0.94 - 0.2, None)]
+        {
+            let told = within(z).err().map(|e| e.to_string());
+            assert_eq!(told.is_some(), expected.is_some(), "{told:?}");
+            assert!(
+                told.is_none_or(
+                    |text| text.contains("\"test\"") && text.contains(expected.unwrap())
+                )
+            );
+        }
     }
 }

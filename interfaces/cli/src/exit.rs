@@ -116,6 +116,9 @@ impl From<ballast_beds::Error> for Failure {
             Error::Preparation { source: ballast::Error::Geometry { .. }, .. } => {
                 Failure::InvalidCase(format!("{error}; change the shape of grains in [bed.grains]"))
             }
+            Error::Preparation { source: ballast::Error::Model { .. }, .. } => {
+                Failure::InvalidCase(error.to_string())
+            }
             Error::Folder { .. } | Error::Preparation { .. } => Failure::Failed(error.to_string()),
         }
     }

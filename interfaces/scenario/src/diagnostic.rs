@@ -65,6 +65,23 @@ impl Diagnostic {
     }
 }
 
+impl Diagnostic {
+    /// Without line and column, for a text that nobody has before their eyes.
+    pub fn without_place(&self) -> String {
+        let mut text = self.problem.clone();
+        if !self.key.is_empty() {
+            text = format!("{}: {text}", self.key);
+        }
+        for (word, what) in [("expected ", &self.expected), ("found ", &self.found)] {
+            if !what.is_empty() {
+                text += &format!(", {word}{what}");
+            }
+        }
+        self.hint.iter().for_each(|hint| text += &format!("; {hint}"));
+        text
+    }
+}
+
 /// The largest character boundary up to `at`.
 fn floor_boundary(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());

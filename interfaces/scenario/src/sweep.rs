@@ -156,7 +156,11 @@ fn put(
 /// As for [`with_values`]; what is then wrong with the case.
 pub fn changed(text: &str, point: &Point, name: &str) -> Result<String, String> {
     let text = with_values(text, point, name)?;
-    read_case(&text, name).map_err(|e| e.to_string())?;
+    // Lines of the text that is read here are those of no file.
+    read_case(&text, name).map_err(|wrong| {
+        let told = wrong.errors.iter().map(|e| format!("{name}: {}", e.without_place()));
+        told.collect::<Vec<_>>().join("\n")
+    })?;
     Ok(text)
 }
 
@@ -281,7 +285,8 @@ mod tests {
             ("name.first", Value::Integer(1), "expected a table at \"name\""),
         ] {
             let told = changed(CASE, &vec![(key.to_string(), value)], "point 1").unwrap_err();
-            assert!(told.contains(expected) && told.contains("point 1"), "{told}");
+            assert!(told.contains(expected) && told.starts_with("point 1: "), "{told}");
+            assert!(!told.contains("-->") && told.lines().count() == 1, "{told}");
         }
         // More than any stack holds.
         let deep = vec![(["a"; 300_000].join("."), Value::Integer(1))];

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::table::on_threads;
 use ballast_hdf5::checkpoint;
-use ballast_protocol::lockstep::empty_model;
+use ballast_protocol::lockstep::{Activity, empty_model};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Line, Link, Patience, Server};
 use serde_json::json;
@@ -110,5 +110,6 @@ fn component(key: &str, args: &Doctor) -> Result<String, String> {
         format!("{e}; does `ballast serve` run with this key, and do the endpoints match?")
     })?;
     let waits = status.waiting_for.map_or(String::new(), |what| format!(", waits for {what}"));
-    Ok(format!("{}{waits}", status.activity))
+    let told = format!("{}{waits}", status.activity);
+    if status.activity == Activity::Error { Err(told) } else { Ok(told) }
 }

@@ -19,7 +19,7 @@ struct Owner {
 }
 
 impl Ownership {
-    /// Makes the caller the owner: the how manieth there has been.
+    /// Makes the caller the owner; how many there have been with it.
     ///
     /// # Errors
     /// [`Code::Busy`] while another one drives.

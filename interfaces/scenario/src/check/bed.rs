@@ -21,6 +21,7 @@ pub fn bed(case: &CaseFile, fill_level: f64, report: &mut Report) {
     levels(case, fill_level, report);
     grain_number(&case.bed, fill_level, report);
     pouring_step(&case.bed, report);
+    weight(&case.bed, report);
 }
 
 fn shares(bed: &Bed, report: &mut Report) {
@@ -168,5 +169,19 @@ fn pouring_step(bed: &Bed, report: &mut Report) {
             hint: Some("1e-3 s is usual".into()),
         };
         report.error(key, finding);
+    }
+}
+
+/// A bed is poured by its weight.
+fn weight(bed: &Bed, report: &mut Report) {
+    let key = "bed.gravity_m_per_s2";
+    if report.clean(&[key]) && bed.gravity_m_per_s2 == 0.0 {
+        let finding = Finding {
+            problem: "a bed without weight stays as loose as it is laid".into(),
+            found: "no gravity".into(),
+            expected: "9.81 m/s², or another one above 0".into(),
+            hint: None,
+        };
+        report.warn(key, finding);
     }
 }

@@ -51,6 +51,7 @@ pub fn machine(
         return;
     }
     above_floor(tamping, bed, layout, report);
+    among_grains(tamping, bed, layout, report);
     above_grains(tamping, bed, layout, report);
     step_resolves(tamping, bed, layout, run, report);
 }
@@ -99,6 +100,24 @@ fn above_floor(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &m
                 hint: None,
             };
             report.error("tamping.insertion.depth_m", finding);
+            return;
+        }
+    }
+}
+
+/// Tines that never reach the bed tamp nothing.
+fn among_grains(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &mut Report) {
+    let (edge, level) = (tamping.deep_edge(bed), bed.preparation.fill_level);
+    for tine in &layout.tines {
+        let lowest = edge - tine.plan.blade.z;
+        if lowest >= level {
+            let finding = Finding {
+                problem: format!("`{}` never reaches the bed", tine.plan.name),
+                found: format!("its lower edge at z = {lowest:.4} m where it is deepest"),
+                expected: format!("below the fill level, {level:.4} m"),
+                hint: None,
+            };
+            report.warn("tamping.insertion.depth_m", finding);
             return;
         }
     }

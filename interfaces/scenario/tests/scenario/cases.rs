@@ -252,6 +252,8 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("1.666e-4", "0\nmomentum = true", "`momentum` changes nothing"),
         ("\"synchronous\"", "\"asynchronous\"\nmomentum = false", "`momentum` changes nothing"),
         ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
+        ("m3 = 2700", "m3 = 2700\ngravity_m_per_s2 = 0", "a bed without weight"),
+        ("0.45, depth_m = 0.018", "0.45, depth_m = -0.4", "never reaches the bed"),
         ("m3 = 2700", "m3 = 2.7", "2.7 kg/m³"),
         ("m3 = 2700", "m3 = 27000", "1000 to 8000 kg/m³"),
         ("[tines]", "[bed.friction]\nsleeper = 35\n[tines]", "at most 2"),
