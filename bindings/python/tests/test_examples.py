@@ -74,10 +74,15 @@ def test_window_study(place: Path) -> None:
 def test_window_study_tells_whatever_moves(case: ballast.Case, place: Path) -> None:
     for needed in ("scipy", "matplotlib"):
         pytest.importorskip(needed)
+    # What the folder holds of the case of before is none of it.
+    run(place, "window_study.py", "study", "2,1", "7")
     renamed(case).write(place / "tiny.toml")
     said = run(place, "window_study.py", "study", "2,1", "7")
     assert "larger than the range" not in said and "smallest p" not in said, "one bed has no range"
-    told = json.loads((place / "study/motion_7.json").read_text())
+    assert said.count("100 %") == 4
+    motions = [json.loads(path.read_text()) for path in (place / "study").glob("*/motion_7.json")]
+    assert len(motions) == 2
+    [told] = [motion for motion in motions if "block" in motion]
     assert set(told) == {"times_ns", "phases", "left", "right", "block"}
     lifted = [height for _, _, height, *_ in told["block"]]
     assert max(lifted) - lifted[0] == pytest.approx(case.to_dict()["tamping"]["lift"]["height_m"])

@@ -63,10 +63,10 @@ impl<'s> Walker<'_, '_, '_, 's> {
     ) {
         let known = properties.keys().map(String::as_str);
         let list: Vec<String> = known.clone().map(|k| format!("`{k}`")).collect();
+        // What is a key elsewhere is hardly a slip of another one here.
         let hint = match self.homes(key).as_slice() {
             [] => did_you_mean(key, known),
-            homes => did_you_mean(key, known)
-                .or_else(|| Some(format!("`{key}` belongs in {}", homes.join(" or ")))),
+            homes => Some(format!("`{key}` belongs in {}", homes.join(" or "))),
         };
         let finding = Finding {
             problem: format!("unknown key {}", quoted(key)),
