@@ -127,6 +127,14 @@ impl RunFiles {
         Ok(())
     }
 
+    /// Refuses a file of the run, and one that cannot be written, for a recording of it: before a bed is prepared, and anything
+    /// removed.
+    pub fn may_record(&self, path: Option<&Path>) -> Outcome {
+        let Some(path) = path else { return Ok(()) };
+        self.refuse_own(path)?;
+        writable(path)
+    }
+
     /// Refuses a folder where a run stopped before its end; `or` is what else can be done than to go on with it.
     pub fn refuse_unfinished(&self, or: &str) -> Outcome {
         if !self.is_unfinished() {

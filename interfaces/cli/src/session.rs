@@ -51,7 +51,7 @@ pub struct Session {
 
 impl Session {
     /// Starts a run or a replay, recorded to the file `record` if there is one: what an earlier one left
-    /// in the folder is replaced. What cannot take a step is to be refused before.
+    /// in the folder is replaced. What cannot take a step, or be recorded, is to be refused before.
     pub fn begin(
         case: Case,
         engine: Engine,
@@ -59,8 +59,6 @@ impl Session {
         record: Option<&Path>,
         console: Console,
     ) -> Outcome<Self> {
-        // Before anything is removed.
-        record.map(|path| files.refuse_own(path)).transpose()?;
         let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, engine.model())?;

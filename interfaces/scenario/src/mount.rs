@@ -21,7 +21,7 @@ pub fn of_tine(
             ("stiffness_N_per_m", case.stiffness.is_some()),
             ("damping_ratio", case.damping_ratio != usual),
         ];
-        warn_idle(&idle, "`rigid = true`: the tine does not give way", key, report);
+        warn_idle(idle.into_iter(), "`rigid = true`: the tine does not give way", key, report);
         return None;
     }
     let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
@@ -33,8 +33,13 @@ pub fn of_tine(
 }
 
 /// Warns of keys that are there and change nothing.
-fn warn_idle(keys: &[(&str, bool)], found: &str, key: &str, report: &mut Report) {
-    for (name, _) in keys.iter().filter(|(_, is_there)| *is_there) {
+fn warn_idle<'n>(
+    keys: impl Iterator<Item = (&'n str, bool)>,
+    found: &str,
+    key: &str,
+    report: &mut Report,
+) {
+    for (name, _) in keys.filter(|(_, is_there)| *is_there) {
         let finding = Finding {
             problem: format!("`{name}` changes nothing"),
             found: found.into(),
@@ -55,16 +60,21 @@ pub fn of_sleeper(
 ) -> Option<Mount> {
     let modes = [case.x, case.y, case.z, case.about_x, case.about_y, case.about_z];
     let springs = [
-        ("stiffness_N_per_m", case.stiffness, case.damping, &modes[..3]),
+        ("translation", ["stiffness_N_per_m", "damping_N_s_per_m"], case.stiffness, case.damping),
         (
-            "turning_stiffness_N_m_per_rad",
+            "rotation",
+            ["turning_stiffness_N_m_per_rad", "turning_damping_N_m_s_per_rad"],
             case.turning_stiffness,
             case.turning_damping,
-            &modes[3..],
         ),
     ];
-    for (name, stiffness, _, modes) in &springs {
-        if modes.contains(&Mode::Sprung) && stiffness.is_none() {
+    for ((what, names, stiffness, damping), modes) in springs.into_iter().zip(modes.chunks(3)) {
+        let [name, _] = names;
+        if !modes.contains(&Mode::Sprung) {
+            let idle = [stiffness.is_some(), damping != 0.0];
+            let found = format!("no {what} that is sprung");
+            warn_idle(names.into_iter().zip(idle), &found, key, report);
+        } else if stiffness.is_none() {
             let finding = Finding {
                 problem: format!("missing key `{name}`"),
                 found: "a degree of freedom that is sprung".into(),
@@ -74,21 +84,6 @@ pub fn of_sleeper(
             report.error(&format!("{key}.{name}"), finding);
             return None;
         }
-    }
-    let is_sprung = |modes: &[Mode]| modes.contains(&Mode::Sprung);
-    if !is_sprung(&modes[..3]) {
-        let idle = [
-            ("stiffness_N_per_m", case.stiffness.is_some()),
-            ("damping_N_s_per_m", case.damping != 0.0),
-        ];
-        warn_idle(&idle, "no translation that is sprung", key, report);
-    }
-    if !is_sprung(&modes[3..]) {
-        let idle = [
-            ("turning_stiffness_N_m_per_rad", case.turning_stiffness.is_some()),
-            ("turning_damping_N_m_s_per_rad", case.turning_damping != 0.0),
-        ];
-        warn_idle(&idle, "no rotation that is sprung", key, report);
     }
     if is_lifted && case.z == Mode::Loaded {
         let finding = Finding {
@@ -101,7 +96,7 @@ pub fn of_sleeper(
         return None;
     }
     let freedom = |(k, mode): (usize, Mode)| {
-        let (_, stiffness, damping, _) = springs[k / 3];
+        let (_, _, stiffness, damping) = springs[k / 3];
         match mode {
             Mode::Held => Freedom::Held,
             Mode::Loaded => Freedom::Loaded,

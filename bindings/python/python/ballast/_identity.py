@@ -35,11 +35,15 @@ def key(case: ballast.Case, bed_key: str, point: Mapping[str, Any], measure: Cal
 
 def name(measure: Callable[..., Any]) -> str:
     """A measure as readers know it."""
-    inner: Any = measure
-    while isinstance(inner, functools.partial):
-        inner = inner.func
-    function = _functions(inner)[-1]
+    function = _functions(inner(measure))[-1]
     return f"{function.__module__}.{function.__qualname__}"
+
+
+def inner(measure: Any) -> Any:
+    """What `functools.partial` binds values to."""
+    while isinstance(measure, functools.partial):
+        measure = measure.func
+    return measure
 
 
 def code(measure: Callable[..., Any]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import pickle
 import signal
@@ -17,6 +16,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
+from ballast import _identity
+
 #: A function and its arguments.
 Call = tuple[Any, ...]
 Keep = Callable[[int, Any], None]
@@ -28,9 +29,7 @@ _PACKAGE = os.path.join(os.path.dirname(__file__), "")
 def check(measure: Callable[..., Any]) -> None:
     """Tells of a measure that other processes cannot find, before any of them ends at it."""
     advice = "put it in a module, or pass `executor=`"
-    inner = measure
-    while isinstance(inner, functools.partial):
-        inner = inner.func
+    inner = _identity.inner(measure)
     if getattr(inner, "__module__", None) == "__main__" and not _main_is_read_again():
         raise TypeError(
             f"measure: expected a function of a module, which other processes read, found {inner!r} of a notebook or a "

@@ -49,6 +49,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         files.refuse_unfinished("choose another folder with --out, or replace it with --force")?;
     }
     files.refuse_own(&args.file)?;
+    files.may_record(args.record.as_deref())?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let (model, state, playback) = match windows {

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::Outcome;
-use crate::files::{RunFiles, writable};
+use crate::files::RunFiles;
 use crate::session::{self, Session};
 use crate::{beds, interrupt};
 use std::path::Path;
@@ -20,10 +20,7 @@ pub fn run(args: Run, console: Console) -> Outcome {
         files.refuse_unfinished("start over with --force")?;
     }
     // Before a bed is prepared, and anything that is there replaced.
-    if let Some(path) = &args.record {
-        files.refuse_own(path)?;
-        writable(path)?;
-    }
+    files.may_record(args.record.as_deref())?;
     let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
     let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
     let dump = dump.transpose()?;

@@ -3,9 +3,9 @@
 use crate::common::scene::Random;
 use crate::proxy::Proxy;
 use crate::setup::{
-    KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed,
+    KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed, wait_until,
 };
-use ballast_protocol::lockstep::{Code, Place, SetParameters, StatusReport};
+use ballast_protocol::lockstep::{Code, Place, SetParameters};
 use ballast_protocol::messages::Interpolation;
 use ballast_protocol::pacer::FreeRunning;
 use ballast_zenoh::{Client, Error, Line, Link, Patience, SILENCE};
@@ -156,26 +156,15 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
 /// The result of the call, and where the run was when the wire was cut.
 fn unheard<T>(served: &Served, proxy: &Proxy, call: impl FnOnce() -> T) -> (T, Place) {
     let line = Line::open(KEY, &served.link(), patient()).unwrap();
-    let until = |what: &dyn Fn(&StatusReport) -> bool| {
-        let begin = Instant::now();
-        loop {
-            let status = line.status().unwrap();
-            if what(&status) {
-                return status.place;
-            }
-            assert!(begin.elapsed() < Duration::from_secs(20), "{status:?}");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    };
     let before = line.status().unwrap().place;
     proxy.lose_answers();
     std::thread::scope(|scope| {
         let wire = scope.spawn(|| {
-            let done = until(&|status| status.place != before);
+            let done = wait_until(|| line.status(), |status| status.place != before);
             proxy.cut();
-            until(&|status| status.owner.is_none());
+            wait_until(|| line.status(), |status| status.owner.is_none());
             proxy.restore();
-            done
+            done.place
         });
         (call(), wire.join().unwrap())
     })

@@ -182,10 +182,18 @@ pub fn wait_for(
     ask: impl Fn() -> Result<StatusReport, ballast_zenoh::Error>,
     activity: Activity,
 ) -> StatusReport {
+    wait_until(ask, |status| status.activity == activity)
+}
+
+/// The first status, asked for again and again, that is as it should be.
+pub fn wait_until(
+    ask: impl Fn() -> Result<StatusReport, ballast_zenoh::Error>,
+    is_it: impl Fn(&StatusReport) -> bool,
+) -> StatusReport {
     let begin = Instant::now();
     loop {
         let status = ask().unwrap();
-        if status.activity == activity {
+        if is_it(&status) {
             return status;
         }
         assert!(begin.elapsed() < Duration::from_secs(20), "{status:?}");
