@@ -165,7 +165,7 @@ def scaling(results: Path) -> Figure:
     times.set_ylabel("a step of 100 sweeps, s")
     times.legend(fontsize="small")
     efficiency.set_ylabel("efficiency, %")
-    efficiency.set_ylim(0.0, 105.0)
+    efficiency.set_ylim(bottom=0.0)
     figure.suptitle("Lines: a model, not a measurement", fontsize="medium")
     return figure
 
