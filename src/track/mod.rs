@@ -23,6 +23,8 @@ pub mod zones;
 pub use clearance::{SLACK, Swept, swept};
 pub use deposit::{Bed, FALL_SPEED, MOST_GRAINS, deposit};
 pub use machine_control::{LONGEST_WINDOW, TinePair};
+pub use pour::CELLS_PER_GRAIN;
+pub use relief::MOST_CELLS;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use sleeper::sleeper_mount;

@@ -28,8 +28,8 @@ const MISSES: usize = 20;
 const STUFFING: f64 = 400.0;
 /// Air between a grain and what it is laid upon, m: rounding must not make it an overlap.
 const AIR: f64 = 1e-5;
-/// Cells across the smallest grains.
-const CELLS_PER_GRAIN: f64 = 14.0;
+/// Cells of the raster across the smallest grains.
+pub const CELLS_PER_GRAIN: f64 = 14.0;
 
 /// The random grain shapes of a bed and how often each is drawn.
 #[derive(Debug, Clone)]

@@ -11,8 +11,8 @@ use crate::math::Quat;
 
 /// Faces steeper than this (z component of their normal) bound nothing from above or below.
 const STEEP: f64 = 1e-6;
-/// Largest raster, cells: a box of 14 m × 14 m at 2 mm.
-const LARGEST: f64 = 5e7;
+/// Most cells of the raster that a bed is poured on: a box of 14 m × 14 m at 2 mm.
+pub const MOST_CELLS: f64 = 5e7;
 
 /// Upper surface of the bed over square cells.
 #[derive(Debug, Clone)]
@@ -106,10 +106,10 @@ impl Relief {
     /// An empty floor, `size` in x and y (m), with cells of about `cell`.
     pub fn flat(size: [f64; 2], cell: f64) -> Result<Self> {
         let count = |length: f64| (length / cell).ceil();
-        if !(count(size[0]) * count(size[1]) <= LARGEST) {
+        if !(count(size[0]) * count(size[1]) <= MOST_CELLS) {
             return Err(Error::Model {
                 place: "bed.size".into(),
-                expected: format!("at most {LARGEST} cells of {cell} m in plan view"),
+                expected: format!("at most {MOST_CELLS} cells of {cell} m in plan view"),
                 found: format!("{} x {} m", size[0], size[1]),
             });
         }

@@ -103,6 +103,21 @@ impl Keeper {
 }
 
 impl Host for Keeper {
+    fn opened(&mut self, lockstep: &Lockstep) {
+        let place = lockstep.place();
+        self.console.note(&match lockstep.is_configured() {
+            false => "waits for `init`".to_string(),
+            true => format!(
+                "run {} is ready after window {}, at {:.4} s",
+                place.run_id,
+                place.seq,
+                place.now_ns as f64 / 1e9
+            ),
+        });
+        let ready = json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns });
+        self.console.event("ready", ready);
+    }
+
     fn keep(&mut self, lockstep: &Lockstep) -> bool {
         if !lockstep.is_configured() {
             return false;

@@ -55,21 +55,6 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     if !resumes && keeper.keep(&lockstep) {
         lockstep.note_durable();
     }
-    let place = lockstep.place();
-    let what = if resumes { "goes on" } else { "is ready" };
-    console.note(&match waits {
-        true => "waits for `init`".to_string(),
-        false => format!(
-            "run {} {what} after window {}, at {:.4} s",
-            place.run_id,
-            place.seq,
-            place.now_ns as f64 * 1e-9
-        ),
-    });
-    console.event(
-        "ready",
-        json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns }),
-    );
     let lockstep = server.run(lockstep, &mut keeper)?;
     if let Some(recording) = keeper.recording.take() {
         let ended = recording.finish();

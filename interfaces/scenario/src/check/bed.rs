@@ -2,7 +2,7 @@
 
 use crate::case_file::{Bed, CaseFile, Grains};
 use crate::report::{Finding, Report};
-use ballast::track::{FALL_SPEED, MOST_GRAINS};
+use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MOST_CELLS, MOST_GRAINS};
 
 /// Compactness of a prepared bed, for estimates only.
 const COMPACTNESS: f64 = 0.58;
@@ -143,6 +143,22 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
             found: format!("about {expected:.1e} grains"),
             expected: format!("at most {MOST_EXPECTED:.0e}"),
             hint: Some("all sizes are in metres".into()),
+        };
+        report.error("bed.size_m", finding);
+        return;
+    }
+    // It is poured on a raster that shows the smallest.
+    let smallest = grains.classes.iter().map(|c| c.size_m).fold(f64::INFINITY, f64::min);
+    let cells = [x, y].map(|side| (side * CELLS_PER_GRAIN / smallest).ceil());
+    if cells[0] * cells[1] > MOST_CELLS {
+        let finding = Finding {
+            problem: "the bed is too wide for its smallest grains".into(),
+            found: format!("{x} m x {y} m and grains of {smallest} m"),
+            expected: format!(
+                "at most {:.3e} times the square of these in plan view",
+                MOST_CELLS / CELLS_PER_GRAIN.powi(2)
+            ),
+            hint: None,
         };
         report.error("bed.size_m", finding);
     }

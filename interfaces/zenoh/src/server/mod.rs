@@ -46,6 +46,9 @@ const LINGER: Duration = Duration::from_millis(100);
 
 /// What is done beside answering; called by the computing thread.
 pub trait Host {
+    /// Partners find the component from now on, and its status tells this run.
+    fn opened(&mut self, _lockstep: &Lockstep) {}
+
     /// An owner is lost or leaves, the run was taken elsewhere, or the component quits: the state should be
     /// kept; whether it is.
     fn keep(&mut self, _lockstep: &Lockstep) -> bool {
@@ -178,6 +181,7 @@ impl Server {
         service.show();
         service.be_the_only_one()?;
         service.come_alive()?;
+        service.host.opened(&service.lockstep);
         service.serve(&inbox)?;
         service.lockstep.quit();
         service.keep();
