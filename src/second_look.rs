@@ -86,13 +86,22 @@ impl SolvedMotion<'_> {
     }
 }
 
-/// How deep bodies will be in each other at configuration m of the next step, as the contacts of this one have it, m: what
-/// the next step's penetration will be but for turns and new contacts (T-26).
-pub fn penetration_ahead(model: &Model, ws: &Workspace) -> f64 {
+/// How deep bodies that the step presses further than `limit` into each other will be, m; 0 where there are none. By
+/// configurations m of this step and the next, as the contacts of this one have it: what the next step's penetration will
+/// be but for turns and new contacts (T-26). Bodies that are deeper already count where they go further.
+pub fn pressed_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
     let Workspace { motion, contacts, velocity, spin, recovery, .. } = ws;
     let solved = SolvedMotion { motion, velocity, spin, recovery };
     let h = model.stepping.h();
-    let depth = |i: usize| -solved.gap_ahead(contacts, i, h);
+    // What rests there is not still to the last digit.
+    let slack = 1e-5 * limit;
+    let depth = |i: usize| {
+        let ahead = -solved.gap_ahead(contacts, i, h);
+        let now = |k: usize| -contacts.gap[k];
+        let goes_on =
+            || ahead > slack + contacts.of(contacts.bodies[i]).map(now).fold(0.0, f64::max);
+        if ahead > limit && goes_on() { ahead } else { 0.0 }
+    };
     (0..contacts.len()).into_par_iter().with_min_len(1024).map(depth).reduce(|| 0.0, f64::max)
 }
 

@@ -27,7 +27,7 @@ use crate::drive::{Inputs, SpeedLimit};
 use crate::error::{Cause, Error};
 use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
-use crate::second_look::penetration_ahead;
+use crate::second_look::pressed_beyond;
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, advance};
 use crate::workspace::Workspace;
@@ -238,10 +238,10 @@ impl Component {
                     account.take(&report, &self.state, model.stepping.h());
                     memory.recent.take(&report.reactions, model.stepping.step_ns);
                     memory.squeezes.take(&model, &self.state, &report);
-                    if let ControlFlow::Break(stop) = watch(&self.state, &report)
-                        && self.now_ns() < t1_ns
-                    {
-                        stopped = Some(stop);
+                    if let ControlFlow::Break(stop) = watch(&self.state, &report) {
+                        // What is complete is not early.
+                        let is_over = self.now_ns() == t1_ns && stop == Stop::Early;
+                        stopped = (!is_over).then_some(stop);
                         break;
                     }
                 }
@@ -409,14 +409,13 @@ impl Component {
 
     /// Refuses a step that presses bodies into each other deeper than allowed. What it has found so deep is no fault of
     /// it: no window could be computed any more.
-    fn expect_shallow(&self, report: &StepReport) -> Result<(), Error> {
+    fn expect_shallow(&self) -> Result<(), Error> {
         let limit = self.limits.penetration;
         if limit.is_infinite() {
             return Ok(());
         }
-        let ahead = penetration_ahead(&self.model, &self.workspace);
-        // What rests there is not still to the last digit.
-        if ahead <= limit.max(report.max_penetration + 1e-5 * limit) {
+        let pressed = pressed_beyond(limit, &self.model, &self.workspace);
+        if pressed == 0.0 {
             return Ok(());
         }
         Err(Error::Step {
@@ -424,7 +423,7 @@ impl Component {
             time_s: self.state.time(),
             place: "penetration".into(),
             expected: format!("at most {limit:.3e} m"),
-            found: format!("{ahead:.3e} m"),
+            found: format!("{pressed:.3e} m"),
         })
     }
 
@@ -441,7 +440,7 @@ impl Component {
         let mut next = self.spares.take();
         let report =
             advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, stopwatch)?;
-        self.expect_shallow(&report)?;
+        self.expect_shallow()?;
         self.spares.keep(std::mem::replace(&mut self.state, Arc::new(next)));
         Ok(report)
     }

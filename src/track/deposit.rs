@@ -80,140 +80,160 @@ pub fn deposit(
     let mut bench = empty_box(plan)?;
     let templates = Templates::generate(&plan.bed, &mut rng, &mut bench.model.shapes)?;
     check_count(plan, templates.mean_volume(&bench.model.shapes))?;
-    for stage in [pour_below, fill_cribs, top_up, trim, rest] {
-        if stage(plan, &templates, &mut rng, &mut bench, watch)?.is_break() {
+    let mut site = Site { plan, templates, rng, bench, watch };
+    for stage in [Site::pour_below, Site::fill_cribs, Site::top_up, Site::trim, Site::rest] {
+        if stage(&mut site)?.is_break() {
             return Ok(None);
         }
     }
-    bench.state.step = 0;
-    bench.state.time_ns = 0;
-    bench.state.energy = EnergyLedger::default();
-    Ok(Some(Bed { model: bench.model, state: bench.state }))
+    let Bench { model, mut state, .. } = site.bench;
+    state.step = 0;
+    state.time_ns = 0;
+    state.energy = EnergyLedger::default();
+    Ok(Some(Bed { model, state }))
 }
 
-type Watch<'a> = &'a mut dyn FnMut(&DepositProgress) -> ControlFlow<()>;
-
-/// Stage 1: the bed below the sleepers.
-fn pour_below(
-    plan: &Plan,
-    templates: &Templates,
-    rng: &mut Pcg64,
-    bench: &mut Bench,
-    watch: Watch,
-) -> Result<ControlFlow<()>> {
-    let bed = &plan.bed;
-    let largest = bed.grains.classes.iter().map(|c| c.size).fold(0.0, f64::max);
-    let level = if plan.sleepers.is_empty() {
-        bed.preparation.fill_level
-    } else {
-        (bed.preparation.ballast_depth + 0.5 * largest).min(bed.preparation.fill_level)
-    };
-    let volume = RECKONED_COMPACTNESS * bed.size.x * bed.size.y * level;
-    let mut relief = pour::relief(bed)?;
-    let laid = pour::pour(&mut relief, templates, &bench.model.shapes, &bed.size, volume, rng)?;
-    insert(bench, &laid, bed.density);
-    bench.settle(&pouring(plan, DepositStage::Pour), watch)
+/// A bed in the making.
+struct Site<'a> {
+    plan: &'a Plan,
+    templates: Templates,
+    rng: Pcg64,
+    bench: Bench,
+    watch: &'a mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
 }
 
-/// Stage 2: the sleepers, and the cribs around them.
-fn fill_cribs(
-    plan: &Plan,
-    templates: &Templates,
-    rng: &mut Pcg64,
-    bench: &mut Bench,
-    watch: Watch,
-) -> Result<ControlFlow<()>> {
-    if plan.sleepers.is_empty() {
-        return Ok(ControlFlow::Continue(()));
+/// The stages; each tells whether it was asked to stop.
+impl Site<'_> {
+    /// Stage 1: the bed below the sleepers.
+    fn pour_below(&mut self) -> Result<ControlFlow<()>> {
+        let (plan, bed) = (self.plan, &self.plan.bed);
+        let largest = bed.grains.classes.iter().map(|c| c.size).fold(0.0, f64::max);
+        let level = if plan.sleepers.is_empty() {
+            bed.preparation.fill_level
+        } else {
+            (bed.preparation.ballast_depth + 0.5 * largest).min(bed.preparation.fill_level)
+        };
+        let volume = RECKONED_COMPACTNESS * bed.size.x * bed.size.y * level;
+        let mut relief = pour::relief(bed)?;
+        let (shapes, size) = (&self.bench.model.shapes, &bed.size);
+        let laid = pour::pour(&mut relief, &self.templates, shapes, size, volume, &mut self.rng)?;
+        self.insert(&laid);
+        self.settle(&pouring(plan, DepositStage::Pour))
     }
-    let bed = &plan.bed;
-    make_room(plan, bench, bed.preparation.ballast_depth);
-    for s in &plan.sleepers {
-        let body = sleeper(
-            s,
-            bed.friction.sleeper.min(bed.preparation.friction),
-            &mut bench.model.shapes,
-        )?;
-        bench.model.driven.push(body);
-        bench.state.push(sleeper_pose(plan, s));
-    }
-    let laid = lay_cribs(plan, templates, rng, bench)?;
-    insert(bench, &laid, bed.density);
-    bench.settle(&pouring(plan, DepositStage::Fill), watch)
-}
 
-/// Stage 2, gone on with: what lacks to the fill level.
-fn top_up(
-    plan: &Plan,
-    templates: &Templates,
-    rng: &mut Pcg64,
-    bench: &mut Bench,
-    watch: Watch,
-) -> Result<ControlFlow<()>> {
-    let bed = &plan.bed;
-    let (level, mean_size) = (bed.preparation.fill_level, bed.grains.mean_size());
-    let mut before = f64::INFINITY;
-    for _ in 0..TOP_UPS {
-        let mut relief = present_relief(plan, bench)?;
+    /// Stage 2: the sleepers, and the cribs around them.
+    fn fill_cribs(&mut self) -> Result<ControlFlow<()>> {
+        let (plan, bed) = (self.plan, &self.plan.bed);
+        if plan.sleepers.is_empty() {
+            return Ok(ControlFlow::Continue(()));
+        }
+        make_room(plan, &mut self.bench, bed.preparation.ballast_depth);
+        let friction = bed.friction.sleeper.min(bed.preparation.friction);
+        for s in &plan.sleepers {
+            let body = sleeper(s, friction, &mut self.bench.model.shapes)?;
+            self.bench.model.driven.push(body);
+            self.bench.state.push(sleeper_pose(plan, s));
+        }
+        let laid = self.lay_cribs()?;
+        self.insert(&laid);
+        self.settle(&pouring(plan, DepositStage::Fill))
+    }
+
+    /// Stage 2, gone on with: what lacks to the fill level.
+    fn top_up(&mut self) -> Result<ControlFlow<()>> {
+        let (plan, bed) = (self.plan, &self.plan.bed);
+        let (level, mean_size) = (bed.preparation.fill_level, bed.grains.mean_size());
+        let mut before = f64::INFINITY;
+        for _ in 0..TOP_UPS {
+            let mut relief = present_relief(plan, &self.bench)?;
+            block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
+            let [lacking, area] = relief.lacking(level);
+            if lacking <= LOW * mean_size * area || lacking > NO_FULLER * before {
+                break;
+            }
+            before = lacking;
+            let volume = RECKONED_COMPACTNESS * (lacking + 0.5 * mean_size * area);
+            let laid = self.lay_where_it_fits(&mut relief, volume);
+            self.insert(&laid);
+            let settled = self.settle(&pouring(plan, DepositStage::Fill))?;
+            if settled.is_break() {
+                return Ok(settled);
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Stage 3: the fill level, and the friction of the run.
+    fn trim(&mut self) -> Result<ControlFlow<()>> {
+        let (plan, bench) = (self.plan, &mut self.bench);
+        let level = plan.bed.preparation.fill_level;
+        let mean_size = plan.bed.grains.mean_size();
+        let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
+        let top = |g: usize| top(&shapes[grains.shape[g] as usize], &state.pose(g));
+        let within =
+            |g: usize| state.position[g].z <= level && top(g) <= level + HIGHEST * mean_size;
+        let mut keep: Vec<bool> = (0..grains.len()).map(within).collect();
+        bench.deny_deep(DEEPEST * mean_size, &mut keep);
+        bench.retain(&keep);
+        run_settings(plan, &mut bench.model);
+        let mut settling = pouring(plan, DepositStage::Trim);
+        settling.grain_friction = plan.bed.friction.grain;
+        self.settle(&settling)
+    }
+
+    /// Stage 4: the run's time step.
+    fn rest(&mut self) -> Result<ControlFlow<()>> {
+        let plan = self.plan;
+        let most = (LAST_STAGE / plan.run.stepping.h()).ceil() as u64;
+        self.settle(&Settling {
+            stage: DepositStage::Rest,
+            stepping: plan.run.stepping,
+            solver: solver(REST_ITERATIONS, Some(REST_TOLERANCE)),
+            grain_friction: plan.bed.friction.grain,
+            fall_speed: None,
+            steps: [most.min(10), most],
+            rest_speed: plan.bed.preparation.rest_speed,
+        })
+    }
+
+    fn settle(&mut self, settling: &Settling) -> Result<ControlFlow<()>> {
+        self.bench.settle(settling, self.watch)
+    }
+
+    fn insert(&mut self, laid: &[Laid]) {
+        let grains: Vec<(u32, Pose)> = laid.iter().map(|g| (g.shape as u32, g.pose)).collect();
+        self.bench.insert(&grains, self.plan.bed.density);
+    }
+
+    /// Lays about this volume (m³) where grains fit.
+    fn lay_where_it_fits(&mut self, relief: &mut Relief, volume: f64) -> Vec<Laid> {
+        let (shapes, size) = (&self.bench.model.shapes, &self.plan.bed.size);
+        pour::pour_where_it_fits(relief, &self.templates, shapes, size, volume, &mut self.rng)
+    }
+
+    /// Lays what lacks under the blocks, and in the cribs up to the fill level, where grains fit into them.
+    fn lay_cribs(&mut self) -> Result<Vec<Laid>> {
+        let (plan, bed) = (self.plan, &self.plan.bed);
+        let mut relief = present_relief(plan, &self.bench)?;
+        let (grains, shapes) = (&self.bench.model.grains, &self.bench.model.shapes);
+        let mut laid = Vec::new();
+        for block in block_boxes(plan) {
+            let (templates, rng) = (&self.templates, &mut self.rng);
+            laid.extend(pour::stuff(&mut relief, templates, shapes, &block, rng));
+        }
         block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
-        let [lacking, area] = relief.lacking(level);
-        if lacking <= LOW * mean_size * area || lacking > NO_FULLER * before {
-            break;
-        }
-        before = lacking;
-        let volume = RECKONED_COMPACTNESS * (lacking + 0.5 * mean_size * area);
-        let shapes = &bench.model.shapes;
-        let laid = pour::pour_where_it_fits(&mut relief, templates, shapes, &bed.size, volume, rng);
-        insert(bench, &laid, bed.density);
-        let settled = bench.settle(&pouring(plan, DepositStage::Fill), watch)?;
-        if settled.is_break() {
-            return Ok(settled);
-        }
+        let filled = bed.preparation.fill_level;
+        let occupied: f64 = block_boxes(plan)
+            .map(|b| AxisBox { high: Vec3::new(b.high.x, b.high.y, b.high.z.min(filled)), ..b })
+            .map(|b| b.volume())
+            .sum();
+        let room = bed.size.x * bed.size.y * filled - occupied;
+        let present: f64 = grains.shape.iter().map(|shape| shapes[*shape as usize].volume).sum();
+        let added: f64 = laid.iter().map(|g| shapes[g.shape].volume).sum();
+        let lacking = RECKONED_COMPACTNESS * room - present - added;
+        laid.extend(self.lay_where_it_fits(&mut relief, lacking));
+        Ok(laid)
     }
-    Ok(ControlFlow::Continue(()))
-}
-
-/// Stage 3: the fill level, and the friction of the run.
-fn trim(
-    plan: &Plan,
-    _: &Templates,
-    _: &mut Pcg64,
-    bench: &mut Bench,
-    watch: Watch,
-) -> Result<ControlFlow<()>> {
-    let level = plan.bed.preparation.fill_level;
-    let mean_size = plan.bed.grains.mean_size();
-    let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
-    let top = |g: usize| top(&shapes[grains.shape[g] as usize], &state.pose(g));
-    let within = |g: usize| state.position[g].z <= level && top(g) <= level + HIGHEST * mean_size;
-    let mut keep: Vec<bool> = (0..grains.len()).map(within).collect();
-    bench.deny_deep(DEEPEST * mean_size, &mut keep);
-    bench.retain(&keep);
-    run_settings(plan, &mut bench.model);
-    let mut settling = pouring(plan, DepositStage::Trim);
-    settling.grain_friction = plan.bed.friction.grain;
-    bench.settle(&settling, watch)
-}
-
-/// Stage 4: the run's time step.
-fn rest(
-    plan: &Plan,
-    _: &Templates,
-    _: &mut Pcg64,
-    bench: &mut Bench,
-    watch: Watch,
-) -> Result<ControlFlow<()>> {
-    let most = (LAST_STAGE / plan.run.stepping.h()).ceil() as u64;
-    let settling = Settling {
-        stage: DepositStage::Rest,
-        stepping: plan.run.stepping,
-        solver: solver(REST_ITERATIONS, Some(REST_TOLERANCE)),
-        grain_friction: plan.bed.friction.grain,
-        fall_speed: None,
-        steps: [most.min(10), most],
-        rest_speed: plan.bed.preparation.rest_speed,
-    };
-    bench.settle(&settling, watch)
 }
 
 /// The settings of the damped stages.
@@ -269,11 +289,6 @@ fn empty_box(plan: &Plan) -> Result<Bench> {
     Ok(Bench { model, state, workspace: Workspace::default() })
 }
 
-fn insert(bench: &mut Bench, laid: &[Laid], density: f64) {
-    let grains: Vec<(u32, Pose)> = laid.iter().map(|g| (g.shape as u32, g.pose)).collect();
-    bench.insert(&grains, density);
-}
-
 /// Takes out the grains that reach into the sleepers' columns above `level`.
 fn make_room(plan: &Plan, bench: &mut Bench, level: f64) {
     let columns: Vec<AxisBox> = block_boxes(plan)
@@ -303,36 +318,6 @@ fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &Axi
     let apart =
         (0..3).any(|k| p[k] + shape.radius < region.low[k] || p[k] - shape.radius > region.high[k]);
     !apart && clipper.inside_box(shape, pose, region).volume > TOUCH * shape.volume
-}
-
-/// Lays what lacks under the blocks, and in the cribs up to the fill level, where grains fit into them.
-fn lay_cribs(
-    plan: &Plan,
-    templates: &Templates,
-    rng: &mut Pcg64,
-    bench: &Bench,
-) -> Result<Vec<Laid>> {
-    let bed = &plan.bed;
-    let preparation = &bed.preparation;
-    let mut relief = present_relief(plan, bench)?;
-    let (grains, shapes) = (&bench.model.grains, &bench.model.shapes);
-    let mut stuffed = Vec::new();
-    for block in block_boxes(plan) {
-        stuffed.extend(pour::stuff(&mut relief, templates, shapes, &block, rng));
-    }
-    block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
-    let filled = preparation.fill_level;
-    let occupied: f64 = block_boxes(plan)
-        .map(|b| AxisBox { high: Vec3::new(b.high.x, b.high.y, b.high.z.min(filled)), ..b })
-        .map(|b| b.volume())
-        .sum();
-    let room = bed.size.x * bed.size.y * filled - occupied;
-    let present: f64 = grains.shape.iter().map(|shape| shapes[*shape as usize].volume).sum();
-    let added: f64 = stuffed.iter().map(|g| shapes[g.shape].volume).sum();
-    let lacking = RECKONED_COMPACTNESS * room - present - added;
-    let size = &bed.size;
-    stuffed.extend(pour::pour_where_it_fits(&mut relief, templates, shapes, size, lacking, rng));
-    Ok(stuffed)
 }
 
 /// The relief of the grains that are there.

@@ -191,6 +191,13 @@ pub struct VibrationPlan {
     pub amplitude: f64,
 }
 
+impl VibrationPlan {
+    /// Its period, s; none where nothing swings.
+    pub fn period(&self) -> Option<f64> {
+        (self.amplitude > 0.0 && self.frequency > 0.0).then(|| 1.0 / self.frequency)
+    }
+}
+
 /// How the scenario is run and what is written.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunPlan {

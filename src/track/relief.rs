@@ -11,8 +11,9 @@ use crate::math::Quat;
 
 /// Faces steeper than this (z component of their normal) bound nothing from above or below.
 const STEEP: f64 = 1e-6;
-/// Most cells of the raster that a bed is poured on: a box of 14 m × 14 m at 2 mm.
-pub const MOST_CELLS: f64 = 5e7;
+/// Most cells of the raster that a bed is poured on, 1.6 GB: a box of 28 m × 28 m at 2 mm, with more stones than fit a
+/// machine.
+pub const MOST_CELLS: f64 = 2e8;
 
 /// Upper surface of the bed over square cells.
 #[derive(Debug, Clone)]

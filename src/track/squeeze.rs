@@ -6,10 +6,9 @@ use super::machine_control::{pairs, period_steps};
 use crate::error::Result;
 use crate::model::Model;
 use crate::observe::{SqueezePair, SqueezeRule};
-use crate::track::plan::Plan;
+use crate::track::plan::{Plan, TampingPlan};
 
-/// Without tamping in the case there is no vibration whose period could be known, s: about that of 35 Hz, the
-/// frequency of tamping machines.
+/// Where the case has no vibration, whose period would be known, s: about that of 35 Hz, the frequency of tamping machines.
 const USUAL_PERIOD: f64 = 0.028;
 
 /// The tine pairs of a plan, `pair_0` and so on by their numbers; whoever moves them, their squeezes are followed.
@@ -17,7 +16,8 @@ const USUAL_PERIOD: f64 = 0.028;
 /// # Errors
 /// Tines that the model does not have.
 pub fn squeezes(plan: &Plan, model: &Model) -> Result<SqueezeRule> {
-    let steps = match &plan.tamping {
+    let vibrates = |tamping: &&TampingPlan| tamping.vibration.period().is_some();
+    let steps = match plan.tamping.as_ref().filter(vibrates) {
         Some(tamping) => period_steps(tamping, model),
         None => (USUAL_PERIOD / model.stepping.h()).round().max(1.0),
     };

@@ -195,10 +195,13 @@ impl TampingCycle {
     /// Phase at a time of the run, s.
     pub fn phase(&self, time_s: f64) -> TampingPhase {
         let Some(machine) = &self.machine else { return TampingPhase::Done };
-        if time_s < machine.plan.start {
+        // In nanoseconds, as time is counted: sums of seconds miss them by rounding.
+        let ns = |time: f64| (1e9 * time).round();
+        let is_over = |end: f64| ns(time_s) >= ns(end);
+        if !is_over(machine.plan.start) {
             return TampingPhase::Waiting;
         }
-        let ended = machine.ends.iter().take_while(|end| time_s >= **end).count();
+        let ended = machine.ends.iter().take_while(|end| is_over(**end)).count();
         // The first that can end is the one after waiting.
         TampingPhase::ALL[1 + ended]
     }

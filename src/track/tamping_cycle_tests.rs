@@ -84,6 +84,26 @@ fn phases_are_numbered_in_the_order_of_the_cycle() {
 }
 
 #[test]
+fn a_phase_ends_with_the_step_that_ends_with_it() {
+    let mut plan = plan();
+    plan.run.stepping.step_ns = 200_000;
+    let ends = {
+        let tamping = plan.tamping.as_mut().unwrap();
+        tamping.start = 0.0;
+        (tamping.lift.duration, tamping.insertion.duration) = (0.2, 0.45);
+        (tamping.squeeze.duration, tamping.hold) = (0.8, 0.1);
+        // Their sums in seconds are 1.4500000000000002 and 1.5500000000000003.
+        [200, 650, 1450, 1550].map(|ms| ms * 1_000_000_u64)
+    };
+    let (model, _) = model(&plan);
+    let cycle = TampingCycle::new(&plan, &model).unwrap();
+    for (before, end) in TampingPhase::ALL[1..].iter().zip(ends) {
+        let at = |ns: u64| cycle.phase(ns as f64 / 1e9) as usize;
+        assert_eq!([at(end - 200_000), at(end)], [*before as usize, *before as usize + 1]);
+    }
+}
+
+#[test]
 fn vibration_of_35_hz_and_5_mm_peaks_at_1_10_m_per_s_and_24_6_g() {
     let mut plan = plan();
     if let Some(t) = &mut plan.tamping {

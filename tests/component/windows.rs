@@ -8,6 +8,7 @@ use ballast::component::{
 };
 use ballast::drive::Inputs;
 use ballast::math::{Pose, Quat, Vec3};
+use ballast::model::Part;
 use ballast::observe::Zone;
 use ballast::step::step;
 use ballast::workspace::Workspace;
@@ -226,29 +227,39 @@ fn a_step_that_penetrates_too_deep_is_trouble() {
     assert_eq!(component.save(), start);
 }
 
-/// A cube between a floor and a lid that nothing yields to.
+/// Two cubes beside each other on a floor, each below a lid that does not yield.
 fn pressed(limits: Limits) -> Component {
     let mut scene = Scene::new(MS, 0.5);
     scene.model.solver.iterations = 50;
     let cube = scene.shape(ballast::geometry::hull::cuboid(Vec3::repeat(0.05)));
-    scene.grain(cube, Pose::at(Vec3::z() * 0.05));
+    let lid = scene.shape(ballast::geometry::hull::cuboid(Vec3::new(0.06, 0.06, 0.01)));
+    let places = [0.0, 1.0].map(|x| Vec3::new(x, 0.0, 0.05));
+    for place in places {
+        scene.grain(cube, Pose::at(place));
+    }
     scene.plane("floor", Pose::identity(), 0.5);
-    let down = Quat::rotation_between(&Vec3::z(), &-Vec3::x())
-        .map(|quarter| quarter * quarter)
-        .expect("about some axis");
-    scene.plane("lid", Pose { position: Vec3::z() * 0.1, orientation: down }, 0.5);
+    for (name, place) in ["lid", "other lid"].into_iter().zip(places) {
+        let part = Part::Convex { shape: lid, pose: Pose::identity() };
+        scene.driven(name, part, Pose::at(place + Vec3::z() * 0.06), 0.5);
+    }
     Component::new(scene.model.into(), scene.state, limits).expect("a sound scene")
 }
 
 /// The next window of one step, in which the lid moves down by `way`, m.
 fn press(component: &mut Component, way: f64) -> Outcome {
+    press_with(component, "lid", way)
+}
+
+/// The same with either lid.
+fn press_with(component: &mut Component, lid: &str, way: f64) -> Outcome {
     let t0 = component.now_ns();
-    let from = component.state().imposed(component.model(), 1);
+    let body = component.model().driven_index(lid).expect("a lid");
+    let from = component.state().imposed(component.model(), body);
     let to = Pose { position: from.position - Vec3::z() * way, ..from };
     let knot = |time_ns, pose| Knot { time_ns, pose, velocity: Vec3::zeros(), spin: Vec3::zeros() };
     let knots = vec![knot(t0, from), knot(t0 + MS, to)];
     let waveform = Waveform { interpolation: Interpolation::Linear, knots };
-    let input = Input { body: "lid".into(), waveform, rebase: false };
+    let input = Input { body: lid.into(), waveform, rebase: false };
     component.advance_to(t0 + MS, &[input]).expect("a request in good form")
 }
 
@@ -277,6 +288,40 @@ fn the_window_that_presses_too_deep_is_taken_back_and_not_the_one_after_it() {
         assert_ne!(press(&mut component, -0.1 * way).status, Status::Discard);
         assert_eq!(press(&mut component, 2.0 * way).status, Status::Discard);
     }
+}
+
+#[test]
+fn a_limit_of_penetration_holds_for_each_pair_whatever_is_deeper_elsewhere() {
+    let mut component = pressed(Limits::default());
+    let depths: Vec<f64> =
+        (0..5).map(|_| press(&mut component, 1e-4).solver.max_penetration).collect();
+    let penetration = 0.5 * depths[4];
+    let parameters = Parameters { penetration, ..component.parameters() };
+    component.set_parameters(&parameters).expect("a limit");
+    // What is deeper there already is let be; the other cube is not pressed in as deep.
+    let mut kept = 0;
+    while press_with(&mut component, "other lid", 1e-4).status != Status::Discard {
+        kept += 1;
+        assert!(kept < 5, "pressed in as deep as the first");
+    }
+    assert!(kept > 0);
+    assert_ne!(press(&mut component, 0.0).status, Status::Discard);
+}
+
+#[test]
+fn a_window_can_be_taken_back_after_its_last_step() {
+    let mut component = heap(Limits::default());
+    let before = component.save();
+    let mut discard = |_: &_, _: &_| ControlFlow::Break(Stop::Discard);
+    let outcome = component.advance_watched(MS, &[], &mut discard).expect("a window");
+    assert_eq!((outcome.status, component.save()), (Status::Discard, before.clone()));
+    let mut abandon = |_: &_, _: &_| ControlFlow::Break(Stop::Abandon);
+    let refusal = component.advance_watched(MS, &[], &mut abandon).unwrap_err();
+    assert_eq!((refusal.code(), component.save()), ("abandoned", before));
+    // What is complete is not early.
+    let mut early = |_: &_, _: &_| ControlFlow::Break(Stop::Early);
+    let outcome = component.advance_watched(MS, &[], &mut early).expect("a window");
+    assert!(matches!(outcome.status, Status::Ok | Status::Warn), "{:?}", outcome.status);
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! How the program ends: every failure, its word and its exit code, decided here alone.
 //!
 //! 0 done · 1 failed · 2 usage · 3 invalid case · 4 transport or deadline · 5 verification
-//! mismatch · 6 incompatible version · 130 interrupted, after a clean checkpoint unless it was
-//! asked a second time.
+//! mismatch · 6 incompatible version · 130 interrupted, after a clean checkpoint; who does not wait
+//! for that and asks again after a second gets 1.
 
 use ballast_scenario::CaseErrors;
 use std::fmt::Display;

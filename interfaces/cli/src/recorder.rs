@@ -37,8 +37,8 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts the records of a run.
-    pub fn create(files: &RunFiles, case: &Case, model: &Model) -> Outcome<Self> {
+    /// Starts the records of what comes after `state`.
+    pub fn create(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
         let meta = Meta {
             case_name: case.plan.name.clone(),
             case_text: case.text.clone(),
@@ -46,7 +46,9 @@ impl Recorder {
             program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
         };
         let writer = Writer::create(files.results(), model, &meta)?;
-        Self::open(writer, case, model)
+        let mut recorder = Self::open(writer, case, model)?;
+        recorder.summary = recorder.summary.after(state);
+        Ok(recorder)
     }
 
     /// Takes the records of a run up at `state`; later ones are cut off.
@@ -190,12 +192,8 @@ impl Setting {
 
 /// Steps per period of the vibration; 1 without one.
 fn steps_per_period(plan: &Plan) -> usize {
-    let vibration = plan.tamping.map(|t| t.vibration).filter(|v| v.amplitude > 0.0);
-    let frequency = vibration.map_or(0.0, |v| v.frequency);
-    if frequency <= 0.0 {
-        return 1;
-    }
-    (1.0 / (frequency * plan.run.stepping.h())).round().clamp(1.0, 1e6) as usize
+    let period = plan.tamping.and_then(|t| t.vibration.period());
+    period.map_or(1, |period| (period / plan.run.stepping.h()).round().clamp(1.0, 1e6) as usize)
 }
 
 fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {

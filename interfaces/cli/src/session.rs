@@ -61,7 +61,7 @@ impl Session {
     ) -> Outcome<Self> {
         let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
         files.remove_all()?;
-        let mut recorder = Recorder::create(&files, &case, engine.model())?;
+        let mut recorder = Recorder::create(&files, &case, engine.model(), engine.state())?;
         recorder.observe(engine.model(), engine.state(), &Workspace::default())?;
         Ok(Self::assemble(case, engine, files, recorder, taping, console))
     }
@@ -354,8 +354,13 @@ impl Session {
         let (frames, recorded) = (self.case.plan.run.output_ns > 0, self.recorded.as_deref());
         let files = summary_text::pointers(&self.files, frames, is_resumable, recorded);
         let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
+        // A replay may begin within a run.
+        let since = match self.recorder.summary().from_step {
+            0 => String::new(),
+            from => format!(" (figures from step {} on)", from + 1),
+        };
         format!(
-            "{name}: {grains} grains, {step} of {} steps, {time:.4} s\n\n{figures}\n{profile}\n\
+            "{name}: {grains} grains, {step} of {} steps, {time:.4} s{since}\n\n{figures}\n{profile}\n\
              state hash  {hash}\n\n{files}",
             self.whole()
         )

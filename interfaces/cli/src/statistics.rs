@@ -38,9 +38,10 @@ impl Statistics {
         self.count == 0
     }
 
-    /// Mean and maximum.
+    /// Mean and maximum; null of nothing.
     pub fn json(&self) -> Value {
-        json!({ "mean": self.mean(), "max": self.max() })
+        let mean = (!self.is_empty()).then(|| self.mean());
+        json!({ "mean": mean, "max": self.max })
     }
 }
 

@@ -6,6 +6,7 @@
 use crate::record::{Column, Followed, Row};
 use crate::statistics::{MovingMean, Statistics, norm};
 use ballast::model::Role;
+use ballast::state::State;
 use ballast::track::TampingPhase;
 use ballast_hdf5::results::Table;
 use serde_json::{Value, json};
@@ -54,6 +55,11 @@ pub struct Summary {
     pub compactness: Vec<[f64; 2]>,
     /// Grains that have left the bed by the end, once that is told.
     pub lost: Option<usize>,
+    /// Steps of the run before the first of these: a replay may begin within a run.
+    pub from_step: u64,
+    /// Time and dissipated energy of the last state, s and J.
+    time: f64,
+    dissipated: f64,
     last: Option<Row>,
 }
 
@@ -136,7 +142,7 @@ fn larger(most: Option<f64>, value: f64) -> Option<f64> {
 }
 
 impl Summary {
-    /// A summary of nothing yet.
+    /// A summary of nothing yet, from the beginning of a run.
     pub fn new(setting: Setting) -> Self {
         let body = BodyFigures {
             peak: None,
@@ -168,8 +174,17 @@ impl Summary {
             coordination: None,
             compactness: Vec::new(),
             lost: None,
+            from_step: 0,
+            time: 0.0,
+            dissipated: 0.0,
             last: None,
         }
+    }
+
+    /// The same of what comes after `state`.
+    pub fn after(self, state: &State) -> Self {
+        let (from_step, time, dissipated) = (state.step, state.time(), state.energy.dissipated);
+        Self { from_step, time, dissipated, ..self }
     }
 
     /// Takes a row of the table of steps.
@@ -192,9 +207,9 @@ impl Summary {
         ] {
             statistics.take(row.get(column));
         }
-        let dissipated = |row: &Row| row.get(Column::Dissipated);
-        let before = self.last.as_ref().map_or(0.0, dissipated);
-        self.created += (before - dissipated(row)).max(0.0);
+        let dissipated = row.get(Column::Dissipated);
+        self.created += (self.dissipated - dissipated).max(0.0);
+        (self.time, self.dissipated) = (row.get(Column::Time), dissipated);
         self.take_coordination(row);
         for (i, body) in self.bodies.iter_mut().enumerate() {
             body.take(row, i);
@@ -274,9 +289,11 @@ impl Summary {
         };
         let zones = self.setting.zones.iter().zip(&self.compactness);
         let last = |column| self.last.as_ref().map(|row| row.get(column));
+        let has_steps = self.steps > 0;
         json!({
             "steps": self.steps,
-            "time_s": last(Column::Time),
+            "from_step": self.from_step,
+            "time_s": self.time,
             "compactness": zones
                 .map(|(name, [before, after])| {
                     (name.clone(), json!({ "before": before, "after": after }))
@@ -289,7 +306,8 @@ impl Summary {
             "tines": bodies(Role::Tine),
             "sleepers": bodies(Role::Sleeper),
             "penetration_over_d": {
-                "mean": self.mean_penetration.mean() / d, "max": self.max_penetration.max() / d,
+                "mean": has_steps.then(|| self.mean_penetration.mean() / d),
+                "max": has_steps.then(|| self.max_penetration.max() / d),
                 "grain_size_m": d,
             },
             "grains_lost": self.lost,

@@ -78,8 +78,6 @@ pub fn read(
     let lost = messages.lost().cloned();
     let tracks = found.tracks();
     if tracks.is_empty() {
-        let few =
-            |names: &BTreeSet<String>| format!("{:?}", names.iter().take(20).collect::<Vec<_>>());
         let mut found = few(&topics);
         if !placed.is_empty() {
             found += &format!(" with the frames {}", few(&placed));
@@ -93,6 +91,16 @@ pub fn read(
     }
     frames::expect_still(path, &tracks, &placed)?;
     join(path, tracks, begin_ns, lost)
+}
+
+/// Names for a message: the first ones, and how many more there are.
+fn few(names: &BTreeSet<String>) -> String {
+    const MOST: usize = 40;
+    let told = format!("{:?}", names.iter().take(MOST).collect::<Vec<_>>());
+    match names.len().saturating_sub(MOST) {
+        0 => told,
+        more => format!("{told} and {more} more"),
+    }
 }
 
 /// A stamp as ns; one with a second and more beside its seconds is none.

@@ -645,7 +645,7 @@ class SolverOutcome:
 
     @property
     def steps_not_converged(self) -> int:
-        """Steps that stopped at their cap of iterations."""
+        """Steps that stopped at their cap of iterations above the tolerance; 0 where none is asked for."""
 
     @property
     def residual_qm16(self) -> float:

@@ -28,7 +28,7 @@ numbers!(Solver:
     iterations: u64,
     /// Of contacts, over all steps.
     visits: u64,
-    /// Steps that stopped at their cap of iterations.
+    /// Steps that stopped at their cap of iterations above the tolerance; 0 where none is asked for.
     steps_not_converged: u64,
     /// Largest of a step, without unit.
     residual_qm16: f64,

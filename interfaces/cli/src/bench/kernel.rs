@@ -180,7 +180,8 @@ fn row(sheet: &mut Sheet, load: &Load, figure: &Figure) {
     let rate = of(&|t| t.rate.wall);
     let contacts = load.contacts as f64;
     let flops = load.operations.flops() as f64 / contacts;
-    let middle = figure.turns.len() / 2;
+    let mut by_roof: Vec<&Turn> = figure.turns.iter().collect();
+    by_roof.sort_by(|a, b| a.roof.total_cmp(&b.roof));
     sheet.row(cells![
         load.lattice.clone(),
         load.form(),
@@ -198,7 +199,7 @@ fn row(sheet: &mut Sheet, load: &Load, figure: &Figure) {
         1e-9 * of(&|t| t.roofs.set).median,
         2e-9 * of(&|t| t.roofs.fused).median,
         1e-6 * of(&|t| t.roof).median,
-        figure.turns[middle].bound_by,
+        by_roof[by_roof.len() / 2].bound_by,
         100.0 * of(&|t| t.rate.cpu / t.roof).median,
         100.0 * of(&|t| t.rate.cpu * flops / (2.0 * t.roofs.fused)).median,
     ]);

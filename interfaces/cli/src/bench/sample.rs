@@ -181,7 +181,8 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
             "weighted": trial.last.residuals.weighted,
             "natural_map": trial.last.residuals.natural_map,
         },
-        "steps_not_converged": trial.not_converged,
+        // Without a tolerance no step is to converge.
+        "steps_not_converged": model.solver.tolerance.map(|_| trial.not_converged),
         "steps_guarded": trial.guarded,
         "steps_repeated": trial.repeated,
         "phases": profile.json(),

@@ -31,16 +31,14 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         return Err(Failure::Usage(text));
     }
     let choices = Choices::from(&args.overrides);
-    let case = match (&windows, &args.case) {
-        (Some(windows), given) => case::recorded(windows, given.as_deref(), choices, console)?,
-        (None, Some(given)) => case::load(given, &choices, console)?,
-        (None, None) => match &posed {
-            Some(posed) => case::recorded(posed, None, choices, console)?,
-            None => {
-                let text = "--case: expected the case whose bodies the poses move, found none";
-                return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
-            }
-        },
+    let case = match (&windows, &posed, args.case.as_deref()) {
+        (Some(windows), _, given) => case::recorded(windows, given, choices, console)?,
+        (None, _, Some(given)) => case::load(given, &choices, console)?,
+        (None, Some(posed), None) => case::recorded(posed, None, choices, console)?,
+        (None, None, None) => {
+            let text = "--case: expected the case whose bodies the poses move, found none";
+            return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
+        }
     };
     let folder = format!("{}-replay", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));

@@ -313,7 +313,7 @@ fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) 
     }
     let mut path = String::new();
     let mut pen_down = false;
-    for [a, b] in thinned(&series.points) {
+    for [a, b] in thinned(&series.points, |b| y.place(b).is_some()) {
         let (Some(a), Some(b)) = (x.place(a), y.place(b)) else {
             pen_down = false;
             continue;
@@ -335,8 +335,9 @@ fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) 
     }
 }
 
-/// The points, or the extremes of stretches of them where there are more than a screen can show.
-fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+/// The points, or the extremes of stretches of them where there are more than a screen can show: of those that
+/// have a place, if one has.
+fn thinned(points: &[[f64; 2]], has_place: impl Fn(f64) -> bool) -> Vec<[f64; 2]> {
     if points.len() <= 2 * COLUMNS {
         return points.to_vec();
     }
@@ -344,7 +345,11 @@ fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(2 * COLUMNS + 2);
     for part in points.chunks(stretch) {
         let by_height = |a: &&[f64; 2], b: &&[f64; 2]| a[1].total_cmp(&b[1]);
-        let ends = [part.iter().min_by(by_height), part.iter().max_by(by_height)];
+        let placed = || part.iter().filter(|point| has_place(point[1]));
+        let ends = match placed().next() {
+            Some(_) => [placed().min_by(by_height), placed().max_by(by_height)],
+            None => [part.first(), None],
+        };
         let mut ends: Vec<[f64; 2]> = ends.into_iter().flatten().copied().collect();
         ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
         out.extend(ends);
@@ -361,8 +366,18 @@ mod tests {
     fn a_chart_says_what_it_shows_and_keeps_peaks() {
         let mut points: Vec<[f64; 2]> = (0..20_000).map(|k| [k as f64, 1.0]).collect();
         points[12_345][1] = 99.0;
-        assert!(thinned(&points).contains(&[12_345.0, 99.0]));
-        assert!(thinned(&points).len() <= 2 * COLUMNS + 2);
+        assert!(thinned(&points, f64::is_finite).contains(&[12_345.0, 99.0]));
+        assert!(thinned(&points, f64::is_finite).len() <= 2 * COLUMNS + 2);
+        // Beside numbers that are none, or have no logarithm, too; a stretch of these alone is a gap.
+        points[12_346][1] = f64::NAN;
+        points[12_344][1] = 0.0;
+        points[300..400].iter_mut().for_each(|point| point[1] = 0.0);
+        let on_log = thinned(&points, |b| b > 0.0);
+        assert!(on_log.contains(&[12_345.0, 99.0]));
+        let gaps: Vec<f64> = on_log.iter().filter(|p| !(p[1] > 0.0)).map(|p| p[0]).collect();
+        assert!(gaps.len() >= 2 && gaps.iter().all(|at| (300.0..400.0).contains(at)), "{gaps:?}");
+        points[12_344..=12_346].iter_mut().for_each(|point| point[1] = 1.0);
+        points[12_345][1] = 99.0;
         let chart = Chart::new("a < b", "time (s)", "force (N)")
             .with("left", points, Mark::Line)
             .with("law", vec![[0.0, 1.0], [1.0, f64::NAN], [2.0, 3.0]], Mark::Expected);

@@ -5,7 +5,7 @@ use crate::plot::{Band, Bars, Chart, Mark};
 use crate::record::{Column, Row};
 use crate::statistics::{MovingMean, norm};
 use crate::table::{figure, on_threads};
-use ballast::model::Role;
+use ballast::model::{Norm, Role};
 use ballast::track::TampingPhase;
 
 const TIME: &str = "time (s)";
@@ -73,12 +73,29 @@ pub fn penetration(source: &Source, bands: &[Band]) -> Chart {
         .with("mean", over_time(&source.rows, percent(Column::MeanPenetration)), Mark::Line)
 }
 
-/// Residual of each step, and what was asked for.
+/// What a norm is called.
+pub fn norm_name(norm: Norm) -> &'static str {
+    match norm {
+        Norm::Qm16 => "QM/16",
+        Norm::Quad => "Quad",
+        Norm::NaturalMap => "natural map",
+    }
+}
+
+/// Residual of each step in the norm that the case judges by, and what was asked for.
 pub fn residual(source: &Source, bands: &[Band]) -> Chart {
-    let chart = Chart::new("Residual QM/16 of each step", TIME, "residual")
-        .log_y()
-        .bands(bands)
-        .with("reached", over_time(&source.rows, Row::qm16), Mark::Line);
+    let norm = source.model.solver.norm;
+    let reached: fn(&Row) -> f64 = match norm {
+        Norm::Qm16 => Row::qm16,
+        Norm::Quad => |row| row.get(Column::Quad),
+        Norm::NaturalMap => |row| row.get(Column::NaturalMap),
+    };
+    let title = format!("Residual of each step ({})", norm_name(norm));
+    let chart = Chart::new(&title, TIME, "residual").log_y().bands(bands).with(
+        "reached",
+        over_time(&source.rows, reached),
+        Mark::Line,
+    );
     match (source.model.solver.tolerance, source.rows.last()) {
         (Some(tolerance), Some(last)) => {
             let ends = [0.0, last.get(Column::Time)].map(|time| [time, tolerance]);

@@ -99,7 +99,9 @@ fn introduction(source: &Source, page: &mut Page) {
 }
 
 fn tolerance(solver: &Solver) -> String {
-    solver.tolerance.map_or("none: all iterations".into(), |t| format!("{t:e}"))
+    solver.tolerance.map_or("none: all iterations".into(), |t| {
+        format!("{t:e} ({})", charts::norm_name(solver.norm))
+    })
 }
 
 /// Where the plane of the pictures stands, m: through a tine, else a sleeper, else the middle.
@@ -197,11 +199,12 @@ fn compactness(source: &Source, page: &mut Page) {
     drawings.push(map("End", &last_poses(source)));
     page.figures(&drawings);
     page.note(&format!(
-        "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} mm hold few stones, so single \
+        "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} x {} mm hold few stones, so single \
          cells scatter. Brown: filled by sleeper or tines, whose outlines are drawn; blank: no stone.",
         figure(y[0], 3),
         figure(y[1], 3),
-        figure(1e3 * 0.75 * d, 2)
+        figure(1e3 * grid.x[1], 2),
+        figure(1e3 * grid.z[1], 2)
     ));
     page.table(&summary_text::tables(&source.summary)[0]);
     page.figure(&charts::coordination(source, &bands).svg());
@@ -240,7 +243,7 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
         page.figure(&chart.svg());
         page.table(&squeeze_table(squeezes));
         page.note(&format!(
-            "One point per vibration period, or per few of them: mean force of a side along x against how far it has \
+            "One point per vibration period (28 ms without vibration), or per few of them: mean force of a side along x against how far it has \
              closed in the mean. A squeeze is what is seen in the tines' motion: from where a pair is widest before it \
              closes to where it opens again. Compaction energy is the area under the loop as far as it closes, both sides; \
              work counts all directions and the vibration. Touched: since when the mean force of a side is above {TOUCH} N."

@@ -23,7 +23,7 @@ fn a_page_tells_a_whole_run_by_itself() {
         "Force against closing",
         "compaction energy (J)",
         "Penetration",
-        "Residual QM/16",
+        "Residual of each step (QM/16)",
         "Iterations",
         "Work of tools",
         "Wall time",

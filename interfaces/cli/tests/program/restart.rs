@@ -84,7 +84,10 @@ fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
     let under_way = lines.any(|line| line.unwrap().contains("\"progress\""));
     assert!(under_way, "the run ended before it could be interrupted");
-    kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).unwrap();
+    // Twice within an instant, as who stops a group of processes does.
+    for signal in [Signal::SIGINT, Signal::SIGTERM] {
+        kill(Pid::from_raw(child.id() as i32), signal).unwrap();
+    }
     // Read to the end: a full pipe would block the program.
     lines.for_each(drop);
     let ended = Ended(child.wait_with_output().unwrap()).with_code(130);

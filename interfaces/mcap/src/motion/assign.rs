@@ -1,5 +1,6 @@
 //! Which topic moves which body.
 
+use super::few;
 use crate::entry::topic_part;
 use crate::error::{Error, Result};
 use crate::messages::Channel;
@@ -140,10 +141,9 @@ impl Assignment {
         match self.maps.iter().find(|m| !known(m)) {
             Some(map) if !self.by_default => {
                 let found = if map.frame.is_some() { frames } else { topics };
-                let found: Vec<&String> = found.iter().take(20).collect();
                 let wanted = map.frame.as_ref().map_or(String::new(), |frame| format!(":{frame}"));
                 let wanted = format!("{}{wanted}", map.topic);
-                Err(Error::unsuitable(path, "topics", wanted, format!("{found:?}")))
+                Err(Error::unsuitable(path, "topics", wanted, few(found)))
             }
             _ => Ok(()),
         }

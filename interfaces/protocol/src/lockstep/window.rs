@@ -173,6 +173,8 @@ impl Lockstep {
                     / progress.step;
             match (watch(&progress), request.deadline_policy) {
                 (Pace::Abandon, _) => ControlFlow::Break(Stop::Abandon),
+                // Done is not late.
+                (Pace::TimeIsUp, _) if progress.step == steps => ControlFlow::Continue(()),
                 (Pace::TimeIsUp, DeadlinePolicy::Discard) => ControlFlow::Break(Stop::Discard),
                 (Pace::TimeIsUp, DeadlinePolicy::Early) => ControlFlow::Break(Stop::Early),
                 (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => {

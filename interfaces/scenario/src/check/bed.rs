@@ -127,7 +127,7 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
                 problem: format!("{what} is too small for one grain"),
                 found: format!("{found:.3} m"),
                 expected: format!("more than {of}, {least:.3} m"),
-                hint: None,
+                hint: (least > 1.0).then(|| "all sizes are in metres".into()),
             };
             report.error(key, finding);
             return;

@@ -202,6 +202,15 @@ fn step_resolves(
         };
         report.error("tamping.vibration.frequency_Hz", finding);
     }
+    if tamping.vibration.period().is_some_and(|period| period > tamping.squeeze.duration) {
+        let finding = Finding {
+            problem: "the vibration is slower than the squeeze".into(),
+            found: format!("{} Hz", tamping.vibration.frequency),
+            expected: format!("a period within the {} s of a squeeze", tamping.squeeze.duration),
+            hint: Some("machines vibrate at about 35 Hz".into()),
+        };
+        report.warn("tamping.vibration.frequency_Hz", finding);
+    }
     if insertion > FAST_INSERTION {
         let finding = Finding {
             problem: "the insertion is faster than machines are".into(),

@@ -5,6 +5,9 @@ use crate::report::{Finding, Report};
 use ballast::model::{self, PartitionRule, Stepping};
 use ballast::track::plan::RunPlan;
 
+/// Steps solved to more than this move as if hardly anything had been solved.
+const LARGEST_TOLERANCE: f64 = 1e-2;
+
 /// Seconds as whole nanoseconds, at least 1; `None` where they are none.
 fn whole_ns(seconds: f64) -> Option<u64> {
     let ns = seconds * 1e9;
@@ -96,6 +99,15 @@ fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
 fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
     use crate::case_file::{Norm, Schedule};
     unused(solver, report);
+    if report.clean(&["solver.tolerance"]) && solver.tolerance > LARGEST_TOLERANCE {
+        let finding = Finding {
+            problem: "so large a tolerance asks for next to nothing".into(),
+            found: solver.tolerance.to_string(),
+            expected: format!("at most {LARGEST_TOLERANCE}; 1.666e-4 is usual"),
+            hint: None,
+        };
+        report.warn("solver.tolerance", finding);
+    }
     model::Solver {
         schedule: match solver.schedule {
             Schedule::Sequential => model::Schedule::Sequential,

@@ -115,8 +115,8 @@ const TABLE: &[Broken] = &[
         "size_m = [0.60, 0.70, 0.45]\nballast_depth_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\n\
          classes = [{ size_m = 0.025,",
         "size_m = «[0.60, 0.70, 0.45]\nballast_depth_m = 0.28\n\n[bed.grains]\n\
-         classes = [{ size_m = 0.001,",
-        &["too wide for its smallest grains", "grains of 0.001 m", "2.551e5 times the square"],
+         classes = [{ size_m = 0.0005,",
+        &["too wide for its smallest grains", "grains of 0.0005 m", "1.020e6 times the square"],
     ),
     Broken("= 0.28", "= «0.5", &["deeper than the box", "0.45 m"]),
     Broken("0.70, 0.45]", "0.70, «0.40]", &["fill level", "0.4 m", "highest block"]),

@@ -256,6 +256,8 @@ fn what_looks_like_a_slip_is_a_warning() {
         ("0.45, depth_m = 0.018", "0.45, depth_m = -0.4", "never reaches the bed"),
         ("m3 = 2700", "m3 = 2.7", "2.7 kg/m³"),
         ("m3 = 2700", "m3 = 27000", "1000 to 8000 kg/m³"),
+        ("1.666e-4", "1.0", "next to nothing"),
+        ("frequency_Hz = 35", "frequency_Hz = 0.35", "slower than the squeeze"),
         ("[tines]", "[bed.friction]\nsleeper = 35\n[tines]", "at most 2"),
         ("step_s = 1e-3", "step_s = 1e-3\nfriction = 2.5", "at most 2"),
         ("= 0.06", "= 0.06\nmount = { rigid = true, mass_kg = 5 }", "`mass_kg` changes nothing"),
