@@ -139,7 +139,8 @@ pub struct Run {
     pub overrides: Overrides,
     #[command(flatten)]
     pub until: Until,
-    /// Start over even if the folder holds an unfinished run; a finished one is replaced without it
+    /// Start over even if the folder holds an unfinished run, or that of another case; a finished one of this case is
+    /// replaced without it
     #[arg(long)]
     pub force: bool,
     /// Record the run in an MCAP file, which is replaced

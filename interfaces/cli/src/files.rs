@@ -4,6 +4,7 @@ use crate::case;
 use crate::exit::{Failure, Outcome};
 use crate::plot::BEGINNING;
 use ballast_hdf5::checkpoint;
+use ballast_hdf5::results::Reader;
 use ballast_mcap::recording;
 use ballast_scenario::NoText;
 use serde_json::Value;
@@ -162,6 +163,22 @@ impl RunFiles {
             format!("`ballast resume {}`", checkpoint.display())
         };
         Err(Failure::Usage(format!("{folder} holds an unfinished run; go on with {how}, or {or}")))
+    }
+
+    /// Refuses a folder that holds the finished run of another case: who changes a copy of a case and leaves its name does
+    /// not mean to lose that.
+    pub fn refuse_another(&self, case_text: &str) -> Outcome {
+        let results = self.results();
+        let text_of = || Reader::open(&results)?.about("case_text");
+        match self.whole_summary().map(|_| text_of()) {
+            Some(Ok(found)) if found != case_text => Err(Failure::Usage(format!(
+                "{} holds the finished run of another case, or of this one as it was; choose another folder with --out, or \
+                 replace it with --force",
+                self.folder.display()
+            ))),
+            // What cannot be read is no run that could be lost.
+            _ => Ok(()),
+        }
     }
 
     /// Removes the final figures of a run that is gone on with.

@@ -5,7 +5,7 @@ use crate::case::Case;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::record::{self, Followed};
-use crate::summary::{Setting, Summary};
+use crate::summary::{Asked, Setting, Summary};
 use ballast::model::Model;
 use ballast::observe::{self, Zone};
 use ballast::state::State;
@@ -175,12 +175,14 @@ impl Setting {
     pub fn of(case: &Case, model: &Model) -> Self {
         let followed = record::followed(model);
         let cycle = track::TampingCycle::new(&case.plan, model).ok();
-        let deep = |body: &Followed| {
+        let asked = |body: &Followed| {
             let mut tines = cycle.iter().flat_map(|cycle| cycle.tines());
-            tines.find(|tine| tine.body == body.driven).map(|tine| tine.deep)
+            let tine = tines.find(|tine| tine.body == body.driven)?;
+            let (lowest, closing, direction) = (tine.deep, tine.stroke, tine.direction);
+            Some(Asked { lowest, closing, direction })
         };
         Self {
-            asked: followed.iter().map(deep).collect(),
+            asked: followed.iter().map(asked).collect(),
             has_tolerance: model.solver.tolerance.is_some(),
             followed,
             zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),

@@ -23,8 +23,18 @@ pub struct Setting {
     pub grain_size: f64,
     /// Whether steps are to converge: without a tolerance they take all their iterations.
     pub has_tolerance: bool,
-    /// How deep the case asks each followed body to come, m; `None`: it does not say.
-    pub asked: Vec<Option<f64>>,
+    /// What the case asks of each followed body, where it says.
+    pub asked: Vec<Option<Asked>>,
+}
+
+/// How far a tine is to come in a cycle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Asked {
+    /// Height of its reference point at full depth, m.
+    pub lowest: f64,
+    /// How far it is to close in the squeeze, m, and to which side along x: 1 or -1.
+    pub closing: f64,
+    pub direction: f64,
 }
 
 /// Figures of a run so far.
@@ -85,6 +95,9 @@ pub struct BodyFigures {
     pub work: f64,
     /// Lowest place of the reference point so far, m.
     pub lowest: f64,
+    /// Where the reference point was along x before the squeeze, and the extremes of its way from there in it, m.
+    squeezed_from: Option<f64>,
+    squeezed: Option<[f64; 2]>,
     recent: MovingMean,
 }
 
@@ -151,6 +164,8 @@ impl Summary {
             squeeze: PhaseForce::of(TampingPhase::Squeeze, setting.period),
             work: 0.0,
             lowest: f64::INFINITY,
+            squeezed_from: None,
+            squeezed: None,
             recent: MovingMean::new(setting.period),
         };
         Self {
@@ -264,10 +279,20 @@ impl Summary {
 
     /// How far each tine that has been lowered as long as the case allows is from the depth that it asks, m.
     pub fn short_of_depth(&self) -> Vec<f64> {
+        let lowered = |body: &BodyFigures| !body.insertion.single.is_empty();
+        self.short(|asked, body| lowered(body).then_some(body.lowest - asked.lowest))
+    }
+
+    /// How far each tine is at its farthest from the closing that the case asks, m.
+    pub fn short_of_closing(&self) -> Vec<f64> {
+        self.short(|asked, body| Some(asked.closing - body.closed(asked)?))
+    }
+
+    /// What is short of what the case asks, body by body, once that is over.
+    fn short(&self, of: impl Fn(&Asked, &BodyFigures) -> Option<f64>) -> Vec<f64> {
         let is_over = self.last.as_ref().is_some_and(|row| row.phase() > TampingPhase::Hold);
         let bodies = self.setting.asked.iter().zip(&self.bodies).filter(|_| is_over);
-        let lowered = bodies.filter(|(_, body)| !body.insertion.single.is_empty());
-        lowered.filter_map(|(asked, body)| Some(body.lowest - (*asked)?)).collect()
+        bodies.filter_map(|(asked, body)| of(asked.as_ref()?, body)).collect()
     }
 
     /// The last row, if there is one.
@@ -278,12 +303,13 @@ impl Summary {
     /// Everything that does not depend on the machine the run was made on.
     pub fn json(&self) -> Value {
         let d = self.setting.grain_size;
-        let named = self.setting.followed.iter().zip(&self.bodies);
+        let Setting { followed, asked, .. } = &self.setting;
+        let named = followed.iter().zip(asked).zip(&self.bodies);
         let bodies = |role: Role| -> Value {
             named
                 .clone()
-                .filter(|(followed, _)| followed.role == role)
-                .map(|(followed, body)| (followed.name.clone(), body.json()))
+                .filter(|((followed, _), _)| followed.role == role)
+                .map(|((followed, asked), body)| (followed.name.clone(), body.json(asked.as_ref())))
                 .collect::<serde_json::Map<_, _>>()
                 .into()
         };
@@ -338,7 +364,9 @@ impl BodyFigures {
             self.peak = Some(moment(row, size));
         }
         self.work += row.work(i);
-        self.lowest = self.lowest.min(row.place(i)[2]);
+        let [x, _, z] = row.place(i);
+        self.lowest = self.lowest.min(z);
+        self.take_squeeze(row.phase(), x);
         if let Some(mean) = self.recent.take(force) {
             self.period_peak = larger(self.period_peak, norm(mean));
         }
@@ -346,7 +374,33 @@ impl BodyFigures {
         self.squeeze.take(row.phase(), force);
     }
 
-    fn json(&self) -> Value {
+    fn take_squeeze(&mut self, phase: TampingPhase, x: f64) {
+        if phase < TampingPhase::Squeeze {
+            self.squeezed_from = Some(x);
+        } else if phase == TampingPhase::Squeeze {
+            let way = x - *self.squeezed_from.get_or_insert(x);
+            let [low, high] = self.squeezed.unwrap_or([way, way]);
+            self.squeezed = Some([low.min(way), high.max(way)]);
+        }
+    }
+
+    /// How far it has come in the squeeze towards where it is to close, m; none before that.
+    fn closed(&self, asked: &Asked) -> Option<f64> {
+        let [low, high] = self.squeezed?;
+        Some(if asked.direction > 0.0 { high } else { -low })
+    }
+
+    fn json(&self, asked: Option<&Asked>) -> Value {
+        let mut told = self.figures();
+        if let Some(asked) = asked {
+            told["asked_lowest_m"] = json!(asked.lowest);
+            told["closed_m"] = json!(self.closed(asked));
+            told["asked_closing_m"] = json!(asked.closing);
+        }
+        told
+    }
+
+    fn figures(&self) -> Value {
         json!({
             "peak_force_n": self.peak.as_ref().map(Moment::json),
             "peak_period_mean_n": self.period_peak,
@@ -381,7 +435,7 @@ mod tests {
             period: 2,
             grain_size: 0.02,
             has_tolerance: true,
-            asked: vec![Some(0.65)],
+            asked: vec![Some(Asked { lowest: 0.65, closing: 0.03, direction: -1.0 })],
         }
     }
 
@@ -402,6 +456,7 @@ mod tests {
         set("left_force_x", force);
         set("left_work", 2.0);
         set("left_z", 1.0 - 0.1 * time);
+        set("left_x", 0.5 - 0.01 * time);
         row
     }
 
@@ -433,13 +488,21 @@ mod tests {
         assert_eq!(tine["work_j"], 6.0);
         assert_eq!(tine["insertion"]["mean_force_n"], 900.0);
         assert_eq!(tine["lowest_m"], 1.0 - 0.1 * 3.0);
+        // Two steps of the squeeze since the last one before it.
+        assert!((tine["closed_m"].as_f64().unwrap() - 0.02).abs() < 1e-12);
+        assert_eq!(
+            (&tine["asked_closing_m"], &tine["asked_lowest_m"]),
+            (&json!(0.03), &json!(0.65))
+        );
         assert_eq!(json["compactness"]["under"]["before"], 0.58);
         assert_eq!(json["compactness"]["under"]["after"], 0.61);
         assert_eq!(json["penetration_over_d"]["max"], 0.15);
         assert_eq!(json["solver"]["steps_not_converged"], 1);
         assert_eq!(json["energy_j"]["dissipated"], 2.0);
         assert_eq!(json["energy_j"]["created"], 1.0);
-        assert_eq!(json["time_s"], 3.0);
+        assert_eq!((&json["time_s"], &json["from_step"]), (&json!(3.0), &json!(0)));
+        summary.take_step(&step(4.0, 5.0, 5.0, 0.0, true));
+        assert!((summary.short_of_closing()[0] - 0.01).abs() < 1e-12);
     }
 
     #[test]
@@ -450,6 +513,7 @@ mod tests {
         assert!(summary.short_of_depth().is_empty(), "it is still on its way");
         summary.take_step(&step(3.0, 5.0, 6.0, 0.0, true));
         assert!((summary.short_of_depth()[0] - 0.05).abs() < 1e-12);
+        assert!(summary.short_of_closing().is_empty(), "there was no squeeze");
         // A partner has asked for one.
         summary.take_step(&step(4.0, 5.0, 6.0, 0.0, false));
         assert_eq!(summary.json()["solver"]["steps_not_converged"], 1);
@@ -458,7 +522,9 @@ mod tests {
     #[test]
     fn an_empty_run_has_a_summary_too() {
         let json = Summary::new(setting()).json();
-        assert_eq!(json["steps"], 0);
+        assert_eq!((&json["steps"], &json["time_s"]), (&json!(0), &json!(0.0)));
+        assert!(json["solver"]["residual_qm16"]["max"].is_null());
+        assert!(json["penetration_over_d"]["mean"].is_null());
         assert!(json["coordination"].is_null());
     }
 }

@@ -154,12 +154,16 @@ fn quality(summary: &Summary) -> Table {
     let not_converged =
         not_converged.map_or(NO_TOLERANCE.into(), |steps| format!("{steps} of {}", summary.steps));
     table.row(["steps not converged", "", &not_converged]);
-    let depths = summary.short_of_depth();
-    let short: Vec<f64> = depths.iter().copied().filter(|by| *by > SHORT).collect();
-    if !short.is_empty() {
-        let most = 1e3 * short.iter().copied().fold(0.0, f64::max);
-        let told = format!("{} of {}, by {most:.1} mm", short.len(), depths.len());
-        table.row(["tines short of the depth asked for", "", &told]);
+    for (label, ways) in [
+        ("tines short of the depth asked for", summary.short_of_depth()),
+        ("tines short of the closing asked for", summary.short_of_closing()),
+    ] {
+        let short: Vec<f64> = ways.iter().copied().filter(|by| *by > SHORT).collect();
+        if !short.is_empty() {
+            let most = 1e3 * short.iter().copied().fold(0.0, f64::max);
+            let told = format!("{} of {}, by {most:.1} mm", short.len(), ways.len());
+            table.row([label, "", &told]);
+        }
     }
     if let Some(lost) = summary.lost {
         table.row(["grains lost", "", &lost.to_string()]);

@@ -29,6 +29,12 @@ impl Expected {
             Self::Checkpoint => files.checkpoint(),
             Self::Results | Self::Any => files.results(),
         };
+        let beside = RunFiles::beside(&path);
+        if matches!(self, Self::Checkpoint) && !path.exists() && beside.results().exists() {
+            let what = "it is not there: a replay leaves none, and this run may have been killed before its first \
+                        (`run.checkpoint_every_s`); `ballast export` writes out what it recorded";
+            return Err(Failure::at(&path, what));
+        }
         match self.another(&start_of(&path, 64)) {
             Some(found) => {
                 let what = format!("expected {}, found {found}", self.words());

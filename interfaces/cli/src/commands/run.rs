@@ -18,6 +18,7 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let files = RunFiles::begun_in(folder)?;
     if !args.force {
         files.refuse_unfinished("start over with --force")?;
+        files.refuse_another(&case.text)?;
     }
     // Before a bed is prepared, and anything that is there replaced.
     files.may_record(args.record.as_deref())?;

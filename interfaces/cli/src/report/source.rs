@@ -61,8 +61,8 @@ impl Source {
         }
         let reader = Reader::open(&results)?;
         if !at.exists() {
-            let what =
-                "it is not there, and the shapes of the bodies are in it; a replay leaves none";
+            let what = "it is not there, and the shapes of the bodies are in it; a replay leaves none, nor does a run that was \
+                 killed before its first";
             return Err(Failure::at(&at, what));
         }
         let kept = checkpoint::read(&at)?;
