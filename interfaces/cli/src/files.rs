@@ -5,7 +5,7 @@ use crate::exit::{Failure, Outcome};
 use crate::plot::BEGINNING;
 use ballast_hdf5::checkpoint;
 use ballast_hdf5::results::Reader;
-use ballast_mcap::recording;
+use ballast_mcap::may_become_a_recording;
 use ballast_scenario::NoText;
 use serde_json::Value;
 use std::ffi::OsString;
@@ -134,11 +134,7 @@ impl RunFiles {
     pub fn may_record(&self, path: Option<&Path>) -> Outcome {
         let Some(path) = path else { return Ok(()) };
         self.refuse_own(path)?;
-        if begins_with(path, b"\x89MCAP0") && recording::is_ours(path).is_ok_and(|is_ours| !is_ours)
-        {
-            let text = "expected a new file, or a recording of ours to replace, found one of another program";
-            return Err(Failure::Usage(format!("{}: {text}", path.display())));
-        }
+        may_become_a_recording(path)?;
         writable(path)
     }
 

@@ -3,7 +3,7 @@
 use crate::entry::Entry;
 use crate::error::{Error, Result};
 use crate::meta::Meta;
-use crate::recording::START;
+use crate::recording::{self, START};
 use crate::window;
 use crate::writer::Writer;
 use ballast::component;
@@ -47,13 +47,14 @@ fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
     state.step == 0 && how(&model.solver) == how(&plan.run.solver)
 }
 
-/// Refuses a path where something else than a recording lies: a slip of the command line is not to cost a case or results.
+/// Refuses a path where something else than a recording of ours lies: a slip of the command line is not to cost a case,
+/// results, or what somebody has measured.
 ///
 /// # Errors
 /// [`Error::Unsuitable`], or the system refuses.
 pub fn may_become_a_recording(path: &Path) -> Result<()> {
     let refused = |found: &str| {
-        let expected = "a new file, or a recording to replace";
+        let expected = "a new file, or a recording of ours to replace";
         Err(Error::unsuitable(path, "recording", expected, found))
     };
     match path.metadata() {
@@ -68,10 +69,15 @@ pub fn may_become_a_recording(path: &Path) -> Result<()> {
     let read =
         File::open(path).and_then(|f| f.take(mcap::MAGIC.len() as u64).read_to_end(&mut start));
     read.map_err(|e| Error::io(path, "open", e))?;
-    if start.is_empty() || start == mcap::MAGIC {
-        return Ok(());
+    match &start[..] {
+        [] => Ok(()),
+        // One that cannot be read may be what a kill has left of ours.
+        mcap if mcap == mcap::MAGIC => match recording::is_ours(path) {
+            Ok(false) => refused("one of another program"),
+            _ => Ok(()),
+        },
+        _ => refused("another file"),
     }
-    refused("another file")
 }
 
 impl Tape {

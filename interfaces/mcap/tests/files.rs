@@ -117,14 +117,19 @@ fn a_topic_keeps_its_type() {
 #[test]
 fn only_a_file_becomes_a_recording() {
     let (folder, path) = place("pipe");
+    let measured = folder.path().join("measured.mcap");
+    let mut writer = Writer::create(&measured, None).unwrap();
+    writer.write(&pose(0)).unwrap();
+    writer.finish().unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
     for (at, found) in [
         (path.as_path(), "a device or a pipe"),
         (Path::new("/dev/null"), "a device or a pipe"),
         (folder.path(), "a folder"),
+        (&measured, "one of another program"),
     ] {
         let said = may_become_a_recording(at).unwrap_err().to_string();
-        let expected = "expected a new file, or a recording to replace, found ";
+        let expected = "expected a new file, or a recording of ours to replace, found ";
         assert!(said.ends_with(&format!("{expected}{found}")), "{said}");
     }
     may_become_a_recording(&folder.path().join("new.mcap")).unwrap();

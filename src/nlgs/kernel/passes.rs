@@ -198,8 +198,8 @@ impl<L: Lanes, B: Block> Found<L, B> {
         let (impulse, slip) = block.outcome();
         let solved = visit.end(&self.law, slip);
         let change = each!(K in 3 => solved[K].sub(self.r[K]));
-        let (_, closed) = self.approach;
-        let delta = each!(K in 3 => L::select(closed, relaxation.mul(change[K]), change[K]));
+        let share = L::select(self.approach.1, relaxation, L::splat(1.0));
+        let delta = each!(K in 3 => share.mul(change[K]));
         let after = each!(K in 3 => self.r[K].add(delta[K]));
         for k in 0..3 {
             after[k].store(&mut impulse[k]);
