@@ -158,8 +158,13 @@ fn advance(
     let inputs = component::Window { motions: &asked.motions, loads: &asked.loads };
     let mut observe = |state: &State, report: &StepReport| {
         keeper.observe(&model, state, report);
-        // A window may be long.
-        watch(state.time_ns).map_break(|()| Stop::Abandon)
+        // A window may be long; one that is complete is compared.
+        match watch(state.time_ns) {
+            ControlFlow::Break(()) if state.time_ns < asked.t1_ns => {
+                ControlFlow::Break(Stop::Abandon)
+            }
+            _ => ControlFlow::Continue(()),
+        }
     };
     component.advance_watched(asked.t1_ns, inputs, &mut observe).map_err(|e| match e {
         Refusal::Abandoned => Unfinished::Stopped,

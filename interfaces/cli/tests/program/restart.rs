@@ -160,11 +160,18 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     place.call("export here/results.vtkhdf --out tables").with_code(0);
     place.with_beds("replay here.mcap --out here --force").with_code(0);
     assert_eq!(place.summary("here")["steps"], 20);
+    // A finished one goes for the same case only.
+    let case = std::fs::read_to_string(place.path("tiny.toml")).unwrap();
+    std::fs::write(place.path("tiny.toml"), format!("{case}# changed\n")).unwrap();
+    let refused = place.run("--out here --steps 10").with_code(2);
+    assert!(refused.stderr().contains("another case"), "{}", refused.stderr());
+    assert_eq!(place.summary("here")["steps"], 20);
+    std::fs::write(place.path("tiny.toml"), case).unwrap();
     place.run("--out here --steps 10").with_code(0);
 
     // Nor a case, nor results, by a recording.
     for (file, code, says) in [
-        ("tiny.toml", 1, "a recording to replace"),
+        ("tiny.toml", 1, "a recording of ours to replace"),
         ("here/results.vtkhdf", 2, "none of the run's own"),
     ] {
         let before = std::fs::read(place.path(file)).unwrap();
