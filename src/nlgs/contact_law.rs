@@ -105,10 +105,3 @@ impl Reduced {
         trial.impulse
     }
 }
-
-/// The impulse after a visit that has found `solved`, relaxed but where the contact opens: what is left of an impulse there
-/// would be carried on for ever.
-pub fn relaxed(before: &Vec3, solved: &Vec3, relaxation: f64) -> Vec3 {
-    let opens = *solved == Vec3::zeros();
-    if opens { *solved } else { before + (solved - before) * relaxation }
-}

@@ -184,8 +184,7 @@ impl<L: Lanes, B: Block> Found<L, B> {
         Visit::begin(&self.law, self.approach, &self.u, &self.r, &block.law().slip)
     }
 
-    /// Ends the visit: impulses and lines are changed by what it has found, relaxed but where a contact opens: what is left
-    /// of its impulse would be carried on for ever.
+    /// Ends the visit: impulses and lines are changed by what it has found, relaxed.
     #[inline(always)]
     unsafe fn end<R: Record<L>>(
         self,
@@ -198,8 +197,7 @@ impl<L: Lanes, B: Block> Found<L, B> {
         let (impulse, slip) = block.outcome();
         let solved = visit.end(&self.law, slip);
         let change = each!(K in 3 => solved[K].sub(self.r[K]));
-        let share = L::select(self.approach.1, relaxation, L::splat(1.0));
-        let delta = each!(K in 3 => share.mul(change[K]));
+        let delta = each!(K in 3 => relaxation.mul(change[K]));
         let after = each!(K in 3 => self.r[K].add(delta[K]));
         for k in 0..3 {
             after[k].store(&mut impulse[k]);

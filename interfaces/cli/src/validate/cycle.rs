@@ -12,7 +12,7 @@ use crate::profile::Profile;
 use crate::record::{self, Column};
 use crate::summary::{Setting, Summary};
 use crate::{beds, session};
-use ballast::model::{Role, Stepping};
+use ballast::model::Role;
 use ballast::observe::{self, Coordination};
 use ballast::track;
 use std::path::Path;
@@ -50,8 +50,6 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
     let mut case = case.clone();
     case.plan.bed.seed = settings.seed;
     case.plan.run.stepping.step_ns = settings.step_ns;
-    // As for a case of this step: neither of the two names a distance.
-    case.plan.run.stepping.alert = Stepping::usual_alert(settings.step_ns);
     case.plan.run.solver.iterations = settings.iterations;
     let (model, state) = beds::scene(&case, folder, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
