@@ -1,5 +1,7 @@
 //! What can go wrong, with the place, what was expected and what was found.
 
+use crate::step::Stop;
+
 /// Errors of the core. Not converging is a report ([`crate::step::StepReport`]), not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -19,6 +21,9 @@ pub enum Error {
     // Times are whole nanoseconds, and not 0.0024000000000000002 s.
     #[error("step at t = {} s: {place}: expected {expected}, found {found}", (time_s * 1e9).round() / 1e9)]
     Step { cause: Cause, time_s: f64, place: String, expected: String, found: String },
+    /// The step was broken off by who watches it; the state is exactly that of before the step.
+    #[error("step: broken off by who watches it")]
+    Stopped(Stop),
 }
 
 /// Why a step was refused.
@@ -39,6 +44,7 @@ impl Error {
             Error::Step { cause: Cause::OverSpeed, .. } => "over_speed",
             Error::Step { cause: Cause::NotFinite, .. } => "not_finite",
             Error::Step { cause: Cause::Penetration, .. } => "penetration",
+            Error::Stopped(_) => "stopped",
             _ => "step_failed",
         }
     }

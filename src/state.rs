@@ -76,6 +76,11 @@ impl State {
         Pose { position: self.position[b], orientation: self.orientation[b] }
     }
 
+    /// Poses of the driven bodies `[nd]`.
+    pub fn driven_poses(&self, model: &Model) -> Vec<Pose> {
+        (model.grains.len()..model.body_count()).map(|b| self.pose(b)).collect()
+    }
+
     /// Pose that was last imposed on driven body `d`, or on its mount.
     pub fn imposed(&self, model: &Model, d: usize) -> Pose {
         self.mount.get(d).copied().unwrap_or_else(|| self.pose(model.grains.len() + d))

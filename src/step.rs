@@ -47,8 +47,9 @@ pub fn step(
 /// a state that others hold need not be copied to go on from it.
 ///
 /// # Errors
-/// [`Error::Input`] for inputs that do not fit, [`Error::Step`] when a velocity is not finite, or a driven body is led
-/// or moved beyond its limit. What `next` holds is then of no use.
+/// [`Error::Input`] for inputs that do not fit, [`Error::State`] for a state that is not finite, [`Error::Step`] when a
+/// velocity is not, or a driven body is led or moved beyond its limit, [`Error::Stopped`] when `watch` says so. What
+/// `next` holds is then of no use.
 pub fn advance(
     model: &Model,
     state: &State,
@@ -120,7 +121,7 @@ fn solve(
     ws.decomposition.pack(&ws.problem);
     watch.lap(Phase::ContactGraph);
 
-    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &solver);
+    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &solver, &mut || watch.stop())?;
     collect(model, state, ws)?;
     watch.lap(Phase::Solve);
 
@@ -131,7 +132,7 @@ fn solve(
     ws.recovery.velocity.clear();
     ws.recovery.spin.clear();
     if let Some(recovery) = &model.solver.recovery {
-        recover(model, state, next, ws, recovery)?;
+        recover(model, state, next, ws, recovery, watch)?;
         watch.lap(Phase::Recovery);
     }
     Ok(report)
@@ -190,6 +191,7 @@ fn recover(
     next: &mut State,
     ws: &mut Workspace,
     recovery: &Recovery,
+    watch: &mut impl Stopwatch,
 ) -> Result<()> {
     let Workspace { decomposition, motion, contacts, problem, impulse, velocity, spin, .. } = ws;
     let (positions, h) = (&mut ws.recovery, model.stepping.h());
@@ -207,7 +209,7 @@ fn recover(
         check_every: model.solver.check_every.min(Solver::default().check_every),
         ..model.solver
     };
-    ddm::solve(decomposition, &positions.problem, &solver);
+    ddm::solve(decomposition, &positions.problem, &solver, &mut || watch.stop())?;
     let workspace::Recovery { problem, velocity, spin } = positions;
     decomposition.unpack_velocities(problem, velocity, spin);
     finite(model, state, velocity, spin)?;
@@ -319,6 +321,23 @@ impl Phase {
 pub trait Stopwatch: Send {
     /// `phase` has just ended; the next one begins.
     fn lap(&mut self, phase: Phase);
+
+    /// Asked after each test of the iterations, which may be many: whether the step is to be broken off, and what is to
+    /// become of its window.
+    fn stop(&mut self) -> Option<Stop> {
+        None
+    }
+}
+
+/// How a window is ended by who watches it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stop {
+    /// What was computed is kept.
+    Early,
+    /// The window is taken back.
+    Discard,
+    /// The window is taken back, and was never asked for: the one before can still be redone.
+    Abandon,
 }
 
 impl Stopwatch for () {

@@ -29,6 +29,7 @@ use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
 use crate::second_look::pressed_beyond;
 use crate::state::State;
+pub use crate::step::Stop;
 use crate::step::{StepReport, Stopwatch, advance};
 use crate::workspace::Workspace;
 use memory::Memory;
@@ -81,17 +82,6 @@ impl Default for Limits {
             on_trouble: OnTrouble::Discard,
         }
     }
-}
-
-/// How a window is ended by who watches it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Stop {
-    /// What was computed is kept.
-    Early,
-    /// The window is taken back.
-    Discard,
-    /// The window is taken back, and was never asked for: the one before can still be redone.
-    Abandon,
 }
 
 /// What looks at every step of a window, and may end it.
@@ -215,7 +205,8 @@ impl Component {
         self.advance_timed(t1_ns, inputs, watch, &mut ())
     }
 
-    /// The same, with the caller's stopwatch on the phases of the steps.
+    /// The same, with the caller's stopwatch on the phases of the steps; it may end the window within a step, which is then
+    /// not done.
     ///
     /// # Errors
     /// As for [`Component::advance_watched`].
@@ -244,6 +235,10 @@ impl Component {
                         stopped = (!is_over).then_some(stop);
                         break;
                     }
+                }
+                Err(Error::Stopped(stop)) => {
+                    stopped = Some(stop);
+                    break;
                 }
                 Err(error) => {
                     trouble = Some(error);

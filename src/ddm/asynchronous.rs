@@ -16,9 +16,11 @@
 //! schedule, which decides whether the step is solved; if not, the next run goes on from there.
 
 use super::decomposition::{Set, enter};
-use super::{Decomposition, Outcome, Softening, is_solved, left, on_threads, synchronous};
+use super::{Ask, Decomposition, Outcome, Softening, is_solved, left, on_threads, synchronous};
+use crate::error::{Error, Result};
 use crate::model::{Norm, Solver};
 use crate::nlgs::VisitNorms;
+use crate::step::Stop;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -38,14 +40,14 @@ struct Run<'a> {
     stop: AtomicBool,
     /// Of the visits to come, as bits.
     relaxation: AtomicU64,
-    tests: Mutex<Tests>,
+    tests: Mutex<Tests<'a>>,
 }
 
 /// A set's newest norms, and after which of its visits they were taken.
 pub(super) type Report = (u32, VisitNorms);
 
 /// Convergence tests of a run. A test is judged when every set has reported it.
-struct Tests {
+struct Tests<'a> {
     reports: Vec<Report>,
     /// Visits after which the next test is due, and sets that have not reported it.
     due: u32,
@@ -54,14 +56,29 @@ struct Tests {
     scale: Option<f64>,
     softening: Softening,
     diverged: bool,
+    ask: Ask<'a>,
+    stopped: Option<Stop>,
 }
 
-/// Iterates until the tolerance or the cap is reached; if the iterations diverge, what they have cost is the error.
+/// How iterations ended.
+#[derive(Debug)]
+pub(super) enum Iterated {
+    /// The tolerance or the cap was reached.
+    Sound(Outcome),
+    /// What they have cost.
+    Diverged(Outcome),
+}
+
+/// Iterates until the tolerance or the cap is reached, or the iterations diverge.
+///
+/// # Errors
+/// [`Error::Stopped`] when `ask` says so.
 pub(super) fn iterate(
     decomposition: &mut Decomposition,
     solver: &Solver,
-) -> Result<Outcome, Outcome> {
-    iterate_with(decomposition, solver, |run| {
+    ask: Ask,
+) -> Result<Iterated> {
+    iterate_with(decomposition, solver, ask, |run| {
         let threads = rayon::current_num_threads().min(run.decomposition.subdomains.len());
         on_threads(threads, &|| while run.visit_next() {});
     })
@@ -71,11 +88,9 @@ pub(super) fn iterate(
 fn iterate_with(
     decomposition: &mut Decomposition,
     solver: &Solver,
+    ask: Ask,
     work: impl Fn(&Run),
-) -> Result<Outcome, Outcome> {
-    if decomposition.sets() < 2 {
-        return Ok(synchronous::iterate(decomposition, solver));
-    }
+) -> Result<Iterated> {
     let mut solver = *solver;
     let mut outcome = Outcome::default();
     let mut softening = Softening::new(solver.relaxation);
@@ -85,24 +100,30 @@ fn iterate_with(
         let free = Solver { iterations: solver.iterations.saturating_sub(closing), ..solver };
         decomposition.split();
         let reports = std::mem::take(&mut decomposition.reports);
-        let run = Run::new(decomposition, &free, softening.anew(), reports);
+        let run = Run::new(decomposition, &free, softening.anew(), reports, ask);
         work(&run);
         let tests = run.tests.into_inner().unwrap_or_else(PoisonError::into_inner);
-        decomposition.reports = tests.reports;
-        if tests.diverged {
-            let iterations = before.iterations + decomposition.begun();
-            return Err(Outcome { iterations, visits: decomposition.visits(), ..before });
+        let Tests { reports, softening: softened, diverged, stopped, .. } = tests;
+        decomposition.reports = reports;
+        if let Some(stop) = stopped {
+            return Err(Error::Stopped(stop));
         }
-        softening = tests.softening;
+        if diverged {
+            let iterations = before.iterations + decomposition.begun();
+            let visits = decomposition.visits();
+            return Ok(Iterated::Diverged(Outcome { iterations, visits, ..before }));
+        }
+        softening = softened;
         let iterations = decomposition.begun();
         decomposition.settle();
         solver.relaxation = softening.relaxation;
         let pass = if iterations < free.iterations { 1 } else { closing };
-        outcome = synchronous::iterate(decomposition, &Solver { iterations: pass, ..solver });
+        let closing = Solver { iterations: pass, ..solver };
+        outcome = synchronous::iterate(decomposition, &closing, ask)?;
         solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
         outcome.iterations += before.iterations + iterations;
         if outcome.converged || solver.iterations == 0 {
-            return Ok(outcome);
+            return Ok(Iterated::Sound(outcome));
         }
     }
 }
@@ -113,6 +134,7 @@ impl<'a> Run<'a> {
         solver: &'a Solver,
         softening: Softening,
         mut reports: Vec<Report>,
+        ask: Ask<'a>,
     ) -> Self {
         let sets = decomposition.sets();
         reports.clear();
@@ -125,11 +147,13 @@ impl<'a> Run<'a> {
             relaxation: AtomicU64::new(softening.relaxation.to_bits()),
             tests: Mutex::new(Tests {
                 reports,
-                due: solver.check_every.max(1),
+                due: solver.check_every,
                 missing: sets,
                 scale: None,
                 softening,
                 diverged: false,
+                ask,
+                stopped: None,
             }),
         }
     }
@@ -162,7 +186,7 @@ impl<'a> Run<'a> {
     /// Sweeps `set`, number `s`, at the velocities that [`Self::begin`] found.
     fn end(&self, s: usize, set: &mut Set) {
         set.visits += 1;
-        let measured = set.visits.is_multiple_of(self.solver.check_every.max(1));
+        let measured = set.visits.is_multiple_of(self.solver.check_every);
         let relaxation = f64::from_bits(self.relaxation.load(Ordering::Relaxed));
         set.sweeps(self.decomposition.sweeps(s, self.solver), relaxation, measured);
         self.decomposition.boundary.publish(set);
@@ -180,7 +204,7 @@ impl<'a> Run<'a> {
             return;
         }
         let judged = tests.due;
-        tests.due += self.solver.check_every.max(1);
+        tests.due += self.solver.check_every;
         tests.missing = tests.reports.iter().filter(|report| report.0 < tests.due).count();
         let mut sum = VisitNorms::default();
         tests.reports.iter().for_each(|report| sum += report.1);
@@ -195,7 +219,8 @@ impl<'a> Run<'a> {
         // The natural map needs a state at rest: until then the norms of the visits decide.
         let norm = if self.solver.norm == Norm::NaturalMap { Norm::Qm16 } else { self.solver.norm };
         let solver = Solver { norm, ..*self.solver };
-        if tests.diverged || is_solved(&solver, &residuals, fling) {
+        tests.stopped = tests.stopped.or_else(|| (tests.ask)());
+        if tests.stopped.is_some() || tests.diverged || is_solved(&solver, &residuals, fling) {
             self.stop.store(true, Ordering::Relaxed);
         }
     }

@@ -13,9 +13,14 @@ mod round;
 mod synchronous;
 mod turns;
 
+#[cfg(doc)]
+use crate::error::Error;
+use crate::error::Result;
 use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
 use crate::nlgs::Residuals;
+use crate::step::Stop;
+use asynchronous::Iterated;
 
 pub use decomposition::Decomposition;
 
@@ -33,27 +38,34 @@ pub struct Outcome {
     pub guarded: bool,
 }
 
+/// Asked after each test whether the step is to be broken off.
+pub type Ask<'a> = &'a mut (dyn FnMut() -> Option<Stop> + Send);
+
 /// Iterates `problem`, which was packed into `decomposition`, in the order that `solver` asks for.
+///
+/// # Errors
+/// [`Error::Stopped`] when `ask` says so.
 pub fn solve(
     decomposition: &mut Decomposition,
     problem: &LocalProblem,
     solver: &Solver,
-) -> Outcome {
+    ask: Ask,
+) -> Result<Outcome> {
     decomposition.apply_impulses();
     // One set has nobody to wait for.
     if solver.schedule != Schedule::Asynchronous || decomposition.sets() == 1 {
-        return synchronous::iterate(decomposition, solver);
+        return synchronous::iterate(decomposition, solver, ask);
     }
-    let lost = match asynchronous::iterate(decomposition, solver) {
-        Ok(outcome) => return outcome,
-        Err(lost) => lost,
+    let lost = match asynchronous::iterate(decomposition, solver, ask)? {
+        Iterated::Sound(outcome) => return Ok(outcome),
+        Iterated::Diverged(lost) => lost,
     };
     decomposition.pack(problem);
     decomposition.apply_impulses();
     let relaxed = Solver { relaxation: solver.relaxation.min(1.0), ..*solver };
-    let outcome = synchronous::iterate(decomposition, &relaxed);
+    let outcome = synchronous::iterate(decomposition, &relaxed, ask)?;
     let (iterations, visits) = (outcome.iterations + lost.iterations, outcome.visits + lost.visits);
-    Outcome { guarded: true, iterations, visits, ..outcome }
+    Ok(Outcome { guarded: true, iterations, visits, ..outcome })
 }
 
 /// The first iteration after `done` that is a multiple of `period` after iteration `began`.

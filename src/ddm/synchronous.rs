@@ -8,12 +8,21 @@ use super::decomposition::Set;
 use super::momentum::Start;
 use super::round::Round;
 use super::turns::{Stretch, Turn};
-use super::{Decomposition, Outcome, is_solved, left, next_after};
+use super::{Ask, Decomposition, Outcome, is_solved, left, next_after};
+use crate::error::{Error, Result};
 use crate::model::{Norm, Solver};
+use crate::step::Stop;
 
 /// Iterates until the tolerance or the cap is reached.
-pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Outcome {
-    let mut progress = Progress::new(solver);
+///
+/// # Errors
+/// [`Error::Stopped`] when `ask` says so.
+pub(super) fn iterate(
+    decomposition: &mut Decomposition,
+    solver: &Solver,
+    ask: Ask,
+) -> Result<Outcome> {
+    let mut progress = Progress::new(solver, ask);
     loop {
         decomposition.in_stretches(
             |set, turn, leg: &Leg| leg.visit(set, turn, solver),
@@ -22,10 +31,13 @@ pub(super) fn iterate(decomposition: &mut Decomposition, solver: &Solver) -> Out
         let Some(leg) = progress.leg.take() else { break };
         progress.turn(decomposition, &leg);
     }
+    if let Some(stop) = progress.stopped {
+        return Err(Error::Stopped(stop));
+    }
     let mut outcome = progress.outcome;
     outcome.residuals.natural_map = decomposition.natural_map();
     outcome.visits = decomposition.visits();
-    outcome
+    Ok(outcome)
 }
 
 /// Iterations up to the next one after which something is looked at or done.
@@ -83,21 +95,20 @@ struct Progress<'a> {
     start: Start,
     /// The one under way, or after which [`Self::turn`] is to be called.
     leg: Option<Leg>,
+    ask: Ask<'a>,
+    stopped: Option<Stop>,
 }
 
 impl<'a> Progress<'a> {
-    fn new(solver: &'a Solver) -> Self {
+    fn new(solver: &'a Solver, ask: Ask<'a>) -> Self {
         let outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
-        Self { solver, round: Round::first(solver), outcome, start: Start::Sweeps, leg: None }
-    }
-
-    fn check_every(&self) -> u32 {
-        self.solver.check_every.max(1)
+        let (round, start) = (Round::first(solver), Start::Sweeps);
+        Self { solver, round, outcome, start, leg: None, ask, stopped: None }
     }
 
     /// The iteration after which the last sweeps are to come: what the cap ends with are sweeps from the best impulses.
     fn closing(&self) -> u32 {
-        self.solver.iterations.saturating_sub(self.check_every())
+        self.solver.iterations.saturating_sub(self.solver.check_every)
     }
 
     /// Ends the leg that is under way, and gives the next one; `None` when all is over, or the leg is to be followed
@@ -140,13 +151,14 @@ impl<'a> Progress<'a> {
             return true;
         }
         self.round.observe(self.outcome.iterations, left(self.solver, residuals, fling));
-        false
+        self.stopped = (self.ask)();
+        self.stopped.is_some()
     }
 
     /// The next leg.
     fn plan(&self) -> Leg {
         let (before, closing) = (self.outcome.iterations, self.closing());
-        let test = next_after(before, 0, self.check_every()).min(self.solver.iterations);
+        let test = next_after(before, 0, self.solver.check_every).min(self.solver.iterations);
         let stops = [self.round.next_point(before), (before < closing).then_some(closing)];
         let done = stops.into_iter().flatten().fold(test, u32::min);
         let measured = done == test;

@@ -76,7 +76,9 @@ pub(super) struct Solved {
 
 fn run(model: &Model, state: &State, contacts: &Contacts, threads: usize) -> Solved {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let work = |d: &mut Decomposition, problem: &LocalProblem| solve(d, problem, &model.solver);
+    let work = |d: &mut Decomposition, problem: &LocalProblem| {
+        solve(d, problem, &model.solver, &mut || None).expect("nobody stops it")
+    };
     pool.install(|| run_with(model, state, contacts, &[], work))
 }
 

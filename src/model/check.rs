@@ -5,7 +5,8 @@ use crate::error::{Error, Result};
 
 /// What a coefficient of friction is to be: kernels keep it in f32.
 const FRICTION: &str = "at least 0, at most 1e30";
-/// Least and greatest mass of a grain, kg: kernels keep effective masses in f32.
+/// Least and greatest mass of a grain, kg, or of a mount, and moment of inertia of one that turns, kg m²: kernels keep
+/// effective masses in f32.
 const MASSES: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 /// Most parts of a driven body: their numbers are in the identity of contacts.
 const MOST_PARTS: usize = 4096;
@@ -73,6 +74,7 @@ impl Model {
             "at least 1",
             (solver.subdomain_sweeps, solver.interface_sweeps),
         )?;
+        expect(solver.check_every > 0, "solver.check_every", "at least 1", solver.check_every)?;
         expect(
             solver.relaxation > 0.0 && solver.relaxation <= 1.0,
             "solver.relaxation",
@@ -173,16 +175,17 @@ impl Model {
 
 impl Mount {
     fn check(&self, place: &str) -> Result<()> {
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        expect(positive(self.mass), place, "a mount of finite mass above 0 kg", self.mass)?;
+        let mass = self.mass;
+        expect(MASSES.contains(&mass), place, "a mount with a mass from 1e-30 to 1e30 kg", mass)?;
         expect(
             self.inertia.iter().all(|j| j.is_finite() && *j >= 0.0),
             place,
             "finite moments of inertia of at least 0 kg m²",
             self.inertia,
         )?;
-        let known = !self.turns() || self.inertia.iter().all(|j| positive(*j));
-        expect(known, place, "moments of inertia above 0, as the mount can turn", self.inertia)?;
+        let known = !self.turns() || self.inertia.iter().all(|j| MASSES.contains(j));
+        let expected = "moments of inertia from 1e-30 to 1e30 kg m², as the mount can turn";
+        expect(known, place, expected, self.inertia)?;
         let centre = self.centre.iter().all(|x| x.is_finite());
         expect(centre, place, "a finite centre of mass", self.centre)?;
         for freedom in self.freedoms {

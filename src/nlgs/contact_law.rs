@@ -8,7 +8,7 @@ const SMALL_STEP: f64 = 1e-15;
 const MAX_STEPS: usize = 100;
 
 /// Impulse `r` (n, t, s) with `0 <= u_n ⊥ r_n >= 0` and Coulomb's law of slope `mu` for
-/// `u = W r + b` (T-9).
+/// `u = W r + b` (T-8).
 ///
 /// `w` need not be symmetric (published problems are not always), but needs `w.m11 > 0`. A contact
 /// that slips has `u_T = -λ r_T`; with `S = W_TT - W_Tn W_nT/W_nn`, `σ = tr S / 2` and

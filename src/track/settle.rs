@@ -86,7 +86,7 @@ impl Bench {
         self.model.grain_friction = settling.grain_friction;
         let g = self.model.gravity.norm();
         let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
-        let targets = self.driven_poses();
+        let targets = self.state.driven_poses(&self.model);
         let inputs = Inputs::of(&targets);
         let [least, most] = settling.steps;
         for done in 1..=most {
@@ -96,7 +96,8 @@ impl Bench {
             if watch(&progress).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            if done >= least && speed < settling.rest_speed {
+            // What a stage ends with is a step, as it was solved.
+            if done == most || (done >= least && speed < settling.rest_speed) {
                 break;
             }
             self.damp(keep);
@@ -137,12 +138,6 @@ impl Bench {
             self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
             self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
         }
-    }
-
-    /// Poses of the driven bodies now.
-    fn driven_poses(&self) -> Vec<Pose> {
-        let n = self.model.grains.len();
-        (n..self.model.body_count()).map(|b| self.state.pose(b)).collect()
     }
 
     /// Inserts grains at rest after those present; driven bodies keep following the grains.

@@ -8,6 +8,7 @@ mod modes;
 mod parameters;
 mod readme;
 mod refusals;
+mod stops;
 mod waveforms;
 mod windows;
 
@@ -29,7 +30,12 @@ const FREQUENCY: f64 = 10.0;
 
 /// Stones that have fallen onto each other, ready to be shaken.
 pub fn heap(limits: Limits) -> Component {
-    let mut scene = heap::falling(2, MS).scheduled(Schedule::Synchronous, [2, 1, 1]);
+    heap_scheduled(limits, Schedule::Synchronous)
+}
+
+/// The same with another schedule.
+pub fn heap_scheduled(limits: Limits, schedule: Schedule) -> Component {
+    let mut scene = heap::falling(2, MS).scheduled(schedule, [2, 1, 1]);
     scene.model.solver.iterations = 200;
     scene.model.solver.tolerance = Some(1e-5);
     scene.run(0.15);

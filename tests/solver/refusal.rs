@@ -5,7 +5,7 @@ use crate::common::heap;
 use crate::common::scene::{SCHEDULES, Scene};
 use ballast::error::Error;
 use ballast::math::{Quat, Vec3};
-use ballast::model::PartitionRule;
+use ballast::model::{Freedom, Mount, PartitionRule};
 
 /// A heap in contact.
 fn heap_in_contact() -> Scene {
@@ -102,10 +102,20 @@ fn a_number_that_is_none_is_told_with_the_grain() {
 #[test]
 fn what_kernels_cannot_hold_is_refused_by_name() {
     type Change = (&'static str, fn(&mut Scene));
-    let changes: [Change; 5] = [
+    let changes: [Change; 8] = [
         ("grain_friction", |s| s.model.grain_friction = 1e39),
         ("at most 1e30", |s| s.model.driven[0].friction = f64::MAX),
         ("grain 3", |s| s.model.grains.mass[3] = 1e-46),
+        ("a mass from 1e-30 to 1e30 kg", |s| {
+            s.model.driven[0].mount = Some(Mount::spring(1e-46, 1.0, 0.0));
+        }),
+        ("moments of inertia from 1e-30", |s| {
+            let freedoms = [Freedom::Loaded; 6];
+            let mount =
+                Mount { freedoms, inertia: Vec3::repeat(1e-46), ..Mount::spring(1.0, 1.0, 0.0) };
+            s.model.driven[0].mount = Some(mount);
+        }),
+        ("solver.check_every", |s| s.model.solver.check_every = 0),
         ("at most 100000 subdomains", |s| {
             s.model.solver.partition = PartitionRule::Boxes([1 << 22, 1 << 22, 1 << 20]);
         }),

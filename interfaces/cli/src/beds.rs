@@ -18,7 +18,7 @@ use std::path::Path;
 pub fn prepare(case: &Case, folder: &Path, again: bool, console: Console) -> Outcome {
     let beds = Beds::in_folder(folder);
     let kept = if again { None } else { beds.find(&case.plan)? };
-    let (prepared, bed) = found_or_made(kept, case, &beds, console)?;
+    let (prepared, bed) = found_or_made(kept, || make(case, &beds, console))?;
     announce(case, &beds, &bed, prepared, console);
     let verb = if prepared { "prepared" } else { "already there" };
     console.result(&format!("{verb}: {}", beds.path(&case.plan).display()));
@@ -28,22 +28,32 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: Console) -> Out
 /// Model and state at the start of a case's run; the bed is prepared if it is not there.
 pub fn scene(case: &Case, folder: &Path, console: Console) -> Outcome<(Model, State)> {
     let beds = Beds::in_folder(folder);
-    let kept = beds.find(&case.plan)?;
-    let (prepared, bed) = found_or_made(kept, case, &beds, console)?;
-    announce(case, &beds, &bed, prepared, console);
+    scene_of(case, &beds, console, || make(case, &beds, console))
+}
+
+/// The same for one of many that are prepared at a time, so without a bar.
+pub fn one_of_many(case: &Case, folder: &Path, console: Console) -> Outcome<(Model, State)> {
+    let beds = Beds::in_folder(folder);
+    let make = || unless_stopped(beds.prepare(case, &mut |_| heed_interrupts())?);
+    scene_of(case, &beds, console, make)
+}
+
+fn scene_of(
+    case: &Case,
+    beds: &Beds,
+    console: Console,
+    make: impl FnOnce() -> Outcome<Bed>,
+) -> Outcome<(Model, State)> {
+    let (prepared, bed) = found_or_made(beds.find(&case.plan)?, make)?;
+    announce(case, beds, &bed, prepared, console);
     Ok(ballast_beds::scene(&case.plan, bed)?)
 }
 
 /// Whether it is made now, and the bed.
-fn found_or_made(
-    kept: Option<Bed>,
-    case: &Case,
-    beds: &Beds,
-    console: Console,
-) -> Outcome<(bool, Bed)> {
+fn found_or_made(kept: Option<Bed>, make: impl FnOnce() -> Outcome<Bed>) -> Outcome<(bool, Bed)> {
     Ok(match kept {
         Some(bed) => (false, bed),
-        None => (true, make(case, beds, console)?),
+        None => (true, make()?),
     })
 }
 
@@ -71,20 +81,26 @@ fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
     let mut pace = Pace::default();
     let mut watch = |done: &DepositProgress| {
         progress.advance(pace.share(done), &PrepareMark(*done));
-        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        heed_interrupts()
     };
     let bed = beds.prepare(case, &mut watch)?;
     progress.finish();
-    let Some(bed) = bed else {
-        let text = "stopped while preparing the bed; the next call prepares it from the start";
-        return Err(Failure::Interrupted(text.into()));
-    };
+    let bed = unless_stopped(bed)?;
     console.note(&format!(
         "bed of {} grains prepared in {}",
         bed.model.grains.len(),
         duration(progress.elapsed())
     ));
     Ok(bed)
+}
+
+fn heed_interrupts() -> ControlFlow<()> {
+    if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
+fn unless_stopped(bed: Option<Bed>) -> Outcome<Bed> {
+    let text = "stopped while preparing the bed; the next call prepares it from the start";
+    bed.ok_or_else(|| Failure::Interrupted(text.into()))
 }
 
 /// Where a preparation stands.

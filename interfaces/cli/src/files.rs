@@ -7,6 +7,7 @@ use ballast_hdf5::checkpoint;
 use ballast_hdf5::results::Reader;
 use ballast_mcap::may_become_a_recording;
 use ballast_scenario::NoText;
+use ballast_scenario::sample::{self, Sample};
 use serde_json::Value;
 use std::ffi::OsString;
 use std::fs::{File, Metadata, TryLockError};
@@ -271,6 +272,13 @@ pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
 /// The same of a text that says what is to be run.
 pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
     read(path, limit, Failure::InvalidCase)
+}
+
+/// Reads a sample.
+pub fn read_sample(path: &Path) -> Outcome<Sample> {
+    let text = read_text(path, sample::LONGEST)?;
+    let read = sample::read(&text, &path.display().to_string());
+    read.map_err(|e| Failure::InvalidCase(e.to_string()))
 }
 
 fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {

@@ -33,13 +33,13 @@ mod summary;
 mod summary_text;
 mod table;
 mod taping;
+mod threads;
 mod validate;
 
 use args::{Cli, Command};
 use clap::Parser;
 use console::Console;
 use exit::{Failure, Outcome};
-use std::num::NonZeroUsize;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -90,7 +90,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         let text = "--threads: the runs of a sweep have theirs, --threads-each; --jobs are the runs at a time";
         return Err(Failure::Usage(text.into()));
     }
-    start_threads(cli.threads)?;
+    threads::start(cli.threads)?;
     match cli.command {
         Command::Run(args) => commands::run::run(args, console),
         Command::Prepare(args) => commands::prepare::prepare(args, console),
@@ -122,12 +122,4 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Completions { shell } => commands::completions::completions(shell, console),
         Command::Bench { what } => commands::bench::bench(what, console),
     }
-}
-
-fn start_threads(threads: Option<NonZeroUsize>) -> Outcome {
-    let Some(threads) = threads else { return Ok(()) };
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.get())
-        .build_global()
-        .map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))
 }

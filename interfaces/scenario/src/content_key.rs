@@ -11,7 +11,7 @@ use ballast::track::plan::{
 };
 
 /// Raised when the same plan is prepared into another bed: old keys then match nothing.
-const VERSION: u64 = 11;
+const VERSION: u64 = 12;
 
 /// 128-bit key of the bed that `plan` prepares, as 32 hexadecimal digits.
 ///

@@ -1,6 +1,7 @@
 //! A parsed TOML text in which every key can be found again.
 
 use crate::diagnostic::{Diagnostic, quoted};
+use crate::text::LONGEST_CASE;
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -12,9 +13,6 @@ pub enum Part {
     Index(usize),
 }
 
-/// Longest case file that is read, bytes: a thousand times a long one.
-const MAX_LENGTH: usize = 8 << 20;
-
 /// Text, name and parsed table.
 pub struct Document<'t> {
     pub file: &'t str,
@@ -25,11 +23,11 @@ pub struct Document<'t> {
 impl<'t> Document<'t> {
     /// Parses `text`; all errors of syntax are returned at once.
     pub fn parse(text: &'t str, file: &'t str) -> Result<Self, Vec<Diagnostic>> {
-        if text.len() > MAX_LENGTH {
+        if text.len() as u64 > LONGEST_CASE {
             let mut d = Diagnostic::new(file, "", 0..0, String::new());
             d.problem = "the file is too large".into();
             d.found = format!("{} bytes", text.len());
-            d.expected = format!("a case file of at most {MAX_LENGTH} bytes");
+            d.expected = format!("a case file of at most {LONGEST_CASE} bytes");
             return Err(vec![d]);
         }
         let (root, errors) = DeTable::parse_recoverable(text);

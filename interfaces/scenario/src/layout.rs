@@ -41,13 +41,15 @@ pub fn lay_out(case: &CaseFile, report: &mut Report) -> Layout {
     for (i, sleeper) in case.sleeper.iter().enumerate() {
         layout.sleepers.push(single_sleeper(i, sleeper, lifts(case), report));
     }
+    let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
+    let beside_each = case.tines.as_ref().map_or(0, |tines| 2 * tines.y_offsets_m.len());
+    let count = layout.sleepers.len() + tamped * beside_each + case.tine.len();
+    if count > MOST_BODIES {
+        let key = if case.tines.is_some() { "tines" } else { "sleepers" };
+        too_many(report, key, count);
+        return layout;
+    }
     if let Some(tines) = &case.tines {
-        let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
-        let count = 2 * tamped * tines.y_offsets_m.len() + layout.sleepers.len();
-        if count + single > MOST_BODIES {
-            too_many(report, "tines", count + single);
-            return layout;
-        }
         rows_of_tines(tines, report, &mut layout);
     }
     let single = case.tine.iter().enumerate().map(|(i, tine)| single_tine(i, tine, report));

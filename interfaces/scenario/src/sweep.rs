@@ -96,6 +96,9 @@ fn grid(axes: &Table, wrong: &Wrong) -> Result<Vec<Point>, String> {
         let Value::Array(values) = values else {
             return Err(wrong(&place, "a list of values", values));
         };
+        if values.is_empty() {
+            return Err(wrong(&place, "at least one value", &"none"));
+        }
         if points.len().saturating_mul(values.len()) > MOST_POINTS {
             return Err(wrong(&place, &format!("at most {MOST_POINTS} points in all"), &"more"));
         }
@@ -253,7 +256,10 @@ mod tests {
             ("case = 'a'\ncases = 1", "one of case, grid, points"),
             ("case = 'a'\ngrid = 1", "a table of lists"),
             ("case = 'a'\n[grid]\nx = 1", "a list of values"),
-            ("case = 'a'\n[grid]\nx = []", "at least one point"),
+            (
+                "case = 'a'\n[grid]\nx = []\n[[points]]\nx = 1",
+                "grid.\"x\": expected at least one value",
+            ),
             ("case = 'a'\npoints = [1]", "points[0]: expected a table"),
             (
                 "case = 'a'\n[[points]]\na.b = 1\n'a.b' = 2",

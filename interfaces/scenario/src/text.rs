@@ -2,8 +2,8 @@
 
 use std::io::Read;
 
-/// Most bytes of a case file: none is this long.
-pub const LONGEST_CASE: u64 = 16 << 20;
+/// Most bytes of a case file, or of a plan of a sweep: a thousand times a long one.
+pub const LONGEST_CASE: u64 = 8 << 20;
 
 /// Why there is no text.
 #[derive(Debug, thiserror::Error)]

@@ -3,7 +3,7 @@
 use crate::args::{Beds, Overrides, ScheduleName};
 use crate::exit::{Failure, Outcome};
 use ballast::model::Stepping;
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand, ValueEnum, value_parser};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 
@@ -94,14 +94,17 @@ pub struct Threads {
     pub threads_up_to: Option<NonZeroUsize>,
 }
 
+/// More than anybody waits for.
+const MOST_STEPS: i64 = 1_000_000_000;
+
 /// Which steps are measured.
 #[derive(Debug, Args)]
 pub struct Window {
     /// Steps to measure
-    #[arg(long, value_name = "N", default_value = "10")]
-    pub steps: NonZeroU32,
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = value_parser!(u32).range(1..=MOST_STEPS))]
+    pub steps: u32,
     /// Steps before that
-    #[arg(long, value_name = "M", default_value_t = 5)]
+    #[arg(long, value_name = "M", default_value_t = 5, value_parser = value_parser!(u32).range(..=MOST_STEPS))]
     pub warm_up: u32,
 }
 

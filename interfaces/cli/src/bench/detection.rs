@@ -96,7 +96,7 @@ fn standing(
     let (mut fresh, mut still) = (new(), new());
     let mut detectors: Vec<(Detector, Contacts)> =
         pools.iter().map(|_| Default::default()).collect();
-    let (warm_up, steps) = (args.window.warm_up.max(1), args.window.steps.get());
+    let (warm_up, steps) = (args.window.warm_up.max(1), args.window.steps);
     let mut progress = Progress::start(console, "standing");
     for step in 0..warm_up + steps {
         nudge(&mut motion, step);

@@ -1,14 +1,14 @@
 //! Pools of 1 to P threads, so that one run can measure them in turn.
 
 use super::args::Threads;
-use crate::exit::{Failure, Outcome};
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use crate::exit::Outcome;
+use crate::threads;
+use rayon::ThreadPool;
 use std::sync::Arc;
 
 /// A pool of `threads` threads.
 pub fn pool(threads: usize) -> Outcome<Arc<ThreadPool>> {
-    let made = ThreadPoolBuilder::new().num_threads(threads).build();
-    made.map(Arc::new).map_err(|e| Failure::Failed(format!("cannot start {threads} threads: {e}")))
+    threads::pool(threads).map(Arc::new)
 }
 
 /// One pool for each number of threads asked for: up to four all of them, beyond that each twice the one before.

@@ -5,16 +5,14 @@
 use super::args::BenchSample;
 use super::machine::Machine;
 use super::rule::is_tolerance;
-use super::scene::LIMIT;
 use super::sheet::{Cell, Sheet};
 use super::trial::DETECTION;
 use crate::console::write_out;
 use crate::exit::{Failure, Outcome};
-use crate::files::{expect_apart, read_text, replace_text};
+use crate::files::{expect_apart, read_sample, replace_text};
 use crate::profile::{Profile, Spent};
 use crate::statistics::Statistics;
 use ballast::drive::Inputs;
-use ballast::math::Pose;
 use ballast::model::{Model, PartitionRule};
 use ballast::observe::{lost_grains, mean_speed};
 use ballast::state::State;
@@ -60,16 +58,14 @@ pub fn sample(args: BenchSample) -> Outcome {
     let (csv, save) = (args.csv.csv.as_deref(), args.save.as_deref());
     expect_apart(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
     let machine = Machine::watch();
-    let text = read_text(&args.file, LIMIT)?;
-    let name = args.file.display().to_string();
-    let mut sample = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
+    let mut sample = read_sample(&args.file)?;
     choose(&args, &mut sample)?;
     let steps = args.steps.unwrap_or(sample.steps);
     let mut trial = Trial::default();
     let mut profile = Profile::start();
     run(&mut sample, steps, &mut trial, &mut profile)?;
     let mut figures = figures(&sample, steps, &trial, &profile);
-    figures["sample"] = json!(name);
+    figures["sample"] = json!(args.file.display().to_string());
     write_out(&figures.to_string());
     if let Some(path) = csv {
         let mut sheet = Sheet::new(&COLUMNS);
@@ -144,8 +140,7 @@ impl Trial {
 
 fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile) -> Outcome {
     let Sample { model, state, .. } = sample;
-    let still: Vec<Pose> =
-        (model.grains.len()..model.body_count()).map(|b| state.pose(b)).collect();
+    let still = state.driven_poses(model);
     let mut workspace = Workspace::default();
     for _ in 0..steps {
         profile.output();

@@ -5,7 +5,7 @@ use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::engine::Machine;
 use crate::exit::{Failure, Outcome};
-use crate::files::read_text;
+use crate::files::read_sample;
 use crate::profile::Profile;
 use crate::{beds, session};
 use ballast::drive::Inputs;
@@ -15,11 +15,8 @@ use ballast::state::State;
 use ballast::step::{StepReport, step};
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Kind};
-use ballast_scenario::sample;
+use ballast_scenario::sample::Sample;
 use std::path::Path;
-
-/// Longest sample that is read, bytes.
-pub const LIMIT: u64 = 1 << 30;
 
 /// A model, where it begins, and what moves its bodies.
 pub struct Scene {
@@ -75,13 +72,10 @@ impl Scene {
 
     /// Reads a sample; nothing moves in it but grains.
     pub fn of_sample(path: &Path) -> Outcome<Self> {
-        let text = read_text(path, LIMIT)?;
-        let name = path.display().to_string();
-        let read = sample::read(&text, &name).map_err(|e| Failure::InvalidCase(e.to_string()))?;
-        let (model, state) = (read.model, read.state);
-        let still = (model.grains.len()..model.body_count()).map(|b| state.pose(b)).collect();
-        let name = path.file_stem().map_or(name, |stem| stem.to_string_lossy().into_owned());
-        Ok(Self { name, model, state, mover: Mover::Nobody(still), steps: read.steps })
+        let Sample { model, state, steps, .. } = read_sample(path)?;
+        let mover = Mover::Nobody(state.driven_poses(&model));
+        let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        Ok(Self { name, model, state, mover, steps })
     }
 
     /// What the scene is, for notes.

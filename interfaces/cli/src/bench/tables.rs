@@ -90,7 +90,7 @@ fn case(
             "{}; steps {} to {} measured, in turn; run_min extrapolates their mean to all {} steps",
             scene.describe(),
             first + 1,
-            first + u64::from(steps.get()),
+            first + u64::from(steps),
             scene.steps
         ),
     );

@@ -119,9 +119,9 @@ pub fn alternate(
     window: &Window,
     console: Console,
 ) -> Outcome<State> {
-    let (warm_up, steps) = (window.warm_up, window.steps.get());
+    let (warm_up, steps) = (window.warm_up, window.steps);
     // All warm up: the lists that detection keeps are then made anew in the same steps.
-    let all = (contenders.len() * (warm_up + steps) as usize) as f64;
+    let all = contenders.len() as f64 * f64::from(warm_up + steps);
     let mut progress = Progress::start(console, &scene.name);
     let (mut state, mut done) = (scene.state.clone(), 0.0);
     for round in 0..warm_up + steps {

@@ -8,6 +8,7 @@ use crate::files::{RunFiles, create_folder, read_case, read_text, replace_text};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_hdf5::export::quoted;
+use ballast_scenario::LONGEST_CASE;
 use ballast_scenario::sweep::{Point, Sweep, changed};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -19,18 +20,16 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// No plan is this long.
-const LIMIT: u64 = 64 << 20;
 /// How often a run is looked after.
 const LOOK: Duration = Duration::from_millis(50);
 
 pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
     interrupt::install()?;
     let name = args.plan.display().to_string();
-    let text = read_case(&args.plan, LIMIT)?;
+    let text = read_case(&args.plan, LONGEST_CASE)?;
     let sweep = Sweep::read(&text, &name).map_err(Failure::InvalidCase)?;
     let case = args.plan.parent().unwrap_or(Path::new("")).join(&sweep.case);
-    let case_text = read_case(&case, LIMIT)?;
+    let case_text = read_case(&case, LONGEST_CASE)?;
     let texts = texts(&sweep, &case_text, &name)?;
     let folder = args.out.clone().unwrap_or_else(|| {
         Path::new("runs").join(args.plan.file_stem().unwrap_or(std::ffi::OsStr::new("sweep")))
@@ -108,7 +107,7 @@ impl Place {
         for ((number, point), text) in self.points().zip(texts) {
             let path = self.case(number);
             if path.exists() {
-                if read_text(&path, LIMIT)? != *text {
+                if read_text(&path, LONGEST_CASE)? != *text {
                     return Err(Failure::Usage(format!(
                         "{}: expected point {number} of this plan ({}), found that of another one; choose \
                          another folder with --out",

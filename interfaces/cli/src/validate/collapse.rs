@@ -2,8 +2,10 @@
 
 use super::check::{Check, Finding, exponent};
 use super::heaps::{SEED, grains, stones};
+use super::several::in_turn;
 use super::size::Size;
 use super::world::{D, FALL, GRAVITY, World};
+use crate::console::Console;
 use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::math::Vec3;
@@ -87,7 +89,7 @@ impl Sector {
 }
 
 /// A column in a tube that is taken away.
-pub fn collapse(size: &Size) -> Outcome<Check> {
+pub fn collapse(size: &Size, console: Console) -> Outcome<Check> {
     let (radius, degrees, aspects): (_, f64, &[f64]) = if size.quick {
         (5.0, 90.0, &[0.6, 1.2, 2.4])
     } else {
@@ -104,12 +106,10 @@ pub fn collapse(size: &Size) -> Outcome<Check> {
          Lajeunesse et al. 2004, Phys. Fluids 16, 2371: √a above 3",
     );
     let law = |a: f64| if a < LOW { 1.0 + 1.24 * a } else { 1.0 + 1.6 * a.sqrt() };
-    let mut points = Vec::new();
-    for &aspect in aspects {
-        let [aspect, runout] = fall_apart(&sector, aspect)?;
+    let points = in_turn("columns", aspects, console, |&aspect| fall_apart(&sector, aspect))?;
+    for [aspect, runout] in &points {
         let name = format!("r/r0 at a = {aspect:.2}");
-        check.findings.push(Finding::told(name, runout, format!("{:.2}", law(aspect))));
-        points.push([aspect, runout]);
+        check.findings.push(Finding::told(name, *runout, format!("{:.2}", law(*aspect))));
     }
     let rises = points.windows(2).all(|p| p[1][1] > p[0][1]);
     let slope = (points[1][1] - 1.0) / points[1][0];

@@ -1,6 +1,7 @@
 //! A whole tamping cycle: its energy balance, and what the settings of the solver change.
 
 use super::check::{Check, DIGITS, Finding, Verdict, mean_and_error};
+use super::several::side_by_side;
 use super::size::Size;
 use super::{heed_interrupts, listed};
 use crate::case::{self, Case, Choices};
@@ -10,10 +11,11 @@ use crate::exit::{Failure, Outcome};
 use crate::plot::{Chart, Mark};
 use crate::profile::Profile;
 use crate::record::{self, Column};
+use crate::recorder::compactness;
 use crate::summary::{Setting, Summary};
 use crate::{beds, session};
 use ballast::model::Role;
-use ballast::observe::{self, Coordination};
+use ballast::observe::Coordination;
 use ballast::track;
 use std::path::Path;
 
@@ -45,27 +47,29 @@ struct Settings {
     iterations: u32,
 }
 
+/// The case on the bed of a seed.
+fn on_bed(case: &Case, seed: u64) -> Case {
+    let mut case = case.clone();
+    case.plan.bed.seed = seed;
+    case
+}
+
 /// A run of `case` with other settings.
 fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outcome<Outcomes> {
-    let mut case = case.clone();
-    case.plan.bed.seed = settings.seed;
+    let mut case = on_bed(case, settings.seed);
     case.plan.run.stepping.step_ns = settings.step_ns;
     case.plan.run.solver.iterations = settings.iterations;
-    let (model, state) = beds::scene(&case, folder, console)?;
+    let (model, state) = beds::one_of_many(&case, folder, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let setting = Setting::of(&case, &model);
     let mut summary = Summary::new(setting.clone());
     let mut engine = Engine::machine(model, state, cycle);
     let mut watch = Profile::start();
-    let observe = |engine: &Engine, summary: &mut Summary| -> Outcome {
-        let measured = track::zones(&case.plan).into_iter().map(|zone| {
-            Ok(observe::compactness(engine.model(), engine.state(), &zone)?.compactness)
-        });
-        let measured: ballast::Result<Vec<f64>> = measured.collect();
-        summary.take_zones(&measured?);
-        Ok(())
+    let zones = track::zones(&case.plan);
+    let observe = |engine: &Engine, summary: &mut Summary| {
+        summary.take_zones(&compactness(engine.model(), engine.state(), &zones));
     };
-    observe(&engine, &mut summary)?;
+    observe(&engine, &mut summary);
     for _ in 0..case.steps() {
         heed_interrupts()?;
         let Some(stepped) = engine.step(&mut watch)? else { break };
@@ -80,7 +84,7 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
             &setting.followed,
         ));
     }
-    observe(&engine, &mut summary)?;
+    observe(&engine, &mut summary);
     let tines: Vec<f64> = (setting.followed.iter().zip(&summary.bodies))
         .filter(|(followed, _)| followed.role == Role::Tine)
         .map(|(_, body)| body.squeeze.single.mean())
@@ -149,32 +153,36 @@ pub fn cycle(size: &Size, folder: &Path, console: Console) -> Outcome<[Check; 2]
         ),
         "Hoang et al. 2012: outcomes within 1.7 % count as equal; what is beyond that and three standard errors is a difference",
     );
-    let mut group = |value: f64, at: &str, step_ns: u64, iterations: u32| -> Outcome<Group> {
-        let mut runs = Vec::new();
-        for seed in 1..=size.beds() {
-            let settings = Settings { seed, step_ns, iterations };
-            let out = run(&case, settings, folder, console);
-            runs.push(told(out, &format!("{at}, bed {seed}"), &mut study)?);
-        }
-        let group = Group { value, runs };
+    let seeds: Vec<u64> = (1..=size.beds()).collect();
+    // Before the runs, of which several need the same.
+    side_by_side("beds", &seeds, console, |seed| {
+        unless_broken_off(beds::one_of_many(&on_bed(&case, *seed), folder, console).map(drop))
+    })?;
+    let of_steps = steps.map(|step_ns| (step_ns, own_cap));
+    let of_caps = caps.map(|iterations| (own_step, iterations));
+    let settings = of_steps.iter().chain(&of_caps).flat_map(|&(step_ns, iterations)| {
+        seeds.iter().map(move |&seed| Settings { seed, step_ns, iterations })
+    });
+    let runs = side_by_side("cycles", &settings.collect::<Vec<_>>(), console, |settings| {
+        unless_broken_off(run(&case, *settings, folder, console))
+    })?;
+    let mut runs = runs.chunks(seeds.len());
+    let mut group = |value: f64, at: &str| {
+        let runs = runs.next().into_iter().flatten().zip(&seeds);
+        let runs = runs.map(|(out, seed)| told(out, &format!("{at}, bed {seed}"), &mut study));
+        let group = Group { value, runs: runs.collect() };
         tell(&mut study, at, &group);
-        Ok(group)
+        group
     };
-    let mut by_step = vec![];
-    for step in steps {
-        let ms = milliseconds(step);
-        by_step.push(group(ms, &format!("h = {ms} ms"), step, own_cap)?);
-    }
-    let mut by_cap = vec![];
-    for cap in caps {
-        by_cap.push(group(f64::from(cap), &format!("{cap} iterations"), own_step, cap)?);
-    }
+    let by_step = steps.map(milliseconds).map(|ms| group(ms, &format!("h = {ms} ms")));
+    let by_cap = caps.map(|cap| group(f64::from(cap), &format!("{cap} iterations")));
+    let mut by_cap = Vec::from(by_cap);
     for group in &by_step {
         let worst = group.worst(|out| (out.balance_error / out.work).abs());
         let name = format!("balance error over work, h = {} ms", group.value);
         energy.findings.push(Finding::near(name, worst, 0.0, 1e-3));
     }
-    let [_, own, finest] = &by_step[..] else { unreachable!("three steps") };
+    let [_, own, finest] = &by_step;
     compare(&mut study, "half the time step", own, finest);
     let with = format!("{} iterations instead of {own_cap}", 4 * own_cap);
     compare(&mut study, &with, own, &by_cap[1]);
@@ -212,23 +220,28 @@ fn drawn(title: &str, groups: &[Group], name: impl Fn(f64) -> String) -> String 
     chart.with_bars("mean over the beds, ± its standard error", &means).svg()
 }
 
-/// What a run gave; a run that breaks off is a finding of its own.
-fn told(found: Outcome<Outcomes>, at: &str, check: &mut Check) -> Outcome<Option<Outcomes>> {
-    match found {
-        Ok(out) => Ok(Some(out)),
-        Err(Failure::Failed(why)) => {
-            check.findings.push(Finding {
-                quantity: format!("run with {at}: {why}"),
-                measured: f64::NAN,
-                digits: DIGITS,
-                expected: "a whole cycle".into(),
-                tolerance: "none".into(),
-                verdict: Verdict::Failed,
-            });
-            Ok(None)
-        }
+/// What a run gave, or why it broke off, which is no reason to end the check.
+fn unless_broken_off<T>(run: Outcome<T>) -> Outcome<Result<T, String>> {
+    match run {
+        Ok(out) => Ok(Ok(out)),
+        Err(Failure::Failed(why)) => Ok(Err(why)),
         Err(other) => Err(other),
     }
+}
+
+/// What a run gave; a run that broke off is a finding of its own.
+fn told(found: &Result<Outcomes, String>, at: &str, check: &mut Check) -> Option<Outcomes> {
+    let broken_off = |why: &String| {
+        check.findings.push(Finding {
+            quantity: format!("run with {at}: {why}"),
+            measured: f64::NAN,
+            digits: DIGITS,
+            expected: "a whole cycle".into(),
+            tolerance: "none".into(),
+            verdict: Verdict::Failed,
+        });
+    };
+    found.as_ref().map_err(broken_off).ok().cloned()
 }
 
 fn tell(check: &mut Check, at: &str, group: &Group) {

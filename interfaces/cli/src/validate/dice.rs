@@ -1,8 +1,10 @@
 //! Random packings of the five Platonic solids.
 
 use super::check::{Check, Finding};
+use super::several::side_by_side;
 use super::size::Size;
 use super::world::{D, GRAVITY, World, hang, in_box, random};
+use crate::console::Console;
 use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{Polyhedron, convex_hull};
@@ -57,35 +59,38 @@ struct Packing {
 
 /// Dice of a fluidised bed sink in a box; the solid fraction is that of the middle, away from walls, floor and
 /// surface.
-pub fn dice(size: &Size) -> Outcome<Check> {
+pub fn dice(size: &Size, console: Console) -> Outcome<Check> {
     let sample = if size.quick {
         Sample { count: 250, across: 6.0, margin: 1.5, seeds: 1, solved: (60, 1e-3) }
     } else {
         Sample { count: 1000, across: 10.0, margin: 2.0, seeds: 3, solved: (100, 1e-4) }
     };
     let mut check = introduced(&sample);
+    let filleted = (0..SOLIDS.len()).flat_map(|k| (0..sample.seeds).map(move |s| (k, s, FILLET)));
+    let sharp = (0..SOLIDS.len()).map(|k| (k, 0, 0.0)).filter(|_| !size.quick);
+    let wanted: Vec<_> = filleted.chain(sharp).collect();
+    let packed = side_by_side("packings", &wanted, console, |&(number, seed, fillet)| {
+        packing(number, fillet, seed, &sample)
+    })?;
+    let (filleted, sharp) = packed.split_at(SOLIDS.len() * sample.seeds as usize);
+    let all: Vec<&[Packing]> = filleted.chunks(sample.seeds as usize).collect();
     let (mut measured, mut published) = (Vec::new(), Vec::new());
-    let mut all = Vec::new();
-    for (k, (name, expected)) in SOLIDS.iter().enumerate() {
-        let die = filleted(&solid(k)?, FILLET * D)?;
-        let found = packings(&die, &sample, k as u64)?;
-        let middle = mean(&found, |p| p.middle);
+    for (k, ((name, expected), found)) in SOLIDS.iter().zip(&all).enumerate() {
+        let middle = mean(found, |p| p.middle);
         let name = format!("solid fraction of {name}");
         check.findings.push(Finding::near(name, middle, *expected, TOLERANCE));
         // Beside each other.
         measured.push([k as f64 - 0.06, middle]);
         published.push([k as f64 + 0.06, *expected, TOLERANCE]);
-        all.push(found);
     }
     for ((name, _), found) in SOLIDS.iter().zip(&all) {
         let name = format!("{name}, walls and floor included");
         check.findings.push(Finding::told(name, mean(found, |p| p.whole), "less"));
     }
     if !size.quick {
-        for (k, (name, expected)) in SOLIDS.iter().enumerate() {
-            let sharp = packing(&solid(k)?, &sample, k as u64)?.middle;
+        for ((name, expected), found) in SOLIDS.iter().zip(sharp) {
             let name = format!("{name}, sharp, one seed");
-            check.findings.push(Finding::told(name, sharp, format!("{expected}")));
+            check.findings.push(Finding::told(name, found.middle, format!("{expected}")));
         }
         let spread = all.iter().map(|found| spread(found)).fold(0.0, f64::max);
         check.findings.push(Finding::told("largest less smallest of the seeds", spread, "scatter"));
@@ -186,20 +191,18 @@ fn filleted(sharp: &Polyhedron, radius: f64) -> Outcome<Polyhedron> {
     die(&points)
 }
 
-/// Packings of one solid, by seed.
-fn packings(die: &Polyhedron, sample: &Sample, number: u64) -> Outcome<Vec<Packing>> {
-    (0..sample.seeds).map(|seed| packing(die, sample, 10 * seed + number)).collect()
-}
-
-fn packing(die: &Polyhedron, sample: &Sample, seed: u64) -> Outcome<Packing> {
+/// A packing of one of the solids, with fillets of a radius over d.
+fn packing(number: usize, fillet: f64, seed: u64, sample: &Sample) -> Outcome<Packing> {
+    let sharp = solid(number)?;
+    let die = if fillet > 0.0 { filleted(&sharp, fillet * D)? } else { sharp };
     let (count, edge) = (sample.count, sample.across * D);
     let mut world = World::new(4_000_000, FRICTION, 0.05 * D).pouring(sample.solved.0);
     world.model.solver.tolerance = Some(sample.solved.1);
     // What dice overlap would count as denser.
     let recovery = Recovery { share: 0.2, allowed: 5e-4 * D, iterations: 20 };
     world.model.solver.recovery = Some(recovery);
-    let shape = world.shape(die.clone());
-    hang(&mut world, &mut random(seed), &[shape], count, 1, in_box([edge; 2]));
+    let shape = world.shape(die);
+    hang(&mut world, &mut random(10 * seed + number as u64), &[shape], count, 1, in_box([edge; 2]));
     world.container([edge; 2], FRICTION, FRICTION);
     world.suspend(edge * edge, FLUIDISED)?;
     world.sink(SINKING * (GRAVITY * D).sqrt())?;

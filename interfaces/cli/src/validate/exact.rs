@@ -4,6 +4,7 @@ use super::check::{Check, DIGITS, Finding, Verdict, exponent};
 use super::listed;
 use super::size::Size;
 use super::world::{GRAVITY, World};
+use crate::console::Console;
 use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{convex_hull, cuboid};
@@ -12,7 +13,7 @@ use ballast::state::State;
 use std::f64::consts::PI;
 
 /// A slab on a slope: it sticks below the angle of friction and slides with `g (sin α - μ cos α)` above.
-pub fn incline(_: &Size) -> Outcome<Check> {
+pub fn incline(_: &Size, _: Console) -> Outcome<Check> {
     let mut check = Check::new(
         "incline",
         "A slab of 0.2 × 0.2 × 0.02 m on a slope for 0.5 s, steps of 1 ms, 1e-4 rad below the angle of friction and \
@@ -45,7 +46,7 @@ pub fn incline(_: &Size) -> Outcome<Check> {
 }
 
 /// Boxes on each other: sweeps until the floor carries the weight.
-pub fn column(size: &Size) -> Outcome<Check> {
+pub fn column(size: &Size, _: Console) -> Outcome<Check> {
     let counts: &[usize] = if size.quick { &[4, 8, 16, 32] } else { &[4, 8, 16, 32, 64, 128] };
     let mut check = Check::new(
         "column of boxes",
@@ -100,7 +101,7 @@ fn sweeps_needed(count: usize) -> Outcome<u32> {
 }
 
 /// A semicircular arch of voussoirs stands iff it is thick enough.
-pub fn arch(size: &Size) -> Outcome<Check> {
+pub fn arch(size: &Size, _: Console) -> Outcome<Check> {
     const VOUSSOIRS: usize = 16;
     let mut check = Check::new(
         "arch",

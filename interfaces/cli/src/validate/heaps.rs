@@ -1,14 +1,15 @@
 //! Heaps of ballast grains: angle of repose, silo.
 
 use super::check::{Check, Finding, mean_and_error};
+use super::several::{in_turn, side_by_side};
 use super::size::Size;
 use super::world::{D, FALL, World, hang, in_box, random};
+use crate::console::Console;
 use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{GrainShape, random_grain};
 use ballast::math::{Pose, Vec3};
 use rand_pcg::Pcg64;
-use rayon::prelude::*;
 
 /// Of the stones and where they are hung; that of the first of several heaps.
 pub const SEED: u64 = 11;
@@ -16,6 +17,14 @@ pub const SEED: u64 = 11;
 /// The stones of the checks.
 pub fn stones() -> GrainShape {
     GrainShape { vertices: [8, 20], ..GrainShape::default() }
+}
+
+fn round() -> GrainShape {
+    GrainShape { vertices: [20, 40], angularity: 0.0, ..GrainShape::default() }
+}
+
+fn sharp() -> GrainShape {
+    GrainShape { vertices: [5, 9], angularity: 1.0, ..GrainShape::default() }
 }
 
 /// A world with grains of one kind, hung at the lowest of so many `places` that `place` finds.
@@ -41,7 +50,7 @@ pub fn grains(
 const DRAWN: f64 = 0.05;
 
 /// A heap whose wall is drawn away slowly.
-pub fn repose(size: &Size) -> Outcome<Check> {
+pub fn repose(size: &Size, console: Console) -> Outcome<Check> {
     let count = size.grains(120, 700);
     let frictions: &[f64] = if size.quick { &[0.2, 0.8] } else { &[0.2, 0.4, 0.6, 0.8, 1.0] };
     let mut check = Check::new(
@@ -54,23 +63,31 @@ pub fn repose(size: &Size) -> Outcome<Check> {
         ),
         "Ballast: 37° to 45°, rising with friction and angularity",
     );
+    let mut kinds: Vec<(GrainShape, f64)> = frictions.iter().map(|mu| (stones(), *mu)).collect();
+    if !size.quick {
+        kinds.extend([round(), sharp()].map(|stones| (stones, 0.8)));
+    }
+    let slopes = slopes(size, &kinds, count, console)?;
     let mut points = Vec::new();
-    for &friction in frictions {
-        let [angle, error] = slopes(size, &stones(), count, friction)?;
-        points.push([friction, angle]);
+    for (&friction, [angle, error]) in frictions.iter().zip(&slopes) {
+        points.push([friction, *angle]);
         let name = format!("angle at μ = {friction} (°)");
         check.findings.push(if friction == 0.8 {
-            Finding::between(name, angle, [37.0, 45.0])
+            Finding::between(name, *angle, [37.0, 45.0])
         } else {
-            Finding::told(name, angle, "rises with μ")
+            Finding::told(name, *angle, "rises with μ")
         });
         let name = format!("its standard error, μ = {friction} (°)");
-        check.findings.push(Finding::told(name, error, "scatter"));
+        check.findings.push(Finding::told(name, *error, "scatter"));
     }
     let rises = points[points.len() - 1][1] > points[0][1];
     check.findings.push(Finding::trend("rises from the least to the largest friction", rises));
-    if !size.quick {
-        shapes(size, count, &mut check)?;
+    if let [[round, _], [sharp, _]] = slopes[frictions.len()..] {
+        for (name, angle) in [("round stones, 20 to 40", round), ("sharp stones, 5 to 9", sharp)] {
+            let name = format!("angle at μ = 0.8 of {name} corners (°)");
+            check.findings.push(Finding::told(name, angle, "rises with angularity"));
+        }
+        check.findings.push(Finding::trend("rises from round to sharp stones", sharp > round));
     }
     let chart =
         Chart::new("Angle of repose", "friction between grains", "angle (°)").starting_at_zero();
@@ -81,27 +98,19 @@ pub fn repose(size: &Size) -> Outcome<Check> {
     Ok(check)
 }
 
-/// The same with other stones.
-fn shapes(size: &Size, count: usize, check: &mut Check) -> Outcome {
-    let round = GrainShape { vertices: [20, 40], angularity: 0.0, ..GrainShape::default() };
-    let sharp = GrainShape { vertices: [5, 9], angularity: 1.0, ..GrainShape::default() };
-    let mut angles = Vec::new();
-    for (name, kind) in [("round stones, 20 to 40", round), ("sharp stones, 5 to 9", sharp)] {
-        let [angle, _] = slopes(size, &kind, count, 0.8)?;
-        angles.push(angle);
-        let name = format!("angle at μ = 0.8 of {name} corners (°)");
-        check.findings.push(Finding::told(name, angle, "rises with angularity"));
-    }
-    check.findings.push(Finding::trend("rises from round to sharp stones", angles[1] > angles[0]));
-    Ok(())
-}
-
-/// Mean slope of the heaps, and its standard error, °. They are computed side by side.
-fn slopes(size: &Size, kind: &GrainShape, count: usize, friction: f64) -> Outcome<[f64; 2]> {
-    let heaps = SEED..SEED + size.heaps();
-    let angles: Outcome<Vec<f64>> =
-        heaps.into_par_iter().map(|seed| slope(size, kind, count, friction, seed)).collect();
-    Ok(mean_and_error(&angles?))
+/// Mean slope of the heaps of each kind of stones and friction, and its standard error, °.
+fn slopes(
+    size: &Size,
+    kinds: &[(GrainShape, f64)],
+    count: usize,
+    console: Console,
+) -> Outcome<Vec<[f64; 2]>> {
+    let seeds = || SEED..SEED + size.heaps();
+    let heaps: Vec<_> = kinds.iter().flat_map(|kind| seeds().map(move |s| (kind, s))).collect();
+    let angles = side_by_side("heaps", &heaps, console, |((stones, friction), seed)| {
+        slope(size, stones, count, *friction, *seed)
+    })?;
+    Ok(angles.chunks(size.heaps() as usize).map(mean_and_error).collect())
 }
 
 fn slope(size: &Size, kind: &GrainShape, count: usize, friction: f64, seed: u64) -> Outcome<f64> {
@@ -158,7 +167,7 @@ fn surface_angle(world: &World, width: f64) -> f64 {
 }
 
 /// A narrow silo: its walls carry what is above some diameters.
-pub fn silo(size: &Size) -> Outcome<Check> {
+pub fn silo(size: &Size, console: Console) -> Outcome<Check> {
     let across = if size.quick { 3.0 * D } else { 5.0 * D };
     let counts: &[usize] =
         // From some four layers on: fewer lean on the walls as it happens.
@@ -174,8 +183,7 @@ pub fn silo(size: &Size) -> Outcome<Check> {
         ),
         "Janssen 1895: the floor's load saturates with the height of the fill",
     );
-    let mut points = Vec::new();
-    for &count in counts {
+    let points = in_turn("silos", counts, console, |&count| {
         let mut world = grains(&stones(), count, friction, SEED, 1, in_box([across; 2]))?;
         world.container([across; 2], friction, walls);
         world.settle(FALL, 1e-3)?;
@@ -183,8 +191,8 @@ pub fn silo(size: &Size) -> Outcome<Check> {
         for _ in 0..50 {
             load -= world.step()?.reactions[0].impulse.z / world.model.stepping.h() / 50.0;
         }
-        points.push([world.weight(), load]);
-    }
+        Ok([world.weight(), load])
+    })?;
     let share = |p: &[f64; 2]| p[1] / p[0];
     let [before, last] = [points[points.len() - 2], points[points.len() - 1]];
     for p in &points {

@@ -10,6 +10,7 @@ mod dice;
 mod exact;
 mod heaps;
 mod samples;
+mod several;
 mod size;
 mod world;
 
@@ -25,9 +26,9 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-type Simple = fn(&Size) -> Outcome<Check>;
+type Simple = fn(&Size, Console) -> Outcome<Check>;
 
-/// The checks that need nothing but their size, by the names that choose them.
+/// The checks that need no folders, by the names that choose them.
 const SIMPLE: [(&str, Simple); 7] = [
     ("incline", exact::incline),
     ("column", exact::column),
@@ -71,7 +72,7 @@ pub fn checks(
     let wanted = |name: &str| only.is_empty() || only.iter().any(|n| n == name);
     let mut done: Vec<Check> = Vec::new();
     for (_, check) in SIMPLE.into_iter().filter(|(name, _)| wanted(name)) {
-        timed(&mut done, console, || Ok(vec![check(&size)?]))?;
+        timed(&mut done, console, || Ok(vec![check(&size, console)?]))?;
     }
     if wanted(CYCLE) {
         timed(&mut done, console, || Ok(cycle::cycle(&size, beds, console)?.to_vec()))?;

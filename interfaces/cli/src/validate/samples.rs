@@ -4,15 +4,13 @@
 
 use super::check::{Check, Finding};
 use super::world::World;
-use crate::exit::{Failure, Outcome};
-use crate::files::read_text;
+use crate::exit::Outcome;
+use crate::files::read_sample;
 use crate::plot::{Chart, Mark};
-use ballast::math::Pose;
 use ballast::observe;
-use ballast_scenario::sample;
+use ballast_scenario::sample::Sample;
 use std::path::Path;
 
-const LIMIT: u64 = 1 << 28;
 /// How LMGC90 settled the sample: steps, step (ns), sweeps, alert distance (m).
 const STEPS: u64 = 1200;
 const STEP_NS: u64 = 1_000_000;
@@ -20,12 +18,8 @@ const SWEEPS: u32 = 60;
 const ALERT: f64 = 2e-3;
 
 fn world(path: &Path) -> Outcome<World> {
-    let text = read_text(path, LIMIT)?;
-    let sample = sample::read(&text, &path.display().to_string())
-        .map_err(|e| Failure::InvalidCase(e.to_string()))?;
-    let (model, state) = (sample.model, sample.state);
-    let targets: Vec<Pose> =
-        (model.grains.len()..model.body_count()).map(|b| state.pose(b)).collect();
+    let Sample { model, state, .. } = read_sample(path)?;
+    let targets = state.driven_poses(&model);
     Ok(World { model, state, workspace: Default::default(), targets })
 }
 

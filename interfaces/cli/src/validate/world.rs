@@ -8,6 +8,7 @@ use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
     DrivenBody, Grains, Model, Norm, Part, PartitionRule, Role, Schedule, Solver, Stepping,
 };
+use ballast::observe;
 use ballast::state::State;
 use ballast::step::{StepReport, step};
 use ballast::workspace::Workspace;
@@ -204,8 +205,7 @@ impl World {
     }
 
     pub fn mean_speed(&self) -> f64 {
-        let n = self.model.grains.len();
-        self.state.velocity[..n].iter().map(|v| v.norm()).sum::<f64>() / n.max(1) as f64
+        observe::mean_speed(&self.model, &self.state)
     }
 
     pub fn weight(&self) -> f64 {

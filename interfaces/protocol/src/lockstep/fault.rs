@@ -182,7 +182,7 @@ impl From<Refusal> for Fault {
                 found,
                 nearest_ns: None,
             }),
-            Refusal::Core(error) => Some(parts(error)),
+            Refusal::Core(error) => parts(error),
             Refusal::NothingToRedo | Refusal::Abandoned => None,
         };
         Self { finding: finding.map(Box::new), ..Self::new(code, message) }
@@ -190,15 +190,16 @@ impl From<Refusal> for Fault {
 }
 
 /// The parts of what the core says.
-fn parts(error: Error) -> Finding {
+fn parts(error: Error) -> Option<Finding> {
     let (place, expected, found) = match error {
         Error::Geometry { expected, found } => ("polyhedron".into(), expected.into(), found),
         Error::Model { place, expected, found }
         | Error::State { place, expected, found }
         | Error::Input { place, expected, found }
         | Error::Step { place, expected, found, .. } => (place, expected, found),
+        Error::Stopped(_) => return None,
     };
-    Finding { place, expected, found, nearest_ns: None }
+    Some(Finding { place, expected, found, nearest_ns: None })
 }
 
 #[cfg(test)]

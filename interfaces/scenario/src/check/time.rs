@@ -23,7 +23,7 @@ pub fn step_ns(seconds: f64, key: &str, report: &mut Report) -> u64 {
         let finding = Finding {
             problem: "a time step is a whole number of nanoseconds".into(),
             found: format!("{seconds:?} s"),
-            expected: format!("for example {:e} s", (seconds * 1e9).round().max(1.0) * 1e-9),
+            expected: format!("for example {:e} s", (seconds * 1e9).round().max(1.0) / 1e9),
             hint: None,
         };
         report.error(key, finding);

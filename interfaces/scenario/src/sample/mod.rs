@@ -8,7 +8,7 @@ mod file;
 mod read;
 mod write;
 
-pub use read::read;
+pub use read::{LONGEST, read};
 pub use write::write;
 
 use ballast::model::Model;

@@ -8,8 +8,8 @@ use ballast::model::{self, DrivenBody, Grains, Model, Part, Role, Schedule, Step
 use ballast::state::State;
 use std::collections::BTreeSet;
 
-/// Longest text that is read, bytes: about 250 000 grains.
-const MAX_LENGTH: usize = 256 << 20;
+/// Longest text of a sample that is read, bytes: about 250 000 grains.
+pub const LONGEST: u64 = 256 << 20;
 /// Corners of a body that are read; the hull of more costs minutes.
 const MAX_VERTICES: usize = 1000;
 /// Largest length, speed or acceleration that is no slip of the pen, SI units.
@@ -20,9 +20,9 @@ const MAX_NUMBER: f64 = 1e6;
 /// Never panics, whatever the text is.
 pub fn read(text: &str, name: &str) -> Result<Sample, SampleError> {
     let place = Place { file: name, within: String::new() };
-    if text.len() > MAX_LENGTH {
+    if text.len() as u64 > LONGEST {
         let found = format!("{} bytes", text.len());
-        return Err(place.error("", format!("a sample of at most {MAX_LENGTH} bytes"), found));
+        return Err(place.error("", format!("a sample of at most {LONGEST} bytes"), found));
     }
     let file = parse(text, &place)?;
     let (stepping, solver) = check_constants(&file, &place)?;

@@ -10,8 +10,8 @@ fn key(text: &str) -> String {
 
 #[test]
 fn the_key_is_the_same_on_every_machine() {
-    // Obtained from the tenth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "b9ccdfab485c6e638322eba4f00bf787");
+    // Obtained from the twelfth version of the key; changes with it, and with the base case.
+    assert_eq!(key(BASE), "5c92eb64147556cf7dbb29e297b4047a");
 }
 
 #[test]

@@ -113,3 +113,27 @@ fn more_bodies_than_any_machine_has_are_refused_before_pairs_are_compared() {
     let errors = read_case(&text, "many.toml").unwrap_err().to_string();
     assert!(errors.contains("at most 2000"), "{errors}");
 }
+
+#[test]
+fn bodies_are_counted_once_each_whatever_they_are() {
+    let told = |text: &str| read_case(text, "many.toml").expect_err("they overlap").to_string();
+    // A row and single tines, without tines beside the row: before all pairs are compared.
+    let tine = |i: usize| {
+        format!("[[tine]]\nname = \"t{i}\"\nx_m = 0.1\ny_m = 0.1\ntowards = \"+x\"\npair = {i}\n")
+    };
+    let (before, after) = BASE.split_once("[tines]").expect("there are tines");
+    let (_, after) = after.split_once("[tamping]").expect("and a machine");
+    let row = before.replace("tamped = [1]", "count = 1000\npitch_m = 0.0005\ntamped = []");
+    let tines: String = (1..=1001).map(tine).collect();
+    let text = told(&format!("{row}{tines}[tamping]{after}"));
+    assert!(text.contains("2001") && text.contains("at most 2000 together"), "{text}");
+
+    let sleeper = |i: usize| {
+        format!(
+            "[[sleeper]]\nname = \"s{i}\"\nx_m = 0.1\ny_m = 0.1\nblocks = [{{ size_m = [0.1, 0.1, 0.1] }}]\n"
+        )
+    };
+    let sleepers: String = (1..=1000).map(sleeper).collect();
+    let text = told(&BASE.replace("[tines]", &format!("{sleepers}[tines]")));
+    assert!(text.contains("overlap") && !text.contains("together"), "{text}");
+}

@@ -1,0 +1,70 @@
+//! A window is ended within a step, however long that takes.
+
+use crate::{MS, heap, heap_scheduled, same};
+use ballast::component::{Component, Limits, Outcome, Parameters, Refusal, Status, Stop};
+use ballast::model::Schedule;
+use ballast::step::{Phase, Stopwatch};
+use std::ops::ControlFlow;
+
+/// Ends a window while the step after so many is solved.
+struct After {
+    steps: u64,
+    stop: Stop,
+}
+
+impl Stopwatch for After {
+    fn lap(&mut self, phase: Phase) {
+        self.steps = self.steps.saturating_sub(u64::from(phase == Phase::Store));
+    }
+    fn stop(&mut self) -> Option<Stop> {
+        (self.steps == 0).then_some(self.stop)
+    }
+}
+
+fn advance(component: &mut Component, steps: u64, stop: Stop) -> Result<Outcome, Refusal> {
+    let t1 = component.now_ns() + 10 * MS;
+    let mut go_on = |_: &_, _: &_| ControlFlow::Continue(());
+    component.advance_timed(t1, &[], &mut go_on, &mut After { steps, stop })
+}
+
+#[test]
+fn a_step_that_would_never_end_is_broken_off_by_any_schedule() {
+    for schedule in Schedule::ALL {
+        for threads in [1, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let begun = || heap_scheduled(Limits::default(), schedule);
+            let mut component = pool.install(begun);
+            let settled = component.parameters();
+            let endless = Parameters { iterations: u32::MAX, tolerance: Some(1e-300), ..settled };
+            component.set_parameters(&endless).expect("parameters");
+            let before = component.save();
+            for stop in [Stop::Discard, Stop::Early] {
+                let outcome = pool.install(|| advance(&mut component, 0, stop)).expect("a window");
+                // No step was done that could be kept.
+                assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
+                assert!(outcome.trouble.is_none() && component.save() == before);
+            }
+            let refusal = pool.install(|| advance(&mut component, 0, Stop::Abandon)).unwrap_err();
+            assert_eq!((refusal.code(), component.save()), ("abandoned", before));
+            // Nothing of it is left behind.
+            component.set_parameters(&settled).expect("parameters");
+            let mut fresh = pool.install(begun);
+            let now = component.now_ns();
+            for component in [&mut component, &mut fresh] {
+                pool.install(|| component.advance_to(now + MS, &[])).expect("a window");
+            }
+            let is_ordered = schedule != Schedule::Asynchronous || threads == 1;
+            assert!(!is_ordered || same(component.state(), fresh.state()), "{schedule:?}");
+        }
+    }
+}
+
+#[test]
+fn steps_before_the_one_that_is_broken_off_are_kept() {
+    let mut component = heap(Limits::default());
+    let outcome = advance(&mut component, 3, Stop::Early).expect("a window");
+    assert_eq!((outcome.status, outcome.steps), (Status::Early, 3));
+    let mut other = heap(Limits::default());
+    other.advance_to(3 * MS, &[]).expect("a window");
+    assert!(same(component.state(), other.state()));
+}
