@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Status};
+use ballast::component::{Component, Status, Window};
 use ballast::drive::{Inputs, SpeedLimit};
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -157,7 +157,13 @@ impl Engine {
                     let set = component.set_parameters(&set.into());
                     set.map_err(|e| Failure::at(playback.path(), e))?;
                 }
-                let (model, inputs) = (component.shared_model(), playback.inputs());
+                if playback.has_new_inputs() {
+                    let checked = component.check(t1_ns, playback.inputs());
+                    checked.map_err(|e| Failure::at(playback.path(), e))?;
+                }
+                let model = component.shared_model();
+                let (motions, loads) = playback.inputs_of(t0_ns, t1_ns);
+                let inputs = Window { motions: &motions, loads: &loads };
                 let mut taken = None;
                 let mut take = |state: &State, report: &StepReport| {
                     memory.observe(&model, state, report);

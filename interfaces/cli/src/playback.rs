@@ -1,7 +1,7 @@
 //! The inputs of a replay, step by step, from a recording.
 
 use crate::exit::{Failure, Outcome};
-use ballast::component::Window;
+use ballast::component::{Input, LoadInput, Window};
 use ballast_mcap::Drive;
 use ballast_mcap::messages::Lost;
 use ballast_mcap::motion::Motion;
@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 pub struct Playback {
     path: PathBuf,
     script: Script,
+    /// Whether the inputs at hand have not been looked at as a whole.
+    is_new: bool,
 }
 
 enum Script {
@@ -34,13 +36,13 @@ impl Playback {
         let path = windows.path().to_path_buf();
         let windows = Box::new(windows);
         let (end_ns, asked, parameters) = (0, Asked::default(), None);
-        Self { path, script: Script::Windows { windows, end_ns, asked, parameters } }
+        Self { path, script: Script::Windows { windows, end_ns, asked, parameters }, is_new: false }
     }
 
     /// Poses; with `rebase`, the bodies are moved to them from wherever they are.
     pub fn of_motion(path: &Path, mut motion: Motion, rebase: bool) -> Self {
         motion.inputs.iter_mut().for_each(|input| input.rebase = rebase);
-        Self { path: path.into(), script: Script::Motion(motion) }
+        Self { path: path.into(), script: Script::Motion(motion), is_new: true }
     }
 
     pub fn path(&self) -> &Path {
@@ -102,7 +104,7 @@ impl Playback {
 
     /// Goes on to the step from `t0_ns` to `t1_ns`; whether there is one.
     pub fn reach(&mut self, t0_ns: u64, t1_ns: u64) -> Outcome<bool> {
-        let Self { path, script } = self;
+        let Self { path, script, is_new } = self;
         match script {
             Script::Motion(motion) => Ok(t1_ns <= motion.end_ns),
             Script::Windows { windows, end_ns, asked, parameters } => {
@@ -123,6 +125,7 @@ impl Playback {
                         .request
                         .inputs()
                         .map_err(|e| Failure::at(path, format!("window {}: {e}", record.seq)))?;
+                    *is_new = true;
                 }
                 if t1_ns > *end_ns {
                     let what =
@@ -142,7 +145,19 @@ impl Playback {
         }
     }
 
-    /// The inputs for the step at hand.
+    /// Whether [`Self::inputs`] are others than when this was last asked.
+    pub fn has_new_inputs(&mut self) -> bool {
+        std::mem::take(&mut self.is_new)
+    }
+
+    /// Of the inputs what the step from `t0_ns` to `t1_ns` depends on: however long they are, a step costs the same.
+    pub fn inputs_of(&self, t0_ns: u64, t1_ns: u64) -> (Vec<Input>, Vec<LoadInput>) {
+        let Window { motions, loads } = self.inputs();
+        let motions = motions.iter().map(|input| input.cut(t0_ns, t1_ns)).collect();
+        (motions, loads.iter().map(|load| load.cut(t0_ns, t1_ns)).collect())
+    }
+
+    /// The inputs at hand, of the step and of others.
     pub fn inputs(&self) -> Window<'_> {
         match &self.script {
             Script::Motion(motion) => Window::from(&motion.inputs[..]),

@@ -8,9 +8,10 @@ use crate::messages::{
 };
 use ballast::component::{Outcome, Stop, Window};
 use ballast::state::State;
-use ballast::step::StepReport;
+use ballast::step::{Phase, StepReport, Stopwatch};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 const NS_PER_MS: u64 = 1_000_000;
 
@@ -21,8 +22,8 @@ pub enum WindowKind {
     Redo,
 }
 
-/// What is asked between the steps of a window.
-pub type Watch<'a> = &'a mut dyn FnMut(&Progress) -> Pace;
+/// What is asked between the steps of a window, and within those that take long, by whichever thread is at it.
+pub type Watch<'a> = &'a mut (dyn FnMut(&Progress) -> Pace + Send);
 
 /// How a window is to go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -158,34 +159,27 @@ impl Lockstep {
         };
         let window = Window { motions: &inputs.motions, loads: &inputs.loads };
         let steps = self.steps(request);
-        let mut progress = Progress { seq: request.seq, steps, ..Progress::default() };
-        let begin = clock();
+        let control = Mutex::new(Control {
+            progress: Progress { seq: request.seq, steps, ..Progress::default() },
+            policy: request.deadline_policy,
+            begin: clock(),
+            clock,
+            watch,
+        });
         let mut each = |state: &State, report: &StepReport| {
             if let Some(series) = series {
                 series.take(state, report);
             }
-            progress.step += 1;
-            progress.iterations = report.iterations;
-            progress.residual_qm16 = report.residuals.qm16();
-            progress.elapsed_ms = clock().saturating_sub(begin) / NS_PER_MS;
-            progress.left_ms =
-                progress.elapsed_ms.saturating_mul(steps.saturating_sub(progress.step))
-                    / progress.step;
-            match (watch(&progress), request.deadline_policy) {
-                (Pace::Abandon, _) => ControlFlow::Break(Stop::Abandon),
-                // Done is not late.
-                (Pace::TimeIsUp, _) if progress.step == steps => ControlFlow::Continue(()),
-                (Pace::TimeIsUp, DeadlinePolicy::Discard) => ControlFlow::Break(Stop::Discard),
-                (Pace::TimeIsUp, DeadlinePolicy::Early) => ControlFlow::Break(Stop::Early),
-                (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => {
-                    ControlFlow::Continue(())
-                }
-            }
+            let mut control = enter(&control);
+            control.note(report);
+            control.ask().map_or(ControlFlow::Continue(()), ControlFlow::Break)
         };
-        let component = &mut self.component;
+        let (component, watched) = (&mut self.component, &mut Watched { laps, control: &control });
         let result = catch_unwind(AssertUnwindSafe(|| match kind {
-            WindowKind::Advance => component.advance_timed(inputs.t1_ns, window, &mut each, laps),
-            WindowKind::Redo => component.redo_timed(window, &mut each, laps),
+            WindowKind::Advance => {
+                component.advance_timed(inputs.t1_ns, window, &mut each, watched)
+            }
+            WindowKind::Redo => component.redo_timed(window, &mut each, watched),
         }));
         match result {
             Ok(outcome) => Ok(outcome.map_err(Fault::from)),
@@ -261,6 +255,66 @@ impl Lockstep {
             ..Fault::expected(Code::OutOfSequence, place, expected, found)
         }
     }
+}
+
+/// How far a window is, and who is asked whether it goes on.
+struct Control<'a> {
+    progress: Progress,
+    policy: DeadlinePolicy,
+    /// Wall time of its beginning, ns.
+    begin: u64,
+    clock: WallClock<'a>,
+    watch: Watch<'a>,
+}
+
+impl Control<'_> {
+    /// A step is done.
+    fn note(&mut self, report: &StepReport) {
+        let elapsed_ms = self.elapsed_ms();
+        let progress = &mut self.progress;
+        progress.step += 1;
+        progress.iterations = report.iterations;
+        progress.residual_qm16 = report.residuals.qm16();
+        let left = progress.steps.saturating_sub(progress.step);
+        progress.left_ms = elapsed_ms.saturating_mul(left) / progress.step;
+    }
+
+    /// How the window is to end, if it is to.
+    fn ask(&mut self) -> Option<Stop> {
+        self.progress.elapsed_ms = self.elapsed_ms();
+        match ((self.watch)(&self.progress), self.policy) {
+            (Pace::Abandon, _) => Some(Stop::Abandon),
+            // Done is not late.
+            (Pace::TimeIsUp, _) if self.progress.step == self.progress.steps => None,
+            (Pace::TimeIsUp, DeadlinePolicy::Discard) => Some(Stop::Discard),
+            (Pace::TimeIsUp, DeadlinePolicy::Early) => Some(Stop::Early),
+            (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => None,
+        }
+    }
+
+    fn elapsed_ms(&self) -> u64 {
+        (self.clock)().saturating_sub(self.begin) / NS_PER_MS
+    }
+}
+
+/// A clock on a window that also asks, within its steps, whether it goes on.
+struct Watched<'a, 'l, 'w> {
+    laps: &'a mut Laps<'l>,
+    control: &'a Mutex<Control<'w>>,
+}
+
+impl Stopwatch for Watched<'_, '_, '_> {
+    fn lap(&mut self, phase: Phase) {
+        self.laps.lap(phase);
+    }
+    fn stop(&mut self) -> Option<Stop> {
+        enter(self.control).ask()
+    }
+}
+
+/// After a panic, which is caught, nobody asks any more.
+fn enter<'a, 'w>(control: &'a Mutex<Control<'w>>) -> MutexGuard<'a, Control<'w>> {
+    control.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Whether a window asks for no time at all, and to be taken back if that does not suffice.

@@ -139,3 +139,41 @@ fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
         assert_eq!(replies[0], replies[1], "{kind:?}");
     }
 }
+
+#[test]
+fn a_step_without_end_is_ended_like_any_other() {
+    let (mut lockstep, ticket) = lockstep();
+    // Long enough for the stones to come down.
+    let fall = AdvanceRequest { t1_ns: 300 * MS, motions: vec![], ..window(1) };
+    ask(&mut lockstep, Advance, &fall, &ticket).unwrap();
+    let start = lockstep.place();
+    let before = lockstep.component().parameters();
+    let set = |iterations, tolerance| SetParameters {
+        iterations: Some(iterations),
+        tolerance: Some(tolerance),
+        ..SetParameters::default()
+    };
+    lockstep.set_parameters(&set(u32::MAX, 1e-300), &ticket).unwrap();
+    let on = AdvanceRequest { t0_ns: 300 * MS, t1_ns: 302 * MS, motions: vec![], ..window(2) };
+    let mut gone = |_: &Progress| Pace::Abandon;
+    let fault = lockstep.window(Advance, &on, &ticket, &|| 0, &mut gone).unwrap_err();
+    assert_eq!((fault.code, lockstep.place().seq), (Code::Abandoned, 1));
+    for (seq, policy) in [(2, DeadlinePolicy::Discard), (3, DeadlinePolicy::Early)] {
+        let mut asked = 0;
+        let mut late = |p: &Progress| {
+            asked += 1;
+            assert_eq!(p.step, 0);
+            if asked > 3 { Pace::TimeIsUp } else { Pace::GoOn }
+        };
+        let request = AdvanceRequest { seq, deadline_policy: policy, ..on.clone() };
+        let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+        // No step was done that could be kept.
+        let told = (reply.status, &reply.code[..], reply.steps, reply.t1_ns);
+        assert_eq!(told, (Status::Discard, "deadline", 0, 300 * MS));
+        assert_eq!(asked, 4);
+    }
+    lockstep.set_parameters(&set(before.iterations, before.tolerance.unwrap()), &ticket).unwrap();
+    assert_eq!(lockstep.place().hash, start.hash);
+    let request = AdvanceRequest { seq: 4, ..on };
+    assert_eq!(ask(&mut lockstep, Advance, &request, &ticket).unwrap().steps, 2);
+}

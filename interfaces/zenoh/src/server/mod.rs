@@ -45,7 +45,7 @@ const DOZE: Duration = Duration::from_millis(50);
 const LINGER: Duration = Duration::from_millis(100);
 
 /// What is done beside answering; called by the computing thread.
-pub trait Host {
+pub trait Host: Send {
     /// Partners find the component from now on, and its status tells this run.
     fn opened(&mut self, _lockstep: &Lockstep) {}
 

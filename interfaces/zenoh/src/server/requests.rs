@@ -101,11 +101,12 @@ impl Service<'_> {
         ticket: &str,
     ) -> Result<AdvanceReply, Fault> {
         let shared = Arc::clone(&self.shared);
-        let clock = move || shared.now_ns();
+        let clock = &move || shared.now_ns();
         let allowed = Duration::from_millis(request.deadline_ms.into()).as_nanos() as u64;
         let due = (allowed > 0).then(|| clock() + allowed);
         let (shared, host) = (Arc::clone(&self.shared), &mut *self.host);
-        let mut watch = |progress: &Progress| {
+        // Also on the threads that compute: the host goes with it, for as long as the window lasts.
+        let mut watch = move |progress: &Progress| {
             shared.show_progress(progress);
             if host.is_stopped() || shared.is_forsaken() || shared.is_left() {
                 Pace::Abandon
@@ -118,7 +119,7 @@ impl Service<'_> {
         // From the first moment on: a first step may take long, and who sees it idle asks again.
         let steps = self.lockstep.steps(request);
         self.shared.show_progress(&Progress { seq: request.seq, steps, ..Progress::default() });
-        let result = self.lockstep.window(kind, request, ticket, &clock, &mut watch);
+        let result = self.lockstep.window(kind, request, ticket, clock, &mut watch);
         self.show();
         result.map_err(|fault| match fault.code {
             Code::Abandoned if self.host.is_stopped() => quitting(),
