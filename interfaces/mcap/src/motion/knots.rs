@@ -18,7 +18,7 @@ const CONTRADICTION: f64 = 0.6;
 /// What moves less than this says nothing of its twists, m.
 const STILL: f64 = 1e-3;
 
-/// Poses and twists of one body, as they come.
+/// Poses and twists of one body, as they come. Each tells how many bytes more it keeps.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Track {
     poses: Vec<(u64, Pose)>,
@@ -31,16 +31,26 @@ pub(super) struct Track {
 }
 
 impl Track {
-    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) {
-        note(&mut self.pose_frames, frame);
+    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) -> usize {
+        let more = note(&mut self.pose_frames, frame);
+        // The same again says nothing, and a file may hold any number of them in next to no bytes.
+        if self.poses.last() == Some(&(time_ns, pose)) {
+            return more;
+        }
         self.poses.push((time_ns, pose));
+        more + size_of::<(u64, Pose)>()
     }
 
-    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) {
-        note(&mut self.twist_frames, frame);
-        if self.twists.insert(time_ns, twist).is_some_and(|other| other != twist) {
-            self.two_twists_at.get_or_insert(time_ns);
+    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) -> usize {
+        let more = note(&mut self.twist_frames, frame);
+        match self.twists.insert(time_ns, twist) {
+            None => return more + size_of::<(u64, Twist)>(),
+            Some(other) if other != twist => {
+                self.two_twists_at.get_or_insert(time_ns);
+            }
+            Some(_) => {}
         }
+        more
     }
 
     pub fn has_poses(&self) -> bool {
@@ -110,10 +120,13 @@ pub(super) fn contradiction(waveform: &Waveform) -> Option<f64> {
     (moves && missed > CONTRADICTION * way).then(|| missed / way)
 }
 
-fn note(frames: &mut BTreeSet<String>, frame: &str) {
-    if !frames.contains(frame) {
-        frames.insert(frame.into());
+/// Notes a name; how many bytes more that keeps.
+pub(super) fn note(names: &mut BTreeSet<String>, name: &str) -> usize {
+    if names.contains(name) {
+        return 0;
     }
+    names.insert(name.into());
+    size_of::<String>() + name.len()
 }
 
 fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, Malformed> {
