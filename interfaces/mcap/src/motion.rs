@@ -287,7 +287,7 @@ fn join(
     notes.extend(stretch::notes(&waveforms, [start, end]));
     let inputs = waveforms.into_iter().map(|(body, waveform)| Input {
         body,
-        waveform: knots::cut(&waveform, start, begin_ns),
+        waveform: knots::cut(waveform, start, begin_ns),
         rebase: false,
     });
     let end_ns = begin_ns.saturating_add(end - start);
