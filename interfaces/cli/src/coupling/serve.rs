@@ -25,7 +25,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     if resumes {
-        case = case.chosen(kept::choices(&checkpoint, &given)?);
+        case = kept::of_the_run(&checkpoint, case, given)?;
     } else {
         kept::check_free(&checkpoint, args.force)?;
     }
