@@ -3,7 +3,7 @@
 use super::args::Serve;
 use super::host::{Keeper, served};
 use super::kept;
-use super::tape::Recording;
+use super::tape::{self, Recording};
 use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
@@ -29,7 +29,9 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     } else {
         kept::check_free(&checkpoint, args.force)?;
     }
-    // Before the bed is prepared: a port that is taken is to be told at once, and partners may be waiting.
+    let first = args.record.as_deref().map(|path| tape::first_part(path, resumes));
+    files.may_record(first.as_deref())?;
+    // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
     let link = args.endpoints.to_listen();
     let mut server = Server::open(&args.key, &link)?;
     if let Some(viz) = &args.viz {

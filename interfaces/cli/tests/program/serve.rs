@@ -572,6 +572,27 @@ fn a_recording_that_would_lie_in_a_file_of_the_run_is_refused() {
 }
 
 #[test]
+fn a_recording_that_could_not_be_written_is_refused_before_the_bed_is_prepared() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serve = format!("serve tiny.toml --key {KEY} --listen {endpoint} --beds none --out s");
+    let refuses = |arguments: &str, says: &str| {
+        let said = place.call(&format!("{serve} {arguments}")).with_code(1).stderr();
+        assert!(said.contains(says), "{arguments}: {said}");
+        assert!(!place.path("none").exists(), "{arguments}");
+    };
+    std::fs::write(place.path("words.mcap"), "not a recording").unwrap();
+    std::fs::create_dir(place.path("folder.mcap")).unwrap();
+    refuses("--record no/such/folder.mcap", "folder.mcap");
+    refuses("--record words.mcap", "words.mcap: recording: expected a new file");
+    refuses("--record folder.mcap", "found a folder");
+    let serving = Serving::start(&place, &endpoint, "--out s");
+    attach(&endpoint, None).unwrap().shut_down().unwrap();
+    serving.end().with_code(0);
+    refuses("--resume --record no/such/folder.mcap", "folder.mcap");
+}
+
+#[test]
 fn a_run_goes_on_in_its_own_case_only() {
     let place = Place::new();
     let endpoint = endpoint();
