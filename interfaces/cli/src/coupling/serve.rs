@@ -34,6 +34,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
     let link = args.endpoints.to_listen();
     let mut server = Server::open(&args.key, &link)?;
+    server.be_the_only_one()?;
     if let Some(viz) = &args.viz {
         let viewers = Link { listen: vec![viz.clone()], ..link };
         server = server.with_pictures(&viewers, args.viz_every)?;
@@ -51,6 +52,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     if resumes {
         kept::resume(&checkpoint, &mut lockstep)?;
     }
+    // Again before anything is replaced: the bed may have taken its time.
+    server.be_the_only_one()?;
     let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
     let mut keeper = Keeper::new(&args, case, checkpoint, recording, console);
     // A component that dies before its first checkpoint comes back as the same run.

@@ -593,6 +593,32 @@ fn a_recording_that_could_not_be_written_is_refused_before_the_bed_is_prepared()
 }
 
 #[test]
+fn who_may_not_serve_replaces_nothing_and_prepares_nothing() {
+    let place = Place::new();
+    let [first, second] = [endpoint(), endpoint()];
+    let serving = Serving::start(&place, &first, "--out old --record old.mcap");
+    let mut client = attach(&first, None).unwrap();
+    step(&mut client).unwrap();
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+    let files = ["old/checkpoint.h5", "old.mcap"].map(|name| place.path(name));
+    let bytes = || files.each_ref().map(|path| std::fs::read(path).unwrap());
+    let before = bytes();
+    let serving = Serving::start(&place, &first, "--out s");
+    for arguments in ["--force --record old.mcap", "--resume --record old.mcap"] {
+        let refused = place.call(&format!(
+            "serve tiny.toml --key {KEY} --listen {second} --connect {first} --beds none --out old {arguments}"
+        ));
+        let said = refused.with_code(4).stderr();
+        assert!(said.contains("expected nobody alive there"), "{said}");
+        assert!(bytes() == before, "{arguments}");
+        assert!(!place.path("none").exists() && !place.path("old.2.mcap").exists(), "{arguments}");
+    }
+    attach(&first, None).unwrap().shut_down().unwrap();
+    serving.end().with_code(0);
+}
+
+#[test]
 fn a_run_goes_on_in_its_own_case_only() {
     let place = Place::new();
     let endpoint = endpoint();
