@@ -279,6 +279,16 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     // Its recording begins where it began, too.
     let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
     assert!(verified.contains("all equal"), "{verified}");
+    // To end before it begins is a slip that costs nothing.
+    let slip = "replay s.3.mcap --out r --record again.mcap --steps 0";
+    let said = place.with_beds(slip).with_code(2).stderr();
+    assert!(said.contains("--steps 0: expected at least"), "{said}");
+    assert_eq!(&place.hash("r"), hash);
+    let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
+    assert!(verified.contains("all equal"), "{verified}");
+    let start = Windows::open(&place.path("again.mcap")).unwrap();
+    let start = ballast_hdf5::checkpoint::from_bytes(start.start().unwrap()).unwrap();
+    assert_eq!(start.extra["schedule"], "sequential", "as it was chosen");
     // Where the start is damaged there is nothing to compare with.
     let mut bytes = std::fs::read(place.path("s.3.mcap")).unwrap();
     let name = b"start.h5";
