@@ -309,10 +309,16 @@ impl Session {
         }
     }
 
+    /// Whether this is the end of the case, or of a recording that is whole.
+    fn is_complete(&self) -> bool {
+        let lost = self.engine.playback().and_then(|playback| playback.lost());
+        lost.is_none() && self.engine.state().step == self.whole()
+    }
+
     fn summary(&self, hash: &str) -> Value {
         let mut summary = json!({
             "case": self.case.plan.name, "grains": self.engine.model().grains.len(),
-            "state_hash": hash, "complete": self.engine.state().step == self.whole(),
+            "state_hash": hash, "complete": self.is_complete(),
         });
         let timing = self.timing_of_before(hash).unwrap_or_else(|| {
             json!({
@@ -380,12 +386,6 @@ fn resumable(path: &Path) -> Outcome<Checkpoint> {
     Ok(kept)
 }
 
-/// The case's cycle, and whether the state belongs to it.
-pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
-    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
-    cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;
-    Ok(cycle)
-}
 /// Refuses to end at step `last`, if one is given, where more are `done`: before anything of them is replaced or cut.
 pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
     match last {
@@ -396,6 +396,12 @@ pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
     }
 }
 
+/// The case's cycle, and whether the state belongs to it.
+pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
+    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
+    cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;
+    Ok(cycle)
+}
 
 /// Where a run stands.
 struct RunMark {
