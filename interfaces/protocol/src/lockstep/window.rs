@@ -165,12 +165,11 @@ impl Lockstep {
                 series.take(state, report);
             }
             progress.step += 1;
-            progress.iterations = report.iterations;
-            progress.residual_qm16 = report.residuals.qm16();
+            progress.iterations = Some(report.iterations);
+            progress.residual_qm16 = Some(report.residuals.qm16());
             progress.elapsed_ms = clock().saturating_sub(begin) / NS_PER_MS;
-            progress.left_ms =
-                progress.elapsed_ms.saturating_mul(steps.saturating_sub(progress.step))
-                    / progress.step;
+            let left = steps.saturating_sub(progress.step);
+            progress.left_ms = Some(progress.elapsed_ms.saturating_mul(left) / progress.step);
             match (watch(&progress), request.deadline_policy) {
                 (Pace::Abandon, _) => ControlFlow::Break(Stop::Abandon),
                 // Done is not late.
