@@ -15,6 +15,9 @@ use ballast_scenario::LONGEST_CASE;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Characters of a line that are told.
+const LONGEST_LINE: usize = 100;
+
 /// The note in a checkpoint that says which run of a served component it is of.
 pub const RUN_ID: &str = "run_id";
 
@@ -89,6 +92,23 @@ pub fn component(case: &Case, model: Arc<Model>, state: State) -> Outcome<Compon
     case.component(model, state, Limits::default()).map_err(|e| invalid(case, e))
 }
 
+/// The first line in which two texts of a case differ.
+pub fn first_other_line(recorded: &str, here: &str) -> Option<String> {
+    // Not `lines`: ends of lines may be all that differs.
+    let (mut a, mut b) = (recorded.split('\n'), here.split('\n'));
+    let told = |line: Option<&str>| match line {
+        Some(line) => format!("{:?}", line.chars().take(LONGEST_LINE).collect::<String>()),
+        None => "none".into(),
+    };
+    (1..).find_map(|number| match (a.next(), b.next()) {
+        (None, None) => Some(None),
+        (x, y) if x == y => None,
+        (x, y) => {
+            Some(Some(format!("line {number} of the case: recorded {}, here {}", told(x), told(y))))
+        }
+    })?
+}
+
 /// A case that cannot be run.
 pub fn invalid(case: &Case, what: impl std::fmt::Display) -> Failure {
     Failure::InvalidCase(format!("{}: {what}", case.plan.name))
@@ -97,6 +117,25 @@ pub fn invalid(case: &Case, what: impl std::fmt::Display) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_line_that_differs_is_told() {
+        let told = |a, b| first_other_line(a, b);
+        assert_eq!(told("a\nb\n", "a\nb\n"), None);
+        for (a, b, says) in [
+            (
+                "a\nb = 1\nc",
+                "a\nb = 2\nd",
+                "line 2 of the case: recorded \"b = 1\", here \"b = 2\"",
+            ),
+            ("a\n", "a\r\n", "line 1 of the case: recorded \"a\", here \"a\\r\""),
+            ("a", "a\nb", "line 2 of the case: recorded none, here \"b\""),
+            ("a\n", "a", "line 2 of the case: recorded \"\", here none"),
+        ] {
+            assert_eq!(told(a, b).unwrap(), says);
+        }
+        assert!(told(&"a".repeat(1 << 20), "").unwrap().len() < 200);
+    }
 
     #[test]
     fn a_choice_that_is_not_known_is_of_another_version() {

@@ -51,7 +51,7 @@ pub struct Session {
 
 impl Session {
     /// Starts a run or a replay, recorded to the file `record` if there is one: what an earlier one left
-    /// in the folder is replaced. What cannot take a step, or be recorded, is to be refused before.
+    /// in the folder is replaced. What cannot take a step, is over already or cannot be recorded is to be refused before.
     pub fn begin(
         case: Case,
         engine: Engine,
@@ -66,8 +66,8 @@ impl Session {
         Ok(Self::assemble(case, engine, files, recorder, taping, console))
     }
 
-    /// Takes a run up at its checkpoint.
-    pub fn resume(path: &Path, console: Console) -> Outcome<Self> {
+    /// Takes a run up at its checkpoint, to go on up to step `last`, if one is given.
+    pub fn resume(path: &Path, last: Option<u64>, console: Console) -> Outcome<Self> {
         // What is no checkpoint of a run leaves nothing in its folder.
         resumable(path)?;
         let files = RunFiles::beside(path).claimed("wait for it")?;
@@ -76,6 +76,7 @@ impl Session {
         let choices = Choices::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (model, state) = (kept.model, kept.state);
+        expect_ahead(last, state.step)?;
         let cycle = cycle(&case, &model, &state)?;
         let recorder = Recorder::reopen(&files, &case, &model, &state)?;
         let engine = Engine::machine(model, state, cycle);
@@ -115,12 +116,7 @@ impl Session {
 
     /// Runs up to step `last` of the run, or the end of case or recording, and sums up.
     pub fn run(mut self, last: Option<u64>, expected: Option<u128>) -> Outcome {
-        let (end, done) = (self.end(), self.engine.state().step);
-        if let Some(last) = last.filter(|last| *last < done) {
-            let text = format!("--steps {last}: expected at least {done}, the steps that are done");
-            return Err(Failure::Usage(text));
-        }
-        let last = last.unwrap_or(u64::MAX).min(end.unwrap_or(u64::MAX));
+        let last = last.unwrap_or(u64::MAX).min(self.end().unwrap_or(u64::MAX));
         let goal = last.min(self.whole());
         self.announce(goal);
         let steps = goal.saturating_sub(self.first).max(1) as f64;
@@ -313,10 +309,16 @@ impl Session {
         }
     }
 
+    /// Whether this is the end of the case, or of a recording that is whole.
+    fn is_complete(&self) -> bool {
+        let lost = self.engine.playback().and_then(|playback| playback.lost());
+        lost.is_none() && self.engine.state().step == self.whole()
+    }
+
     fn summary(&self, hash: &str) -> Value {
         let mut summary = json!({
             "case": self.case.plan.name, "grains": self.engine.model().grains.len(),
-            "state_hash": hash, "complete": self.engine.state().step == self.whole(),
+            "state_hash": hash, "complete": self.is_complete(),
         });
         let timing = self.timing_of_before(hash).unwrap_or_else(|| {
             json!({
@@ -382,6 +384,16 @@ fn resumable(path: &Path) -> Outcome<Checkpoint> {
         return Err(Failure::at(path, what));
     }
     Ok(kept)
+}
+
+/// Refuses to end at step `last`, if one is given, where more are `done`: before anything of them is replaced or cut.
+pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
+    match last {
+        Some(last) if last < done => Err(Failure::Usage(format!(
+            "--steps {last}: expected at least {done}, the steps that are done"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// The case's cycle, and whether the state belongs to it.

@@ -6,7 +6,8 @@
 //!
 //! Contract: times in a file are simulated; the same run leaves the same bytes. A killed run leaves a
 //! file that can be read up to its last whole chunk. No file, however damaged, makes this crate panic or
-//! take more memory than a chunk may need, and as much for a window; besides, [`motion`] keeps the poses that it reads.
+//! take more memory than a chunk may need, and as much for its messages, and for a window or the poses of a [`motion`],
+//! of which knots are made.
 
 pub mod messages;
 pub mod motion;

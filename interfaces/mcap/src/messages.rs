@@ -1,9 +1,9 @@
 //! The messages of any MCAP file, in the order of the file, whole or cut short.
 //!
-//! Cost: memory for one chunk. Contract: only messages of sound chunks are given; where the file is cut
-//! short or damaged, reading ends, and [`Messages::lost`] says why. Nothing is passed over: a record that is not
-//! known, or stands where none of its kind belongs, may have been messages. What the file says of its own contents,
-//! checksum and numbers of messages and chunks, is compared with what was read.
+//! Cost: memory for one chunk, and as much for its messages. Contract: only messages of sound chunks are given; where
+//! the file is cut short or damaged, reading ends, and [`Messages::lost`] says why. Nothing is passed over: a record
+//! that is not known, or stands where none of its kind belongs, may have been messages. What the file says of its own
+//! contents, checksum and numbers of messages and chunks, is compared with what was read.
 
 use crate::chunk::{self, LARGEST};
 use crate::error::{Error, Result};
@@ -260,12 +260,11 @@ impl Content {
             // Without its chunk it is all that is left of it.
             op::MESSAGE_INDEX => !self.complete && [op::CHUNK, kind].contains(&before),
             _ if BEHIND.contains(&kind) => self.complete,
-            // We write none.
-            PRIVATE.. => self.complete || !self.metadata.contains_key(meta::NAME),
+            PRIVATE.. => self.complete || self.takes_private(),
             _ => self.complete,
         };
         if !belongs {
-            return Err(format!("a record of kind {kind:#04x} where none belongs"));
+            return Err(stray(kind));
         }
         match kind {
             op::DATA_END => self.complete = true,
@@ -372,15 +371,36 @@ impl Content {
         data: &[u8],
     ) -> std::result::Result<(), String> {
         let content = chunk::unpack(header, data)?;
+        let mut taken = 0;
         for record in chunk::records(&content) {
             let (kind, body) = record?;
-            // Nothing else belongs into a chunk.
-            if [op::SCHEMA, op::CHANNEL, op::MESSAGE].contains(&kind) {
-                self.take(kind, body)?;
+            match kind {
+                op::SCHEMA | op::CHANNEL => self.take(kind, body)?,
+                op::MESSAGE => {
+                    // Empty ones take more here than in the chunk.
+                    taken += (size_of::<Message>() + body.len()) as u64;
+                    if taken > LARGEST {
+                        return Err(format!(
+                            "a chunk whose messages take more than {LARGEST} bytes"
+                        ));
+                    }
+                    self.take(kind, body)?;
+                }
+                PRIVATE.. if self.takes_private() => {}
+                _ => return Err(stray(kind)),
             }
         }
         Ok(())
     }
+
+    /// Whether records of a kind that is for anyone to define may stand among the messages: we write none.
+    fn takes_private(&self) -> bool {
+        !self.metadata.contains_key(meta::NAME)
+    }
+}
+
+fn stray(kind: u8) -> String {
+    format!("a record of kind {kind:#04x} where none belongs")
 }
 
 /// Whether a record is an index of messages: a channel, a length in bytes, and that many bytes of times and places.

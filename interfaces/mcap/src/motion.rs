@@ -13,6 +13,7 @@ mod stretch;
 
 pub use assign::Map;
 
+use crate::chunk::LARGEST;
 use crate::error::{Error, Result};
 use crate::messages::{Lost, Message, Messages};
 use assign::{Assignment, Source};
@@ -69,7 +70,6 @@ pub fn read(
     let mut found = Found::default();
     while let Some(message) = messages.next()? {
         let place = |e| Error::message(path, &message.channel.topic, message.log_time, e);
-        found.topics.insert(message.channel.topic.clone());
         found.take(&assignment, &message, time).map_err(place)?;
     }
     assignment.all_used(path, &found.topics, &found.frames)?;
@@ -119,6 +119,8 @@ struct Found {
     transforms: BTreeMap<String, Track>,
     /// What has moved each body so far, by what it tells.
     sources: BTreeMap<(&'static str, String), String>,
+    /// Bytes of all these.
+    held: u64,
 }
 
 impl Found {
@@ -133,27 +135,28 @@ impl Found {
                 .map_err(|_| Malformed::new("header.stamp", "a time from 0 on", ns)),
             _ => Ok(message.log_time),
         };
+        let mut more = knots::note(&mut self.topics, &message.channel.topic);
         match assignment.source(&message.channel)? {
             Source::Other => {}
             Source::Pose(body) => {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
                 let time = at(Some(whole(stamped.header.stamp)?))?;
-                self.track(body).pose(time, stamped.pose, &stamped.header.frame_id);
+                more += self.track(body).pose(time, stamped.pose, &stamped.header.frame_id);
             }
             Source::Twist(body) => {
                 self.only(assignment, "twists", body, &message.channel.topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
                 let time = at(Some(whole(stamped.header.stamp)?))?;
-                self.track(body).twist(time, stamped.twist, &stamped.header.frame_id);
+                more += self.track(body).twist(time, stamped.twist, &stamped.header.frame_id);
             }
             Source::Json(body) => {
                 self.only(assignment, "poses", body, &message.channel.topic)?;
                 let read = json_pose::read(&message.data)?;
                 let time = at(read.stamp_ns)?;
-                self.track(body).pose(time, read.pose, &read.frame);
+                more += self.track(body).pose(time, read.pose, &read.frame);
                 if let Some(twist) = read.twist {
-                    self.track(body).twist(time, twist, &read.frame);
+                    more += self.track(body).twist(time, twist, &read.frame);
                 }
             }
             Source::Transforms => {
@@ -173,18 +176,31 @@ impl Found {
                             orientation: transform.transform.rotation,
                         };
                         let parent = &transform.header.frame_id;
-                        self.transforms.entry(body.into()).or_default().pose(time, pose, parent);
+                        let track = self.transforms.entry(body.into()).or_default();
+                        more += track.pose(time, pose, parent);
                     }
-                    self.frames.insert(format!("{topic}:{frame}"));
+                    more += knots::note(&mut self.frames, &format!("{topic}:{frame}"));
                 }
             }
             Source::Frames => {
                 // Nothing is moved by them: one that cannot be read spoils nothing.
                 let tf = from_cdr::<TFMessage>(&message.data).unwrap_or_default();
-                let frames = tf.transforms.into_iter().map(|transform| transform.child_frame_id);
                 let topic = &message.channel.topic;
-                self.frames.extend(frames.map(|frame| format!("{topic}:{frame}")));
+                for transform in tf.transforms {
+                    let frame = format!("{topic}:{}", transform.child_frame_id);
+                    more += knots::note(&mut self.frames, &frame);
+                }
             }
+        }
+        self.hold(more)
+    }
+
+    /// Notes that so many bytes more are kept: at most those of a chunk.
+    fn hold(&mut self, more: usize) -> std::result::Result<(), Malformed> {
+        self.held += more as u64;
+        if self.held > LARGEST {
+            let expected = format!("at most {LARGEST} bytes of poses, twists and names up to here");
+            return Err(Malformed::new("motion", expected, "more"));
         }
         Ok(())
     }
@@ -271,7 +287,7 @@ fn join(
     notes.extend(stretch::notes(&waveforms, [start, end]));
     let inputs = waveforms.into_iter().map(|(body, waveform)| Input {
         body,
-        waveform: knots::cut(&waveform, start, begin_ns),
+        waveform: knots::cut(waveform, start, begin_ns),
         rebase: false,
     });
     let end_ns = begin_ns.saturating_add(end - start);

@@ -305,6 +305,57 @@ fn chunks_that_lie_are_refused() {
 }
 
 #[test]
+fn a_record_in_a_chunk_that_is_not_known_is_told() {
+    let (_folder, path) = place("a.mcap");
+    for ours in [false, true] {
+        let file = std::fs::File::create(&path).unwrap();
+        let options = mcap::WriteOptions::new().compression(None);
+        let options = options.calculate_chunk_crcs(false).calculate_data_section_crc(false);
+        let mut writer = options.create(file).unwrap();
+        if ours {
+            let (name, metadata) = ("ballast".into(), BTreeMap::new());
+            writer.write_metadata(&mcap::records::Metadata { name, metadata }).unwrap();
+        }
+        let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+        writer.write_to_known_channel(&header(channel, 1), b"before").unwrap();
+        writer.write_to_known_channel(&header(channel, 2), b"mark").unwrap();
+        writer.finish().unwrap();
+        drop(writer);
+        let whole = std::fs::read(&path).unwrap();
+        // Before the content are kind, length, channel, number and two times.
+        let kind = whole.windows(4).position(|w| w == b"mark").unwrap() - 31;
+        assert_eq!(whole[kind], op::MESSAGE);
+        // What any program may have for itself is passed over, except by ourselves: we write none.
+        let counted = "1 messages in 1 chunks, where 2 in 1 were written".to_string();
+        let stray = |kind| format!("a record of kind {kind:#04x} where none belongs");
+        let private = if ours { stray(0x86) } else { counted };
+        let kinds = [0, 0x33, op::METADATA, op::CHUNK].map(|kind| (kind, stray(kind)));
+        for (other, says) in kinds.into_iter().chain([(0x86, private)]) {
+            let mut bytes = whole.clone();
+            bytes[kind] = other;
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read(&path).unwrap().1, Some(says), "ours: {ours}");
+        }
+    }
+}
+
+#[test]
+fn messages_of_a_chunk_take_no_more_than_a_chunk() {
+    let (_folder, path) = place("a.mcap");
+    let file = std::fs::File::create(&path).unwrap();
+    let options = mcap::WriteOptions::new().chunk_size(None).emit_message_indexes(false);
+    let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
+    let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+    // 31 bytes each in the chunk, and twice as much for whoever reads it.
+    (0..4_400_000).for_each(|_| writer.write_to_known_channel(&header(channel, 0), b"").unwrap());
+    writer.finish().unwrap();
+    drop(writer);
+    let (times, lost) = read(&path).unwrap();
+    assert!(times.is_empty());
+    assert_eq!(lost.unwrap(), "a chunk whose messages take more than 268435456 bytes");
+}
+
+#[test]
 fn other_files_and_versions_are_told() {
     let (_folder, path) = place("a.mcap");
     for content in [&b""[..], b"not a recording", &[0x89, b'M', b'C', b'A', b'P', 0x30, 13, 10]] {

@@ -1,7 +1,7 @@
 //! The published schema takes what is asked and answered, and nothing else.
 
 use ballast_protocol::lockstep::{
-    Attach, Attached, Code, Fault, Init, Named, Place, SetParameters, StatusReport,
+    Attach, Attached, Code, Fault, Init, Named, Place, Progress, SetParameters, StatusReport,
 };
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyInput, BodySeries, Compactness, Knot, LoadInput, LoadKnot,
@@ -98,6 +98,10 @@ fn what_is_written_is_taken() {
     }
     let status = StatusReport { owner: Some("me".into()), place, ..StatusReport::default() };
     schema.takes("status.reply", &status);
+    // Before the first step of a window is done, what it takes is not known.
+    let begun = serde_json::to_value(Progress { steps: 1, ..Progress::default() }).unwrap();
+    assert_eq!((&begun["iterations"], &begun["left_ms"]), (&Value::Null, &Value::Null));
+    schema.takes("status.reply", &StatusReport { progress: Some(Progress::default()), ..status });
     let fault = Fault { expected_seq: Some(3), ..Fault::new(Code::OutOfSequence, "why") };
     schema.takes("refusal", &fault);
     // The shortest requests that are read.

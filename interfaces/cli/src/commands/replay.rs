@@ -66,6 +66,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     };
     let mut engine = Engine::recording(&case, model, state, cycle, playback)?;
     // Before an earlier replay is removed.
+    session::expect_ahead(args.until.steps, engine.state().step)?;
     if args.until.steps != Some(engine.state().step) {
         engine.expect_a_step()?;
     }

@@ -10,6 +10,6 @@ use crate::session::Session;
 pub fn resume(args: Resume, console: Console) -> Outcome {
     interrupt::install()?;
     let checkpoint = Expected::Checkpoint.file(&args.checkpoint)?;
-    let session = Session::resume(&checkpoint, console)?;
+    let session = Session::resume(&checkpoint, args.until.steps, console)?;
     session.run(args.until.steps, args.until.expect)
 }

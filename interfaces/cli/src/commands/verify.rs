@@ -1,7 +1,7 @@
 //! `ballast verify FILE`: computes a recording again and compares.
 
 use crate::args::Verify;
-use crate::case::{self, Case, Choices};
+use crate::case::{self, Case, Choices, first_other_line};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
@@ -14,9 +14,6 @@ use ballast_mcap::{Drive, Meta};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::sync::Arc;
-
-/// Characters of a line that are told.
-const LONGEST_LINE: usize = 100;
 
 pub fn verify(args: Verify, console: Console) -> Outcome {
     interrupt::install()?;
@@ -99,23 +96,6 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
     format!("; {}", differ.join("; "))
 }
 
-/// The first line in which two texts of a case differ.
-fn first_other_line(recorded: &str, here: &str) -> Option<String> {
-    // Not `lines`: ends of lines may be all that differs.
-    let (mut a, mut b) = (recorded.split('\n'), here.split('\n'));
-    let told = |line: Option<&str>| match line {
-        Some(line) => format!("{:?}", line.chars().take(LONGEST_LINE).collect::<String>()),
-        None => "none".into(),
-    };
-    (1..).find_map(|number| match (a.next(), b.next()) {
-        (None, None) => Some(None),
-        (x, y) if x == y => None,
-        (x, y) => {
-            Some(Some(format!("line {number} of the case: recorded {}, here {}", told(x), told(y))))
-        }
-    })?
-}
-
 /// Where a verification stands.
 struct At(u64);
 
@@ -126,29 +106,5 @@ impl Mark for At {
 
     fn fields(&self) -> Value {
         json!({ "time_s": self.0 as f64 / 1e9 })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_line_that_differs_is_told() {
-        let told = |a, b| first_other_line(a, b);
-        assert_eq!(told("a\nb\n", "a\nb\n"), None);
-        for (a, b, says) in [
-            (
-                "a\nb = 1\nc",
-                "a\nb = 2\nd",
-                "line 2 of the case: recorded \"b = 1\", here \"b = 2\"",
-            ),
-            ("a\n", "a\r\n", "line 1 of the case: recorded \"a\", here \"a\\r\""),
-            ("a", "a\nb", "line 2 of the case: recorded none, here \"b\""),
-            ("a\n", "a", "line 2 of the case: recorded \"\", here none"),
-        ] {
-            assert_eq!(told(a, b).unwrap(), says);
-        }
-        assert!(told(&"a".repeat(1 << 20), "").unwrap().len() < 200);
     }
 }

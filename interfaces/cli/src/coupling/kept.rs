@@ -1,6 +1,6 @@
 //! Checkpoints of a served run: state, number of the last window, and what that was answered.
 
-use crate::case::{self, Case, RUN_ID};
+use crate::case::{self, Case, Choices, RUN_ID};
 use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
@@ -117,9 +117,21 @@ pub fn fresh_run() -> Outcome<String> {
     Ok(format!("run-{}", &ballast_zenoh::random()?[..16]))
 }
 
-/// What is given of schedule and seed, and the rest as the checkpoint has it.
-pub fn choices(path: &Path, given: &case::Choices) -> Outcome<case::Choices> {
-    Ok(given.or(case::Choices::from_notes(&checkpoint::read(path)?.extra)?))
+/// The case as the run of a checkpoint has it: with what is given of schedule and seed, and the rest as it was.
+///
+/// Refuses another case. Its model may be the same, since zones and squeezes are in none; comments may differ.
+pub fn of_the_run(path: &Path, case: Case, given: Choices) -> Outcome<Case> {
+    let kept = checkpoint::read(path)?;
+    let case = case.chosen(given.or(Choices::from_notes(&kept.extra)?));
+    let was = Case::read(kept.case_text, &format!("{}, its case", path.display()))?;
+    let was = was.chosen(case.choices);
+    if was.plan == case.plan {
+        return Ok(case);
+    }
+    let line = case::first_other_line(&was.text, &case.text).unwrap_or_default();
+    let what =
+        format!("expected the case of its run, found another: {line}; start over with --force");
+    Err(Failure::at(path, what))
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::args::Serve;
 use super::host::{Keeper, served};
 use super::kept;
-use super::tape::Recording;
+use super::tape::{self, Recording};
 use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
@@ -25,13 +25,16 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     if resumes {
-        case = case.chosen(kept::choices(&checkpoint, &given)?);
+        case = kept::of_the_run(&checkpoint, case, given)?;
     } else {
         kept::check_free(&checkpoint, args.force)?;
     }
-    // Before the bed is prepared: a port that is taken is to be told at once, and partners may be waiting.
+    let first = args.record.as_deref().map(|path| tape::first_part(path, resumes));
+    files.may_record(first.as_deref())?;
+    // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
     let link = args.endpoints.to_listen();
     let mut server = Server::open(&args.key, &link)?;
+    server.be_the_only_one()?;
     if let Some(viz) = &args.viz {
         let viewers = Link { listen: vec![viz.clone()], ..link };
         server = server.with_pictures(&viewers, args.viz_every)?;
@@ -49,6 +52,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     if resumes {
         kept::resume(&checkpoint, &mut lockstep)?;
     }
+    // Again before anything is replaced: the bed may have taken its time.
+    server.be_the_only_one()?;
     let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
     let mut keeper = Keeper::new(&args, case, checkpoint, recording, console);
     // A component that dies before its first checkpoint comes back as the same run.

@@ -62,10 +62,7 @@ impl Recording {
         if let Some(windows) = &mut self.windows {
             windows.settle()?;
         }
-        let mut path = self.next_path();
-        while self.resumes && path.exists() {
-            path = self.next_path();
-        }
+        let path = next_part(&self.path, &mut self.parts, self.resumes);
         let next = start(&path, case, lockstep)?;
         match self.windows.replace(next) {
             Some(windows) => Ok(windows.finish()?),
@@ -73,16 +70,27 @@ impl Recording {
         }
     }
 
-    fn next_path(&mut self) -> PathBuf {
-        self.parts += 1;
-        match self.parts {
-            1 => self.path.clone(),
-            n => self.path.with_extension(format!("{n}.mcap")),
-        }
-    }
-
     pub fn finish(self) -> Outcome {
         Ok(self.windows.map_or(Ok(()), Redoable::finish)?)
+    }
+}
+
+/// Where the recording at `path` will begin.
+pub fn first_part(path: &Path, resumes: bool) -> PathBuf {
+    next_part(path, &mut 0, resumes)
+}
+
+/// The file after so many `parts`; of a run that is taken up, the next one that is free.
+fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
+    loop {
+        *parts += 1;
+        let part = match *parts {
+            1 => path.into(),
+            n => path.with_extension(format!("{n}.mcap")),
+        };
+        if !(resumes && part.exists()) {
+            return part;
+        }
     }
 }
 
@@ -93,4 +101,21 @@ fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Redoable> {
     let checkpoint = || kept::bytes(path, case, lockstep);
     let tape = Tape::begin(path, &case.plan, &meta, model, state, checkpoint)?;
     Ok(Redoable::new(tape, case.plan.run.output_ns, model, state)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_is_taken_up_is_recorded_in_the_next_file_that_is_free() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        assert_eq!([true, false].map(|resumes| first_part(&path, resumes)), [&*path, &*path]);
+        for name in ["a.mcap", "a.2.mcap"] {
+            std::fs::write(folder.path().join(name), "").unwrap();
+        }
+        assert_eq!(first_part(&path, false), path);
+        assert_eq!(first_part(&path, true), folder.path().join("a.3.mcap"));
+    }
 }

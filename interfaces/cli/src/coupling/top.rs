@@ -6,7 +6,7 @@ use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_protocol::from_cdr;
-use ballast_protocol::lockstep::StatusReport;
+use ballast_protocol::lockstep::{Progress, StatusReport};
 use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
 use ballast_protocol::pacer::FreeRunningReport;
 use ballast_zenoh::{HEARTBEAT, Line, Patience};
@@ -135,15 +135,7 @@ fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)>
     if let Some(p) = &status.progress {
         lines.push((
             "computes",
-            format!(
-                "window {}, step {} of {}, {} iterations, residual {:.1e}, {} left",
-                p.seq,
-                p.step,
-                p.steps,
-                p.iterations,
-                p.residual_qm16,
-                seconds(Some(p.left_ms))
-            ),
+            format!("window {}, step {} of {}, {}", p.seq, p.step, p.steps, pace_of_steps(p)),
         ));
     }
     if let Some(run) = &status.free_running {
@@ -173,6 +165,16 @@ fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)>
     lines
 }
 
+/// What the last step of a window has told; before there is one, for how long the first has been in work.
+fn pace_of_steps(p: &Progress) -> String {
+    match (p.iterations, p.residual_qm16, p.left_ms) {
+        (Some(iterations), Some(residual), left @ Some(_)) => {
+            format!("{iterations} iterations, residual {residual:.1e}, {} left", seconds(left))
+        }
+        _ => format!("the first one for {}", seconds(Some(p.elapsed_ms))),
+    }
+}
+
 /// What the ballast does to each body, under a line of headings.
 fn forces(bodies: &BTreeMap<String, WrenchImpulse>) -> Vec<String> {
     let head =
@@ -183,4 +185,23 @@ fn forces(bodies: &BTreeMap<String, WrenchImpulse>) -> Vec<String> {
     };
     let head = (!bodies.is_empty()).then_some(head);
     head.into_iter().chain(bodies.iter().map(row)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_step_has_told_yet_is_not_made_up() {
+        let told = |progress| {
+            let status = StatusReport { progress: Some(progress), ..StatusReport::default() };
+            work(&status, None).remove(0).1
+        };
+        let begun = Progress { seq: 5, steps: 1, elapsed_ms: 12_300, ..Progress::default() };
+        assert_eq!(told(begun), "window 5, step 0 of 1, the first one for 12.3 s");
+        let (iterations, residual_qm16, left_ms) = (Some(40), Some(2e-3), Some(1500));
+        let on = Progress { step: 1, steps: 2, iterations, residual_qm16, left_ms, ..begun };
+        let expected = "window 5, step 1 of 2, 40 iterations, residual 2.0e-3, 1.5 s left";
+        assert_eq!(told(on), expected);
+    }
 }

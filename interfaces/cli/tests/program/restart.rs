@@ -55,6 +55,20 @@ fn records(place: &Place, folder: &str) -> Vec<(String, String)> {
 }
 
 #[test]
+fn a_resume_that_would_end_before_its_checkpoint_cuts_nothing() {
+    let place = Place::new();
+    place.run("--out run --steps 20").with_code(0);
+    std::fs::copy(place.path("run/checkpoint.h5"), place.path("run/earlier.h5")).unwrap();
+    place.call("resume run/checkpoint.h5 --steps 40").with_code(0);
+    let results = || std::fs::read(place.path("run/results.vtkhdf")).unwrap();
+    let (before, summary) = (results(), place.summary("run"));
+    let said = place.call("resume run/earlier.h5 --steps 10").with_code(2).stderr();
+    assert!(said.contains("--steps 10: expected at least 20"), "{said}");
+    assert!(results() == before, "the rows behind the checkpoint are there");
+    assert_eq!(place.summary("run"), summary);
+}
+
+#[test]
 fn what_was_written_after_the_checkpoint_is_written_again() {
     let place = Place::new();
     place.run("--out whole").with_code(0);

@@ -279,6 +279,13 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     // Its recording begins where it began, too.
     let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
     assert!(verified.contains("all equal"), "{verified}");
+    // To end before it begins is a slip that costs nothing.
+    let slip = "replay s.3.mcap --out r --record again.mcap --steps 0";
+    let said = place.with_beds(slip).with_code(2).stderr();
+    assert!(said.contains("--steps 0: expected at least"), "{said}");
+    assert_eq!(&place.hash("r"), hash);
+    let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
+    assert!(verified.contains("all equal"), "{verified}");
     let start = Windows::open(&place.path("again.mcap")).unwrap();
     let start = ballast_hdf5::checkpoint::from_bytes(start.start().unwrap()).unwrap();
     assert_eq!(start.extra["schedule"], "sequential", "as it was chosen");
@@ -572,4 +579,80 @@ fn a_recording_that_would_lie_in_a_file_of_the_run_is_refused() {
         let said = place.with_beds(&arguments).with_code(2).stderr();
         assert!(said.contains(own) && said.contains("none of the run's own"), "{said}");
     }
+}
+
+#[test]
+fn a_recording_that_could_not_be_written_is_refused_before_the_bed_is_prepared() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serve = format!("serve tiny.toml --key {KEY} --listen {endpoint} --beds none --out s");
+    let refuses = |arguments: &str, says: &str| {
+        let said = place.call(&format!("{serve} {arguments}")).with_code(1).stderr();
+        assert!(said.contains(says), "{arguments}: {said}");
+        assert!(!place.path("none").exists(), "{arguments}");
+    };
+    std::fs::write(place.path("words.mcap"), "not a recording").unwrap();
+    std::fs::create_dir(place.path("folder.mcap")).unwrap();
+    refuses("--record no/such/folder.mcap", "folder.mcap");
+    refuses("--record words.mcap", "words.mcap: recording: expected a new file");
+    refuses("--record folder.mcap", "found a folder");
+    let serving = Serving::start(&place, &endpoint, "--out s");
+    attach(&endpoint, None).unwrap().shut_down().unwrap();
+    serving.end().with_code(0);
+    refuses("--resume --record no/such/folder.mcap", "folder.mcap");
+}
+
+#[test]
+fn who_may_not_serve_replaces_nothing_and_prepares_nothing() {
+    let place = Place::new();
+    let [first, second] = [endpoint(), endpoint()];
+    let serving = Serving::start(&place, &first, "--out old --record old.mcap");
+    let mut client = attach(&first, None).unwrap();
+    step(&mut client).unwrap();
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+    let files = ["old/checkpoint.h5", "old.mcap"].map(|name| place.path(name));
+    let bytes = || files.each_ref().map(|path| std::fs::read(path).unwrap());
+    let before = bytes();
+    let serving = Serving::start(&place, &first, "--out s");
+    for arguments in ["--force --record old.mcap", "--resume --record old.mcap"] {
+        let refused = place.call(&format!(
+            "serve tiny.toml --key {KEY} --listen {second} --connect {first} --beds none --out old {arguments}"
+        ));
+        let said = refused.with_code(4).stderr();
+        assert!(said.contains("expected nobody alive there"), "{said}");
+        assert!(bytes() == before, "{arguments}");
+        assert!(!place.path("none").exists() && !place.path("old.2.mcap").exists(), "{arguments}");
+    }
+    attach(&first, None).unwrap().shut_down().unwrap();
+    serving.end().with_code(0);
+}
+
+#[test]
+fn a_run_goes_on_in_its_own_case_only() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serving = Serving::start(&place, &endpoint, "--out s");
+    let mut client = attach(&endpoint, None).unwrap();
+    step(&mut client).unwrap();
+    client.shut_down().unwrap();
+    let run_id = serving.run_id.clone();
+    serving.end().with_code(0);
+    // Neither is in the model: over how long a squeeze is averaged, and how far the sleeper is lifted.
+    for (from, to) in [
+        ("amplitude_m = 0.002", "amplitude_m = 0.002\nfrequency_Hz = 10"),
+        ("height_m = 0.004", "height_m = 0.003"),
+    ] {
+        std::fs::write(place.path("tiny.toml"), CASE.replace(from, to)).unwrap();
+        let resume = format!("serve tiny.toml --key {KEY} --listen {endpoint} --out s --resume");
+        let said = place.with_beds(&resume).with_code(1).stderr();
+        let here = to.lines().last().unwrap();
+        assert!(said.contains("s/checkpoint.h5: expected the case of its run"), "{said}");
+        assert!(said.contains("line ") && said.contains(&format!("here {here:?}")), "{said}");
+    }
+    std::fs::write(place.path("tiny.toml"), format!("# Its third day.\n{CASE}")).unwrap();
+    let serving = Serving::start(&place, &endpoint, "--out s --resume");
+    assert_eq!(serving.run_id, run_id);
+    attach(&endpoint, None).unwrap().shut_down().unwrap();
+    serving.end().with_code(0);
 }

@@ -2,7 +2,7 @@
 
 use super::no_twist;
 use ballast::component::{Interpolation, Knot, Waveform};
-use ballast::math::{Quat, Vec3};
+use ballast::math::Quat;
 use ballast_protocol::Malformed;
 use ballast_protocol::messages::{Pose, Quaternion, Twist};
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,7 +18,7 @@ const CONTRADICTION: f64 = 0.6;
 /// What moves less than this says nothing of its twists, m.
 const STILL: f64 = 1e-3;
 
-/// Poses and twists of one body, as they come.
+/// Poses and twists of one body, as they come. Each tells how many bytes more it keeps.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Track {
     poses: Vec<(u64, Pose)>,
@@ -31,16 +31,26 @@ pub(super) struct Track {
 }
 
 impl Track {
-    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) {
-        note(&mut self.pose_frames, frame);
+    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) -> usize {
+        let more = note(&mut self.pose_frames, frame);
+        // The same again says nothing, and a file may hold any number of them in next to no bytes.
+        if self.poses.last() == Some(&(time_ns, pose)) {
+            return more;
+        }
         self.poses.push((time_ns, pose));
+        more + size_of::<(u64, Pose)>()
     }
 
-    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) {
-        note(&mut self.twist_frames, frame);
-        if self.twists.insert(time_ns, twist).is_some_and(|other| other != twist) {
-            self.two_twists_at.get_or_insert(time_ns);
+    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) -> usize {
+        let more = note(&mut self.twist_frames, frame);
+        match self.twists.insert(time_ns, twist) {
+            None => return more + size_of::<(u64, Twist)>(),
+            Some(other) if other != twist => {
+                self.two_twists_at.get_or_insert(time_ns);
+            }
+            Some(_) => {}
         }
+        more
     }
 
     pub fn has_poses(&self) -> bool {
@@ -110,10 +120,13 @@ pub(super) fn contradiction(waveform: &Waveform) -> Option<f64> {
     (moves && missed > CONTRADICTION * way).then(|| missed / way)
 }
 
-fn note(frames: &mut BTreeSet<String>, frame: &str) {
-    if !frames.contains(frame) {
-        frames.insert(frame.into());
+/// Notes a name; how many bytes more that keeps.
+pub(super) fn note(names: &mut BTreeSet<String>, name: &str) -> usize {
+    if names.contains(name) {
+        return 0;
     }
+    names.insert(name.into());
+    size_of::<String>() + name.len()
 }
 
 fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, Malformed> {
@@ -131,30 +144,22 @@ fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, Malformed> {
 
 /// The waveform from `start` on, shifted so that `start` becomes `begin`.
 ///
-/// A body whose messages begin earlier gets a knot at `start`: the pose lies on its curve, the twist
-/// between those of its neighbours.
-pub(super) fn cut(waveform: &Waveform, start: u64, begin: u64) -> Waveform {
-    let shift =
-        |knot: &Knot| Knot { time_ns: (knot.time_ns - start).saturating_add(begin), ..*knot };
-    let later = waveform.knots.partition_point(|k| k.time_ns < start);
-    let mut knots: Vec<Knot> = waveform.knots[later..].iter().map(shift).collect();
-    let exact = waveform.knots.get(later).is_some_and(|k| k.time_ns == start);
-    if let (false, Some(before)) = (exact, later.checked_sub(1).map(|i| &waveform.knots[i])) {
-        let after = waveform.knots.get(later).unwrap_or(before);
-        let span = (after.time_ns - before.time_ns).max(1) as f64;
-        let share = (start - before.time_ns) as f64 / span;
-        let between = |a: &Vec3, b: &Vec3| a + (b - a) * share;
-        knots.insert(
-            0,
-            Knot {
-                time_ns: begin,
-                pose: waveform.pose(start),
-                velocity: between(&before.velocity, &after.velocity),
-                spin: between(&before.spin, &after.spin),
-            },
-        );
+/// A body whose messages begin earlier gets a knot at `start`, with the pose and the twist of its curve there: what
+/// remains is that curve, turns about changing axes to the order of the cubic.
+pub(super) fn cut(mut waveform: Waveform, start: u64, begin: u64) -> Waveform {
+    let (pose, twist) = (waveform.pose(start), waveform.twist(start).unwrap_or_default());
+    let earlier = waveform.knots.partition_point(|k| k.time_ns <= start);
+    if let Some(last) = earlier.checked_sub(1) {
+        waveform.knots.drain(..last);
+        let first = &mut waveform.knots[0];
+        if first.time_ns < start {
+            *first = Knot { time_ns: start, pose, velocity: twist.velocity, spin: twist.spin };
+        }
     }
-    Waveform { interpolation: waveform.interpolation, knots }
+    for knot in &mut waveform.knots {
+        knot.time_ns = (knot.time_ns - start).saturating_add(begin);
+    }
+    waveform
 }
 
 #[cfg(test)]
@@ -177,5 +182,38 @@ mod tests {
         assert_eq!(refused, "5 ns: expected one twist at a time, found two");
         let same = track([1.0, 1.0]);
         assert!(same.is_ok_and(|(waveform, _)| waveform.knots.len() == 1));
+    }
+
+    #[test]
+    fn what_remains_of_a_cut_motion_is_its_curve() {
+        let vec = ballast::math::Vec3::new;
+        let knot = |time_ns, x, speed, angle, spin| Knot {
+            time_ns,
+            pose: ballast::math::Pose {
+                position: vec(x, 2.0, 0.1),
+                orientation: Quat::from_axis_angle(&nalgebra::Vector3::y_axis(), angle),
+            },
+            velocity: vec(speed, 0.0, -0.3),
+            spin: vec(0.0, spin, 0.0),
+        };
+        let ms = 1_000_000;
+        let knots = vec![knot(0, 0.0, 2.0, 0.0, 9.0), knot(10 * ms, 0.01, -1.0, 0.2, -4.0)];
+        let whole = Waveform { interpolation: Interpolation::Hermite, knots };
+        let (start, begin) = (3 * ms, 70 * ms);
+        let rest = cut(whole.clone(), start, begin);
+        assert_eq!((rest.knots.len(), rest.knots[0].time_ns), (2, begin));
+        for after in (0..=7).map(|k| k * ms) {
+            let [pose, was] = [rest.pose(begin + after), whole.pose(start + after)];
+            assert!((pose.position - was.position).norm() < 1e-15, "{after}");
+            assert!(pose.orientation.angle_to(&was.orientation) < 1e-7, "{after}");
+            let [twist, was] = [rest.twist(begin + after), whole.twist(start + after)];
+            let [twist, was] = [twist, was].map(Option::unwrap);
+            assert!((twist.velocity - was.velocity).norm() < 1e-12, "{after}");
+            assert!((twist.spin - was.spin).norm() < 1e-12, "{after}");
+        }
+        // At a knot nothing is computed.
+        assert_eq!(cut(whole.clone(), 0, 0), whole);
+        let last = cut(whole.clone(), 10 * ms, 5).knots;
+        assert_eq!(last, [Knot { time_ns: 5, ..whole.knots[1] }]);
     }
 }

@@ -1,12 +1,14 @@
 //! The rules by which poses in files become motions.
 
 use super::*;
+use crate::messages::Channel;
 use crate::{Entry, Writer};
 use ballast::component::Interpolation;
 use ballast_protocol::messages::{
     Clock, Header, Point, Pose, Quaternion, Time, Transform, TransformStamped, Vector3,
 };
 use std::path::PathBuf;
+use std::sync::Arc;
 
 struct Place(tempfile::TempDir);
 
@@ -280,6 +282,52 @@ fn messages_out_of_order_are_sorted_and_two_poses_at_a_time_refused() {
     let odd = Entry::of(topic, 7, &message).unwrap();
     let error = read_all(&place.file(&[pose(topic, 0, 0.0, 0), odd]), &[]).unwrap_err().to_string();
     assert!(error.contains("header.stamp.nanosec") && error.contains("1000000000"), "{error}");
+}
+
+#[test]
+fn what_a_motion_keeps_is_limited_and_what_says_nothing_is_not_kept() {
+    let assignment = Assignment::new(Path::new("a.mcap"), &bodies(), &[]).unwrap();
+    let channel = |topic: &str, kind: &str| {
+        let (topic, schema) = (topic.into(), format!("geometry_msgs/msg/{kind}"));
+        Arc::new(Channel { topic, encoding: "cdr".into(), schema })
+    };
+    let message = |topic: &str, kind: &str, entry: Entry| {
+        let channel = channel(topic, kind);
+        Message { channel, log_time: entry.time_ns, data: entry.bytes }
+    };
+    let a_pose = |time| message("/tine_1/pose", "PoseStamped", pose("", time, 0.0, 0));
+    let a_twist = |time| message("/tine_1/twist", "TwistStamped", twist("", time, 0.0));
+    let take = |found: &mut Found, message| found.take(&assignment, &message, TimeOf::Stamp);
+    let mut found = Found::default();
+    for message in [a_pose(0), a_twist(0)] {
+        take(&mut found, message).unwrap();
+    }
+    let kept = found.held;
+    for _ in 0..1000 {
+        take(&mut found, a_pose(0)).unwrap();
+        take(&mut found, a_twist(0)).unwrap();
+    }
+    assert_eq!(found.held, kept, "the same again");
+    for other in [a_pose(1), a_twist(1)] {
+        let mut found = Found { held: LARGEST - kept, ..Found::default() };
+        take(&mut found, a_pose(0)).unwrap();
+        take(&mut found, a_twist(0)).unwrap();
+        let refused = take(&mut found, other).unwrap_err().to_string();
+        let expected = "motion: expected at most 268435456 bytes of poses, twists and names";
+        assert!(refused.starts_with(expected), "{refused}");
+    }
+    // Names of topics and frames are kept, too.
+    let named = Message { channel: channel(&"/a".repeat(500), "Pose"), ..a_pose(0) };
+    let mut found = Found { held: LARGEST - 1000, ..Found::default() };
+    assert!(take(&mut found, named).is_err());
+    let framed = |k: u64| {
+        let entry = transform(0, &format!("{k}{}", "f".repeat(100)), 0.0);
+        let channel =
+            Channel { schema: "tf2_msgs/msg/TFMessage".into(), ..(*channel("/tf", "")).clone() };
+        Message { channel: channel.into(), log_time: 0, data: entry.bytes }
+    };
+    let mut found = Found { held: LARGEST - 1000, ..Found::default() };
+    assert!((0..10).any(|k| take(&mut found, framed(k)).is_err()));
 }
 
 #[test]

@@ -146,7 +146,7 @@ pub struct StatusReport {
     pub uptime_ms: u64,
 }
 
-/// How far a window is.
+/// How far a window is; what only a step tells is not known before the first one is done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Progress {
     pub seq: u64,
@@ -154,9 +154,9 @@ pub struct Progress {
     pub step: u64,
     pub steps: u64,
     /// Of the last step.
-    pub iterations: u32,
-    pub residual_qm16: f64,
+    pub iterations: Option<u32>,
+    pub residual_qm16: Option<f64>,
     /// Wall ms since the window's start, and left as it looks.
     pub elapsed_ms: u64,
-    pub left_ms: u64,
+    pub left_ms: Option<u64>,
 }

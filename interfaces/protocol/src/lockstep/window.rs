@@ -273,10 +273,10 @@ impl Control<'_> {
         let elapsed_ms = self.elapsed_ms();
         let progress = &mut self.progress;
         progress.step += 1;
-        progress.iterations = report.iterations;
-        progress.residual_qm16 = report.residuals.qm16();
+        progress.iterations = Some(report.iterations);
+        progress.residual_qm16 = Some(report.residuals.qm16());
         let left = progress.steps.saturating_sub(progress.step);
-        progress.left_ms = elapsed_ms.saturating_mul(left) / progress.step;
+        progress.left_ms = Some(elapsed_ms.saturating_mul(left) / progress.step);
     }
 
     /// How the window is to end, if it is to.

@@ -17,7 +17,10 @@ fn a_deadline_ends_a_window_as_it_asks() {
         let (mut lockstep, ticket) = lockstep();
         let start = lockstep.place().hash;
         let request = AdvanceRequest { deadline_policy: policy, ..window(1) };
-        let mut late = |p: &Progress| if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn };
+        let mut late = |p: &Progress| {
+            assert!(p.iterations.is_some() && p.residual_qm16.is_some() && p.left_ms.is_some());
+            if p.step >= 2 { Pace::TimeIsUp } else { Pace::GoOn }
+        };
         let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
         let same = reply.status == status || (status == Status::Ok && reply.status == Status::Warn);
         assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");

@@ -310,8 +310,12 @@ fn doing(status: Option<&StatusReport>) -> String {
     let Some(status) = status else { return "it has not told what it does".into() };
     match (&status.progress, &status.waiting_for) {
         (Some(p), _) if status.activity == Activity::Playing => {
-            let left = p.left_ms as f64 * 1e-3;
-            format!("step {} of {} of window {}, {left:.1} s left", p.step, p.steps, p.seq)
+            let seconds = |ms: u64| ms as f64 * 1e-3;
+            let time = match p.left_ms {
+                Some(ms) => format!("{:.1} s left", seconds(ms)),
+                None => format!("its first one for {:.1} s", seconds(p.elapsed_ms)),
+            };
+            format!("step {} of {} of window {}, {time}", p.step, p.steps, p.seq)
         }
         (_, Some(what)) => format!("it waits for {what}"),
         _ => status.activity.to_string(),
@@ -320,4 +324,22 @@ fn doing(status: Option<&StatusReport>) -> String {
 
 pub(super) fn read<T: DeserializeOwned>(request: &str, bytes: &[u8]) -> Result<T, Error> {
     serde_json::from_slice(bytes).map_err(|e| Error::answer(request, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ballast_protocol::lockstep::Progress;
+
+    #[test]
+    fn what_is_left_is_told_when_a_step_has_told_it() {
+        let told = |progress| {
+            let (activity, progress) = (Activity::Playing, Some(progress));
+            doing(Some(&StatusReport { activity, progress, ..StatusReport::default() }))
+        };
+        let begun = Progress { seq: 7, steps: 3, elapsed_ms: 4200, ..Progress::default() };
+        assert_eq!(told(begun), "step 0 of 3 of window 7, its first one for 4.2 s");
+        let on = Progress { step: 1, left_ms: Some(8400), ..begun };
+        assert_eq!(told(on), "step 1 of 3 of window 7, 8.4 s left");
+    }
 }

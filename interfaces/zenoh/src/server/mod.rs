@@ -156,6 +156,15 @@ impl Server {
         &self.endpoints
     }
 
+    /// Waits until no other component is alive under this key, as one that was killed is for a moment. [`Server::run`]
+    /// does so, too; whoever replaces or prepares something before may look earlier.
+    ///
+    /// # Errors
+    /// It stays: partners could not tell the two apart.
+    pub fn be_the_only_one(&self) -> Result<(), Error> {
+        be_the_only_one(&self.session, &self.keys)
+    }
+
     /// Serves until the component is shut down or the host stops; gives back the lockstep.
     ///
     /// # Errors
@@ -179,7 +188,7 @@ impl Server {
         service.picture(None);
         service.describe();
         service.show();
-        service.be_the_only_one()?;
+        be_the_only_one(service.session, service.keys)?;
         service.come_alive()?;
         service.host.opened(&service.lockstep);
         service.serve(&inbox)?;
@@ -262,30 +271,6 @@ impl Service<'_> {
         self.outlets.log(self.lockstep.component().now_ns(), text);
     }
 
-    /// Waits until no other component is alive under this key, as one that was killed is for a moment.
-    ///
-    /// # Errors
-    /// It stays: partners could not tell the two apart.
-    fn be_the_only_one(&self) -> Result<(), Error> {
-        let begin = Instant::now();
-        while let Some(run) = self.find_token(self.keys.alive_any(), SILENCE)? {
-            if begin.elapsed() > 3 * SILENCE {
-                let found = format!("expected nobody alive there, found run {run}");
-                return Err(Error::link(format!("key {}", self.keys.name()), found));
-            }
-            std::thread::sleep(HEARTBEAT);
-        }
-        Ok(())
-    }
-
-    /// The last word of a liveliness token of others under `key`, if one is found within `most`.
-    fn find_token(&self, key: String, most: Duration) -> Result<Option<String>, Error> {
-        let tokens = self.session.liveliness().get(key).timeout(most).wait();
-        let tokens = tokens.map_err(|e| Error::link("zenoh", e))?;
-        let alive = std::iter::from_fn(|| tokens.recv().ok()).find_map(|r| r.into_result().ok());
-        Ok(alive.map(|token| last(token.key_expr().as_str()).to_string()))
-    }
-
     /// Declares the component alive in its run.
     fn come_alive(&mut self) -> Result<(), Error> {
         let key = self.keys.alive(&self.lockstep.place().run_id);
@@ -294,4 +279,24 @@ impl Service<'_> {
         self.alive = Some(token.map_err(|e| Error::link("zenoh", e))?);
         Ok(())
     }
+}
+
+fn be_the_only_one(session: &Session, keys: &Keys) -> Result<(), Error> {
+    let begin = Instant::now();
+    while let Some(run) = find_token(session, keys.alive_any(), SILENCE)? {
+        if begin.elapsed() > 3 * SILENCE {
+            let found = format!("expected nobody alive there, found run {run}");
+            return Err(Error::link(format!("key {}", keys.name()), found));
+        }
+        std::thread::sleep(HEARTBEAT);
+    }
+    Ok(())
+}
+
+/// The last word of a liveliness token of others under `key`, if one is found within `most`.
+fn find_token(session: &Session, key: String, most: Duration) -> Result<Option<String>, Error> {
+    let tokens = session.liveliness().get(key).timeout(most).wait();
+    let tokens = tokens.map_err(|e| Error::link("zenoh", e))?;
+    let alive = std::iter::from_fn(|| tokens.recv().ok()).find_map(|r| r.into_result().ok());
+    Ok(alive.map(|token| last(token.key_expr().as_str()).to_string()))
 }

@@ -1,9 +1,9 @@
 //! One request, on the computing thread: what it asks, what is answered.
 
-use super::Service;
 use super::answer::{self, Answer};
 use super::gate::{Request, object};
 use super::memory::Numbered;
+use super::{Service, find_token};
 use crate::{Error, random, wire};
 use ballast_protocol::lockstep::{
     Attach, Code, Fault, Init, Named, Pace, Place, Progress, SetParameters, Verb, WindowKind,
@@ -243,7 +243,7 @@ impl Service<'_> {
         let ask: Attach = object(query)?;
         if !self.shared.is_live(&ask.client) {
             // The token may come right behind the request. A name that cannot be a key has none.
-            let token = self.find_token(self.keys.owner(&ask.client), LOOK);
+            let token = find_token(self.session, self.keys.owner(&ask.client), LOOK);
             if !token.is_ok_and(|token| token.is_some()) {
                 let expected = "a client with a liveliness token `owner/CLIENT`";
                 let found: String = ask.client.chars().take(50).collect();

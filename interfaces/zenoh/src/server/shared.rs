@@ -114,7 +114,7 @@ impl Shared {
         later(&mut report.waiting_since_ms);
         if let Some(progress) = &mut report.progress {
             progress.elapsed_ms += passed;
-            progress.left_ms = progress.left_ms.saturating_sub(passed);
+            progress.left_ms = progress.left_ms.map(|ms| ms.saturating_sub(passed));
         }
         report.uptime_ms = now;
         report

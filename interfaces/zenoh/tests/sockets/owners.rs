@@ -38,7 +38,9 @@ fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
     let long = AdvanceRequest { motions: shaking(0, t1), ..client.next(t1) };
     let computing =
         std::thread::spawn(move || client.send(WindowKind::Advance, long).map(|_| client));
-    wait_for(|| observer.status(), Activity::Playing);
+    let progress = wait_for(|| observer.status(), Activity::Playing).progress.unwrap();
+    // What no step has told yet is not known.
+    assert_eq!(progress.left_ms.is_none(), progress.step == 0, "{progress:?}");
     let begin = Instant::now();
     let busy = attach(&served.link()).err().expect("someone drives");
     assert_eq!(busy.fault().unwrap().code, Code::Busy, "{busy}");
