@@ -18,6 +18,7 @@ mod results;
 mod simulation;
 mod state;
 mod there;
+mod work;
 
 use pyo3::prelude::*;
 

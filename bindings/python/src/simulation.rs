@@ -6,10 +6,11 @@ use crate::compute::Crew;
 use crate::errors;
 use crate::here::{Ground, Here};
 use crate::inputs::{self, Load, Motion};
-use crate::lock::enter_if_free;
+use crate::lock::{enter, enter_if_free, enter_patiently};
 use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
+use crate::work::Work;
 use ballast::component::{Input, Limits, LoadInput, Window};
 use ballast::geometry::Polyhedron;
 use ballast::math::Pose;
@@ -24,20 +25,27 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 /// A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 ///
-/// Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state. One that
-/// another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call made again gives its
-/// outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `save`, `restore`, `close`
-/// and what says of itself here are there; the rest is refused with the code "elsewhere".
+/// Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state: `last` tells what
+/// it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by `stop` or `close`,
+/// and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call
+/// made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `last`,
+/// `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with the code
+/// "elsewhere".
 /// Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
 /// simulations of their own run side by side.
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
 pub struct Simulation {
     /// `None` once closed.
     back: Mutex<Option<Back>>,
+    work: Arc<Work>,
+    told: Told,
     about: About,
     /// Of a simulation of this process.
     ground: Option<Ground>,
 }
+
+/// The outcome of the last window.
+pub type Told = Arc<Mutex<Option<Py<Outcome>>>>;
 
 /// Who computes.
 enum Back {
@@ -116,8 +124,9 @@ impl Simulation {
             schedule: model.solver.schedule.name().into(),
             grains: model.grains.len(),
         };
+        let (work, told) = (Arc::clone(here.work()), Arc::clone(here.told()));
         let back = Mutex::new(Some(Back::Here(Box::new(here))));
-        Self { back, about, ground: Some(ground) }
+        Self { back, work, told, about, ground: Some(ground) }
     }
 
     /// One that another process computes.
@@ -130,11 +139,16 @@ impl Simulation {
             step_ns: about.step_ns,
             grains: about.grains,
         };
-        Self { back: Mutex::new(Some(Back::There(Box::new(there)))), about, ground: None }
+        let (work, told) = (Arc::clone(there.work()), Arc::clone(there.told()));
+        let back = Mutex::new(Some(Back::There(Box::new(there))));
+        Self { back, work, told, about, ground: None }
     }
 
     /// What steps it, for as long as no other thread does.
     fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Option<Back>>> {
+        if self.work.is_closing() {
+            return Err(closed(py));
+        }
         enter_if_free(&self.back).ok_or_else(|| {
             let text = "another thread is stepping this simulation; fork it, or wait";
             errors::error::<errors::Error>(py, "busy", text)
@@ -143,7 +157,9 @@ impl Simulation {
 
     /// Does what every simulation can.
     fn with<T>(&self, py: Python<'_>, act: impl FnOnce(&mut Back) -> PyResult<T>) -> PyResult<T> {
-        self.lock(py)?.as_mut().map_or_else(|| Err(closed(py)), act)
+        let mut back = self.lock(py)?;
+        let _call = self.work.begin();
+        back.as_mut().map_or_else(|| Err(closed(py)), act)
     }
 
     /// Does what only one of this process can.
@@ -164,7 +180,7 @@ impl Simulation {
         self.ground.as_ref().ok_or_else(|| errors::elsewhere(py, what))
     }
 
-    fn window(&self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+    fn window(&self, py: Python<'_>, asked: &Asked) -> PyResult<Py<Outcome>> {
         self.with(py, |back| match back {
             Back::Here(here) => here.window(py, asked),
             Back::There(there) => there.window(py, asked),
@@ -200,13 +216,13 @@ impl Simulation {
         loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
-    ) -> PyResult<Outcome> {
+    ) -> PyResult<Py<Outcome>> {
         let t1_ns = inputs::time(t1_ns, || "t1_ns".into())?;
         self.window(py, &Asked::of(Some(t1_ns), tools, loads, series, zones)?)
     }
 
     /// Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
-    /// asked for, also where Ctrl-C or trouble (status "early") had ended it before its end.
+    /// asked for, also where Ctrl-C, `stop` or trouble (status "early") had ended it before its end.
     #[pyo3(signature = (tools=None, loads=None, *, series=false, zones=false))]
     fn redo(
         &self,
@@ -215,18 +231,32 @@ impl Simulation {
         loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
-    ) -> PyResult<Outcome> {
+    ) -> PyResult<Py<Outcome>> {
         self.window(py, &Asked::of(None, tools, loads, series, zones)?)
     }
 
     /// A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
     /// does: with the force limits of the case, from what it remembers of its own steps.
     #[pyo3(signature = (*, series=false, zones=false))]
-    fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Outcome> {
+    fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Py<Outcome>> {
         self.with_here(py, "step_by_machine", |here| {
             let asked = here.asked_by_machine(series, zones);
             here.window(py, &asked)
         })
+    }
+
+    /// The outcome of the last window as far as it was computed, also where Ctrl-C or another exception came instead of
+    /// it; None before the first window and after `restore`.
+    #[getter]
+    fn last(&self, py: Python<'_>) -> Option<Py<Outcome>> {
+        enter(&self.told).as_ref().map(|outcome| outcome.clone_ref(py))
+    }
+
+    /// Ends the window that another thread is computing after the step at hand: its outcome has the status "early" and
+    /// the code "stopped". One that another process computes goes on there, and its caller gets `Unreachable` with the
+    /// code "abandoned". Windows that are begun later are not ended.
+    fn stop(&self) {
+        self.work.stop();
     }
 
     /// Of the case's tamping cycle at this time: waiting, lift, insertion, squeeze, hold, withdrawal
@@ -297,9 +327,16 @@ impl Simulation {
         })
     }
 
-    /// Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay.
+    /// Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay. A window
+    /// that another thread is computing is ended as by `stop`, and waited for.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        match self.lock(py)?.take() {
+        if !self.work.close() {
+            let text = "what is to be closed is computing a window for this thread; `stop` ends it";
+            return Err(errors::error::<errors::Error>(py, "busy", text));
+        }
+        let mut back = enter_patiently(py, &self.back);
+        let _call = self.work.begin_last();
+        match back.take() {
             None => Ok(()),
             Some(Back::Here(mut here)) => here.stop_recording(py),
             Some(Back::There(there)) => there.close(py),
@@ -310,9 +347,17 @@ impl Simulation {
         this
     }
 
-    #[pyo3(signature = (*_error))]
-    fn __exit__(&self, py: Python<'_>, _error: &Bound<'_, PyTuple>) -> PyResult<()> {
-        self.close(py)
+    /// Closes. What goes wrong with that is a note to the exception on its way, where there is one.
+    #[pyo3(signature = (*error))]
+    fn __exit__(&self, py: Python<'_>, error: &Bound<'_, PyTuple>) -> PyResult<()> {
+        let Err(failure) = self.close(py) else { return Ok(()) };
+        match error.get_item(1) {
+            Ok(first) if !first.is_none() && failure.is_instance_of::<errors::Error>(py) => {
+                first.call_method1("add_note", (format!("close: {}", failure.value(py)),))?;
+                Ok(())
+            }
+            _ => Err(failure),
+        }
     }
 
     /// What it is a simulation of.
@@ -365,7 +410,7 @@ impl Simulation {
     /// Whether `close` was called.
     #[getter]
     fn is_closed(&self) -> bool {
-        enter_if_free(&self.back).is_some_and(|back| back.is_none())
+        self.work.is_closing()
     }
 
     /// Names of the driven bodies: tines, boundaries, sleepers.

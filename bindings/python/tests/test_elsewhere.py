@@ -9,12 +9,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import ballast
 import numpy as np
 import pytest
 from conftest import ROOT
+from test_simulation import begun
 
 PROGRAM = ROOT / "target/release/ballast"
 KEY = "test/bed"
@@ -244,7 +246,28 @@ def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served
         threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(2 * end)
+        assert there.last is out
         assert there.save().time_ns == 2 * end == there.now_ns
+        # Its outcome has nobody waited for.
+        assert there.last is not None and (there.last.t1_ns, there.last.steps) == (2 * end, n)
+
+
+def test_another_thread_ends_the_wait(served: Served) -> None:
+    with ThreadPoolExecutor(1) as pool, served.open() as there:
+        there.stop()
+        n, begin = 1500, there.now_ns
+        window = begun(there, pool, n)
+        there.stop()
+        with pytest.raises(ballast.Unreachable, match="given up") as unreachable:
+            window.result(timeout=60)
+        assert unreachable.value.code == "abandoned" and there.last is None
+        # It goes on over there, and the same call gives its outcome.
+        out = there.advance_to(begin + n * there.step_ns)
+        assert out.steps == n and there.last is out
+        window = begun(there, pool, 100_000)
+        there.close()
+        with pytest.raises(ballast.Unreachable):
+            window.result(timeout=60)
 
 
 def test_leaving_does_not_wait_for_a_window_that_was_given_up(served: Served) -> None:

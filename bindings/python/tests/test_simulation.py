@@ -10,8 +10,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import MappingProxyType
 
@@ -479,19 +480,125 @@ def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:
     assert closed.value.code == "closed"
 
 
+def begun(sim: ballast.Simulation, pool: ThreadPoolExecutor, steps: int, **asked: bool) -> Future[ballast.Outcome]:
+    """A window in the midst of its computation by another thread."""
+    end, is_near = sim.now_ns + steps * sim.step_ns, threading.Event()
+
+    def window() -> ballast.Outcome:
+        is_near.set()
+        return sim.advance_to(end, **asked)
+
+    computed = pool.submit(window)
+    assert is_near.wait(60)
+    time.sleep(0.3)
+    assert not computed.done()
+    return computed
+
+
+#: Steps of a window that would last for hours.
+MANY = 10_000_000
+
+
+def test_another_thread_ends_a_window(sim: ballast.Simulation) -> None:
+    sim.stop()
+    assert sim.last is None
+    with ThreadPoolExecutor(1) as pool:
+        window = begun(sim, pool, MANY, series=True, zones=True)
+        sim.stop()
+        out = window.result(timeout=60)
+    assert (out.status, out.code) == ("early", "stopped") and "`stop`" in (out.trouble or "")
+    assert 0 < out.steps == len(out.series or []) and out.zones
+    assert out.t1_ns == sim.now_ns == out.steps * sim.step_ns
+    assert sim.last is out
+    # It ends no window to come.
+    sim.stop()
+    assert advance(sim).steps == STEPS
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_closing_ends_the_window_of_another_thread(case: ballast.Case, beds: Path, threads: int) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(KeyboardInterrupt):
+            with ballast.open(case, beds=beds, threads=threads, progress=False) as sim:
+                window = begun(sim, pool, MANY)
+                raise KeyboardInterrupt
+        assert sim.is_closed and sim.last is window.result(timeout=60)
+        assert (window.result().status, window.result().code) == ("early", "stopped")
+        with pytest.raises(ballast.Error, match="was closed") as closed:
+            pool.submit(advance, sim).result(timeout=60)
+        assert closed.value.code == "closed"
+
+
+def test_ctrl_c_reaches_who_waits_for_another_thread(sim: ballast.Simulation) -> None:
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        with sim:
+            window = begun(sim, pool, MANY)
+            threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+            window.result(timeout=60)
+    assert window.result(timeout=60).code == "stopped"
+
+
+def test_a_thread_does_not_wait_for_itself(sim: ballast.Simulation) -> None:
+    codes = []
+
+    def handle(*_: object) -> None:
+        try:
+            sim.close()
+        except ballast.Error as error:
+            codes.append(error.code)
+        sim.stop()
+
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        assert advance(sim, MANY).code == "stopped"
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert codes == ["busy"] and not sim.is_closed
+    advance(sim)
+
+
+def test_what_goes_wrong_at_the_end_hides_no_exception(
+    sim: ballast.Simulation, case: ballast.Case, beds: Path, tmp_path: Path
+) -> None:
+    def unwritten(sim: ballast.Simulation) -> None:
+        """Its recording cannot be written any more."""
+        sim.record(tmp_path / "run.mcap")
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+        try:
+            with pytest.warns(RuntimeWarning, match="cannot write"):
+                for steps in range(1, 61):
+                    sim.advance_to(steps * sim.step_ns)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    with pytest.raises(ZeroDivisionError) as raised, sim:
+        unwritten(sim)
+        _ = 1 // 0
+    [note] = raised.value.__notes__
+    assert note.startswith("close: ") and "cannot write" in note
+    with pytest.raises(ballast.FileError, match="cannot write"):
+        with ballast.open(case, beds=beds, threads=1, progress=False) as other:
+            unwritten(other)
+
+
 def interrupted_window(sim: ballast.Simulation) -> None:
     """A window that would last for hours, and Ctrl-C after a moment."""
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        advance(sim, 10_000_000)
+        advance(sim, MANY)
     timer.join()
 
 
 def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
     interrupted_window(sim)
-    now = sim.now_ns
-    assert 0 < now < 10_000_000 * sim.step_ns and now % sim.step_ns == 0
+    now, out = sim.now_ns, sim.last
+    assert 0 < now < MANY * sim.step_ns and now % sim.step_ns == 0
+    assert out is not None and (out.status, out.code) == ("early", "stopped")
+    assert (out.t0_ns, out.t1_ns, out.steps) == (0, now, now // sim.step_ns)
+    assert "KeyboardInterrupt" in (out.trouble or "") and out["floor"].impulse[2] < 0.0
     interrupted = sim.save()
     advance(sim)
     after = sim.save().hash
@@ -512,6 +619,26 @@ def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds
     done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) > 0
+
+
+def test_the_last_outcome_is_that_of_the_last_window(sim: ballast.Simulation) -> None:
+    assert sim.last is None
+    out = advance(sim)
+    kept = sim.save()
+    assert sim.last is out and sim.fork().last is out
+    again = sim.redo()
+    assert sim.last is again is not out
+    with pytest.raises(ballast.Refused):
+        sim.advance_to(0)
+    assert sim.last is again
+    sim.restore(kept)
+    assert sim.last is None
+    out = sim.step_by_machine()
+    assert sim.last is out
+    sim._fail_next()
+    with pytest.raises(ballast.Lost):
+        advance(sim)
+    assert sim.last is None
 
 
 def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:

@@ -75,7 +75,7 @@ class Unreachable(Error):
     a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.
 
     `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this
-    simulation; link, how to reach it; answer, what it says cannot be read.
+    simulation; link, how to reach it; answer, what it says cannot be read; abandoned, `stop` or `close` has ended the wait.
     """
 
 class FileError(Error):
@@ -200,10 +200,12 @@ class Load:
 class Simulation:
     """A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 
-    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state. One that
-    another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call made again gives its
-    outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `save`, `restore`, `close`
-    and what says of itself here are there; the rest is refused with the code "elsewhere".
+    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state: `last` tells what
+    it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by `stop` or `close`,
+    and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call
+    made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `last`,
+    `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with the code
+    "elsewhere".
     Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
     simulations of their own run side by side.
     """
@@ -243,11 +245,16 @@ class Simulation:
         zones: bool = False,
     ) -> Outcome:
         """Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
-        asked for, also where Ctrl-C or trouble (status "early") had ended it before its end."""
+        asked for, also where Ctrl-C, `stop` or trouble (status "early") had ended it before its end."""
 
     def step_by_machine(self, *, series: bool = False, zones: bool = False) -> Outcome:
         """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
         does: with the force limits of the case, from what it remembers of its own steps."""
+
+    def stop(self) -> None:
+        """Ends the window that another thread is computing after the step at hand: its outcome has the status "early" and
+        the code "stopped". One that another process computes goes on there, and its caller gets `Unreachable` with the
+        code "abandoned". Windows that are begun later are not ended."""
 
     def save(self) -> State:
         """Everything that the next window depends on; shared, not copied."""
@@ -266,7 +273,8 @@ class Simulation:
         """Ends the recording, if there is one. Raises FileError, also where its file could not be written to the end."""
 
     def close(self) -> None:
-        """Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay."""
+        """Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay. A window
+        that another thread is computing is ended as by `stop`, and waited for."""
 
     def zones(self) -> dict[str, ZoneOutcome]:
         """The case's zones, measured now."""
@@ -278,6 +286,11 @@ class Simulation:
     def parts(self, name: str) -> list[tuple[_Floats, list[list[int]]]]:
         """The solids that a driven body is made of, each as corners (n, 3) in the body's frame, m, and faces as those of
         `shape`. A wall without end has none."""
+
+    @property
+    def last(self) -> Outcome | None:
+        """The outcome of the last window as far as it was computed, also where Ctrl-C or another exception came instead of
+        it; None before the first window and after `restore`."""
 
     @property
     def case(self) -> Case:
@@ -442,8 +455,8 @@ class Outcome:
 
     @property
     def code(self) -> str | None:
-        """What ended the window, for programs: "over_speed", "penetration", "not_finite" or
-        "step_failed"."""
+        """What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed", or "stopped": by
+        `stop`, `close` or Ctrl-C."""
 
     @property
     def trouble(self) -> str | None:

@@ -58,8 +58,8 @@ impl Outcome {
         self.trouble.as_ref().map(|trouble| &trouble.text[..])
     }
 
-    /// What ended the window, for programs: "over_speed", "penetration", "not_finite" or
-    /// "step_failed".
+    /// What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed", or "stopped": by
+    /// `stop`, `close` or Ctrl-C.
     #[getter]
     fn code(&self) -> Option<&str> {
         self.trouble.as_ref().map(|trouble| &trouble.code[..])
