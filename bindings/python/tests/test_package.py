@@ -104,6 +104,7 @@ USES = """
 import ballast
 import numpy as np
 import numpy.typing as npt
+from ballast import study
 
 def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64]) -> ballast.Outcome:
     times = np.linspace(sim.now_ns, sim.now_ns + 5 * sim.step_ns, 3).astype(int)
@@ -113,6 +114,14 @@ def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64
     for seed in seeds:
         case = case.choose(seed=seed)
     return sim.advance_to(times[-1], {"tine_1": ballast.Motion(times, rows)}, {"sleeper_1": ballast.Load(times, rows)})
+
+def whole(case: ballast.Case, beds: str) -> dict[str, int]:
+    return {"seed": case.seed}
+
+def some(case: ballast.Case, beds: str) -> dict[str, float | None]:
+    return {"seed": None}
+
+MEASURES: list[study.Measure] = [whole, some, study.tamp]
 """
 
 

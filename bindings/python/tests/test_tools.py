@@ -188,6 +188,34 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     assert 0.2 < table["under sleeper_1: after"].iloc[0] < 0.9
 
 
+def test_a_study_of_no_points_is_an_empty_table(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    table = study.run(case, [], tmp_path, progress=False)
+    assert len(table) == 0 and table["error"].tolist() == []
+
+
+def says_numbers_of_numpy(case: ballast.Case, beds: str) -> dict[str, object]:
+    return {"real": np.float32(0.5), "whole": np.int64(3), "is": np.bool_(True), "none": None}
+
+
+def says_text_of_numpy(case: ballast.Case, beds: str) -> dict[str, object]:
+    return {"text": np.str_("a")}
+
+
+def test_figures_are_numbers(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    with ThreadPoolExecutor(1) as pool:
+        ask = {"executor": pool, "beds": beds, "progress": False}
+        table = study.run(case, [{}], tmp_path, measure=says_numbers_of_numpy, **ask)
+        assert table.iloc[0].to_dict() == {"real": 0.5, "whole": 3, "is": True, "none": None, "error": None}
+        table = study.run(case, [{}], tmp_path, measure=says_text_of_numpy, **ask)
+    assert "expected a dictionary from names to numbers, found 'text': " in table["error"].iloc[0]
+
+
 def the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
     return {"figure": case.seed}
 
