@@ -1,6 +1,7 @@
 //! The simulation: windows, redo, states, recording, in this process or elsewhere.
 
-use crate::arrays::{Matrix, Vector};
+use crate::arrays::Vector;
+use crate::bodies::{self, Solid, Tine, parts, solid};
 use crate::case::Case;
 use crate::compute::Crew;
 use crate::errors;
@@ -12,9 +13,7 @@ use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
 use crate::work::Work;
 use ballast::component::{Input, Limits, LoadInput, Window};
-use ballast::geometry::Polyhedron;
 use ballast::math::Pose;
-use ballast::model::Part;
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::WindowKind;
 use ballast_zenoh::Description;
@@ -58,6 +57,7 @@ struct About {
     name: String,
     /// Of the driven bodies `[nd]`.
     names: Arc<[String]>,
+    bodies: Vec<bodies::About>,
     step_ns: u64,
     schedule: String,
     grains: usize,
@@ -120,6 +120,7 @@ impl Simulation {
         let about = About {
             name: case.plan.name.clone(),
             names: Arc::clone(names),
+            bodies: model.driven.iter().map(Into::into).collect(),
             step_ns: model.stepping.step_ns,
             schedule: model.solver.schedule.name().into(),
             grains: model.grains.len(),
@@ -135,7 +136,8 @@ impl Simulation {
         let about = About {
             name: format!("zenoh:{}", about.key),
             schedule: schedule.unwrap_or_default().into(),
-            names: about.bodies.into_iter().map(|b| b.name).collect(),
+            names: about.bodies.iter().map(|b| b.name.clone()).collect(),
+            bodies: about.bodies.into_iter().map(Into::into).collect(),
             step_ns: about.step_ns,
             grains: about.grains,
         };
@@ -419,6 +421,28 @@ impl Simulation {
         self.about.names.to_vec()
     }
 
+    /// What each driven body is, by name: "boundary", "sleeper" or "tine".
+    #[getter]
+    fn roles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (name, body) in self.about.names.iter().zip(&self.about.bodies) {
+            all.set_item(name, &body.role)?;
+        }
+        Ok(all)
+    }
+
+    /// What holds the driven bodies that loads can move, by name. The motion of the others is imposed.
+    #[getter]
+    fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (name, body) in self.about.names.iter().zip(&self.about.bodies) {
+            if let Some(mount) = &body.mount {
+                all.set_item(name, mount.clone())?;
+            }
+        }
+        Ok(all)
+    }
+
     /// Number of grains.
     #[getter]
     fn grains(&self) -> usize {
@@ -462,11 +486,7 @@ impl Simulation {
             let text = format!("body: expected one of {:?}, found {name:?}", self.about.names);
             pyo3::exceptions::PyKeyError::new_err(text)
         })?;
-        let solids = driven.parts.iter().filter_map(|part| match part {
-            Part::Convex { shape, pose } => Some(solid(py, &model.shapes[*shape as usize], pose)),
-            Part::HalfSpace { .. } => None,
-        });
-        Ok(solids.collect())
+        Ok(parts(py, model, driven))
     }
 
     /// The next window's first step fails as if by a fault of the program.
@@ -484,67 +504,5 @@ impl Simulation {
             Err(_) => "in use by another thread".into(),
         };
         format!("Simulation({:?}, {} grains, {now})", self.about.name, self.about.grains)
-    }
-}
-
-/// Corners and faces.
-type Solid<'py> = (Matrix<'py>, Vec<Vec<u16>>);
-
-fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> Solid<'py> {
-    let corners = shape.vertices.iter().map(|corner| pose.point(corner));
-    let corners: Vec<f64> = corners.flat_map(<[f64; 3]>::from).collect();
-    let ends = shape.face_starts.windows(2);
-    let faces = ends.map(|e| shape.face_vertices[e[0] as usize..e[1] as usize].to_vec()).collect();
-    (crate::arrays::table(py, &corners, 3), faces)
-}
-
-/// The way of a tine through the tamping cycle of its case.
-#[pyclass(frozen, module = "ballast")]
-pub struct Tine {
-    name: String,
-    pair: u32,
-    path: TinePath,
-}
-
-#[pymethods]
-impl Tine {
-    /// Its body's.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Number of its pair in the case: its squeezes are those of "pair_NUMBER".
-    #[getter]
-    fn pair(&self) -> u32 {
-        self.pair
-    }
-
-    /// Of its squeeze along x: 1 or -1.
-    #[getter]
-    fn direction(&self) -> f64 {
-        self.path.direction
-    }
-
-    /// (3,) where its reference point is before the cycle, m.
-    #[getter]
-    fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        crate::arrays::vector(py, &self.path.start)
-    }
-
-    /// Height of its reference point at full depth, m.
-    #[getter]
-    fn deep(&self) -> f64 {
-        self.path.deep
-    }
-
-    /// How far it closes, m.
-    #[getter]
-    fn stroke(&self) -> f64 {
-        self.path.stroke
-    }
-
-    fn __repr__(&self) -> String {
-        format!("Tine({:?}, pair {})", self.name, self.pair)
     }
 }

@@ -139,6 +139,11 @@ def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> No
         assert isinstance(there, ballast.Simulation)
         assert (there.bodies, there.step_ns) == (sim.bodies, sim.step_ns)
         assert (there.grains, there.schedule) == (sim.grains, sim.schedule)
+        assert there.roles == sim.roles and there.mounts.keys() == sim.mounts.keys()
+        for name, mount in there.mounts.items():
+            own = sim.mounts[name]
+            assert (mount.mass, mount.freedoms, repr(mount)) == (own.mass, own.freedoms, repr(own))
+            assert mount.stiffness.tolist() == own.stiffness.tolist() and mount.damping.tolist() == own.damping.tolist()
         assert story(there) == story(sim)
         outs = [s.advance_to(s.now_ns + 3 * s.step_ns, series=True, zones=True) for s in (sim, there)]
         assert outs[0].zones.keys() == outs[1].zones.keys() and outs[0].zones

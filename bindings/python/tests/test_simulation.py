@@ -673,6 +673,20 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
     assert final in call(tmp_path, "replay", path, "--out", tmp_path / "replay")
 
 
+def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
+    spring = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6, "damping_N_s_per_m": 3e3}
+    own = case.with_values({"sleepers.mount": spring, "tines.mount.rigid": True})
+    with ballast.open(own, beds=beds, threads=1, progress=False) as sim:
+        roles = {"sleeper_1": "sleeper", "tine_1_plus": "tine", "tine_1_minus": "tine"}
+        assert list(sim.roles) == sim.bodies
+        assert sim.roles == {name: roles.get(name, "boundary") for name in sim.bodies}
+        [(name, mount)] = sim.mounts.items()
+        assert name == "sleeper_1" and mount.mass == 2.0
+        assert mount.freedoms == ("held", "held", "sprung", "held", "held", "held")
+        assert mount.stiffness.tolist() == [0, 0, 1e6, 0, 0, 0] and mount.damping.tolist() == [0, 0, 3e3, 0, 0, 0]
+        assert repr(mount) == "Mount(2 kg, held, held, sprung, held, held, held)"
+
+
 def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path) -> None:
     sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
     sim.record(tmp_path / "later.mcap")

@@ -21,6 +21,7 @@ __all__ = [
     "Load",
     "Lost",
     "Motion",
+    "Mount",
     "Outcome",
     "Recording",
     "Refused",
@@ -317,6 +318,14 @@ class Simulation:
         """Names of the driven bodies: tines, boundaries, sleepers."""
 
     @property
+    def roles(self) -> dict[str, str]:
+        """What each driven body is, by name: "boundary", "sleeper" or "tine"."""
+
+    @property
+    def mounts(self) -> dict[str, Mount]:
+        """What holds the driven bodies that loads can move, by name. The motion of the others is imposed."""
+
+    @property
     def tines(self) -> list[Tine]:
         """The ways of the tines through the case's tamping cycle; none without tamping."""
 
@@ -346,6 +355,27 @@ class Simulation:
         """Whether `close` was called."""
 
     def _fail_next(self) -> None: ...
+
+@final
+class Mount:
+    """What holds a body that loads can move: by direction, the motion that is asked of the body, springs that follow it, or
+    nothing."""
+
+    @property
+    def mass(self) -> float:
+        """That moves with the body, kg."""
+
+    @property
+    def freedoms(self) -> tuple[str, str, str, str, str, str]:
+        """Of x, y, z, and of the rotations about them: "held" (as its motion asks), "sprung" or "loaded"."""
+
+    @property
+    def stiffness(self) -> _Floats:
+        """(6,) where it is sprung, in the same order: N/m, of rotations N m/rad; elsewhere 0."""
+
+    @property
+    def damping(self) -> _Floats:
+        """(6,) where it is sprung, in the same order: N s/m, of rotations N m s/rad; elsewhere 0."""
 
 @final
 class Tine:
