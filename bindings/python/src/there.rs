@@ -248,6 +248,7 @@ impl There {
                 return Err(errors::refused(py, "nothing_to_redo", "redo", expected, "none"));
             }
         };
+        check_times(py, asked)?;
         request.motions = asked.motions.iter().map(Into::into).collect();
         request.loads = asked.loads.iter().map(Into::into).collect();
         request.series = asked.series;
@@ -400,6 +401,19 @@ impl There {
     /// Leaves; the run stays where it is, and what was kept of it for this simulation is forgotten.
     pub fn close(mut self, py: Python<'_>) -> PyResult<()> {
         self.driver.leave(py, &self.kept)
+    }
+}
+
+/// Refuses times that messages do not hold.
+fn check_times(py: Python<'_>, asked: &Asked) -> PyResult<()> {
+    let motions = asked.motions.iter().flat_map(|input| &input.waveform.knots).map(|k| k.time_ns);
+    let loads = asked.loads.iter().flat_map(|input| &input.waveform.knots).map(|k| k.time_ns);
+    let times = motions.chain(loads).map(|time_ns| ("times_ns", time_ns));
+    let mut times = asked.t1_ns.map(|time_ns| ("t1_ns", time_ns)).into_iter().chain(times);
+    let expected = "ns since the start of the run, from 0 to 2^63 - 1: messages hold no more";
+    match times.find(|(_, time_ns)| i64::try_from(*time_ns).is_err()) {
+        Some((place, time_ns)) => Err(errors::invalid(py, place, expected, time_ns)),
+        None => Ok(()),
     }
 }
 

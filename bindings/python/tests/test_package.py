@@ -101,6 +101,8 @@ def test_types(check: list[str], tmp_path: Path) -> None:
 
 
 USES = """
+from collections.abc import Mapping
+
 import ballast
 import numpy as np
 import numpy.typing as npt
@@ -113,6 +115,8 @@ def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64
     ballast.Motion(range(3), rows)
     for seed in seeds:
         case = case.choose(seed=seed)
+    out: Mapping[str, ballast.BodyOutcome] = dict(sim.advance_to(times[0]))
+    assert list(out) == sim.bodies
     return sim.advance_to(times[-1], {"tine_1": ballast.Motion(times, rows)}, {"sleeper_1": ballast.Load(times, rows)})
 
 def whole(case: ballast.Case, beds: str) -> dict[str, int]:

@@ -67,6 +67,12 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
     assert all(z.compactness == out.zones[n].compactness for n, z in sim.zones().items())
     assert not sim.advance_to(11 * sim.step_ns).zones
     assert tine.name in out and "nobody" not in out and 1 not in out
+    # It is a mapping of bodies.
+    assert list(out) == list(out.keys()) == sim.bodies and len(out) == len(sim.bodies)
+    assert [body.work for body in dict(out).values()] == [body.work for body in out.values()]
+    assert {name: body.work for name, body in out.items()} == {name: out[name].work for name in out}
+    assert repr(out.solver).startswith(f"SolverOutcome({out.solver.iterations} iterations, ")
+    assert repr(out.energy).startswith("EnergyLedger(kinetic=") and repr(series) == "Series(10 steps)"
     with pytest.raises(KeyError, match=f"'body: expected one of .*{tine.name}.*, found nobody'"):
         out["nobody"]
 

@@ -775,6 +775,21 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
 
 
+def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_path: Path) -> None:
+    sim.save().write(tmp_path / "state")
+    assert isinstance(ballast.read(tmp_path / "state"), ballast.State)
+    sim.record(tmp_path / "recording.h5")
+    sim.advance_to(sim.step_ns)
+    sim.stop_recording()
+    assert isinstance(ballast.read(tmp_path / "recording.h5"), ballast.Recording)
+    # Of what is none of these its reader tells, and a pipe is not waited for.
+    (tmp_path / "text").write_text("some words")
+    os.mkfifo(tmp_path / "pipe.mcap")
+    for name in ("text", "none.h5", "pipe.mcap"):
+        with pytest.raises(ballast.FileError, match=name):
+            ballast.read(tmp_path / name)
+
+
 def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib").use("Agg")
     from conftest import ROOT, renamed

@@ -1,7 +1,7 @@
 """The compiled part of `ballast`. SI units; world axes, z up; quaternions x, y, z, w; times in ns."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, ItemsView, Iterator, KeysView, Mapping, Sequence, ValuesView
 from typing import Any, SupportsIndex, final
 
 import numpy as np
@@ -474,10 +474,21 @@ class State:
 
 @final
 class Outcome:
-    """The result of a window; `outcome[name]` is what the ballast did to a body."""
+    """The result of a window, a mapping: `outcome[name]` is what the ballast did to a body."""
 
+    def __iter__(self) -> Iterator[str]: ...
+    def __len__(self) -> int: ...
     def __getitem__(self, name: str, /) -> BodyOutcome: ...
     def __contains__(self, name: object, /) -> bool: ...
+    def keys(self) -> KeysView[str]:
+        """Names of the bodies, as those of `bodies`."""
+
+    def values(self) -> ValuesView[BodyOutcome]:
+        """What the ballast did to each, as those of `bodies`."""
+
+    def items(self) -> ItemsView[str, BodyOutcome]:
+        """Both, as those of `bodies`."""
+
     @property
     def status(self) -> str:
         """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
