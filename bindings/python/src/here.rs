@@ -237,8 +237,9 @@ impl Here {
         outcome: &component::Outcome,
     ) -> PyResult<()> {
         let Some(recorder) = &mut self.recorder else { return Ok(()) };
-        let recorded = recorder.window(&self.component, asked.kind(), &asked.window(), outcome);
-        recorded.or_else(|why| self.give_recording_up(py, &why))
+        let component = &self.component;
+        let record = || recorder.window(component, asked.kind(), &asked.window(), outcome);
+        py.detach(record).or_else(|why| self.give_recording_up(py, &why))
     }
 
     /// A file that cannot be written any more is no reason to lose what was computed.
@@ -311,7 +312,9 @@ impl Here {
             let expected = "no open recording; stop_recording first";
             return Err(errors::refused(py, "recording", "record", expected, "one"));
         }
-        self.recorder = Some(Recorder::create(py, path, &self.ground.case, &self.component)?);
+        let (case, component) = (&self.ground.case, &self.component);
+        let recorder = py.detach(|| Recorder::create(path, case, component));
+        self.recorder = Some(recorder.map_err(|e| errors::file(py, e))?);
         Ok(())
     }
 
@@ -321,7 +324,7 @@ impl Here {
         }
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
         recorder.check_process(py, "stop_recording")?;
-        recorder.finish(py)
+        py.detach(|| recorder.finish()).map_err(|e| errors::file(py, e))
     }
 }
 

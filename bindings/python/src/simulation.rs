@@ -469,12 +469,9 @@ impl Simulation {
 
     /// Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
     /// counter-clockwise from outside.
-    fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Solid<'py>> {
+    fn shape<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> PyResult<Solid<'py>> {
         let shapes = &self.ground(py, "shape")?.model.shapes;
-        let shape = shapes.get(index).ok_or_else(|| {
-            let text = format!("shape: expected less than {}, found {index}", shapes.len());
-            pyo3::exceptions::PyIndexError::new_err(text)
-        })?;
+        let shape = &shapes[inputs::index(index, "shape", shapes.len())?];
         Ok(solid(py, shape, &Pose::identity()))
     }
 

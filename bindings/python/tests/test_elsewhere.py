@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import signal
 import socket
 import subprocess
@@ -202,6 +203,15 @@ def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: 
         with pytest.raises(ballast.Refused) as refused:
             there.advance_to(there.step_ns + 1)
         assert refused.value.nearest_ns == (there.step_ns, 2 * there.step_ns)
+        for beyond in (2**63, 2**64 - 1):
+            with pytest.raises(ballast.Refused, match=f"t1_ns: expected .* to 2.63 - 1.*, found {beyond}"):
+                there.advance_to(beyond)
+            late = ballast.Motion([0, beyond], [[0, 0, 0]] * 2)
+            with pytest.raises(ballast.Refused, match=f"times_ns: expected .*, found {beyond}"):
+                there.advance_to(there.step_ns, {"tine_1_plus": late})
+        with pytest.raises(ballast.Refused, match="pickle") as refused:
+            pickle.dumps(there.save())
+        assert refused.value.code == "elsewhere"
         with pytest.raises(ballast.Refused, match="python") as refused:
             served.open()
         assert refused.value.code == "busy"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import os
+import pickle
 import re
 import resource
 import signal
@@ -13,6 +15,7 @@ import threading
 import time
 import warnings
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
@@ -673,10 +676,122 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
     assert [(w["request"]["t0_ns"], w["request"]["t1_ns"]) for w in windows] == [
         (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
     ]
-    assert set(windows[0]) == {"seq", "t0_ns", "t1_ns", "request", "hash", "reply_digest"}
+    record = {"seq", "t0_ns", "t1_ns", "request", "hash", "reply_digest"}
+    assert set(windows[0]) == record | {"tools", "loads", "outcome"}
     assert all(f"`{part}`" in str(ballast.Recording.__doc__) for part in windows[0])
     call(tmp_path, "verify", path)
     assert final in call(tmp_path, "replay", path, "--out", tmp_path / "replay")
+
+
+def numbers(out: ballast.Outcome) -> object:
+    """All that an outcome of a recording tells, too."""
+
+    def of(part: object) -> list[object]:
+        names = [name for name in dir(part) if not name.startswith("_")]
+        return [(name, np.asarray(getattr(part, name)).tobytes()) for name in names]
+
+    parts = [*out.values(), *out.zones.values(), *out.squeezes.values(), out.solver, out.energy]
+    ends = (out.status, out.code, out.trouble, out.t0_ns, out.t1_ns, out.steps)
+    return ends, list(out), list(out.zones), list(out.squeezes), [of(part) for part in parts]
+
+
+def test_a_recorded_window_can_be_asked_again(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    spring = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6}
+    sprung, path = case.with_values({"sleepers.mount": spring}), tmp_path / "run.mcap"
+    with ballast.open(sprung, beds=beds, seed=12, threads=1, progress=False) as sim:
+        h, told, hashes = sim.step_ns, [], []
+        sim.record(path)
+        assert {name for name, role in sim.roles.items() if role == "tine"} == {tine.name for tine in sim.tines}
+        for held in (True, False):
+            times, now = [sim.now_ns, sim.now_ns + 2 * h, sim.now_ns + 6 * h], sim.now_ns
+            push = ballast.Load(times, [[0, 0, 0], [1, 2, -900], [3, 0, -100]], [[0, 1, 0]] * 3, held=held)
+            told.append(sim.advance_to(now + 5 * h, lowered(sim, 1e-3, 6), {"sleeper_1": push}, zones=True))
+            hashes.append(sim.save().hash)
+        ends = sim.save().target(tine := sim.tines[0].name)[0], sim.now_ns
+        turned = [[0, 0, 0, 1], [0, 0, np.sin(0.01), np.cos(0.01)]]
+        swing = ballast.Motion([ends[1], ends[1] + 4 * h], [ends[0]] * 2, turned, velocities=np.zeros((2, 3)),
+                               spins=np.zeros((2, 3)), rebase=True)  # fmt: skip
+        told.append(sim.advance_to(ends[1] + 4 * h, {tine: swing}))
+        hashes.append(sim.save().hash)
+        for _ in range(120):
+            told.append(sim.step_by_machine())
+            hashes.append(sim.save().hash)
+    recording = ballast.read(path)
+    assert isinstance(recording, ballast.Recording) and recording.start is None
+    assert recording.case == sim.case and recording.case.seed == 12
+    assert repr(recording) == f'Recording("{path}")'
+    windows = list(recording)
+    assert any(window["outcome"].squeezes for window in windows) and windows[0]["outcome"].zones
+    with ballast.open(recording.case, beds=beds, threads=1, progress=False) as again:
+        for window, out, hash in zip(windows, told, hashes, strict=True):
+            kept = window["outcome"]
+            assert numbers(kept) == numbers(out)
+            assert np.isnan(kept.wall_s) and (kept.hint_max_step_ns, kept.series) == (0, None)
+            again.advance_to(window["t1_ns"], window["tools"], window["loads"])
+            assert again.save().hash == window["hash"] == hash
+
+
+def test_a_recording_knows_its_beginning(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
+    advance(sim)
+    kept = sim.save()
+    sim.record(tmp_path / "later.mcap")
+    end = end_of(sim)
+    sim.close()
+    recording = ballast.read(tmp_path / "later.mcap")
+    assert isinstance(recording, ballast.Recording) and recording.start is not None
+    assert recording.start.hash == kept.hash
+    with ballast.open(recording.case, beds=beds, threads=1, progress=False) as again:
+        again.restore(recording.start)
+        for window in recording:
+            again.advance_to(window["t1_ns"], window["tools"], window["loads"])
+        assert again.save().hash == end
+
+
+def test_a_recording_of_the_program_is_read_as_well(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    case.write(tmp_path / "tiny.toml")
+    path = tmp_path / "run.mcap"
+    call(tmp_path, "run", tmp_path / "tiny.toml", "--record", path, "--out", tmp_path / "run")
+    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+        for count, window in enumerate(ballast.read(path), 1):
+            out = sim.advance_to(window["t1_ns"], window["tools"], window["loads"])
+            assert numbers(window["outcome"])[0] == (out.status, None, None, out.t0_ns, out.t1_ns, 1)
+            assert all(body.work == out[name].work for name, body in window["outcome"].items())
+    assert count == 180
+
+
+def test_states_motions_and_loads_are_pickled(sim: ballast.Simulation, tmp_path: Path) -> None:
+    for _ in range(65):
+        sim.step_by_machine()
+    state = sim.save()
+    again = pickle.loads(pickle.dumps(state))
+    assert again.hash == state.hash and repr(again) == repr(state)
+    assert copy.copy(state) is state and copy.deepcopy([state])[0] is state
+    with ballast.resume(again, threads=1) as other:
+        for _ in range(10):
+            sim.step_by_machine()
+            other.step_by_machine()
+        assert other.save().hash == sim.save().hash
+    for motion in (
+        ballast.Motion([], np.zeros((0, 3))),
+        ballast.Motion([1, 2**64 - 1], [[0.1, 0.2, 0.3], [1e-300, -0.0, 3.0]], rebase=True),
+        ballast.Motion([5], [[1, 2, 3]], [[0.6, 0, 0, 0.8]], interpolation="hold"),
+        ballast.Motion([5], [[1, 2, 3]], interpolation="hermite"),
+        ballast.Motion([1, 5], np.eye(2, 3), [[0.6, 0, 0, 0.8], [0, 0.6, 0.8, 0]], velocities=np.ones((2, 3)), spins=np.eye(2, 3)),
+    ):
+        for made in (pickle.loads(pickle.dumps(motion)), copy.copy(motion), copy.deepcopy(motion)):
+            assert isinstance(made, ballast.Motion) and repr(made) == repr(motion)
+            assert parts_of(made) == parts_of(motion)
+    for held in (True, False):
+        load = ballast.Load([1, 2], np.eye(2, 3), -np.eye(2, 3) / 3, held=held)
+        made = pickle.loads(pickle.dumps(load))
+        assert isinstance(made, ballast.Load) and parts_of(made) == parts_of(load)
+        assert parts_of(load)[1]["held"] is held
+
+
+def parts_of(input: ballast.Motion | ballast.Load) -> tuple[list[bytes], dict[str, object]]:
+    rows, named = input.__getnewargs_ex__()
+    plain = {name: value if np.ndim(value) == 0 else value.tobytes() for name, value in named.items()}
+    return [np.asarray(row).tobytes() for row in rows], plain
 
 
 def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
@@ -691,6 +806,19 @@ def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
         assert mount.freedoms == ("held", "held", "sprung", "held", "held", "held")
         assert mount.stiffness.tolist() == [0, 0, 1e6, 0, 0, 0] and mount.damping.tolist() == [0, 0, 3e3, 0, 0, 0]
         assert repr(mount) == "Mount(2 kg, held, held, sprung, held, held, held)"
+
+
+def test_shapes_are_counted_from_both_ends(sim: ballast.Simulation) -> None:
+    # Those of driven bodies come after those of the grains.
+    n = int(sim.shape_of.max()) + 1
+    with suppress(IndexError):
+        while True:
+            sim.shape(n)
+            n += 1
+    assert np.array_equal(sim.shape(-1)[0], sim.shape(n - 1)[0]) and np.array_equal(sim.shape(-n)[0], sim.shape(0)[0])
+    for beyond in (n, -n - 1, 2**70, -(2**70)):
+        with pytest.raises(IndexError, match=f"shape: expected -{n} to {n - 1}, found {beyond}"):
+            sim.shape(beyond)
 
 
 def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 import warnings
@@ -760,6 +761,19 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert positions.shape == (results.bodies[0] + len(results.bodies[1]), 3)
     assert np.allclose(np.linalg.norm(orientations, axis=1), 1.0)
     assert np.array_equal(positions[: sim.grains], sim.save().positions)
+    for backwards, beyond in ((-1, len(results.steps)), (-len(results.steps), -len(results.steps) - 1)):
+        assert np.array_equal(results.poses(backwards)[0], results.poses(backwards + len(results.steps))[0])
+        with pytest.raises(IndexError, match=f"frame: expected -{len(results.steps)} to .*, found {beyond}"):
+            results.poses(beyond)
+    assert repr(results) == f'Results("tiny", {len(results.steps)} frames)'
+    for ask in (results.table, results.units):
+        with pytest.raises(KeyError, match="table: expected one of steps, zones, found nope"):
+            ask("nope")
+    for unknown in ("results", "results.h5", "results.mcap"):
+        (tmp_path / unknown).write_bytes((tmp_path / "run/results.vtkhdf").read_bytes())
+        assert isinstance(ballast.read(tmp_path / unknown), ballast.Results)
+    (tmp_path / "checkpoint.vtkhdf").write_bytes((tmp_path / "run/checkpoint.h5").read_bytes())
+    assert isinstance(ballast.read(tmp_path / "checkpoint.vtkhdf"), ballast.State)
     steps = results.table("steps")
     assert len(steps["time"]) == 180 and results.units("steps")["time"] == "s"
     figure = plot.overview(results)
@@ -773,6 +787,32 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert isinstance(checkpoint, ballast.State)
     assert np.array_equal(checkpoint.positions, sim.save().positions)
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
+
+
+def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:
+    path, size, ticks = tmp_path / "results.vtkhdf", 1 << 30, []
+    is_over = threading.Event()
+
+    def tick() -> None:
+        while not is_over.wait(0.001):
+            ticks.append(time.monotonic())
+
+    with path.open("wb") as file:
+        # Its seal is compared with all that comes before it.
+        file.truncate(size)
+        file.seek(size)
+        file.write(f"ballast-results-end 1\nbytes {size}\nblake3 {'0' * 64}\n".encode().ljust(512, b"\n"))
+    clock = threading.Thread(target=tick)
+    clock.start()
+    try:
+        begin = time.monotonic()
+        with pytest.raises(ballast.FileError):
+            ballast.Results(path)
+        end = time.monotonic()
+    finally:
+        is_over.set()
+        clock.join()
+    assert end - begin > 0.05 and sum(begin < at < end for at in ticks) > 5, (end - begin, len(ticks))
 
 
 def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ __all__ = [
     "replace",
     "resume",
     "schema",
+    "state_again",
 ]
 __version__: str
 
@@ -179,6 +180,8 @@ class Motion:
         interpolation: str | None = None,
         rebase: bool = False,
     ) -> Motion: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Pickled and copied as what it was made of."""
 
 @final
 class Load:
@@ -196,6 +199,8 @@ class Load:
         *,
         held: bool = False,
     ) -> Load: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Pickled and copied as what it was made of."""
 
 @final
 class Simulation:
@@ -280,7 +285,7 @@ class Simulation:
     def zones(self) -> dict[str, ZoneOutcome]:
         """The case's zones, measured now."""
 
-    def shape(self, index: int) -> tuple[_Floats, list[list[int]]]:
+    def shape(self, index: SupportsIndex) -> tuple[_Floats, list[list[int]]]:
         """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
         counter-clockwise from outside."""
 
@@ -408,10 +413,10 @@ class Tine:
 @final
 class State:
     """A state that was saved. Arrays are read-only and not copied; they keep their values while the
-    simulation goes on, and stay valid as long as somebody holds them.
+    simulation goes on, and stay valid as long as somebody holds them. It can be copied, which takes nothing, and pickled.
 
     A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-    `time_ns`, `hash`, `target` and `target_twist`, and `restore` takes it."""
+    `time_ns`, `hash`, `target` and `target_twist`, `restore` takes it, and it cannot be pickled."""
 
     @staticmethod
     def read(path: _Path) -> State:
@@ -420,6 +425,13 @@ class State:
     def write(self, path: _Path) -> None:
         """Writes the state to a file from which it goes on to the same bytes, also in another process."""
 
+    def __reduce__(self) -> tuple[Callable[..., State], tuple[bytes]]:
+        """Pickled as the bytes of the file that `write` would leave."""
+
+    def __copy__(self) -> State:
+        """Nothing changes a state."""
+
+    def __deepcopy__(self, _memo: object) -> State: ...
     def body(self, name: str) -> tuple[_Floats, _Floats, _Floats, _Floats]:
         """Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body."""
 
@@ -539,11 +551,11 @@ class Outcome:
     @property
     def hint_max_step_ns(self) -> int:
         """How far apart knots may be for no body to move too far between them at its speed now, ns;
-        0 where nothing moves."""
+        0 where nothing moves, and of a recording."""
 
     @property
     def wall_s(self) -> float:
-        """How long the window took to compute, s of wall time; elsewhere: until it was answered."""
+        """How long the window took to compute, s of wall time; elsewhere: until it was answered; nan of a recording."""
 
     @property
     def series(self) -> Series | None:
@@ -783,7 +795,7 @@ class Results:
     """A results file of `ballast run`."""
 
     def __new__(cls, path: _Path) -> Results: ...
-    def poses(self, frame: int) -> tuple[_Floats, _Floats]:
+    def poses(self, frame: SupportsIndex) -> tuple[_Floats, _Floats]:
         """Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first."""
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
@@ -823,11 +835,23 @@ class Results:
 @final
 class Recording:
     """A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-    (`request`), and the `hash` of the state and the `reply_digest` that it led to."""
+    (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, what the
+    window did (`outcome`), and the `hash` of the state and the `reply_digest` that it led to.
+
+    Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
+    there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was."""
 
     def __new__(cls, path: _Path) -> Recording: ...
     def __iter__(self) -> Recording: ...
     def __next__(self) -> dict[str, Any]: ...
+    @property
+    def case(self) -> Case:
+        """What it is a recording of, with the seed and the schedule that were chosen."""
+
+    @property
+    def start(self) -> State | None:
+        """The state that it begins with; None where that is the beginning of its case."""
+
     @property
     def lost(self) -> str | None:
         """Why reading ended early, where it did."""
@@ -863,3 +887,6 @@ def resume(
 ) -> Simulation: ...
 def schema() -> dict[str, Any]:
     """The JSON Schema of case files."""
+
+def state_again(bytes: bytes) -> State:
+    """A state that was pickled."""

@@ -123,13 +123,13 @@ impl Outcome {
     }
 
     /// How far apart knots may be for no body to move too far between them at its speed now, ns;
-    /// 0 where nothing moves.
+    /// 0 where nothing moves, and of a recording.
     #[getter]
     fn hint_max_step_ns(&self) -> u64 {
         self.inner.hint_max_step_ns
     }
 
-    /// How long the window took to compute, s of wall time; elsewhere: until it was answered.
+    /// How long the window took to compute, s of wall time; elsewhere: until it was answered; nan of a recording.
     #[getter]
     fn wall_s(&self) -> f64 {
         self.wall_s
