@@ -780,6 +780,15 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     figure.savefig(tmp_path / "overview.png")
     loops = figure.axes[2].lines
     assert len(loops) == 2 and all(len(line.get_xdata()) > 20 for line in loops)
+    for window_s, n in ((0.004, 4), (0.0013, 1), (1e-9, 1), (10.0, 180), (math.inf, 180)):
+        ax = plot.forces(results, window_s=window_s)
+        assert ax.get_ylabel() == f"force, mean over {n} ms, kN"
+        force = np.linalg.norm(_last_rows(steps, "tine_1_plus", n).mean(axis=0))
+        assert ax.lines[0].get_label() == "tine_1_plus" and ax.lines[0].get_ydata()[-1] == pytest.approx(1e-3 * force)
+    for window_s in (0.0, -1.0, math.nan):
+        for draw in (plot.forces, plot.loops):
+            with pytest.raises(ValueError, match=f"window_s: expected a number above 0, found {window_s}"):
+                draw(results, window_s=window_s)
     # The machine of Python is that of the program.
     for _ in range(180):
         sim.step_by_machine()
@@ -787,6 +796,25 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert isinstance(checkpoint, ballast.State)
     assert np.array_equal(checkpoint.positions, sim.save().positions)
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
+
+
+def _last_rows(steps: dict[str, np.ndarray], body: str, n: int) -> np.ndarray:
+    return np.stack([steps[f"{body}_force_{axis}"][-n:] for axis in "xyz"], axis=1)
+
+
+def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_path: Path) -> None:
+    sim.save().write(tmp_path / "state")
+    assert isinstance(ballast.read(tmp_path / "state"), ballast.State)
+    sim.record(tmp_path / "recording.h5")
+    sim.advance_to(sim.step_ns)
+    sim.stop_recording()
+    assert isinstance(ballast.read(tmp_path / "recording.h5"), ballast.Recording)
+    # Of what is none of these its reader tells, and a pipe is not waited for.
+    (tmp_path / "text").write_text("some words")
+    os.mkfifo(tmp_path / "pipe.mcap")
+    for name in ("text", "none.h5", "pipe.mcap"):
+        with pytest.raises(ballast.FileError, match=name):
+            ballast.read(tmp_path / name)
 
 
 def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:
@@ -813,21 +841,6 @@ def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:
         is_over.set()
         clock.join()
     assert end - begin > 0.05 and sum(begin < at < end for at in ticks) > 5, (end - begin, len(ticks))
-
-
-def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_path: Path) -> None:
-    sim.save().write(tmp_path / "state")
-    assert isinstance(ballast.read(tmp_path / "state"), ballast.State)
-    sim.record(tmp_path / "recording.h5")
-    sim.advance_to(sim.step_ns)
-    sim.stop_recording()
-    assert isinstance(ballast.read(tmp_path / "recording.h5"), ballast.Recording)
-    # Of what is none of these its reader tells, and a pipe is not waited for.
-    (tmp_path / "text").write_text("some words")
-    os.mkfifo(tmp_path / "pipe.mcap")
-    for name in ("text", "none.h5", "pipe.mcap"):
-        with pytest.raises(ballast.FileError, match=name):
-            ballast.read(tmp_path / name)
 
 
 def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
@@ -867,6 +880,7 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
         warnings.simplefilter("error")
         figure = plot.overview(tmp_path / "short/results.vtkhdf")
     assert not figure.axes[2].lines and figure.axes[2].get_legend() is None
+    assert [text.get_text() for text in figure.axes[2].texts] == ["no step in the phase squeeze"]
 
 
 def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
