@@ -135,6 +135,53 @@ def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s
     assert times[-1] == 1.0 and times == sorted(set(times)) and len(times) == (3 if interval_s == 0.07 else 1)
 
 
+def test_a_step_of_an_episode_is_whole_steps(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    for interval_s, nearest in ((0.0205, "0.02 or 0.021"), (4e-4, "0.001"), (1e-10, "0.001"), (0.001000001, "0.001 or 0.002")):
+        said = f"interval_s: expected a whole number of steps of 0.001 s, such as {nearest}, found {interval_s}"
+        with pytest.raises(ValueError, match=re.escape(said)):
+            TampingEnv(case, beds=beds, interval_s=interval_s)
+
+
+def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    def rest(env: TampingEnv) -> list[object]:
+        seen: list[object] = []
+        for speed in (1.0, 0.5):
+            observation, *more = env.step(np.array([speed, -speed, 1.0]))
+            seen += [observation.tolist(), *more]
+        return seen
+
+    env = TampingEnv(case, beds=beds)
+    with pytest.raises(ballast.Error, match="save: expected an episode, found none"):
+        env.save()
+    env.reset(seed=1)
+    before, *_ = env.step(np.array([1.0, 0.0, 1.0]))
+    kept = env.save()
+    told = rest(env)
+    assert env.restore(kept).tolist() == before.tolist() and rest(env) == told
+    other = TampingEnv(case, beds=beds)
+    assert other.restore(pickle.loads(pickle.dumps(kept))).tolist() == before.tolist() and rest(other) == told
+    slower = TampingEnv(case.with_values({"tamping.vibration.frequency_Hz": 20.0}), beds=beds)
+    with pytest.raises(ballast.Error, match="restore: expected an episode of"):
+        slower.restore(kept)
+
+
+def test_an_environment_keeps_few_states(case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast import gym
+
+    monkeypatch.setattr(gym, "BEGUN", 2)
+    env = gym.TampingEnv(case, seeds=[case.seed, 12], beds=beds)
+    for bed in (12, case.seed, 99, case.seed, 12):
+        env._start(bed)
+    assert list(env._begun) == [case.seed, 12]
+
+
 class Interrupted:
     """A simulation whose windows Ctrl-C ends after their first step."""
 
