@@ -28,8 +28,6 @@ import matplotlib.pyplot as plt  # noqa: E402
 
 FIGURES = ["closing impulse of the tines, N s", "vertical impulse of the tines, N s",
            "vertical impulse of the sleepers, N s", "work of the tines, J"]  # fmt: skip
-#: Which of them is the sleepers' own.
-SLEEPERS = 2
 
 
 class Tally:
@@ -38,8 +36,7 @@ class Tally:
     def __init__(self, sim, steps, label):
         self.whole, self.label, self.told = steps, label, 0
         self.closing = {tine.name: tine.direction for tine in sim.tines}
-        self.others = [name for name in sim.bodies if name not in self.closing]
-        self.lifting: dict[str, dict[str, float]] = {}
+        self.sleepers = [name for name, role in sim.roles.items() if role == "sleeper"]
         self.phases, self.steps, self.capped, self.deepest = {}, 0, 0, 0.0
         self.before = {name: zone.compactness for name, zone in sim.zones().items()}
 
@@ -52,9 +49,7 @@ class Tally:
             row[0] -= direction * out[name].impulse[0]
             row[1] += out[name].impulse[2]
             row[3] += out[name].work
-        lifting = self.lifting.setdefault(phase, dict.fromkeys(self.others, 0.0))
-        for name in self.others:
-            lifting[name] += out[name].impulse[2]
+        row[2] += sum(out[name].impulse[2] for name in self.sleepers)
         self.steps += out.steps
         self.capped += out.solver.steps_not_converged
         self.deepest = max(self.deepest, out.solver.max_penetration)
@@ -62,11 +57,7 @@ class Tally:
             self.told = 10 * self.steps // self.whole
             print(f"{self.label}: {10 * self.told} %", flush=True)
 
-    def result(self, sim, moved):
-        """`moved` are the bodies that do not stand through the whole cycle: of the others than tines, sleepers that are
-        lifted, whatever the case calls them; not the floor."""
-        for phase, row in self.phases.items():
-            row[SLEEPERS] = sum(impulse for name, impulse in self.lifting[phase].items() if name in moved)
+    def result(self, sim):
         after = {name: zone.compactness for name, zone in sim.zones().items()}
         return {"phases": self.phases, "before": self.before, "after": after, "steps": self.steps,
                 "capped": self.capped, "max_penetration_m": self.deepest}  # fmt: skip
@@ -100,7 +91,7 @@ def tamp(case, seed, folder):
                 way.append(np.hstack(state.target(name)))
         moved = {name: np.array(way).tolist() for name, way in ways.items() if np.ptp(way, axis=0).any()}
         keep(folder / f"motion_{seed}.json", {"times_ns": times, "phases": phases, **moved})
-        return tally.result(sim, moved)
+        return tally.result(sim)
 
 
 def replay(case, seed, folder, kind, n):
@@ -125,7 +116,7 @@ def replay(case, seed, folder, kind, n):
             }  # fmt: skip
             tally.add(phases[a], sim.advance_to(times[b], tools))
             a = b
-        return tally.result(sim, ways)
+        return tally.result(sim)
 
 
 def keep(path, values):

@@ -305,7 +305,8 @@ pub fn begin(
         Some(bed) => bed,
         None => make(py, case, &beds, threads, progress)?,
     };
-    let (model, state) = ballast_beds::scene(&case.0.plan, bed).map_err(|e| errors::beds(py, e))?;
+    let scene = py.detach(|| ballast_beds::scene(&case.0.plan, bed));
+    let (model, state) = scene.map_err(|e| errors::beds(py, e))?;
     let machine = Machine::new(&case.0.plan, &model)
         .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
     let start = Snapshot {

@@ -42,7 +42,7 @@ create_exception!(
     "A component that another process computes has not answered as it should. The same call may be made again:\n\
      a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.\n\n\
      `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this\n\
-     simulation; link, how to reach it; answer, what it says cannot be read."
+     simulation; link, how to reach it; answer, what it says cannot be read; abandoned, `stop` or `close` has ended the wait."
 );
 
 /// An exception of class `T` with the attribute `code`.

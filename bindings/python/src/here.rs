@@ -1,12 +1,14 @@
 //! The simulation in this process: windows, redo, states, recording.
 
-use crate::compute::{Crew, compute};
+use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Lost};
+use crate::lock::enter;
 use crate::machine::Machine;
 use crate::outcome::{Outcome, Series, Trouble};
 use crate::recorder::Recorder;
-use crate::simulation::Asked;
+use crate::simulation::{Asked, Told};
 use crate::state::Snapshot;
+use crate::work::Work;
 use ballast::component::{self, Component, Limits, Refusal, Status, Stop, ZoneOutcome};
 use ballast::model::Model;
 use ballast::state;
@@ -43,6 +45,8 @@ pub struct Here {
     machine_before: Option<Machine>,
     /// What the program failed with inside.
     lost: Option<String>,
+    work: Arc<Work>,
+    told: Told,
     /// The next step panics: so that tests can see what becomes of it.
     pub panics: bool,
 }
@@ -69,8 +73,27 @@ impl Here {
 
     fn of(ground: Ground, component: Component, machine: Machine) -> Self {
         let (recorder, unwritten, machine_before, lost) = (None, None, None, None);
-        let panics = false;
-        Self { ground, component, recorder, unwritten, machine, machine_before, lost, panics }
+        let (work, told, panics) = (Arc::default(), Told::default(), false);
+        Self {
+            ground,
+            component,
+            recorder,
+            unwritten,
+            machine,
+            machine_before,
+            lost,
+            work,
+            told,
+            panics,
+        }
+    }
+
+    pub fn work(&self) -> &Arc<Work> {
+        &self.work
+    }
+
+    pub fn told(&self) -> &Told {
+        &self.told
     }
 
     pub fn ground(&self) -> &Ground {
@@ -118,7 +141,7 @@ impl Here {
         }
     }
 
-    pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+    pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Py<Outcome>> {
         self.check_sound(py)?;
         if let Some(recorder) = &self.recorder {
             recorder.check_process(py, "window")?;
@@ -148,22 +171,27 @@ impl Here {
         if asked.zones && !is_discarded {
             outcome.zones = self.zones(py)?;
         }
-        let told = self.take_down(py, asked, &outcome);
-        if let Some(raised) = raised {
-            return Err(raised);
-        }
-        // Who makes errors of warnings has one.
-        told?;
+        let recorded = self.take_down(py, asked, &outcome);
         let names = Arc::clone(&self.ground.names);
         // Of what was taken back there is nothing to tell.
         let steps = watched
             .series
             .map(|steps| if outcome.steps > 0 { steps } else { StepSeries::default() });
         let series = steps.map(|steps| Py::new(py, Series::new(steps, &names))).transpose()?;
-        let trouble = outcome.trouble.as_ref();
-        let trouble = trouble.map(|e| Trouble { code: e.code().into(), text: e.to_string() });
+        let trouble = match &outcome.trouble {
+            Some(e) => Some(Trouble { code: e.code().into(), text: e.to_string() }),
+            None => (outcome.status == Status::Early).then(|| stopped(py, raised.as_ref())),
+        };
         let wall_s = watched.took.as_secs_f64();
-        Ok(Outcome { inner: outcome, trouble, wall_s, names, series })
+        let outcome = Outcome { inner: outcome, trouble, wall_s, names, series };
+        let outcome = Py::new(py, outcome)?;
+        *enter(&self.told) = Some(outcome.clone_ref(py));
+        if let Some(raised) = raised {
+            return Err(raised);
+        }
+        // Who makes errors of warnings has one.
+        recorded?;
+        Ok(outcome)
     }
 
     /// What came of the window, and what was raised meanwhile.
@@ -175,8 +203,8 @@ impl Here {
     ) -> PyResult<(Result<component::Outcome, Refusal>, Option<PyErr>)> {
         let Ground { model, crew, .. } = &self.ground;
         let panics = std::mem::take(&mut self.panics);
-        let component = &mut self.component;
-        compute(py, crew, None, |turn| {
+        let (component, turn) = (&mut self.component, Turn::until(Arc::clone(&self.work.is_over)));
+        attend(py, crew, &turn, |turn| {
             let mut watch = |state: &state::State, report: &StepReport| {
                 assert!(!panics, "a failure that was asked for");
                 if let Some(series) = &mut watched.series {
@@ -209,8 +237,9 @@ impl Here {
         outcome: &component::Outcome,
     ) -> PyResult<()> {
         let Some(recorder) = &mut self.recorder else { return Ok(()) };
-        let recorded = recorder.window(&self.component, asked.kind(), &asked.window(), outcome);
-        recorded.or_else(|why| self.give_recording_up(py, &why))
+        let component = &self.component;
+        let record = || recorder.window(component, asked.kind(), &asked.window(), outcome);
+        py.detach(record).or_else(|why| self.give_recording_up(py, &why))
     }
 
     /// A file that cannot be written any more is no reason to lose what was computed.
@@ -226,6 +255,7 @@ impl Here {
     fn lose(&mut self, py: Python<'_>, why: &PyErr, before: &Arc<state::State>) {
         self.lost = Some(why.value(py).to_string());
         self.recorder = None;
+        *enter(&self.told) = None;
         // It was the state of this model a moment ago.
         let _ = self.component.recover(Arc::clone(before));
     }
@@ -263,6 +293,7 @@ impl Here {
         }
         self.component.restore(Arc::clone(&saved.state)).map_err(|e| errors::refusal(py, e))?;
         self.lost = None;
+        *enter(&self.told) = None;
         (self.machine, self.machine_before) = (saved.machine.clone(), None);
         Ok(())
     }
@@ -271,6 +302,7 @@ impl Here {
         self.check_sound(py)?;
         let fork = Self::of(self.ground.clone(), self.component.fork(), self.machine.clone());
         // The last window can be redone in it, too.
+        *enter(&fork.told) = enter(&self.told).as_ref().map(|outcome| outcome.clone_ref(py));
         Ok(Self { machine_before: self.machine_before.clone(), ..fork })
     }
 
@@ -280,7 +312,9 @@ impl Here {
             let expected = "no open recording; stop_recording first";
             return Err(errors::refused(py, "recording", "record", expected, "one"));
         }
-        self.recorder = Some(Recorder::create(py, path, &self.ground.case, &self.component)?);
+        let (case, component) = (&self.ground.case, &self.component);
+        let recorder = py.detach(|| Recorder::create(path, case, component));
+        self.recorder = Some(recorder.map_err(|e| errors::file(py, e))?);
         Ok(())
     }
 
@@ -290,6 +324,13 @@ impl Here {
         }
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
         recorder.check_process(py, "stop_recording")?;
-        recorder.finish(py)
+        py.detach(|| recorder.finish()).map_err(|e| errors::file(py, e))
     }
+}
+
+/// What has ended a window that nothing was wrong with.
+fn stopped(py: Python<'_>, raised: Option<&PyErr>) -> Trouble {
+    let name = raised.and_then(|e| e.get_type(py).name().ok());
+    let by = name.map_or("`stop` or `close`".into(), |name| name.to_string());
+    Trouble { code: "stopped".into(), text: format!("{by} has ended it") }
 }

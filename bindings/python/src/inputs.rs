@@ -1,5 +1,6 @@
 //! Motions and loads that a window is asked with.
 
+use crate::arrays::{self, Matrix};
 use crate::errors;
 use ballast::component::{Interpolation, Knot, LoadKnot, LoadWaveform, Waveform};
 use ballast::drive::Load as CoreLoad;
@@ -10,9 +11,9 @@ use numpy::{
     PyUntypedArray, PyUntypedArrayMethods, get_array_module,
 };
 use pyo3::PyTypeInfo;
-use pyo3::exceptions::{PyOverflowError, PyTypeError};
+use pyo3::exceptions::{PyIndexError, PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::{PyDict, PyMapping, PyTuple};
 
 /// Anything that numpy makes an array of.
 type Rows<'a, 'py> = &'a Bound<'py, PyAny>;
@@ -104,9 +105,24 @@ impl Motion {
         Ok(Self { waveform, rebase })
     }
 
+    /// Pickled and copied as what it was made of.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+        let Waveform { interpolation, knots } = &self.waveform;
+        let rows = |of: fn(&Knot) -> Vec3| vectors_of(py, knots.iter().map(of));
+        let turns = knots.iter().flat_map(|k| <[f64; 4]>::from(k.pose.orientation.coords));
+        let named = PyDict::new(py);
+        named.set_item("velocities", rows(|k| k.velocity))?;
+        named.set_item("spins", rows(|k| k.spin))?;
+        named.set_item("interpolation", word(*interpolation))?;
+        named.set_item("rebase", self.rebase)?;
+        let times: Vec<u64> = knots.iter().map(|k| k.time_ns).collect();
+        let turns = arrays::table(py, &turns.collect::<Vec<_>>(), 4);
+        Ok(((times, rows(|k| k.pose.position), turns).into_pyobject(py)?, named))
+    }
+
     fn __repr__(&self) -> String {
         let Waveform { interpolation, knots } = &self.waveform;
-        let kind = format!("{interpolation:?}").to_lowercase();
+        let kind = word(*interpolation);
         let ends = match (knots.first(), knots.last()) {
             (Some(first), Some(last)) => format!("{} to {} ns", first.time_ns, last.time_ns),
             _ => "empty".into(),
@@ -150,9 +166,35 @@ impl Load {
         Ok(Self { waveform: LoadWaveform { is_held: held, knots: (0..n).map(knot).collect() } })
     }
 
+    /// Pickled and copied as what it was made of.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+        let LoadWaveform { is_held, knots } = &self.waveform;
+        let rows = |of: fn(&LoadKnot) -> Vec3| vectors_of(py, knots.iter().map(of));
+        let named = PyDict::new(py);
+        named.set_item("held", is_held)?;
+        let times: Vec<u64> = knots.iter().map(|k| k.time_ns).collect();
+        let forces = rows(|k| k.load.force);
+        Ok(((times, forces, rows(|k| k.load.torque)).into_pyobject(py)?, named))
+    }
+
     fn __repr__(&self) -> String {
         format!("Load({} knots)", self.waveform.knots.len())
     }
+}
+
+/// Arguments of a class, by place and by name.
+type Again<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
+
+fn word(interpolation: Interpolation) -> &'static str {
+    match interpolation {
+        Interpolation::Hermite => "hermite",
+        Interpolation::Linear => "linear",
+        Interpolation::Hold => "hold",
+    }
+}
+
+fn vectors_of<'py>(py: Python<'py>, rows: impl Iterator<Item = Vec3>) -> Matrix<'py> {
+    arrays::table(py, &rows.flat_map(<[f64; 3]>::from).collect::<Vec<_>>(), 3)
 }
 
 /// A time, ns since the start of the run.
@@ -180,6 +222,22 @@ pub fn whole(
             return beyond(number.py(), place, expected, number);
         }
         PyTypeError::new_err(format!("{place}: expected {kind}, found {number:?}"))
+    })
+}
+
+/// The place of one of `n` items; negative ones count from the end, as they do in Python.
+pub fn index(number: &Bound<'_, PyAny>, place: &str, n: usize) -> PyResult<usize> {
+    let asked = match number.extract::<isize>() {
+        Err(e) if e.is_instance_of::<PyOverflowError>(number.py()) => isize::MAX,
+        asked => asked?,
+    };
+    let at = if asked < 0 { asked.checked_add_unsigned(n) } else { Some(asked) };
+    at.and_then(|i| usize::try_from(i).ok()).filter(|i| *i < n).ok_or_else(|| {
+        let expected = match n {
+            0 => "none, as there are none".into(),
+            n => format!("-{n} to {}", n - 1),
+        };
+        PyIndexError::new_err(format!("{place}: expected {expected}, found {number}"))
     })
 }
 

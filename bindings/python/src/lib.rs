@@ -5,6 +5,7 @@
 //! classes and their members is what is said there, word by word.
 
 mod arrays;
+mod bodies;
 mod case;
 mod compute;
 mod errors;
@@ -14,10 +15,12 @@ mod lock;
 mod machine;
 mod outcome;
 mod recorder;
+mod recording;
 mod results;
 mod simulation;
 mod state;
 mod there;
+mod work;
 
 use pyo3::prelude::*;
 
@@ -53,6 +56,8 @@ fn replace(py: Python<'_>, path: std::path::PathBuf, text: &str) -> PyResult<()>
 fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     errors::register(module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<bodies::Mount>()?;
+    module.add_class::<bodies::Tine>()?;
     module.add_class::<case::Case>()?;
     module.add_class::<inputs::Load>()?;
     module.add_class::<inputs::Motion>()?;
@@ -63,14 +68,14 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<outcome::Solver>()?;
     module.add_class::<outcome::Squeeze>()?;
     module.add_class::<outcome::ZoneMeasure>()?;
-    module.add_class::<results::Recording>()?;
+    module.add_class::<recording::Recording>()?;
     module.add_class::<results::Results>()?;
     module.add_class::<simulation::Simulation>()?;
-    module.add_class::<simulation::Tine>()?;
     module.add_class::<state::State>()?;
     module.add_function(wrap_pyfunction!(case::begin, module)?)?;
     module.add_function(wrap_pyfunction!(case::case_again, module)?)?;
     module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(state::state_again, module)?)?;
     module.add_function(wrap_pyfunction!(there::attach, module)?)?;
     module.add_function(wrap_pyfunction!(replace, module)?)?;
     module.add_function(wrap_pyfunction!(resume, module)?)?;

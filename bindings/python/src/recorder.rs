@@ -19,19 +19,13 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    pub fn create(
-        py: Python<'_>,
-        path: PathBuf,
-        case: &Case,
-        component: &Component,
-    ) -> PyResult<Self> {
+    pub fn create(path: PathBuf, case: &Case, component: &Component) -> ballast_mcap::Result<Self> {
         let (model, state) = (component.model(), component.state());
         let hash = ballast_hdf5::state_hash(model, state).into();
         let meta = Meta::of(case.names(), case.choices.notes(), model, Drive::Inputs, hash);
         let start = || checkpoint::to_bytes(&path, &case.checkpoint(model, state, BTreeMap::new()));
-        let recording = Tape::begin(&path, &case.plan, &meta, model, state, start)
-            .and_then(|tape| Redoable::new(tape, case.plan.run.output_ns, model, state));
-        let windows = recording.map_err(|e| errors::file(py, e))?;
+        let tape = Tape::begin(&path, &case.plan, &meta, model, state, start)?;
+        let windows = Redoable::new(tape, case.plan.run.output_ns, model, state)?;
         Ok(Self { windows, begins_ns: state.time_ns })
     }
 
@@ -78,7 +72,7 @@ impl Recorder {
         windows.window(component.shared_model(), kind, &request, &reply, component.save())
     }
 
-    pub fn finish(self, py: Python<'_>) -> PyResult<()> {
-        self.windows.finish().map_err(|e| errors::file(py, e))
+    pub fn finish(self) -> ballast_mcap::Result<()> {
+        self.windows.finish()
     }
 }

@@ -1,11 +1,11 @@
-//! What runs have left: results and recordings, as arrays and dictionaries.
+//! What runs have left: results, as arrays.
 
 use crate::arrays::{self, Matrix, Vector};
-use crate::case::as_dict;
 use crate::errors;
-use crate::lock::enter_patiently;
-use ballast_hdf5::results::Reader;
-use ballast_mcap::recording::Windows;
+use crate::inputs;
+use crate::lock::enter;
+use ballast_hdf5::results::{Reader, Table};
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -18,12 +18,26 @@ pub struct Results {
 }
 
 impl Results {
-    fn read<T>(
+    fn read<T: Send>(
         &self,
         py: Python<'_>,
-        ask: impl FnOnce(&Reader) -> ballast_hdf5::Result<T>,
+        ask: impl FnOnce(&Reader) -> ballast_hdf5::Result<T> + Send,
     ) -> PyResult<T> {
-        ask(&enter_patiently(py, &self.reader)).map_err(|e| errors::file(py, e))
+        py.detach(|| ask(&enter(&self.reader))).map_err(|e| errors::file(py, e))
+    }
+
+    /// The table of this name, where there is one.
+    fn named(&self, py: Python<'_>, name: &str) -> PyResult<Table> {
+        let read = |r: &Reader| {
+            let names = r.series_names()?;
+            let table = names.iter().any(|known| known == name).then(|| r.series(name));
+            Ok((table.transpose()?, names))
+        };
+        let (table, names) = self.read(py, read)?;
+        table.ok_or_else(|| {
+            let names = names.join(", ");
+            PyKeyError::new_err(format!("table: expected one of {names}, found {name}"))
+        })
     }
 }
 
@@ -31,7 +45,7 @@ impl Results {
 impl Results {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let reader = Reader::open(path).map_err(|e| errors::file(py, e))?;
+        let reader = py.detach(|| Reader::open(path)).map_err(|e| errors::file(py, e))?;
         Ok(Self { reader: Mutex::new(reader) })
     }
 
@@ -62,7 +76,8 @@ impl Results {
     /// (n,) step of each frame.
     #[getter]
     fn steps<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u64>> {
-        self.read(py, |r| Ok(arrays::column(py, r.steps())))
+        let steps = self.read(py, |r| Ok(r.steps().to_vec()))?;
+        Ok(arrays::column(py, &steps))
     }
 
     /// (n,) time of each frame, s.
@@ -73,12 +88,13 @@ impl Results {
     }
 
     /// Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first.
-    fn poses<'py>(&self, py: Python<'py>, frame: usize) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+    fn poses<'py>(
+        &self,
+        py: Python<'py>,
+        frame: &Bound<'py, PyAny>,
+    ) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
         let frames = self.read(py, |r| Ok(r.steps().len()))?;
-        if frame >= frames {
-            let text = format!("frame: expected less than {frames}, found {frame}");
-            return Err(pyo3::exceptions::PyIndexError::new_err(text));
-        }
+        let frame = inputs::index(frame, "frame", frames)?;
         let poses = self.read(py, |r| r.poses(frame))?;
         let positions: Vec<f64> = poses.iter().flat_map(|p| <[f64; 3]>::from(p.position)).collect();
         let turns = poses.iter().flat_map(|p| <[f64; 4]>::from(p.orientation.coords));
@@ -94,7 +110,7 @@ impl Results {
 
     /// Columns of a table by name, and `step`; units in `units(name)`.
     fn table<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
-        let table = self.read(py, |r| r.series(name))?;
+        let table = self.named(py, name)?;
         let columns = PyDict::new(py);
         columns.set_item("step", arrays::column(py, &table.steps))?;
         for (i, (column, _)) in table.columns.iter().enumerate() {
@@ -107,43 +123,15 @@ impl Results {
 
     /// Units of the columns of a table, by name.
     fn units<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
-        let table = self.read(py, |r| r.series(name))?;
+        let table = self.named(py, name)?;
         let units = PyDict::new(py);
         for (column, unit) in &table.columns {
             units.set_item(column, unit)?;
         }
         Ok(units)
     }
-}
-
-/// A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-/// (`request`), and the `hash` of the state and the `reply_digest` that it led to.
-#[pyclass(frozen, module = "ballast")]
-pub struct Recording {
-    windows: Mutex<Windows>,
-}
-
-#[pymethods]
-impl Recording {
-    #[new]
-    fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let windows = Windows::open(&path).map_err(|e| errors::file(py, e))?;
-        Ok(Self { windows: Mutex::new(windows) })
-    }
-
-    fn __iter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
-        this
-    }
-
-    /// The record of the next window: what was asked, and what was answered.
-    fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let next = enter_patiently(py, &self.windows).next().map_err(|e| errors::file(py, e))?;
-        next.map(|window| as_dict(py, &window.record)).transpose()
-    }
-
-    /// Why reading ended early, where it did.
-    #[getter]
-    fn lost(&self, py: Python<'_>) -> Option<String> {
-        enter_patiently(py, &self.windows).lost().map(ToString::to_string)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (name, frames) = self.read(py, |r| Ok((r.about("case_name")?, r.steps().len())))?;
+        Ok(format!("Results({name:?}, {frames} frames)"))
     }
 }

@@ -1,19 +1,19 @@
 //! The simulation: windows, redo, states, recording, in this process or elsewhere.
 
-use crate::arrays::{Matrix, Vector};
+use crate::arrays::Vector;
+use crate::bodies::{self, Solid, Tine, parts, solid};
 use crate::case::Case;
 use crate::compute::Crew;
 use crate::errors;
 use crate::here::{Ground, Here};
 use crate::inputs::{self, Load, Motion};
-use crate::lock::enter_if_free;
+use crate::lock::{enter, enter_if_free, enter_patiently};
 use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
+use crate::work::Work;
 use ballast::component::{Input, Limits, LoadInput, Window};
-use ballast::geometry::Polyhedron;
 use ballast::math::Pose;
-use ballast::model::Part;
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::WindowKind;
 use ballast_zenoh::Description;
@@ -24,20 +24,27 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 /// A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 ///
-/// Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state. One that
-/// another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call made again gives its
-/// outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `save`, `restore`, `close`
-/// and what says of itself here are there; the rest is refused with the code "elsewhere".
+/// Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state: `last` tells what
+/// it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by `stop` or `close`,
+/// and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call
+/// made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `last`,
+/// `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with the code
+/// "elsewhere".
 /// Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
 /// simulations of their own run side by side.
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
 pub struct Simulation {
     /// `None` once closed.
     back: Mutex<Option<Back>>,
+    work: Arc<Work>,
+    told: Told,
     about: About,
     /// Of a simulation of this process.
     ground: Option<Ground>,
 }
+
+/// The outcome of the last window.
+pub type Told = Arc<Mutex<Option<Py<Outcome>>>>;
 
 /// Who computes.
 enum Back {
@@ -50,6 +57,7 @@ struct About {
     name: String,
     /// Of the driven bodies `[nd]`.
     names: Arc<[String]>,
+    bodies: Vec<bodies::About>,
     step_ns: u64,
     schedule: String,
     grains: usize,
@@ -112,12 +120,14 @@ impl Simulation {
         let about = About {
             name: case.plan.name.clone(),
             names: Arc::clone(names),
+            bodies: model.driven.iter().map(Into::into).collect(),
             step_ns: model.stepping.step_ns,
             schedule: model.solver.schedule.name().into(),
             grains: model.grains.len(),
         };
+        let (work, told) = (Arc::clone(here.work()), Arc::clone(here.told()));
         let back = Mutex::new(Some(Back::Here(Box::new(here))));
-        Self { back, about, ground: Some(ground) }
+        Self { back, work, told, about, ground: Some(ground) }
     }
 
     /// One that another process computes.
@@ -126,15 +136,21 @@ impl Simulation {
         let about = About {
             name: format!("zenoh:{}", about.key),
             schedule: schedule.unwrap_or_default().into(),
-            names: about.bodies.into_iter().map(|b| b.name).collect(),
+            names: about.bodies.iter().map(|b| b.name.clone()).collect(),
+            bodies: about.bodies.into_iter().map(Into::into).collect(),
             step_ns: about.step_ns,
             grains: about.grains,
         };
-        Self { back: Mutex::new(Some(Back::There(Box::new(there)))), about, ground: None }
+        let (work, told) = (Arc::clone(there.work()), Arc::clone(there.told()));
+        let back = Mutex::new(Some(Back::There(Box::new(there))));
+        Self { back, work, told, about, ground: None }
     }
 
     /// What steps it, for as long as no other thread does.
     fn lock(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, Option<Back>>> {
+        if self.work.is_closing() {
+            return Err(closed(py));
+        }
         enter_if_free(&self.back).ok_or_else(|| {
             let text = "another thread is stepping this simulation; fork it, or wait";
             errors::error::<errors::Error>(py, "busy", text)
@@ -143,7 +159,9 @@ impl Simulation {
 
     /// Does what every simulation can.
     fn with<T>(&self, py: Python<'_>, act: impl FnOnce(&mut Back) -> PyResult<T>) -> PyResult<T> {
-        self.lock(py)?.as_mut().map_or_else(|| Err(closed(py)), act)
+        let mut back = self.lock(py)?;
+        let _call = self.work.begin();
+        back.as_mut().map_or_else(|| Err(closed(py)), act)
     }
 
     /// Does what only one of this process can.
@@ -164,7 +182,7 @@ impl Simulation {
         self.ground.as_ref().ok_or_else(|| errors::elsewhere(py, what))
     }
 
-    fn window(&self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
+    fn window(&self, py: Python<'_>, asked: &Asked) -> PyResult<Py<Outcome>> {
         self.with(py, |back| match back {
             Back::Here(here) => here.window(py, asked),
             Back::There(there) => there.window(py, asked),
@@ -200,13 +218,13 @@ impl Simulation {
         loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
-    ) -> PyResult<Outcome> {
+    ) -> PyResult<Py<Outcome>> {
         let t1_ns = inputs::time(t1_ns, || "t1_ns".into())?;
         self.window(py, &Asked::of(Some(t1_ns), tools, loads, series, zones)?)
     }
 
     /// Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
-    /// asked for, also where Ctrl-C or trouble (status "early") had ended it before its end.
+    /// asked for, also where Ctrl-C, `stop` or trouble (status "early") had ended it before its end.
     #[pyo3(signature = (tools=None, loads=None, *, series=false, zones=false))]
     fn redo(
         &self,
@@ -215,18 +233,32 @@ impl Simulation {
         loads: Option<&Bound<'_, PyAny>>,
         series: bool,
         zones: bool,
-    ) -> PyResult<Outcome> {
+    ) -> PyResult<Py<Outcome>> {
         self.window(py, &Asked::of(None, tools, loads, series, zones)?)
     }
 
     /// A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
     /// does: with the force limits of the case, from what it remembers of its own steps.
     #[pyo3(signature = (*, series=false, zones=false))]
-    fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Outcome> {
+    fn step_by_machine(&self, py: Python<'_>, series: bool, zones: bool) -> PyResult<Py<Outcome>> {
         self.with_here(py, "step_by_machine", |here| {
             let asked = here.asked_by_machine(series, zones);
             here.window(py, &asked)
         })
+    }
+
+    /// The outcome of the last window as far as it was computed, also where Ctrl-C or another exception came instead of
+    /// it; None before the first window and after `restore`.
+    #[getter]
+    fn last(&self, py: Python<'_>) -> Option<Py<Outcome>> {
+        enter(&self.told).as_ref().map(|outcome| outcome.clone_ref(py))
+    }
+
+    /// Ends the window that another thread is computing after the step at hand: its outcome has the status "early" and
+    /// the code "stopped". One that another process computes goes on there, and its caller gets `Unreachable` with the
+    /// code "abandoned". Windows that are begun later are not ended.
+    fn stop(&self) {
+        self.work.stop();
     }
 
     /// Of the case's tamping cycle at this time: waiting, lift, insertion, squeeze, hold, withdrawal
@@ -297,9 +329,16 @@ impl Simulation {
         })
     }
 
-    /// Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay.
+    /// Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay. A window
+    /// that another thread is computing is ended as by `stop`, and waited for.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        match self.lock(py)?.take() {
+        if !self.work.close() {
+            let text = "what is to be closed is computing a window for this thread; `stop` ends it";
+            return Err(errors::error::<errors::Error>(py, "busy", text));
+        }
+        let mut back = enter_patiently(py, &self.back);
+        let _call = self.work.begin_last();
+        match back.take() {
             None => Ok(()),
             Some(Back::Here(mut here)) => here.stop_recording(py),
             Some(Back::There(there)) => there.close(py),
@@ -310,9 +349,17 @@ impl Simulation {
         this
     }
 
-    #[pyo3(signature = (*_error))]
-    fn __exit__(&self, py: Python<'_>, _error: &Bound<'_, PyTuple>) -> PyResult<()> {
-        self.close(py)
+    /// Closes. What goes wrong with that is a note to the exception on its way, where there is one.
+    #[pyo3(signature = (*error))]
+    fn __exit__(&self, py: Python<'_>, error: &Bound<'_, PyTuple>) -> PyResult<()> {
+        let Err(failure) = self.close(py) else { return Ok(()) };
+        match error.get_item(1) {
+            Ok(first) if !first.is_none() && failure.is_instance_of::<errors::Error>(py) => {
+                first.call_method1("add_note", (format!("close: {}", failure.value(py)),))?;
+                Ok(())
+            }
+            _ => Err(failure),
+        }
     }
 
     /// What it is a simulation of.
@@ -365,13 +412,35 @@ impl Simulation {
     /// Whether `close` was called.
     #[getter]
     fn is_closed(&self) -> bool {
-        enter_if_free(&self.back).is_some_and(|back| back.is_none())
+        self.work.is_closing()
     }
 
     /// Names of the driven bodies: tines, boundaries, sleepers.
     #[getter]
     fn bodies(&self) -> Vec<String> {
         self.about.names.to_vec()
+    }
+
+    /// What each driven body is, by name: "boundary", "sleeper" or "tine".
+    #[getter]
+    fn roles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (name, body) in self.about.names.iter().zip(&self.about.bodies) {
+            all.set_item(name, &body.role)?;
+        }
+        Ok(all)
+    }
+
+    /// What holds the driven bodies that loads can move, by name. The motion of the others is imposed.
+    #[getter]
+    fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (name, body) in self.about.names.iter().zip(&self.about.bodies) {
+            if let Some(mount) = &body.mount {
+                all.set_item(name, mount.clone())?;
+            }
+        }
+        Ok(all)
     }
 
     /// Number of grains.
@@ -400,12 +469,9 @@ impl Simulation {
 
     /// Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
     /// counter-clockwise from outside.
-    fn shape<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Solid<'py>> {
+    fn shape<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> PyResult<Solid<'py>> {
         let shapes = &self.ground(py, "shape")?.model.shapes;
-        let shape = shapes.get(index).ok_or_else(|| {
-            let text = format!("shape: expected less than {}, found {index}", shapes.len());
-            pyo3::exceptions::PyIndexError::new_err(text)
-        })?;
+        let shape = &shapes[inputs::index(index, "shape", shapes.len())?];
         Ok(solid(py, shape, &Pose::identity()))
     }
 
@@ -417,11 +483,7 @@ impl Simulation {
             let text = format!("body: expected one of {:?}, found {name:?}", self.about.names);
             pyo3::exceptions::PyKeyError::new_err(text)
         })?;
-        let solids = driven.parts.iter().filter_map(|part| match part {
-            Part::Convex { shape, pose } => Some(solid(py, &model.shapes[*shape as usize], pose)),
-            Part::HalfSpace { .. } => None,
-        });
-        Ok(solids.collect())
+        Ok(parts(py, model, driven))
     }
 
     /// The next window's first step fails as if by a fault of the program.
@@ -439,67 +501,5 @@ impl Simulation {
             Err(_) => "in use by another thread".into(),
         };
         format!("Simulation({:?}, {} grains, {now})", self.about.name, self.about.grains)
-    }
-}
-
-/// Corners and faces.
-type Solid<'py> = (Matrix<'py>, Vec<Vec<u16>>);
-
-fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> Solid<'py> {
-    let corners = shape.vertices.iter().map(|corner| pose.point(corner));
-    let corners: Vec<f64> = corners.flat_map(<[f64; 3]>::from).collect();
-    let ends = shape.face_starts.windows(2);
-    let faces = ends.map(|e| shape.face_vertices[e[0] as usize..e[1] as usize].to_vec()).collect();
-    (crate::arrays::table(py, &corners, 3), faces)
-}
-
-/// The way of a tine through the tamping cycle of its case.
-#[pyclass(frozen, module = "ballast")]
-pub struct Tine {
-    name: String,
-    pair: u32,
-    path: TinePath,
-}
-
-#[pymethods]
-impl Tine {
-    /// Its body's.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Number of its pair in the case: its squeezes are those of "pair_NUMBER".
-    #[getter]
-    fn pair(&self) -> u32 {
-        self.pair
-    }
-
-    /// Of its squeeze along x: 1 or -1.
-    #[getter]
-    fn direction(&self) -> f64 {
-        self.path.direction
-    }
-
-    /// (3,) where its reference point is before the cycle, m.
-    #[getter]
-    fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        crate::arrays::vector(py, &self.path.start)
-    }
-
-    /// Height of its reference point at full depth, m.
-    #[getter]
-    fn deep(&self) -> f64 {
-        self.path.deep
-    }
-
-    /// How far it closes, m.
-    #[getter]
-    fn stroke(&self) -> f64 {
-        self.path.stroke
-    }
-
-    fn __repr__(&self) -> String {
-        format!("Tine({:?}, pair {})", self.name, self.pair)
     }
 }

@@ -10,17 +10,18 @@ use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state;
 use ballast_beds::Case;
-use ballast_hdf5::checkpoint::{self, Kind};
+use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use ballast_scenario::Choices;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A state that was saved. Arrays are read-only and not copied; they keep their values while the
-/// simulation goes on, and stay valid as long as somebody holds them.
+/// simulation goes on, and stay valid as long as somebody holds them. It can be copied, which takes nothing, and pickled.
 ///
 /// A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-/// `time_ns`, `hash`, `target` and `target_twist`, and `restore` takes it.
+/// `time_ns`, `hash`, `target` and `target_twist`, `restore` takes it, and it cannot be pickled.
 #[pyclass(frozen, module = "ballast")]
 pub struct State(pub Saved);
 
@@ -51,7 +52,16 @@ const MACHINE: &str = "machine";
 impl Snapshot {
     fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
         let kept = py.detach(|| checkpoint::read(path)).map_err(|e| errors::file(py, e))?;
-        let name = path.display().to_string();
+        Self::of(py, kept, &path.display().to_string())
+    }
+
+    /// Of the bytes of such a file; `name` is what they are part of.
+    pub fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> PyResult<Self> {
+        let kept = py.detach(|| checkpoint::from_bytes(bytes));
+        Self::of(py, kept.map_err(|e| errors::file(py, format!("{name}: {e}")))?, name)
+    }
+
+    fn of(py: Python<'_>, kept: Checkpoint, name: &str) -> PyResult<Self> {
         if kept.kind != Kind::Run {
             let text = format!(
                 "{name}: it is a {}, not the state of a run; `ballast.open` starts a case from its bed",
@@ -61,7 +71,7 @@ impl Snapshot {
         }
         let choices = Choices::from_notes(&kept.extra)
             .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
-        let case = case::read(py, kept.case_text, &name)?.chosen(choices);
+        let case = case::read(py, kept.case_text, name)?.chosen(choices);
         let machine = match kept.extra.get(MACHINE) {
             None => Machine::new(&case.plan, &kept.model).map(|machine| {
                 // `ballast run` keeps the memory in the state; what others keep there is none of the machine's.
@@ -78,12 +88,17 @@ impl Snapshot {
         Ok(Self { model, state, case: Arc::new(case), machine })
     }
 
-    fn write(&self, py: Python<'_>, path: &Path) -> PyResult<()> {
-        let memory = serde_json::to_string(self.machine.memory())
-            .map_err(|e| errors::file(py, format!("{}: {e}", path.display())))?;
+    /// Writes what it is as a file by `put`.
+    fn put<T: Send>(
+        &self,
+        py: Python<'_>,
+        put: impl FnOnce(&Checkpoint) -> ballast_hdf5::Result<T> + Send,
+    ) -> PyResult<T> {
+        let memory = serde_json::to_string(self.machine.memory());
+        let memory = memory.map_err(|e| errors::file(py, format!("note {MACHINE:?}: {e}")))?;
         let notes = [(MACHINE.into(), memory)].into();
-        let kept = self.case.checkpoint(&self.model, &self.state, notes);
-        py.detach(|| checkpoint::write(path, &kept)).map_err(|e| errors::file(py, e))
+        let put = || put(&self.case.checkpoint(&self.model, &self.state, notes));
+        py.detach(put).map_err(|e| errors::file(py, e))
     }
 
     /// Rows of the grains `[ng]`.
@@ -127,7 +142,23 @@ impl State {
 
     /// Writes the state to a file from which it goes on to the same bytes, also in another process.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        self.here(py, "write")?.write(py, &path)
+        self.here(py, "write")?.put(py, |kept| checkpoint::write(path, kept))
+    }
+
+    /// Pickled as the bytes of the file that `write` would leave.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Told<'py>> {
+        let bytes = self.here(py, "pickle")?.put(py, |kept| checkpoint::to_bytes(PICKLED, kept))?;
+        let again = py.import("ballast._ballast")?.getattr("state_again")?;
+        Ok((again, (PyBytes::new(py, &bytes),)))
+    }
+
+    /// Nothing changes a state.
+    fn __copy__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        this
+    }
+
+    fn __deepcopy__<'py>(this: PyRef<'py, Self>, _memo: &Bound<'py, PyAny>) -> PyRef<'py, Self> {
+        this
     }
 
     /// Simulated time, ns since the start of the run.
@@ -245,6 +276,18 @@ impl State {
             }
         }
     }
+}
+
+/// What makes a state of bytes, and these.
+type Told<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
+
+/// What messages call a state that was pickled.
+const PICKLED: &str = "a pickled state";
+
+/// A state that was pickled.
+#[pyfunction]
+pub fn state_again(py: Python<'_>, bytes: &[u8]) -> PyResult<State> {
+    Ok(State(Saved::Here(Snapshot::from_bytes(py, bytes, PICKLED)?)))
 }
 
 /// The number of a driven body.

@@ -7,7 +7,8 @@ use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Error, Lost, Unreachable};
 use crate::lock::enter;
 use crate::outcome::{Outcome, Series, Trouble};
-use crate::simulation::Asked;
+use crate::simulation::{Asked, Told};
+use crate::work::Work;
 use ballast::component::Twist;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
@@ -17,7 +18,7 @@ use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
 use ballast_zenoh::{Client, Description, Link, Patience};
 use pyo3::prelude::*;
 use std::collections::BTreeSet;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
@@ -41,10 +42,15 @@ struct Driver {
 }
 
 impl Driver {
-    fn attach(py: Python<'_>, name: &str, link: &Link) -> PyResult<(Self, Description)> {
+    fn attach(
+        py: Python<'_>,
+        name: &str,
+        link: &Link,
+        is_given_up: Arc<AtomicBool>,
+    ) -> PyResult<(Self, Description)> {
         let process = std::process::id();
         check_process(py, *FIRST.get_or_init(|| process))?;
-        let (crew, is_given_up) = (Crew::apart(), Arc::default());
+        let crew = Crew::apart();
         let turn = Turn::until(Arc::clone(&is_given_up));
         let attached = attend(py, &crew, &turn, |_| {
             let patience = Patience::default();
@@ -65,20 +71,17 @@ impl Driver {
         self.client.as_ref().expect(PRESENT)
     }
 
-    /// Does `work` with the client; Ctrl-C ends every call of it within a moment, and is given back beside what came of
-    /// it.
+    /// Does `work` with the client; Ctrl-C ends every call of it within a moment, up to the end of the call that asks for
+    /// it ([`Work::begin`]), and is given back beside what came of it.
     fn ask<T: Send>(
         &mut self,
         py: Python<'_>,
         work: impl FnOnce(&mut Client) -> T + Send,
     ) -> PyResult<(T, Option<PyErr>)> {
         check_process(py, self.process)?;
-        let is_given_up = Arc::clone(&self.client().line().is_given_up);
-        let turn = Turn::until(Arc::clone(&is_given_up));
+        let turn = Turn::until(Arc::clone(&self.client().line().is_given_up));
         let Self { client, crew, .. } = self;
-        let done = attend(py, crew, &turn, |_| work(client.as_mut().expect(PRESENT)));
-        is_given_up.store(false, Ordering::Relaxed);
-        done
+        attend(py, crew, &turn, |_| work(client.as_mut().expect(PRESENT)))
     }
 
     /// The same for what has no effect that is to be taken note of when Ctrl-C came in between.
@@ -140,13 +143,24 @@ pub struct There {
     /// The last window's ends, ns, and the targets at its beginning.
     last: Option<([u64; 2], Targets)>,
     /// Asked, and not answered yet.
-    pending: Option<(WindowKind, Arc<AdvanceRequest>)>,
+    pending: Option<Pending>,
+    work: Arc<Work>,
+    told: Told,
     /// It has failed inside, over there.
     is_lost: bool,
     /// How many states were kept, which still are, and those of them that nobody here holds any more.
     count: u64,
     kept: BTreeSet<String>,
     forgotten: Arc<Mutex<Vec<String>>>,
+}
+
+/// A window that was asked for.
+#[derive(Clone)]
+struct Pending {
+    kind: WindowKind,
+    request: Arc<AdvanceRequest>,
+    /// Its zones are asked for, too.
+    zones: bool,
 }
 
 /// A state that is kept elsewhere; it is forgotten there when nobody here holds it any more.
@@ -169,7 +183,8 @@ impl Drop for Kept {
 impl There {
     /// Becomes the owner of the component `site/id`.
     pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
-        let (driver, about) = Driver::attach(py, name, &link)?;
+        let work = Arc::<Work>::default();
+        let (driver, about) = Driver::attach(py, name, &link, Arc::clone(&work.is_over))?;
         let target = |body: &Body| {
             let orientation = body.orientation.try_into()?;
             let pose = Pose { position: body.position.into(), orientation };
@@ -182,6 +197,8 @@ impl There {
             targets: targets.map_err(|e| unusable(py, "describe", &e))?,
             last: None,
             pending: None,
+            work,
+            told: Told::default(),
             is_lost: false,
             count: 0,
             kept: BTreeSet::new(),
@@ -198,18 +215,28 @@ impl There {
         self.is_lost
     }
 
-    pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
-        if let Some((kind, request)) = &self.pending {
+    pub fn work(&self) -> &Arc<Work> {
+        &self.work
+    }
+
+    pub fn told(&self) -> &Told {
+        &self.told
+    }
+
+    pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Py<Outcome>> {
+        if let Some(Pending { kind, request, .. }) = &self.pending {
             // The same once more is what was asked before; anything else comes after it.
             let again = self.request(py, *kind, asked);
-            if again.is_ok_and(|again| again == **request) {
-                return self.pending_window(py, asked);
+            if !again.is_ok_and(|again| again == **request) {
+                self.settle(py)?;
             }
-            self.settle(py)?;
         }
-        let kind = asked.kind();
-        self.pending = Some((kind, self.request(py, kind, asked)?.into()));
-        self.pending_window(py, asked)
+        let request = match self.pending.take() {
+            Some(Pending { request, .. }) => request,
+            None => self.request(py, asked.kind(), asked)?.into(),
+        };
+        self.pending = Some(Pending { kind: asked.kind(), request, zones: asked.zones });
+        self.answer(py)
     }
 
     fn request(&self, py: Python<'_>, kind: WindowKind, asked: &Asked) -> PyResult<AdvanceRequest> {
@@ -221,6 +248,7 @@ impl There {
                 return Err(errors::refused(py, "nothing_to_redo", "redo", expected, "none"));
             }
         };
+        check_times(py, asked)?;
         request.motions = asked.motions.iter().map(Into::into).collect();
         request.loads = asked.loads.iter().map(Into::into).collect();
         request.series = asked.series;
@@ -233,35 +261,20 @@ impl There {
             return Ok(());
         }
         match self.answer(py) {
-            Ok(_) => Ok(()),
-            // It was refused: nothing has changed, and that is all that matters now.
-            Err(_) if self.pending.is_none() => Ok(()),
-            Err(error) => Err(error),
+            // Where it was refused, nothing has changed, and that is all that matters now.
+            Err(error) if self.pending.is_some() || !error.is_instance_of::<Error>(py) => {
+                Err(error)
+            }
+            _ => Ok(()),
         }
-    }
-
-    fn pending_window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Outcome> {
-        let begin = Instant::now();
-        let reply = self.answer(py)?;
-        let wall_s = begin.elapsed().as_secs_f64();
-        let inner = reply.outcome();
-        let verb = Verb::Window(asked.kind()).word();
-        let mut inner = inner.map_err(|e| unusable(py, verb, &e))?;
-        if !asked.zones {
-            inner.zones.clear();
-        }
-        let trouble = (!reply.message.is_empty())
-            .then(|| Trouble { code: reply.code.clone(), text: reply.message.clone() });
-        let names = Arc::clone(&self.names);
-        let series = asked.series.then(|| Py::new(py, Series::new(reply.series, &names)));
-        Ok(Outcome { inner, trouble, wall_s, names, series: series.transpose()? })
     }
 
     /// Asks for the pending window until there is an answer, and takes up where it leads.
-    fn answer(&mut self, py: Python<'_>) -> PyResult<AdvanceReply> {
-        let Some((kind, request)) = self.pending.clone() else {
+    fn answer(&mut self, py: Python<'_>) -> PyResult<Py<Outcome>> {
+        let Some(Pending { kind, request, zones }) = self.pending.clone() else {
             return Err(errors::error::<Error>(py, "failed", "no window is pending"));
         };
+        let begin = Instant::now();
         let send = |client: &mut Client| client.send(kind, Arc::clone(&request));
         let (result, raised) = self.driver.ask(py, send)?;
         let reply = match result {
@@ -275,8 +288,20 @@ impl There {
             }
         };
         self.pending = None;
+        *enter(&self.told) = None;
         self.take(py, kind, &request, &reply)?;
-        raised.map_or(Ok(reply), Err)
+        let mut inner = reply.outcome().map_err(|e| unusable(py, Verb::Window(kind).word(), &e))?;
+        if !zones {
+            inner.zones.clear();
+        }
+        let trouble = (!reply.message.is_empty())
+            .then(|| Trouble { code: reply.code.clone(), text: reply.message.clone() });
+        let names = Arc::clone(&self.names);
+        let series = request.series.then(|| Py::new(py, Series::new(reply.series, &names)));
+        let (wall_s, series) = (begin.elapsed().as_secs_f64(), series.transpose()?);
+        let outcome = Py::new(py, Outcome { inner, trouble, wall_s, names, series })?;
+        *enter(&self.told) = Some(outcome.clone_ref(py));
+        raised.map_or(Ok(outcome), Err)
     }
 
     /// Where the answered window has led.
@@ -369,12 +394,26 @@ impl There {
             return Err(raised.unwrap_or_else(|| failed(py, error)));
         }
         (self.targets, self.last, self.is_lost) = (Arc::clone(&kept.targets), None, false);
+        *enter(&self.told) = None;
         raised.map_or(Ok(()), Err)
     }
 
     /// Leaves; the run stays where it is, and what was kept of it for this simulation is forgotten.
     pub fn close(mut self, py: Python<'_>) -> PyResult<()> {
         self.driver.leave(py, &self.kept)
+    }
+}
+
+/// Refuses times that messages do not hold.
+fn check_times(py: Python<'_>, asked: &Asked) -> PyResult<()> {
+    let motions = asked.motions.iter().flat_map(|input| &input.waveform.knots).map(|k| k.time_ns);
+    let loads = asked.loads.iter().flat_map(|input| &input.waveform.knots).map(|k| k.time_ns);
+    let times = motions.chain(loads).map(|time_ns| ("times_ns", time_ns));
+    let mut times = asked.t1_ns.map(|time_ns| ("t1_ns", time_ns)).into_iter().chain(times);
+    let expected = "ns since the start of the run, from 0 to 2^63 - 1: messages hold no more";
+    match times.find(|(_, time_ns)| i64::try_from(*time_ns).is_err()) {
+        Some((place, time_ns)) => Err(errors::invalid(py, place, expected, time_ns)),
+        None => Ok(()),
     }
 }
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+import pickle
 import signal
 import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import ballast
 import numpy as np
 import pytest
 from conftest import ROOT
+from test_simulation import begun
 
 PROGRAM = ROOT / "target/release/ballast"
 KEY = "test/bed"
@@ -137,6 +140,11 @@ def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> No
         assert isinstance(there, ballast.Simulation)
         assert (there.bodies, there.step_ns) == (sim.bodies, sim.step_ns)
         assert (there.grains, there.schedule) == (sim.grains, sim.schedule)
+        assert there.roles == sim.roles and there.mounts.keys() == sim.mounts.keys()
+        for name, mount in there.mounts.items():
+            own = sim.mounts[name]
+            assert (mount.mass, mount.freedoms, repr(mount)) == (own.mass, own.freedoms, repr(own))
+            assert mount.stiffness.tolist() == own.stiffness.tolist() and mount.damping.tolist() == own.damping.tolist()
         assert story(there) == story(sim)
         outs = [s.advance_to(s.now_ns + 3 * s.step_ns, series=True, zones=True) for s in (sim, there)]
         assert outs[0].zones.keys() == outs[1].zones.keys() and outs[0].zones
@@ -195,6 +203,15 @@ def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: 
         with pytest.raises(ballast.Refused) as refused:
             there.advance_to(there.step_ns + 1)
         assert refused.value.nearest_ns == (there.step_ns, 2 * there.step_ns)
+        for beyond in (2**63, 2**64 - 1):
+            with pytest.raises(ballast.Refused, match=f"t1_ns: expected .* to 2.63 - 1.*, found {beyond}"):
+                there.advance_to(beyond)
+            late = ballast.Motion([0, beyond], [[0, 0, 0]] * 2)
+            with pytest.raises(ballast.Refused, match=f"times_ns: expected .*, found {beyond}"):
+                there.advance_to(there.step_ns, {"tine_1_plus": late})
+        with pytest.raises(ballast.Refused, match="pickle") as refused:
+            pickle.dumps(there.save())
+        assert refused.value.code == "elsewhere"
         with pytest.raises(ballast.Refused, match="python") as refused:
             served.open()
         assert refused.value.code == "busy"
@@ -244,7 +261,28 @@ def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served
         threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(2 * end)
+        assert there.last is out
         assert there.save().time_ns == 2 * end == there.now_ns
+        # Its outcome has nobody waited for.
+        assert there.last is not None and (there.last.t1_ns, there.last.steps) == (2 * end, n)
+
+
+def test_another_thread_ends_the_wait(served: Served) -> None:
+    with ThreadPoolExecutor(1) as pool, served.open() as there:
+        there.stop()
+        n, begin = 1500, there.now_ns
+        window = begun(there, pool, n)
+        there.stop()
+        with pytest.raises(ballast.Unreachable, match="given up") as unreachable:
+            window.result(timeout=60)
+        assert unreachable.value.code == "abandoned" and there.last is None
+        # It goes on over there, and the same call gives its outcome.
+        out = there.advance_to(begin + n * there.step_ns)
+        assert out.steps == n and there.last is out
+        window = begun(there, pool, 100_000)
+        there.close()
+        with pytest.raises(ballast.Unreachable):
+            window.result(timeout=60)
 
 
 def test_leaving_does_not_wait_for_a_window_that_was_given_up(served: Served) -> None:

@@ -101,9 +101,12 @@ def test_types(check: list[str], tmp_path: Path) -> None:
 
 
 USES = """
+from collections.abc import Mapping
+
 import ballast
 import numpy as np
 import numpy.typing as npt
+from ballast import study
 
 def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64]) -> ballast.Outcome:
     times = np.linspace(sim.now_ns, sim.now_ns + 5 * sim.step_ns, 3).astype(int)
@@ -112,7 +115,17 @@ def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64
     ballast.Motion(range(3), rows)
     for seed in seeds:
         case = case.choose(seed=seed)
+    out: Mapping[str, ballast.BodyOutcome] = dict(sim.advance_to(times[0]))
+    assert list(out) == sim.bodies
     return sim.advance_to(times[-1], {"tine_1": ballast.Motion(times, rows)}, {"sleeper_1": ballast.Load(times, rows)})
+
+def whole(case: ballast.Case, beds: str) -> dict[str, int]:
+    return {"seed": case.seed}
+
+def some(case: ballast.Case, beds: str) -> dict[str, float | None]:
+    return {"seed": None}
+
+MEASURES: list[study.Measure] = [whole, some, study.tamp]
 """
 
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import os
+import pickle
 import re
 import resource
 import signal
 import subprocess
 import sys
 import threading
+import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
@@ -66,6 +70,12 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
     assert all(z.compactness == out.zones[n].compactness for n, z in sim.zones().items())
     assert not sim.advance_to(11 * sim.step_ns).zones
     assert tine.name in out and "nobody" not in out and 1 not in out
+    # It is a mapping of bodies.
+    assert list(out) == list(out.keys()) == sim.bodies and len(out) == len(sim.bodies)
+    assert [body.work for body in dict(out).values()] == [body.work for body in out.values()]
+    assert {name: body.work for name, body in out.items()} == {name: out[name].work for name in out}
+    assert repr(out.solver).startswith(f"SolverOutcome({out.solver.iterations} iterations, ")
+    assert repr(out.energy).startswith("EnergyLedger(kinetic=") and repr(series) == "Series(10 steps)"
     with pytest.raises(KeyError, match=f"'body: expected one of .*{tine.name}.*, found nobody'"):
         out["nobody"]
 
@@ -479,19 +489,125 @@ def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:
     assert closed.value.code == "closed"
 
 
+def begun(sim: ballast.Simulation, pool: ThreadPoolExecutor, steps: int, **asked: bool) -> Future[ballast.Outcome]:
+    """A window in the midst of its computation by another thread."""
+    end, is_near = sim.now_ns + steps * sim.step_ns, threading.Event()
+
+    def window() -> ballast.Outcome:
+        is_near.set()
+        return sim.advance_to(end, **asked)
+
+    computed = pool.submit(window)
+    assert is_near.wait(60)
+    time.sleep(0.3)
+    assert not computed.done()
+    return computed
+
+
+#: Steps of a window that would last for hours.
+MANY = 10_000_000
+
+
+def test_another_thread_ends_a_window(sim: ballast.Simulation) -> None:
+    sim.stop()
+    assert sim.last is None
+    with ThreadPoolExecutor(1) as pool:
+        window = begun(sim, pool, MANY, series=True, zones=True)
+        sim.stop()
+        out = window.result(timeout=60)
+    assert (out.status, out.code) == ("early", "stopped") and "`stop`" in (out.trouble or "")
+    assert 0 < out.steps == len(out.series or []) and out.zones
+    assert out.t1_ns == sim.now_ns == out.steps * sim.step_ns
+    assert sim.last is out
+    # It ends no window to come.
+    sim.stop()
+    assert advance(sim).steps == STEPS
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_closing_ends_the_window_of_another_thread(case: ballast.Case, beds: Path, threads: int) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        with pytest.raises(KeyboardInterrupt):
+            with ballast.open(case, beds=beds, threads=threads, progress=False) as sim:
+                window = begun(sim, pool, MANY)
+                raise KeyboardInterrupt
+        assert sim.is_closed and sim.last is window.result(timeout=60)
+        assert (window.result().status, window.result().code) == ("early", "stopped")
+        with pytest.raises(ballast.Error, match="was closed") as closed:
+            pool.submit(advance, sim).result(timeout=60)
+        assert closed.value.code == "closed"
+
+
+def test_ctrl_c_reaches_who_waits_for_another_thread(sim: ballast.Simulation) -> None:
+    with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
+        with sim:
+            window = begun(sim, pool, MANY)
+            threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+            window.result(timeout=60)
+    assert window.result(timeout=60).code == "stopped"
+
+
+def test_a_thread_does_not_wait_for_itself(sim: ballast.Simulation) -> None:
+    codes = []
+
+    def handle(*_: object) -> None:
+        try:
+            sim.close()
+        except ballast.Error as error:
+            codes.append(error.code)
+        sim.stop()
+
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        assert advance(sim, MANY).code == "stopped"
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert codes == ["busy"] and not sim.is_closed
+    advance(sim)
+
+
+def test_what_goes_wrong_at_the_end_hides_no_exception(
+    sim: ballast.Simulation, case: ballast.Case, beds: Path, tmp_path: Path
+) -> None:
+    def unwritten(sim: ballast.Simulation) -> None:
+        """Its recording cannot be written any more."""
+        sim.record(tmp_path / "run.mcap")
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+        try:
+            with pytest.warns(RuntimeWarning, match="cannot write"):
+                for steps in range(1, 61):
+                    sim.advance_to(steps * sim.step_ns)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    with pytest.raises(ZeroDivisionError) as raised, sim:
+        unwritten(sim)
+        _ = 1 // 0
+    [note] = raised.value.__notes__
+    assert note.startswith("close: ") and "cannot write" in note
+    with pytest.raises(ballast.FileError, match="cannot write"):
+        with ballast.open(case, beds=beds, threads=1, progress=False) as other:
+            unwritten(other)
+
+
 def interrupted_window(sim: ballast.Simulation) -> None:
     """A window that would last for hours, and Ctrl-C after a moment."""
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        advance(sim, 10_000_000)
+        advance(sim, MANY)
     timer.join()
 
 
 def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
     interrupted_window(sim)
-    now = sim.now_ns
-    assert 0 < now < 10_000_000 * sim.step_ns and now % sim.step_ns == 0
+    now, out = sim.now_ns, sim.last
+    assert 0 < now < MANY * sim.step_ns and now % sim.step_ns == 0
+    assert out is not None and (out.status, out.code) == ("early", "stopped")
+    assert (out.t0_ns, out.t1_ns, out.steps) == (0, now, now // sim.step_ns)
+    assert "KeyboardInterrupt" in (out.trouble or "") and out["floor"].impulse[2] < 0.0
     interrupted = sim.save()
     advance(sim)
     after = sim.save().hash
@@ -512,6 +628,26 @@ def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds
     done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) > 0
+
+
+def test_the_last_outcome_is_that_of_the_last_window(sim: ballast.Simulation) -> None:
+    assert sim.last is None
+    out = advance(sim)
+    kept = sim.save()
+    assert sim.last is out and sim.fork().last is out
+    again = sim.redo()
+    assert sim.last is again is not out
+    with pytest.raises(ballast.Refused):
+        sim.advance_to(0)
+    assert sim.last is again
+    sim.restore(kept)
+    assert sim.last is None
+    out = sim.step_by_machine()
+    assert sim.last is out
+    sim._fail_next()
+    with pytest.raises(ballast.Lost):
+        advance(sim)
+    assert sim.last is None
 
 
 def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:
@@ -540,10 +676,149 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
     assert [(w["request"]["t0_ns"], w["request"]["t1_ns"]) for w in windows] == [
         (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
     ]
-    assert set(windows[0]) == {"seq", "t0_ns", "t1_ns", "request", "hash", "reply_digest"}
+    record = {"seq", "t0_ns", "t1_ns", "request", "hash", "reply_digest"}
+    assert set(windows[0]) == record | {"tools", "loads", "outcome"}
     assert all(f"`{part}`" in str(ballast.Recording.__doc__) for part in windows[0])
     call(tmp_path, "verify", path)
     assert final in call(tmp_path, "replay", path, "--out", tmp_path / "replay")
+
+
+def numbers(out: ballast.Outcome) -> object:
+    """All that an outcome of a recording tells, too."""
+
+    def of(part: object) -> list[object]:
+        names = [name for name in dir(part) if not name.startswith("_")]
+        return [(name, np.asarray(getattr(part, name)).tobytes()) for name in names]
+
+    parts = [*out.values(), *out.zones.values(), *out.squeezes.values(), out.solver, out.energy]
+    ends = (out.status, out.code, out.trouble, out.t0_ns, out.t1_ns, out.steps)
+    return ends, list(out), list(out.zones), list(out.squeezes), [of(part) for part in parts]
+
+
+def test_a_recorded_window_can_be_asked_again(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    spring = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6}
+    sprung, path = case.with_values({"sleepers.mount": spring}), tmp_path / "run.mcap"
+    with ballast.open(sprung, beds=beds, seed=12, threads=1, progress=False) as sim:
+        h, told, hashes = sim.step_ns, [], []
+        sim.record(path)
+        assert {name for name, role in sim.roles.items() if role == "tine"} == {tine.name for tine in sim.tines}
+        for held in (True, False):
+            times, now = [sim.now_ns, sim.now_ns + 2 * h, sim.now_ns + 6 * h], sim.now_ns
+            push = ballast.Load(times, [[0, 0, 0], [1, 2, -900], [3, 0, -100]], [[0, 1, 0]] * 3, held=held)
+            told.append(sim.advance_to(now + 5 * h, lowered(sim, 1e-3, 6), {"sleeper_1": push}, zones=True))
+            hashes.append(sim.save().hash)
+        ends = sim.save().target(tine := sim.tines[0].name)[0], sim.now_ns
+        turned = [[0, 0, 0, 1], [0, 0, np.sin(0.01), np.cos(0.01)]]
+        swing = ballast.Motion([ends[1], ends[1] + 4 * h], [ends[0]] * 2, turned, velocities=np.zeros((2, 3)),
+                               spins=np.zeros((2, 3)), rebase=True)  # fmt: skip
+        told.append(sim.advance_to(ends[1] + 4 * h, {tine: swing}))
+        hashes.append(sim.save().hash)
+        for _ in range(120):
+            told.append(sim.step_by_machine())
+            hashes.append(sim.save().hash)
+    recording = ballast.read(path)
+    assert isinstance(recording, ballast.Recording) and recording.start is None
+    assert recording.case == sim.case and recording.case.seed == 12
+    assert repr(recording) == f'Recording("{path}")'
+    windows = list(recording)
+    assert any(window["outcome"].squeezes for window in windows) and windows[0]["outcome"].zones
+    with ballast.open(recording.case, beds=beds, threads=1, progress=False) as again:
+        for window, out, hash in zip(windows, told, hashes, strict=True):
+            kept = window["outcome"]
+            assert numbers(kept) == numbers(out)
+            assert np.isnan(kept.wall_s) and (kept.hint_max_step_ns, kept.series) == (0, None)
+            again.advance_to(window["t1_ns"], window["tools"], window["loads"])
+            assert again.save().hash == window["hash"] == hash
+
+
+def test_a_recording_knows_its_beginning(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
+    advance(sim)
+    kept = sim.save()
+    sim.record(tmp_path / "later.mcap")
+    end = end_of(sim)
+    sim.close()
+    recording = ballast.read(tmp_path / "later.mcap")
+    assert isinstance(recording, ballast.Recording) and recording.start is not None
+    assert recording.start.hash == kept.hash
+    with ballast.open(recording.case, beds=beds, threads=1, progress=False) as again:
+        again.restore(recording.start)
+        for window in recording:
+            again.advance_to(window["t1_ns"], window["tools"], window["loads"])
+        assert again.save().hash == end
+
+
+def test_a_recording_of_the_program_is_read_as_well(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    case.write(tmp_path / "tiny.toml")
+    path = tmp_path / "run.mcap"
+    call(tmp_path, "run", tmp_path / "tiny.toml", "--record", path, "--out", tmp_path / "run")
+    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+        for count, window in enumerate(ballast.read(path), 1):
+            out = sim.advance_to(window["t1_ns"], window["tools"], window["loads"])
+            assert numbers(window["outcome"])[0] == (out.status, None, None, out.t0_ns, out.t1_ns, 1)
+            assert all(body.work == out[name].work for name, body in window["outcome"].items())
+    assert count == 180
+
+
+def test_states_motions_and_loads_are_pickled(sim: ballast.Simulation, tmp_path: Path) -> None:
+    for _ in range(65):
+        sim.step_by_machine()
+    state = sim.save()
+    again = pickle.loads(pickle.dumps(state))
+    assert again.hash == state.hash and repr(again) == repr(state)
+    assert copy.copy(state) is state and copy.deepcopy([state])[0] is state
+    with ballast.resume(again, threads=1) as other:
+        for _ in range(10):
+            sim.step_by_machine()
+            other.step_by_machine()
+        assert other.save().hash == sim.save().hash
+    for motion in (
+        ballast.Motion([], np.zeros((0, 3))),
+        ballast.Motion([1, 2**64 - 1], [[0.1, 0.2, 0.3], [1e-300, -0.0, 3.0]], rebase=True),
+        ballast.Motion([5], [[1, 2, 3]], [[0.6, 0, 0, 0.8]], interpolation="hold"),
+        ballast.Motion([5], [[1, 2, 3]], interpolation="hermite"),
+        ballast.Motion([1, 5], np.eye(2, 3), [[0.6, 0, 0, 0.8], [0, 0.6, 0.8, 0]], velocities=np.ones((2, 3)), spins=np.eye(2, 3)),
+    ):
+        for made in (pickle.loads(pickle.dumps(motion)), copy.copy(motion), copy.deepcopy(motion)):
+            assert isinstance(made, ballast.Motion) and repr(made) == repr(motion)
+            assert parts_of(made) == parts_of(motion)
+    for held in (True, False):
+        load = ballast.Load([1, 2], np.eye(2, 3), -np.eye(2, 3) / 3, held=held)
+        made = pickle.loads(pickle.dumps(load))
+        assert isinstance(made, ballast.Load) and parts_of(made) == parts_of(load)
+        assert parts_of(load)[1]["held"] is held
+
+
+def parts_of(input: ballast.Motion | ballast.Load) -> tuple[list[bytes], dict[str, object]]:
+    rows, named = input.__getnewargs_ex__()
+    plain = {name: value if np.ndim(value) == 0 else value.tobytes() for name, value in named.items()}
+    return [np.asarray(row).tobytes() for row in rows], plain
+
+
+def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
+    spring = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6, "damping_N_s_per_m": 3e3}
+    own = case.with_values({"sleepers.mount": spring, "tines.mount.rigid": True})
+    with ballast.open(own, beds=beds, threads=1, progress=False) as sim:
+        roles = {"sleeper_1": "sleeper", "tine_1_plus": "tine", "tine_1_minus": "tine"}
+        assert list(sim.roles) == sim.bodies
+        assert sim.roles == {name: roles.get(name, "boundary") for name in sim.bodies}
+        [(name, mount)] = sim.mounts.items()
+        assert name == "sleeper_1" and mount.mass == 2.0
+        assert mount.freedoms == ("held", "held", "sprung", "held", "held", "held")
+        assert mount.stiffness.tolist() == [0, 0, 1e6, 0, 0, 0] and mount.damping.tolist() == [0, 0, 3e3, 0, 0, 0]
+        assert repr(mount) == "Mount(2 kg, held, held, sprung, held, held, held)"
+
+
+def test_shapes_are_counted_from_both_ends(sim: ballast.Simulation) -> None:
+    # Those of driven bodies come after those of the grains.
+    n = int(sim.shape_of.max()) + 1
+    with suppress(IndexError):
+        while True:
+            sim.shape(n)
+            n += 1
+    assert np.array_equal(sim.shape(-1)[0], sim.shape(n - 1)[0]) and np.array_equal(sim.shape(-n)[0], sim.shape(0)[0])
+    for beyond in (n, -n - 1, 2**70, -(2**70)):
+        with pytest.raises(IndexError, match=f"shape: expected -{n} to {n - 1}, found {beyond}"):
+            sim.shape(beyond)
 
 
 def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path) -> None:

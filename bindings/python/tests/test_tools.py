@@ -12,6 +12,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 import warnings
@@ -134,6 +135,53 @@ def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s
     assert times[-1] == 1.0 and times == sorted(set(times)) and len(times) == (3 if interval_s == 0.07 else 1)
 
 
+def test_a_step_of_an_episode_is_whole_steps(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    for interval_s, nearest in ((0.0205, "0.02 or 0.021"), (4e-4, "0.001"), (1e-10, "0.001"), (0.001000001, "0.001 or 0.002")):
+        said = f"interval_s: expected a whole number of steps of 0.001 s, such as {nearest}, found {interval_s}"
+        with pytest.raises(ValueError, match=re.escape(said)):
+            TampingEnv(case, beds=beds, interval_s=interval_s)
+
+
+def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    def rest(env: TampingEnv) -> list[object]:
+        seen: list[object] = []
+        for speed in (1.0, 0.5):
+            observation, *more = env.step(np.array([speed, -speed, 1.0]))
+            seen += [observation.tolist(), *more]
+        return seen
+
+    env = TampingEnv(case, beds=beds)
+    with pytest.raises(ballast.Error, match="save: expected an episode, found none"):
+        env.save()
+    env.reset(seed=1)
+    before, *_ = env.step(np.array([1.0, 0.0, 1.0]))
+    kept = env.save()
+    told = rest(env)
+    assert env.restore(kept).tolist() == before.tolist() and rest(env) == told
+    other = TampingEnv(case, beds=beds)
+    assert other.restore(pickle.loads(pickle.dumps(kept))).tolist() == before.tolist() and rest(other) == told
+    slower = TampingEnv(case.with_values({"tamping.vibration.frequency_Hz": 20.0}), beds=beds)
+    with pytest.raises(ballast.Error, match="restore: expected an episode of"):
+        slower.restore(kept)
+
+
+def test_an_environment_keeps_few_states(case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast import gym
+
+    monkeypatch.setattr(gym, "BEGUN", 2)
+    env = gym.TampingEnv(case, seeds=[case.seed, 12], beds=beds)
+    for bed in (12, case.seed, 99, case.seed, 12):
+        env._start(bed)
+    assert list(env._begun) == [case.seed, 12]
+
+
 class Interrupted:
     """A simulation whose windows Ctrl-C ends after their first step."""
 
@@ -186,6 +234,34 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     pd.testing.assert_frame_equal(first, table.loc[:0, first.columns])
     assert table["work J"].iloc[0] != table["work J"].iloc[1]
     assert 0.2 < table["under sleeper_1: after"].iloc[0] < 0.9
+
+
+def test_a_study_of_no_points_is_an_empty_table(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    table = study.run(case, [], tmp_path, progress=False)
+    assert len(table) == 0 and table["error"].tolist() == []
+
+
+def says_numbers_of_numpy(case: ballast.Case, beds: str) -> dict[str, object]:
+    return {"real": np.float32(0.5), "whole": np.int64(3), "is": np.bool_(True), "none": None}
+
+
+def says_text_of_numpy(case: ballast.Case, beds: str) -> dict[str, object]:
+    return {"text": np.str_("a")}
+
+
+def test_figures_are_numbers(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    with ThreadPoolExecutor(1) as pool:
+        ask = {"executor": pool, "beds": beds, "progress": False}
+        table = study.run(case, [{}], tmp_path, measure=says_numbers_of_numpy, **ask)
+        assert table.iloc[0].to_dict() == {"real": 0.5, "whole": 3, "is": True, "none": None, "error": None}
+        table = study.run(case, [{}], tmp_path, measure=says_text_of_numpy, **ask)
+    assert "expected a dictionary from names to numbers, found 'text': " in table["error"].iloc[0]
 
 
 def the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
@@ -732,12 +808,34 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert positions.shape == (results.bodies[0] + len(results.bodies[1]), 3)
     assert np.allclose(np.linalg.norm(orientations, axis=1), 1.0)
     assert np.array_equal(positions[: sim.grains], sim.save().positions)
+    for backwards, beyond in ((-1, len(results.steps)), (-len(results.steps), -len(results.steps) - 1)):
+        assert np.array_equal(results.poses(backwards)[0], results.poses(backwards + len(results.steps))[0])
+        with pytest.raises(IndexError, match=f"frame: expected -{len(results.steps)} to .*, found {beyond}"):
+            results.poses(beyond)
+    assert repr(results) == f'Results("tiny", {len(results.steps)} frames)'
+    for ask in (results.table, results.units):
+        with pytest.raises(KeyError, match="table: expected one of steps, zones, found nope"):
+            ask("nope")
+    for unknown in ("results", "results.h5", "results.mcap"):
+        (tmp_path / unknown).write_bytes((tmp_path / "run/results.vtkhdf").read_bytes())
+        assert isinstance(ballast.read(tmp_path / unknown), ballast.Results)
+    (tmp_path / "checkpoint.vtkhdf").write_bytes((tmp_path / "run/checkpoint.h5").read_bytes())
+    assert isinstance(ballast.read(tmp_path / "checkpoint.vtkhdf"), ballast.State)
     steps = results.table("steps")
     assert len(steps["time"]) == 180 and results.units("steps")["time"] == "s"
     figure = plot.overview(results)
     figure.savefig(tmp_path / "overview.png")
     loops = figure.axes[2].lines
     assert len(loops) == 2 and all(len(line.get_xdata()) > 20 for line in loops)
+    for window_s, n in ((0.004, 4), (0.0013, 1), (1e-9, 1), (10.0, 180), (math.inf, 180)):
+        ax = plot.forces(results, window_s=window_s)
+        assert ax.get_ylabel() == f"force, mean over {n} ms, kN"
+        force = np.linalg.norm(_last_rows(steps, "tine_1_plus", n).mean(axis=0))
+        assert ax.lines[0].get_label() == "tine_1_plus" and ax.lines[0].get_ydata()[-1] == pytest.approx(1e-3 * force)
+    for window_s in (0.0, -1.0, math.nan):
+        for draw in (plot.forces, plot.loops):
+            with pytest.raises(ValueError, match=f"window_s: expected a number above 0, found {window_s}"):
+                draw(results, window_s=window_s)
     # The machine of Python is that of the program.
     for _ in range(180):
         sim.step_by_machine()
@@ -745,6 +843,51 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert isinstance(checkpoint, ballast.State)
     assert np.array_equal(checkpoint.positions, sim.save().positions)
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
+
+
+def _last_rows(steps: dict[str, np.ndarray], body: str, n: int) -> np.ndarray:
+    return np.stack([steps[f"{body}_force_{axis}"][-n:] for axis in "xyz"], axis=1)
+
+
+def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_path: Path) -> None:
+    sim.save().write(tmp_path / "state")
+    assert isinstance(ballast.read(tmp_path / "state"), ballast.State)
+    sim.record(tmp_path / "recording.h5")
+    sim.advance_to(sim.step_ns)
+    sim.stop_recording()
+    assert isinstance(ballast.read(tmp_path / "recording.h5"), ballast.Recording)
+    # Of what is none of these its reader tells, and a pipe is not waited for.
+    (tmp_path / "text").write_text("some words")
+    os.mkfifo(tmp_path / "pipe.mcap")
+    for name in ("text", "none.h5", "pipe.mcap"):
+        with pytest.raises(ballast.FileError, match=name):
+            ballast.read(tmp_path / name)
+
+
+def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:
+    path, size, ticks = tmp_path / "results.vtkhdf", 1 << 30, []
+    is_over = threading.Event()
+
+    def tick() -> None:
+        while not is_over.wait(0.001):
+            ticks.append(time.monotonic())
+
+    with path.open("wb") as file:
+        # Its seal is compared with all that comes before it.
+        file.truncate(size)
+        file.seek(size)
+        file.write(f"ballast-results-end 1\nbytes {size}\nblake3 {'0' * 64}\n".encode().ljust(512, b"\n"))
+    clock = threading.Thread(target=tick)
+    clock.start()
+    try:
+        begin = time.monotonic()
+        with pytest.raises(ballast.FileError):
+            ballast.Results(path)
+        end = time.monotonic()
+    finally:
+        is_over.set()
+        clock.join()
+    assert end - begin > 0.05 and sum(begin < at < end for at in ticks) > 5, (end - begin, len(ticks))
 
 
 def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
@@ -784,6 +927,7 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
         warnings.simplefilter("error")
         figure = plot.overview(tmp_path / "short/results.vtkhdf")
     assert not figure.axes[2].lines and figure.axes[2].get_legend() is None
+    assert [text.get_text() for text in figure.axes[2].texts] == ["no step in the phase squeeze"]
 
 
 def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ nanoseconds since the start of the run. Forces and impulses are those of the bal
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import SupportsIndex
 
 from . import _ballast
@@ -27,6 +29,7 @@ from ._ballast import (
     Load,
     Lost,
     Motion,
+    Mount,
     Outcome,
     Recording,
     Refused,
@@ -54,6 +57,7 @@ __all__ = [
     "Load",
     "Lost",
     "Motion",
+    "Mount",
     "Outcome",
     "Recording",
     "Refused",
@@ -179,10 +183,17 @@ def prepare(
 
 
 def read(path: Path) -> Results | Recording | State:
-    """Reads what a run has left: results (`.vtkhdf`), a recording (`.mcap`) or a checkpoint (`.h5`)."""
+    """Reads what a run has left: results (`.vtkhdf`), a recording (`.mcap`) or a checkpoint (`.h5`), told by its first bytes,
+    whatever the file is called."""
+    start = b""
+    # A pipe would be waited for. What cannot be read, its reader tells of.
+    if os.path.isfile(path):
+        with suppress(OSError), io.open(path, "rb") as file:
+            start = file.read(64)
     suffix = os.path.splitext(os.fspath(path))[1].lower()
-    if suffix == ".mcap":
-        return Recording(path)
-    if suffix == ".h5":
-        return State.read(path)
-    return Results(path)
+    readers: dict[str, Callable[[Path], Results | Recording | State]] = {".mcap": Recording, ".h5": State.read}
+    reader = readers.get(suffix, Results)
+    for begins, own in ((b"\x89MCAP0", ".mcap"), (b"ballast-checkpoint", ".h5"), (b"\x89HDF", ".vtkhdf")):
+        if start.startswith(begins):
+            reader = readers.get(own, Results)
+    return reader(path)

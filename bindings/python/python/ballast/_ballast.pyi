@@ -1,7 +1,7 @@
 """The compiled part of `ballast`. SI units; world axes, z up; quaternions x, y, z, w; times in ns."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, ItemsView, Iterator, KeysView, Mapping, Sequence, ValuesView
 from typing import Any, SupportsIndex, final
 
 import numpy as np
@@ -21,6 +21,7 @@ __all__ = [
     "Load",
     "Lost",
     "Motion",
+    "Mount",
     "Outcome",
     "Recording",
     "Refused",
@@ -41,6 +42,7 @@ __all__ = [
     "replace",
     "resume",
     "schema",
+    "state_again",
 ]
 __version__: str
 
@@ -75,7 +77,7 @@ class Unreachable(Error):
     a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.
 
     `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this
-    simulation; link, how to reach it; answer, what it says cannot be read.
+    simulation; link, how to reach it; answer, what it says cannot be read; abandoned, `stop` or `close` has ended the wait.
     """
 
 class FileError(Error):
@@ -178,6 +180,8 @@ class Motion:
         interpolation: str | None = None,
         rebase: bool = False,
     ) -> Motion: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Pickled and copied as what it was made of."""
 
 @final
 class Load:
@@ -195,15 +199,19 @@ class Load:
         *,
         held: bool = False,
     ) -> Load: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Pickled and copied as what it was made of."""
 
 @final
 class Simulation:
     """A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 
-    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state. One that
-    another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call made again gives its
-    outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `save`, `restore`, `close`
-    and what says of itself here are there; the rest is refused with the code "elsewhere".
+    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state: `last` tells what
+    it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by `stop` or `close`,
+    and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call
+    made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `last`,
+    `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with the code
+    "elsewhere".
     Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
     simulations of their own run side by side.
     """
@@ -243,11 +251,16 @@ class Simulation:
         zones: bool = False,
     ) -> Outcome:
         """Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
-        asked for, also where Ctrl-C or trouble (status "early") had ended it before its end."""
+        asked for, also where Ctrl-C, `stop` or trouble (status "early") had ended it before its end."""
 
     def step_by_machine(self, *, series: bool = False, zones: bool = False) -> Outcome:
         """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
         does: with the force limits of the case, from what it remembers of its own steps."""
+
+    def stop(self) -> None:
+        """Ends the window that another thread is computing after the step at hand: its outcome has the status "early" and
+        the code "stopped". One that another process computes goes on there, and its caller gets `Unreachable` with the
+        code "abandoned". Windows that are begun later are not ended."""
 
     def save(self) -> State:
         """Everything that the next window depends on; shared, not copied."""
@@ -266,18 +279,24 @@ class Simulation:
         """Ends the recording, if there is one. Raises FileError, also where its file could not be written to the end."""
 
     def close(self) -> None:
-        """Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay."""
+        """Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay. A window
+        that another thread is computing is ended as by `stop`, and waited for."""
 
     def zones(self) -> dict[str, ZoneOutcome]:
         """The case's zones, measured now."""
 
-    def shape(self, index: int) -> tuple[_Floats, list[list[int]]]:
+    def shape(self, index: SupportsIndex) -> tuple[_Floats, list[list[int]]]:
         """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
         counter-clockwise from outside."""
 
     def parts(self, name: str) -> list[tuple[_Floats, list[list[int]]]]:
         """The solids that a driven body is made of, each as corners (n, 3) in the body's frame, m, and faces as those of
         `shape`. A wall without end has none."""
+
+    @property
+    def last(self) -> Outcome | None:
+        """The outcome of the last window as far as it was computed, also where Ctrl-C or another exception came instead of
+        it; None before the first window and after `restore`."""
 
     @property
     def case(self) -> Case:
@@ -302,6 +321,14 @@ class Simulation:
     @property
     def bodies(self) -> list[str]:
         """Names of the driven bodies: tines, boundaries, sleepers."""
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """What each driven body is, by name: "boundary", "sleeper" or "tine"."""
+
+    @property
+    def mounts(self) -> dict[str, Mount]:
+        """What holds the driven bodies that loads can move, by name. The motion of the others is imposed."""
 
     @property
     def tines(self) -> list[Tine]:
@@ -335,6 +362,27 @@ class Simulation:
     def _fail_next(self) -> None: ...
 
 @final
+class Mount:
+    """What holds a body that loads can move: by direction, the motion that is asked of the body, springs that follow it, or
+    nothing."""
+
+    @property
+    def mass(self) -> float:
+        """That moves with the body, kg."""
+
+    @property
+    def freedoms(self) -> tuple[str, str, str, str, str, str]:
+        """Of x, y, z, and of the rotations about them: "held" (as its motion asks), "sprung" or "loaded"."""
+
+    @property
+    def stiffness(self) -> _Floats:
+        """(6,) where it is sprung, in the same order: N/m, of rotations N m/rad; elsewhere 0."""
+
+    @property
+    def damping(self) -> _Floats:
+        """(6,) where it is sprung, in the same order: N s/m, of rotations N m s/rad; elsewhere 0."""
+
+@final
 class Tine:
     """The way of a tine through the tamping cycle of its case."""
 
@@ -365,10 +413,10 @@ class Tine:
 @final
 class State:
     """A state that was saved. Arrays are read-only and not copied; they keep their values while the
-    simulation goes on, and stay valid as long as somebody holds them.
+    simulation goes on, and stay valid as long as somebody holds them. It can be copied, which takes nothing, and pickled.
 
     A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-    `time_ns`, `hash`, `target` and `target_twist`, and `restore` takes it."""
+    `time_ns`, `hash`, `target` and `target_twist`, `restore` takes it, and it cannot be pickled."""
 
     @staticmethod
     def read(path: _Path) -> State:
@@ -377,6 +425,13 @@ class State:
     def write(self, path: _Path) -> None:
         """Writes the state to a file from which it goes on to the same bytes, also in another process."""
 
+    def __reduce__(self) -> tuple[Callable[..., State], tuple[bytes]]:
+        """Pickled as the bytes of the file that `write` would leave."""
+
+    def __copy__(self) -> State:
+        """Nothing changes a state."""
+
+    def __deepcopy__(self, _memo: object) -> State: ...
     def body(self, name: str) -> tuple[_Floats, _Floats, _Floats, _Floats]:
         """Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body."""
 
@@ -431,10 +486,21 @@ class State:
 
 @final
 class Outcome:
-    """The result of a window; `outcome[name]` is what the ballast did to a body."""
+    """The result of a window, a mapping: `outcome[name]` is what the ballast did to a body."""
 
+    def __iter__(self) -> Iterator[str]: ...
+    def __len__(self) -> int: ...
     def __getitem__(self, name: str, /) -> BodyOutcome: ...
     def __contains__(self, name: object, /) -> bool: ...
+    def keys(self) -> KeysView[str]:
+        """Names of the bodies, as those of `bodies`."""
+
+    def values(self) -> ValuesView[BodyOutcome]:
+        """What the ballast did to each, as those of `bodies`."""
+
+    def items(self) -> ItemsView[str, BodyOutcome]:
+        """Both, as those of `bodies`."""
+
     @property
     def status(self) -> str:
         """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
@@ -442,8 +508,8 @@ class Outcome:
 
     @property
     def code(self) -> str | None:
-        """What ended the window, for programs: "over_speed", "penetration", "not_finite" or
-        "step_failed"."""
+        """What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed", or "stopped": by
+        `stop`, `close` or Ctrl-C."""
 
     @property
     def trouble(self) -> str | None:
@@ -485,11 +551,11 @@ class Outcome:
     @property
     def hint_max_step_ns(self) -> int:
         """How far apart knots may be for no body to move too far between them at its speed now, ns;
-        0 where nothing moves."""
+        0 where nothing moves, and of a recording."""
 
     @property
     def wall_s(self) -> float:
-        """How long the window took to compute, s of wall time; elsewhere: until it was answered."""
+        """How long the window took to compute, s of wall time; elsewhere: until it was answered; nan of a recording."""
 
     @property
     def series(self) -> Series | None:
@@ -729,7 +795,7 @@ class Results:
     """A results file of `ballast run`."""
 
     def __new__(cls, path: _Path) -> Results: ...
-    def poses(self, frame: int) -> tuple[_Floats, _Floats]:
+    def poses(self, frame: SupportsIndex) -> tuple[_Floats, _Floats]:
         """Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first."""
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
@@ -769,11 +835,23 @@ class Results:
 @final
 class Recording:
     """A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-    (`request`), and the `hash` of the state and the `reply_digest` that it led to."""
+    (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, what the
+    window did (`outcome`), and the `hash` of the state and the `reply_digest` that it led to.
+
+    Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
+    there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was."""
 
     def __new__(cls, path: _Path) -> Recording: ...
     def __iter__(self) -> Recording: ...
     def __next__(self) -> dict[str, Any]: ...
+    @property
+    def case(self) -> Case:
+        """What it is a recording of, with the seed and the schedule that were chosen."""
+
+    @property
+    def start(self) -> State | None:
+        """The state that it begins with; None where that is the beginning of its case."""
+
     @property
     def lost(self) -> str | None:
         """Why reading ended early, where it did."""
@@ -809,3 +887,6 @@ def resume(
 ) -> Simulation: ...
 def schema() -> dict[str, Any]:
     """The JSON Schema of case files."""
+
+def state_again(bytes: bytes) -> State:
+    """A state that was pickled."""

@@ -13,6 +13,7 @@ import math
 import operator
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -27,13 +28,33 @@ Array = NDArray[np.float64]
 FORCE = 1e4
 #: Range of the frequency, Hz.
 FREQUENCIES = (20.0, 50.0)
+#: States after the lift that are kept: those of the beds that were asked for last.
+BEGUN = 8
+
+
+@dataclass(frozen=True)
+class Episode:
+    """An episode as it stands: of `TampingEnv.save`. It can be pickled."""
+
+    state: ballast.State
+    homes: dict[str, Array]
+    depth: float
+    closing: float
+    angle: float
+    omega: float
+    work: float
+    first: float
+    compactness: float
+    forces: Array
+    is_over: bool
 
 
 class TampingEnv(gymnasium.Env[Array, Array]):
     """One cycle of squeezing with the tines of a case.
 
     An episode begins after the lift of the sleeper, with the tines above the bed. Each step of the
-    environment is `interval_s` of simulated time; the last one is as long as what is left of the case's.
+    environment is `interval_s` of simulated time, a whole number of the case's steps; the last one is as long as what is
+    left of the case's.
 
     **Action** (3,), each from -1 to 1: squeeze speed (0 to `squeeze_speed`, m/s), frequency of the vibration
     (20 to 50 Hz), depth that the tines are lowered or raised to (0 to 1 of the case's), at
@@ -51,6 +72,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     truncated with `info["trouble"]` where the motion that was asked for cannot be computed. A step after its
     end is refused until `reset`, and so is an action that is no three numbers; numbers beyond -1 and 1 count as these.
     A step that ends with an exception, such as that of Ctrl-C, has not been: it can be made again.
+    `save` keeps an episode as it stands, and `restore` goes on from there, in another environment of the case too.
     """
 
     metadata = {"render_modes": []}
@@ -71,6 +93,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         """
         Args:
             case: a case with tines.
+            interval_s: refused where it is no whole number of steps of the case.
             seeds: of the beds that `reset` chooses from; by default that of the case alone. Preparing a
                 bed takes a while the first time.
             threads: workers of the simulation; the results do not depend on it.
@@ -89,7 +112,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             self._seeds = [operator.index(seed) for seed in (() if seeds is None else seeds)] or [self._case.seed]
         except TypeError:
             raise TypeError(f"seeds: expected a list of whole numbers, found {seeds!r}") from None
-        self._steps = max(1, round(interval_s * 1e9 / self._case.step_ns))
+        self._steps = _steps(interval_s, self._case.step_ns)
         self._limits = (squeeze_speed, insertion_speed, energy_price)
         self._threads, self._beds = threads, beds
         self._amplitude = float(
@@ -159,22 +182,57 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             info["compaction_per_kJ"] = (self._compactness - self._first) / (self._work * 1e-3)
         return self._observe(), float(reward), closed, late and not closed, info
 
+    def save(self) -> Episode:
+        """The episode as it stands, to be taken up again by `restore`."""
+        if self._sim is None:
+            raise ballast.Error("save: expected an episode, found none; reset first")
+        return Episode(
+            state=self._sim.save(),
+            homes=self._homes,
+            depth=self._depth,
+            closing=self._closing,
+            angle=self._angle,
+            omega=self._omega,
+            work=self._work,
+            first=self._first,
+            compactness=self._compactness,
+            forces=self._forces,
+            is_over=self._is_over,
+        )
+
+    def restore(self, episode: Episode) -> Array:
+        """Goes on from a saved episode of this case, and returns what is observed there."""
+        sim = ballast.resume(episode.state, threads=self._threads)
+        if sim.case.choose(seed=self._case.seed) != self._case:
+            raise ballast.Error(f"restore: expected an episode of {self._case!r}, found one of {sim.case!r}")
+        self.close()
+        self._sim, self._tines, self._homes, self._is_over = sim, sim.tines, episode.homes, episode.is_over
+        self._depth, self._closing, self._work = episode.depth, episode.closing, episode.work
+        self._angle, self._omega, self._forces = episode.angle, episode.omega, episode.forces
+        self._first, self._compactness = episode.first, episode.compactness
+        return self._observe()
+
     def close(self) -> None:
         if self._sim is not None:
             self._sim.close()
             self._sim = None
 
     def _start(self, bed: int) -> ballast.Simulation:
-        """The simulation after the lift, computed once per bed."""
-        if bed not in self._begun:
+        """The simulation after the lift, computed once per bed, unless many others came after it."""
+        begun = self._begun.pop(bed, None)
+        if begun is None:
             with ballast.open(
                 self._case, seed=bed, threads=self._threads, beds=self._beds, progress=False
             ) as sim:
                 while sim.phase in ("waiting", "lift"):
                     sim.step_by_machine()
                 # The tines hang still; the sleeper has come to rest at the top.
-                self._begun[bed] = sim.save()
-        return ballast.resume(self._begun[bed], threads=self._threads)
+                begun = sim.save()
+        # The last one that was asked for is the last one.
+        self._begun[bed] = begun
+        if len(self._begun) > BEGUN:
+            del self._begun[next(iter(self._begun))]
+        return ballast.resume(begun, threads=self._threads)
 
     def _left(self, now_ns: int) -> int:
         """Whole steps to the end of the case's run."""
@@ -232,3 +290,14 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         head = [self._depth, self._closing, self._compactness, time]
         shaking = [math.sin(self._angle), math.cos(self._angle), self._omega / (math.tau * FREQUENCIES[1])]
         return np.concatenate([head, (self._forces / FORCE).ravel(), shaking])
+
+
+def _steps(interval_s: float, step_ns: int) -> int:
+    """How many steps an interval is."""
+    interval_ns = round(interval_s * 1e9)
+    n, rest = divmod(interval_ns, step_ns)
+    if rest or n == 0:
+        nearest = " or ".join(f"{k * step_ns * 1e-9:.9g}" for k in (n, n + 1) if k > 0)
+        step = f"{step_ns * 1e-9:.9g} s"
+        raise ValueError(f"interval_s: expected a whole number of steps of {step}, such as {nearest}, found {interval_s}")
+    return n

@@ -66,29 +66,33 @@ def compactness(run: Run, ax: Axes | None = None) -> Axes:
 
 
 def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
-    """Size of the force on each tine over time, a mean over `window_s`."""
+    """Size of the force on each tine over time, a mean over as many whole steps as `window_s` is nearest to, one at least."""
     results = _results(run)
     table = results.table("steps")
-    ax = _axes(ax, "Forces on the tines", "time, s", f"force, mean over {window_s * 1e3:g} ms, kN")
+    n, over = _window(table["time"], window_s)
+    ax = _axes(ax, "Forces on the tines", "time, s", f"force, {over}, kN")
     for name in tines(results):
-        force = _mean(_force(table, name), table["time"], window_s)
+        force = _mean(_force(table, name), n)
         ax.plot(table["time"], np.linalg.norm(force, axis=1) * 1e-3, lw=0.8, label=name)
     _legend(ax)
     return ax
 
 
 def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
-    """Force over closing of each tine during the squeeze: the area under a loop is work of compaction."""
+    """Force over closing of each tine during the squeeze: the area under a loop is work of compaction. Where a partner has
+    moved the tines there are no phases, and so no loops: `Outcome.squeezes` has those that were found."""
     results = _results(run)
     table = results.table("steps")
-    y = f"force against the motion, mean over {window_s * 1e3:g} ms, kN"
-    ax = _axes(ax, "Squeeze", "closing, mm", y)
+    n, over = _window(table["time"], window_s)
+    ax = _axes(ax, "Squeeze", "closing, mm", f"force against the motion, {over}, kN")
     squeeze = table["phase"] == SQUEEZE
+    if not squeeze.any():
+        ax.text(0.5, 0.5, "no step in the phase squeeze", ha="center", va="center", transform=ax.transAxes)
     for name, inwards in _directions(results).items() if squeeze.any() else ():
         x = table[f"{name}_x"][squeeze]
         # Vibration carries a tine back behind where it began, too.
         closing = inwards * (x - x[0])
-        against = -inwards * _mean(_force(table, name), table["time"], window_s)[squeeze, 0]
+        against = -inwards * _mean(_force(table, name), n)[squeeze, 0]
         ax.plot(closing * 1e3, against * 1e-3, lw=0.8, label=name)
     _legend(ax)
     return ax
@@ -116,11 +120,19 @@ def _force(table: dict[str, Any], body: str) -> Any:
     return np.stack([table[f"{body}_force_{axis}"] for axis in "xyz"], axis=1)
 
 
-def _mean(values: Any, time: Any, window_s: float) -> Any:
-    """Moving mean over the window that ends at each row."""
+def _window(time: Any, window_s: float) -> tuple[int, str]:
+    """How many steps means are taken over, and what that is in words."""
+    if not window_s > 0.0:
+        raise ValueError(f"window_s: expected a number above 0, found {window_s}")
     if len(time) < 2:
-        return values
-    n = max(1, round(window_s / float(time[1] - time[0])))
+        return 1, "of a step"
+    step = float(time[1] - time[0])
+    n = max(1, round(min(window_s / step, len(time))))
+    return n, f"mean over {n * step * 1e3:.4g} ms"
+
+
+def _mean(values: Any, n: int) -> Any:
+    """Moving mean over `n` rows, up to each."""
     sums = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
     ends = np.arange(1, len(values) + 1)
     begins = np.maximum(ends - n, 0)

@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Point = Mapping[str, Any]
-Figures = dict[str, float]
+#: None where there is nothing to tell.
+Figures = Mapping[str, float | None]
 Measure = Callable[[ballast.Case, str], Figures]
 
 
@@ -171,7 +172,7 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
                     force = out[name].moving_force
                     squeezed[name].append(float((force @ force) ** 0.5))
         after = {name: zone.compactness for name, zone in sim.zones().items()}
-    figures: Figures = {}
+    figures: dict[str, float] = {}
     gains = []
     for name, start in before.items():
         end = after[name]
@@ -315,7 +316,7 @@ def _check_figures(names: Collection[str], figures: object) -> None:
     if not isinstance(figures, Mapping):
         raise TypeError(f"{expected}, found {figures!r}")
     for name, value in figures.items():
-        if not isinstance(name, str) or not isinstance(value, numbers.Real | np.generic | None):
+        if not isinstance(name, str) or not isinstance(value, numbers.Real | np.bool_ | None):
             raise TypeError(f"{expected}, found {name!r}: {value!r}")
         if name in names or name == "error":
             raise ValueError(f"measure: expected other names than those of the point and 'error', found {name!r}")
@@ -342,4 +343,4 @@ def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[Path,
     for point, file in zip(points, files, strict=True):
         figures = _kept(file) if file.exists() else {}
         rows.append({**point, **figures, "error": errors.get(file)})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=None if rows else ["error"])

@@ -14,7 +14,7 @@ pub use zone::{ZoneMeasure, zones};
 
 use ballast::component;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyIterator};
 use std::sync::Arc;
 
 /// What ended a window, for programs and for people.
@@ -23,7 +23,7 @@ pub struct Trouble {
     pub text: String,
 }
 
-/// The result of a window; `outcome[name]` is what the ballast did to a body.
+/// The result of a window, a mapping: `outcome[name]` is what the ballast did to a body.
 #[pyclass(frozen, module = "ballast")]
 pub struct Outcome {
     pub inner: component::Outcome,
@@ -58,8 +58,8 @@ impl Outcome {
         self.trouble.as_ref().map(|trouble| &trouble.text[..])
     }
 
-    /// What ended the window, for programs: "over_speed", "penetration", "not_finite" or
-    /// "step_failed".
+    /// What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed", or "stopped": by
+    /// `stop`, `close` or Ctrl-C.
     #[getter]
     fn code(&self) -> Option<&str> {
         self.trouble.as_ref().map(|trouble| &trouble.code[..])
@@ -123,13 +123,13 @@ impl Outcome {
     }
 
     /// How far apart knots may be for no body to move too far between them at its speed now, ns;
-    /// 0 where nothing moves.
+    /// 0 where nothing moves, and of a recording.
     #[getter]
     fn hint_max_step_ns(&self) -> u64 {
         self.inner.hint_max_step_ns
     }
 
-    /// How long the window took to compute, s of wall time; elsewhere: until it was answered.
+    /// How long the window took to compute, s of wall time; elsewhere: until it was answered; nan of a recording.
     #[getter]
     fn wall_s(&self) -> f64 {
         self.wall_s
@@ -139,6 +139,29 @@ impl Outcome {
     #[getter]
     fn series(&self, py: Python<'_>) -> Option<Py<Series>> {
         self.series.as_ref().map(|s| s.clone_ref(py))
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        self.bodies(py)?.try_iter()
+    }
+
+    fn __len__(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Names of the bodies, as those of `bodies`.
+    fn keys<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.bodies(py)?.call_method0("keys")
+    }
+
+    /// What the ballast did to each, as those of `bodies`.
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.bodies(py)?.call_method0("values")
+    }
+
+    /// Both, as those of `bodies`.
+    fn items<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.bodies(py)?.call_method0("items")
     }
 
     fn __getitem__(&self, name: &str) -> PyResult<Body> {

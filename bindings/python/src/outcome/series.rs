@@ -58,4 +58,7 @@ impl Series {
     fn __len__(&self) -> usize {
         self.steps.time_ns.len()
     }
+    fn __repr__(&self) -> String {
+        format!("Series({} steps)", self.steps.time_ns.len())
+    }
 }

@@ -42,6 +42,14 @@ numbers!(Solver:
     mean_penetration: f64,
     /// Largest of all steps, m.
     max_penetration: f64;
+
+    fn __repr__(&self) -> String {
+        let SolverOutcome { iterations, steps_not_converged, residual_qm16, max_penetration, .. } = self.0;
+        format!(
+            "SolverOutcome({iterations} iterations, {steps_not_converged} steps at the cap, \
+             residual_qm16={residual_qm16:.1e}, max_penetration={max_penetration:.1e} m)"
+        )
+    }
 );
 
 /// Energies of the grains since the start of the run, J.
@@ -66,5 +74,13 @@ numbers!(Energy:
     #[getter]
     fn balance_error(&self) -> f64 {
         self.0.balance_error()
+    }
+
+    fn __repr__(&self) -> String {
+        let EnergyLedger { kinetic, potential, work_in, dissipated, .. } = self.0;
+        format!(
+            "EnergyLedger(kinetic={kinetic:.3e} J, potential={potential:.3e} J, \
+             work_in={work_in:.3e} J, dissipated={dissipated:.3e} J)"
+        )
     }
 );
