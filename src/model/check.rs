@@ -203,17 +203,7 @@ impl Mount {
             self.moves_alike() || free <= 3,
             place,
             "all translations loaded or sprung alike, or at most three degrees of freedom not held",
-            self.freedoms.iter().map(Freedom::name).collect::<Vec<_>>(),
+            self.freedoms.map(Freedom::name),
         )
-    }
-}
-
-impl Freedom {
-    fn name(&self) -> &'static str {
-        match self {
-            Freedom::Held => "held",
-            Freedom::Loaded => "loaded",
-            Freedom::Sprung { .. } => "sprung",
-        }
     }
 }

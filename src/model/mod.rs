@@ -70,6 +70,17 @@ pub enum Role {
     Tine,
 }
 
+impl Role {
+    /// The role's name in messages and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Role::Boundary => "boundary",
+            Role::Sleeper => "sleeper",
+            Role::Tine => "tine",
+        }
+    }
+}
+
 /// A rigid body of imposed motion, or one that its mount lets contacts move.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivenBody {

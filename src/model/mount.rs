@@ -32,6 +32,15 @@ pub enum Freedom {
 }
 
 impl Freedom {
+    /// The freedom's name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Freedom::Held => "held",
+            Freedom::Loaded => "loaded",
+            Freedom::Sprung { .. } => "sprung",
+        }
+    }
+
     /// Stiffness and damping; none where there is no spring.
     pub fn spring(self) -> [f64; 2] {
         match self {

@@ -3,7 +3,7 @@
 use crate::arrays::{self, Matrix, Vector};
 use ballast::geometry::Polyhedron;
 use ballast::math::Pose;
-use ballast::model::{DrivenBody, Freedom, Model, Part, Role};
+use ballast::model::{DrivenBody, Model, Part};
 use ballast::track::TinePath;
 use ballast_protocol::description;
 use pyo3::prelude::*;
@@ -17,23 +17,13 @@ pub struct About {
 
 impl From<&DrivenBody> for About {
     fn from(body: &DrivenBody) -> Self {
-        let role = match body.role {
-            Role::Boundary => "boundary",
-            Role::Sleeper => "sleeper",
-            Role::Tine => "tine",
-        };
-        let word = |freedom: Freedom| match freedom {
-            Freedom::Held => "held",
-            Freedom::Loaded => "loaded",
-            Freedom::Sprung { .. } => "sprung",
-        };
         let mount = body.mount.map(|mount| Mount {
             mass: mount.mass,
-            freedoms: mount.freedoms.map(|freedom| word(freedom).into()),
+            freedoms: mount.freedoms.map(|freedom| freedom.name().into()),
             stiffness: mount.freedoms.map(|freedom| freedom.spring()[0]),
             damping: mount.freedoms.map(|freedom| freedom.spring()[1]),
         });
-        Self { role: role.into(), mount }
+        Self { role: body.role.name().into(), mount }
     }
 }
 

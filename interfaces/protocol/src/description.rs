@@ -3,7 +3,7 @@
 use crate::lockstep::Lockstep;
 use crate::messages::{Parameters, Point, Quaternion, Twist};
 use ballast::component::Component;
-use ballast::model::{Freedom, Model, Role, Schedule};
+use ballast::model::{Freedom, Model, Schedule};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -82,8 +82,8 @@ impl Description {
             let freedoms = body.mount.map_or([Freedom::Held; 6], |m| m.freedoms);
             Body {
                 name: body.name.clone(),
-                role: role(body.role).into(),
-                freedoms: freedoms.map(|f| mode(f).into()),
+                role: body.role.name().into(),
+                freedoms: freedoms.map(|f| f.name().into()),
                 stiffness: freedoms.map(|f| f.spring()[0]),
                 damping: freedoms.map(|f| f.spring()[1]),
                 mass_kg: body.mount.map(|m| m.mass),
@@ -143,22 +143,6 @@ fn parameters(component: &Component) -> BTreeMap<String, serde_json::Value> {
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into()
-}
-
-fn role(role: Role) -> &'static str {
-    match role {
-        Role::Boundary => "boundary",
-        Role::Sleeper => "sleeper",
-        Role::Tine => "tine",
-    }
-}
-
-fn mode(freedom: Freedom) -> &'static str {
-    match freedom {
-        Freedom::Held => "held",
-        Freedom::Loaded => "loaded",
-        Freedom::Sprung { .. } => "sprung",
-    }
 }
 
 fn determinism(model: &Model) -> &'static str {

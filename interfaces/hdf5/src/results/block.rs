@@ -3,7 +3,10 @@
 //! Writes: VTKHDF 2.3, temporal PolyData (docs.vtk.org, VTK file formats). Contract: a viewer needs
 //! nothing but the file. Polygons and constant cell data are stored once: every step's offset is 0.
 
-use super::growing::{append, append_portion, ascii, create, create_table, number, read, truncate};
+use super::growing::{
+    append, append_portion, ascii, create, create_table, group as make_group, number, read,
+    truncate,
+};
 use hdf5::plist::group_create::LinkCreationOrder;
 use hdf5::{Dataset, Group, Result};
 
@@ -38,14 +41,14 @@ impl On {
 impl Block {
     /// A block without steps; `index` is its place in the collection.
     pub fn create(root: &Group, name: &str, index: usize, points_per_step: usize) -> Result<Self> {
-        let group = root.create_group(name)?;
+        let group = make_group(root, name)?;
         group.new_attr::<i64>().shape(2).create("Version")?.write_raw(&[2_i64, 3])?;
         ascii(&group, "Type", b"PolyData")?;
         number(&group, "Index", index as i64)?;
         create::<f32>(&group, "Points", &[3], points_per_step)?;
         create_table::<i64>(&group, "NumberOfPoints", &[])?;
         for kind in CELLS {
-            let cells = group.create_group(kind)?;
+            let cells = make_group(&group, kind)?;
             for name in ["NumberOfCells", "NumberOfConnectivityIds"] {
                 create_table::<i64>(&cells, name, &[])?;
             }
@@ -58,7 +61,7 @@ impl Block {
             }
             append(&cells, "Offsets", &[0_i64])?;
         }
-        let steps = group.create_group("Steps")?;
+        let steps = make_group(&group, "Steps")?;
         number(&steps, "NSteps", 0_i64)?;
         create_table::<f64>(&steps, "Values", &[])?;
         for name in ["PartOffsets", "NumberOfParts", "PointOffsets"] {
@@ -68,8 +71,8 @@ impl Block {
             create_table::<i64>(&steps, name, &[4])?;
         }
         for on in [On::Cells, On::Points] {
-            group.create_group(on.data())?;
-            steps.create_group(on.offsets())?;
+            make_group(&group, on.data())?;
+            make_group(&steps, on.offsets())?;
         }
         Ok(Self { group, steps })
     }
@@ -241,7 +244,7 @@ impl Block {
 /// Makes the collection that holds the blocks, and the tree by which viewers list them.
 pub(crate) fn create_root(file: &hdf5::File) -> Result<Group> {
     let ordered = |name: &str, parent: &Group| {
-        let builder = parent.create_group_builder();
+        let builder = parent.create_group_builder().obj_track_times(false);
         builder.with_gcpl(|p| p.link_creation_order(LinkCreationOrder::Indexed)).create(name)
     };
     let root = ordered("VTKHDF", file)?;

@@ -17,6 +17,11 @@ const MOST_TEXTS: usize = 1 << 16;
 /// Rows of an uncompressed chunk, by bytes of a row.
 const TABLE_BYTES: usize = 1 << 11;
 
+/// A group. It does not keep the time of day: equal runs leave equal files.
+pub(crate) fn group(parent: &Group, name: &str) -> Result<Group> {
+    parent.create_group_builder().obj_track_times(false).create(name)
+}
+
 /// An empty dataset of rows `[tail..]` for [`append_portion`]s of about `portion` rows; compressed.
 pub(crate) fn create<T: H5Type>(
     group: &Group,

@@ -98,6 +98,8 @@ fn open(path: &Path, new: bool) -> hdf5::Result<File> {
             ..MetadataCacheConfig::default()
         })
     });
+    // Nor does its root keep the time of day.
+    options.with_fcpl(|p| p.obj_track_times(false));
     if new { options.create(path) } else { options.open_rw(path) }
 }
 
@@ -132,7 +134,7 @@ impl Writer {
     }
 
     fn start(&self, meta: &Meta) -> hdf5::Result<()> {
-        let about = self.file.create_group("about")?;
+        let about = growing::group(&self.file, "about")?;
         growing::texts(&about, "format", &[FORMAT])?;
         growing::number(&about, "version", VERSION)?;
         growing::texts(&about, "case_name", &[&meta.case_name])?;
@@ -146,13 +148,13 @@ impl Writer {
         let role = |d: &DrivenBody| columns::name_of(&columns::ROLES, d.role);
         growing::texts(&about, "driven", &names)?;
         growing::texts(&about, "driven_roles", &driven.iter().map(role).collect::<Vec<_>>())?;
-        let frames = self.file.create_group("frames")?;
+        let frames = growing::group(&self.file, "frames")?;
         let nb = self.model.body_count();
         growing::create_table::<u64>(&frames, "step", &[])?;
         growing::create_one_by_one::<f64>(&frames, "position", [nb.max(1), 3])?;
         growing::create_one_by_one::<f64>(&frames, "orientation", [nb.max(1), 4])?;
         growing::texts(&frames, "components", &["position: x, y, z", "orientation: w, x, y, z"])?;
-        self.file.create_group("series")?;
+        growing::group(&self.file, "series")?;
         self.file.flush()
     }
 

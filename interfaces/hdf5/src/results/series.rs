@@ -2,7 +2,9 @@
 //!
 //! `rows` is `[n, columns]`, f64; its group's attributes `columns` and `units` name the columns.
 
-use super::growing::{append, create_table, read, read_texts, texts, truncate};
+use super::growing::{
+    append, create_table, group as make_group, read, read_texts, texts, truncate,
+};
 use crate::error::Fault;
 use hdf5::{Group, Result};
 
@@ -19,7 +21,7 @@ pub(crate) struct Buffer {
 
 impl Buffer {
     pub fn create(parent: &Group, name: &str, columns: &[(&str, &str)]) -> Result<Self> {
-        let group = parent.create_group(name)?;
+        let group = make_group(parent, name)?;
         let (names, units): (Vec<&str>, Vec<&str>) = columns.iter().copied().unzip();
         texts(&group, "columns", &names)?;
         texts(&group, "units", &units)?;

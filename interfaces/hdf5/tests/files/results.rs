@@ -587,3 +587,15 @@ fn tables_may_have_many_columns_with_long_names() {
     let told = Reader::open(&path).unwrap().series("wide").unwrap().columns;
     assert!(told.iter().map(|(name, unit)| (&name[..], &unit[..])).eq(columns));
 }
+
+#[test]
+fn equal_runs_leave_equal_files_whenever_they_are_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
+    write_frames(&one, 0..3).close().unwrap();
+    // The library keeps times of day in whole seconds.
+    std::thread::sleep(std::time::Duration::from_millis(1100));
+    write_frames(&other, 0..3).close().unwrap();
+    let bytes = std::fs::read(&one).unwrap();
+    assert!(bytes.len() > 1000 && bytes == std::fs::read(&other).unwrap());
+}
