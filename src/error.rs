@@ -1,7 +1,5 @@
 //! What can go wrong, with the place, what was expected and what was found.
 
-use crate::step::Stop;
-
 /// Errors of the core. Not converging is a report ([`crate::step::StepReport`]), not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -35,6 +33,17 @@ pub enum Cause {
     NotFinite,
     /// Grains are pressed into each other deeper than allowed.
     Penetration,
+}
+
+/// How a window is ended by who watches it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stop {
+    /// What was computed is kept.
+    Early,
+    /// The window is taken back.
+    Discard,
+    /// The window is taken back, and was never asked for: the one before can still be redone.
+    Abandon,
 }
 
 impl Error {

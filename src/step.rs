@@ -7,7 +7,7 @@
 use crate::ddm::{self, Outcome};
 use crate::detection::{remember, warm_start};
 use crate::drive::Inputs;
-use crate::error::{Cause, Error, Result};
+use crate::error::{Cause, Error, Result, Stop};
 pub use crate::integrate::Reaction;
 use crate::integrate::{self, Balance, StepMotion};
 use crate::local_problem::Solved;
@@ -327,17 +327,6 @@ pub trait Stopwatch: Send {
     fn stop(&mut self) -> Option<Stop> {
         None
     }
-}
-
-/// How a window is ended by who watches it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Stop {
-    /// What was computed is kept.
-    Early,
-    /// The window is taken back.
-    Discard,
-    /// The window is taken back, and was never asked for: the one before can still be redone.
-    Abandon,
 }
 
 impl Stopwatch for () {

@@ -24,12 +24,12 @@ pub use waveform::{Interpolation, Knot, Twist, WIDEST_TURN, Waveform};
 pub use window::{Input, LoadInput, Window};
 
 use crate::drive::{Inputs, SpeedLimit};
+pub use crate::error::Stop;
 use crate::error::{Cause, Error};
 use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
 use crate::second_look::pressed_beyond;
 use crate::state::State;
-pub use crate::step::Stop;
 use crate::step::{StepReport, Stopwatch, advance};
 use crate::workspace::Workspace;
 use memory::Memory;

@@ -17,10 +17,9 @@
 
 use super::decomposition::{Set, enter};
 use super::{Ask, Decomposition, Outcome, Softening, is_solved, left, on_threads, synchronous};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Stop};
 use crate::model::{Norm, Solver};
 use crate::nlgs::VisitNorms;
-use crate::step::Stop;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 

@@ -15,11 +15,10 @@ mod turns;
 
 #[cfg(doc)]
 use crate::error::Error;
-use crate::error::Result;
+use crate::error::{Result, Stop};
 use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
 use crate::nlgs::Residuals;
-use crate::step::Stop;
 use asynchronous::Iterated;
 
 pub use decomposition::Decomposition;

@@ -9,9 +9,8 @@ use super::momentum::Start;
 use super::round::Round;
 use super::turns::{Stretch, Turn};
 use super::{Ask, Decomposition, Outcome, is_solved, left, next_after};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Stop};
 use crate::model::{Norm, Solver};
-use crate::step::Stop;
 
 /// Iterates until the tolerance or the cap is reached.
 ///
