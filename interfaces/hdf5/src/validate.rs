@@ -78,9 +78,7 @@ fn rest(model: &Model, state: &State) -> Check {
             }
         })?;
     }
-    let solver = &model.solver;
-    require(solver.check_every > 0, "solver/check_every", "above zero", solver.check_every)?;
-    let numbers = match solver.partition {
+    let numbers = match model.solver.partition {
         PartitionRule::Boxes(n) => n,
         PartitionRule::Balanced(n) | PartitionRule::ContactsPer(n) => [n; 3],
     };
