@@ -38,13 +38,19 @@ struct Done {
 
 impl Done {
     fn none(what: &str, of: usize, console: Console) -> Self {
-        Self { progress: Progress::start(console, what), count: 0, of }
+        let mut done = Self { progress: Progress::start(console, what), count: 0, of };
+        done.tell();
+        done
     }
 
     fn one(&mut self) {
         self.count += 1;
+        self.tell();
+    }
+
+    fn tell(&mut self) {
         let mark = Counted { done: self.count, of: self.of };
-        self.progress.advance(self.count as f64 / self.of as f64, &mark);
+        self.progress.advance(self.count as f64 / self.of.max(1) as f64, &mark);
     }
 }
 
