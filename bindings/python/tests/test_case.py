@@ -117,7 +117,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
         ballast.Case.load(tmp_path / "nowhere.toml")
     with open(tmp_path / "large.toml", "wb") as large:
         large.truncate(3 << 30)
-    with pytest.raises(ballast.FileError, match="large.toml: larger than 16777216 bytes"):
+    with pytest.raises(ballast.FileError, match="large.toml: larger than 8388608 bytes"):
         ballast.Case.load(tmp_path / "large.toml")
     broken = tmp_path / "broken.h5"
     broken.write_bytes(b"no checkpoint")
