@@ -121,14 +121,14 @@ impl Served {
     }
 
     /// With a host that ends when it is told to `stop`.
-    pub fn hosted(host: impl Host + Send + 'static, stop: Arc<AtomicBool>) -> Self {
+    pub fn hosted(host: impl Host + 'static, stop: Arc<AtomicBool>) -> Self {
         Self::with(&Link::listening(free_endpoint().unwrap()), lockstep(), host, stop)
     }
 
     fn with(
         link: &Link,
         lockstep: Lockstep,
-        host: impl Host + Send + 'static,
+        host: impl Host + 'static,
         stop: Arc<AtomicBool>,
     ) -> Self {
         let server = Server::open(KEY, link).expect("a free port");
@@ -144,7 +144,7 @@ impl Served {
     fn run(
         server: Server,
         lockstep: Lockstep,
-        mut host: impl Host + Send + 'static,
+        mut host: impl Host + 'static,
         stop: Arc<AtomicBool>,
     ) -> Self {
         let endpoint = server.endpoints()[0].clone();
