@@ -11,7 +11,6 @@ use ballast::state::State;
 use ballast::track::{Bed, DepositProgress};
 use ballast_beds::{Beds, Pace};
 use serde_json::{Value, json};
-use std::ops::ControlFlow;
 use std::path::Path;
 
 /// Prepares the bed of a case unless it is there; `again` prepares it anyway.
@@ -34,7 +33,7 @@ pub fn scene(case: &Case, folder: &Path, console: Console) -> Outcome<(Model, St
 /// The same for one of many that are prepared at a time, so without a bar.
 pub fn one_of_many(case: &Case, folder: &Path, console: Console) -> Outcome<(Model, State)> {
     let beds = Beds::in_folder(folder);
-    let make = || unless_stopped(beds.prepare(case, &mut |_| heed_interrupts())?);
+    let make = || unless_stopped(beds.prepare(case, &mut |_| interrupt::flow())?);
     scene_of(case, &beds, console, make)
 }
 
@@ -81,7 +80,7 @@ fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
     let mut pace = Pace::default();
     let mut watch = |done: &DepositProgress| {
         progress.advance(pace.share(done), &PrepareMark(*done));
-        heed_interrupts()
+        interrupt::flow()
     };
     let bed = beds.prepare(case, &mut watch)?;
     progress.finish();
@@ -92,10 +91,6 @@ fn make(case: &Case, beds: &Beds, console: Console) -> Outcome<Bed> {
         duration(progress.elapsed())
     ));
     Ok(bed)
-}
-
-fn heed_interrupts() -> ControlFlow<()> {
-    if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 fn unless_stopped(bed: Option<Bed>) -> Outcome<Bed> {

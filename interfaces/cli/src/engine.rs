@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Status, Window};
+use ballast::component::{Component, Refusal, Status, Window};
 use ballast::drive::{Inputs, SpeedLimit};
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -133,7 +133,7 @@ impl Engine {
         if !playback.reach(t0_ns, t1_ns)? {
             return Err(playback.too_short(t0_ns, component.model().stepping.h()));
         }
-        let checked = component.check(t1_ns, playback.inputs());
+        let checked = check_new(component, playback, t1_ns);
         checked.map_err(|e| Failure::at(playback.path(), format!("{e}{}", playback.advice())))
     }
 
@@ -157,10 +157,8 @@ impl Engine {
                     let set = component.set_parameters(&set.into());
                     set.map_err(|e| Failure::at(playback.path(), e))?;
                 }
-                if playback.has_new_inputs() {
-                    let checked = component.check(t1_ns, playback.inputs());
-                    checked.map_err(|e| Failure::at(playback.path(), e))?;
-                }
+                let checked = check_new(component, playback, t1_ns);
+                checked.map_err(|e| Failure::at(playback.path(), e))?;
                 let model = component.shared_model();
                 let (motions, loads) = playback.inputs_of(t0_ns, t1_ns);
                 let inputs = Window { motions: &motions, loads: &loads };
@@ -183,6 +181,11 @@ impl Engine {
             }
         }
     }
+}
+
+/// Looks at the inputs of a recording as a whole, once: the step to `t1_ns` is the first that they lead.
+fn check_new(component: &Component, playback: &mut Playback, t1_ns: u64) -> Result<(), Refusal> {
+    if playback.has_new_inputs() { component.check(t1_ns, playback.inputs()) } else { Ok(()) }
 }
 
 /// When the next step begins and ends, ns.

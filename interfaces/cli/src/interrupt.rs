@@ -2,6 +2,7 @@
 
 use crate::console::write_err;
 use crate::exit::{Failure, Outcome};
+use std::ops::ControlFlow;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -34,4 +35,9 @@ pub fn install_saying(what: &'static str) -> Outcome {
 /// Whether the person asked to stop.
 pub fn requested() -> bool {
     REQUESTED.get().is_some()
+}
+
+/// The same for what watches long work.
+pub fn flow() -> ControlFlow<()> {
+    if requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }

@@ -3,8 +3,7 @@
 use crate::case::{self, Case};
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
-use crate::playback::Playback;
-use ballast::component;
+use ballast::component::{self, Input};
 use ballast::drive::SpeedLimit;
 use ballast::math::Pose;
 use ballast::model::{DrivenBody, Role};
@@ -61,9 +60,12 @@ impl Taping {
     /// Records a step; `zones` are measured where an observation is due.
     pub fn step(&mut self, engine: &Engine, stepped: &Stepped, zones: Option<&[Zone]>) -> Outcome {
         let (model, state) = (engine.model(), engine.state());
-        let (given, [t0_ns, t1_ns]) = (given(engine), [stepped.t0_ns, state.time_ns]);
+        let [t0_ns, t1_ns] = [stepped.t0_ns, state.time_ns];
+        // What a recording that is replayed gave the step; nothing where the machine of the case moves the bodies.
+        let given = engine.playback().map(|playback| playback.inputs_of(t0_ns, t1_ns));
+        let (given, loads) = given.unwrap_or_default();
         let mut request = self.tape.request(t0_ns, t1_ns, motions(engine, stepped, &given));
-        request.loads = given.loads.iter().map(|load| (&load.cut(t0_ns, t1_ns)).into()).collect();
+        request.loads = loads.iter().map(Into::into).collect();
         self.recent.take(&stepped.report.reactions, model.stepping.step_ns);
         self.squeezes.take(model, state, &stepped.report);
         let end = component::End {
@@ -98,18 +100,13 @@ impl Taping {
     }
 }
 
-/// What a recording that is replayed gave the step; nothing where the machine of the case moves the bodies.
-fn given(engine: &Engine) -> component::Window<'_> {
-    engine.playback().map(Playback::inputs).unwrap_or_default()
-}
-
 /// The motions of a step as inputs: where a recording is replayed what was given, as it was; otherwise those of tines and
 /// sleepers always, of other bodies where they move.
-fn motions(engine: &Engine, stepped: &Stepped, given: &component::Window) -> Vec<BodyInput> {
+fn motions(engine: &Engine, stepped: &Stepped, given: &[Input]) -> Vec<BodyInput> {
     let times = [stepped.t0_ns, engine.state().time_ns];
     let input = |body: &DrivenBody, poses: &[Pose; 2]| {
-        if let Some(input) = given.motions.iter().find(|input| input.body == body.name) {
-            return Some((&input.cut(times[0], times[1])).into());
+        if let Some(input) = given.iter().find(|input| input.body == body.name) {
+            return Some(input.into());
         }
         // What was given no motion is remembered to be at rest; a motion that stands still says less of the next window.
         if engine.playback().is_some() {

@@ -12,7 +12,6 @@ use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
 use ballast_mcap::{Drive, Meta};
 use serde_json::{Value, json};
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 pub fn verify(args: Verify, console: Console) -> Outcome {
@@ -31,7 +30,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     let whole = end_ns.saturating_sub(begin_ns).max(1) as f64;
     let mut watch = |now_ns: u64| {
         progress.advance((now_ns.saturating_sub(begin_ns) as f64 / whole).min(1.0), &At(now_ns));
-        if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        interrupt::flow()
     };
     let zones = track::zones(&case.plan);
     let verdict =
