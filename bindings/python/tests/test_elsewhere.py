@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import pickle
 import signal
@@ -23,13 +24,20 @@ PROGRAM = ROOT / "target/release/ballast"
 KEY = "test/bed"
 
 
+def free_port() -> int:
+    """A port that nobody listens on, below those that the system gives to outgoing connections."""
+    for port in range(32_000, 32_768):
+        with socket.socket() as one, contextlib.suppress(OSError):
+            one.bind(("127.0.0.1", port))
+            return port
+    raise OSError("no port is free")
+
+
 class Served:
     """`ballast serve` of the small case."""
 
     def __init__(self, beds: Path, folder: Path) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{free.getsockname()[1]}"
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         case = ROOT / "interfaces/cli/tests/data/tiny.toml"
         self.command = [
             PROGRAM, "serve", case, "--key", KEY, "--listen", self.endpoint, "--beds", beds, "--out", folder,

@@ -2,8 +2,10 @@
 
 use crate::{Error, LARGEST_MESSAGE, SILENCE};
 use serde_json::Value;
-use std::net::TcpListener;
+use std::net::{Ipv4Addr, TcpListener};
+use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use zenoh::{Config, Wait};
 
 /// Where a component listens when nobody says otherwise, and where its clients look for it.
@@ -124,13 +126,32 @@ impl Link {
     }
 }
 
-/// An endpoint on the loopback whose port was free a moment ago.
+/// Ports from which systems take none by themselves: those of outgoing connections lie above.
+const QUIET_PORTS: Range<u16> = 20_000..32_000;
+
+/// An endpoint on the loopback whose port was free a moment ago, another one in each call.
+///
+/// A port that the system itself gives out as free may be that of an outgoing connection before anyone listens on it.
 ///
 /// # Errors
-/// The system gives none.
+/// No port of those that are tried is free.
 pub fn free_endpoint() -> Result<String, Error> {
-    let socket = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-    socket.map(|at| format!("tcp/{at}")).map_err(|e| Error::link("loopback", e))
+    static TRIED: AtomicU32 = AtomicU32::new(0);
+    let many = QUIET_PORTS.len() as u32;
+    // Processes beside each other begin at different places.
+    let begin = std::process::id().wrapping_mul(101) % many;
+    let mut last = None;
+    for _ in 0..many {
+        let place = (begin + TRIED.fetch_add(1, Relaxed) % many) % many;
+        match TcpListener::bind((Ipv4Addr::LOCALHOST, QUIET_PORTS.start + place as u16)) {
+            Ok(listener) => {
+                let at = listener.local_addr().map_err(|e| Error::link("loopback", e))?;
+                return Ok(format!("tcp/{at}"));
+            }
+            Err(e) => last = Some(e),
+        }
+    }
+    Err(Error::link("loopback", last.map_or("no port is free".into(), |e| e.to_string())))
 }
 
 /// Zenoh's own word on one that is not names the place in a text of JSON that nobody has written.

@@ -32,10 +32,9 @@ fn times(normally: u64) -> u64 {
     normally.max(asked.unwrap_or(0))
 }
 
-/// A port that was free a moment ago; a component that is started again needs the same one.
+/// An endpoint that was free a moment ago; a component that is started again needs the same one.
 pub fn endpoint() -> String {
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("tcp/{}", listener.local_addr().unwrap())
+    ballast_zenoh::link::free_endpoint().unwrap()
 }
 
 /// `ballast serve tiny.toml`, running.
