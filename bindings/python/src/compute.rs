@@ -7,12 +7,13 @@ use ballast::step::MOST_THREADS;
 use ballast_protocol::lockstep::said;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
+use std::thread::{self, ThreadId};
 use std::time::{Duration, Instant};
 
 /// How often the calling thread looks for Ctrl-C and tells how far the work is.
@@ -23,6 +24,8 @@ thread_local! {
     /// thread wakes up, nor the thread until work elsewhere has woken it. rayon does not give back the few kilobytes
     /// that this takes.
     static OWN: OnceCell<Team> = const { OnceCell::new() };
+    /// Whether this thread listens in the midst of a step, for whose end the others of its pool wait.
+    static IS_WITHIN_STEP: Cell<bool> = const { Cell::new(false) };
 }
 
 /// A pool, and the process that has its threads: a fork of it has none of them.
@@ -85,6 +88,7 @@ impl Crew {
 
     /// Runs short work to its end.
     pub fn run<R: Send>(&self, py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
+        expect_free(py)?;
         let done: Result<R, ThreadPoolBuildError> = py.detach(|| {
             Ok(match self.workers()? {
                 None => work(),
@@ -140,8 +144,8 @@ pub struct Turn<'a> {
     news: Mutex<Option<(f64, String)>>,
     /// Ctrl-C, or an exception of `progress`.
     raised: Mutex<Option<PyErr>>,
-    /// When the work listened last, if it runs on the calling thread.
-    listened: Mutex<Option<Instant>>,
+    /// The calling thread, if the work runs on it, and when it listened last.
+    listened: Mutex<Option<(ThreadId, Instant)>>,
 }
 
 impl Turn<'_> {
@@ -152,13 +156,23 @@ impl Turn<'_> {
 
     /// Whether the work is to end at the next sound point.
     pub fn is_over(&self) -> bool {
-        if let Some(last) = enter(&self.listened).as_mut()
+        // Others of the crew ask too; Ctrl-C is not told to them.
+        if let Some((caller, last)) = enter(&self.listened).as_mut()
             && last.elapsed() >= EVERY
+            && *caller == thread::current().id()
         {
             self.listen();
             *last = Instant::now();
         }
         self.is_over.load(Ordering::Relaxed)
+    }
+
+    /// The same in the midst of a step.
+    pub fn is_over_within_step(&self) -> bool {
+        let was_within = IS_WITHIN_STEP.replace(true);
+        let is_over = self.is_over();
+        IS_WITHIN_STEP.set(was_within);
+        is_over
     }
 
     /// Says how far the work is, 0 to 1; only the last word counts.
@@ -216,11 +230,12 @@ pub fn attend<R: Send>(
     turn: &Turn,
     work: impl FnOnce(&Turn) -> R + Send,
 ) -> PyResult<(R, Option<PyErr>)> {
+    expect_free(py)?;
     let guarded = || catch_unwind(AssertUnwindSafe(|| work(turn)));
     let result: Result<_, ThreadPoolBuildError> = py.detach(|| {
         Ok(match crew.workers()? {
             None => {
-                *enter(&turn.listened) = Some(Instant::now());
+                *enter(&turn.listened) = Some((thread::current().id(), Instant::now()));
                 guarded()
             }
             Some(others) => listening(&others.pool, turn, guarded),
@@ -230,6 +245,15 @@ pub fn attend<R: Send>(
         Ok(result) => Ok((result, enter(&turn.raised).take())),
         Err(panic) => Err(errors::error::<Lost>(py, "lost", said(panic.as_ref()))),
     }
+}
+
+/// A signal handler that is called within a step must not begin work that would wait for the end of that step.
+fn expect_free(py: Python<'_>) -> PyResult<()> {
+    if !IS_WITHIN_STEP.get() {
+        return Ok(());
+    }
+    let text = "this thread is in the midst of a step: a signal handler can note the signal, or raise, but not compute";
+    Err(errors::error::<errors::Error>(py, "busy", text))
 }
 
 /// Runs `work`, which does not panic, on the pool; the calling thread listens meanwhile.

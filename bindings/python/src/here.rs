@@ -12,7 +12,7 @@ use crate::work::Work;
 use ballast::component::{self, Component, Limits, Refusal, Status, Stop, ZoneOutcome};
 use ballast::model::Model;
 use ballast::state;
-use ballast::step::StepReport;
+use ballast::step::{Phase, StepReport, Stopwatch};
 use ballast::track;
 use ballast_beds::Case;
 use ballast_protocol::messages::StepSeries;
@@ -180,7 +180,11 @@ impl Here {
         let series = steps.map(|steps| Py::new(py, Series::new(steps, &names))).transpose()?;
         let trouble = match &outcome.trouble {
             Some(e) => Some(Trouble { code: e.code().into(), text: e.to_string() }),
-            None => (outcome.status == Status::Early).then(|| stopped(py, raised.as_ref())),
+            // A window without trouble is taken back where it was stopped within its first step.
+            None if is_discarded || outcome.status == Status::Early => {
+                Some(stopped(py, raised.as_ref()))
+            }
+            None => None,
         };
         let wall_s = watched.took.as_secs_f64();
         let outcome = Outcome { inner: outcome, trouble, wall_s, names, series };
@@ -221,8 +225,8 @@ impl Here {
             };
             let begin = Instant::now();
             let result = match asked.t1_ns {
-                Some(t1) => component.advance_watched(t1, asked.window(), &mut watch),
-                None => component.redo_watched(asked.window(), &mut watch),
+                Some(t1) => component.advance_timed(t1, asked.window(), &mut watch, &mut Ear(turn)),
+                None => component.redo_timed(asked.window(), &mut watch, &mut Ear(turn)),
             };
             watched.took = begin.elapsed();
             result
@@ -325,6 +329,17 @@ impl Here {
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
         recorder.check_process(py, "stop_recording")?;
         py.detach(|| recorder.finish()).map_err(|e| errors::file(py, e))
+    }
+}
+
+/// Ends a window within a step, which may be long.
+struct Ear<'a, 'b>(&'a Turn<'b>);
+
+impl Stopwatch for Ear<'_, '_> {
+    fn lap(&mut self, _phase: Phase) {}
+
+    fn stop(&mut self) -> Option<Stop> {
+        self.0.is_over_within_step().then_some(Stop::Early)
     }
 }
 

@@ -9,7 +9,7 @@ use std::thread::{self, ThreadId};
 /// The work on a simulation: of one thread at a time.
 #[derive(Default)]
 pub struct Work {
-    /// What is at hand is to end: a window after its step, a wait for another process within a moment.
+    /// What is at hand is to end: a window within its step, a wait for another process within a moment.
     pub is_over: Arc<AtomicBool>,
     /// Process and thread that are at it: a fork has none of the threads.
     at: Mutex<Option<(u32, ThreadId)>>,

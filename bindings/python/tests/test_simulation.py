@@ -16,6 +16,7 @@ import time
 import warnings
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -601,7 +602,7 @@ def interrupted_window(sim: ballast.Simulation) -> None:
     timer.join()
 
 
-def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
+def test_ctrl_c_returns_in_a_valid_state(sim: ballast.Simulation) -> None:
     interrupted_window(sim)
     now, out = sim.now_ns, sim.last
     assert 0 < now < MANY * sim.step_ns and now % sim.step_ns == 0
@@ -614,6 +615,50 @@ def test_ctrl_c_returns_between_steps(sim: ballast.Simulation) -> None:
     sim.restore(interrupted)
     advance(sim)
     assert sim.save().hash == after
+
+
+def endless(case: ballast.Case) -> ballast.Case:
+    """Never solved well enough."""
+    values = case.to_dict()
+    values["solver"] |= {"iterations": 4_000_000_000, "tolerance": 1e-300}
+    return ballast.Case(values)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_step_without_end_is_broken_off(case: ballast.Case, beds: Path, threads: int) -> None:
+    with ballast.open(endless(case), beds=beds, threads=threads, progress=False) as sim:
+        before = sim.save().hash
+        interrupted_window(sim)
+        out = sim.last
+        assert out is not None and (out.status, out.code, out.steps) == ("discard", "stopped", 0)
+        assert "KeyboardInterrupt" in (out.trouble or "") and sim.save().hash == before
+        with ThreadPoolExecutor(1) as pool:
+            window = begun(sim, pool, 1)
+            sim.stop()
+            out = window.result(timeout=60)
+        assert (out.status, out.code, out.steps) == ("discard", "stopped", 0) and sim.save().hash == before
+
+
+def test_who_handles_a_signal_within_a_step_does_not_wait_for_it(case: ballast.Case, beds: Path) -> None:
+    codes = []
+
+    def handle(*_: object) -> None:
+        try:
+            advance(other)
+        except ballast.Error as error:
+            codes.append(error.code)
+        sim.stop()
+
+    before = signal.signal(signal.SIGINT, handle)
+    opened = partial(ballast.open, beds=beds, threads=2, progress=False)
+    try:
+        with opened(case) as other, opened(endless(case)) as sim:
+            threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+            assert advance(sim).code == "stopped"
+            advance(other)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert codes == ["busy"]
 
 
 def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds: Path) -> None:

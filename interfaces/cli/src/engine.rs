@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Refusal, Status, Window};
+use ballast::component::{Component, Refusal, Stop, Window};
 use ballast::drive::{Inputs, SpeedLimit};
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -138,6 +138,9 @@ impl Engine {
     }
 
     /// Takes a step; `None` where the recording ends.
+    ///
+    /// # Errors
+    /// [`Failure::Interrupted`] where who was asked to stop did so within the step, which is then not done; others.
     pub fn step(&mut self, watch: &mut Profile) -> Outcome<Option<Stepped>> {
         match &mut self.source {
             Source::Machine { model, state, workspace, machine } => {
@@ -171,9 +174,10 @@ impl Engine {
                 let outcome = component
                     .advance_timed(t1_ns, inputs, &mut take, watch)
                     .map_err(|e| Failure::at(playback.path(), e))?;
-                let (Some(report), false) = (taken, outcome.status == Status::Discard) else {
-                    let why = outcome.trouble.map_or(String::new(), |e| e.to_string());
-                    return Err(Failure::at(playback.path(), why));
+                let report = match (taken, outcome.trouble) {
+                    (Some(report), None) => report,
+                    (_, Some(why)) => return Err(Failure::at(playback.path(), why)),
+                    (None, None) => return Err(ballast::Error::Stopped(Stop::Early).into()),
                 };
                 let after = imposed(&model, component.state());
                 let imposed = before.into_iter().zip(after).map(|(a, b)| [a, b]).collect();

@@ -85,7 +85,10 @@ impl Failure {
 
 impl From<ballast::Error> for Failure {
     fn from(error: ballast::Error) -> Self {
-        Failure::Failed(error.to_string())
+        match error {
+            ballast::Error::Stopped(_) => Failure::Interrupted(error.to_string()),
+            _ => Failure::Failed(error.to_string()),
+        }
     }
 }
 

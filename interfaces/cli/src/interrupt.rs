@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one asks the command to stop, a run after its step; another one aborts.
+//! Ctrl-C: the first one asks the command to stop, a run within its step; another one aborts.
 
 use crate::console::write_err;
 use crate::exit::{Failure, Outcome};
@@ -16,7 +16,7 @@ const ABORTED: i32 = 1;
 
 /// Takes over SIGINT, SIGTERM and SIGHUP, so that queues and closed terminals stop a run cleanly too.
 pub fn install() -> Outcome {
-    install_saying("stopping after this step")
+    install_saying("stopping")
 }
 
 /// The same, for a command that says what it does when it is asked to stop.

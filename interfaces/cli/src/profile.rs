@@ -3,6 +3,8 @@
 //! CPU time is that of the whole process: with several threads it exceeds wall time, and the ratio
 //! says how well a phase uses them.
 
+use crate::interrupt;
+use ballast::error::Stop;
 use ballast::step::{Phase, Stopwatch};
 use nix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
@@ -104,6 +106,11 @@ impl Stopwatch for Profile {
         let sum = &mut self.phases[phase as usize];
         sum.wall += spent.wall;
         sum.cpu += spent.cpu;
+    }
+
+    /// A step may take minutes: nobody waits for its end who has asked to stop.
+    fn stop(&mut self) -> Option<Stop> {
+        interrupt::requested().then_some(Stop::Early)
     }
 }
 

@@ -123,9 +123,17 @@ impl Session {
         let mut progress = Progress::start(self.console, &self.case.plan.name);
         while self.engine.state().step < last {
             self.profile.output();
-            let Some(report) = self.step()? else {
-                self.is_over = true;
-                break;
+            let report = match self.step() {
+                Ok(Some(report)) => report,
+                Ok(None) => {
+                    self.is_over = true;
+                    break;
+                }
+                Err(Failure::Interrupted(_)) => {
+                    progress.finish();
+                    return self.stop();
+                }
+                Err(failure) => return Err(failure),
             };
             let step = self.engine.state().step;
             if step == self.first + 1 {

@@ -206,12 +206,12 @@ class Load:
 class Simulation:
     """A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
 
-    Computing releases the interpreter; Ctrl-C ends a window after the step at hand, in a valid state: `last` tells what
-    it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by `stop` or `close`,
-    and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on there: the same call
-    made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`, `redo`, `last`,
-    `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with the code
-    "elsewhere".
+    Computing releases the interpreter; Ctrl-C ends a window within a step, which is then not done, in a valid state:
+    `last` tells what it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by
+    `stop` or `close`, and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on
+    there: the same call made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`,
+    `redo`, `last`, `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with
+    the code "elsewhere".
     Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
     simulations of their own run side by side.
     """
@@ -258,9 +258,10 @@ class Simulation:
         does: with the force limits of the case, from what it remembers of its own steps."""
 
     def stop(self) -> None:
-        """Ends the window that another thread is computing after the step at hand: its outcome has the status "early" and
-        the code "stopped". One that another process computes goes on there, and its caller gets `Unreachable` with the
-        code "abandoned". Windows that are begun later are not ended."""
+        """Ends the window that another thread is computing, within a step, which is then not done: its outcome has the
+        code "stopped" and the status "early", or "discard" where it was the first step. One that another process
+        computes goes on there, and its caller gets `Unreachable` with the code "abandoned". Windows that are begun later
+        are not ended."""
 
     def save(self) -> State:
         """Everything that the next window depends on; shared, not copied."""

@@ -4,7 +4,7 @@ use crate::setup::{CASE, Ended, Place, STEPS};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 #[test]
 fn a_run_in_parts_leaves_the_files_of_a_run_in_one_go() {
@@ -82,21 +82,16 @@ fn what_was_written_after_the_checkpoint_is_written_again() {
     assert_eq!(records(&place, "torn"), records(&place, "whole"));
 }
 
-#[test]
-fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
-    // Slow enough that the run is still going when the signal arrives.
-    let place = Place::with(
-        &CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000\ntolerance = 0"),
-    );
-    place.run("--out whole").with_code(0);
-    let mut child = place
-        .run_command("--out stopped --json")
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+/// The small case, solved so hard.
+fn solved(how: &str) -> Place {
+    Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", how))
+}
+
+/// A command that is interrupted once it has said `word`, and has to end in good order.
+fn interrupted(mut command: Command, word: &str) -> Ended {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let under_way = lines.any(|line| line.unwrap().contains("\"progress\""));
+    let under_way = lines.any(|line| line.unwrap().contains(word));
     assert!(under_way, "the run ended before it could be interrupted");
     // Twice within an instant, as who stops a group of processes does.
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
@@ -106,10 +101,29 @@ fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
     lines.for_each(drop);
     let ended = Ended(child.wait_with_output().unwrap()).with_code(130);
     assert!(ended.stderr().contains("ballast resume"), "{}", ended.stderr());
+    ended
+}
+
+#[test]
+fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
+    // Slow enough that the run is still going when the signal arrives.
+    let place = solved("iterations = 1000\ntolerance = 0");
+    place.run("--out whole").with_code(0);
+    interrupted(place.run_command("--out stopped --json"), "\"progress\"");
     assert!(!place.path("stopped/summary.json").exists());
 
     place.call("resume stopped/checkpoint.h5").with_code(0);
     assert_eq!(place.summary("stopped"), place.summary("whole"));
+}
+
+#[test]
+fn ctrl_c_breaks_off_a_step_without_end() {
+    let place = solved("iterations = 4000000000\ntolerance = 1e-300");
+    let ended = interrupted(place.run_command("--out run --json"), "\"start\"");
+    assert!(ended.stderr().contains("after step 0 of"), "{}", ended.stderr());
+    // What it leaves is whole: so does whoever goes on with it.
+    let resume = place.command("resume run/checkpoint.h5 --json");
+    assert!(interrupted(resume, "\"start\"").stderr().contains("after step 0 of"));
 }
 
 /// How many runs are killed; `BALLAST_KILLS` asks for more.
