@@ -116,13 +116,14 @@ impl Client {
     }
 
     /// Sends a sample of a body's motion, for time that runs by itself; its time is of a clock of the caller's own.
-    /// It is not answered.
+    /// It is not answered: whether anybody heeds it is known by what the component tells of itself twice a second.
     ///
     /// # Errors
-    /// The session breaks down.
+    /// The session breaks down; the component is not there, or has told that this client does not drive any more.
     pub fn put_motion(&self, body: &str, sample: &Knot) -> Result<(), Error> {
         let bytes = to_cdr(sample).map_err(|e| Error::unwritten("motion", e))?;
-        self.line.put(self.line.keys().input(body), bytes, cdr::<Knot>(), &self.ticket)
+        self.line.put(self.line.keys().input(body), bytes, cdr::<Knot>(), &self.ticket)?;
+        self.line.expect_heed("motion", &self.id, &self.ticket, self.beats)
     }
 
     /// Leaves; the run stays where it is.

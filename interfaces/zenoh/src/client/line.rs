@@ -279,6 +279,40 @@ impl Line {
         }
     }
 
+    /// Whether the component was there not longer than so ago, counted from `since` at the earliest.
+    fn expect_there(&self, request: &str, since: Instant, most: Duration) -> Result<(), Error> {
+        let gone = self.presence.gone_for(since).filter(|gone| *gone >= most);
+        gone.map_or(Ok(()), |gone| {
+            let (request, component) = (request.to_string(), self.keys.name().to_string());
+            Err(Error::PeerLost { request, component, silent_s: gone.as_secs_f64() })
+        })
+    }
+
+    /// Whether what is sent without an answer is heeded, by what the component has told since it had told what it does so
+    /// many times.
+    pub(super) fn expect_heed(
+        &self,
+        request: &str,
+        client: &str,
+        ticket: &str,
+        beats: u64,
+    ) -> Result<(), Error> {
+        let absence = self.patience.absence;
+        let now = Instant::now();
+        self.expect_there(request, now.checked_sub(absence).unwrap_or(now), absence)?;
+        match self.presence.owner_since(beats) {
+            Some(owner) if owner.as_deref() != Some(client) => {
+                Err(Fault::not_owner(ticket, owner.as_deref()).into())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// How many times the component has told what it does.
+    pub(super) fn beats(&self) -> u64 {
+        self.presence.beats()
+    }
+
     /// Whether it still makes sense to wait.
     fn check(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<(), Error> {
         let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
@@ -286,13 +320,8 @@ impl Line {
         if self.is_given_up.load(Ordering::Relaxed) {
             return Err(Error::Abandoned { request, component, waited_s: waited.as_secs_f64() });
         }
-        let gone = self.presence.gone_for(begin);
         // Someone who is away is lost, not slow, also where the time allowed is shorter.
-        if let Some(gone) = gone
-            && gone >= self.patience.absence.min(allowed)
-        {
-            return Err(Error::PeerLost { request, component, silent_s: gone.as_secs_f64() });
-        }
+        self.expect_there(ask.request, begin, self.patience.absence.min(allowed))?;
         if waited < allowed {
             return Ok(());
         }

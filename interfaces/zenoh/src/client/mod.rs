@@ -40,6 +40,8 @@ pub struct Client {
     journal: Journal,
     /// Time was let run by itself: where it is, nobody knows beforehand.
     runs_freely: bool,
+    /// How many times the component had told what it does when this client last became its owner.
+    beats: u64,
     /// The component may have lost sight of this client, or is not where it was left: to be seen to first.
     is_behind: bool,
     /// What was asked, and not answered yet.
@@ -83,7 +85,7 @@ impl Client {
         let line = Line::open_until(component, link, patience, is_given_up)?;
         let token = line.come_alive(&id)?;
         let (ticket, owners, place, journal) = Default::default();
-        let (runs_freely, is_behind) = (false, false);
+        let (runs_freely, beats, is_behind) = (false, 0, false);
         let (unanswered, guess, apart) = (None, None, None);
         let mut client = Self {
             line,
@@ -94,6 +96,7 @@ impl Client {
             place,
             journal,
             runs_freely,
+            beats,
             is_behind,
             unanswered,
             guess,
@@ -103,7 +106,7 @@ impl Client {
         let ask = Attach { client: client.id.clone(), resume, ticket: None };
         let attached = client.ask_to_drive(&ask)?;
         (client.ticket, client.owners) = (attached.ticket, attached.owners);
-        client.place = attached.place;
+        (client.place, client.beats) = (attached.place, client.line.beats());
         Ok(client)
     }
 

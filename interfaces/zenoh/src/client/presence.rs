@@ -76,6 +76,13 @@ impl Presence {
         self.seen().beats
     }
 
+    /// Who drives, if it has told so twice since there were `beats` of them: the first may have been on its way before.
+    pub fn owner_since(&self, beats: u64) -> Option<Option<String>> {
+        let seen = self.seen();
+        let status = seen.status.as_ref().filter(|_| seen.beats >= beats + 2);
+        status.map(|status| status.owner.clone())
+    }
+
     /// Whether it has been waiting for two beats since there were `beats` of them: it has not got, or has
     /// answered, what it was asked.
     pub fn is_idle_since(&self, beats: u64) -> bool {

@@ -36,7 +36,7 @@ impl Client {
             ticket: Some(self.ticket.clone()),
         };
         let attached = self.ask_to_drive(&ask)?;
-        self.ticket = attached.ticket;
+        (self.ticket, self.beats) = (attached.ticket, self.line.beats());
         let is_alone = attached.owners <= self.owners;
         self.owners = attached.owners;
         if std::mem::take(&mut self.runs_freely) && is_alone {

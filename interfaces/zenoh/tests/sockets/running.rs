@@ -5,7 +5,7 @@ use crate::setup::{Served, WINDOW, attach, hash, knot, lockstep, once_free, step
 use ballast_protocol::lockstep::{Activity, Code};
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_protocol::pacer::FreeRunning;
-use ballast_zenoh::{Client, Host};
+use ballast_zenoh::{Client, Host, Link};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -128,6 +128,31 @@ fn when_the_owner_is_gone_time_stands() {
     let refused = client.run_freely(&bad).unwrap_err();
     assert_eq!(refused.fault().unwrap().code, Code::UnknownBody, "{refused}");
     assert_eq!(client.status().unwrap().activity, Activity::Paused);
+}
+
+#[test]
+fn who_sends_samples_is_told_when_nobody_heeds_them() {
+    let told = |client: &Client, code: &str| {
+        let begin = Instant::now();
+        loop {
+            let told = client.put_motion("floor", &knot(0));
+            if told.as_ref().is_err_and(|error| error.code() == code) {
+                break;
+            }
+            assert!(begin.elapsed() < Duration::from_secs(20), "{told:?}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let served = Served::new();
+    let endpoint = served.endpoint.clone();
+    let mut client = served.client();
+    client.run_freely(&slowly()).unwrap();
+    shake(&client, 0, 150);
+    served.stop();
+    told(&client, "peer_lost");
+    // Another one in its place does not know of this client.
+    let _served = Served::at(&Link::listening(endpoint), lockstep());
+    told(&client, "not_owner");
 }
 
 #[test]
