@@ -248,7 +248,10 @@ pub fn attend<R: Send>(
 }
 
 /// A signal handler that is called within a step must not begin work that would wait for the end of that step.
-fn expect_free(py: Python<'_>) -> PyResult<()> {
+///
+/// # Errors
+/// [`errors::Error`] with the code "busy" there.
+pub fn expect_free(py: Python<'_>) -> PyResult<()> {
     if !IS_WITHIN_STEP.get() {
         return Ok(());
     }

@@ -621,7 +621,7 @@ def endless(case: ballast.Case) -> ballast.Case:
     """Never solved well enough."""
     values = case.to_dict()
     values["solver"] |= {"iterations": 4_000_000_000, "tolerance": 1e-300}
-    return ballast.Case(values)
+    return ballast.Case.from_dict(values)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
@@ -639,7 +639,8 @@ def test_a_step_without_end_is_broken_off(case: ballast.Case, beds: Path, thread
         assert (out.status, out.code, out.steps) == ("discard", "stopped", 0) and sim.save().hash == before
 
 
-def test_who_handles_a_signal_within_a_step_does_not_wait_for_it(case: ballast.Case, beds: Path) -> None:
+def handled_within_a_step(case: ballast.Case, beds: Path) -> list[str]:
+    """What a handler of signals is told that computes while a step without end is computed by this thread and another."""
     codes = []
 
     def handle(*_: object) -> None:
@@ -649,30 +650,39 @@ def test_who_handles_a_signal_within_a_step_does_not_wait_for_it(case: ballast.C
             codes.append(error.code)
         sim.stop()
 
-    before = signal.signal(signal.SIGINT, handle)
     opened = partial(ballast.open, beds=beds, threads=2, progress=False)
-    try:
-        with opened(case) as other, opened(endless(case)) as sim:
-            threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
-            assert advance(sim).code == "stopped"
-            advance(other)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert codes == ["busy"]
+    with opened(case) as other, opened(endless(case)) as sim:
+        signal.signal(signal.SIGINT, handle)
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        assert advance(sim).code == "stopped"
+        advance(other)
+    return codes
+
+
+def in_another_process(case: ballast.Case, beds: Path, what: str) -> str:
+    """What it prints, in a process whose first thread works with another one."""
+    case.write(beds / "case.toml")
+    code = (
+        "import sys, ballast; from test_simulation import *\n"
+        "case, beds = ballast.Case.load(sys.argv[1]), sys.argv[2]\n"
+    )
+    again = [sys.executable, "-c", code + what, str(beds / "case.toml"), str(beds)]
+    done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
 
 
 def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds: Path) -> None:
-    case.write(beds / "case.toml")
-    code = (
-        "import sys, ballast; from test_simulation import interrupted_window\n"
-        "with ballast.open(sys.argv[1], beds=sys.argv[2], threads=2, progress=False) as sim:\n"
+    what = (
+        "with ballast.open(case, beds=beds, threads=2, progress=False) as sim:\n"
         "    interrupted_window(sim)\n"
         "    print(sim.now_ns)"
     )
-    again = [sys.executable, "-c", code, str(beds / "case.toml"), str(beds)]
-    done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) > 0
+    assert int(in_another_process(case, beds, what)) > 0
+
+
+def test_who_handles_a_signal_within_a_step_does_not_wait_for_it(case: ballast.Case, beds: Path) -> None:
+    assert in_another_process(case, beds, "print(handled_within_a_step(case, beds))") == "['busy']"
 
 
 def test_the_last_outcome_is_that_of_the_last_window(sim: ballast.Simulation) -> None:
