@@ -143,7 +143,7 @@ pub(super) fn momentum_error(model: &Model, contacts: &Contacts, solved: &Solved
 fn every_schedule_finds_the_same_velocities_and_keeps_momentum() {
     let (_, _, contacts) = wall(6, 5, Solver::default());
     let mut reference: Option<Solved> = None;
-    for schedule in [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous] {
+    for schedule in Schedule::ALL {
         for threads in [1, 2, 4] {
             let (model, state, _) = wall(6, 5, solver(schedule, 4));
             let solved = run(&model, &state, &contacts, threads);
@@ -175,7 +175,7 @@ fn threads_leave_no_trace_in_the_synchronous_schedule() {
 
 #[test]
 fn one_subdomain_is_the_same_problem_for_every_schedule() {
-    let all: Vec<Solved> = [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous]
+    let all: Vec<Solved> = Schedule::ALL
         .map(|schedule| {
             let (model, state, contacts) = wall(6, 5, solver(schedule, 1));
             run(&model, &state, &contacts, 2)

@@ -10,7 +10,7 @@ use super::grid::Grid;
 use super::narrow_phase::PairMemory;
 use super::reach::{self, Reach};
 use super::travel::{self, Travel};
-use crate::geometry::Polyhedron;
+use crate::geometry::{AxisBox, Polyhedron};
 use crate::math::{Pose, Quat, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
@@ -25,37 +25,6 @@ const SKIN: f64 = 0.1;
 /// Steps for which the list should hold, however fast a body is: one stone that was flung would else have it rebuilt
 /// in every step.
 const LASTING: f64 = 4.0;
-
-/// An axis-aligned box.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Aabb {
-    pub low: Vec3,
-    pub high: Vec3,
-}
-
-impl Aabb {
-    fn of(shape: &Polyhedron, pose: &Pose, margin: f64) -> Self {
-        let r = pose.orientation.to_rotation_matrix().into_inner();
-        let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-        for v in &shape.vertices {
-            let x = r * v;
-            low = low.inf(&x);
-            high = high.sup(&x);
-        }
-        let margin = Vec3::repeat(margin);
-        Self { low: pose.position + low - margin, high: pose.position + high + margin }
-    }
-
-    /// Whether the boxes have a common point.
-    pub fn meets(&self, other: &Aabb) -> bool {
-        self.low.x <= other.high.x
-            && other.low.x <= self.high.x
-            && self.low.y <= other.high.y
-            && other.low.y <= self.high.y
-            && self.low.z <= other.high.z
-            && other.low.z <= self.high.z
-    }
-}
 
 /// A part of a driven body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,7 +51,7 @@ pub(super) struct PairList {
     /// Of all bodies, from configuration to configuration for which pairs were examined.
     pub travel: Travel,
     built: Built,
-    boxes: Vec<Aabb>,
+    boxes: Vec<AxisBox>,
     grid: Grid,
     /// Pairs that the grid does not find from grain to grain.
     extra: Vec<(u32, u32)>,
@@ -187,7 +156,7 @@ impl PairList {
             .with_min_len(256)
             .map(|i| {
                 let shape = &model.shapes[model.grains.shape[i] as usize];
-                Aabb::of(shape, &pose(motion, i), built.margin(i))
+                bounds(shape, &motion.pose(i), built.margin(i))
             })
             .collect_into_vec(&mut self.boxes);
         self.grid.build(&self.boxes);
@@ -207,8 +176,8 @@ impl PairList {
                 &model.driven[body].parts[part.part as usize]
             {
                 let shape = &model.shapes[*shape as usize];
-                let placed = pose(motion, ng + body).then(local);
-                let bounds = Aabb::of(shape, &placed, self.built.margin(ng + body));
+                let placed = motion.pose(ng + body).then(local);
+                let bounds = bounds(shape, &placed, self.built.margin(ng + body));
                 let mut found = |i| self.extra.push((i, (ng + k) as u32));
                 self.grid.for_each_meeting(&self.boxes, &bounds, &mut found);
             }
@@ -283,7 +252,7 @@ pub(super) fn by_chunk<C: Send>(
 /// Where boxes meet, and the list so far.
 struct Meetings<'a> {
     grid: &'a Grid,
-    boxes: &'a [Aabb],
+    boxes: &'a [AxisBox],
     extra: &'a [(u32, u32)],
     starts: &'a [usize],
     antagonists: &'a [u32],
@@ -383,7 +352,10 @@ fn parts_of(model: &Model) -> Vec<PartRef> {
     model.driven.iter().enumerate().flat_map(body).collect()
 }
 
-/// Pose of body `b` at configuration m.
-pub(super) fn pose(motion: &Motion, b: usize) -> Pose {
-    Pose { position: motion.position[b], orientation: motion.orientation[b] }
+/// The box around a placed shape and a margin.
+fn bounds(shape: &Polyhedron, pose: &Pose, margin: f64) -> AxisBox {
+    let r = pose.orientation.to_rotation_matrix().into_inner();
+    let AxisBox { low, high } = AxisBox::around(shape.vertices.iter().map(|v| r * v));
+    let margin = Vec3::repeat(margin);
+    AxisBox { low: pose.position + low - margin, high: pose.position + high + margin }
 }

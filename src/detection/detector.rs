@@ -6,7 +6,7 @@
 //! threads change a bit.
 
 use super::Contacts;
-use super::broad_phase::{CHUNK, PairList, PartRef, by_chunk, pose};
+use super::broad_phase::{CHUNK, PairList, PartRef, by_chunk};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
 use super::reach::Reach;
 use crate::geometry::HalfSpace;
@@ -64,22 +64,11 @@ impl Detector {
         reach: &Reach,
         out: &mut Contacts,
     ) {
-        self.search(model, motion, reach, |_| true, out);
+        self.look_again(model, motion, reach, |_| true, out);
     }
 
     /// The same with the contacts of those pairs only that are asked for.
     pub fn look_again(
-        &mut self,
-        model: &Model,
-        motion: &Motion,
-        reach: &Reach,
-        asked: impl Fn([usize; 2]) -> bool + Sync,
-        out: &mut Contacts,
-    ) {
-        self.search(model, motion, reach, asked, out);
-    }
-
-    fn search(
         &mut self,
         model: &Model,
         motion: &Motion,
@@ -107,7 +96,7 @@ impl Detector {
 fn place_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut Vec<Placed>) {
     placed.clear();
     placed.extend(parts.iter().map(|p| {
-        let body = pose(motion, model.grains.len() + p.driven as usize);
+        let body = motion.pose(model.grains.len() + p.driven as usize);
         match &model.driven[p.driven as usize].parts[p.part as usize] {
             Part::Convex { shape, pose } => Placed::Convex { shape: *shape, pose: body.then(pose) },
             Part::HalfSpace { normal, offset } => {
@@ -235,7 +224,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
 
     fn grain(&self, i: usize) -> Solid<'_> {
         let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
-        Solid { shape, pose: pose(self.motion, i) }
+        Solid { shape, pose: self.motion.pose(i) }
     }
 }
 

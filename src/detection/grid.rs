@@ -5,7 +5,7 @@
 //! only boxes of its own cell and the 26 around it; the largest hundredth is compared with each other
 //! one by one. Cells are numbered modulo the number of buckets: a body far off costs no memory.
 
-use super::broad_phase::Aabb;
+use crate::geometry::AxisBox;
 use rayon::prelude::*;
 
 /// Boxes that a thread looks at in one go.
@@ -33,8 +33,8 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub fn build(&mut self, boxes: &[Aabb]) {
-        let size = |b: &Aabb| (b.high - b.low).max();
+    pub fn build(&mut self, boxes: &[AxisBox]) {
+        let size = |b: &AxisBox| (b.high - b.low).max();
         refill_in_parallel(&mut self.sizes, boxes, size);
         self.cell = 1.0;
         if !boxes.is_empty() {
@@ -82,7 +82,7 @@ impl Grid {
         self.bucket_of = bucket;
     }
 
-    fn cell_of(&self, b: &Aabb) -> [i64; 3] {
+    fn cell_of(&self, b: &AxisBox) -> [i64; 3] {
         // A cast saturates, and turns what is not a number into zero.
         let c = (b.low + b.high) * (0.5 / self.cell);
         [c.x.floor() as i64, c.y.floor() as i64, c.z.floor() as i64].map(|k| k.clamp(-FAR, FAR))
@@ -100,7 +100,7 @@ impl Grid {
 
     /// Calls `found` for the boxes above number `i` that meet it, neither of them large; a box may be
     /// reported more than once.
-    pub fn for_each_above(&self, boxes: &[Aabb], i: u32, mut found: impl FnMut(u32)) {
+    pub fn for_each_above(&self, boxes: &[AxisBox], i: u32, mut found: impl FnMut(u32)) {
         if self.is_large[i as usize] {
             return;
         }
@@ -120,7 +120,12 @@ impl Grid {
     }
 
     /// Calls `found` for all boxes that meet `bounds`; a box may be reported more than once.
-    pub fn for_each_meeting(&self, boxes: &[Aabb], bounds: &Aabb, mut found: impl FnMut(u32)) {
+    pub fn for_each_meeting(
+        &self,
+        boxes: &[AxisBox],
+        bounds: &AxisBox,
+        mut found: impl FnMut(u32),
+    ) {
         let mut check = |i: u32| {
             if bounds.meets(&boxes[i as usize]) {
                 found(i);
@@ -129,7 +134,7 @@ impl Grid {
         self.large.iter().for_each(|&i| check(i));
         // Centres of boxes that meet `bounds` are at most half a cell outside.
         let half = crate::math::Vec3::repeat(0.5 * self.cell);
-        let corner = |p| self.cell_of(&Aabb { low: p, high: p });
+        let corner = |p| self.cell_of(&AxisBox { low: p, high: p });
         let (low, high) = (corner(bounds.low - half), corner(bounds.high + half));
         let low = [0, 1, 2].map(|k| low[k].max(self.bounds[0][k]));
         let high = [0, 1, 2].map(|k| high[k].min(self.bounds[1][k]));
@@ -151,7 +156,7 @@ impl Grid {
     }
 
     /// Adds the pairs with at least one large box, lower number first.
-    pub fn large_pairs(&self, boxes: &[Aabb], pairs: &mut Vec<(u32, u32)>) {
+    pub fn large_pairs(&self, boxes: &[AxisBox], pairs: &mut Vec<(u32, u32)>) {
         for &l in &self.large {
             self.for_each_meeting(boxes, &boxes[l as usize], |j| {
                 if j != l && (l < j || !self.is_large[j as usize]) {
@@ -170,8 +175,8 @@ fn join(a: [[i64; 3]; 2], b: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
 
 fn refill_in_parallel<T: Send>(
     all: &mut Vec<T>,
-    boxes: &[Aabb],
-    with: impl Fn(&Aabb) -> T + Send + Sync,
+    boxes: &[AxisBox],
+    with: impl Fn(&AxisBox) -> T + Send + Sync,
 ) {
     boxes.par_iter().with_min_len(CHUNK).map(with).collect_into_vec(all);
 }

@@ -4,7 +4,7 @@
 //! Cost: O(contacts). Contract: each old contact is used at most once; independent of threads.
 
 use super::Contacts;
-use crate::math::{Pose, Vec3};
+use crate::math::Vec3;
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::state::ContactMemory;
@@ -105,10 +105,7 @@ impl Matching<'_> {
             return;
         }
         let candidate = self.contacts.bodies[new.start][0] as usize;
-        let pose = Pose {
-            position: self.motion.position[candidate],
-            orientation: self.motion.orientation[candidate],
-        };
+        let pose = self.motion.pose(candidate);
         let shape = self.model.grains.shape[candidate] as usize;
         let reach = TOLERANCE * self.model.shapes[shape].radius;
         // Nearest first; among equals the first in the order of contacts.
@@ -151,11 +148,7 @@ pub fn remember(
     (&contacts.bodies, &contacts.point)
         .into_par_iter()
         .with_min_len(1024)
-        .map(|(bodies, point)| {
-            let b = bodies[0] as usize;
-            let pose = Pose { position: motion.position[b], orientation: motion.orientation[b] };
-            pose.inverse_point(point)
-        })
+        .map(|(bodies, point)| motion.pose(bodies[0] as usize).inverse_point(point))
         .collect_into_vec(&mut memory.local_point);
 }
 

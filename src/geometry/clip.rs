@@ -41,6 +41,23 @@ pub struct AxisBox {
 }
 
 impl AxisBox {
+    /// The least box around points; from infinity to minus infinity where there are none.
+    pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
+        let nothing =
+            Self { low: Vec3::repeat(f64::INFINITY), high: Vec3::repeat(f64::NEG_INFINITY) };
+        points.into_iter().fold(nothing, |b, p| Self { low: b.low.inf(&p), high: b.high.sup(&p) })
+    }
+
+    /// Whether the boxes have a common point.
+    pub fn meets(&self, other: &Self) -> bool {
+        self.low.x <= other.high.x
+            && other.low.x <= self.high.x
+            && self.low.y <= other.high.y
+            && other.low.y <= self.high.y
+            && self.low.z <= other.high.z
+            && other.low.z <= self.high.z
+    }
+
     /// m³; zero if a side is not positive.
     pub fn volume(&self) -> f64 {
         (self.high - self.low).map(|x| x.max(0.0)).product()

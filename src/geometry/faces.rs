@@ -4,6 +4,7 @@
 //! Contract: points are scaled to a size of about 1; `tolerance` is a distance in that scale. A set
 //! of faces is returned only if it is a closed surface: each edge in two faces, V − E + F = 2.
 
+use super::plane::{self, Corner, cross};
 use super::polyhedron::Edge;
 use crate::math::{Vec3, frame};
 use std::collections::BTreeMap;
@@ -111,50 +112,33 @@ fn face_through(points: &[Vec3], t: [u16; 3], tolerance: f64) -> Option<(Vec<u16
         }
     }
     let (u, v) = frame::tangents(&normal);
-    let flat: Vec<(u16, [f64; 2])> = members
+    let flat = members
         .iter()
-        .map(|&i| (i, [u.dot(&points[i as usize]), v.dot(&points[i as usize])]))
+        .map(|&i| ([u.dot(&points[i as usize]), v.dot(&points[i as usize])], i))
         .collect();
     let face = polygon(flat, tolerance)?;
     Some((face, members))
 }
 
-/// Convex polygon around points in a plane (monotone chain), without corners that lie within
-/// `tolerance` of the line through their neighbours. Starts at its lowest index.
-fn polygon(mut flat: Vec<(u16, [f64; 2])>, tolerance: f64) -> Option<Vec<u16>> {
-    flat.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]).then(a.1[1].total_cmp(&b.1[1])));
-    let mut chain: Vec<(u16, [f64; 2])> = Vec::with_capacity(flat.len() + 1);
-    for half in 0..2 {
-        let start = chain.len();
-        for k in 0..flat.len() {
-            let p = if half == 0 { flat[k] } else { flat[flat.len() - 1 - k] };
-            while chain.len() >= start + 2
-                && cross(chain[chain.len() - 2].1, chain[chain.len() - 1].1, p.1) <= 0.0
-            {
-                chain.pop();
-            }
-            chain.push(p);
-        }
-        chain.pop();
-    }
+/// Convex polygon around points in a plane, without corners that lie within `tolerance` of the line
+/// through their neighbours. Starts at its lowest index.
+fn polygon(mut flat: Vec<Corner<u16>>, tolerance: f64) -> Option<Vec<u16>> {
+    let mut chain = Vec::with_capacity(flat.len() + 1);
+    plane::hull(&mut flat, &mut chain);
     while let Some(k) = (0..chain.len()).find(|&k| {
         let n = chain.len();
-        let (before, after) = (chain[(k + n - 1) % n].1, chain[(k + 1) % n].1);
+        let (before, after) = (chain[(k + n - 1) % n].0, chain[(k + 1) % n].0);
         let base = libm::hypot(after[0] - before[0], after[1] - before[1]);
-        cross(before, chain[k].1, after) <= tolerance * base
+        cross(before, chain[k].0, after) <= tolerance * base
     }) {
         chain.remove(k);
         if chain.len() < 3 {
             return None;
         }
     }
-    let lowest = (0..chain.len()).min_by_key(|&k| chain[k].0)?;
+    let lowest = (0..chain.len()).min_by_key(|&k| chain[k].1)?;
     chain.rotate_left(lowest);
-    Some(chain.into_iter().map(|(i, _)| i).collect())
-}
-
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    Some(chain.into_iter().map(|(_, i)| i).collect())
 }
 
 /// The directed edges of a face.

@@ -5,6 +5,7 @@
 //! Contract: the same generator state gives the same bytes on every platform (no trigonometric
 //! functions); faces and edges are well conditioned for contact detection.
 
+use super::clip::AxisBox;
 use super::hull::convex_hull;
 use super::polyhedron::Polyhedron;
 use crate::error::{Error, Result};
@@ -194,8 +195,8 @@ fn stretch(points: &[Vec3], extents: [f64; 3]) -> Vec3 {
 
 /// Extents along the axes, m.
 fn extent(points: &[Vec3]) -> Vec3 {
-    let low = points.iter().fold(points[0], |a, p| a.inf(p));
-    points.iter().fold(points[0], |a, p| a.sup(p)) - low
+    let AxisBox { low, high } = AxisBox::around(points.iter().copied());
+    high - low
 }
 
 /// Whether edges are long, faces wide and angles between faces distinct.

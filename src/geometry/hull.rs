@@ -5,6 +5,7 @@
 //! Contract: what is returned is a closed convex surface (V − E + F = 2, all points under all faces);
 //! what cannot be brought to that is an error.
 
+use super::clip::AxisBox;
 use super::faces::{self, Surface};
 use super::mass_properties::{mass_properties, principal_axes};
 use super::polyhedron::{Edge, Polyhedron};
@@ -114,8 +115,7 @@ fn extent(points: &[Vec3]) -> Result<(Vec3, f64)> {
     if let Some(k) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return Err(bad("finite coordinates", format!("{:?} at point {k}", points[k].as_slice())));
     }
-    let low = points.iter().fold(points[0], |a, p| a.inf(p));
-    let high = points.iter().fold(points[0], |a, p| a.sup(p));
+    let AxisBox { low, high } = AxisBox::around(points.iter().copied());
     let half = (high - low).norm() / 2.0;
     if !(HALF_SIZES[0]..=HALF_SIZES[1]).contains(&half) {
         return Err(bad("a half size of 1e-9 to 1e9 m", format!("{half:e} m")));

@@ -1,5 +1,6 @@
 //! Convex polyhedra: hull, mass properties, clipping, random ballast grains.
 
+pub(crate) mod plane;
 pub mod polyhedron;
 
 pub mod clip;

@@ -71,6 +71,8 @@ pub enum Role {
 }
 
 impl Role {
+    pub const ALL: [Role; 3] = [Role::Boundary, Role::Sleeper, Role::Tine];
+
     /// The role's name in messages and files.
     pub fn name(self) -> &'static str {
         match self {
@@ -243,6 +245,19 @@ pub enum Norm {
     Quad,
     /// The natural map, scaled (T-10).
     NaturalMap,
+}
+
+impl Norm {
+    pub const ALL: [Norm; 3] = [Norm::Qm16, Norm::Quad, Norm::NaturalMap];
+
+    /// The norm's name in files of beds, checkpoints and results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Norm::Qm16 => "qm16",
+            Norm::Quad => "quad",
+            Norm::NaturalMap => "natural map",
+        }
+    }
 }
 
 impl Default for Solver {

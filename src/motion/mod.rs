@@ -12,7 +12,7 @@ pub use response::Response;
 
 use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};
-use crate::math::{Quat, Vec3, rotation};
+use crate::math::{Pose, Quat, Vec3, rotation};
 use crate::model::{Freedom, Model};
 use crate::state::State;
 use rayon::prelude::*;
@@ -34,6 +34,11 @@ pub struct Motion {
 }
 
 impl Motion {
+    /// Pose of body `b` at configuration m.
+    pub fn pose(&self, b: usize) -> Pose {
+        Pose { position: self.position[b], orientation: self.orientation[b] }
+    }
+
     /// Predicts the step that starts at `state`.
     ///
     /// Refuses inputs of the wrong number and values that are not finite.

@@ -84,8 +84,7 @@ impl Motion {
     ) -> (Pose, [Vec3; 2]) {
         let b = model.grains.len() + d;
         let body = Body::of(model, state, d, mount, target, Load::zero());
-        let middle = Pose { position: self.position[b], orientation: self.orientation[b] };
-        body.end(&middle, &self.responses[d].own_spin, [v, w])
+        body.end(&self.pose(b), &self.responses[d].own_spin, [v, w])
     }
 }
 

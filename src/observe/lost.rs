@@ -1,6 +1,6 @@
 //! Grains that have left the bed.
 
-use crate::geometry::HalfSpace;
+use crate::geometry::{AxisBox, HalfSpace};
 use crate::math::Vec3;
 use crate::model::{Model, Part, Role};
 use crate::state::State;
@@ -8,8 +8,7 @@ use crate::state::State;
 /// Grains whose centre is behind a wall or the floor: a half-space, or beside and below all convex parts of the boundary.
 pub fn lost_grains(model: &Model, state: &State) -> usize {
     let grains = model.grains.len();
-    let (mut planes, mut low, mut high) =
-        (Vec::new(), Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+    let (mut planes, mut corners) = (Vec::new(), Vec::new());
     let bodies = model.driven.iter().enumerate();
     for (d, driven) in bodies.filter(|(_, driven)| driven.role == Role::Boundary) {
         let body = state.pose(grains + d);
@@ -20,14 +19,13 @@ pub fn lost_grains(model: &Model, state: &State) -> usize {
                 }
                 Part::Convex { shape, pose } => {
                     let pose = body.then(pose);
-                    for vertex in &model.shapes[*shape as usize].vertices {
-                        let p = pose.point(vertex);
-                        (low, high) = (low.inf(&p), high.sup(&p));
-                    }
+                    let vertices = &model.shapes[*shape as usize].vertices;
+                    corners.extend(vertices.iter().map(|v| pose.point(v)));
                 }
             }
         }
     }
+    let AxisBox { low, high } = AxisBox::around(corners);
     let has_box = low.x <= high.x;
     let is_outside = |p: &Vec3| {
         has_box && (p.x < low.x || p.x > high.x || p.y < low.y || p.y > high.y || p.z < low.z)

@@ -1,5 +1,6 @@
 //! Equal boxes, as in the paper.
 
+use crate::geometry::AxisBox;
 use crate::math::Vec3;
 
 /// Numbers the box of a regular grid that holds each position; returns the number of boxes.
@@ -7,12 +8,7 @@ use crate::math::Vec3;
 /// The grid spans the bounding box of the positions.
 pub(super) fn assign(grid: [u32; 3], position: &[Vec3], owner: &mut [u32]) -> usize {
     let grid = grid.map(|n| n.max(1));
-    let mut low = Vec3::repeat(f64::INFINITY);
-    let mut high = Vec3::repeat(f64::NEG_INFINITY);
-    for x in position {
-        low = low.inf(x);
-        high = high.sup(x);
-    }
+    let AxisBox { low, high } = AxisBox::around(position.iter().copied());
     let cell = |x: &Vec3, axis: usize| {
         let extent = high[axis] - low[axis];
         let share = if extent > 0.0 { (x[axis] - low[axis]) / extent } else { 0.0 };

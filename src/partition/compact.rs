@@ -1,5 +1,6 @@
 //! Compact subdomains of equal weight: recursive bisection across the longest side.
 
+use crate::geometry::AxisBox;
 use crate::math::Vec3;
 
 /// Slices that the longest side is cut into to find the median: a slice of a bed is thinner than a
@@ -61,12 +62,7 @@ fn split(
     position: &[Vec3],
     weight: &[u32],
 ) -> usize {
-    let mut low = Vec3::repeat(f64::INFINITY);
-    let mut high = Vec3::repeat(f64::NEG_INFINITY);
-    for &i in items.iter() {
-        low = low.inf(&position[i as usize]);
-        high = high.sup(&position[i as usize]);
-    }
+    let AxisBox { low, high } = AxisBox::around(items.iter().map(|&i| position[i as usize]));
     let extent = high - low;
     let axis = extent.imax();
     let scale = if extent[axis] > 0.0 { SLICES as f64 / extent[axis] } else { 0.0 };

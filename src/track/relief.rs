@@ -97,10 +97,7 @@ fn over_cell(faces: &[[f64; 4]], x: f64, y: f64, half: f64) -> Option<(f64, f64)
 
 /// Bounding box of a turned grain about its origin.
 pub(super) fn turned_bounds(grain: &Polyhedron, turn: &Quat) -> AxisBox {
-    let first = turn * grain.vertices[0];
-    grain.vertices.iter().map(|v| turn * v).fold(AxisBox { low: first, high: first }, |b, p| {
-        AxisBox { low: b.low.inf(&p), high: b.high.sup(&p) }
-    })
+    AxisBox::around(grain.vertices.iter().map(|v| turn * v))
 }
 
 impl Relief {

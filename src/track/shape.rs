@@ -32,14 +32,13 @@ pub(super) fn cuboid(shapes: &mut Vec<Polyhedron>, size: &Vec3, centre: Vec3) ->
 #[cfg(test)]
 pub(super) mod test_support {
     use super::*;
+    use crate::geometry::AxisBox;
 
     /// Bounding box of a convex part in the body's frame.
     pub fn extent(shapes: &[Polyhedron], part: &Part) -> (Vec3, Vec3) {
         let Part::Convex { shape, pose } = part else { panic!("a convex part") };
         let corners = shapes[*shape as usize].vertices.iter().map(|v| pose.point(v));
-        corners.fold(
-            (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)),
-            |(low, high), p| (low.inf(&p), high.sup(&p)),
-        )
+        let AxisBox { low, high } = AxisBox::around(corners);
+        (low, high)
     }
 }

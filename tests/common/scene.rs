@@ -13,8 +13,7 @@ use ballast::workspace::Workspace;
 
 pub const GRAVITY: f64 = 9.81;
 pub const DENSITY: f64 = 2700.0;
-pub const SCHEDULES: [Schedule; 3] =
-    [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous];
+pub const SCHEDULES: [Schedule; 3] = Schedule::ALL;
 
 /// A model with its state, and where its driven bodies are told to be.
 pub struct Scene {

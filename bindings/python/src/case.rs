@@ -219,7 +219,7 @@ impl Case {
     }
 
     /// The text alone could not hold every seed, and has comments that a changed one loses.
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Told)> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PickledCase)> {
         let Choices { seed, schedule } = self.0.choices;
         let again = py.import("ballast._ballast")?.getattr("case_again")?;
         Ok((again, (self.0.text.clone(), seed, schedule.map(|s| s.name().to_string()))))
@@ -227,7 +227,7 @@ impl Case {
 }
 
 /// Text, and what was chosen: seed and schedule.
-type Told = (String, Option<u64>, Option<String>);
+type PickledCase = (String, Option<u64>, Option<String>);
 
 /// A case that was copied or pickled.
 #[pyfunction]

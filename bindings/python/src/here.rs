@@ -6,7 +6,7 @@ use crate::lock::enter;
 use crate::machine::Machine;
 use crate::outcome::{Outcome, Series, Trouble};
 use crate::recorder::Recorder;
-use crate::simulation::{Asked, Told};
+use crate::simulation::{Asked, LastOutcome};
 use crate::state::Snapshot;
 use crate::work::Work;
 use ballast::component::{self, Component, Limits, Refusal, Status, Stop, ZoneOutcome};
@@ -46,7 +46,7 @@ pub struct Here {
     /// What the program failed with inside.
     lost: Option<String>,
     work: Arc<Work>,
-    told: Told,
+    told: LastOutcome,
     /// The next step panics: so that tests can see what becomes of it.
     pub panics: bool,
 }
@@ -73,7 +73,7 @@ impl Here {
 
     fn of(ground: Ground, component: Component, machine: Machine) -> Self {
         let (recorder, unwritten, machine_before, lost) = (None, None, None, None);
-        let (work, told, panics) = (Arc::default(), Told::default(), false);
+        let (work, told, panics) = (Arc::default(), LastOutcome::default(), false);
         Self {
             ground,
             component,
@@ -92,7 +92,7 @@ impl Here {
         &self.work
     }
 
-    pub fn told(&self) -> &Told {
+    pub fn told(&self) -> &LastOutcome {
         &self.told
     }
 

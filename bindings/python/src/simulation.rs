@@ -37,14 +37,14 @@ pub struct Simulation {
     /// `None` once closed.
     back: Mutex<Option<Back>>,
     work: Arc<Work>,
-    told: Told,
+    told: LastOutcome,
     about: About,
     /// Of a simulation of this process.
     ground: Option<Ground>,
 }
 
 /// The outcome of the last window.
-pub type Told = Arc<Mutex<Option<Py<Outcome>>>>;
+pub type LastOutcome = Arc<Mutex<Option<Py<Outcome>>>>;
 
 /// Who computes.
 enum Back {

@@ -146,7 +146,7 @@ impl State {
     }
 
     /// Pickled as the bytes of the file that `write` would leave.
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Told<'py>> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<PickledState<'py>> {
         let bytes = self.here(py, "pickle")?.put(py, |kept| checkpoint::to_bytes(PICKLED, kept))?;
         let again = py.import("ballast._ballast")?.getattr("state_again")?;
         Ok((again, (PyBytes::new(py, &bytes),)))
@@ -279,7 +279,7 @@ impl State {
 }
 
 /// What makes a state of bytes, and these.
-type Told<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
+type PickledState<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
 
 /// What messages call a state that was pickled.
 const PICKLED: &str = "a pickled state";

@@ -7,7 +7,7 @@ use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Error, Lost, Unreachable};
 use crate::lock::enter;
 use crate::outcome::{Outcome, Series, Trouble};
-use crate::simulation::{Asked, Told};
+use crate::simulation::{Asked, LastOutcome};
 use crate::work::Work;
 use ballast::component::Twist;
 use ballast::math::Pose;
@@ -145,7 +145,7 @@ pub struct There {
     /// Asked, and not answered yet.
     pending: Option<Pending>,
     work: Arc<Work>,
-    told: Told,
+    told: LastOutcome,
     /// It has failed inside, over there.
     is_lost: bool,
     /// How many states were kept, which still are, and those of them that nobody here holds any more.
@@ -198,7 +198,7 @@ impl There {
             last: None,
             pending: None,
             work,
-            told: Told::default(),
+            told: LastOutcome::default(),
             is_lost: false,
             count: 0,
             kept: BTreeSet::new(),
@@ -219,7 +219,7 @@ impl There {
         &self.work
     }
 
-    pub fn told(&self) -> &Told {
+    pub fn told(&self) -> &LastOutcome {
         &self.told
     }
 

@@ -3,7 +3,7 @@
 use crate::args::Overrides;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{read_case, start_of};
+use crate::files::{Ours, ours, read_case, start_of};
 use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
@@ -34,25 +34,19 @@ impl From<&Overrides> for Choices {
 
 /// Reads a case file; warnings go to the console.
 pub fn load(path: &Path, choices: &Choices, console: Console) -> Outcome<Case> {
-    if let Some(found) = no_case(&start_of(path, 64)) {
+    let found = ours(&start_of(path, 64)).map(|ours| match ours {
+        Ours::Sealed => "a checkpoint or a bed; `ballast resume` goes on from a checkpoint",
+        Ours::Hdf5 => {
+            "an HDF5 file, such as results; `ballast export` and `ballast inspect` read these"
+        }
+        Ours::Recording => "a recording; `ballast replay` and `ballast verify` read it",
+    });
+    if let Some(found) = found {
         let text = format!("{}: expected a case (TOML), found {found}", path.display());
         return Err(Failure::InvalidCase(text));
     }
     let text = read_case(path, LONGEST_CASE)?;
     parse(text, &path.display().to_string(), choices, console)
-}
-
-/// What a file is that begins with `start`, where it is one of ours and no case.
-fn no_case(start: &[u8]) -> Option<&'static str> {
-    const OURS: [(&[u8], &str); 3] = [
-        (b"ballast-", "a checkpoint or a bed; `ballast resume` goes on from a checkpoint"),
-        (
-            b"\x89HDF",
-            "an HDF5 file, such as results; `ballast export` and `ballast inspect` read these",
-        ),
-        (b"\x89MCAP0", "a recording; `ballast replay` and `ballast verify` read it"),
-    ];
-    OURS.iter().find(|(first, _)| start.starts_with(first)).map(|(_, what)| *what)
 }
 
 /// The case of a recording of ours: that in the file, or the one that is given, with what the recorded run chose

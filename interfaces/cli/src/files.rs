@@ -264,6 +264,24 @@ pub fn start_of(path: &Path, most: u64) -> Vec<u8> {
     start
 }
 
+/// The files of ours that their first bytes tell.
+pub enum Ours {
+    /// A bed or a checkpoint.
+    Sealed,
+    Hdf5,
+    Recording,
+}
+
+/// Which of our files begins with `start`.
+pub fn ours(start: &[u8]) -> Option<Ours> {
+    match start {
+        _ if start.starts_with(b"ballast-") => Some(Ours::Sealed),
+        _ if start.starts_with(b"\x89HDF") => Some(Ours::Hdf5),
+        _ if start.starts_with(b"\x89MCAP0") => Some(Ours::Recording),
+        _ => None,
+    }
+}
+
 /// Reads a text file of at most `limit` bytes.
 pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
     read(path, limit, Failure::Failed)

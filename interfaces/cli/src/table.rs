@@ -67,9 +67,11 @@ pub fn figure(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    let exponent = value.abs().log10().floor() as i32;
+    // That of the rounded number: 9.996 is 10.0.
+    let rounded = format!("{value:.*e}", digits.saturating_sub(1));
+    let exponent: i32 = rounded.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0);
     if !(-4..7).contains(&exponent) {
-        return format!("{value:.*e}", digits.saturating_sub(1));
+        return rounded;
     }
     let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
     format!("{value:.decimals$}")
@@ -100,5 +102,9 @@ mod tests {
         assert_eq!(figure(-2.5e-9, 2), "-2.5e-9");
         assert_eq!(figure(0.0, 3), "0");
         assert_eq!(figure(1.0, 3), "1.00");
+        assert_eq!(figure(9.996, 3), "10.0");
+        assert_eq!(figure(-0.09996, 3), "-0.100");
+        assert_eq!(figure(9_999_999.9, 3), "1.00e7");
+        assert_eq!(figure(0.000_099_999, 3), "0.000100");
     }
 }

@@ -30,12 +30,15 @@ pub enum Kind {
     Run,
 }
 
-pub(crate) const KINDS: [(Kind, &str); 2] = [(Kind::Bed, "bed"), (Kind::Run, "run")];
-
 impl Kind {
+    const ALL: [Kind; 2] = [Kind::Bed, Kind::Run];
+
     /// The kind's word in files and messages.
     pub fn name(self) -> &'static str {
-        columns::name_of(&KINDS, self)
+        match self {
+            Kind::Bed => "bed",
+            Kind::Run => "run",
+        }
     }
 }
 
@@ -126,7 +129,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let names = source.texts("about/extra_names", None)?;
     let values = source.texts("about/extra_values", Some(names.len()))?;
     Ok(Checkpoint {
-        kind: source.choice("about/kind", &KINDS)?,
+        kind: source.choice("about/kind", &Kind::ALL, Kind::name)?,
         case_name: source.text("about/case_name")?,
         case_text: source.text("about/case_text")?,
         key: source.text("about/key")?,

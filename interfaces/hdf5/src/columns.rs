@@ -7,9 +7,7 @@
 
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{
-    DrivenBody, Freedom, Model, Mount, Norm, Part, PartitionRule, Recovery, Role, Schedule, Solver,
-};
+use ballast::model::{DrivenBody, Freedom, Model, Mount, Part, PartitionRule, Recovery, Solver};
 use ballast::state::State;
 use std::borrow::Cow;
 
@@ -51,26 +49,9 @@ pub(crate) fn wxyz(q: &Quat) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// Names of the schedules, in files.
-pub(crate) const SCHEDULES: [(Schedule, &str); 3] = [
-    (Schedule::Sequential, "sequential"),
-    (Schedule::Synchronous, "synchronous"),
-    (Schedule::Asynchronous, "asynchronous"),
-];
-/// Names of the norms, in files.
-pub(crate) const NORMS: [(Norm, &str); 3] =
-    [(Norm::Qm16, "qm16"), (Norm::Quad, "quad"), (Norm::NaturalMap, "natural map")];
-/// Names of the roles, in files.
-pub(crate) const ROLES: [(Role, &str); 3] =
-    [(Role::Boundary, "boundary"), (Role::Sleeper, "sleeper"), (Role::Tine, "tine")];
-
 /// Kinds of parts, in files.
 pub(crate) const CONVEX: u8 = 0;
 pub(crate) const HALF_SPACE: u8 = 1;
-
-pub(crate) fn name_of<T: PartialEq + Copy>(table: &[(T, &'static str)], value: T) -> &'static str {
-    table.iter().find(|(v, _)| *v == value).map_or("unknown", |(_, n)| n)
-}
 
 /// All columns of a model and a state, in the order of the format.
 pub(crate) fn of<'a>(model: &'a Model, state: &'a State) -> Vec<Column<'a>> {
@@ -179,7 +160,7 @@ fn bodies(model: &Model) -> Vec<Column<'_>> {
         f64s("grains/mass", &model.grains.mass),
         vectors("grains/inertia", &model.grains.inertia),
         text("driven/name", driven.iter().map(|d| d.name.clone()).collect()),
-        text("driven/role", driven.iter().map(|d| name_of(&ROLES, d.role).into()).collect()),
+        text("driven/role", driven.iter().map(|d| d.role.name().into()).collect()),
         f64s("driven/friction", driven.iter().map(|d| d.friction).collect::<Vec<_>>()),
         // Of the mounted bodies alone, which come first.
         Column { name: "driven/mount", width: MOUNT, data: Data::F64(mounts) },
@@ -264,7 +245,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         u64s("stepping/step_ns", vec![model.stepping.step_ns]),
         f64s("stepping/theta", vec![model.stepping.theta]),
         f64s("stepping/alert", vec![model.stepping.alert]),
-        text("solver/schedule", vec![name_of(&SCHEDULES, schedule).into()]),
+        text("solver/schedule", vec![schedule.name().into()]),
         text("solver/partition", vec![rule.into()]),
         u32s("solver/partition_numbers", numbers),
         u32s("solver/iterations", vec![iterations]),
@@ -272,7 +253,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         u32s("solver/interface_sweeps", vec![interface_sweeps]),
         // Empty: no tolerance.
         f64s("solver/tolerance", tolerance.into_iter().collect::<Vec<_>>()),
-        text("solver/norm", vec![name_of(&NORMS, norm).into()]),
+        text("solver/norm", vec![norm.name().into()]),
         u32s("solver/check_every", vec![check_every]),
         f64s("solver/relaxation", vec![relaxation]),
         f64s("solver/warm_start", vec![warm_start]),

@@ -3,15 +3,14 @@
 //! Reads: a [`Source`]. Contract: what comes back has consistent lengths; that its values make sense
 //! is [`crate::validate`]'s task.
 
-use crate::columns::{
-    CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, NORMS, PLAIN, RECOVERY, ROLES, SCHEDULES, SPRUNG,
-};
+use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, PLAIN, RECOVERY, SPRUNG};
 use crate::error::{Fault, Result};
 use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Freedom, Grains, Model, Mount, Part, PartitionRule, Recovery, Solver, Stepping,
+    DrivenBody, Freedom, Grains, Model, Mount, Norm, Part, PartitionRule, Recovery, Role, Schedule,
+    Solver, Stepping,
 };
 use ballast::state::{ContactMemory, EnergyLedger, State};
 use std::ops::Range;
@@ -169,7 +168,7 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
     let body = |(d, name): (usize, String)| {
         Ok(DrivenBody {
             name,
-            role: source.choose("driven/role", &roles[d], &ROLES)?,
+            role: source.choose("driven/role", &roles[d], &Role::ALL, Role::name)?,
             friction: friction[d],
             parts: parts[of_parts[d].clone()].to_vec(),
             mount: mounts.get(d).copied(),
@@ -219,13 +218,13 @@ fn solver(source: &Source) -> Result<Solver> {
         return Err(fault.in_file(source.path));
     }
     Ok(Solver {
-        schedule: source.choice("solver/schedule", &SCHEDULES)?,
+        schedule: source.choice("solver/schedule", &Schedule::ALL, Schedule::name)?,
         partition: partition(source)?,
         iterations: source.number("solver/iterations")?,
         subdomain_sweeps: source.number("solver/subdomain_sweeps")?,
         interface_sweeps: source.number("solver/interface_sweeps")?,
         tolerance: tolerance.first().copied(),
-        norm: source.choice("solver/norm", &NORMS)?,
+        norm: source.choice("solver/norm", &Norm::ALL, Norm::name)?,
         check_every: source.number("solver/check_every")?,
         relaxation: source.real("solver/relaxation")?,
         warm_start: source.real("solver/warm_start")?,

@@ -11,6 +11,9 @@ use hdf5::types::{TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, H5Type};
 use std::path::Path;
 
+/// The word of a value, in files.
+type Word<T> = fn(T) -> &'static str;
+
 /// Bytes that one byte of deflated data can stand for.
 pub(crate) const DEFLATE_AT_BEST: u64 = 1032;
 /// Largest compressed dataset that is read, bytes.
@@ -163,14 +166,14 @@ impl Source<'_> {
         Ok(self.texts(name, Some(1))?.swap_remove(0))
     }
 
-    /// The single text in `name`, as one of the values of `table`.
-    pub fn choice<T: Copy>(&self, name: &str, table: &[(T, &str)]) -> Result<T> {
-        self.choose(name, &self.text(name)?, table)
+    /// The single text in `name`, as the one of `all` that `word` gives it to.
+    pub fn choice<T: Copy>(&self, name: &str, all: &[T], word: Word<T>) -> Result<T> {
+        self.choose(name, &self.text(name)?, all, word)
     }
 
-    pub fn choose<T: Copy>(&self, name: &str, text: &str, table: &[(T, &str)]) -> Result<T> {
-        table.iter().find(|(_, n)| *n == text).map(|(value, _)| *value).ok_or_else(|| {
-            let names: Vec<_> = table.iter().map(|(_, n)| format!("{n:?}")).collect();
+    pub fn choose<T: Copy>(&self, name: &str, text: &str, all: &[T], word: Word<T>) -> Result<T> {
+        all.iter().copied().find(|value| word(*value) == text).ok_or_else(|| {
+            let names: Vec<_> = all.iter().map(|value| format!("{:?}", word(*value))).collect();
             Fault::new(name, names.join(" or "), format!("{text:?}")).in_file(self.path)
         })
     }

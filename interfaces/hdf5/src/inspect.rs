@@ -43,12 +43,8 @@ pub struct Summary {
 /// Errors: as [`checkpoint::read`] and [`Reader::open`].
 pub fn inspect(path: impl AsRef<Path>) -> Result<Summary> {
     let path = path.as_ref();
-    if starts_like_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
-}
-
-/// Results have no header of ours; everything else is for the checkpoint's reader to judge.
-fn starts_like_hdf5(path: &Path) -> Result<bool> {
-    Ok(seal::start_of(path)?.starts_with(b"\x89HDF"))
+    // Results have no header of ours; everything else is for the checkpoint's reader to judge.
+    if seal::is_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
 }
 
 fn size(path: &Path) -> u64 {

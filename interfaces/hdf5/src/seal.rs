@@ -164,12 +164,20 @@ fn claim(header: &[u8], format: &Format, path: &Path) -> Result<u64> {
 fn describe(header: &[u8]) -> String {
     match header {
         [] => "an empty file".into(),
-        [0x89, b'H', b'D', b'F', ..] => "an HDF5 file without our header".into(),
+        _ if header.starts_with(HDF5) => "an HDF5 file without our header".into(),
         _ => match std::str::from_utf8(&header[..header.len().min(32)]) {
             Ok(text) => format!("{text:?}"),
             Err(_) => "bytes of another kind of file".into(),
         },
     }
+}
+
+/// How files of HDF5 begin.
+const HDF5: &[u8] = b"\x89HDF";
+
+/// Whether a file begins as those of HDF5.
+pub(crate) fn is_hdf5(path: &Path) -> Result<bool> {
+    Ok(start_of(path)?.starts_with(HDF5))
 }
 
 /// The first bytes of a file.

@@ -1,6 +1,7 @@
 //! The four points of a manifold that span the largest area, the deepest always among them.
 
 use super::pair::smaller;
+use crate::geometry::plane::{self, cross};
 use crate::math::Vec3;
 
 /// Largest number of points kept per pair of convex parts.
@@ -50,12 +51,12 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, h
     };
     hull.points.clear();
     hull.points.extend(points.iter().enumerate().map(|(k, c)| (flat(c), k)));
-    let corners = hull.corners();
+    let Hull { points: all, chain: corners } = hull;
+    plane::hull(all, corners);
     let first = corners.iter().position(|(_, k)| *k == place);
     if let Some(first) = first {
         corners.rotate_left(first);
     }
-    let corners = &*corners;
     // Places of those that are kept.
     let mut kept = [usize::MAX; MAX_POINTS];
     let mut keep = |from: usize, numbers: &[usize]| {
@@ -107,44 +108,14 @@ fn merge_repeated(points: &mut Vec<Candidate>, apart: f64) {
     points.truncate(kept);
 }
 
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
-
 /// A point of the plane, and the candidate's place in their order.
-type Corner = ([f64; 2], usize);
+type Corner = plane::Corner<usize>;
 
 /// Points of the plane, and buffers for their convex hull.
 #[derive(Debug, Default)]
 pub struct Hull {
     points: Vec<Corner>,
     chain: Vec<Corner>,
-}
-
-impl Hull {
-    /// The corners of the points' convex hull, in order (monotone chain).
-    fn corners(&mut self) -> &mut [Corner] {
-        let Self { points, chain } = self;
-        points.sort_unstable_by(|(a, c), (b, d)| {
-            a[0].total_cmp(&b[0]).then_with(|| a[1].total_cmp(&b[1])).then_with(|| c.cmp(d))
-        });
-        let count = points.len();
-        chain.clear();
-        for pass in 0..2 {
-            let base = chain.len();
-            for k in 0..count {
-                let p = points[if pass == 0 { k } else { count - 1 - k }];
-                while chain.len() >= base + 2
-                    && cross(chain[chain.len() - 2].0, chain[chain.len() - 1].0, p.0) <= 0.0
-                {
-                    chain.pop();
-                }
-                chain.push(p);
-            }
-            chain.pop();
-        }
-        chain
-    }
 }
 
 /// Numbers of the first corner and the three that span the largest area with it; the first four

@@ -13,7 +13,7 @@ import math
 import operator
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import gymnasium
@@ -47,6 +47,10 @@ class Episode:
     compactness: float
     forces: Array
     is_over: bool
+
+
+#: What an environment keeps of its episode beside the state, each under its name after an underscore.
+KEPT = [field.name for field in fields(Episode) if field.name != "state"]
 
 
 class TampingEnv(gymnasium.Env[Array, Array]):
@@ -186,19 +190,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         """The episode as it stands, to be taken up again by `restore`."""
         if self._sim is None:
             raise ballast.Error("save: expected an episode, found none; reset first")
-        return Episode(
-            state=self._sim.save(),
-            homes=self._homes,
-            depth=self._depth,
-            closing=self._closing,
-            angle=self._angle,
-            omega=self._omega,
-            work=self._work,
-            first=self._first,
-            compactness=self._compactness,
-            forces=self._forces,
-            is_over=self._is_over,
-        )
+        return Episode(self._sim.save(), **{name: getattr(self, f"_{name}") for name in KEPT})
 
     def restore(self, episode: Episode) -> Array:
         """Goes on from a saved episode of this case, and returns what is observed there."""
@@ -206,10 +198,9 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         if sim.case.choose(seed=self._case.seed) != self._case:
             raise ballast.Error(f"restore: expected an episode of {self._case!r}, found one of {sim.case!r}")
         self.close()
-        self._sim, self._tines, self._homes, self._is_over = sim, sim.tines, episode.homes, episode.is_over
-        self._depth, self._closing, self._work = episode.depth, episode.closing, episode.work
-        self._angle, self._omega, self._forces = episode.angle, episode.omega, episode.forces
-        self._first, self._compactness = episode.first, episode.compactness
+        self._sim, self._tines = sim, sim.tines
+        for name in KEPT:
+            setattr(self, f"_{name}", getattr(episode, name))
         return self._observe()
 
     def close(self) -> None:

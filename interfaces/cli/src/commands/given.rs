@@ -1,7 +1,7 @@
 //! Which of our files is given, where one of them is expected.
 
 use crate::exit::{Failure, Outcome};
-use crate::files::{RunFiles, start_of};
+use crate::files::{Ours, RunFiles, ours, start_of};
 use std::path::{Path, PathBuf};
 
 /// A file of ours that HDF5 or our own reader is to open.
@@ -51,17 +51,16 @@ impl Expected {
             let letters = std::str::from_utf8(start);
             !start.contains(&0) && letters.map_or_else(|e| e.error_len().is_none(), |_| true)
         };
-        match start {
-            [] => None,
-            [b'{', ..] => Some("text (JSON), such as a summary or a sample"),
-            _ if start.starts_with(b"\x89MCAP0") => {
+        match (ours(start), start) {
+            (Some(Ours::Sealed), _) | (None, []) => None,
+            (Some(Ours::Recording), _) => {
                 Some("a recording; `ballast verify` and `ballast replay` read it")
             }
-            _ if start.starts_with(b"\x89HDF") => matches!(self, Self::Checkpoint)
+            (Some(Ours::Hdf5), _) => matches!(self, Self::Checkpoint)
                 .then_some("another HDF5 file; if it is of results, the checkpoint lies beside it"),
-            _ if start.starts_with(b"ballast-") => None,
-            _ if is_text() => Some("text, such as a case"),
-            _ => Some("no file of ours"),
+            (None, [b'{', ..]) => Some("text (JSON), such as a summary or a sample"),
+            (None, _) if is_text() => Some("text, such as a case"),
+            (None, _) => Some("no file of ours"),
         }
     }
 }

@@ -30,7 +30,7 @@ pub struct Problem {
 pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
     let path = path.as_ref();
     let size = std::fs::metadata(path).map_err(io(path, "read"))?.len();
-    if !seal::start_of(path)?.starts_with(b"\x89HDF") {
+    if !seal::is_hdf5(path)? {
         return Err(Fault::new("header", "an HDF5 file", "another").in_file(path));
     }
     let file = image::open(path).map_err(hdf5_error(path, "content"))?;

@@ -145,7 +145,7 @@ impl Writer {
         growing::number(&about, "grains", self.model.grains.len() as u64)?;
         let driven = &self.model.driven;
         let names: Vec<&str> = driven.iter().map(|d| d.name.as_str()).collect();
-        let role = |d: &DrivenBody| columns::name_of(&columns::ROLES, d.role);
+        let role = |d: &DrivenBody| d.role.name();
         growing::texts(&about, "driven", &names)?;
         growing::texts(&about, "driven_roles", &driven.iter().map(role).collect::<Vec<_>>())?;
         let frames = growing::group(&self.file, "frames")?;

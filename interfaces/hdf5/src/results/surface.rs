@@ -3,7 +3,7 @@
 //! Reads: model; the first frame's poses, which say how large to draw half-spaces.
 
 use super::snapshot::single;
-use ballast::geometry::Polyhedron;
+use ballast::geometry::{AxisBox, Polyhedron};
 use ballast::math::{Pose, Vec3, frame};
 use ballast::model::{DrivenBody, Model, Part, Role};
 
@@ -104,13 +104,11 @@ pub(crate) fn extent(model: &Model, poses: &[Pose]) -> Extent {
         None => 0.0,
     };
     let bodies = if ng > 0 { 0..ng } else { 0..poses.len() };
-    let mut extent = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
-    for b in bodies {
+    let AxisBox { low, high } = AxisBox::around(bodies.flat_map(|b| {
         let reach = Vec3::repeat(radius(b));
-        extent[0] = extent[0].inf(&(poses[b].position - reach));
-        extent[1] = extent[1].sup(&(poses[b].position + reach));
-    }
-    if poses.is_empty() { [Vec3::zeros(); 2] } else { extent }
+        [poses[b].position - reach, poses[b].position + reach]
+    }));
+    if poses.is_empty() { [Vec3::zeros(); 2] } else { [low, high] }
 }
 
 impl Surface {

@@ -11,7 +11,7 @@ mod tamping;
 
 pub use bed::{Bed, Grains};
 pub use layout::{Block, Mode, Mount, Sleeper, SleeperMount, Sleepers, Tine, Tines, Towards};
-pub use run::{Norm, Run, Schedule, Solver};
+pub use run::{Run, Solver};
 pub use tamping::Tamping;
 
 use schemars::JsonSchema;

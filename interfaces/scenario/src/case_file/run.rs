@@ -54,7 +54,8 @@ fn default_theta() -> f64 {
 #[serde(default, deny_unknown_fields)]
 pub struct Solver {
     /// In which order subdomains and interface are swept.
-    pub schedule: Schedule,
+    #[serde(with = "Schedule")]
+    pub schedule: model::Schedule,
     /// Equal boxes over the grains, numbers in x, y and z: `[7, 1, 1]` are seven slabs along x.
     #[schemars(with = "Option<[Count; 3]>")]
     pub boxes: Option<[u32; 3]>,
@@ -77,7 +78,8 @@ pub struct Solver {
     #[schemars(with = "NonNegative")]
     pub tolerance: f64,
     /// Which residual `tolerance` bounds.
-    pub norm: Norm,
+    #[serde(with = "Norm")]
+    pub norm: model::Norm,
     /// Iterations between two convergence tests; those between leave open contacts out.
     #[schemars(with = "Count")]
     pub check_every: u32,
@@ -129,7 +131,7 @@ impl Default for Solver {
     fn default() -> Self {
         let core = model::Solver::default();
         Self {
-            schedule: core.schedule.into(),
+            schedule: core.schedule,
             boxes: None,
             balanced: None,
             contacts_per_subdomain: None,
@@ -137,7 +139,7 @@ impl Default for Solver {
             subdomain_sweeps: core.subdomain_sweeps,
             interface_sweeps: core.interface_sweeps,
             tolerance: core.tolerance.unwrap_or(0.0),
-            norm: core.norm.into(),
+            norm: core.norm,
             check_every: core.check_every,
             relaxation: core.relaxation,
             warm_start: core.warm_start,
@@ -148,8 +150,8 @@ impl Default for Solver {
 }
 
 /// In which order subdomains and interface are swept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "model::Schedule", rename_all = "snake_case")]
 pub enum Schedule {
     /// One set of contacts, no decomposition.
     Sequential,
@@ -159,19 +161,9 @@ pub enum Schedule {
     Asynchronous,
 }
 
-impl From<model::Schedule> for Schedule {
-    fn from(schedule: model::Schedule) -> Self {
-        match schedule {
-            model::Schedule::Sequential => Self::Sequential,
-            model::Schedule::Synchronous => Self::Synchronous,
-            model::Schedule::Asynchronous => Self::Asynchronous,
-        }
-    }
-}
-
 /// A measure of how well a step is solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "model::Norm", rename_all = "snake_case")]
 pub enum Norm {
     /// The strictest of the quadratic, maximum/16 and impulse-weighted norms.
     Qm16,
@@ -179,14 +171,4 @@ pub enum Norm {
     Quad,
     /// The natural map, scaled.
     NaturalMap,
-}
-
-impl From<model::Norm> for Norm {
-    fn from(norm: model::Norm) -> Self {
-        match norm {
-            model::Norm::Qm16 => Self::Qm16,
-            model::Norm::Quad => Self::Quad,
-            model::Norm::NaturalMap => Self::NaturalMap,
-        }
-    }
 }

@@ -97,7 +97,6 @@ fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
 }
 
 fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
-    use crate::case_file::{Norm, Schedule};
     unused(solver, report);
     if report.clean(&["solver.tolerance"]) && solver.tolerance > LARGEST_TOLERANCE {
         let finding = Finding {
@@ -109,21 +108,13 @@ fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
         report.warn("solver.tolerance", finding);
     }
     model::Solver {
-        schedule: match solver.schedule {
-            Schedule::Sequential => model::Schedule::Sequential,
-            Schedule::Synchronous => model::Schedule::Synchronous,
-            Schedule::Asynchronous => model::Schedule::Asynchronous,
-        },
+        schedule: solver.schedule,
         partition: partition(solver, report),
         iterations: solver.iterations,
         subdomain_sweeps: solver.subdomain_sweeps,
         interface_sweeps: solver.interface_sweeps,
         tolerance: (solver.tolerance > 0.0).then_some(solver.tolerance),
-        norm: match solver.norm {
-            Norm::Qm16 => model::Norm::Qm16,
-            Norm::Quad => model::Norm::Quad,
-            Norm::NaturalMap => model::Norm::NaturalMap,
-        },
+        norm: solver.norm,
         check_every: solver.check_every,
         relaxation: solver.relaxation,
         warm_start: solver.warm_start,
@@ -169,12 +160,12 @@ fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
 /// Keys that were written but change nothing.
 fn unused(solver: &Solver, report: &mut Report) {
     let keys: &[&str] = match (solver.tolerance > 0.0, solver.schedule) {
-        (false, crate::case_file::Schedule::Sequential) => {
+        (false, model::Schedule::Sequential) => {
             &["norm", "momentum", "boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
         }
         (false, _) => &["norm", "momentum"],
-        (true, crate::case_file::Schedule::Asynchronous) => &["momentum"],
-        (true, crate::case_file::Schedule::Sequential) => {
+        (true, model::Schedule::Asynchronous) => &["momentum"],
+        (true, model::Schedule::Sequential) => {
             &["boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
         }
         _ => &[],

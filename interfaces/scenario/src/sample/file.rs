@@ -1,5 +1,6 @@
 //! The JSON of a sample, word for word.
 
+use ballast::model;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -50,8 +51,8 @@ pub struct Solver {
     pub check_every: u32,
     #[serde(default = "relax")]
     pub relax: f64,
-    #[serde(default)]
-    pub norm: Norm,
+    #[serde(default = "norm", with = "Norm")]
+    pub norm: model::Norm,
 }
 
 fn max_iterations() -> u32 {
@@ -66,10 +67,14 @@ fn relax() -> f64 {
     1.0
 }
 
+fn norm() -> model::Norm {
+    model::Norm::Quad
+}
+
 /// Norms under the names they have in LMGC90.
-#[derive(Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "model::Norm")]
 pub enum Norm {
-    #[default]
     Quad,
     #[serde(rename = "QM/16")]
     Qm16,

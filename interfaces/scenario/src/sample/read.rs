@@ -1,6 +1,6 @@
 //! From the JSON of a sample to model and state.
 
-use super::file::{FORMAT, Fixed, Grain, Norm, SampleFile, Solver};
+use super::file::{FORMAT, Fixed, Grain, SampleFile, Solver};
 use super::{Sample, SampleError};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
@@ -112,11 +112,7 @@ fn solver(solver: &Solver, place: &Place) -> Result<model::Solver, SampleError> 
         schedule: Schedule::Sequential,
         iterations,
         tolerance,
-        norm: match solver.norm {
-            Norm::Quad => model::Norm::Quad,
-            Norm::Qm16 => model::Norm::Qm16,
-            Norm::NaturalMap => model::Norm::NaturalMap,
-        },
+        norm: solver.norm,
         check_every: solver.check_every,
         relaxation: solver.relax,
         ..model::Solver::default()

@@ -1,8 +1,8 @@
 //! From model and state to the JSON of a sample.
 
-use super::file::{FORMAT, Fixed, Friction, Grain, Norm, SampleFile, Solver};
+use super::file::{FORMAT, Fixed, Friction, Grain, SampleFile, Solver};
 use ballast::math::{Pose, Vec3, frame};
-use ballast::model::{self, Model, Part};
+use ballast::model::{Model, Part};
 use ballast::state::State;
 use serde_json::{Value, json};
 
@@ -37,11 +37,7 @@ pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
             max_iterations: model.solver.iterations,
             check_every: model.solver.check_every,
             relax: model.solver.relaxation,
-            norm: match model.solver.norm {
-                model::Norm::Quad => Norm::Quad,
-                model::Norm::Qm16 => Norm::Qm16,
-                model::Norm::NaturalMap => Norm::NaturalMap,
-            },
+            norm: model.solver.norm,
         },
         grains: (0..model.grains.len()).map(|i| grain(model, state, i)).collect(),
         fixed: fixed(model, state),
