@@ -254,9 +254,10 @@ impl Simulation {
         enter(&self.told).as_ref().map(|outcome| outcome.clone_ref(py))
     }
 
-    /// Ends the window that another thread is computing, within a step, which is then not done: its outcome has the code
-    /// "stopped" and the status "early", or "discard" where it was the first step. One that another process computes goes on there, and its caller gets `Unreachable` with the
-    /// code "abandoned". Windows that are begun later are not ended.
+    /// Ends the window that another thread is computing, within a step, which is then not done: its outcome has the
+    /// code "stopped" and the status "early", or "discard" where it was the first step. One that another process
+    /// computes goes on there, and its caller gets `Unreachable` with the code "abandoned". Windows that are begun later
+    /// are not ended.
     fn stop(&self) {
         self.work.stop();
     }
