@@ -50,7 +50,7 @@ class Episode:
 
 
 #: What an environment keeps of its episode beside the state, each under its name after an underscore.
-KEPT = [field.name for field in fields(Episode) if field.name != "state"]
+_KEPT = [field.name for field in fields(Episode) if field.name != "state"]
 
 
 class TampingEnv(gymnasium.Env[Array, Array]):
@@ -190,7 +190,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         """The episode as it stands, to be taken up again by `restore`."""
         if self._sim is None:
             raise ballast.Error("save: expected an episode, found none; reset first")
-        return Episode(self._sim.save(), **{name: getattr(self, f"_{name}") for name in KEPT})
+        return Episode(self._sim.save(), **{name: getattr(self, f"_{name}") for name in _KEPT})
 
     def restore(self, episode: Episode) -> Array:
         """Goes on from a saved episode of this case, and returns what is observed there."""
@@ -199,7 +199,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             raise ballast.Error(f"restore: expected an episode of {self._case!r}, found one of {sim.case!r}")
         self.close()
         self._sim, self._tines = sim, sim.tines
-        for name in KEPT:
+        for name in _KEPT:
             setattr(self, f"_{name}", getattr(episode, name))
         return self._observe()
 
