@@ -93,6 +93,17 @@ pub fn deposit(
     Ok(Some(Bed { model, state }))
 }
 
+/// The bed without its stones: what is known of the other bodies before anything is poured.
+///
+/// # Errors
+/// As for a plan that describes no bed.
+pub fn bare(plan: &Plan) -> Result<Bed> {
+    check(plan)?;
+    let mut bench = empty_box(plan)?;
+    place_sleepers(plan, &mut bench)?;
+    Ok(Bed { model: bench.model, state: bench.state })
+}
+
 /// A bed in the making.
 struct Site<'a> {
     plan: &'a Plan,
@@ -123,17 +134,12 @@ impl Site<'_> {
 
     /// Stage 2: the sleepers, and the cribs around them.
     fn fill_cribs(&mut self) -> Result<ControlFlow<()>> {
-        let (plan, bed) = (self.plan, &self.plan.bed);
+        let plan = self.plan;
         if plan.sleepers.is_empty() {
             return Ok(ControlFlow::Continue(()));
         }
-        make_room(plan, &mut self.bench, bed.preparation.ballast_depth);
-        let friction = bed.friction.sleeper.min(bed.preparation.friction);
-        for s in &plan.sleepers {
-            let body = sleeper(s, friction, &mut self.bench.model.shapes)?;
-            self.bench.model.driven.push(body);
-            self.bench.state.push(sleeper_pose(plan, s));
-        }
+        make_room(plan, &mut self.bench, plan.bed.preparation.ballast_depth);
+        place_sleepers(plan, &mut self.bench)?;
         let laid = self.lay_cribs()?;
         self.insert(&laid);
         self.settle(&pouring(plan, DepositStage::Fill))
@@ -287,6 +293,16 @@ fn empty_box(plan: &Plan) -> Result<Bench> {
         solver: plan.run.solver,
     };
     Ok(Bench { model, state, workspace: Workspace::default() })
+}
+
+fn place_sleepers(plan: &Plan, bench: &mut Bench) -> Result<()> {
+    let friction = plan.bed.friction.sleeper.min(plan.bed.preparation.friction);
+    for s in &plan.sleepers {
+        let body = sleeper(s, friction, &mut bench.model.shapes)?;
+        bench.model.driven.push(body);
+        bench.state.push(sleeper_pose(plan, s));
+    }
+    Ok(())
 }
 
 /// Takes out the grains that reach into the sleepers' columns above `level`.

@@ -21,7 +21,7 @@ pub mod tine;
 pub mod zones;
 
 pub use clearance::{SLACK, Swept, swept};
-pub use deposit::{Bed, FALL_SPEED, MOST_GRAINS, deposit};
+pub use deposit::{Bed, FALL_SPEED, MOST_GRAINS, bare, deposit};
 pub use machine_control::{LONGEST_WINDOW, TinePair};
 pub use pour::CELLS_PER_GRAIN;
 pub use relief::MOST_CELLS;

@@ -105,6 +105,15 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State), Error> {
     track::scene(plan, bed).map_err(|source| Error::Scene { case: plan.name.clone(), source })
 }
 
+/// The same without stones, before any is poured: what is led where does not depend on them.
+///
+/// # Errors
+/// As for [`scene`] and [`Beds::prepare`].
+pub fn bare_scene(plan: &Plan) -> Result<(Model, State), Error> {
+    let failed = |source| Error::Preparation { case: plan.name.clone(), source };
+    scene(plan, track::bare(plan).map_err(failed)?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,7 @@
 //! `ballast replay FILE`: the case's bed, moved by a recording.
 
 use crate::args::{Replay, TimeName};
-use crate::case::{self, Choices};
+use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
@@ -11,7 +11,7 @@ use crate::session::{self, Session};
 use crate::{beds, interrupt, room, start};
 use ballast::model::Model;
 use ballast::state::State;
-use ballast_mcap::motion::{self, TimeOf};
+use ballast_mcap::motion::{self, Motion, TimeOf};
 use ballast_mcap::recording::{self, Windows};
 use std::path::Path;
 
@@ -48,30 +48,48 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     }
     files.refuse_own(&args.file)?;
     files.may_record(args.record.as_deref())?;
+    let source = match windows {
+        Some(windows) => Source::Windows(Box::new(windows)),
+        None => Source::Poses(poses(&args, &case, posed.is_some(), console)?),
+    };
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
-    let cycle = session::cycle(&case, &model, &state)?;
-    let (model, state, playback) = match windows {
-        Some(windows) => {
+    let (model, state, playback) = match source {
+        Source::Windows(windows) => {
             let (model, state) = start::of(&windows, &case, model, state)?;
-            let playback = own(windows, &model, &state, console);
+            let playback = own(*windows, &model, &state, console);
             (model, state, playback)
         }
-        None => {
-            if posed.is_some() {
-                warn_of_mounts(&args, &model, console);
-            }
-            let playback = foreign(&args, &model, &state, console)?;
+        Source::Poses(motion) => {
+            let playback = Playback::of_motion(&args.file, motion, args.rebase);
             (model, state, playback)
         }
     };
-    let mut engine = Engine::recording(&case, model, state, cycle, playback)?;
     // Before an earlier replay is removed.
+    let engine = moved(&args, &case, (model, state), playback)?;
+    let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
+    session.run(args.until.steps, args.until.expect)
+}
+
+/// What moves the bodies.
+enum Source {
+    Windows(Box<Windows>),
+    Poses(Motion),
+}
+
+/// The scene moved by a recording, which leads through a step at least where one is asked for.
+fn moved(
+    args: &Replay,
+    case: &Case,
+    (model, state): (Model, State),
+    playback: Playback,
+) -> Outcome<Engine> {
+    let cycle = session::cycle(case, &model, &state)?;
+    let mut engine = Engine::recording(case, model, state, cycle, playback)?;
     session::expect_ahead(args.until.steps, engine.state().step)?;
     if args.until.steps != Some(engine.state().step) {
         engine.expect_a_step()?;
     }
-    let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.run(args.until.steps, args.until.expect)
+    Ok(engine)
 }
 
 fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Playback {
@@ -106,7 +124,12 @@ fn warn_of_mounts(args: &Replay, model: &Model, console: Console) {
     }
 }
 
-fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Outcome<Playback> {
+/// The motions of a recording of poses. What no stone decides is told before a bed is poured, which may take an hour.
+fn poses(args: &Replay, case: &Case, of_ours: bool, console: Console) -> Outcome<Motion> {
+    let (model, state) = ballast_beds::bare_scene(&case.plan)?;
+    if of_ours {
+        warn_of_mounts(args, &model, console);
+    }
     let bodies: Vec<String> = model.driven.iter().map(|d| d.name.clone()).collect();
     let time = match args.time {
         None | Some(TimeName::Stamp) => TimeOf::Stamp,
@@ -116,9 +139,11 @@ fn foreign(args: &Replay, model: &Model, state: &State, console: Console) -> Out
     for note in &motion.notes {
         console.note(note);
     }
-    let lack = room::lack(model, state, &motion.inputs, motion.end_ns);
+    let lack = room::lack(&model, &state, &motion.inputs, motion.end_ns);
     for warning in motion.warnings.iter().chain(&lack) {
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
-    Ok(Playback::of_motion(&args.file, motion, args.rebase))
+    let playback = Playback::of_motion(&args.file, motion.clone(), args.rebase);
+    moved(args, case, (model, state), playback)?;
+    Ok(motion)
 }

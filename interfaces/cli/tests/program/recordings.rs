@@ -359,6 +359,9 @@ fn poses_of_any_file_move_a_body() {
     let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
     assert!(said.contains(&body) && said.contains("--rebase"), "{said}");
     assert!(!said.contains("are kept"), "nothing was begun: {said}");
+    let unpoured = format!("replay rising.mcap {map} --case tiny.toml --beds unpoured");
+    let refused = place.call(&unpoured).with_code(1).stderr();
+    assert!(refused.contains("--rebase") && !place.path("unpoured").exists(), "{refused}");
     assert_eq!(place.hash("up"), hash, "what was refused replaces nothing");
     replay(&place, &format!("rising.mcap {map} --out off --rebase")).with_code(0);
 
