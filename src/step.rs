@@ -322,8 +322,8 @@ pub trait Stopwatch: Send {
     /// `phase` has just ended; the next one begins.
     fn lap(&mut self, phase: Phase);
 
-    /// Asked after each test of the iterations, which may be many: whether the step is to be broken off, and what is to
-    /// become of its window.
+    /// Asked after each test of the iterations, which may be many, by whichever thread has made it, and from time to time
+    /// by the one that has asked for the step: whether it is to be broken off, and what is to become of its window.
     fn stop(&mut self) -> Option<Stop> {
         None
     }

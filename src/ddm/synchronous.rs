@@ -12,6 +12,9 @@ use super::{Ask, Decomposition, Outcome, is_solved, left, next_after};
 use crate::error::{Error, Result, Stop};
 use crate::model::{Norm, Solver};
 
+/// Tests after which the threads part for a moment: more than most steps have.
+const TESTS_IN_A_ROW: u32 = 32;
+
 /// Iterates until the tolerance or the cap is reached.
 ///
 /// # Errors
@@ -27,8 +30,17 @@ pub(super) fn iterate(
             |set, turn, leg: &Leg| leg.visit(set, turn, solver),
             |sets| progress.next(sets),
         );
-        let Some(leg) = progress.leg.take() else { break };
-        progress.turn(decomposition, &leg);
+        if let Some(leg) = progress.leg.take() {
+            progress.turn(decomposition, &leg);
+        } else if std::mem::take(&mut progress.pauses) {
+            // By the calling thread: some ask of what is told to no other one.
+            progress.stopped = (progress.ask)();
+            if progress.stopped.is_some() {
+                break;
+            }
+        } else {
+            break;
+        }
     }
     if let Some(stop) = progress.stopped {
         return Err(Error::Stopped(stop));
@@ -96,13 +108,17 @@ struct Progress<'a> {
     leg: Option<Leg>,
     ask: Ask<'a>,
     stopped: Option<Stop>,
+    /// Tests since the calling thread has asked, and whether it is to.
+    tests: u32,
+    pauses: bool,
 }
 
 impl<'a> Progress<'a> {
     fn new(solver: &'a Solver, ask: Ask<'a>) -> Self {
         let outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
         let (round, start) = (Round::first(solver), Start::Sweeps);
-        Self { solver, round, outcome, start, leg: None, ask, stopped: None }
+        let (leg, stopped, tests, pauses) = (None, None, 0, false);
+        Self { solver, round, outcome, start, leg, ask, stopped, tests, pauses }
     }
 
     /// The iteration after which the last sweeps are to come: what the cap ends with are sweeps from the best impulses.
@@ -110,8 +126,8 @@ impl<'a> Progress<'a> {
         self.solver.iterations.saturating_sub(self.solver.check_every)
     }
 
-    /// Ends the leg that is under way, and gives the next one; `None` when all is over, or the leg is to be followed
-    /// by a turn.
+    /// Ends the leg that is under way, and gives the next one; `None` when all is over, the leg is to be followed by a
+    /// turn, or the calling thread is to ask.
     fn next(&mut self, sets: &Decomposition) -> Option<Stretch<Leg>> {
         if let Some(Leg { done, measured, mapped, .. }) = self.leg {
             self.outcome.iterations = done;
@@ -119,6 +135,7 @@ impl<'a> Progress<'a> {
                 self.leg = None;
                 return None;
             }
+            self.tests += u32::from(measured);
             let is_closing = done >= self.closing();
             if self.round.is_at_a_turn(done, measured && !is_closing) {
                 return None;
@@ -127,6 +144,10 @@ impl<'a> Progress<'a> {
                 true => Start::Sweeps,
                 false => self.round.start(sets, done, measured),
             };
+            if self.tests >= TESTS_IN_A_ROW {
+                (self.tests, self.pauses, self.leg) = (0, true, None);
+                return None;
+            }
         }
         self.leg = (self.outcome.iterations < self.solver.iterations).then(|| self.plan());
         self.leg.map(|leg| (leg.passes(), leg))

@@ -5,6 +5,7 @@ use ballast::component::{Component, Limits, Outcome, Parameters, Refusal, Status
 use ballast::model::Schedule;
 use ballast::step::{Phase, Stopwatch};
 use std::ops::ControlFlow;
+use std::thread::{self, ThreadId};
 
 /// Ends a window while the step after so many is solved.
 struct After {
@@ -25,6 +26,37 @@ fn advance(component: &mut Component, steps: u64, stop: Stop) -> Result<Outcome,
     let t1 = component.now_ns() + 10 * MS;
     let mut go_on = |_: &_, _: &_| ControlFlow::Continue(());
     component.advance_timed(t1, &[], &mut go_on, &mut After { steps, stop })
+}
+
+/// Stops when it is asked by the thread that has asked for the step.
+struct ByCaller(ThreadId);
+
+impl Stopwatch for ByCaller {
+    fn lap(&mut self, _: Phase) {}
+    fn stop(&mut self) -> Option<Stop> {
+        (thread::current().id() == self.0).then_some(Stop::Discard)
+    }
+}
+
+#[test]
+fn the_thread_that_asks_for_a_step_is_asked_itself_however_many_work() {
+    for schedule in Schedule::ALL {
+        for threads in [1, 2, 4] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let outcome = pool.install(|| {
+                let mut component = heap_scheduled(Limits::default(), schedule);
+                let settled = component.parameters();
+                let endless =
+                    Parameters { iterations: u32::MAX, tolerance: Some(1e-300), ..settled };
+                component.set_parameters(&endless).expect("parameters");
+                let t1 = component.now_ns() + MS;
+                let mut go_on = |_: &_, _: &_| ControlFlow::Continue(());
+                let mut caller = ByCaller(thread::current().id());
+                component.advance_timed(t1, &[], &mut go_on, &mut caller).expect("a window")
+            });
+            assert_eq!(outcome.status, Status::Discard, "{schedule:?}, {threads}");
+        }
+    }
 }
 
 #[test]

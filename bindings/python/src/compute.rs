@@ -26,6 +26,8 @@ thread_local! {
     static OWN: OnceCell<Team> = const { OnceCell::new() };
     /// Whether this thread listens in the midst of a step, for whose end the others of its pool wait.
     static IS_WITHIN_STEP: Cell<bool> = const { Cell::new(false) };
+    /// Whose work this thread waits for, and listens meanwhile.
+    static AWAITED: Cell<*const Team> = const { Cell::new(std::ptr::null()) };
 }
 
 /// A pool, and the process that has its threads: a fork of it has none of them.
@@ -88,7 +90,7 @@ impl Crew {
 
     /// Runs short work to its end.
     pub fn run<R: Send>(&self, py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
-        expect_free(py)?;
+        self.expect_free(py)?;
         let done: Result<R, ThreadPoolBuildError> = py.detach(|| {
             Ok(match self.workers()? {
                 None => work(),
@@ -96,6 +98,23 @@ impl Crew {
             })
         });
         done.map_err(|e| no_threads(py, &e))
+    }
+
+    /// A signal handler must not begin work that would wait for the end of what is at hand.
+    ///
+    /// # Errors
+    /// [`errors::Error`] with the code "busy" there.
+    pub fn expect_free(&self, py: Python<'_>) -> PyResult<()> {
+        let awaited = AWAITED.get();
+        let is_awaited = |team: &Arc<Team>| Arc::as_ptr(team) == awaited;
+        // One that is apart waits for nobody.
+        let is_busy = !self.is_apart
+            && (IS_WITHIN_STEP.get() || enter(&self.others).as_ref().is_some_and(is_awaited));
+        if !is_busy {
+            return Ok(());
+        }
+        let text = "a signal handler can note the signal, or raise, but not compute with the threads that it interrupts";
+        Err(errors::error::<errors::Error>(py, "busy", text))
     }
 
     /// The pool that works; none if the calling thread is one of the crew.
@@ -230,7 +249,7 @@ pub fn attend<R: Send>(
     turn: &Turn,
     work: impl FnOnce(&Turn) -> R + Send,
 ) -> PyResult<(R, Option<PyErr>)> {
-    expect_free(py)?;
+    crew.expect_free(py)?;
     let guarded = || catch_unwind(AssertUnwindSafe(|| work(turn)));
     let result: Result<_, ThreadPoolBuildError> = py.detach(|| {
         Ok(match crew.workers()? {
@@ -238,7 +257,7 @@ pub fn attend<R: Send>(
                 *enter(&turn.listened) = Some((thread::current().id(), Instant::now()));
                 guarded()
             }
-            Some(others) => listening(&others.pool, turn, guarded),
+            Some(others) => listening(&others, turn, guarded),
         })
     });
     match result.map_err(|e| no_threads(py, &e))? {
@@ -247,23 +266,11 @@ pub fn attend<R: Send>(
     }
 }
 
-/// A signal handler that is called within a step must not begin work that would wait for the end of that step.
-///
-/// # Errors
-/// [`errors::Error`] with the code "busy" there.
-pub fn expect_free(py: Python<'_>) -> PyResult<()> {
-    if !IS_WITHIN_STEP.get() {
-        return Ok(());
-    }
-    let text = "this thread is in the midst of a step: a signal handler can note the signal, or raise, but not compute";
-    Err(errors::error::<errors::Error>(py, "busy", text))
-}
-
 /// Runs `work`, which does not panic, on the pool; the calling thread listens meanwhile.
-fn listening<R: Send>(pool: &ThreadPool, turn: &Turn, work: impl FnOnce() -> R + Send) -> R {
+fn listening<R: Send>(team: &Arc<Team>, turn: &Turn, work: impl FnOnce() -> R + Send) -> R {
     let (sender, receiver) = channel::<()>();
     let mut result = None;
-    pool.in_place_scope(|scope| {
+    team.pool.in_place_scope(|scope| {
         let result = &mut result;
         scope.spawn(move |_| {
             *result = Some(work());
@@ -271,7 +278,9 @@ fn listening<R: Send>(pool: &ThreadPool, turn: &Turn, work: impl FnOnce() -> R +
             drop(sender);
         });
         while receiver.recv_timeout(EVERY) == Err(RecvTimeoutError::Timeout) {
+            let before = AWAITED.replace(Arc::as_ptr(team));
             turn.listen();
+            AWAITED.set(before);
         }
     });
     result.expect("the scope ends when the work has")

@@ -1,6 +1,6 @@
 //! The simulation in this process: windows, redo, states, recording.
 
-use crate::compute::{Crew, Turn, attend, expect_free};
+use crate::compute::{Crew, Turn, attend};
 use crate::errors::{self, Lost};
 use crate::lock::enter;
 use crate::machine::Machine;
@@ -143,7 +143,7 @@ impl Here {
 
     pub fn window(&mut self, py: Python<'_>, asked: &Asked) -> PyResult<Py<Outcome>> {
         self.check_sound(py)?;
-        expect_free(py)?;
+        self.ground.crew.expect_free(py)?;
         if let Some(recorder) = &self.recorder {
             recorder.check_process(py, "window")?;
             if asked.t1_ns.is_none() {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import pickle
+import random
 import signal
 import socket
 import subprocess
@@ -26,7 +27,8 @@ KEY = "test/bed"
 
 def free_port() -> int:
     """A port that nobody listens on, below those that the system gives to outgoing connections."""
-    for port in range(32_000, 32_768):
+    ports = range(32_000, 32_768)
+    for port in random.sample(ports, len(ports)):
         with socket.socket() as one, contextlib.suppress(OSError):
             one.bind(("127.0.0.1", port))
             return port

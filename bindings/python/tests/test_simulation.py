@@ -667,7 +667,7 @@ def in_another_process(case: ballast.Case, beds: Path, what: str) -> str:
         "case, beds = ballast.Case.load(sys.argv[1]), sys.argv[2]\n"
     )
     again = [sys.executable, "-c", code + what, str(beds / "case.toml"), str(beds)]
-    done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True)
+    done = subprocess.run(again, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 

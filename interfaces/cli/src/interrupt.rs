@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one asks the command to stop, a run within its step; another one aborts.
+//! Ctrl-C: the first one asks the command to stop, a run within its step, once its bed is there; another one aborts.
 
 use crate::console::write_err;
 use crate::exit::{Failure, Outcome};

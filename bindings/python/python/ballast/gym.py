@@ -165,7 +165,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         try:
             out = sim.advance_to(sim.now_ns + n * sim.step_ns, tools, zones=True)
         except BaseException:
-            # Ctrl-C ends the window after any of its steps; the next motions begin where this one did.
+            # Ctrl-C ends the window within any of its steps; the next motions begin where this one did.
             sim.restore(begun)
             raise
         if out.status not in ("ok", "warn"):

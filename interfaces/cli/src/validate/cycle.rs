@@ -71,8 +71,10 @@ fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outc
     };
     observe(&engine, &mut summary);
     for _ in 0..case.steps() {
+        let stepped = engine.step(&mut watch);
+        // Also within the step.
         heed_interrupts()?;
-        let Some(stepped) = engine.step(&mut watch)? else { break };
+        let Some(stepped) = stepped? else { break };
         let h = engine.model().stepping.h();
         let state = engine.state();
         summary.take_step(&record::row(

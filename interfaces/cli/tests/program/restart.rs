@@ -5,6 +5,8 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::Duration;
 
 #[test]
 fn a_run_in_parts_leaves_the_files_of_a_run_in_one_go() {
@@ -97,9 +99,19 @@ fn interrupted(mut command: Command, word: &str) -> Ended {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
         kill(Pid::from_raw(child.id() as i32), signal).unwrap();
     }
+    // Who does not stop is to fail here, not to go on for ever.
+    let id = Pid::from_raw(child.id() as i32);
+    let (ended, is_late) = std::sync::mpsc::channel::<()>();
+    let watchdog = std::thread::spawn(move || {
+        let late = is_late.recv_timeout(Duration::from_secs(120)) == Err(RecvTimeoutError::Timeout);
+        late.then(|| kill(id, Signal::SIGKILL))
+    });
     // Read to the end: a full pipe would block the program.
     lines.for_each(drop);
-    let ended = Ended(child.wait_with_output().unwrap()).with_code(130);
+    let output = child.wait_with_output().unwrap();
+    drop(ended);
+    watchdog.join().unwrap();
+    let ended = Ended(output).with_code(130);
     assert!(ended.stderr().contains("ballast resume"), "{}", ended.stderr());
     ended
 }

@@ -279,8 +279,13 @@ impl Line {
         }
     }
 
-    /// Whether the component was there not longer than so ago, counted from `since` at the earliest.
-    fn expect_there(&self, request: &str, since: Instant, most: Duration) -> Result<(), Error> {
+    /// Whether the component was there not longer than so ago, counted from `since` at the earliest, if that is given.
+    fn expect_there(
+        &self,
+        request: &str,
+        since: Option<Instant>,
+        most: Duration,
+    ) -> Result<(), Error> {
         let gone = self.presence.gone_for(since).filter(|gone| *gone >= most);
         gone.map_or(Ok(()), |gone| {
             let (request, component) = (request.to_string(), self.keys.name().to_string());
@@ -297,9 +302,7 @@ impl Line {
         ticket: &str,
         beats: u64,
     ) -> Result<(), Error> {
-        let absence = self.patience.absence;
-        let now = Instant::now();
-        self.expect_there(request, now.checked_sub(absence).unwrap_or(now), absence)?;
+        self.expect_there(request, None, self.patience.absence)?;
         match self.presence.owner_since(beats) {
             Some(owner) if owner.as_deref() != Some(client) => {
                 Err(Fault::not_owner(ticket, owner.as_deref()).into())
@@ -321,7 +324,7 @@ impl Line {
             return Err(Error::Abandoned { request, component, waited_s: waited.as_secs_f64() });
         }
         // Someone who is away is lost, not slow, also where the time allowed is shorter.
-        self.expect_there(ask.request, begin, self.patience.absence.min(allowed))?;
+        self.expect_there(ask.request, Some(begin), self.patience.absence.min(allowed))?;
         if waited < allowed {
             return Ok(());
         }

@@ -23,6 +23,8 @@ struct Seen {
     beats: u64,
     /// How many of the last beats in a row found it waiting.
     idle_beats: u64,
+    /// How many of the last beats in a row told of the same owner, or of none.
+    alike_beats: u64,
 }
 
 impl Presence {
@@ -33,6 +35,7 @@ impl Presence {
             status: None,
             beats: 0,
             idle_beats: 0,
+            alike_beats: 0,
         };
         Self { seen: Mutex::new(seen), changed: Condvar::new() }
     }
@@ -60,6 +63,8 @@ impl Presence {
         let mut seen = self.seen();
         let is_busy = matches!(status.activity, Activity::Playing | Activity::Settling);
         seen.idle_beats = if is_busy { 0 } else { seen.idle_beats + 1 };
+        let is_alike = seen.status.as_ref().is_some_and(|last| last.owner == status.owner);
+        seen.alike_beats = if is_alike { seen.alike_beats + 1 } else { 1 };
         seen.beats += 1;
         seen.status = Some(status);
         seen.at = Instant::now();
@@ -76,11 +81,12 @@ impl Presence {
         self.seen().beats
     }
 
-    /// Who drives, if it has told so twice since there were `beats` of them: the first may have been on its way before.
+    /// Who drives, if it has told so twice in a row since there were `beats` of them: the first may have been on its way
+    /// before, or from another component that has yet to find out that its name is taken.
     pub fn owner_since(&self, beats: u64) -> Option<Option<String>> {
         let seen = self.seen();
-        let status = seen.status.as_ref().filter(|_| seen.beats >= beats + 2);
-        status.map(|status| status.owner.clone())
+        let is_sure = seen.beats >= beats + 2 && seen.alike_beats >= 2;
+        seen.status.as_ref().filter(|_| is_sure).map(|status| status.owner.clone())
     }
 
     /// Whether it has been waiting for two beats since there were `beats` of them: it has not got, or has
@@ -90,10 +96,10 @@ impl Presence {
         seen.beats >= beats + 2 && seen.idle_beats >= 2
     }
 
-    /// For how long it has been neither alive nor heard of, if so; counted from `since` at the earliest.
-    pub fn gone_for(&self, since: Instant) -> Option<Duration> {
+    /// For how long it has been neither alive nor heard of, if so; counted from `since` at the earliest, if that is given.
+    pub fn gone_for(&self, since: Option<Instant>) -> Option<Duration> {
         let seen = self.seen();
-        seen.tokens.is_empty().then(|| seen.at.max(since).elapsed())
+        seen.tokens.is_empty().then(|| since.map_or(seen.at, |since| seen.at.max(since)).elapsed())
     }
 
     /// Sleeps until there is a sign of life, `most` at the longest.
