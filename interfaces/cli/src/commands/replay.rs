@@ -11,6 +11,7 @@ use crate::session::{self, Session};
 use crate::{beds, interrupt, room, start};
 use ballast::model::Model;
 use ballast::state::State;
+use ballast::track::TampingCycle;
 use ballast_mcap::motion::{self, Motion, TimeOf};
 use ballast_mcap::recording::{self, Windows};
 use std::path::Path;
@@ -53,6 +54,8 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         None => Source::Poses(poses(&args, &case, posed.is_some(), console)?),
     };
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
+    // Of the case's own beginning, wherever the recording begins.
+    let cycle = session::cycle(&case, &model, &state)?;
     let (model, state, playback) = match source {
         Source::Windows(windows) => {
             let (model, state) = start::of(&windows, &case, model, state)?;
@@ -65,7 +68,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         }
     };
     // Before an earlier replay is removed.
-    let engine = moved(&args, &case, (model, state), playback)?;
+    let engine = moved(&args, &case, (model, state), cycle, playback)?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.until.steps, args.until.expect)
 }
@@ -81,9 +84,9 @@ fn moved(
     args: &Replay,
     case: &Case,
     (model, state): (Model, State),
+    cycle: TampingCycle,
     playback: Playback,
 ) -> Outcome<Engine> {
-    let cycle = session::cycle(case, &model, &state)?;
     let mut engine = Engine::recording(case, model, state, cycle, playback)?;
     session::expect_ahead(args.until.steps, engine.state().step)?;
     if args.until.steps != Some(engine.state().step) {
@@ -144,6 +147,7 @@ fn poses(args: &Replay, case: &Case, of_ours: bool, console: Console) -> Outcome
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
     let playback = Playback::of_motion(&args.file, motion.clone(), args.rebase);
-    moved(args, case, (model, state), playback)?;
+    let cycle = session::cycle(case, &model, &state)?;
+    moved(args, case, (model, state), cycle, playback)?;
     Ok(motion)
 }
