@@ -22,10 +22,17 @@ impl Stopwatch for After {
     }
 }
 
-fn advance(component: &mut Component, steps: u64, stop: Stop) -> Result<Outcome, Refusal> {
+fn advance(component: &mut Component, watch: &mut impl Stopwatch) -> Result<Outcome, Refusal> {
     let t1 = component.now_ns() + 10 * MS;
     let mut go_on = |_: &_, _: &_| ControlFlow::Continue(());
-    component.advance_timed(t1, &[], &mut go_on, &mut After { steps, stop })
+    component.advance_timed(t1, &[], &mut go_on, watch)
+}
+
+/// Lets no step end any more.
+fn never_solve(component: &mut Component) {
+    let endless =
+        Parameters { iterations: u32::MAX, tolerance: Some(1e-300), ..component.parameters() };
+    component.set_parameters(&endless).expect("parameters");
 }
 
 /// Stops when it is asked by the thread that has asked for the step.
@@ -45,14 +52,9 @@ fn the_thread_that_asks_for_a_step_is_asked_itself_however_many_work() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let outcome = pool.install(|| {
                 let mut component = heap_scheduled(Limits::default(), schedule);
-                let settled = component.parameters();
-                let endless =
-                    Parameters { iterations: u32::MAX, tolerance: Some(1e-300), ..settled };
-                component.set_parameters(&endless).expect("parameters");
-                let t1 = component.now_ns() + MS;
-                let mut go_on = |_: &_, _: &_| ControlFlow::Continue(());
+                never_solve(&mut component);
                 let mut caller = ByCaller(thread::current().id());
-                component.advance_timed(t1, &[], &mut go_on, &mut caller).expect("a window")
+                advance(&mut component, &mut caller).expect("a window")
             });
             assert_eq!(outcome.status, Status::Discard, "{schedule:?}, {threads}");
         }
@@ -67,16 +69,18 @@ fn a_step_that_would_never_end_is_broken_off_by_any_schedule() {
             let begun = || heap_scheduled(Limits::default(), schedule);
             let mut component = pool.install(begun);
             let settled = component.parameters();
-            let endless = Parameters { iterations: u32::MAX, tolerance: Some(1e-300), ..settled };
-            component.set_parameters(&endless).expect("parameters");
+            never_solve(&mut component);
             let before = component.save();
             for stop in [Stop::Discard, Stop::Early] {
-                let outcome = pool.install(|| advance(&mut component, 0, stop)).expect("a window");
+                let mut at_once = After { steps: 0, stop };
+                let outcome =
+                    pool.install(|| advance(&mut component, &mut at_once)).expect("a window");
                 // No step was done that could be kept.
                 assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
                 assert!(outcome.trouble.is_none() && component.save() == before);
             }
-            let refusal = pool.install(|| advance(&mut component, 0, Stop::Abandon)).unwrap_err();
+            let mut at_once = After { steps: 0, stop: Stop::Abandon };
+            let refusal = pool.install(|| advance(&mut component, &mut at_once)).unwrap_err();
             assert_eq!((refusal.code(), component.save()), ("abandoned", before));
             // Nothing of it is left behind.
             component.set_parameters(&settled).expect("parameters");
@@ -94,7 +98,8 @@ fn a_step_that_would_never_end_is_broken_off_by_any_schedule() {
 #[test]
 fn steps_before_the_one_that_is_broken_off_are_kept() {
     let mut component = heap(Limits::default());
-    let outcome = advance(&mut component, 3, Stop::Early).expect("a window");
+    let outcome =
+        advance(&mut component, &mut After { steps: 3, stop: Stop::Early }).expect("a window");
     assert_eq!((outcome.status, outcome.steps), (Status::Early, 3));
     let mut other = heap(Limits::default());
     other.advance_to(3 * MS, &[]).expect("a window");
