@@ -1,6 +1,6 @@
 use super::*;
 use crate::detection::Contacts;
-use crate::geometry::hull::cuboid;
+use crate::geometry::cuboid;
 use crate::local_problem::LocalProblem;
 use crate::math::{Pose, Vec3};
 use crate::model::{DrivenBody, Grains, Model, Part, PartitionRule, Role, Stepping};

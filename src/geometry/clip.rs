@@ -87,15 +87,6 @@ pub fn half_spaces_of(polyhedron: &Polyhedron, pose: &Pose) -> Vec<HalfSpace> {
     faces.map(|(normal, offset)| HalfSpace { normal: *normal, offset: *offset }.at(pose)).collect()
 }
 
-/// What is left of a polyhedron after clipping.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Piece {
-    /// m³.
-    pub volume: f64,
-    /// Centre of mass, world, m; the body's position if nothing is left.
-    pub centroid: Vec3,
-}
-
 /// Polygons, counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default)]
 struct Soup {
@@ -114,19 +105,13 @@ pub struct Clipper {
 }
 
 impl Clipper {
-    /// The part of `polyhedron` at `pose` inside a box.
-    pub fn inside_box(&mut self, polyhedron: &Polyhedron, pose: &Pose, region: &AxisBox) -> Piece {
-        self.inside(polyhedron, pose, &region.half_spaces())
-    }
-
-    /// The part of `polyhedron` at `pose` inside all `half_spaces` (world axes).
-    pub fn inside(
+    /// Volume of `polyhedron` at `pose` inside all `half_spaces` (world axes), m³.
+    pub fn volume_inside(
         &mut self,
         polyhedron: &Polyhedron,
         pose: &Pose,
         half_spaces: &[HalfSpace],
-    ) -> Piece {
-        let nothing = Piece { volume: 0.0, centroid: pose.position };
+    ) -> f64 {
         let back = pose.orientation.inverse();
         let mut whole = true;
         for half_space in half_spaces {
@@ -135,7 +120,7 @@ impl Clipper {
                 continue;
             }
             if depth <= -polyhedron.radius {
-                return nothing;
+                return 0.0;
             }
             // In the body's frame, so that coordinates are no larger than the body.
             let normal = back * half_space.normal;
@@ -148,7 +133,7 @@ impl Clipper {
                 continue;
             }
             if lowest >= depth {
-                return nothing;
+                return 0.0;
             }
             if whole {
                 self.load(polyhedron);
@@ -157,16 +142,13 @@ impl Clipper {
             self.cut(&normal, depth);
         }
         if whole {
-            return Piece { volume: polyhedron.volume, centroid: pose.position };
+            return polyhedron.volume;
         }
-        let (volume, moment) = self.surface.integrals();
-        if volume <= 0.0 {
-            return nothing;
-        }
-        Piece { volume, centroid: pose.point(&(moment / volume)) }
+        let volume = self.surface.volume();
+        if volume <= 0.0 { 0.0 } else { volume }
     }
 
-    /// Volume of `polyhedron` at `pose` inside `half_spaces` and outside all convex `obstacles`.
+    /// Volume of `polyhedron` at `pose` inside `half_spaces` and outside all convex `obstacles`, m³.
     ///
     /// Obstacles may overlap. Exact: what is outside an obstacle is cut into convex pieces, the
     /// k-th below its first k faces and above the next. Cost grows with the number of obstacles that
@@ -179,14 +161,14 @@ impl Clipper {
         obstacles: &[Vec<HalfSpace>],
     ) -> f64 {
         let known = half_spaces.len();
-        let left = self.inside(polyhedron, pose, half_spaces).volume;
+        let left = self.volume_inside(polyhedron, pose, half_spaces);
         // Slivers of rounding would otherwise branch like real pieces.
         if left <= 1e-15 * polyhedron.volume {
             return 0.0;
         }
         let Some((first, rest)) = obstacles.split_first() else { return left };
         half_spaces.extend_from_slice(first);
-        let shared = self.inside(polyhedron, pose, half_spaces).volume;
+        let shared = self.volume_inside(polyhedron, pose, half_spaces);
         half_spaces.truncate(known);
         if shared <= 1e-15 * polyhedron.volume {
             return self.volume_outside(polyhedron, pose, half_spaces, rest);
@@ -270,20 +252,18 @@ fn clip_polygon(polygon: &[Vec3], heights: &[f64], kept: &mut Soup, cuts: &mut V
 }
 
 impl Soup {
-    /// Volume and first moment about the origin of the closed surface.
-    fn integrals(&self) -> (f64, Vec3) {
-        let (mut volume, mut moment, mut start) = (0.0, Vec3::zeros(), 0);
+    /// Volume within the closed surface.
+    fn volume(&self) -> f64 {
+        let (mut volume, mut start) = (0.0, 0);
         for &end in &self.ends {
             let polygon = &self.corners[start..end];
             let a = polygon[0];
             for pair in polygon[1..].windows(2) {
-                let v = a.dot(&pair[0].cross(&pair[1])) / 6.0;
-                volume += v;
-                moment += (a + pair[0] + pair[1]) * (v / 4.0);
+                volume += a.dot(&pair[0].cross(&pair[1])) / 6.0;
             }
             start = end;
         }
-        (volume, moment)
+        volume
     }
 }
 

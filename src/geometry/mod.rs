@@ -1,15 +1,15 @@
 //! Convex polyhedra: hull, mass properties, clipping, random ballast grains.
 
 pub(crate) mod plane;
-pub mod polyhedron;
+mod polyhedron;
 
-pub mod clip;
+mod clip;
 mod faces;
-pub mod grain;
-pub mod hull;
-pub mod mass_properties;
+mod grain;
+mod hull;
+mod mass_properties;
 
-pub use clip::{AxisBox, Clipper, HalfSpace, Piece};
+pub use clip::{AxisBox, Clipper, HalfSpace, half_spaces_of};
 pub use grain::{GrainShape, random_grain, random_rotation};
 pub use hull::{convex_hull, cuboid};
 pub use polyhedron::{Edge, Polyhedron};

@@ -3,8 +3,7 @@
 use super::sum;
 use super::zone::Zone;
 use crate::error::{Error, Result};
-use crate::geometry::clip::half_spaces_of;
-use crate::geometry::{Clipper, HalfSpace, cuboid};
+use crate::geometry::{Clipper, HalfSpace, cuboid, half_spaces_of};
 use crate::math::Pose;
 use crate::model::{Model, Part};
 use crate::state::State;
@@ -45,21 +44,21 @@ pub fn compactness(model: &Model, state: &State, zone: &Zone) -> Result<Compactn
 }
 
 /// Volume of the grains inside a zone, m³.
-pub fn solid_volume(model: &Model, state: &State, zone: &Zone) -> f64 {
+fn solid_volume(model: &Model, state: &State, zone: &Zone) -> f64 {
     let half_spaces = zone.region.half_spaces();
     sum::in_chunks(model.grains.len(), 0.0, |range| {
         let mut clipper = Clipper::default();
         range
             .map(|i| {
                 let shape = &model.shapes[model.grains.shape[i] as usize];
-                clipper.inside(shape, &state.pose(i), &half_spaces).volume
+                clipper.volume_inside(shape, &state.pose(i), &half_spaces)
             })
             .sum()
     })
 }
 
 /// Volume of a zone outside all driven bodies, m³.
-pub fn accessible_volume(model: &Model, state: &State, zone: &Zone) -> f64 {
+fn accessible_volume(model: &Model, state: &State, zone: &Zone) -> f64 {
     let (low, high) = (zone.region.low, zone.region.high);
     let (block, pose) = (cuboid((high - low) / 2.0), Pose::at((low + high) / 2.0));
     let mut outside_walls: Vec<HalfSpace> = Vec::new();

@@ -22,8 +22,7 @@ use super::scene::{run_settings, sleeper_pose};
 use super::settle::{Bench, DepositProgress, DepositStage, Settling};
 use super::sleeper::sleeper;
 use crate::error::{Error, Result};
-use crate::geometry::Polyhedron;
-use crate::geometry::clip::{AxisBox, Clipper};
+use crate::geometry::{AxisBox, Clipper, Polyhedron};
 use crate::math::{Pose, Vec3};
 use crate::model::{Grains, Model, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
@@ -333,7 +332,7 @@ fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &Axi
     let p = pose.position;
     let apart =
         (0..3).any(|k| p[k] + shape.radius < region.low[k] || p[k] - shape.radius > region.high[k]);
-    !apart && clipper.inside_box(shape, pose, region).volume > TOUCH * shape.volume
+    !apart && clipper.volume_inside(shape, pose, &region.half_spaces()) > TOUCH * shape.volume
 }
 
 /// The relief of the grains that are there.

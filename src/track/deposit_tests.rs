@@ -141,7 +141,7 @@ fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
 #[test]
 fn removing_and_inserting_grains_renumbers_contacts() {
     let mut bench = empty_box(&tiny()).unwrap();
-    bench.model.shapes.push(crate::geometry::hull::cuboid(Vec3::repeat(0.01)));
+    bench.model.shapes.push(crate::geometry::cuboid(Vec3::repeat(0.01)));
     let at = |x: f64| (0, Pose::at(Vec3::new(x, 0.0, 0.0)));
     bench.insert(&[at(0.0), at(1.0), at(2.0)], 1000.0);
     let memory = &mut bench.state.contacts;

@@ -10,9 +10,7 @@
 
 use super::relief::{Relief, Silhouette, turned_bounds};
 use crate::error::{Error, Result};
-use crate::geometry::Polyhedron;
-use crate::geometry::clip::AxisBox;
-use crate::geometry::grain::{GrainShape, random_grain, random_rotation};
+use crate::geometry::{AxisBox, GrainShape, Polyhedron, random_grain, random_rotation};
 use crate::math::{Pose, Quat, Vec3};
 use crate::track::plan::{BedPlan, SizeClass};
 use rand::RngExt;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::geometry::clip::{Clipper, half_spaces_of};
+use crate::geometry::{Clipper, half_spaces_of};
 use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan};
 use rand::SeedableRng;
 
@@ -66,7 +66,7 @@ fn poured_grains_overlap_neither_each_other_nor_the_walls() {
         }
         let faces = half_spaces_of(&shapes[a.shape], &a.pose);
         for (j, b) in laid.iter().enumerate().take(i) {
-            let common = clipper.inside(&shapes[b.shape], &b.pose, &faces).volume;
+            let common = clipper.volume_inside(&shapes[b.shape], &b.pose, &faces);
             assert!(common < 1e-12 * shapes[b.shape].volume, "grains {i} and {j}: {common} m³");
         }
     }
@@ -92,7 +92,10 @@ fn nothing_is_laid_on_what_is_forbidden() {
     let block = AxisBox { low: Vec3::new(0.1, 0.12, 0.0), high: Vec3::new(0.2, 0.24, 10.0) };
     let mut clipper = Clipper::default();
     for grain in &laid {
-        assert_eq!(clipper.inside_box(&shapes[grain.shape], &grain.pose, &block).volume, 0.0);
+        assert_eq!(
+            clipper.volume_inside(&shapes[grain.shape], &grain.pose, &block.half_spaces()),
+            0.0
+        );
     }
 }
 

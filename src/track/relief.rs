@@ -5,8 +5,7 @@
 //! Contract: bounds are conservative, so grains placed by it never overlap, whatever the cell.
 
 use crate::error::{Error, Result};
-use crate::geometry::Polyhedron;
-use crate::geometry::clip::AxisBox;
+use crate::geometry::{AxisBox, Polyhedron};
 use crate::math::Quat;
 
 /// Faces steeper than this (z component of their normal) bound nothing from above or below.

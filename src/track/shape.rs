@@ -1,7 +1,7 @@
 //! Cuboid parts of driven bodies.
 
 use crate::error::{Error, Result};
-use crate::geometry::{Polyhedron, hull};
+use crate::geometry::{self, Polyhedron};
 use crate::math::{Pose, Vec3};
 use crate::model::Part;
 
@@ -21,7 +21,7 @@ pub(super) fn solid(size: &Vec3, place: impl Fn() -> String) -> Result<Vec3> {
 ///
 /// Equal cuboids share one shape: sixteen tines are two shapes.
 pub(super) fn cuboid(shapes: &mut Vec<Polyhedron>, size: &Vec3, centre: Vec3) -> Result<Part> {
-    let shape = hull::cuboid(size * 0.5);
+    let shape = geometry::cuboid(size * 0.5);
     let index = shapes.iter().position(|s| *s == shape).unwrap_or_else(|| {
         shapes.push(shape);
         shapes.len() - 1

@@ -14,7 +14,7 @@
 //! * `insertion <tine>`: what the blade passes through below the sleeper's underside before it squeezes, from its lower
 //!   edge at depth up to the level of the underside before the lift.
 
-use crate::geometry::clip::AxisBox;
+use crate::geometry::AxisBox;
 use crate::math::Vec3;
 use crate::observe::Zone;
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan, TinePlan};

@@ -1,7 +1,7 @@
 //! A heap of random stones in an open box: enough contacts to exercise every path of the solver.
 
 use super::scene::{Random, Scene};
-use ballast::geometry::hull::convex_hull;
+use ballast::geometry::convex_hull;
 use ballast::math::{Pose, Vec3};
 
 /// Edge of the box, m.

@@ -7,7 +7,7 @@ use ballast::component::{
     Waveform, Window,
 };
 use ballast::drive::Load;
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{Freedom, Mount, Part};
 use ballast::observe::Zone;

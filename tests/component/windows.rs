@@ -231,8 +231,8 @@ fn a_step_that_penetrates_too_deep_is_trouble() {
 fn pressed(limits: Limits) -> Component {
     let mut scene = Scene::new(MS, 0.5);
     scene.model.solver.iterations = 50;
-    let cube = scene.shape(ballast::geometry::hull::cuboid(Vec3::repeat(0.05)));
-    let lid = scene.shape(ballast::geometry::hull::cuboid(Vec3::new(0.06, 0.06, 0.01)));
+    let cube = scene.shape(ballast::geometry::cuboid(Vec3::repeat(0.05)));
+    let lid = scene.shape(ballast::geometry::cuboid(Vec3::new(0.06, 0.06, 0.01)));
     let places = [0.0, 1.0].map(|x| Vec3::new(x, 0.0, 0.05));
     for place in places {
         scene.grain(cube, Pose::at(place));
@@ -327,7 +327,7 @@ fn a_window_can_be_taken_back_after_its_last_step() {
 #[test]
 fn a_step_that_stops_at_the_cap_is_a_warning() {
     let mut scene = Scene::new(MS, 0.5);
-    let stone = scene.shape(ballast::geometry::hull::cuboid(Vec3::repeat(0.05)));
+    let stone = scene.shape(ballast::geometry::cuboid(Vec3::repeat(0.05)));
     for k in 0..6 {
         scene.grain(stone, ballast::math::Pose::at(Vec3::z() * (0.05 + 0.1 * f64::from(k))));
     }

@@ -2,7 +2,7 @@
 
 use crate::oracle::{self, Body};
 use crate::scene;
-use ballast::geometry::{Polyhedron, cuboid, hull};
+use ballast::geometry::{Polyhedron, convex_hull, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -139,7 +139,7 @@ fn slivers_and_scales() {
             let points: Vec<Vec3> = (0..12)
                 .map(|_| scene::random_unit(&mut rng).component_mul(&squash) * scale)
                 .collect();
-            if let Ok((s, _)) = hull::convex_hull(&points) {
+            if let Ok((s, _)) = convex_hull(&points) {
                 return s;
             }
         };

@@ -1,6 +1,6 @@
 //! Stones from JSON.
 
-use ballast::geometry::{Polyhedron, hull};
+use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Vec3};
 use serde_json::Value;
 
@@ -19,5 +19,5 @@ pub fn vector(value: &Value) -> Vec3 {
 /// Hull of a list of points, and its frame in theirs.
 pub fn stone(points: &Value) -> (Polyhedron, Pose) {
     let points: Vec<Vec3> = list(points).iter().map(vector).collect();
-    hull::convex_hull(&points).expect("a stone")
+    convex_hull(&points).expect("a stone")
 }

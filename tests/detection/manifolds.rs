@@ -2,7 +2,7 @@
 
 use crate::scene;
 use ballast::detection::Contacts;
-use ballast::geometry::{Polyhedron, cuboid, hull};
+use ballast::geometry::{Polyhedron, convex_hull, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{DrivenBody, Part, Role};
 use std::f64::consts::PI;
@@ -102,7 +102,7 @@ fn a_tip_is_held_from_all_sides() {
     };
     let mut points: Vec<Vec3> = (0..8).map(ring).collect();
     points.extend([Vec3::zeros(), Vec3::new(0.0, 0.0, 0.03)]);
-    let (cone, frame) = hull::convex_hull(&points).expect("a cone");
+    let (cone, frame) = convex_hull(&points).expect("a cone");
     let base = cuboid(Vec3::new(0.05, 0.05, 0.01));
     let c = two(&base, &cone, Pose::at(Vec3::new(2e-3, 1e-3, 0.01)).then(&frame), 1e-3);
     assert_eq!(c.len(), 4, "{c:?}");
@@ -123,7 +123,7 @@ fn hexagonal_faces_keep_the_widest_four_with_the_deepest() {
         [-0.01, 0.01].map(|z| Vec3::new(0.03 * angle.cos(), 0.03 * angle.sin(), z))
     };
     let points: Vec<Vec3> = (0..6).flat_map(corners).collect();
-    let (prism, frame) = hull::convex_hull(&points).expect("a prism");
+    let (prism, frame) = convex_hull(&points).expect("a prism");
     let base = cuboid(Vec3::new(0.05, 0.05, 0.01));
     for k in 0..6 {
         // Tilted a little so that corner k is deepest.
@@ -215,7 +215,7 @@ fn half_spaces_move_with_their_body() {
         [-0.01, 0.01].map(|z| Vec3::new(0.03 * angle.cos(), 0.03 * angle.sin(), z))
     };
     let points: Vec<Vec3> = (0..12).flat_map(corners).collect();
-    let (prism, frame) = hull::convex_hull(&points).expect("a prism");
+    let (prism, frame) = convex_hull(&points).expect("a prism");
     let body = Pose {
         position: Vec3::new(0.3, -0.2, 0.1),
         orientation: Quat::from_euler_angles(0.4, -0.8, 1.1),

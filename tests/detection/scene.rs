@@ -1,7 +1,7 @@
 //! Small models and configurations.
 
 use ballast::detection::{Contacts, Detector, Reach};
-use ballast::geometry::{Polyhedron, hull};
+use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{DrivenBody, Grains, Model, Solver, Stepping};
 use ballast::motion::Motion;
@@ -74,7 +74,7 @@ pub fn random_hull(rng: &mut Pcg64, size: f64) -> Polyhedron {
     loop {
         let points: Vec<Vec3> =
             (0..count).map(|_| random_unit(rng).component_mul(&squash) * size).collect();
-        if let Ok((shape, _)) = hull::convex_hull(&points) {
+        if let Ok((shape, _)) = convex_hull(&points) {
             return shape;
         }
     }

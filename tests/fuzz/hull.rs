@@ -1,7 +1,7 @@
 //! Hulls of any points: a polyhedron around all of them, or a refusal.
 #![no_main]
 
-use ballast::geometry::hull::convex_hull;
+use ballast::geometry::convex_hull;
 use ballast::math::Vec3;
 use libfuzzer_sys::fuzz_target;
 

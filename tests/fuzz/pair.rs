@@ -13,7 +13,7 @@ mod oracle;
 #[path = "../detection/scene.rs"]
 mod scene;
 
-use ballast::geometry::{Polyhedron, hull};
+use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
 use libfuzzer_sys::fuzz_target;
 
@@ -32,7 +32,7 @@ fn shape(bytes: &[u8]) -> Option<Polyhedron> {
         .chunks_exact(3)
         .map(|c| vector(c).map(|x| (x / 16.0).round()) * (4.0 * STEP))
         .collect();
-    hull::convex_hull(&points).ok().map(|(shape, _)| shape)
+    convex_hull(&points).ok().map(|(shape, _)| shape)
 }
 
 fn turn(c: &[u8]) -> Quat {

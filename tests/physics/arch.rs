@@ -2,7 +2,7 @@
 //! radius, for friction that excludes sliding).
 
 use crate::common::scene::{SCHEDULES, Scene};
-use ballast::geometry::hull::convex_hull;
+use ballast::geometry::convex_hull;
 use ballast::math::{Pose, Vec3};
 use ballast::model::Schedule;
 use std::f64::consts::PI;

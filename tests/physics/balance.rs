@@ -2,7 +2,7 @@
 
 use crate::common::heap;
 use crate::common::scene::{SCHEDULES, Scene};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use std::f64::consts::TAU;
 

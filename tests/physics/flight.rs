@@ -1,7 +1,7 @@
 //! Free flight: the scheme alone (T-1) to (T-3).
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::common::scene::{Random, SCHEDULES, Scene};
 use ballast::detection::{Contacts, Detector, Reach};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 
 const EDGE: f64 = 0.02;

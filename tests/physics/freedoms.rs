@@ -3,7 +3,7 @@
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::drive::Load;
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{Freedom, Mount, Part, Schedule};
 use std::f64::consts::TAU;

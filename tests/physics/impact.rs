@@ -1,7 +1,7 @@
 //! Falling, coming to rest, rebounding (T-8), (T-15).
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::Schedule;
 

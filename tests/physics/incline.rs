@@ -1,7 +1,7 @@
 //! Coulomb's law on a slope (T-8): stick, slide, topple.
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene, slope};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
 use ballast::model::Schedule;
 

@@ -1,7 +1,7 @@
 //! Bodies on elastic mounts (T-28): alone like an oscillator, loaded like a spring, and in a jam.
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Mount, Part, Schedule};
 use std::f64::consts::TAU;

@@ -1,7 +1,7 @@
 //! Recovery of positions (T-34): overlaps fade at the asked rate, nothing gains speed, nothing else moves.
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Mount, Part, Recovery, Schedule};
 use ballast::workspace::Workspace;

@@ -1,7 +1,7 @@
 //! Sliding turns into rolling: 5/7 of the speed for a sphere.
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
-use ballast::geometry::hull::convex_hull;
+use ballast::geometry::convex_hull;
 use ballast::math::{Pose, Vec3};
 use std::f64::consts::TAU;
 

@@ -1,7 +1,7 @@
 //! Boxes on top of each other: weight at the base, no drift, sweeps that grow with the square.
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Norm, Schedule};
 

@@ -1,7 +1,7 @@
 //! Stones that turn by a good part of a radian in a step are held where they end (T-36).
 
 use crate::common::scene::{SCHEDULES, Scene};
-use ballast::geometry::grain::{GrainShape, random_grain, random_rotation};
+use ballast::geometry::{GrainShape, random_grain, random_rotation};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Schedule;
 use rand::{RngExt, SeedableRng};

@@ -3,7 +3,7 @@
 use crate::common::heap;
 use crate::common::scene::{Random, SCHEDULES, Scene, tight};
 use crate::{bits, on_threads};
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Norm, PartitionRule, Schedule, Solver};
 

@@ -1,8 +1,7 @@
 //! Whether bodies have room where a recording leads them: driven bodies do not meet each other, so the run does not tell.
 
 use ballast::component::{Input, Waveform};
-use ballast::geometry::clip::half_spaces_of;
-use ballast::geometry::{Clipper, HalfSpace};
+use ballast::geometry::{Clipper, HalfSpace, half_spaces_of};
 use ballast::math::Pose;
 use ballast::model::{Model, Part, Role};
 use ballast::state::State;
@@ -60,7 +59,7 @@ fn overlap(model: &Model, [a, b]: [usize; 2], poses: &[Pose], clipper: &mut Clip
                 }
             };
             planes.iter_mut().for_each(|plane| plane.offset -= SLACK);
-            clipper.inside(solid, &pose, &planes).volume > 0.0
+            clipper.volume_inside(solid, &pose, &planes) > 0.0
         })
     })
 }

@@ -1,6 +1,6 @@
 //! A small scene that uses every field of model and state.
 
-use ballast::geometry::hull::cuboid;
+use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::*;
 use ballast::state::*;
