@@ -320,7 +320,7 @@ impl Phase {
 /// Told when a phase ends. The core has no clock: the caller brings one, or `()`.
 pub trait Stopwatch: Send {
     /// `phase` has just ended; the next one begins.
-    fn lap(&mut self, phase: Phase);
+    fn lap(&mut self, _phase: Phase) {}
 
     /// Asked after each test of the iterations, which may be many, by whichever thread has made it, and from time to time
     /// by the one that has asked for the step: whether it is to be broken off, and what is to become of its window.
@@ -329,9 +329,7 @@ pub trait Stopwatch: Send {
     }
 }
 
-impl Stopwatch for () {
-    fn lap(&mut self, _phase: Phase) {}
-}
+impl Stopwatch for () {}
 
 /// What a step did. Not converging is told here, not as an error.
 #[derive(Debug, Clone, Default, PartialEq)]

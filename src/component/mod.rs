@@ -12,6 +12,7 @@ mod outcome;
 mod parameters;
 mod refusal;
 mod spares;
+mod watch;
 mod waveform;
 mod window;
 
@@ -20,6 +21,7 @@ pub use memory::{Recent, left_twist, remembered};
 pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use parameters::Parameters;
 pub use refusal::Refusal;
+pub use watch::{Each, Watch};
 pub use waveform::{Interpolation, Knot, Twist, WIDEST_TURN, Waveform};
 pub use window::{Input, LoadInput, Window};
 
@@ -83,9 +85,6 @@ impl Default for Limits {
         }
     }
 }
-
-/// What looks at every step of a window, and may end it.
-pub type Watch<'a> = &'a mut dyn FnMut(&State, &StepReport) -> ControlFlow<Stop>;
 
 /// A model that is stepped in windows.
 #[derive(Debug)]
@@ -189,10 +188,10 @@ impl Component {
         t1_ns: u64,
         inputs: impl Into<Window<'a>>,
     ) -> Result<Outcome, Refusal> {
-        self.advance_watched(t1_ns, inputs, &mut |_, _| ControlFlow::Continue(()))
+        self.advance_watched(t1_ns, inputs, &mut ())
     }
 
-    /// The same; `watch` sees every step and may end the window after it.
+    /// The same under the eyes of `watch`, which may end the window.
     ///
     /// # Errors
     /// As for [`Component::advance_to`]; [`Refusal::Abandoned`].
@@ -200,22 +199,7 @@ impl Component {
         &mut self,
         t1_ns: u64,
         inputs: impl Into<Window<'a>>,
-        watch: Watch,
-    ) -> Result<Outcome, Refusal> {
-        self.advance_timed(t1_ns, inputs, watch, &mut ())
-    }
-
-    /// The same, with the caller's stopwatch on the phases of the steps; it may end the window within a step, which is then
-    /// not done.
-    ///
-    /// # Errors
-    /// As for [`Component::advance_watched`].
-    pub fn advance_timed<'a>(
-        &mut self,
-        t1_ns: u64,
-        inputs: impl Into<Window<'a>>,
-        watch: Watch,
-        stopwatch: &mut impl Stopwatch,
+        watch: &mut impl Watch,
     ) -> Result<Outcome, Refusal> {
         let (model, limits) = (Arc::clone(&self.model), self.limits);
         let (steps, mut memory, plan) = self.planned(t1_ns, &inputs.into())?;
@@ -224,12 +208,12 @@ impl Component {
         let mut trouble = None;
         let mut stopped = None;
         for _ in 0..steps {
-            match self.one_step(&plan, stopwatch) {
+            match self.one_step(&plan, watch) {
                 Ok(report) => {
                     account.take(&report, &self.state, model.stepping.h());
                     memory.recent.take(&report.reactions, model.stepping.step_ns);
                     memory.squeezes.take(&model, &self.state, &report);
-                    if let ControlFlow::Break(stop) = watch(&self.state, &report) {
+                    if let ControlFlow::Break(stop) = watch.step(&self.state, &report) {
                         // What is complete is not early.
                         let is_over = self.now_ns() == t1_ns && stop == Stop::Early;
                         stopped = (!is_over).then_some(stop);
@@ -308,7 +292,7 @@ impl Component {
     /// # Errors
     /// There is no window to redo, or as for [`Component::advance_to`]; the state is as before.
     pub fn redo<'a>(&mut self, inputs: impl Into<Window<'a>>) -> Result<Outcome, Refusal> {
-        self.redo_watched(inputs, &mut |_, _| ControlFlow::Continue(()))
+        self.redo_watched(inputs, &mut ())
     }
 
     /// The same; `watch` as in [`Component::advance_watched`].
@@ -318,24 +302,11 @@ impl Component {
     pub fn redo_watched<'a>(
         &mut self,
         inputs: impl Into<Window<'a>>,
-        watch: Watch,
-    ) -> Result<Outcome, Refusal> {
-        self.redo_timed(inputs, watch, &mut ())
-    }
-
-    /// The same, with the caller's stopwatch on the phases of the steps.
-    ///
-    /// # Errors
-    /// As for [`Component::redo_watched`].
-    pub fn redo_timed<'a>(
-        &mut self,
-        inputs: impl Into<Window<'a>>,
-        watch: Watch,
-        stopwatch: &mut impl Stopwatch,
+        watch: &mut impl Watch,
     ) -> Result<Outcome, Refusal> {
         let (before, t1) = self.last.clone().ok_or(Refusal::NothingToRedo)?;
         let after = std::mem::replace(&mut self.state, before);
-        let result = self.advance_timed(t1, inputs, watch, stopwatch);
+        let result = self.advance_watched(t1, inputs, watch);
         match &result {
             Ok(_) => self.spares.keep(after),
             Err(_) => self.state = after,

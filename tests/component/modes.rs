@@ -3,7 +3,7 @@
 use crate::MS;
 use crate::common::scene::{GRAVITY, Scene};
 use ballast::component::{
-    Component, Input, Interpolation, Knot, Limits, LoadInput, LoadKnot, LoadWaveform, Status,
+    Component, Each, Input, Interpolation, Knot, Limits, LoadInput, LoadKnot, LoadWaveform, Status,
     Waveform, Window,
 };
 use ballast::drive::Load;
@@ -58,20 +58,21 @@ fn pressed(stiffness: f64, window_ns: u64) -> (Vec<f64>, f64) {
         let input = Input { body: "tool".into(), waveform, rebase: false };
         let (mut last, mut tool) = (component.state().mount[0].position.z, Vec3::zeros());
         let mut work = 0.0;
-        let mut watch = |state: &ballast::state::State, report: &ballast::step::StepReport| {
-            // The mount pulls its spring by the deflection at the end of each step.
-            let mount = state.mount[0].position.z;
-            let now = stiffness * (mount - state.position[2].z);
-            put_in += 0.5 * (pull + now) * (mount - last);
-            (last, pull) = (mount, now);
-            tool += report.reactions[0].impulse;
-            work += report.reactions[0].work;
-            let deflection = mount - state.position[2].z;
-            let speed = state.velocity[2].norm();
-            let stored = 0.5 * (stiffness * deflection * deflection + 100.0 * speed * speed);
-            excess = f64::max(excess, stored + work - put_in);
-            std::ops::ControlFlow::Continue(())
-        };
+        let mut watch =
+            Each(|state: &ballast::state::State, report: &ballast::step::StepReport| {
+                // The mount pulls its spring by the deflection at the end of each step.
+                let mount = state.mount[0].position.z;
+                let now = stiffness * (mount - state.position[2].z);
+                put_in += 0.5 * (pull + now) * (mount - last);
+                (last, pull) = (mount, now);
+                tool += report.reactions[0].impulse;
+                work += report.reactions[0].work;
+                let deflection = mount - state.position[2].z;
+                let speed = state.velocity[2].norm();
+                let stored = 0.5 * (stiffness * deflection * deflection + 100.0 * speed * speed);
+                excess = f64::max(excess, stored + work - put_in);
+                std::ops::ControlFlow::Continue(())
+            });
         component.advance_watched(t1, &[input], &mut watch).expect("a window");
         put_in -= work;
         impulse += tool.z;

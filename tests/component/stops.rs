@@ -1,10 +1,9 @@
 //! A window is ended within a step, however long that takes.
 
 use crate::{MS, heap, heap_scheduled, same};
-use ballast::component::{Component, Limits, Outcome, Parameters, Refusal, Status, Stop};
+use ballast::component::{Component, Limits, Outcome, Parameters, Refusal, Status, Stop, Watch};
 use ballast::model::Schedule;
 use ballast::step::{Phase, Stopwatch};
-use std::ops::ControlFlow;
 use std::thread::{self, ThreadId};
 
 /// Ends a window while the step after so many is solved.
@@ -12,6 +11,8 @@ struct After {
     steps: u64,
     stop: Stop,
 }
+
+impl Watch for After {}
 
 impl Stopwatch for After {
     fn lap(&mut self, phase: Phase) {
@@ -22,10 +23,9 @@ impl Stopwatch for After {
     }
 }
 
-fn advance(component: &mut Component, watch: &mut impl Stopwatch) -> Result<Outcome, Refusal> {
+fn advance(component: &mut Component, watch: &mut impl Watch) -> Result<Outcome, Refusal> {
     let t1 = component.now_ns() + 10 * MS;
-    let mut go_on = |_: &_, _: &_| ControlFlow::Continue(());
-    component.advance_timed(t1, &[], &mut go_on, watch)
+    component.advance_watched(t1, &[], watch)
 }
 
 /// Lets no step end any more.
@@ -38,8 +38,9 @@ fn never_solve(component: &mut Component) {
 /// Stops when it is asked by the thread that has asked for the step.
 struct ByCaller(ThreadId);
 
+impl Watch for ByCaller {}
+
 impl Stopwatch for ByCaller {
-    fn lap(&mut self, _: Phase) {}
     fn stop(&mut self) -> Option<Stop> {
         (thread::current().id() == self.0).then_some(Stop::Discard)
     }

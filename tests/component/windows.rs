@@ -3,8 +3,8 @@
 use crate::common::scene::Scene;
 use crate::{FLOOR, MS, floor, heap, same, shaken};
 use ballast::component::{
-    Component, Input, Interpolation, Knot, Limits, OnTrouble, Outcome, Parameters, Refusal, Status,
-    Stop, Waveform,
+    Component, Each, Input, Interpolation, Knot, Limits, OnTrouble, Outcome, Parameters, Refusal,
+    Status, Stop, Waveform,
 };
 use ballast::drive::Inputs;
 use ballast::math::{Pose, Quat, Vec3};
@@ -133,13 +133,13 @@ fn restored_and_forked_are_never_interrupted() {
 fn a_watcher_ends_a_window_in_a_valid_state() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
-    let mut watch = |state: &ballast::state::State, _: &_| {
+    let mut watch = Each(|state: &ballast::state::State, _: &_| {
         if state.time_ns == 20 * MS {
             ControlFlow::Break(Stop::Early)
         } else {
             ControlFlow::Continue(())
         }
-    };
+    });
     let input = shaken(rest, 0, 50 * MS);
     let outcome = component.advance_watched(50 * MS, &[input], &mut watch).expect("a window");
     assert_eq!((outcome.status, outcome.t1_ns, outcome.steps), (Status::Early, 20 * MS, 20));
@@ -155,7 +155,7 @@ fn a_window_that_is_abandoned_was_never_asked_for() {
     let rest = floor(&component);
     shake(&mut component, rest, 20, 10);
     let (end, last) = (component.save(), component.last_window());
-    let mut abandon = |_: &_, _: &_| ControlFlow::Break(Stop::Abandon);
+    let mut abandon = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Abandon));
     let next = shaken(rest, 20 * MS, 30 * MS);
     let refusal = component.advance_watched(30 * MS, &[next], &mut abandon).unwrap_err();
     assert_eq!(
@@ -312,14 +312,14 @@ fn a_limit_of_penetration_holds_for_each_pair_whatever_is_deeper_elsewhere() {
 fn a_window_can_be_taken_back_after_its_last_step() {
     let mut component = heap(Limits::default());
     let before = component.save();
-    let mut discard = |_: &_, _: &_| ControlFlow::Break(Stop::Discard);
+    let mut discard = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Discard));
     let outcome = component.advance_watched(MS, &[], &mut discard).expect("a window");
     assert_eq!((outcome.status, component.save()), (Status::Discard, before.clone()));
-    let mut abandon = |_: &_, _: &_| ControlFlow::Break(Stop::Abandon);
+    let mut abandon = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Abandon));
     let refusal = component.advance_watched(MS, &[], &mut abandon).unwrap_err();
     assert_eq!((refusal.code(), component.save()), ("abandoned", before));
     // What is complete is not early.
-    let mut early = |_: &_, _: &_| ControlFlow::Break(Stop::Early);
+    let mut early = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Early));
     let outcome = component.advance_watched(MS, &[], &mut early).expect("a window");
     assert!(matches!(outcome.status, Status::Ok | Status::Warn), "{:?}", outcome.status);
 }

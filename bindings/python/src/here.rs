@@ -9,10 +9,10 @@ use crate::recorder::Recorder;
 use crate::simulation::{Asked, LastOutcome};
 use crate::state::Snapshot;
 use crate::work::Work;
-use ballast::component::{self, Component, Limits, Refusal, Status, Stop, ZoneOutcome};
+use ballast::component::{self, Component, Limits, Refusal, Status, Stop, Watch, ZoneOutcome};
 use ballast::model::Model;
 use ballast::state;
-use ballast::step::{Phase, StepReport, Stopwatch};
+use ballast::step::{StepReport, Stopwatch};
 use ballast::track;
 use ballast_beds::Case;
 use ballast_protocol::messages::StepSeries;
@@ -210,26 +210,13 @@ impl Here {
         let panics = std::mem::take(&mut self.panics);
         let (component, turn) = (&mut self.component, Turn::until(Arc::clone(&self.work.is_over)));
         attend(py, crew, &turn, |turn| {
-            let mut watch = |state: &state::State, report: &StepReport| {
-                assert!(!panics, "a failure that was asked for");
-                if let Some(series) = &mut watched.series {
-                    series.take(state, report);
-                }
-                if asked.by_machine {
-                    watched.machine.observe(model, state, report);
-                }
-                if turn.is_over() {
-                    ControlFlow::Break(Stop::Early)
-                } else {
-                    ControlFlow::Continue(())
-                }
-            };
+            let mut at_work = AtWork { watched, model, by_machine: asked.by_machine, panics, turn };
             let begin = Instant::now();
             let result = match asked.t1_ns {
-                Some(t1) => component.advance_timed(t1, asked.window(), &mut watch, &mut Ear(turn)),
-                None => component.redo_timed(asked.window(), &mut watch, &mut Ear(turn)),
+                Some(t1) => component.advance_watched(t1, asked.window(), &mut at_work),
+                None => component.redo_watched(asked.window(), &mut at_work),
             };
-            watched.took = begin.elapsed();
+            at_work.watched.took = begin.elapsed();
             result
         })
     }
@@ -333,14 +320,34 @@ impl Here {
     }
 }
 
-/// Ends a window within a step, which may be long.
-struct Ear<'a, 'b>(&'a Turn<'b>);
+/// Sees to what is taken from a window, and ends it when its turn is over, within a step if need be.
+struct AtWork<'a, 't> {
+    watched: &'a mut Watched,
+    model: &'a Model,
+    by_machine: bool,
+    panics: bool,
+    turn: &'a Turn<'t>,
+}
 
-impl Stopwatch for Ear<'_, '_> {
-    fn lap(&mut self, _phase: Phase) {}
-
+impl Stopwatch for AtWork<'_, '_> {
     fn stop(&mut self) -> Option<Stop> {
-        self.0.is_over_within_step().then_some(Stop::Early)
+        self.turn.is_over_within_step().then_some(Stop::Early)
+    }
+}
+
+impl Watch for AtWork<'_, '_> {
+    fn step(&mut self, state: &state::State, report: &StepReport) -> ControlFlow<Stop> {
+        assert!(!self.panics, "a failure that was asked for");
+        if let Some(series) = &mut self.watched.series {
+            series.take(state, report);
+        }
+        if self.by_machine {
+            self.watched.machine.observe(self.model, state, report);
+        }
+        if self.turn.is_over() {
+            return ControlFlow::Break(Stop::Early);
+        }
+        ControlFlow::Continue(())
     }
 }
 

@@ -8,12 +8,12 @@ use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Refusal, Stop, Window};
+use ballast::component::{Component, Refusal, Stop, Watch, Window};
 use ballast::drive::{Inputs, SpeedLimit};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::step::{StepReport, step};
+use ballast::step::{Phase, StepReport, Stopwatch, step};
 use ballast::track::{TampingCycle, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_mcap::verify::Keeper as _;
@@ -165,16 +165,11 @@ impl Engine {
                 let model = component.shared_model();
                 let (motions, loads) = playback.inputs_of(t0_ns, t1_ns);
                 let inputs = Window { motions: &motions, loads: &loads };
-                let mut taken = None;
-                let mut take = |state: &State, report: &StepReport| {
-                    memory.observe(&model, state, report);
-                    taken = Some(report.clone());
-                    ControlFlow::Continue(())
-                };
+                let mut taking = Taking { model: &model, memory, profile: watch, report: None };
                 let outcome = component
-                    .advance_timed(t1_ns, inputs, &mut take, watch)
+                    .advance_watched(t1_ns, inputs, &mut taking)
                     .map_err(|e| Failure::at(playback.path(), e))?;
-                let report = match (taken, outcome.trouble) {
+                let report = match (taking.report, outcome.trouble) {
                     (Some(report), None) => report,
                     (_, Some(why)) => return Err(Failure::at(playback.path(), why)),
                     (None, None) => return Err(ballast::Error::Stopped(Stop::Early).into()),
@@ -184,6 +179,31 @@ impl Engine {
                 Ok(Some(Stepped { report, t0_ns, imposed }))
             }
         }
+    }
+}
+
+/// Takes what a step of a recording has done.
+struct Taking<'a> {
+    model: &'a Model,
+    memory: &'a mut Memory,
+    profile: &'a mut Profile,
+    report: Option<StepReport>,
+}
+
+impl Stopwatch for Taking<'_> {
+    fn lap(&mut self, phase: Phase) {
+        self.profile.lap(phase);
+    }
+    fn stop(&mut self) -> Option<Stop> {
+        self.profile.stop()
+    }
+}
+
+impl Watch for Taking<'_> {
+    fn step(&mut self, state: &State, report: &StepReport) -> ControlFlow<Stop> {
+        self.memory.observe(self.model, state, report);
+        self.report = Some(report.clone());
+        ControlFlow::Continue(())
     }
 }
 

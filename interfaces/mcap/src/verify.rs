@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::messages::Message;
 use crate::recording::{Window, Windows};
 use crate::window::{self, zone_topic};
-use ballast::component::{self, Component, Outcome, Refusal, Stop};
+use ballast::component::{self, Component, Each, Outcome, Refusal, Stop};
 use ballast::model::Model;
 use ballast::observe::Zone;
 use ballast::state::State;
@@ -76,8 +76,8 @@ pub fn verify(
     windows: &mut Windows,
     component: &mut Component,
     zones: &[Zone],
-    keeper: &mut dyn Keeper,
-    watch: &mut dyn FnMut(u64) -> ControlFlow<()>,
+    keeper: &mut (dyn Keeper + Send),
+    watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
 ) -> Result<Verdict> {
     let start = keeper.hash(component.model(), component.state());
     let recorded = windows.meta().initial_hash;
@@ -146,8 +146,8 @@ enum Unfinished {
 fn advance(
     window: &Window,
     component: &mut Component,
-    keeper: &mut dyn Keeper,
-    watch: &mut dyn FnMut(u64) -> ControlFlow<()>,
+    keeper: &mut (dyn Keeper + Send),
+    watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
 ) -> std::result::Result<Outcome, Unfinished> {
     let refused = |e: &dyn std::fmt::Display| Unfinished::Refused(e.to_string());
     if let Some(set) = window.parameters {
@@ -156,7 +156,7 @@ fn advance(
     let model = component.shared_model();
     let asked = window.record.request.inputs().map_err(|e| refused(&e))?;
     let inputs = component::Window { motions: &asked.motions, loads: &asked.loads };
-    let mut observe = |state: &State, report: &StepReport| {
+    let mut observe = Each(|state: &State, report: &StepReport| {
         keeper.observe(&model, state, report);
         // A window may be long; one that is complete is compared.
         match watch(state.time_ns) {
@@ -165,7 +165,7 @@ fn advance(
             }
             _ => ControlFlow::Continue(()),
         }
-    };
+    });
     component.advance_watched(asked.t1_ns, inputs, &mut observe).map_err(|e| match e {
         Refusal::Abandoned => Unfinished::Stopped,
         other => refused(&other),

@@ -6,12 +6,11 @@ use crate::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, MOST_SERIES, Status, StepSeries, core_ns,
     ns,
 };
-use ballast::component::{Outcome, Stop, Window};
+use ballast::component::{self, Outcome, Stop, Window};
 use ballast::state::State;
 use ballast::step::{Phase, StepReport, Stopwatch};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 const NS_PER_MS: u64 = 1_000_000;
 
@@ -89,9 +88,21 @@ impl Lockstep {
         }
         self.check_series(request)?;
         let before = self.component.save();
-        let mut series = request.series.then(|| StepSeries::begin(self.component.model()));
-        let mut laps = Laps::begin(clock);
-        let result = self.compute(kind, request, clock, watch, &mut series, &mut laps);
+        let mut watched = Watched {
+            progress: Progress {
+                seq: request.seq,
+                steps: self.steps(request),
+                ..Progress::default()
+            },
+            policy: request.deadline_policy,
+            begin: clock(),
+            clock,
+            watch,
+            laps: Laps::begin(clock),
+            series: request.series.then(|| StepSeries::begin(self.component.model())),
+        };
+        let result = self.compute(kind, request, &mut watched);
+        let Watched { laps, series, .. } = watched;
         // What was refused has cost nothing.
         self.cost = laps.end(request.seq).or(self.cost.take());
         self.idle_since_ms = clock() / NS_PER_MS;
@@ -148,38 +159,17 @@ impl Lockstep {
         &mut self,
         kind: WindowKind,
         request: &AdvanceRequest,
-        clock: WallClock,
-        watch: Watch,
-        series: &mut Option<StepSeries>,
-        laps: &mut Laps,
+        watched: &mut Watched,
     ) -> Result<Result<Outcome, Fault>, String> {
         let inputs = match request.inputs() {
             Ok(inputs) => inputs,
             Err(e) => return Ok(Err(e.into())),
         };
         let window = Window { motions: &inputs.motions, loads: &inputs.loads };
-        let steps = self.steps(request);
-        let control = Mutex::new(Control {
-            progress: Progress { seq: request.seq, steps, ..Progress::default() },
-            policy: request.deadline_policy,
-            begin: clock(),
-            clock,
-            watch,
-        });
-        let mut each = |state: &State, report: &StepReport| {
-            if let Some(series) = series {
-                series.take(state, report);
-            }
-            let mut control = enter(&control);
-            control.note(report);
-            control.ask().map_or(ControlFlow::Continue(()), ControlFlow::Break)
-        };
-        let (component, watched) = (&mut self.component, &mut Watched { laps, control: &control });
+        let component = &mut self.component;
         let result = catch_unwind(AssertUnwindSafe(|| match kind {
-            WindowKind::Advance => {
-                component.advance_timed(inputs.t1_ns, window, &mut each, watched)
-            }
-            WindowKind::Redo => component.redo_timed(window, &mut each, watched),
+            WindowKind::Advance => component.advance_watched(inputs.t1_ns, window, watched),
+            WindowKind::Redo => component.redo_watched(window, watched),
         }));
         match result {
             Ok(outcome) => Ok(outcome.map_err(Fault::from)),
@@ -257,17 +247,19 @@ impl Lockstep {
     }
 }
 
-/// How far a window is, and who is asked whether it goes on.
-struct Control<'a> {
+/// How far a window is, what it tells, and who is asked whether it goes on.
+struct Watched<'a> {
     progress: Progress,
     policy: DeadlinePolicy,
     /// Wall time of its beginning, ns.
     begin: u64,
     clock: WallClock<'a>,
     watch: Watch<'a>,
+    laps: Laps<'a>,
+    series: Option<StepSeries>,
 }
 
-impl Control<'_> {
+impl Watched<'_> {
     /// A step is done.
     fn note(&mut self, report: &StepReport) {
         let elapsed_ms = self.elapsed_ms();
@@ -297,24 +289,23 @@ impl Control<'_> {
     }
 }
 
-/// A clock on a window that also asks, within its steps, whether it goes on.
-struct Watched<'a, 'l, 'w> {
-    laps: &'a mut Laps<'l>,
-    control: &'a Mutex<Control<'w>>,
-}
-
-impl Stopwatch for Watched<'_, '_, '_> {
+impl Stopwatch for Watched<'_> {
     fn lap(&mut self, phase: Phase) {
         self.laps.lap(phase);
     }
     fn stop(&mut self) -> Option<Stop> {
-        enter(self.control).ask()
+        self.ask()
     }
 }
 
-/// After a panic, which is caught, nobody asks any more.
-fn enter<'a, 'w>(control: &'a Mutex<Control<'w>>) -> MutexGuard<'a, Control<'w>> {
-    control.lock().unwrap_or_else(PoisonError::into_inner)
+impl component::Watch for Watched<'_> {
+    fn step(&mut self, state: &State, report: &StepReport) -> ControlFlow<Stop> {
+        if let Some(series) = &mut self.series {
+            series.take(state, report);
+        }
+        self.note(report);
+        self.ask().map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
 }
 
 /// Whether a window asks for no time at all, and to be taken back if that does not suffice.
