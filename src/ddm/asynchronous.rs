@@ -16,7 +16,7 @@
 //! schedule, which decides whether the step is solved; if not, the next run goes on from there.
 
 use super::decomposition::{Set, enter};
-use super::{Ask, Decomposition, Outcome, Softening, is_solved, left, on_threads, synchronous};
+use super::{Ask, Decomposition, Outcome, Softening, deciding, is_solved, on_threads, synchronous};
 use crate::error::{Error, Result, Stop};
 use crate::model::{Norm, Solver};
 use crate::nlgs::VisitNorms;
@@ -92,7 +92,7 @@ fn iterate_with(
 ) -> Result<Iterated> {
     let mut solver = *solver;
     let mut outcome = Outcome::default();
-    let mut softening = Softening::new(solver.relaxation);
+    let mut softening = Softening::new(&solver);
     loop {
         let before = outcome;
         let closing = CLOSING.0.min(solver.iterations.div_ceil(CLOSING.1));
@@ -117,7 +117,7 @@ fn iterate_with(
         decomposition.settle();
         solver.relaxation = softening.relaxation;
         let pass = if iterations < free.iterations { 1 } else { closing };
-        let closing = Solver { iterations: pass, ..solver };
+        let closing = Solver { iterations: pass, momentum: false, ..solver };
         outcome = synchronous::iterate(decomposition, &closing, ask)?;
         solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
         outcome.iterations += before.iterations + iterations;
@@ -213,11 +213,11 @@ impl<'a> Run<'a> {
         tests.diverged |= !finite || change > GROWTH * GROWTH * scale;
         let residuals = sum.residuals();
         let fling = sum.fling(self.decomposition.fall);
-        tests.softening.observe(judged, left(self.solver, &residuals, fling));
-        self.relaxation.store(tests.softening.relaxation.to_bits(), Ordering::Relaxed);
         // The natural map needs a state at rest: until then the norms of the visits decide.
         let norm = if self.solver.norm == Norm::NaturalMap { Norm::Qm16 } else { self.solver.norm };
         let solver = Solver { norm, ..*self.solver };
+        tests.softening.observe(judged, deciding(&solver, &residuals), fling);
+        self.relaxation.store(tests.softening.relaxation.to_bits(), Ordering::Relaxed);
         tests.stopped = tests.stopped.or_else(|| (tests.ask)());
         if tests.stopped.is_some() || tests.diverged || is_solved(&solver, &residuals, fling) {
             self.stop.store(true, Ordering::Relaxed);

@@ -72,19 +72,19 @@ fn next_after(done: u32, began: u32, period: u32) -> u32 {
     done.saturating_add(period - (done - began) % period)
 }
 
-/// Whether `residuals` are below the tolerance asked for, and nothing is being flung: `fling` is not above one (T-11).
-fn is_solved(solver: &Solver, residuals: &Residuals, fling: f64) -> bool {
-    let value = match solver.norm {
+/// The residual that decides.
+fn deciding(solver: &Solver, residuals: &Residuals) -> f64 {
+    match solver.norm {
         Norm::Qm16 => residuals.qm16(),
         Norm::Quad => residuals.quad,
         Norm::NaturalMap => residuals.natural_map,
-    };
-    solver.tolerance.is_some_and(|tolerance| value < tolerance) && fling <= 1.0
+    }
 }
 
-/// What iterations have to bring down: the residual, or what is still flung, as large as the tolerance at its limit.
-fn left(solver: &Solver, residuals: &Residuals, fling: f64) -> f64 {
-    residuals.qm16().max(solver.tolerance.unwrap_or(0.0) * fling)
+/// Whether `residuals` are below the tolerance asked for, and nothing is being flung: `fling` is not above one (T-11).
+fn is_solved(solver: &Solver, residuals: &Residuals, fling: f64) -> bool {
+    let value = deciding(solver, residuals);
+    solver.tolerance.is_some_and(|tolerance| value < tolerance) && fling <= 1.0
 }
 
 /// Does `work` on so many threads at once, as far as they are free; it finds out itself what is left to do.
@@ -99,7 +99,7 @@ fn on_threads(threads: usize, work: &(impl Fn() + Sync)) {
     }
 }
 
-/// Softens visits when sweeps go round in circles.
+/// Softens visits when sweeps go round in circles. Who asks for no tolerance but for a number of iterations gets plain ones.
 ///
 /// With friction as high as that of ballast, full Gauss-Seidel steps can cycle for ever between
 /// states of some contacts that slip and stick by turns. Smaller steps break some of the circles; they are
@@ -107,6 +107,7 @@ fn on_threads(threads: usize, work: &(impl Fn() + Sync)) {
 #[derive(Debug, Clone, Copy)]
 struct Softening {
     relaxation: f64,
+    tolerance: Option<f64>,
     best: f64,
     /// Iteration of the last softening or good progress.
     since: u32,
@@ -123,14 +124,18 @@ impl Softening {
     /// Stalls that are answered by smaller steps.
     const MOST: u32 = 3;
 
-    fn new(relaxation: f64) -> Self {
-        Self { relaxation, best: f64::INFINITY, since: 0, stalls: 0 }
+    fn new(solver: &Solver) -> Self {
+        let Solver { relaxation, tolerance, .. } = *solver;
+        Self { relaxation, tolerance, best: f64::INFINITY, since: 0, stalls: 0 }
     }
 
-    /// Takes note of the residual after iteration `done`.
-    fn observe(&mut self, done: u32, residual: f64) {
-        if residual < Self::PROGRESS * self.best {
-            self.best = residual;
+    /// Takes note of the residual after iteration `done`, and of what is still flung, which is as large as the tolerance at
+    /// its limit: the larger is what iterations have to bring down.
+    fn observe(&mut self, done: u32, residual: f64, fling: f64) {
+        let Some(tolerance) = self.tolerance else { return };
+        let left = residual.max(tolerance * fling);
+        if left < Self::PROGRESS * self.best {
+            self.best = left;
             self.since = done;
         } else if done - self.since >= Self::PATIENCE {
             if self.stalls < Self::MOST {

@@ -33,7 +33,7 @@ impl<'a> Round<'a> {
 
     fn new(solver: &'a Solver, began: u32, number: usize) -> Self {
         let momentum = (solver.momentum && solver.tolerance.is_some()).then(Momentum::new);
-        let softening = Softening::new(solver.relaxation);
+        let softening = Softening::new(solver);
         Self { solver, began, number, softening, momentum, acceleration: None }
     }
 
@@ -61,9 +61,9 @@ impl<'a> Round<'a> {
             && self.momentum.as_ref().is_some_and(|momentum| momentum.is_point(done))
     }
 
-    /// Takes note of the residual after iteration `done`, which is not small enough.
-    pub fn observe(&mut self, done: u32, residual: f64) {
-        self.softening.observe(done, residual);
+    /// Takes note of the residual after iteration `done`, which is not small enough, or of what is flung.
+    pub fn observe(&mut self, done: u32, residual: f64, fling: f64) {
+        self.softening.observe(done, residual, fling);
     }
 
     /// Whether after iteration `done`, which has ended with a `test` or not, something is to be done between the sweeps:
@@ -77,7 +77,7 @@ impl<'a> Round<'a> {
     }
 
     fn needs_acceleration(&self) -> bool {
-        self.solver.tolerance.is_some() && self.softening.is_spent()
+        self.softening.is_spent()
     }
 
     /// What all sets begin the next iterations with.

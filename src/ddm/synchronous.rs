@@ -8,7 +8,7 @@ use super::decomposition::Set;
 use super::momentum::Start;
 use super::round::Round;
 use super::turns::{Stretch, Turn};
-use super::{Ask, Decomposition, Outcome, is_solved, left, next_after};
+use super::{Ask, Decomposition, Outcome, deciding, is_solved, next_after};
 use crate::error::{Error, Result, Stop};
 use crate::model::{Norm, Solver};
 
@@ -170,7 +170,8 @@ impl<'a> Progress<'a> {
         if residuals.quad.is_nan() {
             return true;
         }
-        self.round.observe(self.outcome.iterations, left(self.solver, residuals, fling));
+        let residual = deciding(self.solver, residuals);
+        self.round.observe(self.outcome.iterations, residual, fling);
         self.stopped = (self.ask)();
         self.stopped.is_some()
     }

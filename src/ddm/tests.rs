@@ -296,11 +296,18 @@ fn a_cap_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
 
 #[test]
 fn visits_are_softened_three_times_at_most_however_often_iterations_begin_again() {
-    let mut softening = Softening::new(1.0);
-    for _ in 0..10 {
-        softening = softening.anew();
-        (1..=30).for_each(|k| softening.observe(10 * k, 1.0));
-    }
+    let stalled = |tolerance| {
+        let mut softening = Softening::new(&Solver { tolerance, ..Solver::default() });
+        for _ in 0..10 {
+            softening = softening.anew();
+            (1..=30).for_each(|k| softening.observe(10 * k, 1.0, 0.0));
+        }
+        softening
+    };
+    let softening = stalled(Some(1e-3));
     assert!(softening.is_spent());
     assert!((softening.relaxation - 0.512).abs() < 1e-15, "{softening:?}");
+    // A number of iterations is one of plain ones.
+    let softening = stalled(None);
+    assert!(!softening.is_spent() && softening.relaxation == 1.0, "{softening:?}");
 }

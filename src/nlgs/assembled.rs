@@ -187,7 +187,7 @@ impl Assembled {
             let w = &self.diagonal[i];
             let b = self.relative_velocity(i, impulse) - w * impulse[i];
             let solved = contact_law::solve(w, &b, self.friction[i]);
-            impulse[i] += (solved - impulse[i]) * relaxation;
+            impulse[i] += contact_law::relaxed(&impulse[i], &solved, relaxation);
         }
     }
 

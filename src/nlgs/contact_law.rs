@@ -26,6 +26,12 @@ pub fn solve(w: &Mat3, b: &Vec3, mu: f64) -> Vec3 {
     reduced.slip(stick)
 }
 
+/// What a relaxed visit changes of an impulse whose law is solved by `solved`: what opens loses all of it (T-17).
+pub fn relaxed(impulse: &Vec3, solved: &Vec3, relaxation: f64) -> Vec3 {
+    let opens = *solved == Vec3::zeros();
+    (solved - impulse) * if opens { 1.0 } else { relaxation }
+}
+
 /// The problem with `u_n = 0` eliminated.
 struct Reduced {
     /// `r_n` for `r_T = 0`.

@@ -75,7 +75,7 @@ impl<'a> MatrixFree<'a> {
             let w = contact.law_block();
             let b = self.relative_velocity(i) - w * self.impulse[i];
             let solved = contact_law::solve(&w, &b, contact.friction as f64);
-            let delta = (solved - self.impulse[i]) * relaxation;
+            let delta = contact_law::relaxed(&self.impulse[i], &solved, relaxation);
             self.impulse[i] += delta;
             self.push(i, &delta);
         }

@@ -203,7 +203,13 @@ fn with_run(check: impl Fn(&Run)) {
     let case = Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, 4) });
     run_with(&case.model, &case.state, &case.contacts, &[], |d, _| {
         let mut never = || None;
-        check(&Run::new(d, &case.model.solver, Softening::new(1.0), Vec::new(), &mut never));
+        check(&Run::new(
+            d,
+            &case.model.solver,
+            Softening::new(&case.model.solver),
+            Vec::new(),
+            &mut never,
+        ));
         Outcome::default()
     });
 }

@@ -195,9 +195,12 @@ impl<L: Lanes, B: Block> Found<L, B> {
         record: &mut R,
     ) {
         let (impulse, slip) = block.outcome();
+        let closed = self.approach.1;
         let solved = visit.end(&self.law, slip);
         let change = each!(K in 3 => solved[K].sub(self.r[K]));
-        let delta = each!(K in 3 => relaxation.mul(change[K]));
+        // What opens loses all of its impulse: a share would stay on a contact that moves apart, and never quite be gone.
+        let share = L::select(closed, relaxation, L::splat(1.0));
+        let delta = each!(K in 3 => share.mul(change[K]));
         let after = each!(K in 3 => self.r[K].add(delta[K]));
         for k in 0..3 {
             after[k].store(&mut impulse[k]);
