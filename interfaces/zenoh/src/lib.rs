@@ -16,7 +16,7 @@ pub use ballast_protocol::description::Description;
 pub use client::{Client, Line, Patience};
 pub use error::Error;
 pub use keys::Keys;
-pub use link::Link;
+pub use link::{Link, Purpose};
 pub use server::{Host, Server};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

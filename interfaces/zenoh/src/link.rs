@@ -10,9 +10,38 @@ use zenoh::{Config, Wait};
 
 /// Where a component listens when nobody says otherwise, and where its clients look for it.
 pub const DEFAULT_ENDPOINT: &str = "tcp/127.0.0.1:7447";
-/// A peer that does not take what it is told is cut off after so long, µs: others must not wait for it, and
-/// it must not miss something without noticing.
-const PATIENCE_WITH_OBSERVERS_US: u32 = 1_000_000;
+/// For how long Zenoh waits until a message has gone out, all of it, before it closes the connection, µs.
+const WAIT_BEFORE_CLOSE: &str =
+    "transport/link/tx/queue/congestion_control/block/wait_before_close";
+/// The same of one that may be dropped, before it is: where the first piece of it does not go out, and in all.
+const WAIT_BEFORE_DROP: [&str; 2] = [
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop",
+    "transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments",
+];
+
+/// What a session is for: how long it waits for slow lines.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Purpose {
+    /// A component, or anything else. A peer that does not take what it is told is cut off after a second: others must
+    /// not wait for it, and it must not miss something without noticing.
+    #[default]
+    Component,
+    /// Asks a component, and has nobody else to tell anything: large requests may take their time. That a component is
+    /// gone is noticed by its silence.
+    Client,
+    /// Sends pictures, which nobody has to take, and nobody waits for.
+    Pictures,
+}
+
+impl Purpose {
+    fn settings(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::Component => &[(WAIT_BEFORE_CLOSE, "1000000")],
+            Self::Client => &[(WAIT_BEFORE_CLOSE, "60000000")],
+            Self::Pictures => &[(WAIT_BEFORE_DROP[0], "100000"), (WAIT_BEFORE_DROP[1], "5000000")],
+        }
+    }
+}
 
 const LISTEN: &str = "listen/endpoints";
 const CONNECT: &str = "connect/endpoints";
@@ -76,12 +105,20 @@ impl Link {
     /// # Errors
     /// A configuration that Zenoh does not take, an endpoint that cannot be listened on.
     pub fn open(&self) -> Result<zenoh::Session, Error> {
+        self.open_for(Purpose::default())
+    }
+
+    /// The same, for a purpose.
+    ///
+    /// # Errors
+    /// As for [`Link::open`].
+    pub fn open_for(&self, purpose: Purpose) -> Result<zenoh::Session, Error> {
         let place = match (&self.config, self.listen.first(), self.connect.first()) {
             (Some(path), ..) => path.display().to_string(),
             (None, Some(endpoint), _) | (None, None, Some(endpoint)) => endpoint.clone(),
             (None, None, None) => "zenoh".into(),
         };
-        zenoh::open(self.configuration()?).wait().map_err(|e| Error::link(place, e))
+        zenoh::open(self.configuration(purpose)?).wait().map_err(|e| Error::link(place, e))
     }
 
     /// The endpoints that a session of it listens on.
@@ -89,7 +126,7 @@ impl Link {
     /// # Errors
     /// A configuration that Zenoh does not take.
     pub fn listens_on(&self) -> Result<Vec<String>, Error> {
-        let config = self.configuration()?;
+        let config = self.configuration(Purpose::default())?;
         let json =
             |key: &str| -> Option<Value> { serde_json::from_str(&config.get_json(key).ok()?).ok() };
         let (endpoints, mode) = (json(LISTEN).unwrap_or_default(), json("mode"));
@@ -100,14 +137,14 @@ impl Link {
         Ok(texts.map(String::from).collect())
     }
 
-    fn configuration(&self) -> Result<Config, Error> {
+    fn configuration(&self, purpose: Purpose) -> Result<Config, Error> {
         let mut config = match &self.config {
             Some(path) => {
                 Config::from_file(path).map_err(|e| Error::link(path.display().to_string(), e))?
             }
             None => Config::default(),
         };
-        keep_to_this_machine(&mut config)?;
+        keep_to_this_machine(&mut config, purpose)?;
         self.listen.iter().chain(&self.connect).try_for_each(|endpoint| well_formed(endpoint))?;
         if !self.listen.is_empty() {
             set(&mut config, LISTEN, &list(&self.listen))?;
@@ -166,11 +203,11 @@ fn well_formed(endpoint: &str) -> Result<(), Error> {
 
 /// Sets what a configuration leaves as Zenoh has it: scouting would find, and be found by, strangers on the
 /// network; without an endpoint of its own a Zenoh peer would listen on all interfaces; messages would have any size.
-fn keep_to_this_machine(config: &mut Config) -> Result<(), Error> {
+fn keep_to_this_machine(config: &mut Config, purpose: Purpose) -> Result<(), Error> {
     let usual = Config::default();
     // What is larger than a request may be gets an answer that says so, up to here; beyond, Zenoh lets it fall.
     let (largest, lease) = (4 * LARGEST_MESSAGE, SILENCE.as_millis());
-    for (key, value) in [
+    let settings = [
         ("mode", "\"peer\"".to_string()),
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "false".into()),
@@ -184,11 +221,9 @@ fn keep_to_this_machine(config: &mut Config) -> Result<(), Error> {
         ("transport/link/tx/lease", lease.to_string()),
         ("transport/unicast/open_timeout", lease.to_string()),
         ("transport/link/rx/max_message_size", largest.to_string()),
-        (
-            "transport/link/tx/queue/congestion_control/block/wait_before_close",
-            PATIENCE_WITH_OBSERVERS_US.to_string(),
-        ),
-    ] {
+    ];
+    let of_purpose = purpose.settings().iter().map(|(key, value)| (*key, value.to_string()));
+    for (key, value) in settings.into_iter().chain(of_purpose) {
         if config.get_json(key).ok() == usual.get_json(key).ok() {
             set(config, key, &value)?;
         }
@@ -217,7 +252,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json5");
         std::fs::write(&path, text).unwrap();
-        link(path).configuration().unwrap()
+        link(path).configuration(Purpose::default()).unwrap()
     }
 
     fn endpoints(config: &Config) -> [bool; 2] {
@@ -226,7 +261,7 @@ mod tests {
 
     #[test]
     fn a_file_that_says_little_leaves_the_rest_as_it_is_without_one() {
-        let without = Link::default().or_listening().configuration().unwrap();
+        let without = Link::default().or_listening().configuration(Purpose::default()).unwrap();
         let config = with("{ mode: 'peer' }", |path| Link::configured(path).or_listening());
         for key in [
             LISTEN,
@@ -246,7 +281,7 @@ mod tests {
     fn an_endpoint_without_a_protocol_is_told_in_plain_words() {
         for endpoint in ["", "127.0.0.1:7551", "tcp/", "/127.0.0.1:7551"] {
             for link in [Link::to(endpoint), Link::listening(endpoint)] {
-                let said = link.configuration().unwrap_err().to_string();
+                let said = link.configuration(Purpose::default()).unwrap_err().to_string();
                 let expected = "endpoint: expected PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447";
                 assert_eq!(said, format!("{expected}, found {endpoint:?}"));
             }

@@ -61,7 +61,7 @@ pub struct Serve {
     /// Start over even if the folder holds the checkpoint of another run
     #[arg(long)]
     pub force: bool,
-    /// Write a checkpoint after a window if the last one is so old, s of wall time; 0: after every window
+    /// Write a checkpoint if the last one is so old, s of wall time, and something has changed; 0: after every window
     #[arg(long, value_name = "S", default_value = "30", value_parser = seconds)]
     pub checkpoint_every: Duration,
     /// Send pictures for viewers from a session of its own that listens here (tcp/127.0.0.1:7448)

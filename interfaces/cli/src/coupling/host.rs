@@ -64,7 +64,8 @@ impl Keeper {
             recording,
             written: Instant::now(),
             durable: None,
-            is_current: false,
+            // Nothing has been computed here yet.
+            is_current: true,
             is_due: false,
             aside: Aside::new(console),
         }
@@ -151,6 +152,10 @@ impl Host for Keeper {
         self.is_due |= kind == WindowKind::Redo && self.holds(request);
         self.recorded(|recording| recording.window(lockstep, kind, request, reply));
         (self.is_due || self.written.elapsed() >= self.every) && self.keep(lockstep)
+    }
+
+    fn rests(&mut self, lockstep: &Lockstep) -> bool {
+        !self.is_current && self.written.elapsed() >= self.every && self.keep(lockstep)
     }
 
     fn changed(&mut self) {

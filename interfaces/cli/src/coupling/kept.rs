@@ -4,7 +4,7 @@ use crate::case::{self, Case, Choices, RUN_ID};
 use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
-use ballast_protocol::lockstep::{Kept, Lockstep};
+use ballast_protocol::lockstep::{Kept, Lockstep, Memory};
 use ballast_protocol::messages::{AdvanceReply, Digest};
 use ballast_protocol::{from_cdr, to_cdr};
 use serde_json::Value;
@@ -17,6 +17,11 @@ const PENETRATION: &str = "penetration";
 /// Fingerprint of the last window's request, and its reply: CDR, in hexadecimal digits.
 const REQUEST: &str = "answered_request";
 const REPLY: &str = "answered_reply";
+/// There where other parameters were set since that reply.
+const OUTDATED: &str = "answered_under_other_parameters";
+/// The client that has driven last, and how many have one after another.
+const CLIENT: &str = "last_client";
+const OWNERS: &str = "owners";
 
 /// Writes the checkpoint of a run.
 pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
@@ -34,8 +39,14 @@ fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
     let mut extra = BTreeMap::from([(RUN_ID.into(), place.run_id)]);
     extra.insert(SEQ.into(), place.seq.to_string());
     extra.insert(PENETRATION.into(), component.parameters().penetration.to_string());
-    if let Some((request, reply)) = lockstep.answered() {
-        let bytes = to_cdr(reply).map_err(|e| Failure::at(path, e))?;
+    let memory = lockstep.memory();
+    extra.insert(CLIENT.into(), memory.last_client);
+    extra.insert(OWNERS.into(), memory.owners.to_string());
+    if memory.is_outdated {
+        extra.insert(OUTDATED.into(), true.to_string());
+    }
+    if let Some((request, reply)) = memory.answered {
+        let bytes = to_cdr(&reply).map_err(|e| Failure::at(path, e))?;
         extra.insert(REQUEST.into(), request.to_string());
         extra.insert(REPLY.into(), bytes.iter().map(|b| format!("{b:02x}")).collect());
     }
@@ -69,12 +80,18 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
         let what = "expected a run of this case, bed and solver, found one of another; start over with --force";
         return Err(Failure::at(path, what));
     }
-    let answered = answered(notes).map_err(|e| Failure::at(path, e))?;
+    let owners = note(OWNERS)?;
+    let memory = Memory {
+        answered: answered(notes).map_err(|e| Failure::at(path, e))?,
+        is_outdated: notes.contains_key(OUTDATED),
+        last_client: note(CLIENT)?.clone(),
+        owners: owners.parse().map_err(|_| no_number(OWNERS, owners))?,
+    };
     let solver = &kept.model.solver;
     let (iterations, tolerance) = (solver.iterations, solver.tolerance);
     let parameters = Parameters { iterations, tolerance, penetration };
     let kept = Kept { state: kept.state.into(), parameters };
-    let result = lockstep.resume(run_id.clone(), seq, kept, answered);
+    let result = lockstep.resume(run_id.clone(), seq, kept, memory);
     result.map_err(|e| Failure::at(path, e))
 }
 

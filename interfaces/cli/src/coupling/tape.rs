@@ -82,11 +82,18 @@ pub fn first_part(path: &Path, resumes: bool) -> PathBuf {
 
 /// The file after so many `parts`; of a run that is taken up, the next one that is free.
 fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
+    // What follows another point is part of the name.
+    let is_ending = path.extension().is_some_and(|ending| ending == "mcap");
+    let stem = if is_ending { path.with_extension("") } else { path.into() };
     loop {
         *parts += 1;
-        let part = match *parts {
+        let part: PathBuf = match *parts {
             1 => path.into(),
-            n => path.with_extension(format!("{n}.mcap")),
+            n => {
+                let mut name = stem.clone().into_os_string();
+                name.push(format!(".{n}.mcap"));
+                name.into()
+            }
         };
         if !(resumes && part.exists()) {
             return part;
@@ -116,6 +123,8 @@ mod tests {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
         assert_eq!(first_part(&path, false), path);
+        let second = |name: &str| next_part(&folder.path().join(name), &mut 1, false);
+        assert_eq!(second("force_2.5kN"), folder.path().join("force_2.5kN.2.mcap"));
         assert_eq!(first_part(&path, true), folder.path().join("a.3.mcap"));
     }
 }

@@ -392,6 +392,21 @@ fn step_in_spite(
     });
 }
 
+#[test]
+fn a_run_that_rests_is_kept_when_the_time_has_come() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let _serving = Serving::start(&place, &endpoint, "--out s --checkpoint-every 1");
+    let mut client = attach(&endpoint, None).unwrap();
+    (0..3).for_each(|_| step(&mut client).unwrap());
+    let begin = Instant::now();
+    // Nobody asks for another window.
+    while client.line().status().unwrap().durable_seq < 3 {
+        assert!(begin.elapsed() < Duration::from_secs(20), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
 /// Not a check of its own: the driver that the next test kills.
 #[test]
 #[ignore = "the process that another test kills"]

@@ -2,7 +2,10 @@
 //! the transport carries beside the message.
 
 use super::cost::Cost;
+use super::{Code, Fault};
+use crate::messages;
 use crate::pacer::{FreeRunning, FreeRunningReport};
+use ballast::component;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -25,7 +28,7 @@ pub struct Attach {
 pub struct Attached {
     /// To be shown with everything that changes the state; nobody else knows it.
     pub ticket: String,
-    /// How many owners there have been since the component began, one after another; the caller, who may come back, is the
+    /// How many owners there have been since the run began, one after another; the caller, who may come back, is the
     /// last. More than when it left: somebody else has driven meanwhile.
     #[serde(default)]
     pub owners: u64,
@@ -82,6 +85,37 @@ pub struct SetParameters {
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<FreeRunning>")]
     pub free_running: Option<Option<FreeRunning>>,
+}
+
+impl SetParameters {
+    /// The parameters `now`, but for those that are given.
+    ///
+    /// # Errors
+    /// [`Code::ParameterInvalid`].
+    pub fn instead_of(&self, now: component::Parameters) -> Result<component::Parameters, Fault> {
+        let wrong = |place: &str, expected: &str, found: String| {
+            Err(Fault::expected(Code::ParameterInvalid, place, expected, found))
+        };
+        if self.iterations == Some(0) {
+            return wrong("iterations", "at least 1", "0".into());
+        }
+        let limits = [
+            ("tolerance", self.tolerance, "0 (all iterations) or a finite number above"),
+            ("penetration", self.penetration, "0 (any) or a finite number above, m"),
+        ];
+        for (place, given, expected) in limits {
+            if let Some(value) = given.filter(|value| !(value.is_finite() && *value >= 0.0)) {
+                return wrong(place, expected, value.to_string());
+            }
+        }
+        let now = messages::Parameters::from(now);
+        let parameters = messages::Parameters {
+            iterations: self.iterations.unwrap_or(now.iterations),
+            tolerance: self.tolerance.unwrap_or(now.tolerance),
+            penetration: self.penetration.unwrap_or(now.penetration),
+        };
+        Ok(parameters.into())
+    }
 }
 
 /// What is given, `null` too.

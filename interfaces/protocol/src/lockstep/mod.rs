@@ -40,6 +40,19 @@ pub const MOST_STATES: usize = 64;
 /// Longest name of a client or a state, bytes.
 pub const LONGEST_NAME: usize = 200;
 
+/// What is kept beside the state in a checkpoint: with it a retry of the last window is safe, and nobody takes what
+/// another one has driven for its own.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Memory {
+    /// What the last window was answered, under the digest of its request.
+    pub answered: Option<(Digest, AdvanceReply)>,
+    /// Other parameters were set since.
+    pub is_outdated: bool,
+    /// The client that has driven last, and how many have one after another.
+    pub last_client: String,
+    pub owners: u64,
+}
+
 /// A component with an owner.
 pub struct Lockstep {
     component: Component,
@@ -99,8 +112,8 @@ impl Lockstep {
         }
     }
 
-    /// Takes up a run of which a checkpoint was kept after window `seq`, with what that window was
-    /// answered, so that a retry of it is still safe; reset still goes to where the component was.
+    /// Takes up a run of which a checkpoint was kept after window `seq`, with its `memory`; reset still goes to where the
+    /// component was.
     ///
     /// # Errors
     /// A state of another model, parameters that cannot be used.
@@ -109,14 +122,14 @@ impl Lockstep {
         run_id: impl Into<String>,
         seq: u64,
         kept: Kept,
-        answered: Option<(Digest, AdvanceReply)>,
+        memory: Memory,
     ) -> Result<(), Fault> {
         kept.take_up(&mut self.component)?;
         (self.run_id, self.seq, self.durable_seq) = (run_id.into(), seq, seq);
         self.hash_again();
-        // The hash covers the parameters of the solver.
-        self.is_outdated = answered.as_ref().is_some_and(|(_, reply)| reply.hash != self.hash_now);
-        self.answered = answered;
+        let Memory { answered, is_outdated, last_client, owners } = memory;
+        (self.answered, self.is_outdated) = (answered, is_outdated);
+        self.owner.remember(last_client, owners);
         Ok(())
     }
 
@@ -125,9 +138,15 @@ impl Lockstep {
         self.hash_now
     }
 
-    /// What the last window was answered, under the digest of its request: kept beside a checkpoint.
-    pub fn answered(&self) -> Option<&(Digest, AdvanceReply)> {
-        self.answered.as_ref()
+    /// What is kept beside the state in a checkpoint.
+    pub fn memory(&self) -> Memory {
+        let (last_client, owners) = self.owner.history();
+        Memory {
+            answered: self.answered.clone(),
+            is_outdated: self.is_outdated,
+            last_client: last_client.into(),
+            owners,
+        }
     }
 
     pub fn component(&self) -> &Component {

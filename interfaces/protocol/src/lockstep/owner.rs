@@ -19,6 +19,16 @@ struct Owner {
 }
 
 impl Ownership {
+    /// So many have driven the run one after another, `last` as the last.
+    pub(super) fn remember(&mut self, last: String, owners: u64) {
+        (self.last, self.owners) = (last, owners);
+    }
+
+    /// The client that has driven last, and how many have one after another.
+    pub(super) fn history(&self) -> (&str, u64) {
+        (&self.last, self.owners)
+    }
+
     /// Makes the caller the owner; how many there have been with it.
     ///
     /// # Errors

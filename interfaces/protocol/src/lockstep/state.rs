@@ -1,7 +1,6 @@
 //! States: the beginning, kept ones, and the parameters with which they go on.
 
 use super::{Code, Fault, Lockstep, MOST_STATES, Named, Place, SetParameters, check_name};
-use crate::messages;
 use ballast::component::{Component, Limits, Parameters};
 use ballast::math::Vec3;
 use ballast::model::{Grains, Model, Solver, Stepping};
@@ -132,29 +131,10 @@ impl Lockstep {
     /// [`Code::NotOwner`], [`Code::InError`], [`Code::ParameterInvalid`]; nothing is changed.
     pub fn set_parameters(&mut self, ask: &SetParameters, ticket: &str) -> Result<Place, Fault> {
         self.check_ready(ticket)?;
-        let wrong = |place: &str, expected: &str, found: String| {
-            Err(Fault::expected(Code::ParameterInvalid, place, expected, found))
-        };
-        if ask.iterations == Some(0) {
-            return wrong("iterations", "at least 1", "0".into());
-        }
-        let limits = [
-            ("tolerance", ask.tolerance, "0 (all iterations) or a finite number above"),
-            ("penetration", ask.penetration, "0 (any) or a finite number above, m"),
-        ];
-        for (place, given, expected) in limits {
-            if let Some(value) = given.filter(|value| !(value.is_finite() && *value >= 0.0)) {
-                return wrong(place, expected, value.to_string());
-            }
-        }
-        let now = messages::Parameters::from(self.component.parameters());
-        let parameters = messages::Parameters {
-            iterations: ask.iterations.unwrap_or(now.iterations),
-            tolerance: ask.tolerance.unwrap_or(now.tolerance),
-            penetration: ask.penetration.unwrap_or(now.penetration),
-        };
+        let now = self.component.parameters();
+        let parameters = ask.instead_of(now)?;
         let changes = parameters != now;
-        let set = self.component.set_parameters(&parameters.into());
+        let set = self.component.set_parameters(&parameters);
         set.map_err(|e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) })?;
         self.is_outdated |= changes;
         if changes {

@@ -2,7 +2,7 @@
 
 use crate::{MS, ask, attach, lockstep, shaken, straight, window};
 use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
-use ballast_protocol::lockstep::{Code, Kept, Named, SetParameters};
+use ballast_protocol::lockstep::{Code, Kept, Memory, Named, SetParameters};
 use ballast_protocol::messages::{AdvanceRequest, Status};
 use std::sync::Arc;
 
@@ -121,6 +121,29 @@ fn parameters_are_the_owners_to_set_and_go_with_kept_states() {
 }
 
 #[test]
+fn a_checkpoint_knows_who_has_driven_and_what_an_answer_is_worth() {
+    let (mut first, ticket) = lockstep();
+    let strict = SetParameters { penetration: Some(1e-12), ..Default::default() };
+    first.set_parameters(&strict, &ticket).unwrap();
+    // Until the stones lie on each other.
+    let mut windows = (1..40).map(|seq| ask(&mut first, Advance, &window(seq), &ticket).unwrap());
+    let refused = windows.find(|reply| reply.status == Status::Discard).expect("it is pressed");
+    let last = window(refused.seq);
+    // In no hash.
+    first.set_parameters(&SetParameters { penetration: Some(0.0), ..strict }, &ticket).unwrap();
+    let (mut second, driver) = lockstep();
+    second.detach(&driver).unwrap();
+    second.resume("run-1", last.seq, Kept::of(first.component()), first.memory()).unwrap();
+    let ticket = attach(&mut second, "another").unwrap();
+    assert_eq!(second.memory().owners, 2);
+    // Not the old answer: it held under another limit.
+    let redo = ask(&mut second, Redo, &last, &ticket).unwrap_err();
+    assert_eq!(redo.code, Code::NothingToRedo, "{redo}");
+    // A retry of what was asked then is answered as it was.
+    assert_eq!(ask(&mut second, Advance, &last, &ticket).unwrap(), refused);
+}
+
+#[test]
 fn a_run_is_taken_up_from_its_checkpoint() {
     let (mut first, ticket) = lockstep();
     for seq in 1..=3 {
@@ -130,7 +153,7 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     assert_eq!(first.status(0).durable_seq, 3);
     let kept = Kept::of(first.component());
     let (mut second, ticket) = lockstep();
-    second.resume("run-1", 3, kept, first.answered().cloned()).unwrap();
+    second.resume("run-1", 3, kept, first.memory()).unwrap();
     assert_eq!(second.place(), first.place());
     // The last window was answered by a process that is gone; a retry is answered all the same.
     assert_eq!(ask(&mut second, Advance, &window(3), &ticket).unwrap(), straight(3));
@@ -143,7 +166,7 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     // Nor is a state taken up that is none of this model's.
     let mut foreign = Kept::of(first.component());
     Arc::make_mut(&mut foreign.state).velocity.pop();
-    let fault = second.resume("run-1", 3, foreign, None).unwrap_err();
+    let fault = second.resume("run-1", 3, foreign, Memory::default()).unwrap_err();
     assert_eq!(fault.code, Code::StateInvalid, "{fault}");
     assert_eq!(second.place().seq, 4);
 }

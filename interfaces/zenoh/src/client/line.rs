@@ -6,7 +6,7 @@
 
 use super::presence::Presence;
 use crate::keys::{SCHEMA, last};
-use crate::{Error, Keys, LARGEST_MESSAGE, Link, SILENCE};
+use crate::{Error, Keys, LARGEST_MESSAGE, Link, Purpose, SILENCE};
 use ballast_protocol::description::Description;
 use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport, Verb};
 use serde::de::DeserializeOwned;
@@ -97,7 +97,7 @@ impl Line {
     ) -> Result<Self, Error> {
         let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
         let keys = Keys::of(component)?;
-        let session = link.open()?;
+        let session = link.open_for(Purpose::Client)?;
         let presence = Arc::new(Presence::new());
         let to = Arc::clone(&presence);
         let listen = move |sample: Sample| {

@@ -66,6 +66,11 @@ pub trait Host: Send {
         false
     }
 
+    /// Nothing was asked for a moment; whether the state is kept now.
+    fn rests(&mut self, _lockstep: &Lockstep) -> bool {
+        false
+    }
+
     /// The state is another one at the same place: parameters were set.
     fn changed(&mut self) {}
 
@@ -218,7 +223,7 @@ impl Service<'_> {
             match inbox.recv_timeout(most) {
                 Ok(Call::Request(request)) => self.request(*request)?,
                 Ok(Call::Input) => {}
-                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Timeout) => self.rest(),
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             if let Some(client) = self.shared.take_lost_owner()
@@ -232,6 +237,14 @@ impl Service<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Nothing was asked for a while.
+    fn rest(&mut self) {
+        if self.host.rests(&self.lockstep) {
+            self.lockstep.note_durable();
+            self.show();
+        }
     }
 
     /// Shows what the component is doing between two requests.

@@ -80,10 +80,11 @@ impl Outlets {
         if !self.by_key.contains_key(&key) && self.open(key.clone()).is_err() {
             return;
         }
-        // Whoever listens is told; nobody has to.
         if let (Some(publisher), Ok(bytes)) = (self.by_key.get(&key), to_cdr(message)) {
-            let _ = publisher.put(bytes.clone()).encoding(cdr::<T>()).wait();
-            locked(&self.last).insert(key, (bytes, cdr::<T>()));
+            // First: who comes in between is told twice, and not of what was before.
+            locked(&self.last).insert(key, (bytes.clone(), cdr::<T>()));
+            // Whoever listens is told; nobody has to.
+            let _ = publisher.put(bytes).encoding(cdr::<T>()).wait();
         }
     }
 
@@ -98,8 +99,15 @@ impl Outlets {
         self.put(self.keys.out_body(name, "impulse"), body);
     }
 
-    /// Tells everyone what a window has done; the clock comes last and closes it.
+    /// Tells everyone what a window has done; the clock comes last and closes it. Of one that was taken back there is
+    /// nothing to tell but that it was: bodies bear what they bore.
     pub fn window(&mut self, reply: &AdvanceReply) {
+        if !reply.status.is_kept() {
+            let AdvanceReply { seq, status, message, .. } = reply;
+            let text = format!("window {seq} was taken back ({}): {message}", status.word());
+            self.log(core_ns(reply.t1_ns), &text);
+            return self.moment(reply.hash, core_ns(reply.t1_ns));
+        }
         for body in &reply.bodies {
             self.body(body);
         }

@@ -4,7 +4,7 @@
 //! nothing. What a viewer does not take is dropped.
 
 use crate::wire::cdr;
-use crate::{Error, Keys, Link};
+use crate::{Error, Keys, Link, Purpose};
 use ballast::component::Component;
 use ballast::math::Vec3;
 use ballast::model::Model;
@@ -41,7 +41,7 @@ pub(super) struct Pictures {
 impl Pictures {
     /// Sends a picture at most once in `every`.
     pub fn start(link: &Link, keys: &Keys, every: Duration) -> Result<Self, Error> {
-        let session = link.open()?;
+        let session = link.open_for(Purpose::Pictures)?;
         // One waits at most; what would come behind it is older than the next.
         let (sender, frames) = sync_channel(1);
         let keys = keys.clone();

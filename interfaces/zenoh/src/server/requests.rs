@@ -144,7 +144,7 @@ impl Service<'_> {
             && self.lockstep.answered_count() != before
         {
             self.outlets.window(reply);
-            self.picture(Some(reply));
+            self.picture(reply.status.is_kept().then_some(reply));
             if self.host.computed(&self.lockstep, kind, request, reply) {
                 self.lockstep.note_durable();
                 self.show();

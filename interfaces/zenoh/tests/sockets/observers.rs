@@ -1,9 +1,11 @@
 //! Observers: in time, late, and such that never read.
 
-use crate::setup::{KEY, Served, patient, step, times, undisturbed};
+use crate::setup::{KEY, Served, WINDOW, patient, shaking, step, times, undisturbed};
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::StatusReport;
-use ballast_protocol::messages::{Clock, PointCloud2, SceneUpdate, StateHash, WrenchImpulse};
+use ballast_protocol::messages::{
+    Clock, Interpolation, Log, PointCloud2, SceneUpdate, StateHash, Status, WrenchImpulse,
+};
 use ballast_zenoh::link::free_endpoint;
 use ballast_zenoh::{Client, HEARTBEAT, Line, Link, Server};
 use std::process::{Child, Command, Stdio};
@@ -79,6 +81,35 @@ fn an_observer_sees_every_window_and_a_late_one_the_last() {
     let hash: StateHash = from_cdr(told(late.keys().out("hash")).unwrap()).unwrap();
     assert_eq!(hash.to_string(), begin.hash);
     assert_eq!(told(late.keys().out_body("floor", "impulse")), None);
+}
+
+#[test]
+fn of_a_window_that_was_taken_back_only_that_is_told() {
+    let served = Served::new();
+    let mut client = served.client();
+    // Until the stones lie on the floor.
+    (0..100).for_each(|_| step(&mut client).unwrap());
+    let late = Line::open(KEY, &served.link(), patient()).unwrap();
+    late.status().unwrap();
+    let find = |what: String| {
+        let last = late.last_told().unwrap();
+        last.iter().find(|(key, ..)| *key == what).map(|told| told.2.clone())
+    };
+    let impulse = late.keys().out_body("floor", "impulse");
+    let (before, t0) = (find(impulse.clone()).unwrap(), client.place().now_ns);
+    let borne: WrenchImpulse = from_cdr(&before).unwrap();
+    assert!(borne.mean.force.z != 0.0, "{borne:?}");
+    // The floor is to be a metre away after one step.
+    let mut away = shaking(t0, t0 + WINDOW);
+    away[0].interpolation = Interpolation::Linear;
+    away[0].knots[1].pose.position.x += 1.0;
+    let reply = client.advance_to(t0 + WINDOW, away, vec![]).unwrap();
+    assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "over_speed"));
+    assert_eq!(find(impulse), Some(before));
+    let log: Log = from_cdr(&find(late.keys().out("log")).unwrap()).unwrap();
+    assert!(log.msg.contains("taken back (discard)"), "{}", log.msg);
+    let hash: StateHash = from_cdr(&find(late.keys().out("hash")).unwrap()).unwrap();
+    assert_eq!(hash.to_string(), client.place().hash);
 }
 
 /// Not a check of its own: an observer whose callback never returns, so that what is sent to it fills every
