@@ -9,6 +9,7 @@ use ballast::track::plan::Plan;
 use ballast::track::{self, Bed, DepositProgress};
 use ballast_hdf5::checkpoint::{self, Kind};
 use std::collections::BTreeMap;
+use std::io::{self, ErrorKind};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
@@ -22,7 +23,7 @@ pub use pace::Pace;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     #[error("{}: cannot keep beds: {source}", path.display())]
-    Folder { path: PathBuf, source: std::io::Error },
+    Folder { path: PathBuf, source: io::Error },
     /// A kept bed that cannot be read.
     #[error(transparent)]
     Kept(ballast_hdf5::Error),
@@ -91,7 +92,10 @@ impl Beds {
 
     /// Makes the folder, where the bed of `plan` can be written.
     fn make_folder(&self, plan: &Plan) -> Result<(), Error> {
-        let made = std::fs::create_dir_all(&self.folder);
+        // The HDF5 library opens no other.
+        let unnamed = || io::Error::new(ErrorKind::InvalidInput, "expected a name in UTF-8");
+        let named = self.folder.to_str().ok_or_else(unnamed);
+        let made = named.and_then(std::fs::create_dir_all);
         let usable = made.and_then(|()| ballast_hdf5::replaceable(&self.path(plan)));
         usable.map_err(|source| Error::Folder { path: self.folder.clone(), source })
     }

@@ -9,7 +9,7 @@ use ballast_mcap::may_become_a_recording;
 use ballast_scenario::NoText;
 use ballast_scenario::sample::{self, Sample};
 use serde_json::Value;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::{File, Metadata, TryLockError};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -44,11 +44,7 @@ impl RunFiles {
     /// The same, to be written by this process alone; the folder is made. `or` is what can be done while another
     /// writes there.
     pub fn claimed(self, or: &str) -> Outcome<Self> {
-        create_folder(&self.folder)?;
-        // Of its own, and open to be written: so it holds over a network, too.
-        let path = self.folder.join(LOCK);
-        let file = File::options().create(true).truncate(false).write(true).open(&path);
-        let file = file.map_err(|e| Failure::at(&path, e))?;
+        let file = self.lock_file()?;
         match file.try_lock() {
             Ok(()) => Ok(Self { _claim: Some(Arc::new(file)), ..self }),
             Err(TryLockError::WouldBlock) => {
@@ -58,6 +54,22 @@ impl RunFiles {
             // A file system that knows no locks.
             Err(TryLockError::Error(_)) => Ok(self),
         }
+    }
+
+    /// The same, when its turn has come.
+    pub fn claimed_in_turn(self) -> Outcome<Self> {
+        let file = self.lock_file()?;
+        // A file system that knows no locks has no turns.
+        let claim = file.lock().is_ok().then(|| Arc::new(file));
+        Ok(Self { _claim: claim, ..self })
+    }
+
+    fn lock_file(&self) -> Outcome<File> {
+        create_folder(&self.folder)?;
+        // Of its own, and open to be written: so it holds over a network, too.
+        let path = self.folder.join(LOCK);
+        let file = File::options().create(true).truncate(false).write(true).open(&path);
+        file.map_err(|e| Failure::at(&path, e))
     }
 
     /// The files beside a checkpoint.
@@ -150,14 +162,14 @@ impl RunFiles {
             return Err(Failure::Usage(format!(
                 "{folder} holds a run that was ended before its first checkpoint; `ballast export {} --out DIR` \
                  writes out what it recorded; {or}",
-                results.display()
+                typed(&results)
             )));
         }
         let is_served = checkpoint::read(&checkpoint).is_ok_and(|kept| case::is_served(&kept));
         let how = if is_served {
-            format!("`ballast serve CASE --out {folder} --resume`")
+            format!("`ballast serve CASE --out {} --resume`", typed(&self.folder))
         } else {
-            format!("`ballast resume {}`", checkpoint.display())
+            format!("`ballast resume {}`", typed(&checkpoint))
         };
         Err(Failure::Usage(format!("{folder} holds an unfinished run; go on with {how}, or {or}")))
     }
@@ -178,18 +190,44 @@ impl RunFiles {
         }
     }
 
-    /// Removes the final figures of a run that is gone on with.
-    pub fn forget_summary(&self) -> Outcome {
-        remove(&self.summary())
+    /// Refuses a folder that holds a finished run, which a replay would take the place of: no replay leaves a checkpoint.
+    pub fn refuse_run(&self) -> Outcome {
+        if self.whole_summary().is_none() || !self.checkpoint().exists() {
+            return Ok(());
+        }
+        let folder = self.folder.display();
+        let what = "expected a folder of replays, found a finished run";
+        let how = "choose another folder with --out, or replace it with --force";
+        Err(Failure::Usage(format!("{folder}: {what}; {how}")))
+    }
+
+    /// Removes the final figures of a run that is gone on with, and the page about it.
+    pub fn forget_end(&self) -> Outcome {
+        remove(&self.summary())?;
+        self.remove_report()
+    }
+
+    /// Removes the page about the run; one that somebody else has put there is no report.
+    fn remove_report(&self) -> Outcome {
+        let report = self.report();
+        if begins_with(&report, BEGINNING.as_bytes()) { remove(&report) } else { Ok(()) }
     }
 
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
     pub fn remove_all(&self) -> Outcome {
-        let files = [self.summary(), self.checkpoint(), self.results()];
-        // A page that somebody else has put there is no report.
-        let report = Some(self.report()).filter(|path| begins_with(path, BEGINNING.as_bytes()));
-        files.into_iter().chain(report).try_for_each(|file| remove(&file))
+        [self.summary(), self.checkpoint(), self.results()].iter().try_for_each(|f| remove(f))?;
+        self.remove_report()
     }
+}
+
+/// A word as it is typed in a shell.
+pub fn typed(word: impl AsRef<OsStr>) -> String {
+    let text = word.as_ref().to_string_lossy();
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./:,=+@%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        return text.into_owned();
+    }
+    format!("'{}'", text.replace('\'', r"'\''"))
 }
 
 /// Removes a file, if it is there.

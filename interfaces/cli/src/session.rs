@@ -11,7 +11,7 @@ use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
-use crate::files::{RunFiles, replace_text};
+use crate::files::{RunFiles, replace_text, typed};
 use crate::interrupt;
 use crate::profile::Profile;
 use crate::progress::{Mark, Progress};
@@ -138,7 +138,7 @@ impl Session {
             let step = self.engine.state().step;
             if step == self.first + 1 {
                 // It is about the steps before.
-                self.files.forget_summary()?;
+                self.files.forget_end()?;
             }
             let share = ((step - self.first) as f64 / steps).min(1.0);
             progress.advance(share, &self.mark(&report, &progress));
@@ -262,11 +262,8 @@ impl Session {
             format!("stopped after step {step}; a replay starts from the beginning again")
         } else {
             self.checkpoint()?;
-            let path = self.files.checkpoint();
-            format!(
-                "stopped cleanly after step {step} of {all}; go on with: ballast resume {}",
-                path.display()
-            )
+            let path = typed(self.files.checkpoint());
+            format!("stopped cleanly after step {step} of {all}; go on with: ballast resume {path}")
         };
         Err(match self.aside.trouble() {
             Some(failure) => failure.with(&format!("; {text}")),

@@ -5,11 +5,14 @@
 
 use crate::error::{Result, io};
 use crate::replace;
-use crate::results::{Array, BlockFrame, Reader, Table};
+use crate::results::{Array, BlockFrame, Reader, Table, is_block};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+
+/// Lists the frames over time.
+const LIST: &str = "frames.pvd";
 
 /// Writes everything in `results` to `folder`, which is made when needed; returns the files.
 pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
@@ -18,7 +21,7 @@ pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec
     let earlier = listed(folder);
     let mut files = frames(&reader, folder)?;
     for stale in earlier.iter().map(|name| folder.join(name)).filter(|path| !files.contains(path)) {
-        // Else a reader that goes by names would show two runs as one.
+        // Else a reader that goes by names would show two runs as one, and one that goes by the list nothing.
         let _ = std::fs::remove_file(stale);
     }
     for name in reader.series_names()? {
@@ -27,14 +30,23 @@ pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec
     Ok(files)
 }
 
-/// The frames that an earlier export to the folder has listed.
+/// The frames that an earlier export to the folder has listed, and the list; nothing of a list that is not ours.
 fn listed(folder: &Path) -> Vec<String> {
-    let list = std::fs::read_to_string(folder.join("frames.pvd")).unwrap_or_default();
+    let list = std::fs::read_to_string(folder.join(LIST)).unwrap_or_default();
     let names = list.split("file=\"").skip(1).filter_map(|rest| rest.split('"').next());
-    names
-        .filter(|name| name.ends_with(".vtp") && !name.contains(['/', '\\']))
-        .map(String::from)
-        .collect()
+    let names: Vec<String> = names.map(String::from).collect();
+    if names.is_empty() || !names.iter().all(|name| is_frame(name)) {
+        return Vec::new();
+    }
+    names.into_iter().chain([LIST.into()]).collect()
+}
+
+/// Whether a file has the name of a frame of ours: a block and a number.
+fn is_frame(name: &str) -> bool {
+    let parts = name.strip_suffix(".vtp").and_then(|stem| stem.rsplit_once('_'));
+    parts.is_some_and(|(block, number)| {
+        is_block(block) && number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit())
+    })
 }
 
 fn write(folder: &Path, name: &str, content: String) -> Result<PathBuf> {
@@ -61,7 +73,7 @@ fn frames(reader: &Reader, folder: &Path) -> Result<Vec<PathBuf>> {
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\">\n<Collection>\n\
              {list}</Collection>\n</VTKFile>\n"
         );
-        files.push(write(folder, "frames.pvd", pvd)?);
+        files.push(write(folder, LIST, pvd)?);
     }
     Ok(files)
 }

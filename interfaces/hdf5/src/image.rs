@@ -24,7 +24,8 @@ const MOST_UNPACKED: u64 = 1 << 30;
 pub(crate) fn new_image(path: &Path) -> Result<File> {
     File::with_options()
         .with_fapl(|p| p.core_options(1 << 20, false).libver_earliest())
-        .create(path)
+        // No file of this name is made, and that of the path may be none for the library.
+        .create("image")
         .map_err(hdf5_error(path, "image in memory"))
 }
 

@@ -1,5 +1,6 @@
 //! What a measurement was made on, and what else the machine did meanwhile.
 
+use crate::files::typed;
 use crate::profile::cpu_time;
 use ballast::lanes::Arithmetic;
 use std::ffi::OsString;
@@ -55,15 +56,7 @@ impl Machine {
 
 /// What was called, as it is typed; the program by its name.
 fn command(arguments: impl Iterator<Item = OsString>) -> String {
-    let quoted = |argument: OsString| {
-        let text = argument.to_string_lossy().into_owned();
-        if text.is_empty() || text.contains(char::is_whitespace) {
-            format!("'{text}'")
-        } else {
-            text
-        }
-    };
-    let words = std::iter::once("ballast".to_string()).chain(arguments.map(quoted));
+    let words = std::iter::once("ballast".to_string()).chain(arguments.map(typed));
     words.collect::<Vec<_>>().join(" ")
 }
 

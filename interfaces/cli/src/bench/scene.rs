@@ -13,6 +13,7 @@ use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::step::{StepReport, step};
+use ballast::track::plan::Plan;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_scenario::sample::Sample;
@@ -132,5 +133,15 @@ fn at_checkpoint(case: &Case, from: &Path) -> Outcome<(Model, State)> {
             case.plan.name
         )));
     }
-    Ok((kept.model, kept.state))
+    // The bed says nothing of how it is moved and solved.
+    let ran = Case::read(kept.case_text, &kept.case_name)?.plan;
+    let moved = |plan: &Plan| (plan.sleepers.clone(), plan.tines.clone(), plan.tamping);
+    if moved(&ran) != moved(&case.plan) || ran.run.stepping != case.plan.run.stepping {
+        return Err(Failure::Mismatch(format!(
+            "{}: expected a run with the machine and the time step of the case, found another",
+            from.display()
+        )));
+    }
+    let model = Model { solver: case.plan.run.solver, ..kept.model };
+    Ok((model, kept.state))
 }

@@ -46,6 +46,8 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     let files = RunFiles::begun_in(folder)?;
     if !args.force {
         files.refuse_unfinished("choose another folder with --out, or replace it with --force")?;
+        files.refuse_another(&case.text)?;
+        files.refuse_run()?;
     }
     files.refuse_own(&args.file)?;
     files.may_record(args.record.as_deref())?;

@@ -257,13 +257,15 @@ impl Place {
 
     /// Writes the table of all runs that are done: values, and every figure of their summaries.
     fn table(&self) -> Outcome {
+        // Of array jobs that end together none may write what it read before another was done.
+        let _claim = RunFiles::in_folder(self.folder.clone()).claimed_in_turn()?;
         let mut columns: Vec<String> = Vec::new();
         let mut rows = Vec::new();
         for (number, point) in self.points() {
             let files = RunFiles::in_folder(self.of(number));
             let Some(summary) = files.whole_summary() else { continue };
             let mut row = vec![("number".to_string(), number.to_string())];
-            row.extend(point.iter().map(|(key, value)| (key.clone(), plain(&json!(value)))));
+            row.extend(point.iter().map(|(key, value)| (key.clone(), plain(&told(value)))));
             figures("", &summary, &mut row);
             for (name, _) in &row {
                 if !columns.contains(name) {
@@ -292,7 +294,17 @@ fn name(number: usize) -> String {
 
 /// A point for programs.
 fn values(point: &Point) -> Map<String, Value> {
-    point.iter().map(|(key, value)| (key.clone(), json!(value))).collect()
+    point.iter().map(|(key, value)| (key.clone(), told(value))).collect()
+}
+
+/// A value of a point; JSON has no number for one that is not finite, which is told as its text.
+fn told(value: &toml::Value) -> Value {
+    match value {
+        toml::Value::Float(x) if !x.is_finite() => value.to_string().into(),
+        toml::Value::Array(values) => values.iter().map(told).collect(),
+        toml::Value::Table(table) => table.iter().map(|(key, v)| (key.clone(), told(v))).collect(),
+        _ => json!(value),
+    }
 }
 
 /// A point for a person.

@@ -134,6 +134,20 @@ fn a_step_is_measured_from_a_checkpoint_of_its_case_only() {
     assert!(notes["state hash"].as_str().unwrap().starts_with(&place.hash("longer")), "{notes}");
     let other = place.with_beds(&format!("{call} --from run/checkpoint.h5 --seed 8")).with_code(5);
     assert!(other.stderr().contains("expected one of"), "{}", other.stderr());
+    // It is solved as the case says, and moved as it was.
+    let case = place.text("tiny.toml");
+    let changed = case
+        .replace("iterations = 30", "iterations = 41")
+        .replace("tolerance = 1e-3", "tolerance = 0");
+    assert_ne!(changed, case);
+    std::fs::write(place.path("tiny.toml"), changed).unwrap();
+    let (_, notes) = rows(&place, &format!("{call} --from run/checkpoint.h5"));
+    assert!(notes["iterations"].as_str().unwrap().starts_with("41"), "{notes}");
+    let changed = case.replace("gap_to_sleeper_m = 0.04", "gap_to_sleeper_m = 0.041");
+    assert_ne!(changed, case);
+    std::fs::write(place.path("tiny.toml"), changed).unwrap();
+    let other = place.with_beds(&format!("{call} --from run/checkpoint.h5")).with_code(5);
+    assert!(other.stderr().contains("expected a run with the machine"), "{}", other.stderr());
 }
 
 #[test]

@@ -128,6 +128,29 @@ fn resuming_what_is_done_keeps_its_times_and_goes_by_the_state() {
 }
 
 #[test]
+fn a_replay_takes_the_place_of_a_replay_only() {
+    let place = Place::new();
+    place.run("--out run --record run.mcap").with_code(0);
+    let hash = place.hash("run");
+    let said = place.with_beds("replay run.mcap --out run").with_code(2).stderr();
+    assert!(said.contains("found a finished run") && said.contains("--force"), "{said}");
+    assert!(place.path("run/checkpoint.h5").exists() && place.hash("run") == hash);
+    place.with_beds("replay run.mcap --out again").with_code(0);
+    place.with_beds("replay run.mcap --out again").with_code(0);
+    place.with_beds("replay run.mcap --out run --force").with_code(0);
+    assert!(!place.path("run/checkpoint.h5").exists());
+}
+
+#[test]
+fn a_run_that_goes_on_has_no_page_about_its_half() {
+    let place = Place::new();
+    place.run("--out run --steps 20").with_code(0);
+    place.call("report run").with_code(0);
+    place.call("resume run --steps 30").with_code(0);
+    assert!(!place.path("run/report.html").exists());
+}
+
+#[test]
 fn an_export_leaves_no_frames_of_the_one_before() {
     let place = Place::new();
     place.run("--out long").with_code(0);
@@ -146,6 +169,16 @@ fn an_export_leaves_no_frames_of_the_one_before() {
     let again = frames("short");
     assert!(again.contains(&"grains_9999.vtp".to_string()), "it was listed by no export");
     assert_eq!(again.len(), short.len() + 1);
+    // A run without frames leaves no list of frames either.
+    let case = place.text("tiny.toml").replace("output_every_s = 0.01", "output_every_s = 0.0");
+    std::fs::write(place.path("still.toml"), case).unwrap();
+    place.with_beds("run still.toml --out still --steps 3").with_code(0);
+    assert!(frames("still").iter().all(|name| name.ends_with(".csv") || name.contains("9999")));
+    // What another program has listed is not ours to remove.
+    std::fs::write(place.path("shapes/mine.vtp"), "somebody's").unwrap();
+    let list = "<Collection><DataSet file=\"mine.vtp\"/></Collection>";
+    std::fs::write(place.path("shapes/frames.pvd"), list).unwrap();
+    assert!(frames("short").contains(&"mine.vtp".to_string()));
 }
 
 #[test]

@@ -134,6 +134,37 @@ fn a_point_that_ended_before_its_end_is_no_result_and_goes_on() {
 }
 
 #[test]
+fn values_that_json_has_no_number_for_are_told() {
+    let place =
+        place("case = 'tiny.toml'\n[grid]\n'tamping.squeeze.force_limit_N' = [7800.0, inf]");
+    let told = place.with_beds("sweep plan.toml --list --json").with_code(0).events();
+    assert_eq!(told[1]["values"]["tamping.squeeze.force_limit_N"], "inf", "{told:?}");
+    place.with_beds("sweep plan.toml --case 2").with_code(0);
+    assert_eq!(cell(&table(&place)[0], "tamping.squeeze.force_limit_N"), "inf");
+    let manifest: Value = serde_json::from_str(&place.text("runs/plan/manifest.json")).unwrap();
+    assert_eq!(manifest["points"][1]["values"]["tamping.squeeze.force_limit_N"], "inf");
+}
+
+#[test]
+fn jobs_of_an_array_write_the_table_in_turn() {
+    let place = place(PLAN);
+    place.with_beds("sweep plan.toml --case 1").with_code(0);
+    let lock = std::fs::File::options().write(true).open(place.path("runs/plan/.lock")).unwrap();
+    lock.lock().unwrap();
+    let mut waiting = place.with_beds_command("sweep plan.toml --case 2").spawn().unwrap();
+    let begun = Instant::now();
+    while !place.path("runs/plan/00002/summary.json").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no run");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(waiting.try_wait().unwrap().is_none() && table(&place).len() == 1);
+    drop(lock);
+    assert!(waiting.wait().unwrap().success());
+    assert_eq!(table(&place).len(), 2);
+}
+
+#[test]
 fn more_runs_at_a_time_than_threads_can_be_started_are_refused() {
     let ended = place(PLAN).with_beds("sweep plan.toml --list --jobs 4000000000");
     assert_eq!(ended.code(), 2);

@@ -41,6 +41,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use surface::{Extent, Surface};
 
+/// The block of contact points.
+const CONTACTS: &str = "contacts";
+
+/// Whether results may have a block of this name.
+pub(crate) fn is_block(name: &str) -> bool {
+    name == CONTACTS || surface::is_named(name)
+}
+
 /// Version of the format that this program writes.
 pub const VERSION: u32 = 2;
 
@@ -256,7 +264,7 @@ impl Writer {
         for surface in &self.surfaces {
             add_surface(&Block::open(&root, surface.name)?, surface, shapes, frame)?;
         }
-        add_contacts(&Block::open(&root, "contacts")?, frame)?;
+        add_contacts(&Block::open(&root, CONTACTS)?, frame)?;
         let group = self.file.group("frames")?;
         let position: Vec<f64> =
             frame.poses.iter().flat_map(|p| [p.position.x, p.position.y, p.position.z]).collect();
@@ -293,7 +301,7 @@ impl Writer {
             block::link(&root, surface.name)?;
         }
         let expected = 2 * self.model.grains.len();
-        let block = Block::create(&root, "contacts", self.surfaces.len(), expected)?;
+        let block = Block::create(&root, CONTACTS, self.surfaces.len(), expected)?;
         for name in ["force", "normal"] {
             block.declare::<f32>(On::Points, name, 3, expected)?;
         }
@@ -303,7 +311,7 @@ impl Writer {
         for name in ["candidate", "antagonist"] {
             block.declare::<i32>(On::Points, name, 1, expected)?;
         }
-        block::link(&root, "contacts")
+        block::link(&root, CONTACTS)
     }
 
     /// Declares a table of numbers over the steps: columns of name and unit. Again: no effect.

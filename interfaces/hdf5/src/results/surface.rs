@@ -43,6 +43,11 @@ const NAMES: [(&str, Option<Role>); 4] = [
     ("boundary", Some(Role::Boundary)),
 ];
 
+/// Whether results may have a surface of this name.
+pub(crate) fn is_named(name: &str) -> bool {
+    NAMES.iter().any(|(known, _)| *known == name)
+}
+
 /// The surfaces of a model that have any piece.
 pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<Surface> {
     let ng = model.grains.len();
