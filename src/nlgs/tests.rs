@@ -51,6 +51,19 @@ fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
 }
 
 #[test]
+fn a_relaxed_sweep_leaves_nothing_on_what_has_opened() {
+    let scene = Scene::grid([5, 4, 3], 2, 0.0, 2);
+    let mut set = whole(&scene.problem);
+    (0..200).for_each(|_| set.sweep(0.5));
+    let impulses: Vec<Vec3> = set.impulses().map(|(_, r)| r).collect();
+    let scale = largest(impulses.iter().copied());
+    let open = impulses.iter().filter(|r| **r == Vec3::zeros()).count();
+    let faint = impulses.iter().filter(|r| **r != Vec3::zeros() && r.amax() < 1e-12 * scale);
+    assert!(open > 0 && open < impulses.len(), "{open} of {}", impulses.len());
+    assert_eq!(faint.count(), 0);
+}
+
+#[test]
 fn sweeps_converge_to_a_solution_by_every_measure() {
     let scene = Scene::grid([4, 4, 3], 1, 0.0, 5);
     let mut set = whole(&scene.problem);

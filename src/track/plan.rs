@@ -3,6 +3,7 @@
 //! SI units throughout. x runs along the track, y across it, z up; the box of the bed spans
 //! `[0, box[0]] × [0, box[1]]`, its floor is z = 0.
 
+use crate::geometry::GrainShape;
 use crate::math::Vec3;
 use crate::model::{Mount, Solver, Stepping};
 
@@ -38,13 +39,7 @@ pub struct BedPlan {
 pub struct GrainPlan {
     /// Size classes: sieve size (m) and share by number; shares sum to 1.
     pub classes: Vec<SizeClass>,
-    /// Middle over longest, and shortest over middle axis: mean and half-width.
-    pub elongation: [f64; 2],
-    pub flatness: [f64; 2],
-    /// Range of the number of points whose hull a grain is.
-    pub vertices: [u32; 2],
-    /// 0: points spread evenly on the ellipsoid (rounded); 1: fully random (sharp).
-    pub angularity: f64,
+    pub shape: GrainShape,
     /// Number of different shapes, shared over the classes.
     pub templates: u32,
 }

@@ -10,7 +10,7 @@
 
 use super::relief::{Relief, Silhouette, turned_bounds};
 use crate::error::{Error, Result};
-use crate::geometry::{AxisBox, GrainShape, Polyhedron, random_grain, random_rotation};
+use crate::geometry::{AxisBox, Polyhedron, random_grain, random_rotation};
 use crate::math::{Pose, Quat, Vec3};
 use crate::track::plan::{BedPlan, SizeClass};
 use rand::RngExt;
@@ -48,18 +48,12 @@ impl Templates {
                 found: format!("{} of sum {total}", bed.grains.classes.len()),
             });
         }
-        let shape = GrainShape {
-            vertices: bed.grains.vertices,
-            elongation: bed.grains.elongation,
-            flatness: bed.grains.flatness,
-            angularity: bed.grains.angularity,
-        };
         let mut classes = Vec::new();
         for &SizeClass { size, share } in &bed.grains.classes {
             let count = (f64::from(bed.grains.templates) * share / total).round().max(1.0) as usize;
             let first = shapes.len();
             for _ in 0..count {
-                shapes.push(random_grain(rng, &shape, size)?);
+                shapes.push(random_grain(rng, &bed.grains.shape, size)?);
             }
             classes.push((first, shapes.len()));
         }

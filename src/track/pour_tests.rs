@@ -1,5 +1,5 @@
 use super::*;
-use crate::geometry::{Clipper, half_spaces_of};
+use crate::geometry::{Clipper, GrainShape, half_spaces_of};
 use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan};
 use rand::SeedableRng;
 
@@ -14,10 +14,12 @@ fn bed(size: Vec3) -> BedPlan {
                 SizeClass { size: 0.0375, share: 0.34 },
                 SizeClass { size: 0.050, share: 0.16 },
             ],
-            elongation: [0.7, 0.1],
-            flatness: [0.7, 0.1],
-            vertices: [8, 40],
-            angularity: 0.5,
+            shape: GrainShape {
+                elongation: [0.7, 0.1],
+                flatness: [0.7, 0.1],
+                vertices: [8, 40],
+                angularity: 0.5,
+            },
             templates: 20,
         },
         friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },

@@ -1,5 +1,6 @@
 //! A plan for tests.
 
+use crate::geometry::GrainShape;
 use crate::math::Vec3;
 use crate::model::{Solver, Stepping};
 use crate::track::plan::*;
@@ -23,10 +24,12 @@ pub fn small_plan() -> Plan {
             density: 2700.0,
             grains: GrainPlan {
                 classes: vec![SizeClass { size: 0.0375, share: 1.0 }],
-                elongation: [0.7, 0.1],
-                flatness: [0.7, 0.1],
-                vertices: [8, 40],
-                angularity: 0.5,
+                shape: GrainShape {
+                    elongation: [0.7, 0.1],
+                    flatness: [0.7, 0.1],
+                    vertices: [8, 40],
+                    angularity: 0.5,
+                },
                 templates: 4,
             },
             friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },

@@ -4,6 +4,7 @@
 //! run's time step, at which the last settling runs. The bytes that are hashed are
 //! written out field by field, so the key survives changes of other formats.
 
+use ballast::geometry::GrainShape;
 use ballast::model::Stepping;
 use ballast::track::plan::{
     BedPlan, BlockPlan, FrictionPlan, GrainPlan, Plan, PreparationPlan, RunPlan, SizeClass,
@@ -11,7 +12,7 @@ use ballast::track::plan::{
 };
 
 /// Raised when the same plan is prepared into another bed: old keys then match nothing.
-const VERSION: u64 = 12;
+const VERSION: u64 = 13;
 
 /// 128-bit key of the bed that `plan` prepares, as 32 hexadecimal digits.
 ///
@@ -75,7 +76,8 @@ impl Key {
     }
 
     fn grains(&mut self, grains: &GrainPlan) {
-        let GrainPlan { classes, elongation, flatness, vertices, angularity, templates } = grains;
+        let GrainPlan { classes, shape, templates } = grains;
+        let GrainShape { elongation, flatness, vertices, angularity } = shape;
         self.integer(classes.len() as u64);
         for SizeClass { size, share } in classes {
             self.numbers([size, share]);

@@ -4,6 +4,7 @@ use crate::case_file::{self, CaseFile};
 use crate::check;
 use crate::layout::{Layout, lay_out};
 use crate::report::Report;
+use ballast::geometry::GrainShape;
 use ballast::math::Vec3;
 use ballast::track::plan::{
     BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, Plan, PreparationPlan, RunPlan,
@@ -57,10 +58,12 @@ fn grains(grains: &case_file::Grains) -> GrainPlan {
             .iter()
             .map(|c| SizeClass { size: c.size_m, share: c.share })
             .collect(),
-        elongation: grains.elongation,
-        flatness: grains.flatness,
-        vertices: grains.vertices,
-        angularity: grains.angularity,
+        shape: GrainShape {
+            vertices: grains.vertices,
+            elongation: grains.elongation,
+            flatness: grains.flatness,
+            angularity: grains.angularity,
+        },
         templates: grains.templates,
     }
 }

@@ -117,7 +117,7 @@ fn a_bed_is_prepared_once() {
     let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
     assert_eq!(
         [&inspected[0]["key"], &inspected[0]["hash"]],
-        ["0c6cac19d10e536928b797a2e604c223", "1d38ee6d312da1ee27726c75cdc9cd6f"]
+        ["5f06cd86173a5b016ca1ad305714b22c", "1d38ee6d312da1ee27726c75cdc9cd6f"]
     );
     let bytes = std::fs::read(&bed).unwrap();
     place.call("prepare tiny.toml --beds beds --force").with_code(0);
