@@ -41,25 +41,6 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use window::Plan;
 
-/// What to do when a window cannot be computed to its end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum OnTrouble {
-    /// Give back the state at its beginning.
-    #[default]
-    Discard,
-    /// Keep what was computed before the trouble.
-    Early,
-}
-
-impl From<OnTrouble> for Stop {
-    fn from(on_trouble: OnTrouble) -> Self {
-        match on_trouble {
-            OnTrouble::Discard => Stop::Discard,
-            OnTrouble::Early => Stop::Early,
-        }
-    }
-}
-
 /// What a component accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
@@ -70,7 +51,8 @@ pub struct Limits {
     pub join_spin: f64,
     /// How deep a sound step may press bodies into each other, m, beyond what it finds; infinite: any.
     pub penetration: f64,
-    pub on_trouble: OnTrouble,
+    /// Whether what was computed is kept when a window cannot be computed to its end; else it is taken back.
+    pub keeps_early: bool,
 }
 
 impl Default for Limits {
@@ -81,7 +63,7 @@ impl Default for Limits {
             join_speed: 1e-3,
             join_spin: 1e-3,
             penetration: f64::INFINITY,
-            on_trouble: OnTrouble::Discard,
+            keeps_early: false,
         }
     }
 }
@@ -226,7 +208,7 @@ impl Component {
                 }
                 Err(error) => {
                     trouble = Some(error);
-                    stopped = Some(limits.on_trouble.into());
+                    stopped = Some(if limits.keeps_early { Stop::Early } else { Stop::Discard });
                     break;
                 }
             }

@@ -3,8 +3,8 @@
 use crate::common::scene::Scene;
 use crate::{FLOOR, MS, floor, heap, same, shaken};
 use ballast::component::{
-    Component, Each, Input, Interpolation, Knot, Limits, OnTrouble, Outcome, Parameters, Refusal,
-    Status, Stop, Waveform,
+    Component, Each, Input, Interpolation, Knot, Limits, Outcome, Parameters, Refusal, Status,
+    Stop, Waveform,
 };
 use ballast::drive::Inputs;
 use ballast::math::{Pose, Quat, Vec3};
@@ -175,14 +175,11 @@ fn trouble_is_discarded_or_cut_off() {
     // From 30 ms on the floor runs away, or turns away under the stones, far beyond half a grain in a step.
     let away = |pose: &mut Pose| pose.position.x -= 1.0;
     let around = |pose: &mut Pose| pose.orientation = Quat::from_scaled_axis(Vec3::y() * 0.5);
-    for (on_trouble, change) in [
-        (OnTrouble::Discard, &away as &dyn Fn(&mut Pose)),
-        (OnTrouble::Early, &away),
-        (OnTrouble::Discard, &around),
-        (OnTrouble::Early, &around),
-    ] {
+    for (keeps_early, change) in
+        [(false, &away as &dyn Fn(&mut Pose)), (true, &away), (false, &around), (true, &around)]
+    {
         let zones = vec![Zone::new("all", Vec3::zeros(), Vec3::repeat(0.3)).expect("a box")];
-        let limits = Limits { on_trouble, ..Limits::default() };
+        let limits = Limits { keeps_early, ..Limits::default() };
         let mut component = heap(limits).with_zones(zones.clone());
         let rest = floor(&component);
         let start = component.save();
@@ -195,10 +192,10 @@ fn trouble_is_discarded_or_cut_off() {
         let trouble = outcome.trouble.clone().expect("a word on it");
         assert_eq!(trouble.code(), "over_speed");
         // Of what was taken back there is nothing to measure.
-        assert_eq!(outcome.zones.len(), usize::from(on_trouble == OnTrouble::Early));
+        assert_eq!(outcome.zones.len(), usize::from(keeps_early));
         let trouble = trouble.to_string();
         assert!(trouble.contains("half of the smallest grain"), "{trouble}");
-        if on_trouble == OnTrouble::Discard {
+        if !keeps_early {
             assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
             assert_eq!(component.save(), start);
         } else {

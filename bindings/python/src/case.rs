@@ -112,7 +112,7 @@ impl Case {
 
     /// The text's values as nested dictionaries; what the text leaves to defaults is not in them.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("tomllib")?.call_method1("loads", (self.told(py)?,))
+        values(py, &self.told(py)?)
     }
 
     /// Writes the case's text to a file.
@@ -230,6 +230,18 @@ impl Case {
 type PickledCase = (String, Option<u64>, Option<String>);
 
 /// A case that was copied or pickled.
+/// The values of a text in TOML as nested dictionaries.
+///
+/// Written anew before Python reads it: `tomllib` takes no text of TOML 1.1, and none that begins with a mark of its order
+/// of bytes, as cases may.
+#[pyfunction]
+pub fn values<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
+    let wrong = |e: &dyn std::fmt::Display| errors::error::<CaseError>(py, "case", e.to_string());
+    let table: toml::Table = text.parse().map_err(|e: toml::de::Error| wrong(&e))?;
+    let plain = toml::to_string(&table).map_err(|e| wrong(&e))?;
+    py.import("tomllib")?.call_method1("loads", (plain,))
+}
+
 #[pyfunction]
 pub fn case_again(
     py: Python<'_>,
@@ -314,6 +326,7 @@ pub fn begin(
         state: Arc::new(state),
         case: Arc::clone(&case.0),
         machine,
+        penetration: None,
     };
     let crew = Crew::new(py, threads)?;
     Simulation::here(py, &start, limits, crew)
@@ -324,12 +337,7 @@ pub fn limits(py: Python<'_>, max_penetration: Option<f64>, keep_early: bool) ->
     if penetration.is_nan() || penetration <= 0.0 {
         return Err(errors::invalid(py, "max_penetration", "a length above 0 m", penetration));
     }
-    let on_trouble = if keep_early {
-        ballast::component::OnTrouble::Early
-    } else {
-        ballast::component::OnTrouble::Discard
-    };
-    Ok(Limits { penetration, on_trouble, ..Limits::default() })
+    Ok(Limits { penetration, keeps_early: keep_early, ..Limits::default() })
 }
 
 /// A dictionary as a table of TOML.

@@ -9,12 +9,15 @@ use crate::recorder::Recorder;
 use crate::simulation::{Asked, LastOutcome};
 use crate::state::Snapshot;
 use crate::work::Work;
-use ballast::component::{self, Component, Limits, Refusal, Status, Stop, Watch, ZoneOutcome};
-use ballast::model::Model;
+use ballast::component::{
+    self, Component, Limits, Parameters, Refusal, Status, Stop, Watch, ZoneOutcome,
+};
+use ballast::model::{Model, Solver};
 use ballast::state;
 use ballast::step::{StepReport, Stopwatch};
 use ballast::track;
 use ballast_beds::Case;
+use ballast_protocol::lockstep::{Code, Fault, SetParameters};
 use ballast_protocol::messages::StepSeries;
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
@@ -61,7 +64,7 @@ struct Watched {
 impl Here {
     /// Goes on from `start`.
     pub fn new(py: Python<'_>, start: &Snapshot, limits: Limits, crew: Crew) -> PyResult<Self> {
-        let Snapshot { model, state, case, machine } = start;
+        let Snapshot { model, state, case, machine, .. } = start;
         let component = case
             .component(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refusal(py, e))?;
@@ -254,10 +257,11 @@ impl Here {
 
     pub fn save(&self) -> Snapshot {
         Snapshot {
-            model: Arc::clone(&self.ground.model),
+            model: self.component.shared_model(),
             state: self.component.save(),
             case: Arc::clone(&self.ground.case),
             machine: self.machine.clone(),
+            penetration: Some(self.component.limits().penetration),
         }
     }
 
@@ -266,8 +270,9 @@ impl Here {
             let expected = "no open recording, whose time cannot jump; stop_recording first";
             return Err(errors::refused(py, "recording", "restore", expected, "one"));
         }
-        let model = &self.ground.model;
-        if !Arc::ptr_eq(model, &saved.model) && **model != *saved.model {
+        let model = self.component.shared_model();
+        let is_its = Arc::ptr_eq(&model, &saved.model) || *model == *saved.model;
+        if !is_its && !Parameters::alone_differ(&model, &saved.model) {
             let expected = "one of this case and seed";
             return Err(errors::refused(
                 py,
@@ -283,11 +288,27 @@ impl Here {
             let found = "one of another machine on the same bed";
             return Err(errors::refused(py, "state_invalid", "state", "one of this case", found));
         }
-        self.component.restore(Arc::clone(&saved.state)).map_err(|e| errors::refusal(py, e))?;
+        let Solver { iterations, tolerance, .. } = saved.model.solver;
+        let penetration = saved.penetration.unwrap_or(self.component.limits().penetration);
+        let parameters = Parameters { iterations, tolerance, penetration };
+        let restored = self.component.restore(Arc::clone(&saved.state));
+        restored
+            .and_then(|()| self.component.set_parameters(&parameters))
+            .map_err(|e| errors::refusal(py, e))?;
         self.lost = None;
         *enter(&self.told) = None;
         (self.machine, self.machine_before) = (saved.machine.clone(), None);
         Ok(())
+    }
+
+    /// Sets parameters for all windows from now on, and for a redo of the last one.
+    pub fn set_parameters(&mut self, py: Python<'_>, ask: &SetParameters) -> PyResult<()> {
+        self.check_sound(py)?;
+        let set = ask.instead_of(self.component.parameters()).and_then(|parameters| {
+            let invalid = |e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) };
+            self.component.set_parameters(&parameters).map_err(invalid)
+        });
+        set.map_err(|fault| errors::fault(py, &fault))
     }
 
     pub fn fork(&self, py: Python<'_>) -> PyResult<Self> {

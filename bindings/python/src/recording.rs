@@ -8,8 +8,8 @@ use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use ballast_mcap::recording::{Window, Windows};
 use ballast_protocol::messages::{
-    AdvanceReply, Asked, Compactness, EnergyLedger, Message, SolverStats, Squeeze, Status,
-    WrenchImpulse,
+    AdvanceReply, Asked, Compactness, EnergyLedger, Message, Parameters, SolverStats, Squeeze,
+    Status, WrenchImpulse,
 };
 use ballast_protocol::{Malformed, from_cdr};
 use ballast_scenario::Choices;
@@ -20,8 +20,9 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 /// A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-/// (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, what the
-/// window did (`outcome`), and the `hash` of the state and the `reply_digest` that it led to.
+/// (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, the
+/// `parameters` that were set before (empty where none were), what the window did (`outcome`), and the `hash` of the state
+/// and the `reply_digest` that it led to.
 ///
 /// Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
 /// there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
@@ -84,6 +85,7 @@ impl Recording {
         let (tools, loads) = inputs(py, asked)?;
         told.set_item("tools", tools)?;
         told.set_item("loads", loads)?;
+        told.set_item("parameters", parameters(py, window.parameters.as_ref())?)?;
         told.set_item("outcome", outcome)?;
         Ok(Some(told))
     }
@@ -118,6 +120,16 @@ fn inputs<'py>(
         loads.set_item(input.body, Load { waveform: input.waveform })?;
     }
     Ok((tools, loads))
+}
+
+/// What was set before a window, as `Simulation.set_parameters` takes it.
+fn parameters<'py>(py: Python<'py>, set: Option<&Parameters>) -> PyResult<Bound<'py, PyDict>> {
+    let told = PyDict::new(py);
+    if let Some(Parameters { iterations, tolerance, .. }) = set {
+        told.set_item("iterations", iterations)?;
+        told.set_item("tolerance", tolerance)?;
+    }
+    Ok(told)
 }
 
 /// The reply to a window, of the messages that it has left: of one that stands.

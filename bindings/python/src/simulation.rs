@@ -15,7 +15,7 @@ use crate::work::Work;
 use ballast::component::{Input, Limits, LoadInput, Window};
 use ballast::math::Pose;
 use ballast::track::TinePath;
-use ballast_protocol::lockstep::WindowKind;
+use ballast_protocol::lockstep::{SetParameters, WindowKind};
 use ballast_zenoh::Description;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -28,8 +28,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 /// `last` tells what it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by
 /// `stop` or `close`, and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on
 /// there: the same call made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`,
-/// `redo`, `last`, `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with
-/// the code "elsewhere".
+/// `redo`, `last`, `save`, `restore`, `set_parameters`, `stop`, `close` and what says of itself here are there; the rest
+/// is refused with the code "elsewhere".
 /// Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
 /// simulations of their own run side by side.
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
@@ -308,6 +308,40 @@ impl Simulation {
                 let expected = format!("one kept at {}", self.about.name);
                 Err(errors::refused(py, "state_invalid", "state", expected, "one of this process"))
             }
+        })
+    }
+
+    /// Sets how steps are solved from now on, also in a redo of the last window; what is not given stays.
+    ///
+    /// Args:
+    ///     iterations: most iterations of a step, at least 1.
+    ///     tolerance: a step is solved when its residual is below; 0: always all iterations.
+    ///     max_penetration: how deep a step may press bodies into each other, m, before its window is taken back;
+    ///         infinite: any.
+    ///
+    /// Raises:
+    ///     Refused: a number that makes no sense; nothing has changed.
+    #[pyo3(signature = (*, iterations=None, tolerance=None, max_penetration=None))]
+    fn set_parameters(
+        &self,
+        py: Python<'_>,
+        iterations: Option<u32>,
+        tolerance: Option<f64>,
+        max_penetration: Option<f64>,
+    ) -> PyResult<()> {
+        let penetration = match max_penetration {
+            Some(most) if !(most > 0.0) => {
+                let place = "max_penetration";
+                return Err(errors::refused(py, "parameter_invalid", place, "above 0 m", most));
+            }
+            // The word of the contract for any.
+            Some(f64::INFINITY) => Some(0.0),
+            given => given,
+        };
+        let ask = SetParameters { iterations, tolerance, penetration, ..Default::default() };
+        self.with(py, |back| match back {
+            Back::Here(here) => here.set_parameters(py, &ask),
+            Back::There(there) => there.set_parameters(py, &ask),
         })
     }
 

@@ -43,6 +43,8 @@ pub struct Snapshot {
     pub state: Arc<state::State>,
     pub case: Arc<Case>,
     pub machine: Machine,
+    /// Limit of the penetration, m, where a simulation of this process has saved it; files have none.
+    pub penetration: Option<f64>,
 }
 
 /// The note of a checkpoint that holds what the machine remembers: numbers as text that reads back to the
@@ -85,7 +87,7 @@ impl Snapshot {
         };
         let machine = machine.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         let (model, state) = (Arc::new(kept.model), Arc::new(kept.state));
-        Ok(Self { model, state, case: Arc::new(case), machine })
+        Ok(Self { model, state, case: Arc::new(case), machine, penetration: None })
     }
 
     /// Writes what it is as a file by `put`.

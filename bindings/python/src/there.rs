@@ -13,7 +13,7 @@ use ballast::component::Twist;
 use ballast::math::Pose;
 use ballast_protocol::Malformed;
 use ballast_protocol::description::Body;
-use ballast_protocol::lockstep::{Place, Verb, WindowKind};
+use ballast_protocol::lockstep::{Place, SetParameters, Verb, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
 use ballast_zenoh::{Client, Description, Link, Patience};
 use pyo3::prelude::*;
@@ -396,6 +396,12 @@ impl There {
         (self.targets, self.last, self.is_lost) = (Arc::clone(&kept.targets), None, false);
         *enter(&self.told) = None;
         raised.map_or(Ok(()), Err)
+    }
+
+    /// Sets parameters for all windows from now on, and for a redo of the last one.
+    pub fn set_parameters(&mut self, py: Python<'_>, ask: &SetParameters) -> PyResult<()> {
+        self.settle(py)?;
+        self.driver.tell(py, |client| client.set_parameters(ask).map(|_| ()))
     }
 
     /// Leaves; the run stays where it is, and what was kept of it for this simulation is forgotten.

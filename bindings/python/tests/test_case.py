@@ -10,6 +10,7 @@ from pathlib import Path
 import ballast
 import numpy as np
 import pytest
+from ballast import _ballast
 from conftest import ROOT
 
 
@@ -55,6 +56,15 @@ def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
         case.with_values({"a" + ".a" * 300_000: 1})
     with pytest.raises(ballast.CaseError):
         ballast.Case.from_dict({"name": "nothing else"})
+
+
+def test_whatever_is_a_case_has_values(case: ballast.Case) -> None:
+    # A mark of the order of bytes, and lines within a table, which Python's own reader of TOML does not take.
+    text = "\ufeff" + case.text + "\n[[sleeper]]\nblocks = [{\n    size_m = [1.0, 1.0, 1.0],\n}]\n"
+    assert _ballast.values(text)["sleeper"][0]["blocks"] == [{"size_m": [1.0, 1.0, 1.0]}]
+    marked = ballast.Case("\ufeff" + case.text)
+    assert marked.to_dict() == case.to_dict()
+    assert marked.with_values({"bed.seed": 9}).seed == 9
 
 
 def test_a_case_is_written_at_once_or_not_at_all(case: ballast.Case, tmp_path: Path) -> None:

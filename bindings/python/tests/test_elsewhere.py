@@ -165,6 +165,26 @@ def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> No
             assert rows.tobytes() == elsewhere.impulses[name].tobytes()
 
 
+def test_parameters_are_set_elsewhere_too(sim: ballast.Simulation, served: Served) -> None:
+    with served.open() as there:
+        ends = []
+        for one in (sim, there):
+            one.advance_to(one.now_ns + 5 * one.step_ns)
+            before = one.save()
+            one.set_parameters(iterations=3, tolerance=0.0)
+            out = one.redo()
+            assert out.solver.iterations < 5 * out.steps
+            one.set_parameters(max_penetration=1e-12)
+            assert one.redo().code == "penetration"
+            one.restore(before)
+            one.advance_to(one.now_ns + 5 * one.step_ns)
+            ends.append(one.save().hash)
+        assert ends[0] == ends[1]
+        with pytest.raises(ballast.Refused) as refused:
+            there.set_parameters(iterations=0)
+        assert refused.value.code == "parameter_invalid"
+
+
 def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, served: Served) -> None:
     """It fails after two good steps, of which nothing is told."""
     with served.open() as there:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import gc
+import math
 import os
 import pickle
 import re
@@ -732,7 +733,7 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
         (0, 5 * sim.step_ns), (5 * sim.step_ns, 10 * sim.step_ns),
     ]
     record = {"seq", "t0_ns", "t1_ns", "request", "hash", "reply_digest"}
-    assert set(windows[0]) == record | {"tools", "loads", "outcome"}
+    assert set(windows[0]) == record | {"tools", "loads", "parameters", "outcome"}
     assert all(f"`{part}`" in str(ballast.Recording.__doc__) for part in windows[0])
     call(tmp_path, "verify", path)
     assert final in call(tmp_path, "replay", path, "--out", tmp_path / "replay")
@@ -800,6 +801,45 @@ def test_a_recording_knows_its_beginning(sim: ballast.Simulation, beds: Path, tm
         for window in recording:
             again.advance_to(window["t1_ns"], window["tools"], window["loads"])
         assert again.save().hash == end
+
+
+def test_parameters_are_set_recorded_and_part_of_a_state(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
+    sim.record(tmp_path / "set.mcap")
+    advance(sim)
+    loose = sim.save()
+    sim.set_parameters(iterations=3)
+    assert sim.save().hash != loose.hash, "the fingerprint covers how steps are solved"
+    out = advance(sim)
+    assert out.solver.iterations < 5 * out.steps
+    end = end_of(sim)
+    hasty = sim.save()
+    sim.stop_recording()
+    recording = ballast.read(tmp_path / "set.mcap")
+    assert isinstance(recording, ballast.Recording)
+    with ballast.open(recording.case, beds=beds, threads=1, progress=False) as again:
+        told = []
+        for window in recording:
+            again.set_parameters(**window["parameters"])
+            again.advance_to(window["t1_ns"], window["tools"], window["loads"])
+            assert again.save().hash == window["hash"]
+            told.append(window["parameters"])
+        assert again.save().hash == end
+        assert told[0] == {} and told[1] == {"iterations": 3, "tolerance": 1e-3}
+        # A state brings its own, whoever takes it up.
+        again.restore(loose)
+        assert again.save().hash == loose.hash
+        again.restore(hasty)
+        assert again.save().hash == hasty.hash
+        out = advance(again)
+        assert out.solver.iterations < 5 * out.steps
+        again.set_parameters(max_penetration=1e-12)
+        assert advance(again).code == "penetration"
+        again.set_parameters(max_penetration=math.inf)
+        assert advance(again).steps > 0
+        for wrong in ({"iterations": 0}, {"tolerance": -1.0}, {"max_penetration": 0.0}, {"tolerance": math.nan}):
+            with pytest.raises(ballast.Refused) as refused:
+                again.set_parameters(**wrong)  # type: ignore[arg-type]
+            assert refused.value.code == "parameter_invalid"
 
 
 def test_a_recording_of_the_program_is_read_as_well(case: ballast.Case, beds: Path, tmp_path: Path) -> None:

@@ -295,6 +295,24 @@ def test_figures_say_what_they_are_of(case: ballast.Case, beds: Path, tmp_path: 
     assert file.name == f"{key}.json"
 
 
+def no_finite_numbers(case: ballast.Case, beds: str) -> dict[str, float]:
+    return {"not": math.nan, "more": math.inf}
+
+
+def test_files_of_a_study_are_json_for_every_reader(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    ask = {"measure": no_finite_numbers, "jobs": 1, "beds": beds, "progress": False}
+    for _ in range(2):
+        table = study.run(case, [{"tamping.squeeze.force_limit_N": math.inf}], tmp_path, **ask)  # type: ignore[arg-type]
+        assert table["more"][0] == math.inf and math.isnan(table["not"][0])
+    [file] = tmp_path.iterdir()
+    told = json.loads(file.read_text(), parse_constant=lambda text: pytest.fail(text))
+    assert told["point"] == {"tamping.squeeze.force_limit_N": "inf"}
+    assert told["figures"] == {"not": "nan", "more": "inf"}
+
+
 def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study

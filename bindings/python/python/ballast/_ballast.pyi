@@ -43,6 +43,7 @@ __all__ = [
     "resume",
     "schema",
     "state_again",
+    "values",
 ]
 __version__: str
 
@@ -210,8 +211,8 @@ class Simulation:
     `last` tells what it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by
     `stop` or `close`, and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on
     there: the same call made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`,
-    `redo`, `last`, `save`, `restore`, `stop`, `close` and what says of itself here are there; the rest is refused with
-    the code "elsewhere".
+    `redo`, `last`, `save`, `restore`, `set_parameters`, `stop`, `close` and what says of itself here are there; the rest
+    is refused with the code "elsewhere".
     Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
     simulations of their own run side by side.
     """
@@ -268,6 +269,21 @@ class Simulation:
 
     def restore(self, state: State) -> None:
         """Goes back, or on, to a saved state of the same case."""
+
+    def set_parameters(
+        self, *, iterations: int | None = None, tolerance: float | None = None, max_penetration: float | None = None
+    ) -> None:
+        """Sets how steps are solved from now on, also in a redo of the last window; what is not given stays.
+
+        Args:
+            iterations: most iterations of a step, at least 1.
+            tolerance: a step is solved when its residual is below; 0: always all iterations.
+            max_penetration: how deep a step may press bodies into each other, m, before its window is taken back;
+                infinite: any.
+
+        Raises:
+            Refused: a number that makes no sense; nothing has changed.
+        """
 
     def fork(self) -> Simulation:
         """Another simulation that goes on from here on its own."""
@@ -836,8 +852,9 @@ class Results:
 @final
 class Recording:
     """A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-    (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, what the
-    window did (`outcome`), and the `hash` of the state and the `reply_digest` that it led to.
+    (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, the
+    `parameters` that were set before (empty where none were), what the window did (`outcome`), and the `hash` of the state
+    and the `reply_digest` that it led to.
 
     Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
     there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was."""
@@ -891,3 +908,9 @@ def schema() -> dict[str, Any]:
 
 def state_again(bytes: bytes) -> State:
     """A state that was pickled."""
+def values(text: str) -> dict[str, Any]:
+    """The values of a text in TOML as nested dictionaries.
+
+    Written anew before Python reads it: `tomllib` takes no text of TOML 1.1, and none that begins with a mark of its order
+    of bytes, as cases may.
+    """

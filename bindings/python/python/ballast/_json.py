@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,17 @@ import numpy as np
 
 def dumps(value: Any, **style: Any) -> str:
     return json.dumps(value, default=_plain, **style)
+
+
+def strict(value: Any) -> Any:
+    """The same value with texts ("nan", "inf", "-inf") for numbers that are not finite, which JSON does not know."""
+    if isinstance(value, float | np.floating) and not math.isfinite(value):
+        return str(float(value))
+    if isinstance(value, dict):
+        return {key: strict(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [strict(inner) for inner in value]
+    return value
 
 
 def _plain(value: Any) -> Any:

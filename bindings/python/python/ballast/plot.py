@@ -4,12 +4,12 @@ the axes."""
 from __future__ import annotations
 
 import os
-import tomllib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import ballast
+from ballast import _ballast
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,7 +48,7 @@ def tines(run: Run) -> list[str]:
 
 def _directions(results: ballast.Results) -> dict[str, float]:
     """Where each tine squeezes along x, 1 or -1, as its case says: its blade vibrates, and may be jammed."""
-    towards = {tine["name"]: tine["towards"] for tine in tomllib.loads(results.case_text).get("tine", [])}
+    towards = {tine["name"]: tine["towards"] for tine in _ballast.values(results.case_text).get("tine", [])}
     # Those of rows have it in their names.
     plus = [name for name in tines(results) if towards.get(name, name).endswith(("+x", "_plus"))]
     return {name: 1.0 if name in plus else -1.0 for name in tines(results)}

@@ -27,7 +27,7 @@ import numpy as np
 
 import ballast
 from ballast import _ballast, _identity, _toml, _workers
-from ballast._json import dumps
+from ballast._json import dumps, strict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,6 +153,7 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
     stopped at their cap of iterations before they reached the tolerance (where the case asks for one), and
     `compaction_per_kJ`: what the zones under sleepers have gained in the mean, per kJ of work.
     """
+    has_tolerance = case.to_dict().get("solver", {}).get("tolerance") != 0
     with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
         tines = [tine.name for tine in sim.tines]
         before = {name: zone.compactness for name, zone in sim.zones().items()}
@@ -187,7 +188,7 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
             figures[f"{name}: largest force N"] = max(forces)
     figures["work J"] = work
     figures["largest penetration m"] = deepest
-    if case.to_dict().get("solver", {}).get("tolerance") != 0:
+    if has_tolerance:
         figures["steps at the cap"] = capped / max(steps, 1)
     if gains and work > 0.0:
         figures["compaction_per_kJ"] = sum(gains) / len(gains) / (work * 1e-3)
@@ -257,7 +258,7 @@ def run(
         of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key}
         by = {"measure": _identity.name(measure), "version": ballast.__version__}
         told = {**of, **by, "point": dict(points[i]), "figures": json.loads(figures)}
-        _ballast.replace(files[i], dumps(told, indent=1))
+        _ballast.replace(files[i], dumps(strict(told), indent=1))
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
     def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
@@ -327,7 +328,7 @@ def _kept(file: Path) -> Figures:
     try:
         figures = json.loads(file.read_text())["figures"]
         if isinstance(figures, dict):
-            return figures
+            return {name: float(value) if isinstance(value, str) else value for name, value in figures.items()}
     except (ValueError, KeyError, TypeError):
         pass
     text = f"{file}: expected the figures of a point (JSON), found something else; without the file the point is run again"
