@@ -3,7 +3,8 @@
 use crate::common::scene::Random;
 use crate::proxy::Proxy;
 use crate::setup::{
-    KEY, Served, WINDOW, attach, once_free, patient, shaking, step, times, undisturbed, wait_until,
+    KEY, Served, WINDOW, attach, knot, once_free, patient, shaking, step, times, undisturbed,
+    wait_until,
 };
 use ballast_protocol::lockstep::{Code, Place, SetParameters};
 use ballast_protocol::messages::Interpolation;
@@ -47,6 +48,24 @@ fn a_wire_that_is_cut_and_restored_changes_no_state() {
     assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
     client.detach().unwrap();
     assert_eq!(served.stop().answered_count(), windows);
+}
+
+#[test]
+fn a_large_request_may_take_its_time_on_a_slow_wire() {
+    let (_served, proxy, mut client) = cuttable(patient());
+    step(&mut client).unwrap();
+    proxy.slow_down(Duration::from_secs(1));
+    let t0 = client.place().now_ns;
+    let mut motions = shaking(t0, t0 + WINDOW);
+    // Some 6 MB, more than buffers on the way take.
+    let at = (0..=50_000).map(|k| t0 + k * WINDOW / 50_000);
+    motions[0].knots = at.map(knot).collect();
+    let begin = Instant::now();
+    client.advance_to(t0 + WINDOW, motions, vec![]).unwrap();
+    assert!(begin.elapsed() > Duration::from_secs(2), "the wire is not slow");
+    assert_eq!(proxy.connections(), 1);
+    proxy.slow_down(Duration::ZERO);
+    step(&mut client).unwrap();
 }
 
 #[test]

@@ -1,8 +1,8 @@
-//! A wire that can be cut, can fall silent, and can lose what comes back.
+//! A wire that can be cut, can fall silent, can lose what comes back, and can be slow.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -20,8 +20,12 @@ pub struct Proxy {
     wire: Arc<Wire>,
 }
 
+#[derive(Default)]
 struct Wire {
     state: AtomicU8,
+    /// Time that a piece takes, µs; pieces are of 64 KiB at most.
+    pace_us: AtomicU32,
+    connections: AtomicU32,
     sockets: Mutex<Vec<TcpStream>>,
 }
 
@@ -30,7 +34,7 @@ impl Proxy {
     pub fn before(to: &str) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let endpoint = format!("tcp/{}", listener.local_addr().unwrap());
-        let wire = Arc::new(Wire { state: AtomicU8::new(OPEN), sockets: Mutex::default() });
+        let wire = Arc::<Wire>::default();
         let (to, at) = (to.trim_start_matches("tcp/").to_string(), Arc::clone(&wire));
         std::thread::spawn(move || {
             for from in listener.incoming().map_while(Result::ok) {
@@ -38,6 +42,7 @@ impl Proxy {
                     continue;
                 }
                 let Ok(up) = TcpStream::connect(&to) else { continue };
+                at.connections.fetch_add(1, Ordering::SeqCst);
                 let mut sockets = at.sockets.lock().unwrap();
                 for (a, b, back) in [(&from, &up, false), (&up, &from, true)] {
                     let (a, b, at) =
@@ -49,6 +54,17 @@ impl Proxy {
             }
         });
         Self { endpoint, wire }
+    }
+
+    /// A megabyte takes so long from now on.
+    pub fn slow_down(&self, megabyte: Duration) {
+        let pace = megabyte / 16;
+        self.wire.pace_us.store(pace.as_micros() as u32, Ordering::SeqCst);
+    }
+
+    /// How often somebody has connected.
+    pub fn connections(&self) -> u32 {
+        self.wire.connections.load(Ordering::SeqCst)
     }
 
     pub fn cut(&self) {
@@ -81,6 +97,9 @@ fn forward(mut from: TcpStream, mut to: TcpStream, back: bool, wire: &Wire) {
         if back && wire.state.load(Ordering::SeqCst) == DEAF {
             continue;
         }
+        let share = count as f64 / buffer.len() as f64;
+        let pace = Duration::from_micros(wire.pace_us.load(Ordering::SeqCst).into());
+        std::thread::sleep(pace.mul_f64(share));
         if to.write_all(&buffer[..count]).is_err() {
             break;
         }
