@@ -10,6 +10,7 @@ use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
 use hdf5::types::{TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, H5Type};
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The word of a value, in files.
 type Word<T> = fn(T) -> &'static str;
@@ -22,10 +23,12 @@ const MOST_UNPACKED: u64 = 1 << 30;
 /// A file in memory, in the oldest format: later ones carry a checksum of their first block, which
 /// the library does not bring up to date in the image that it gives.
 pub(crate) fn new_image(path: &Path) -> Result<File> {
+    // No file of this name is made: that of the path may be none for the library, to which two of one name are one.
+    static MADE: AtomicU64 = AtomicU64::new(0);
+    let name = format!("image {}", MADE.fetch_add(1, Ordering::Relaxed));
     File::with_options()
         .with_fapl(|p| p.core_options(1 << 20, false).libver_earliest())
-        // No file of this name is made, and that of the path may be none for the library.
-        .create("image")
+        .create(name)
         .map_err(hdf5_error(path, "image in memory"))
 }
 
