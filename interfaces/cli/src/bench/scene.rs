@@ -135,10 +135,12 @@ fn at_checkpoint(case: &Case, from: &Path) -> Outcome<(Model, State)> {
     }
     // The bed says nothing of how it is moved and solved.
     let ran = Case::read(kept.case_text, &kept.case_name)?.plan;
-    let moved = |plan: &Plan| (plan.sleepers.clone(), plan.tines.clone(), plan.tamping);
-    if moved(&ran) != moved(&case.plan) || ran.run.stepping != case.plan.run.stepping {
+    let moved = |Plan { sleepers, tines, tamping, run, .. }: &Plan| {
+        (sleepers.clone(), tines.clone(), *tamping, run.stepping, run.restitution)
+    };
+    if moved(&ran) != moved(&case.plan) {
         return Err(Failure::Mismatch(format!(
-            "{}: expected a run with the machine and the time step of the case, found another",
+            "{}: expected a run with machine, time step and restitution of the case, found another",
             from.display()
         )));
     }

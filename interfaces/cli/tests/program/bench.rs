@@ -147,7 +147,7 @@ fn a_step_is_measured_from_a_checkpoint_of_its_case_only() {
     assert_ne!(changed, case);
     std::fs::write(place.path("tiny.toml"), changed).unwrap();
     let other = place.with_beds(&format!("{call} --from run/checkpoint.h5")).with_code(5);
-    assert!(other.stderr().contains("expected a run with the machine"), "{}", other.stderr());
+    assert!(other.stderr().contains("expected a run with machine"), "{}", other.stderr());
 }
 
 #[test]
