@@ -14,9 +14,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use zenoh::bytes::Encoding;
+use zenoh::handlers::FifoChannelHandler;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::CongestionControl;
-use zenoh::query::ReplyError;
+use zenoh::query::{Reply, ReplyError};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
@@ -77,6 +78,19 @@ enum Attempt {
     Refused(Fault),
     /// Nobody was there, or the answer got lost.
     Nothing,
+}
+
+/// Where the answers to an attempt come in.
+type Replies = FifoChannelHandler<Reply>;
+
+impl Attempt {
+    /// What an answer says; `None` for a word of Zenoh itself.
+    fn of(reply: Reply) -> Option<Self> {
+        match reply.into_result() {
+            Ok(sample) => Some(Self::Answered(sample.payload().to_bytes().into_owned())),
+            Err(error) => refusal(&error).map(Self::Refused),
+        }
+    }
 }
 
 impl Line {
@@ -227,9 +241,9 @@ impl Line {
             return Err(Fault::expected(Code::TooLarge, ask.request, expected, bytes.len()).into());
         }
         let begin = Instant::now();
-        let mut pause = PAUSE[0];
+        let (mut sent, mut pause) = (Vec::new(), PAUSE[0]);
         loop {
-            match self.attempt(ask, begin, allowed)? {
+            match self.attempt(ask, &mut sent, begin, allowed)? {
                 Attempt::Answered(bytes) => return Ok(bytes),
                 Attempt::Refused(fault) if fault.code != Code::TooManyRequests => {
                     return Err(fault.into());
@@ -242,7 +256,14 @@ impl Line {
         }
     }
 
-    fn attempt(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<Attempt, Error> {
+    /// Asks, and waits for an answer to this or to what was `sent` before: on a slow wire it may be under way for long.
+    fn attempt(
+        &self,
+        ask: &Ask,
+        sent: &mut Vec<Replies>,
+        begin: Instant,
+        allowed: Duration,
+    ) -> Result<Attempt, Error> {
         let mut get = self
             .session
             .get(&ask.key)
@@ -253,23 +274,25 @@ impl Line {
         if let Some((bytes, encoding)) = &ask.payload {
             get = get.payload(bytes.clone()).encoding(encoding.clone());
         }
-        let beats = self.presence.beats();
+        let asked = Instant::now();
         let replies = get.wait().map_err(|e| Error::link(&ask.key, e))?;
+        // What has taken its time to go out may take as long to arrive.
+        let (beats, out, took) = (self.presence.beats(), Instant::now(), asked.elapsed());
         loop {
+            let late = sent.iter().filter_map(|replies| replies.try_recv().ok().flatten());
+            if let Some(ended) = late.filter_map(Attempt::of).next() {
+                return Ok(ended);
+            }
             match replies.recv_timeout(LOOK) {
-                Ok(Some(reply)) => match reply.into_result() {
-                    Ok(sample) => {
-                        return Ok(Attempt::Answered(sample.payload().to_bytes().into_owned()));
+                Ok(Some(reply)) => {
+                    if let Some(ended) = Attempt::of(reply) {
+                        return Ok(ended);
                     }
-                    Err(error) => {
-                        if let Some(fault) = refusal(&error) {
-                            return Ok(Attempt::Refused(fault));
-                        }
-                    }
-                },
+                }
                 Ok(None) => {
                     self.check(ask, begin, allowed)?;
-                    if self.presence.is_idle_since(beats) {
+                    if out.elapsed() >= took && self.presence.is_idle_since(beats) {
+                        sent.push(replies);
                         return Ok(Attempt::Nothing);
                     }
                 }
