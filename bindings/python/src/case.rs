@@ -229,7 +229,6 @@ impl Case {
 /// Text, and what was chosen: seed and schedule.
 type PickledCase = (String, Option<u64>, Option<String>);
 
-/// A case that was copied or pickled.
 /// The values of a text in TOML as nested dictionaries.
 ///
 /// Written anew before Python reads it: `tomllib` takes no text of TOML 1.1, and none that begins with a mark of its order
@@ -242,6 +241,7 @@ pub fn values<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
     py.import("tomllib")?.call_method1("loads", (plain,))
 }
 
+/// A case that was copied or pickled.
 #[pyfunction]
 pub fn case_again(
     py: Python<'_>,

@@ -17,7 +17,7 @@ use ballast::state;
 use ballast::step::{StepReport, Stopwatch};
 use ballast::track;
 use ballast_beds::Case;
-use ballast_protocol::lockstep::{Code, Fault, SetParameters};
+use ballast_protocol::lockstep::SetParameters;
 use ballast_protocol::messages::StepSeries;
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
@@ -304,11 +304,7 @@ impl Here {
     /// Sets parameters for all windows from now on, and for a redo of the last one.
     pub fn set_parameters(&mut self, py: Python<'_>, ask: &SetParameters) -> PyResult<()> {
         self.check_sound(py)?;
-        let set = ask.instead_of(self.component.parameters()).and_then(|parameters| {
-            let invalid = |e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) };
-            self.component.set_parameters(&parameters).map_err(invalid)
-        });
-        set.map_err(|fault| errors::fault(py, &fault))
+        ask.apply(&mut self.component).map(drop).map_err(|fault| errors::fault(py, &fault))
     }
 
     pub fn fork(&self, py: Python<'_>) -> PyResult<Self> {

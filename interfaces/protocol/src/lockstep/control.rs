@@ -5,7 +5,7 @@ use super::cost::Cost;
 use super::{Code, Fault};
 use crate::messages;
 use crate::pacer::{FreeRunning, FreeRunningReport};
-use ballast::component;
+use ballast::component::{self, Component};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -88,11 +88,20 @@ pub struct SetParameters {
 }
 
 impl SetParameters {
-    /// The parameters `now`, but for those that are given.
+    /// Sets what is given; whether anything has changed. Time that runs by itself is no matter of the component.
     ///
     /// # Errors
-    /// [`Code::ParameterInvalid`].
-    pub fn instead_of(&self, now: component::Parameters) -> Result<component::Parameters, Fault> {
+    /// [`Code::ParameterInvalid`]; nothing is changed.
+    pub fn apply(&self, component: &mut Component) -> Result<bool, Fault> {
+        let now = component.parameters();
+        let parameters = self.instead_of(now)?;
+        let set = component.set_parameters(&parameters);
+        set.map_err(|e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) })?;
+        Ok(parameters != now)
+    }
+
+    /// The parameters `now`, but for those that are given.
+    fn instead_of(&self, now: component::Parameters) -> Result<component::Parameters, Fault> {
         let wrong = |place: &str, expected: &str, found: String| {
             Err(Fault::expected(Code::ParameterInvalid, place, expected, found))
         };

@@ -131,11 +131,7 @@ impl Lockstep {
     /// [`Code::NotOwner`], [`Code::InError`], [`Code::ParameterInvalid`]; nothing is changed.
     pub fn set_parameters(&mut self, ask: &SetParameters, ticket: &str) -> Result<Place, Fault> {
         self.check_ready(ticket)?;
-        let now = self.component.parameters();
-        let parameters = ask.instead_of(now)?;
-        let changes = parameters != now;
-        let set = self.component.set_parameters(&parameters);
-        set.map_err(|e| Fault { code: Code::ParameterInvalid, ..Fault::from(e) })?;
+        let changes = ask.apply(&mut self.component)?;
         self.is_outdated |= changes;
         if changes {
             self.lose_durable();

@@ -279,8 +279,8 @@ impl Line {
         // What has taken its time to go out may take as long to arrive.
         let (beats, out, took) = (self.presence.beats(), Instant::now(), asked.elapsed());
         loop {
-            let late = sent.iter().filter_map(|replies| replies.try_recv().ok().flatten());
-            if let Some(ended) = late.filter_map(Attempt::of).next() {
+            let mut late = sent.iter().filter_map(|replies| replies.try_recv().ok().flatten());
+            if let Some(ended) = late.find_map(Attempt::of) {
                 return Ok(ended);
             }
             match replies.recv_timeout(LOOK) {
