@@ -16,7 +16,7 @@ coverage="-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4"
 coverage+=" -Cllvm-args=-sanitizer-coverage-inline-8bit-counters"
 coverage+=" -Cllvm-args=-sanitizer-coverage-pc-table -Cllvm-args=-sanitizer-coverage-trace-compares"
 # With a target named, what runs while building is compiled without counters.
-RUSTFLAGS="$coverage" cargo build --release --locked --manifest-path tests/fuzz/Cargo.toml \
+RUSTFLAGS="$coverage" cargo build --profile fuzz --locked -p ballast-fuzz --features libfuzzer \
     --target "$host" --target-dir target/fuzz/build
 
 # Where each target starts from.
@@ -32,7 +32,7 @@ for target in "$@"; do
     echo "== $target"
     mkdir -p "target/fuzz/$target/corpus" "target/fuzz/$target/findings"
     seeds "$target" "target/fuzz/$target/corpus"
-    "target/fuzz/build/$host/release/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 \
+    "target/fuzz/build/$host/fuzz/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 \
         -print_final_stats=1 -artifact_prefix="target/fuzz/$target/findings/" "target/fuzz/$target/corpus" \
         >"target/fuzz/$target/log" 2>&1 || result=1
     tail -n 25 "target/fuzz/$target/log" | grep -E "stat::number|SUMMARY|panicked|ERROR" || true

@@ -10,12 +10,12 @@ impl Size {
     /// How many beds each setting of a cycle is tried on: a single one says nothing, for tamping is chaotic. Those of few
     /// stones differ most.
     pub fn beds(self) -> u64 {
-        if self.quick { 10 } else { 5 }
+        if self.quick { 8 } else { 5 }
     }
 
     /// How many heaps of stones have their slopes measured: of 120 stones, one differs from another by 9°.
     pub fn heaps(self) -> u64 {
-        if self.quick { 10 } else { 3 }
+        if self.quick { 6 } else { 3 }
     }
 
     /// One of two numbers of grains.
