@@ -22,8 +22,8 @@ use std::path::Path;
 const SMALL: &str = include_str!("cycle.toml");
 const FIRST: &str = include_str!("../../../../examples/first.toml");
 
-/// A difference larger than so many standard errors is one (Student: 96 % of the means of five beds are within, 98.5 % of
-/// ten).
+/// A difference larger than so many standard errors is one (Student: 96 % of the means of five beds are within, 98 % of
+/// eight).
 const ERRORS: f64 = 3.0;
 
 /// What one run of the cycle gave.
