@@ -20,15 +20,17 @@ test-python: setup
 
 check: format lints documentation
 
+# Parts of Rust that are not installed everywhere: a line that needs one ends there, and says so.
+needs = cargo $(1) --version >/dev/null 2>&1 || { echo "left out: cargo $(1) is not installed"; exit 0; }; set -x
+
 format:
-	@if cargo fmt --version >/dev/null 2>&1; then set -x; cargo fmt --all --check; \
-	else echo "left out: cargo fmt is not installed"; fi
+	@$(call needs,fmt); cargo fmt --all --check
 
 # The fuzz targets, too, without libFuzzer itself, which wants a C++ compiler: the library named here is not looked at.
+lints: export CUSTOM_LIBFUZZER_PATH = /none/libfuzzer.a
 lints: setup
-	@if cargo clippy --version >/dev/null 2>&1; then set -x; CUSTOM_LIBFUZZER_PATH=/none/libfuzzer.a \
-	cargo clippy --release --locked --workspace --all-targets --features ballast-fuzz/libfuzzer -- -D warnings; \
-	else echo "left out: cargo clippy is not installed"; fi
+	@$(call needs,clippy); \
+	cargo clippy --release --locked --workspace --all-targets --features ballast-fuzz/libfuzzer -- -D warnings
 
 documentation: setup
 	RUSTDOCFLAGS='-D warnings' cargo doc --release --locked --workspace --lib --no-deps
