@@ -49,7 +49,7 @@ class Served:
 
     def start(self, *more: str) -> None:
         self.process = subprocess.Popen(
-            [*self.command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [*self.command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pipesize=4096
         )
         assert self.process.stdout and self.process.stderr
         for line in self.process.stdout:
@@ -212,6 +212,21 @@ def test_a_partner_goes_on_from_tools_that_were_left_moving(served: Served) -> N
     assert done.returncode == 0, done.stdout + done.stderr
     with served.open() as there:
         assert there.now_ns > last
+
+
+def test_nobody_needs_to_read_what_the_other_side_says(served: Served) -> None:
+    windows = 40  # whose events are more than the pipe takes
+    with served.open() as there:
+        for _ in range(windows):
+            there.advance_to(there.now_ns + there.step_ns)
+        assert there.now_ns == windows * there.step_ns
+    served.process.terminate()
+    out, err = served.process.communicate()
+    events = [json.loads(line) for line in out.splitlines()]
+    kept = [event["seq"] for event in events if event["event"] == "checkpoint"]
+    assert len(out) > 4096 and kept == list(range(1, windows + 1))
+    assert events[-1]["event"] == "error" and events[-2]["event"] == "done"
+    assert err.endswith("goes on\n")
 
 
 def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:

@@ -50,14 +50,16 @@ fn main() -> ExitCode {
         }
         Err(code) => return code,
     };
-    match dispatch(cli, console) {
+    let ended = dispatch(cli, console);
+    if let Err(failure) = &ended {
+        console.failure(failure);
+    }
+    console::finish();
+    match ended {
         // What was not written has been told.
         Ok(()) if !console::was_heard() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            console.failure(&failure);
-            ExitCode::from(failure.code())
-        }
+        Err(failure) => ExitCode::from(failure.code()),
     }
 }
 

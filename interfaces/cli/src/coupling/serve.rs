@@ -5,7 +5,7 @@ use super::host::{Keeper, served};
 use super::kept;
 use super::tape::{self, Recording};
 use crate::case::{self, Choices};
-use crate::console::Console;
+use crate::console::{self, Console};
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::interrupt;
@@ -16,6 +16,7 @@ use std::path::Path;
 
 pub fn serve(args: Serve, console: Console) -> Outcome {
     interrupt::install()?;
+    console::never_wait(console);
     let given = Choices::from(&args.overrides);
     let mut case = case::load(&args.case, &given, console)?;
     let folder = format!("{}-serve", case.plan.name);

@@ -5,6 +5,9 @@ use serde_json::{Value, json};
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+#[cfg(feature = "zenoh")]
+mod voice;
+
 /// Where words go. With `json`, stdout carries one event per line and nothing else.
 #[derive(Debug, Clone, Copy)]
 pub struct Console {
@@ -69,8 +72,45 @@ static IS_SILENT: AtomicBool = AtomicBool::new(false);
 /// Whether the reader of stdout has left.
 static IS_LEFT: AtomicBool = AtomicBool::new(false);
 
+/// How stdout and stderr are written once the program [must not wait](never_wait) for who reads them.
+#[cfg(feature = "zenoh")]
+static OUT: voice::Voice = voice::Voice::new();
+#[cfg(feature = "zenoh")]
+static ERR: voice::Voice = voice::Voice::new();
+
+/// From here on a reader that has stopped holds nothing up: what it leaves lying is written in the background.
+#[cfg(feature = "zenoh")]
+pub fn never_wait(console: Console) {
+    ERR.open(write_err_now, |count| {
+        format!("{count} lines are missing here: nobody has read them in time")
+    });
+    OUT.open(
+        write_out_now,
+        match console.json {
+            true => |count| json!({ "event": "lost", "lines": count }).to_string(),
+            false => |count| format!("{count} lines are missing here"),
+        },
+    );
+}
+
+/// The last word: what was said is written, where somebody reads it.
+pub fn finish() {
+    #[cfg(feature = "zenoh")]
+    for voice in [&OUT, &ERR] {
+        voice.finish();
+    }
+}
+
 /// Writes to stdout. A reader that has seen enough (`| head`) is no error of the run's.
 pub fn write_out(text: &str) {
+    #[cfg(feature = "zenoh")]
+    if OUT.takes(text) {
+        return;
+    }
+    write_out_now(text);
+}
+
+fn write_out_now(text: &str) {
     let mut out = std::io::stdout();
     let Err(e) = writeln!(out, "{text}").and_then(|()| out.flush()) else { return };
     if e.kind() == ErrorKind::BrokenPipe {
@@ -83,6 +123,14 @@ pub fn write_out(text: &str) {
 /// Writes to stderr. Nobody is left to be told of a failure there (a closed terminal, a reader that has ended), and a run
 /// is worth more than a word about it.
 pub fn write_err(text: &str) {
+    #[cfg(feature = "zenoh")]
+    if ERR.takes(text) {
+        return;
+    }
+    write_err_now(text);
+}
+
+fn write_err_now(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
