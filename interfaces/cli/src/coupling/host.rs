@@ -24,6 +24,9 @@ pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> 
     Ok(case::component(case, Arc::new(model), state)?.with_zones(track::zones(&case.plan)))
 }
 
+/// Least time between two checkpoints, or tries, while no window is asked for.
+const REST: Duration = Duration::from_secs(1);
+
 pub struct Keeper {
     pub console: Console,
     pub case: Case,
@@ -155,7 +158,9 @@ impl Host for Keeper {
     }
 
     fn rests(&mut self, lockstep: &Lockstep) -> bool {
-        !self.is_current && self.written.elapsed() >= self.every && self.keep(lockstep)
+        // Not as often as it is asked: one that cannot be written is not tried at every turn.
+        let every = self.every.max(REST);
+        !self.is_current && self.written.elapsed() >= every && self.keep(lockstep)
     }
 
     fn changed(&mut self) {

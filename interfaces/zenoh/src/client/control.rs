@@ -15,8 +15,19 @@ use serde::de::DeserializeOwned;
 use zenoh::bytes::Encoding;
 
 impl Client {
-    pub(super) fn ask_to_drive(&self, ask: &Attach) -> Result<Attached, Error> {
-        self.once(Verb::Attach, serde_json::to_vec(ask).unwrap_or_default())
+    /// Asks to become the owner, with the number of the same request before where that was not answered: it may have
+    /// made this client the owner, under a ticket that only its answer tells.
+    pub(super) fn ask_to_drive(&mut self, ask: &Attach) -> Result<Attached, Error> {
+        let text = serde_json::to_vec(ask).unwrap_or_default();
+        let pass = match self.knock.take() {
+            Some((pass, before)) if before == text => pass,
+            _ => self.pass()?,
+        };
+        let attached = self.once(Verb::Attach, text.clone(), pass.clone());
+        if attached.as_ref().is_err_and(|error| error.fault().is_none()) {
+            self.knock = Some((pass, text));
+        }
+        attached
     }
 
     /// Keeps the state under a name, over there; it is lost when the component ends.
@@ -33,11 +44,10 @@ impl Client {
     /// Goes back to a kept state.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// What the component refuses; no answer: then the run may be there or not, and every call that would go on from
+    /// where it was is *diverged*, until this one, [`Client::reset`] or [`Client::init`] is answered.
     pub fn restore(&mut self, name: &str) -> Result<&Place, Error> {
-        let place = self.ask(Verb::Restore, Leads::Back, &named(name))?;
-        // The windows before it do not lead here.
-        Ok(self.begin_anew(place))
+        self.lead(Verb::Restore, Leads::Back, &named(name))
     }
 
     /// Forgets a kept state.
@@ -53,20 +63,18 @@ impl Client {
     /// Starts a run of its own from the beginning.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// What the component refuses; no answer, with which it is as after [`Client::restore`].
     pub fn reset(&mut self) -> Result<&Place, Error> {
-        let place = self.ask(Verb::Reset, Leads::Anew, &Nothing {})?;
-        Ok(self.begin_anew(place))
+        self.lead(Verb::Reset, Leads::Anew, &Nothing {})
     }
 
     /// Prepares the bed over there, with other choices than the case's where they are given, and starts a run in
     /// it. Waits as long as for a window.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// What the component refuses; no answer, with which it is as after [`Client::restore`].
     pub fn init(&mut self, ask: &Init) -> Result<&Place, Error> {
-        let place = self.ask(Verb::Init, Leads::Anew, ask)?;
-        Ok(self.begin_anew(place))
+        self.lead(Verb::Init, Leads::Anew, ask)
     }
 
     /// Sets parameters for all windows from now on, and for a redo of the last one.
@@ -83,6 +91,9 @@ impl Client {
         }
         self.unanswered = Some(asked);
         let place = self.ask(Verb::Param, Leads::On, ask).map_err(|error| self.without(error))?;
+        if let Some(run) = &ask.free_running {
+            self.runs_freely = run.is_some();
+        }
         Ok(self.begin_at(place))
     }
 
@@ -110,9 +121,7 @@ impl Client {
     /// What the component refuses; no answer.
     pub fn stop_running(&mut self) -> Result<&Place, Error> {
         let ask = SetParameters { free_running: Some(None), ..SetParameters::default() };
-        self.set_parameters(&ask)?;
-        self.runs_freely = false;
-        Ok(&self.place)
+        self.set_parameters(&ask)
     }
 
     /// Sends a sample of a body's motion, for time that runs by itself; its time is of a clock of the caller's own.
@@ -142,14 +151,37 @@ impl Client {
         self.ask(Verb::Shutdown, Leads::On, &Nothing {})
     }
 
+    /// Asks for what leads elsewhere than the windows so far.
+    fn lead(&mut self, verb: Verb, leads: Leads, what: &impl Serialize) -> Result<&Place, Error> {
+        match self.ask(verb, leads, what) {
+            Ok(place) => Ok(self.begin_anew(place)),
+            Err(error) => {
+                if error.fault().is_none() {
+                    self.may_be_elsewhere(verb);
+                }
+                Err(error)
+            }
+        }
+    }
+
     /// Asks for what leads to a place.
     fn ask(&mut self, verb: Verb, leads: Leads, what: &impl Serialize) -> Result<Place, Error> {
         let text = serde_json::to_vec(what).unwrap_or_default();
-        self.returning(leads, |client| client.once(verb, text.clone()))
+        self.returning(leads, |client| client.once(verb, text.clone(), client.pass()?))
     }
 
-    /// A request with a number of its own.
-    fn once<T: DeserializeOwned>(&self, verb: Verb, text: Vec<u8>) -> Result<T, Error> {
+    /// The ticket, and a number of the request's own.
+    fn pass(&self) -> Result<String, Error> {
+        Ok(format!("{};{}", self.ticket, random()?))
+    }
+
+    /// A request with its number.
+    fn once<T: DeserializeOwned>(
+        &self,
+        verb: Verb,
+        text: Vec<u8>,
+        pass: String,
+    ) -> Result<T, Error> {
         let patience = &self.line.patience;
         // A bed is prepared in the time of a window.
         let allowed = if verb == Verb::Init { patience.window } else { patience.control };
@@ -157,7 +189,7 @@ impl Client {
             request: verb.word(),
             key: self.line.keys().control(verb.word()),
             payload: Some((text, Encoding::APPLICATION_JSON)),
-            pass: format!("{};{}", self.ticket, random()?),
+            pass,
         };
         read(verb.word(), &self.line.call(&ask, allowed)?)
     }

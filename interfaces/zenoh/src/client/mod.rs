@@ -48,8 +48,10 @@ pub struct Client {
     unanswered: Option<Unanswered>,
     /// Where the component was found, as if what is unanswered had been done.
     guess: Option<Place>,
-    /// Where the run was found after it had gone on without this client.
-    apart: Option<Place>,
+    /// Where the run is, in words, after it has gone on without this client, or may have.
+    apart: Option<String>,
+    /// The number and the text of a request to drive that was not answered: it may have had its effect.
+    knock: Option<(String, Vec<u8>)>,
 }
 
 impl Client {
@@ -86,7 +88,7 @@ impl Client {
         let token = line.come_alive(&id)?;
         let (ticket, owners, place, journal) = Default::default();
         let (runs_freely, beats, is_behind) = (false, 0, false);
-        let (unanswered, guess, apart) = (None, None, None);
+        let (unanswered, guess, apart, knock) = (None, None, None, None);
         let mut client = Self {
             line,
             id,
@@ -101,6 +103,7 @@ impl Client {
             unanswered,
             guess,
             apart,
+            knock,
         };
         let resume = resume.map(str::to_string);
         let ask = Attach { client: client.id.clone(), resume, ticket: None };

@@ -2,7 +2,7 @@
 
 use super::Client;
 use crate::Error;
-use ballast_protocol::lockstep::{Attach, Code, Place, SetParameters, WindowKind};
+use ballast_protocol::lockstep::{Attach, Code, Place, SetParameters, Verb, WindowKind};
 use ballast_protocol::messages::{AdvanceRequest, core_ns};
 use std::sync::Arc;
 
@@ -39,7 +39,9 @@ impl Client {
         (self.ticket, self.beats) = (attached.ticket, self.line.beats());
         let is_alone = attached.owners <= self.owners;
         self.owners = attached.owners;
-        if std::mem::take(&mut self.runs_freely) && is_alone {
+        let ran_freely = std::mem::take(&mut self.runs_freely);
+        // A run that stands before the place where time was let run has lost windows like any other.
+        if ran_freely && is_alone && attached.place.seq >= self.place.seq {
             self.begin_at(attached.place);
         } else if leads == Leads::On {
             if self.apart.is_none() {
@@ -83,23 +85,30 @@ impl Client {
 
     /// The run has gone on to `found` without this client, which has nothing to go on from any more.
     fn part(&mut self, found: Place) -> Error {
+        let found = told(&found);
         let error = self.diverged(&found);
         (self.apart, self.is_behind) = (Some(found), false);
         (self.unanswered, self.guess) = (None, None);
         error
     }
 
+    /// What leads elsewhere was not answered: the run may be there, or may still be led there.
+    pub(super) fn may_be_elsewhere(&mut self, verb: Verb) {
+        let found =
+            || format!("a run that {} may have led elsewhere: it was not answered", verb.word());
+        self.apart.get_or_insert_with(found);
+    }
+
     pub(super) fn check_together(&self) -> Result<(), Error> {
         self.apart.as_ref().map_or(Ok(()), |found| Err(self.diverged(found)))
     }
 
-    fn diverged(&self, found: &Place) -> Error {
-        let text = |p: &Place| format!("window {} at {} ns, state {}", p.seq, p.now_ns, p.hash);
+    fn diverged(&self, found: &str) -> Error {
         Error::Diverged {
             component: self.line.keys().name().into(),
             run_id: self.place.run_id.clone(),
-            expected: text(&self.place),
-            found: text(found),
+            expected: told(&self.place),
+            found: found.into(),
         }
     }
 
@@ -154,11 +163,15 @@ impl Client {
                 Err(error) => error,
             };
             let is_lost = error.fault().is_some_and(|f| f.code == Code::NotOwner);
-            if !is_lost || returns == MOST_RETURNS {
+            if !is_lost {
+                return Err(error);
+            }
+            // Also where it is left at that: the request was not refused, and is asked again by the next call.
+            self.is_behind = true;
+            if returns == MOST_RETURNS {
                 return Err(error);
             }
             returns += 1;
-            self.is_behind = true;
         }
     }
 
@@ -176,4 +189,9 @@ impl Client {
         self.runs_freely = false;
         self.begin_at(place)
     }
+}
+
+fn told(place: &Place) -> String {
+    let Place { seq, now_ns, hash, .. } = place;
+    format!("window {seq} at {now_ns} ns, state {hash}")
 }

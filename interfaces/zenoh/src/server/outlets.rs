@@ -8,6 +8,7 @@ use super::shared::Shared;
 use crate::wire::cdr;
 use crate::{Error, Keys, locked};
 use ballast::model::Model;
+use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{
     AdvanceReply, Clock, Log, Message, PoseStamped, StateHash, Time, TwistStamped, WrenchImpulse,
     WrenchStamped, core_ns,
@@ -100,13 +101,17 @@ impl Outlets {
     }
 
     /// Tells everyone what a window has done; the clock comes last and closes it. Of one that was taken back there is
-    /// nothing to tell but that it was: bodies bear what they bore.
-    pub fn window(&mut self, reply: &AdvanceReply) {
+    /// nothing to tell but that it was: bodies bear what they bore. With a redo the window that stood is gone, too.
+    pub fn window(&mut self, kind: WindowKind, reply: &AdvanceReply) {
         if !reply.status.is_kept() {
             let AdvanceReply { seq, status, message, .. } = reply;
             let text = format!("window {seq} was taken back ({}): {message}", status.word());
             self.log(core_ns(reply.t1_ns), &text);
-            return self.moment(reply.hash, core_ns(reply.t1_ns));
+            let now_ns = core_ns(reply.t1_ns);
+            return match kind {
+                WindowKind::Advance => self.moment(reply.hash, now_ns),
+                WindowKind::Redo => self.elsewhere(reply.hash, now_ns),
+            };
         }
         for body in &reply.bodies {
             self.body(body);

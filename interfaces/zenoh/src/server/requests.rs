@@ -143,7 +143,7 @@ impl Service<'_> {
         if let Ok(reply) = result
             && self.lockstep.answered_count() != before
         {
-            self.outlets.window(reply);
+            self.outlets.window(kind, reply);
             self.picture(reply.status.is_kept().then_some(reply));
             if self.host.computed(&self.lockstep, kind, request, reply) {
                 self.lockstep.note_durable();

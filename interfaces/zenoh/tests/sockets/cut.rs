@@ -289,6 +289,32 @@ fn another_window_waits_for_the_answer_to_the_one_before() {
 }
 
 #[test]
+fn a_restore_that_was_not_answered_is_asked_for_again_before_anything_goes_on() {
+    let (_served, proxy, mut client) = cuttable(Patience::default());
+    client.save("here").unwrap();
+    // The same time over there, perhaps another state.
+    client.set_parameters(&iterations(7)).unwrap();
+    proxy.lose_answers();
+    let error = client.restore("here").unwrap_err();
+    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    proxy.cut();
+    proxy.restore();
+    for _ in 0..2 {
+        let error = step(&mut client).unwrap_err();
+        assert!(error.to_string().contains("restore may have led elsewhere"), "{error}");
+        assert!(matches!(error, Error::Diverged { .. }));
+    }
+    let begin = Instant::now();
+    while let Err(error) = client.restore("here").map(drop) {
+        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+        assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
+    }
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, undisturbed(1)[0]);
+    client.detach().unwrap();
+}
+
+#[test]
 fn a_refused_restore_leads_nowhere() {
     let (served, proxy, mut client) = cuttable(patient());
     step(&mut client).unwrap();

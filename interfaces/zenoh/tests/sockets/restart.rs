@@ -1,9 +1,10 @@
 //! A component that comes back from an older state than its client has seen.
 
-use crate::setup::{KEY, Served, WINDOW, lockstep, patient};
+use crate::running::slowly;
+use crate::setup::{KEY, Served, WINDOW, lockstep, patient, step};
 use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status};
-use ballast_zenoh::{Client, Link};
+use ballast_zenoh::{Client, Error, Link};
 use std::sync::atomic::Ordering;
 
 #[test]
@@ -34,4 +35,23 @@ fn windows_that_ran_out_of_time_end_where_they_did_when_they_are_computed_again(
     client.detach().unwrap();
     let ended = served.stop();
     assert_eq!((ended.place(), ended.answered_count()), (place, 5));
+}
+
+#[test]
+fn windows_that_are_lost_are_not_forgotten_where_time_is_let_run() {
+    let served = Served::new();
+    let mut client = served.client();
+    (0..2).for_each(|_| step(&mut client).unwrap());
+    let (endpoint, before) = (served.endpoint.clone(), client.place().clone());
+    let restarted = |served: Served| {
+        served.stop();
+        Served::at(&Link::listening(endpoint.clone()), lockstep())
+    };
+    let served = restarted(served);
+    assert_eq!(client.run_freely(&slowly()).unwrap(), &before);
+    assert_eq!(client.stop_running().unwrap(), &before);
+    // Time stood when the component was away once more, with what it had not kept.
+    let _served = restarted(served);
+    let error = step(&mut client).unwrap_err();
+    assert!(matches!(error, Error::Diverged { .. }), "{error}");
 }

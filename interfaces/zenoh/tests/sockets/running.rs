@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// A tenth of the wall clock's pace: busy machines keep it.
-fn slowly() -> FreeRunning {
+pub fn slowly() -> FreeRunning {
     FreeRunning {
         factor: 0.1,
         window_ns: WINDOW,
