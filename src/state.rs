@@ -133,6 +133,22 @@ impl State {
             let expected = format!("{mounted} finite poses, one per mounted body");
             return refuse("mounts".into(), expected, format!("{:?}", self.mount));
         }
+        if let Some(i) = self.drive.iter().position(|x| !x.is_finite()) {
+            let expected = "finite numbers".into();
+            return refuse("drive".into(), expected, format!("{:?} in row {i}", self.drive[i]));
+        }
+        let e = &self.energy;
+        let energy = [
+            e.initial_kinetic,
+            e.initial_potential,
+            e.kinetic,
+            e.potential,
+            e.work_in,
+            e.dissipated,
+        ];
+        if !energy.iter().all(|x| x.is_finite()) {
+            return refuse("energy".into(), "finite numbers, J".into(), format!("{e:?}"));
+        }
         self.contacts.check(model)
     }
 

@@ -103,7 +103,9 @@ impl Memory {
     fn written(drive: &[f64], bodies: usize, rule: &Arc<SqueezeRule>) -> Option<Self> {
         let row = REACTION * bodies;
         let (squeezes, rest) = parts(drive).filter(|_| row > 0)?;
-        let squeezes = SqueezeMeter::read(Arc::clone(rule), squeezes)?;
+        // Another rule follows its own squeezes from here on; what the ballast and the tools did is the same.
+        let squeezes = SqueezeMeter::read(Arc::clone(rule), squeezes)
+            .unwrap_or_else(|| SqueezeMeter::new(Arc::clone(rule)));
         let (twists, steps) = rest.split_at_checked(TWIST * bodies)?;
         if !steps.len().is_multiple_of(row) {
             return None;
@@ -135,5 +137,31 @@ impl Memory {
         for [impulse, angular] in self.recent.steps.iter().flatten() {
             drive.extend(impulse.iter().chain(angular));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observe::SqueezePair;
+
+    #[test]
+    fn another_rule_of_squeezes_knows_what_the_tools_did() {
+        let pair = SqueezePair { name: "pair".into(), tines: vec![(0, 1.0)] };
+        let rule = Arc::new(SqueezeRule::new(vec![pair], 5).unwrap());
+        let mut recent = Recent::default();
+        let impulse = Vec3::new(1.0, 2.0, 3.0);
+        let push = Reaction { impulse, angular_impulse: -impulse, work: 0.0, contacts: 1 };
+        recent.take(&[push], 1_000_000);
+        let twist = Twist { velocity: Vec3::new(0.0, 0.0, -0.5), spin: Vec3::zeros() };
+        let twist = vec![Some(twist)];
+        let written = Memory { twist, recent, squeezes: SqueezeMeter::new(Arc::clone(&rule)) };
+        let mut state = State { step: 7, ..State::default() };
+        written.write(&mut state.drive);
+        assert_eq!(Memory::read(&state, 1, &rule), written);
+        let none = Arc::new(SqueezeRule::default());
+        let read = Memory::read(&state, 1, &none);
+        assert_eq!(read.twist, [left_twist(&state, 0)]);
+        assert_eq!(read, Memory { squeezes: SqueezeMeter::new(none), ..written });
     }
 }

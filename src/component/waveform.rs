@@ -137,7 +137,7 @@ impl Waveform {
 pub(super) fn around<K>(knots: &[K], time: impl Fn(&K) -> u64, t0_ns: u64, t1_ns: u64) -> &[K] {
     let first = knots.partition_point(|k| time(k) <= t0_ns).saturating_sub(1);
     let last = knots.partition_point(|k| time(k) < t1_ns);
-    &knots[first..(last + 1).min(knots.len())]
+    &knots[first..(last + 1).min(knots.len()).max(first)]
 }
 
 /// Rotation vector from one knot to the next, world axes.

@@ -167,7 +167,7 @@ impl Schedule {
 /// How grains are distributed to subdomains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PartitionRule {
-    /// Equal boxes that span the grains: `[1, 1, n]` are layers, `[n, 1, 1]` slabs along x.
+    /// Equal boxes that span the grains and mounted bodies: `[1, 1, n]` are layers, `[n, 1, 1]` slabs along x.
     Boxes([u32; 3]),
     /// This many compact subdomains with equal numbers of contacts.
     Balanced(u32),

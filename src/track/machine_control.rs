@@ -45,19 +45,20 @@ pub(super) struct MachineControl {
 impl MachineControl {
     pub fn new(plan: &TampingPlan, tines: &[TinePlan], model: &Model) -> Result<Self> {
         let pairs = pairs(tines, model)?;
-        let period = period(plan);
         let steps = period_steps(plan, model);
         if steps > LONGEST_WINDOW {
             return Err(Error::Model {
-                place: "tamping.vibration.frequency".into(),
-                expected: format!("a period of at most {LONGEST_WINDOW} time steps"),
-                found: format!("{steps} steps"),
+                place: "tamping".into(),
+                expected: format!("forces averaged over {LONGEST_WINDOW} time steps at most"),
+                found: format!(
+                    "{steps} steps: a period, or without vibration a tenth of the squeeze"
+                ),
             });
         }
         let clock = |force_limit: f64, duration: f64, open: f64| PacedClock {
             window: steps as usize,
             force_limit,
-            braking: period,
+            braking: plan.averaging(),
             duration,
             open,
         };
@@ -154,18 +155,9 @@ pub(super) fn pairs(tines: &[TinePlan], model: &Model) -> Result<Vec<TinePair>> 
         .collect()
 }
 
-/// Time over which forces are averaged, s. Without vibration there is no period; a tenth of the squeeze is a
-/// steady mean.
-fn period(plan: &TampingPlan) -> f64 {
-    match plan.vibration.frequency {
-        f if f > 0.0 => 1.0 / f,
-        _ => 0.1 * plan.squeeze.duration,
-    }
-}
-
-/// The same in steps, at least one.
+/// Steps over which forces are averaged, at least one.
 pub(super) fn period_steps(plan: &TampingPlan, model: &Model) -> f64 {
-    (period(plan) / model.stepping.h()).round().max(1.0)
+    (plan.averaging() / model.stepping.h()).round().max(1.0)
 }
 
 /// Index of the tine called `name` among the driven bodies.

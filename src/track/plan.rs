@@ -145,6 +145,12 @@ impl TampingPlan {
     pub fn deep_edge(&self, bed: &BedPlan) -> f64 {
         bed.preparation.ballast_depth + self.lift.height - self.insertion.depth
     }
+
+    /// Time over which the machine averages its forces, s: a period; without vibration a tenth of the squeeze is a
+    /// steady mean.
+    pub fn averaging(&self) -> f64 {
+        self.vibration.period().unwrap_or(0.1 * self.squeeze.duration)
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

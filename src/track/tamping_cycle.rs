@@ -399,9 +399,11 @@ fn check_numbers(plan: &TampingPlan) -> Result<()> {
 
 /// Whether there are steps enough, where something swings.
 fn check_period(plan: &Plan, tamping: &TampingPlan, model: &Model) -> Result<()> {
-    let vibrates = tamping.vibration.amplitude > 0.0 && !plan.tines.is_empty();
-    let per_period = 1.0 / (tamping.vibration.frequency * model.stepping.h());
-    if vibrates && per_period < LEAST_STEPS_PER_PERIOD {
+    let Some(period) = tamping.vibration.period().filter(|_| !plan.tines.is_empty()) else {
+        return Ok(());
+    };
+    let per_period = period / model.stepping.h();
+    if per_period < LEAST_STEPS_PER_PERIOD {
         return Err(Error::Model {
             place: "tamping.vibration.frequency".into(),
             expected: format!("at least {LEAST_STEPS_PER_PERIOD} time steps per period"),

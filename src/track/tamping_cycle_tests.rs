@@ -289,6 +289,9 @@ fn only_what_vibrates_needs_steps_for_its_period() {
     let mut still = plan();
     if let Some(t) = &mut still.tamping {
         t.vibration.amplitude = 0.0;
+        // Of no account then, however slow; forces are averaged over a part of the squeeze.
+        t.vibration.frequency = 1e-6;
+        assert_eq!(t.averaging(), 0.1 * t.squeeze.duration);
     }
     TampingCycle::new(&still, &model).unwrap();
     let no_tines = Plan { tines: Vec::new(), ..plan() };

@@ -12,7 +12,7 @@
 //! * `crib before <sleeper>`, `crib after <sleeper>`: between a tamped sleeper and its neighbours
 //!   (or the ends) along x, across its blocks, from the underside up to the fill level.
 //! * `insertion <tine>`: what the blade passes through below the sleeper's underside before it squeezes, from its lower
-//!   edge at depth up to the level of the underside before the lift.
+//!   edge at depth up to the level of the underside before the lift, or to its upper edge where that ends higher.
 
 use crate::geometry::AxisBox;
 use crate::math::Vec3;

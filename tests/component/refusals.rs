@@ -199,9 +199,13 @@ fn a_held_input_needs_no_end() {
 #[test]
 fn models_and_states_that_do_not_fit_are_refused() {
     let component = heap(Limits::default());
+    let model = std::sync::Arc::new(component.model().clone());
+    let mut state = (*component.save()).clone();
+    state.energy.dissipated = f64::NAN;
+    let refusal = Component::new(model.clone(), state, Limits::default()).expect_err("no ledger");
+    check(&refusal, "state_invalid", &["energy", "NaN"]);
     let mut state = (*component.save()).clone();
     state.velocity.pop();
-    let model = std::sync::Arc::new(component.model().clone());
     let refusal = Component::new(model, state.clone(), Limits::default()).expect_err("no fit");
     check(&refusal, "state_invalid", &["body arrays"]);
     let mut component = component;

@@ -128,5 +128,6 @@ fn a_motion_that_is_cut_is_the_same_and_no_longer_than_it_must_be() {
                 assert_eq!(cut.waveform.pose(time), input.waveform.pose(time));
             }
         }
+        assert!(input.cut(30 * MS, 20 * MS).waveform.knots.len() <= 2, "of no time at all");
     }
 }

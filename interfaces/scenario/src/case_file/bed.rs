@@ -149,7 +149,8 @@ pub struct Preparation {
     /// The bed rests when the mean speed of the grains is below this, m/s.
     #[schemars(with = "Positive")]
     pub rest_speed_m_per_s: f64,
-    /// Longest settling of each stage, s of simulated time.
+    /// Longest settling of each stage, and of each of up to three rounds of topping up, s of simulated time. The last
+    /// stage, with the run's settings, takes 0.02 s at most.
     #[schemars(with = "Duration")]
     pub max_settling_s: f64,
 }

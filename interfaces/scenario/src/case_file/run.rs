@@ -56,7 +56,7 @@ pub struct Solver {
     /// In which order subdomains and interface are swept.
     #[serde(with = "Schedule")]
     pub schedule: model::Schedule,
-    /// Equal boxes over the grains, numbers in x, y and z: `[7, 1, 1]` are seven slabs along x.
+    /// Equal boxes over the grains and what the ballast moves, numbers in x, y and z: `[7, 1, 1]` are seven slabs along x.
     #[schemars(with = "Option<[Count; 3]>")]
     pub boxes: Option<[u32; 3]>,
     /// This many compact subdomains with equal numbers of contacts.

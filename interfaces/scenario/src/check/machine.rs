@@ -158,15 +158,21 @@ fn step_resolves(
         let lift = SMOOTH_STEP_PEAK * tamping.lift.height / tamping.lift.duration;
         limit.check("tamping.lift.duration_s", lift, 0.0, report);
     }
-    let steps = 1.0 / (tamping.vibration.frequency * h);
+    let steps = tamping.averaging() / h;
     if steps > LONGEST_WINDOW {
+        let (key, slow, found) = match tamping.vibration.period() {
+            Some(_) => ("vibration.frequency_Hz", "vibration", "per period"),
+            None => ("squeeze.duration_s", "squeeze", "in a tenth of it"),
+        };
         let finding = Finding {
-            problem: "the time step is too small for the vibration".into(),
-            found: format!("{steps:.0} steps per period"),
-            expected: format!("at most {LONGEST_WINDOW}, of which the machine means its forces"),
+            problem: format!("the time step is too small for the {slow}"),
+            found: format!("{steps:.0} steps {found}"),
+            expected: format!(
+                "at most {LONGEST_WINDOW}, over which the machine averages its forces"
+            ),
             hint: None,
         };
-        report.error("tamping.vibration.frequency_Hz", finding);
+        report.error(&format!("tamping.{key}"), finding);
     }
     let Some(travel) = farthest(tamping, bed, layout) else { return };
     // Over a step: the chord of a sine is flatter than its tangent.

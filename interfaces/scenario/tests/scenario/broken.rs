@@ -199,6 +199,14 @@ const TABLE: &[Broken] = &[
         "frequency_Hz = «0.001",
         &["1250000 steps per period", "at most 100000"],
     ),
+    // What does not vibrate has no period: forces are averaged over a part of the squeeze.
+    Broken(
+        "squeeze = { stroke_m = 0.05, force_limit_N = 7800 }\nvibration = { frequency_Hz = 35, \
+         amplitude_m = 0.005 }\n\n[run]\nduration_s = 1.764\nstep_s = 8e-4",
+        "squeeze = { stroke_m = 0.05, force_limit_N = 7800, duration_s = «0.4 }\n\
+         vibration = { frequency_Hz = 0.001, amplitude_m = 0 }\n\n[run]\nduration_s = 1.764\nstep_s = 1e-7",
+        &["too small for the squeeze", "400000 steps in a tenth of it", "at most 100000"],
+    ),
     // The machine asks for it without tines, too.
     Broken(
         "[tines]\ny_offsets_m = [-0.1, 0.1]\ngap_to_sleeper_m = 0.06\n\n[tamping]\n\

@@ -182,7 +182,7 @@ fn times_are_exact_nanoseconds() {
             // A period has 100 000 steps at most.
             text = text.replace(
                 "frequency_Hz = 35, amplitude_m = 0.005",
-                "frequency_Hz = 1e4, amplitude_m = 0",
+                "frequency_Hz = 1e4, amplitude_m = 1e-9",
             );
         }
         assert_eq!(plan(&text).run.stepping.step_ns, ns, "{step}");
