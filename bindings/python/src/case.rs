@@ -15,7 +15,7 @@ use std::borrow::Cow;
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A case that was read and found sound.
@@ -115,10 +115,10 @@ impl Case {
         values(py, &self.told(py)?)
     }
 
-    /// Writes the case's text to a file.
+    /// Writes the case's text to a file. Of what lies there only a text in TOML is replaced. Raises FileError.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let text = self.told(py)?;
-        ballast_hdf5::replace(&path, &[text.as_bytes()]).map_err(|e| errors::file(py, e))
+        write_toml(py, &path, "a case", &text, |_| true)
     }
 
     /// The same case with other values: paths of keys joined by points, and what they become, such as
@@ -346,6 +346,32 @@ fn table(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     text.parse().map_err(|e: toml::de::Error| {
         errors::error::<CaseError>(py, "case", format!("values: {}", e.to_string().trim()))
     })
+}
+
+/// Writes a plan of `ballast sweep`. Of what lies there only another one is replaced. Raises FileError.
+#[pyfunction]
+pub fn write_plan(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
+    let is_plan = |table: &toml::Table| {
+        table.contains_key("case") && ["points", "grid"].iter().any(|key| table.contains_key(*key))
+    };
+    write_toml(py, &path, "a plan", text, is_plan)
+}
+
+/// Writes a text in TOML where nothing lies, or another one that `is_its_kind`: `kind`, in words.
+fn write_toml(
+    py: Python<'_>,
+    path: &Path,
+    kind: &str,
+    text: &str,
+    is_its_kind: impl FnOnce(&toml::Table) -> bool,
+) -> PyResult<()> {
+    let is_ours = |file| {
+        let found = read_text(file, LONGEST_CASE).ok().and_then(|found| found.parse().ok());
+        found.is_some_and(|table| is_its_kind(&table))
+    };
+    ballast_hdf5::expect_ours(path, kind, is_ours)
+        .and_then(|()| ballast_hdf5::replace(path, &[text.as_bytes()]))
+        .map_err(|e| errors::file(py, e))
 }
 
 /// What serialises as an object, as a dictionary.

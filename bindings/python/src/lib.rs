@@ -76,6 +76,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(case::case_again, module)?)?;
     module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
     module.add_function(wrap_pyfunction!(case::values, module)?)?;
+    module.add_function(wrap_pyfunction!(case::write_plan, module)?)?;
     module.add_function(wrap_pyfunction!(state::state_again, module)?)?;
     module.add_function(wrap_pyfunction!(there::attach, module)?)?;
     module.add_function(wrap_pyfunction!(replace, module)?)?;

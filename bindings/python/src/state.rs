@@ -142,9 +142,13 @@ impl State {
         Ok(Self(Saved::Here(Snapshot::read(py, &path)?)))
     }
 
-    /// Writes the state to a file from which it goes on to the same bytes, also in another process.
+    /// Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there only
+    /// such a file, a bed or a checkpoint is replaced. Raises FileError.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        self.here(py, "write")?.put(py, |kept| checkpoint::write(path, kept))
+        self.here(py, "write")?.put(py, |kept| {
+            checkpoint::may_become_a_checkpoint(&path)?;
+            checkpoint::write(path, kept)
+        })
     }
 
     /// Pickled as the bytes of the file that `write` would leave.

@@ -69,13 +69,28 @@ def test_whatever_is_a_case_has_values(case: ballast.Case) -> None:
 
 def test_a_case_is_written_at_once_or_not_at_all(case: ballast.Case, tmp_path: Path) -> None:
     path, old = tmp_path / "case.toml", tmp_path / "old.toml"
-    path.write_text("old")
+    path.write_text("old = 1")
     old.hardlink_to(path)
     case.write(path)
-    assert (path.read_text(), old.read_text()) == (case.text, "old")
+    assert (path.read_text(), old.read_text()) == (case.text, "old = 1")
     with pytest.raises(ballast.FileError, match="found a folder"):
         case.write(tmp_path)
     assert sorted(tmp_path.iterdir()) == [path, old]
+
+
+def test_a_case_replaces_no_other_file(case: ballast.Case, tmp_path: Path) -> None:
+    path = tmp_path / "notes"
+    for content in (b"some words", b"\x89HDF\r\n\x1a\n", b"\xff"):
+        path.write_bytes(content)
+        with pytest.raises(ballast.FileError, match="expected a new file, or a case to replace, found another file"):
+            case.write(path)
+        assert path.read_bytes() == content
+    with pytest.raises(ballast.FileError, match="found a device or a pipe"):
+        case.write(Path("/dev/null"))
+    path.write_bytes(b"")
+    for _ in range(2):
+        case.write(path)
+    assert path.read_text() == case.text
 
 
 def test_what_is_written_is_what_was_chosen(case: ballast.Case, tmp_path: Path) -> None:

@@ -8,11 +8,12 @@ use crate::columns::{self, Column, Data};
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::hash;
 use crate::image::{self, Source};
+use crate::replace::expect_ours;
 use crate::{decode, seal, validate};
 use ballast::model::Model;
 use ballast::state::State;
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 
 /// Version of the format that this program writes and reads.
@@ -65,6 +66,19 @@ pub struct Checkpoint {
 pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
     let path = path.as_ref();
     seal::write(path, &FORMAT, &image_of(path, checkpoint)?)
+}
+
+/// Refuses a path where something else than a bed or a checkpoint lies, of whatever version: [`write()`] replaces any file.
+///
+/// # Errors
+/// [`Error::Refused`], or the system refuses.
+pub fn may_become_a_checkpoint(path: impl AsRef<Path>) -> Result<()> {
+    expect_ours(path.as_ref(), "a checkpoint of ours", |file| {
+        let mut start = vec![];
+        let begins = format!("{} ", FORMAT.name);
+        let read = file.take(begins.len() as u64).read_to_end(&mut start);
+        read.is_ok() && start == begins.as_bytes()
+    })
 }
 
 /// The file that [`write()`] would leave, as bytes to be put into another one: that at `path`, which errors name.

@@ -3,7 +3,7 @@
 //! Contract: what is new goes to a file beside the old one, which takes its place only when it is whole; a failure
 //! removes the new file and leaves the old one as it was.
 
-use crate::error::{Result, io};
+use crate::error::{Fault, Result, io};
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -42,6 +42,30 @@ pub fn replaceable(path: &Path) -> std::io::Result<()> {
         std::io::Error::new(found, text)
     };
     temporary(&path).map(drop).map_err(refused)
+}
+
+/// Refuses a path where something else lies than what [`replace`] is to take the place of: a slip of a name is not to cost
+/// what somebody has computed or measured. `ours` says what may be replaced, and `is_ours` tells it by its content; an
+/// empty file may always be.
+///
+/// # Errors
+/// [`Error::Refused`](crate::Error::Refused), or the system refuses.
+pub fn expect_ours(path: &Path, ours: &str, is_ours: impl FnOnce(File) -> bool) -> Result<()> {
+    let refused = |found: &str| {
+        let expected = format!("a new file, or {ours} to replace");
+        Err(Fault::new("path", expected, found).refused(path))
+    };
+    match path.metadata() {
+        Ok(what) if what.is_file() && what.len() == 0 => Ok(()),
+        Ok(what) if what.is_file() => {
+            let file = File::open(path).map_err(io(path, "open"))?;
+            if is_ours(file) { Ok(()) } else { refused("another file") }
+        }
+        Ok(what) if what.is_dir() => refused("a folder"),
+        Ok(_) => refused("a device or a pipe"),
+        // Nothing is there, or what is there is told when it is replaced.
+        Err(_) => Ok(()),
+    }
 }
 
 /// What is replaced where `path` is written: a link's target rather than the link.

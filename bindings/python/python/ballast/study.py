@@ -286,13 +286,14 @@ def plan(
     case: str | os.PathLike[str], points: Iterable[Point], path: str | os.PathLike[str]
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
-    each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan."""
+    each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan. Of what lies at
+    `path` only another plan is replaced. Raises FileError."""
     text = _toml.dumps({"case": os.fspath(case)})
     for point in _points(points):
         values = _with_one_seed(point).items()
         named = {"bed.seed" if key == "seed" else key: value for key, value in values}
         text += f"\n[[points]]\n{_toml.dumps(named)}"
-    Path(path).write_text(text, encoding="utf-8")
+    _ballast.write_plan(path, text)
 
 
 def _bed(case: ballast.Case, beds: str) -> None:
