@@ -13,10 +13,13 @@ use ballast_protocol::messages::{
 };
 use ballast_protocol::{Malformed, from_cdr};
 use ballast_scenario::Choices;
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::ffi::CString;
 use std::fmt::Display;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 /// A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
@@ -26,10 +29,15 @@ use std::sync::{Arc, Mutex};
 ///
 /// Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
 /// there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
+///
+/// Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a RuntimeWarning,
+/// once, where the file is cut short, as after a kill, and raises FileError, once, where it is damaged. `lost` says it, too.
 #[pyclass(frozen, module = "ballast")]
 pub struct Recording {
     path: PathBuf,
     windows: Mutex<Windows>,
+    /// Whether it was told that reading ended early.
+    is_told: AtomicBool,
 }
 
 #[pymethods]
@@ -37,7 +45,7 @@ impl Recording {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let windows = py.detach(|| Windows::open(&path)).map_err(|e| errors::file(py, e))?;
-        Ok(Self { path, windows: Mutex::new(windows) })
+        Ok(Self { path, windows: Mutex::new(windows), is_told: AtomicBool::new(false) })
     }
 
     /// What it is a recording of, with the seed and the schedule that were chosen.
@@ -69,7 +77,7 @@ impl Recording {
             windows.next().map(|next| next.map(|window| (window, windows.meta().step_ns)))
         };
         let next = py.detach(read).map_err(|e| errors::file(py, e))?;
-        let Some((window, step_ns)) = next else { return Ok(None) };
+        let Some((window, step_ns)) = next else { return self.tell_lost(py).map(|()| None) };
         let record = &window.record;
         let malformed = |e: Malformed| self.wrong(py, format!("window {}: {e}", record.seq));
         let asked = record.request.inputs().map_err(malformed)?;
@@ -102,6 +110,20 @@ impl Recording {
 }
 
 impl Recording {
+    /// Says, once, that reading ended early, where it did: who only counts windows would take the file for whole.
+    fn tell_lost(&self, py: Python<'_>) -> PyResult<()> {
+        let lost = || enter(&self.windows).lost().map(|lost| (lost.is_cut, lost.to_string()));
+        let Some((is_cut, lost)) = py.detach(lost) else { return Ok(()) };
+        if self.is_told.swap(true, Ordering::Relaxed) {
+            return Ok(());
+        }
+        if !is_cut {
+            return Err(self.wrong(py, format!("it is damaged: {lost}")));
+        }
+        let text = CString::new(format!("{}: {lost}", self.path.display())).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
+    }
+
     fn wrong(&self, py: Python<'_>, what: impl Display) -> PyErr {
         errors::file(py, format!("{}: {what}", self.path.display()))
     }

@@ -404,6 +404,17 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
     told = tomllib.loads((tmp_path / "plan.toml").read_text(encoding="utf-8"))
     assert told["case"] == "case \U0001f600.toml"
     assert told["points"] == [{**{k: v for k, v in point.items() if k != "seed"}, "bed.seed": 3}]
+    study.plan("case.toml", [], tmp_path / "empty.toml")
+    for name in ("plan.toml", "own.toml", "words"):
+        case.write(tmp_path / "own.toml")
+        (tmp_path / "words").write_text("some words")
+        before = (tmp_path / name).read_bytes()
+        if name == "plan.toml":
+            study.plan("case \U0001f600.toml", [point], tmp_path / name)
+        else:
+            with pytest.raises(ballast.FileError, match="expected a new file, or a plan to replace, found another file"):
+                study.plan("case.toml", [point], tmp_path / name)
+        assert (tmp_path / name).read_bytes() == before
     with pytest.raises(TypeError, match="a: expected texts, numbers, .* found None"):
         study.plan("case.toml", [{"a": None}], tmp_path / "plan.toml")
     # Only one of them could be obeyed.
@@ -880,6 +891,51 @@ def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_pat
     for name in ("text", "none.h5", "pipe.mcap"):
         with pytest.raises(ballast.FileError, match=name):
             ballast.read(tmp_path / name)
+
+
+def test_a_state_replaces_a_checkpoint_only(sim: ballast.Simulation, tmp_path: Path) -> None:
+    state, path = sim.save(), tmp_path / "state.h5"
+    for content in (b"some words", b"\x89HDF\r\n\x1a\n", sim.case.text.encode()):
+        path.write_bytes(content)
+        with pytest.raises(ballast.FileError, match="expected a new file, or a checkpoint of ours to replace, found another"):
+            state.write(path)
+        assert path.read_bytes() == content
+    for wrong, found in ((tmp_path, "a folder"), (Path("/dev/null"), "a device or a pipe")):
+        with pytest.raises(ballast.FileError, match=f"found {found}"):
+            state.write(wrong)
+    path.write_bytes(b"")
+    for _ in range(2):
+        state.write(path)
+    assert ballast.State.read(path).hash == state.hash
+
+
+def test_a_recording_that_ends_early_says_so_once(sim: ballast.Simulation, tmp_path: Path) -> None:
+    sim.record(tmp_path / "whole.mcap")
+    for _ in range(4):
+        sim.advance_to(sim.now_ns + sim.step_ns)
+    sim.stop_recording()
+    whole = (tmp_path / "whole.mcap").read_bytes()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recording = ballast.Recording(tmp_path / "whole.mcap")
+        assert len(list(recording)) == 4 and recording.lost is None
+        # Within the record that closes it, as a kill may leave it.
+        (tmp_path / "cut.mcap").write_bytes(whole[:-20])
+        # What kind the last record is.
+        (tmp_path / "damaged.mcap").write_bytes(whole[:-37] + bytes([whole[-37] ^ 1]) + whole[-36:])
+        damaged = ballast.Recording(tmp_path / "damaged.mcap")
+        seen = []
+        with pytest.raises(ballast.FileError, match="damaged.mcap: it is damaged: .* can be used"):
+            for window in damaged:
+                seen.append(window["seq"])  # noqa: PERF402
+        assert len(seen) == 4 and damaged.lost and list(damaged) == []
+    cut = ballast.Recording(tmp_path / "cut.mcap")
+    with pytest.warns(RuntimeWarning, match="cut.mcap: .* can be used") as told:
+        assert len(list(cut)) == 4
+    assert len(told) == 1 and cut.lost and str(told[0].message).endswith(cut.lost)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert list(cut) == []
 
 
 def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:

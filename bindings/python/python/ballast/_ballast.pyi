@@ -107,7 +107,7 @@ class Case:
         """The text's values as nested dictionaries; what the text leaves to defaults is not in them."""
 
     def write(self, path: _Path) -> None:
-        """Writes the case's text to a file."""
+        """Writes the case's text to a file. Of what lies there only a text in TOML is replaced. Raises FileError."""
 
     def with_values(self, values: dict[str, Any]) -> Case:
         """The same case with other values: paths of keys joined by points, and what they become, such as
@@ -440,7 +440,8 @@ class State:
         """Reads what `write` has written, or a checkpoint of `ballast run`. Raises FileError."""
 
     def write(self, path: _Path) -> None:
-        """Writes the state to a file from which it goes on to the same bytes, also in another process."""
+        """Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there only
+        such a file, a bed or a checkpoint is replaced. Raises FileError."""
 
     def __reduce__(self) -> tuple[Callable[..., State], tuple[bytes]]:
         """Pickled as the bytes of the file that `write` would leave."""
@@ -857,7 +858,10 @@ class Recording:
     and the `reply_digest` that it led to.
 
     Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
-    there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was."""
+    there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
+
+    Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a RuntimeWarning,
+    once, where the file is cut short, as after a kill, and raises FileError, once, where it is damaged. `lost` says it, too."""
 
     def __new__(cls, path: _Path) -> Recording: ...
     def __iter__(self) -> Recording: ...
@@ -914,3 +918,6 @@ def values(text: str) -> dict[str, Any]:
     Written anew before Python reads it: `tomllib` takes no text of TOML 1.1, and none that begins with a mark of its order
     of bytes, as cases may.
     """
+
+def write_plan(path: _Path, text: str) -> None:
+    """Writes a plan of `ballast sweep`. Of what lies there only another one is replaced. Raises FileError."""
