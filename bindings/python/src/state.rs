@@ -182,8 +182,9 @@ impl State {
         Ok(self.here(py, "step")?.state.step)
     }
 
-    /// 128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` and a recording have the same. `ballast run`,
-    /// which remembers no windows, has another of the same bodies.
+    /// 128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings of
+    /// either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its files
+    /// and recordings, too.
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {
