@@ -25,7 +25,7 @@ create_exception!(
     Error,
     "A request that makes no sense; nothing has changed. Where the message has parts, `place` (a field, or the body whose \
      input it is), `expected` and `found` are they, and `nearest_ns` the times at which a window may end. `code`: time_grid, input_gap, input_jump, \
-     input_invalid, unknown_body, nothing_to_redo, state_invalid, recording, elsewhere; of a component \
+     input_invalid, unknown_body, nothing_to_redo, state_invalid, parameter_invalid, recording, elsewhere; of a component \
      elsewhere also busy, unknown_state, too_many_states, and others of the control plane."
 );
 create_exception!(ballast, FileError, Error, "A file that cannot be read or written.");

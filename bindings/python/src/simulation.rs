@@ -339,6 +339,7 @@ impl Simulation {
             given => given,
         };
         let ask = SetParameters { iterations, tolerance, penetration, ..Default::default() };
+        ask.check().map_err(|fault| errors::fault(py, &fault))?;
         self.with(py, |back| match back {
             Back::Here(here) => here.set_parameters(py, &ask),
             Back::There(there) => there.set_parameters(py, &ask),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import pickle
 import random
 import signal
@@ -180,9 +181,15 @@ def test_parameters_are_set_elsewhere_too(sim: ballast.Simulation, served: Serve
             one.advance_to(one.now_ns + 5 * one.step_ns)
             ends.append(one.save().hash)
         assert ends[0] == ends[1]
-        with pytest.raises(ballast.Refused) as refused:
-            there.set_parameters(iterations=0)
-        assert refused.value.code == "parameter_invalid"
+        # What is not finite would be nothing on its way.
+        for wrong in ({"iterations": 0}, {"tolerance": math.nan}, {"tolerance": math.inf}, {"tolerance": -1.0}):
+            words = []
+            for one in (sim, there):
+                with pytest.raises(ballast.Refused) as refused:
+                    one.set_parameters(**wrong)  # type: ignore[arg-type]
+                assert refused.value.code == "parameter_invalid"
+                words.append(str(refused.value))
+            assert words[0] == words[1]
 
 
 def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, served: Served) -> None:

@@ -61,9 +61,9 @@ class Refused(Error):
     """A request that makes no sense; nothing has changed.
 
     `code`: time_grid, input_gap, input_jump, input_invalid, unknown_body, nothing_to_redo,
-    state_invalid, recording; elsewhere: only a simulation of this process can do it. A component that another
-    process computes also refuses with busy, unknown_state, too_many_states and other codes of its control
-    plane.
+    state_invalid, parameter_invalid, recording; elsewhere: only a simulation of this process can do it. A
+    component that another process computes also refuses with busy, unknown_state, too_many_states and other codes
+    of its control plane.
     """
 
     place: str | None
@@ -471,8 +471,9 @@ class State:
 
     @property
     def hash(self) -> str:
-        """128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` and a recording have the same. `ballast run`,
-        which remembers no windows, has another of the same bodies."""
+        """128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings of
+        either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its files
+        and recordings, too."""
 
     @property
     def positions(self) -> _Floats:

@@ -100,8 +100,12 @@ impl SetParameters {
         Ok(parameters != now)
     }
 
-    /// The parameters `now`, but for those that are given.
-    fn instead_of(&self, now: component::Parameters) -> Result<component::Parameters, Fault> {
+    /// Refuses what makes no sense whatever held before. Who asks over a wire has to look before: JSON has no number for what
+    /// is not finite, and its `null` would be taken for nothing given.
+    ///
+    /// # Errors
+    /// [`Code::ParameterInvalid`].
+    pub fn check(&self) -> Result<(), Fault> {
         let wrong = |place: &str, expected: &str, found: String| {
             Err(Fault::expected(Code::ParameterInvalid, place, expected, found))
         };
@@ -117,6 +121,12 @@ impl SetParameters {
                 return wrong(place, expected, value.to_string());
             }
         }
+        Ok(())
+    }
+
+    /// The parameters `now`, but for those that are given.
+    fn instead_of(&self, now: component::Parameters) -> Result<component::Parameters, Fault> {
+        self.check()?;
         let now = messages::Parameters::from(now);
         let parameters = messages::Parameters {
             iterations: self.iterations.unwrap_or(now.iterations),
