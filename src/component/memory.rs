@@ -61,6 +61,11 @@ pub fn left_twist(state: &State, d: usize) -> Option<Twist> {
     rest.as_chunks().0.get(d).and_then(read_twist)
 }
 
+/// Whether a component has left in `state` what it remembers: a drive of another kind does not go on from there.
+pub fn is_remembered(state: &State) -> bool {
+    parts(&state.drive).is_some()
+}
+
 /// Before the first step everything is at rest; what other drives have left moving is not known.
 fn first_twist(state: &State) -> Option<Twist> {
     (state.step == 0).then(Twist::default)
@@ -158,6 +163,7 @@ mod tests {
         let written = Memory { twist, recent, squeezes: SqueezeMeter::new(Arc::clone(&rule)) };
         let mut state = State { step: 7, ..State::default() };
         written.write(&mut state.drive);
+        assert!(is_remembered(&state) && !is_remembered(&State::default()));
         assert_eq!(Memory::read(&state, 1, &rule), written);
         let none = Arc::new(SqueezeRule::default());
         let read = Memory::read(&state, 1, &none);

@@ -17,7 +17,7 @@ mod waveform;
 mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
-pub use memory::{Recent, left_twist, remembered};
+pub use memory::{Recent, is_remembered, left_twist, remembered};
 pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
 pub use parameters::Parameters;
 pub use refusal::Refusal;

@@ -110,7 +110,7 @@ impl From<ballast_scenario::UnknownChoice> for Failure {
 impl From<ballast_beds::Error> for Failure {
     fn from(error: ballast_beds::Error) -> Self {
         use ballast_beds::Error;
-        let hint = "prepare it again with `ballast prepare CASE --force`";
+        let hint = "delete it, or prepare it again with `ballast prepare CASE --force` (and the same `--beds`)";
         match error {
             Error::Kept(e) => Failure::from(e).with(&format!("; {hint}")),
             Error::Keeping(e) => e.into(),

@@ -19,7 +19,8 @@ use crate::recorder::Recorder;
 use crate::summary_text;
 use crate::table::on_threads;
 use crate::taping::Taping;
-use ballast::model::Model;
+use ballast::component;
+use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingCycle;
@@ -60,6 +61,9 @@ impl Session {
         console: Console,
     ) -> Outcome<Self> {
         let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
+        if taping.is_some() && engine.model().solver.schedule == Schedule::Asynchronous {
+            console.warning("--record: steps are solved asynchronously: `ballast verify` cannot repeat the recording");
+        }
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, engine.model(), engine.state())?;
         recorder.observe(engine.model(), engine.state(), &Workspace::default())?;
@@ -386,6 +390,13 @@ fn resumable(path: &Path) -> Outcome<Checkpoint> {
     }
     if case::is_served(&kept) {
         let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
+        return Err(Failure::at(path, what));
+    }
+    if component::is_remembered(&kept.state) {
+        let what = format!(
+            "its run was stepped through the component (from Python); go on there with `ballast.resume({:?})`",
+            path.display().to_string()
+        );
         return Err(Failure::at(path, what));
     }
     Ok(kept)

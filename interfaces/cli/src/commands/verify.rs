@@ -7,6 +7,7 @@ use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::progress::{Mark, Progress};
 use crate::{beds, interrupt, session, start};
+use ballast::model::Schedule;
 use ballast::track;
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
@@ -18,6 +19,11 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
     interrupt::install()?;
     let mut windows = Windows::open(&args.file)?;
     let meta = windows.meta().clone();
+    if meta.schedule == Schedule::Asynchronous.name() {
+        let what = "its steps were solved asynchronously, in an order that nobody can repeat; only recordings of the \
+                    sequential and the synchronous schedule can be verified";
+        return Err(Failure::at(&args.file, what));
+    }
     let case = case::recorded(&windows, args.case.as_deref(), Choices::default(), console)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
@@ -89,7 +95,7 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
     }
     if differ.is_empty() {
         let text = "case and program are the recorded ones; the bed may be another one of the same key, of \
-                    another build: `ballast prepare CASE --force` prepares it again";
+                    another build: `ballast prepare CASE --force` (and the same `--beds`) prepares it again";
         differ.push(text.into());
     }
     format!("; {}", differ.join("; "))

@@ -1,6 +1,10 @@
 //! Exit codes and messages.
 
 use crate::setup::{CASE, Place};
+use ballast::component::{Component, Limits, Window};
+use ballast::state::State;
+use ballast_hdf5::checkpoint::{self, Checkpoint};
+use std::sync::Arc;
 
 #[test]
 fn missing_files_fail_and_are_named() {
@@ -158,6 +162,29 @@ fn a_bed_cannot_be_resumed() {
     assert!(ended.stderr().contains("ballast run"), "{}", ended.stderr());
     place.call("resume tiny.toml").with_code(1);
     assert!(!place.path("beds/.lock").exists() && !place.path(".lock").exists());
+    // Nor can a damaged one be begun from.
+    let whole = std::fs::read(&bed).unwrap();
+    std::fs::write(&bed, &whole[..whole.len() / 2]).unwrap();
+    let said = place.call("run tiny.toml --beds beds").with_code(1).stderr();
+    assert!(said.contains("--force` (and the same `--beds`)"), "{said}");
+}
+
+#[test]
+fn a_state_that_was_stepped_through_the_component_is_not_handed_to_the_machine() {
+    let place = Place::new();
+    place.run("--out run --steps 3").with_code(0);
+    let kept = checkpoint::read(place.path("run/checkpoint.h5")).unwrap();
+    let step_ns = kept.model.stepping.step_ns;
+    let state = State { drive: Vec::new(), ..kept.state.clone() };
+    let model = Arc::new(kept.model.clone());
+    let mut component = Component::new(model, state, Limits::default()).unwrap();
+    component.advance_to(component.now_ns() + step_ns, Window::default()).unwrap();
+    let stepped = Checkpoint { state: component.state().clone(), ..kept };
+    std::fs::create_dir(place.path("python")).unwrap();
+    checkpoint::write(place.path("python/state.h5"), &stepped).unwrap();
+    let said = place.call("resume python/state.h5").with_code(1).stderr();
+    assert!(said.contains("go on there with `ballast.resume(\"python/state.h5\")`"), "{said}");
+    assert!(!place.path("python/.lock").exists());
 }
 
 #[test]

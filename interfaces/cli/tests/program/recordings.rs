@@ -299,7 +299,17 @@ fn a_start_that_differs_with_all_that_is_known_of_it_alike_is_told_to_be_of_the_
     std::fs::write(place.path("other.mcap"), bytes).unwrap();
     let said = verify(&place, "other.mcap").with_code(5).stderr();
     assert!(said.contains("another one of the same key"), "{said}");
-    assert!(said.contains("`ballast prepare CASE --force`"), "{said}");
+    assert!(said.contains("`ballast prepare CASE --force` (and the same `--beds`)"), "{said}");
+}
+
+#[test]
+fn what_nobody_can_repeat_is_not_verified() {
+    let place = Place::new();
+    let run = "--out run --record run.mcap --steps 3 --schedule asynchronous --threads 1";
+    let said = place.run(run).with_code(0).stderr();
+    assert!(said.contains("`ballast verify` cannot repeat"), "{said}");
+    let said = verify(&place, "run.mcap").with_code(1).stderr();
+    assert!(said.contains("run.mcap: its steps were solved asynchronously"), "{said}");
 }
 
 #[test]
