@@ -193,8 +193,8 @@ pub struct Replay {
     /// Folder of the replay's files; by default runs/<name of the case>-replay
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Start over even if the folder holds an unfinished run or replay, a finished run, or a replay of another case; a
-    /// finished replay of the same case is replaced without it
+    /// Start over even if the folder holds a run, an interrupted replay, or the whole replay of another case; any other
+    /// replay, also one that --steps stopped, is replaced without it
     #[arg(long)]
     pub force: bool,
     /// Record the replay in another MCAP file

@@ -160,18 +160,22 @@ impl RunFiles {
         if !self.is_resumable() {
             let results = self.results();
             return Err(Failure::Usage(format!(
-                "{folder} holds a run that was ended before its first checkpoint; `ballast export {} --out DIR` \
-                 writes out what it recorded; {or}",
+                "{folder} holds a run or a replay that was ended before its first checkpoint; `ballast export {} \
+                 --out DIR` writes out what it recorded; {or}",
                 typed(&results)
             )));
         }
-        let is_served = checkpoint::read(&checkpoint).is_ok_and(|kept| case::is_served(&kept));
+        let kept = checkpoint::read(&checkpoint).ok();
+        let is_served = kept.as_ref().is_some_and(case::is_served);
+        let of = kept.map_or(String::new(), |kept| format!(" of `{}`", kept.case_name));
         let how = if is_served {
             format!("`ballast serve CASE --out {} --resume`", typed(&self.folder))
         } else {
             format!("`ballast resume {}`", typed(&checkpoint))
         };
-        Err(Failure::Usage(format!("{folder} holds an unfinished run; go on with {how}, or {or}")))
+        Err(Failure::Usage(format!(
+            "{folder} holds an unfinished run{of}; go on with {how}, or {or}"
+        )))
     }
 
     /// Refuses a folder that holds the finished run of another case: who changes a copy of a case and leaves its name does

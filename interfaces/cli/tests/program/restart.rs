@@ -184,8 +184,8 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     std::fs::remove_file(place.path("here/summary.json")).unwrap();
     let refused = place.with_beds("replay here.mcap --out here").with_code(2);
     assert!(refused.stderr().contains("resume"), "{}", refused.stderr());
-    let refused = place.run("--out here").with_code(2);
-    assert!(refused.stderr().contains("resume"), "{}", refused.stderr());
+    let said = place.run("--out here").with_code(2).stderr();
+    assert!(said.contains("an unfinished run of `tiny`") && said.contains("resume"), "{said}");
     place.run("--out here --steps 10 --force").with_code(0);
     assert_eq!(place.summary("here")["steps"], 10);
     // As after a kill before the first checkpoint.
@@ -194,6 +194,7 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     let results = std::fs::read(place.path("here/results.vtkhdf")).unwrap();
     for refused in [place.run("--out here"), place.with_beds("replay here.mcap --out here")] {
         let said = refused.with_code(2).stderr();
+        assert!(said.contains("a run or a replay that was ended before"), "{said}");
         assert!(said.contains("export") && said.contains("--force"), "{said}");
     }
     assert_eq!(std::fs::read(place.path("here/results.vtkhdf")).unwrap(), results);
