@@ -202,8 +202,8 @@ fn step_resolves(
             found: format!("{steps:.1} steps per period"),
             expected: format!("at least {STEPS_OF_A_SINE}"),
             hint: Some(format!(
-                "a step of {:.1e} s would do",
-                1.0 / (STEPS_OF_A_SINE * tamping.vibration.frequency)
+                "a step of {:e} s would do",
+                two_digits_down(1.0 / (STEPS_OF_A_SINE * tamping.vibration.frequency))
             )),
         };
         report.error("tamping.vibration.frequency_Hz", finding);
@@ -235,6 +235,17 @@ fn farthest(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout) -> Option<f64
     layout.tines.iter().map(|t| (start + t.plan.blade.z - deep).abs()).reduce(f64::max)
 }
 
+/// `x` with two digits, rounded down: what is offered as a remedy has to be one.
+fn two_digits_down(x: f64) -> f64 {
+    let near = format!("{x:.1e}");
+    let (digits, exponent) = near.split_once('e').unwrap_or((&near, "0"));
+    let digits: i32 = digits.replace('.', "").parse().unwrap_or(0);
+    let exponent = exponent.parse().unwrap_or(0) - 1;
+    // Decimals are read as they are from a case.
+    let told = |digits: i32| format!("{digits}e{exponent}").parse().unwrap_or(0.0);
+    if told(digits) <= x { told(digits) } else { told(digits - 1) }
+}
+
 /// What a step allows: half of the smallest grain.
 struct Limit {
     /// Time step, s.
@@ -254,10 +265,32 @@ impl Limit {
                 problem: "the time step is too large for this motion".into(),
                 found: format!("{speed:.3} m/s, {:.4} m per step{included}", speed * h),
                 expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
-                hint: Some(format!("a step of {:.1e} s would do", 0.4 * smallest / speed)),
+                hint: Some(format!(
+                    "a step of {:e} s would do",
+                    two_digits_down(0.4 * smallest / speed)
+                )),
             };
             report.error(key, finding);
         }
         is_slow
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_remedy_is_rounded_down() {
+        for (x, told) in [
+            (1.0 / (STEPS_OF_A_SINE * 35.0), 2.8e-3),
+            (2.8e-3, 2.8e-3),
+            (1.04e-3, 1.0e-3),
+            (9.99e-4, 9e-4),
+            (0.0, 0.0),
+        ] {
+            let found = two_digits_down(x);
+            assert!(found == told && found <= x, "{x}: {found}");
+        }
     }
 }
