@@ -205,7 +205,7 @@ pub struct Solver {
     pub norm: Norm,
     /// DDM iterations between two convergence tests; those between leave open contacts out (T-12).
     pub check_every: u32,
-    /// Relaxation of each visit, 0 to 1 exclusive of 0: `r += relaxation (r⁺ - r)`.
+    /// Relaxation of each visit, 0 to 1 exclusive of 0: `r += relaxation (r⁺ - r)` where `r⁺` is not 0 (T-17).
     pub relaxation: f64,
     /// Share of the previous step's impulses that a step starts from, 0 to 1 (T-12).
     ///

@@ -207,7 +207,7 @@ impl ContactSet {
         self.visits
     }
 
-    /// Visits every contact once; `r += relaxation (r⁺ - r)`.
+    /// Visits every contact once; `r += relaxation (r⁺ - r)`, and `r = 0` where one opens (T-17).
     pub fn sweep(&mut self, relaxation: f64) {
         self.visits += self.contact_count as u64;
         self.blocks.sweep(self.arithmetic, &mut self.lines, relaxation);
