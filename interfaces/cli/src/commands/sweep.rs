@@ -255,11 +255,18 @@ impl Place {
         }
     }
 
-    /// Writes the table of all runs that are done: values, and every figure of their summaries.
+    /// Writes the table of all runs that are done: the values of all points, whether set in each or not, and then every
+    /// figure of their summaries.
     fn table(&self) -> Outcome {
         // Of array jobs that end together none may write what it read before another was done.
         let _claim = RunFiles::in_folder(self.folder.clone()).claimed_in_turn()?;
-        let mut columns: Vec<String> = Vec::new();
+        let mut columns = vec!["number".to_string()];
+        let mut add = |name: &String| {
+            if !columns.contains(name) {
+                columns.push(name.clone());
+            }
+        };
+        self.sweep.points.iter().flatten().for_each(|(key, _)| add(key));
         let mut rows = Vec::new();
         for (number, point) in self.points() {
             let files = RunFiles::in_folder(self.of(number));
@@ -267,11 +274,7 @@ impl Place {
             let mut row = vec![("number".to_string(), number.to_string())];
             row.extend(point.iter().map(|(key, value)| (key.clone(), plain(&told(value)))));
             figures("", &summary, &mut row);
-            for (name, _) in &row {
-                if !columns.contains(name) {
-                    columns.push(name.clone());
-                }
-            }
+            row.iter().for_each(|(name, _)| add(name));
             rows.push(row);
         }
         let mut text = columns.iter().map(|c| quoted(c)).collect::<Vec<_>>().join(",");
