@@ -870,6 +870,13 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
         sim.step_by_machine()
     checkpoint = ballast.read(tmp_path / "run/checkpoint.h5")
     assert isinstance(checkpoint, ballast.State)
+    # The folder stands for its files.
+    in_folder = ballast.read(tmp_path / "run")
+    assert isinstance(in_folder, ballast.Results) and np.array_equal(in_folder.times, results.times)
+    with ballast.resume(str(tmp_path / "run"), threads=1) as resumed:
+        assert resumed.save().hash == checkpoint.hash
+    with pytest.raises(ballast.FileError, match="results.vtkhdf"):
+        ballast.read(tmp_path)
     assert np.array_equal(checkpoint.positions, sim.save().positions)
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
 

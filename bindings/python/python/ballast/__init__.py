@@ -162,8 +162,8 @@ def resume(
     keep_early: bool = False,
 ) -> Simulation:
     """A simulation that goes on from a saved state, or from a file: of `State.write`, or a checkpoint of
-    `ballast run`. It goes on to the same bytes as one that was never interrupted."""
-    saved = state if isinstance(state, State) else State.read(state)
+    `ballast run`, of which the folder may be given. It goes on to the same bytes as one that was never interrupted."""
+    saved = state if isinstance(state, State) else State.read(_in_run(state, "checkpoint.h5"))
     return _ballast.resume(saved, threads, max_penetration, keep_early)
 
 
@@ -182,9 +182,15 @@ def prepare(
         return str(_ballast.prepare(chosen, beds, threads, tell, again))
 
 
+def _in_run(path: Path, name: str) -> Path:
+    """A file of a run whose folder may be given instead, as to the program."""
+    return os.path.join(path, name) if os.path.isdir(path) else path
+
+
 def read(path: Path) -> Results | Recording | State:
     """Reads what a run has left: results (`.vtkhdf`), a recording (`.mcap`) or a checkpoint (`.h5`), told by its first bytes,
-    whatever the file is called."""
+    whatever the file is called. Of the folder of a run, its results."""
+    path = _in_run(path, "results.vtkhdf")
     start = b""
     # A pipe would be waited for. What cannot be read, its reader tells of.
     if os.path.isfile(path):
