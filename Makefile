@@ -26,11 +26,12 @@ needs = cargo $(1) --version >/dev/null 2>&1 || { echo "left out: cargo $(1) is 
 format:
 	@$(call needs,fmt); cargo fmt --all --check
 
-# The fuzz targets, too, which nothing else compiles: without clippy they are at least checked. Without libFuzzer itself,
-# which wants a C++ compiler: the library named here is not looked at.
+# The fuzz targets, too, which nothing else compiles: without clippy they are at least checked. Without libFuzzer
+# itself, which wants a C++ compiler: the library named here is not looked at.
 lints: export CUSTOM_LIBFUZZER_PATH = /none/libfuzzer.a
 lints: setup
-	@cargo clippy --version >/dev/null 2>&1 || { set -x; cargo check --release --locked -p ballast-fuzz --features libfuzzer; }
+	@cargo clippy --version >/dev/null 2>&1 || { set -x; \
+	cargo check --release --locked -p ballast-fuzz --features libfuzzer; }
 	@$(call needs,clippy); \
 	cargo clippy --release --locked --workspace --all-targets --features ballast-fuzz/libfuzzer -- -D warnings
 

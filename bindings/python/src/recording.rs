@@ -30,8 +30,9 @@ use std::sync::{Arc, Mutex};
 /// Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
 /// there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
 ///
-/// Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a RuntimeWarning,
-/// once, where the file is cut short, as after a kill, and raises FileError, once, where it is damaged. `lost` says it, too.
+/// Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a
+/// RuntimeWarning, once, where the file is cut short, as after a kill, and raises FileError, once, where it is
+/// damaged. `lost` says it, too.
 #[pyclass(frozen, module = "ballast")]
 pub struct Recording {
     path: PathBuf,

@@ -142,8 +142,8 @@ impl State {
         Ok(Self(Saved::Here(Snapshot::read(py, &path)?)))
     }
 
-    /// Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there only
-    /// such a file, a bed or a checkpoint is replaced. Raises FileError.
+    /// Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there
+    /// only such a file, a bed or a checkpoint is replaced. Raises FileError.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.here(py, "write")?.put(py, |kept| {
             checkpoint::may_become_a_checkpoint(&path)?;
@@ -182,9 +182,9 @@ impl State {
         Ok(self.here(py, "step")?.state.step)
     }
 
-    /// 128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings of
-    /// either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its files
-    /// and recordings, too.
+    /// 128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings
+    /// of either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its
+    /// files and recordings, too.
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {

@@ -68,7 +68,8 @@ pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
     seal::write(path, &FORMAT, &image_of(path, checkpoint)?)
 }
 
-/// Refuses a path where something else than a bed or a checkpoint lies, of whatever version: [`write()`] replaces any file.
+/// Refuses a path where something else than a bed or a checkpoint lies, of whatever version: [`write()`] replaces any
+/// file.
 ///
 /// # Errors
 /// [`Error::Refused`], or the system refuses.

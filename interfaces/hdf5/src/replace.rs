@@ -44,9 +44,9 @@ pub fn replaceable(path: &Path) -> std::io::Result<()> {
     temporary(&path).map(drop).map_err(refused)
 }
 
-/// Refuses a path where something else lies than what [`replace`] is to take the place of: a slip of a name is not to cost
-/// what somebody has computed or measured. `ours` says what may be replaced, and `is_ours` tells it by its content; an
-/// empty file may always be.
+/// Refuses a path where something else lies than what [`replace`] is to take the place of: a slip of a name is not to
+/// cost what somebody has computed or measured. `ours` says what may be replaced, and `is_ours` tells it by its content;
+/// an empty file may always be.
 ///
 /// # Errors
 /// [`Error::Refused`](crate::Error::Refused), or the system refuses.

@@ -440,8 +440,8 @@ class State:
         """Reads what `write` has written, or a checkpoint of `ballast run`. Raises FileError."""
 
     def write(self, path: _Path) -> None:
-        """Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there only
-        such a file, a bed or a checkpoint is replaced. Raises FileError."""
+        """Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there
+        only such a file, a bed or a checkpoint is replaced. Raises FileError."""
 
     def __reduce__(self) -> tuple[Callable[..., State], tuple[bytes]]:
         """Pickled as the bytes of the file that `write` would leave."""
@@ -471,9 +471,9 @@ class State:
 
     @property
     def hash(self) -> str:
-        """128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings of
-        either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its files
-        and recordings, too."""
+        """128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings
+        of either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its
+        files and recordings, too."""
 
     @property
     def positions(self) -> _Floats:
@@ -861,8 +861,9 @@ class Recording:
     Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
     there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
 
-    Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a RuntimeWarning,
-    once, where the file is cut short, as after a kill, and raises FileError, once, where it is damaged. `lost` says it, too."""
+    Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a
+    RuntimeWarning, once, where the file is cut short, as after a kill, and raises FileError, once, where it is
+    damaged. `lost` says it, too."""
 
     def __new__(cls, path: _Path) -> Recording: ...
     def __iter__(self) -> Recording: ...

@@ -100,8 +100,8 @@ impl SetParameters {
         Ok(parameters != now)
     }
 
-    /// Refuses what makes no sense whatever held before. Who asks over a wire has to look before: JSON has no number for what
-    /// is not finite, and its `null` would be taken for nothing given.
+    /// Refuses what makes no sense whatever held before. Who asks over a wire has to look before: JSON has no number for
+    /// what is not finite, and its `null` would be taken for nothing given.
     ///
     /// # Errors
     /// [`Code::ParameterInvalid`].
