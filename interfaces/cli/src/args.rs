@@ -7,6 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Grain-scale simulation of railway ballast tamping by non-smooth contact dynamics.
 #[derive(Debug, Parser)]
@@ -39,6 +40,11 @@ fn few(text: &str, what: &str) -> Result<NonZeroUsize, String> {
     let most = ballast::step::MOST_THREADS;
     let found = text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= most);
     found.ok_or_else(|| format!("expected 1 to {most} {what}"))
+}
+
+/// A number that nothing can be without.
+pub fn one_or_more<N: FromStr>(text: &str) -> Result<N, String> {
+    text.parse().map_err(|_| format!("expected a whole number, 1 to {}", u32::MAX))
 }
 
 /// A state's hash, as it is printed.
@@ -157,7 +163,7 @@ pub struct DumpProblems {
     #[arg(long, value_name = "DIR")]
     pub dump_problems: Option<PathBuf>,
     /// Steps from one problem to the next
-    #[arg(long, value_name = "K", default_value = "100", requires = "dump_problems")]
+    #[arg(long, value_name = "K", default_value = "100", value_parser = one_or_more::<NonZeroU32>, requires = "dump_problems")]
     pub dump_every: NonZeroU32,
     /// Only of these phases, separated by commas; by default of all
     #[arg(long, value_name = "PHASE", value_delimiter = ',', requires = "dump_problems")]

@@ -72,6 +72,25 @@ impl RunFiles {
         file.map_err(|e| Failure::at(&path, e))
     }
 
+    /// The files of the run whose folder is given for one of them; refuses a folder that holds no run.
+    pub fn of_given(folder: &Path) -> Outcome<Self> {
+        let files = Self::in_folder(folder);
+        if files.is_there() {
+            return Ok(files);
+        }
+        let within = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        let run =
+            within.map(|entry| entry.path()).filter(|path| Self::in_folder(path).is_there()).min();
+        let hint = run.map(|run| format!("; {} is one", typed(run))).unwrap_or_default();
+        let what = "expected the folder of a run, found one without its files";
+        Err(Failure::at(folder, format!("{what}{hint}")))
+    }
+
+    /// Whether there is any of them.
+    fn is_there(&self) -> bool {
+        [self.results(), self.checkpoint(), self.summary()].iter().any(|file| file.exists())
+    }
+
     /// The files beside a checkpoint.
     pub fn beside(checkpoint: &Path) -> Self {
         let folder = checkpoint.parent().filter(|p| !p.as_os_str().is_empty());

@@ -92,7 +92,9 @@ impl Playback {
     /// What may help where the first step is refused.
     pub fn advice(&self) -> &'static str {
         match &self.script {
-            Script::Windows { .. } => "",
+            Script::Windows { .. } => {
+                "; in another case than its own `--map /BODY/pose=BODY` for each body, with --rebase, replays its poses"
+            }
             Script::Motion(motion) if motion.inputs.iter().any(|input| input.rebase) => {
                 "; poses are taken in m, in the bed's frame (docs/recordings.md)"
             }

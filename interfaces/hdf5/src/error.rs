@@ -71,8 +71,21 @@ pub(crate) fn hdf5(path: &Path, place: &str) -> impl FnOnce(::hdf5::Error) -> Er
     move |e| Error::Hdf5 { path, place, message: words(&e.to_string()) }
 }
 
-/// What the library says, and of what it tells about a call to the operating system the system's own words.
+/// What the library says, and of what it tells about a call to the operating system the system's own words. Of the usual
+/// files that it does not open, what they are.
 fn words(message: &str) -> String {
+    let number = |before: &str| {
+        let (_, told) = message.split_once(before)?;
+        told.split(',').next()?.trim().parse::<u64>().ok()
+    };
+    if let (Some(found), Some(expected)) =
+        (number("truncated file: eof = "), number("stored_eof = "))
+    {
+        return format!("expected {expected} bytes, found {found}: it is cut short");
+    }
+    if message.ends_with("file signature not found") {
+        return "expected an HDF5 file, found another one".into();
+    }
     let told = message.split_once(": time = ").and_then(|(before, call)| {
         let (_, words) = call.split_once("error message = '")?;
         Some(format!("{before}: {}", words.split_once('\'')?.0))
@@ -93,5 +106,14 @@ mod tests {
             "H5Dwrite(): can't write data: file write failed: No space left on device"
         );
         assert_eq!(words("H5Fopen(): no time = left"), "H5Fopen(): no time = left");
+    }
+
+    #[test]
+    fn of_a_file_that_is_not_opened_it_is_told_what_it_is() {
+        let told = "H5Fopen(): unable to open file: truncated file: eof = 300000, sblock->base_addr = 0, \
+                    stored_eof = 4776268";
+        assert_eq!(words(told), "expected 4776268 bytes, found 300000: it is cut short");
+        let told = "H5Fopen(): unable to open file: file signature not found";
+        assert_eq!(words(told), "expected an HDF5 file, found another one");
     }
 }

@@ -35,7 +35,7 @@ pub struct BenchSample {
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
     /// Exactly this many iterations per step
-    #[arg(long, value_name = "K", conflicts_with = "tolerance")]
+    #[arg(long, value_name = "K", conflicts_with = "tolerance", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub iterations: Option<NonZeroU32>,
     /// Iterate until the sample's norm is below this
     #[arg(long, value_name = "T")]
@@ -44,7 +44,7 @@ pub struct BenchSample {
     #[arg(long, default_value = "synchronous")]
     pub schedule: ScheduleName,
     /// Number of subdomains; by default subdomains of some thousand contacts
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub subdomains: Option<NonZeroU32>,
     #[command(flatten)]
     pub alert: Alert,
@@ -112,13 +112,13 @@ pub struct Window {
 #[derive(Debug, Args)]
 pub struct Ends {
     /// Iterations that are fixed, instead of the case's
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub iterations: Option<NonZeroU32>,
     /// Residual (QM/16) of the common tolerance
     #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
     pub tolerance: f64,
     /// Most iterations at the common tolerance; by default four times the fixed ones
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub max_iterations: Option<NonZeroU32>,
 }
 
@@ -137,10 +137,10 @@ pub struct Start {
 #[derive(Debug, Args)]
 pub struct BenchKernel {
     /// Grains along an edge of the largest lattice; 40 give 310 000 contacts
-    #[arg(long, value_name = "N", default_value = "40")]
+    #[arg(long, value_name = "N", default_value = "40", value_parser = crate::args::one_or_more::<NonZeroUsize>)]
     pub edge: NonZeroUsize,
     /// Turns of the measurement
-    #[arg(long, value_name = "N", default_value = "7")]
+    #[arg(long, value_name = "N", default_value = "7", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub rounds: NonZeroU32,
     /// Time of each figure in each turn, s
     #[arg(long, value_name = "S", default_value_t = 0.05)]
@@ -158,7 +158,7 @@ pub struct BenchDetection {
     #[command(flatten)]
     pub window: Window,
     /// Exactly this many iterations per step of the run; detection does not depend on it, the motion does
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub iterations: Option<NonZeroU32>,
     #[command(flatten)]
     pub start: Start,
@@ -175,7 +175,7 @@ pub struct BenchStep {
     #[command(flatten)]
     pub window: Window,
     /// Exactly this many iterations per step, instead of what the case says
-    #[arg(long, value_name = "K")]
+    #[arg(long, value_name = "K", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub iterations: Option<NonZeroU32>,
     #[command(flatten)]
     pub start: Start,
@@ -246,7 +246,7 @@ pub struct BenchSubdomains {
     /// Case file (TOML) or sample (JSON)
     pub scene: PathBuf,
     /// Largest number of subdomains; the others are 2, 4, 8, ...
-    #[arg(long, value_name = "N", default_value = "32")]
+    #[arg(long, value_name = "N", default_value = "32", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub max: NonZeroU32,
     #[command(flatten)]
     pub window: Window,
@@ -268,7 +268,7 @@ pub struct BenchIterations {
     #[arg(long, value_name = "T", default_value_t = 1.666e-4)]
     pub tolerance: f64,
     /// Most iterations of a step
-    #[arg(long, value_name = "K", default_value = "20000")]
+    #[arg(long, value_name = "K", default_value = "20000", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub max_iterations: NonZeroU32,
     #[command(flatten)]
     pub start: Start,

@@ -23,11 +23,10 @@ impl Expected {
 
     /// The file that is `given`, or that of the run whose folder is given; what is clearly something else is refused.
     pub fn file(self, given: &Path) -> Outcome<PathBuf> {
-        let files = RunFiles::in_folder(given);
         let path = match self {
             _ if !given.is_dir() => given.to_path_buf(),
-            Self::Checkpoint => files.checkpoint(),
-            Self::Results | Self::Any => files.results(),
+            Self::Checkpoint => RunFiles::of_given(given)?.checkpoint(),
+            Self::Results | Self::Any => RunFiles::of_given(given)?.results(),
         };
         let beside = RunFiles::beside(&path);
         if matches!(self, Self::Checkpoint) && !path.exists() && beside.results().exists() {

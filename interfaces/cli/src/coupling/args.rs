@@ -98,7 +98,7 @@ pub struct Top {
     #[command(flatten)]
     pub endpoints: Endpoints,
     /// End after so many pictures, two per second
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::args::one_or_more::<NonZeroU32>)]
     pub count: Option<NonZeroU32>,
 }
 

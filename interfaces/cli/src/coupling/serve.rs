@@ -10,13 +10,15 @@ use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::interrupt;
 use ballast_protocol::lockstep::Lockstep;
-use ballast_zenoh::{Host, Link, Server};
+use ballast_zenoh::{Host, Keys, Link, Server};
 use serde_json::json;
 use std::path::Path;
 
 pub fn serve(args: Serve, console: Console) -> Outcome {
     interrupt::install()?;
     console::never_wait(console);
+    // Before a folder is made.
+    Keys::of(&args.key)?;
     let given = Choices::from(&args.overrides);
     let mut case = case::load(&args.case, &given, console)?;
     let folder = format!("{}-serve", case.plan.name);

@@ -160,7 +160,7 @@ fn check_columns(path: &Path, steps: &Table, summary: &Summary) -> Outcome {
 /// The files of the run in a folder, or of the one that a file belongs to.
 pub fn of_run(path: &Path) -> Outcome<RunFiles> {
     if path.is_dir() {
-        return Ok(RunFiles::in_folder(path));
+        return RunFiles::of_given(path);
     }
     let files = RunFiles::beside(path);
     let known = [files.results(), files.checkpoint(), files.summary()];

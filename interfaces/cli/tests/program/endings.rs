@@ -32,6 +32,7 @@ fn wrong_usage_ends_with_2() {
         // They would be started for minutes.
         ("run tiny.toml --threads 100000", "expected 1 to 1024 threads"),
         ("sweep plan.toml --threads-each 20000", "expected 1 to 1024 threads"),
+        ("run tiny.toml --dump-problems d --dump-every 0", "expected a whole number, 1 to 42949"),
         ("run tiny.toml --schedule x", "sequential"),
         // Not after the run.
         ("run tiny.toml --expect zz", "32 hexadecimal digits"),

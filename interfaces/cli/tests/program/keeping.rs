@@ -196,4 +196,10 @@ fn what_is_inspected_or_reported_is_what_was_named() {
         let said = place.call(&format!("report {named}")).with_code(1).stderr();
         assert!(said.contains(&format!("{named}: expected the folder of a run")), "{said}");
     }
+    // The folder of runs is none, and one in it is named.
+    for command in ["report .", "inspect .", "resume .", "export . --out csv"] {
+        let said = place.call(command).with_code(1).stderr();
+        assert!(said.contains(".: expected the folder of a run"), "{said}");
+        assert!(said.contains("; ./run is one"), "{said}");
+    }
 }

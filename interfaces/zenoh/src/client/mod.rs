@@ -4,7 +4,7 @@
 //! connection was cut becomes the owner again by itself; when the component comes back from an older
 //! checkpoint, the windows since then are asked for again, and their state hashes compared. One that finds the run
 //! elsewhere than it left it goes on only from a kept state or from the beginning. Every call ends: with the answer, with
-//! what the component refuses, with *diverged*, or with *slow* or *peer lost*.
+//! what the component refuses, with *diverged*, or with *slow* or *peer lost*; in time, where the wire takes what is sent.
 
 mod control;
 mod journal;
