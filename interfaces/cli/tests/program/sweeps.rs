@@ -45,10 +45,10 @@ fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
     assert_eq!(values[1], ("60".to_string(), "20".to_string()));
     assert_eq!(values[4], (String::new(), String::new()));
     // What only a later point sets is beside the other values.
-    let names: Vec<_> = rows[0].iter().map(|(name, _)| &name[..]).collect();
-    let first =
-        ["number", "tamping.vibration.frequency_Hz", "solver.iterations", "run.duration_s", "case"];
-    assert_eq!(names[..5], first);
+    let mut first: Vec<_> = rows[0][..4].iter().map(|(name, _)| &name[..]).collect();
+    first.sort_unstable();
+    let values = ["run.duration_s", "solver.iterations", "tamping.vibration.frequency_Hz"];
+    assert_eq!(first, [&["number"][..], &values].concat());
     assert_eq!([&rows[0], &rows[4]].map(|row| cell(row, "run.duration_s")), ["", "0.15"]);
     assert_eq!(cell(&rows[4], "steps"), "150");
     // A point is the run of its case.
