@@ -928,13 +928,14 @@ def test_a_recording_that_ends_early_says_so_once(sim: ballast.Simulation, tmp_p
         assert len(list(recording)) == 4 and recording.lost is None
         # Within the record that closes it, as a kill may leave it.
         (tmp_path / "cut.mcap").write_bytes(whole[:-20])
-        # What kind the last record is.
-        (tmp_path / "damaged.mcap").write_bytes(whole[:-37] + bytes([whole[-37] ^ 1]) + whole[-36:])
+        # Within what was asked and answered.
+        at = len(whole) // 2
+        (tmp_path / "damaged.mcap").write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
         damaged = ballast.Recording(tmp_path / "damaged.mcap")
         seen: list[object] = []
-        with pytest.raises(ballast.FileError, match="damaged.mcap: it is damaged: .* can be used"):
+        with pytest.raises(ballast.FileError, match="damaged.mcap: it is damaged: "):
             seen.extend(damaged)
-        assert len(seen) == 4 and damaged.lost and list(damaged) == []
+        assert len(seen) < 4 and damaged.lost and list(damaged) == []
     cut = ballast.Recording(tmp_path / "cut.mcap")
     with pytest.warns(RuntimeWarning, match="cut.mcap: .* can be used") as told:
         assert len(list(cut)) == 4

@@ -44,6 +44,7 @@ __all__ = [
     "schema",
     "state_again",
     "values",
+    "write_plan",
 ]
 __version__: str
 
