@@ -3,8 +3,9 @@
 use ballast::component::Refusal;
 use ballast_protocol::lockstep::{Code, Fault, Finding};
 use pyo3::create_exception;
-use pyo3::exceptions::PyException;
+use pyo3::exceptions::{PyException, PyRuntimeWarning};
 use pyo3::prelude::*;
+use std::ffi::CString;
 use std::fmt::Display;
 
 create_exception!(
@@ -57,6 +58,12 @@ pub fn error<T: pyo3::PyTypeInfo>(py: Python<'_>, code: &str, text: impl Display
 /// What goes wrong with files.
 pub fn file(py: Python<'_>, what: impl Display) -> PyErr {
     error::<FileError>(py, "file", what)
+}
+
+/// Tells, as a RuntimeWarning, what is no reason to end a call; who makes errors of warnings gets one.
+pub fn warn(py: Python<'_>, text: String) -> PyResult<()> {
+    let text = CString::new(text).unwrap_or_default();
+    PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
 }
 
 /// A request that makes no sense, in parts.

@@ -19,9 +19,7 @@ use ballast::track;
 use ballast_beds::Case;
 use ballast_protocol::lockstep::SetParameters;
 use ballast_protocol::messages::StepSeries;
-use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
-use std::ffi::CString;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -241,9 +239,7 @@ impl Here {
     fn give_recording_up(&mut self, py: Python<'_>, why: &ballast_mcap::Error) -> PyResult<()> {
         self.recorder = None;
         self.unwritten = Some(why.to_string());
-        let text = format!("{why}; the simulation goes on unrecorded");
-        let text = CString::new(text).unwrap_or_default();
-        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
+        errors::warn(py, format!("{why}; the simulation goes on unrecorded"))
     }
 
     /// The program failed inside.

@@ -13,10 +13,8 @@ use ballast_protocol::messages::{
 };
 use ballast_protocol::{Malformed, from_cdr};
 use ballast_scenario::Choices;
-use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::ffi::CString;
 use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -121,8 +119,7 @@ impl Recording {
         if !is_cut {
             return Err(self.wrong(py, format!("it is damaged: {lost}")));
         }
-        let text = CString::new(format!("{}: {lost}", self.path.display())).unwrap_or_default();
-        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
+        errors::warn(py, format!("{}: {lost}", self.path.display()))
     }
 
     fn wrong(&self, py: Python<'_>, what: impl Display) -> PyErr {
