@@ -1,8 +1,8 @@
 //! Grains to subdomains, contacts to subdomains and interface (T-13).
 //!
-//! Every grain has exactly one owner. A contact between two grains of one subdomain, or between a
-//! grain and a driven body, belongs to the grain's subdomain; a contact between grains of two
-//! subdomains belongs to the interface. Nothing is duplicated.
+//! Every grain, and every mounted body (T-28), has exactly one owner. A contact between two of them in
+//! one subdomain, or between one and a held body, belongs to that subdomain; a contact between those of
+//! two subdomains belongs to the interface. Nothing is duplicated.
 //!
 //! Reads: positions, contacts, the rule. Writes: [`Partition`]. Cost: O(grains log subdomains +
 //! contacts). Contract: a function of the scene alone, never of the number of threads.

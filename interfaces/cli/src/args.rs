@@ -64,7 +64,7 @@ pub enum Command {
     Resume(Resume),
     /// Move the bodies of a case as a recording (MCAP) says, instead of by its machine
     Replay(Replay),
-    /// Compute a recording of `run --record` again and name the first difference
+    /// Compute a recording of ours again and name the first difference
     Verify(Verify),
     /// Serve a case over Zenoh: another program moves its bodies, window by window
     #[cfg(feature = "zenoh")]
@@ -88,7 +88,7 @@ pub enum Command {
     Check(Check),
     /// Run a case many times with other values, side by side
     Sweep(Sweep),
-    /// Say what a bed, checkpoint or results file holds
+    /// Say what a bed, a checkpoint, results or the folder of a run hold
     Inspect(Inspect),
     /// Make a page (HTML) about a run: pictures, compactness, forces, energy, quality, settings
     Report(Report),
@@ -298,7 +298,7 @@ pub struct Check {
 
 #[derive(Debug, Args)]
 pub struct Inspect {
-    /// A file that Ballast wrote
+    /// Bed, checkpoint or results file, or the folder of a run
     pub file: PathBuf,
 }
 
@@ -401,7 +401,7 @@ pub enum ScheduleName {
     Sequential,
     /// Subdomains in parallel, then the interface: same bytes for any number of threads
     Synchronous,
-    /// Interface beside the subdomains, newest values: fastest, bytes may differ
+    /// Interface beside the subdomains, newest values, in no order: bytes may differ
     Asynchronous,
 }
 

@@ -137,7 +137,7 @@ pub struct Preparation {
     /// sleeper block, or `bed.ballast_depth_m` where there is none.
     #[schemars(with = "Option<Positive>")]
     pub fill_level_m: Option<f64>,
-    /// Friction of grain on grain while pouring and settling; low friction packs denser.
+    /// Friction of grain on grain while pouring and filling, and of walls and sleepers at most; low friction packs denser.
     #[schemars(with = "Coefficient")]
     pub friction: f64,
     /// Time step while pouring, s.
@@ -150,7 +150,7 @@ pub struct Preparation {
     #[schemars(with = "Positive")]
     pub rest_speed_m_per_s: f64,
     /// Longest settling of each stage, and of each of up to three rounds of topping up, s of simulated time. The last
-    /// stage, with the run's settings, takes 0.02 s at most.
+    /// stage, with the run's time step, takes 0.02 s at most.
     #[schemars(with = "Duration")]
     pub max_settling_s: f64,
 }

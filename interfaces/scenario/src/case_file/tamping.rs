@@ -72,8 +72,8 @@ pub struct Insertion {
     /// Height of the blade's lower edge above the filled bed at the start, m.
     #[schemars(with = "NonNegative")]
     pub clearance_m: f64,
-    /// Lowering stops while the bed carries more than this, N per tine over a vibration period, and
-    /// goes on until the withdrawal. `inf`: never.
+    /// Lowering stops while the bed carries more than this, N per tine over a vibration period (without vibration a
+    /// tenth of the squeeze), and goes on until the withdrawal. `inf`: never.
     #[serde(rename = "force_limit_N")]
     #[schemars(with = "PositiveOrInfinite")]
     pub force_limit: f64,
@@ -95,8 +95,8 @@ pub struct Squeeze {
     /// Largest closing of each side, m.
     #[schemars(with = "NonNegative")]
     pub stroke_m: f64,
-    /// A pair stops closing while its mean force over a vibration period exceeds this, N.
-    /// `inf`: never.
+    /// A pair stops closing while its mean force over a vibration period (without vibration a tenth of the squeeze)
+    /// exceeds this, N. `inf`: never.
     #[serde(rename = "force_limit_N")]
     #[schemars(with = "PositiveOrInfinite")]
     pub force_limit: f64,
