@@ -5,6 +5,8 @@
 """
 import json, sys, time, uuid, zenoh
 
+if len(sys.argv) < 4:
+    sys.exit(__doc__)
 key, force, depth = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
 endpoint = sys.argv[4] if len(sys.argv) > 4 else "tcp/127.0.0.1:7447"
 config = zenoh.Config()

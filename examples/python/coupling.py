@@ -25,6 +25,8 @@ def position(tine, t):
 
 
 with ballast.open(sys.argv[1] if len(sys.argv) > 1 else "examples/first.toml") as sim:
+    if not sim.tines:
+        sys.exit(f"{sim.case.name} has no tines that tamp: it needs tines and [tamping]")
     window = max(1, round(WINDOW_S * 1e9 / sim.step_ns)) * sim.step_ns
     while all(sim.save().body(tine.name)[0][2] > tine.deep for tine in sim.tines):
         t0, t1 = sim.now_ns, sim.now_ns + window

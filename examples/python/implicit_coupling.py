@@ -19,6 +19,8 @@ MASS, STIFFNESS, DAMPING = 120.0, 4e5, 4e3  # kg, N/m, N s/m: a heavy, stiff mac
 WINDOW_STEPS, WINDOWS, MOST, CLOSE = 4, 60, 12, 1e-6  # the last one in m
 
 with ballast.open(sys.argv[1] if len(sys.argv) > 1 else "examples/first.toml") as sim:
+    if not sim.tines:
+        sys.exit(f"{sim.case.name} has no tines that tamp: it needs tines and [tamping]")
     tine = sim.tines[0]
     h = WINDOW_STEPS * sim.step_ns * 1e-9
     z, v, times = 0.0, 0.0, []

@@ -7,6 +7,8 @@ The stick lowers the tines by 0.1 m, at 0.02 of the wall clock: a bed of `first`
 """
 import json, struct, sys, time, uuid, zenoh
 
+if len(sys.argv) < 4:
+    sys.exit(__doc__)
 key, factor, depth = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
 endpoint = sys.argv[4] if len(sys.argv) > 4 else "tcp/127.0.0.1:7447"
 config = zenoh.Config()

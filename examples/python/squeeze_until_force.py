@@ -17,8 +17,12 @@ PRESET = float(sys.argv[2]) if len(sys.argv) > 2 else 1500.0
 SPEED, WINDOW_STEPS = 0.15, 5
 
 with ballast.open(CASE) as sim:
-    while sim.phase != "squeeze":
-        sim.step_by_machine()
+    if not sim.tines:
+        sys.exit(f"{sim.case.name} has no tines that tamp: it needs tines and [tamping]")
+    while sim.phase in ("waiting", "lift", "insertion"):
+        out = sim.step_by_machine()
+        if out.status not in ("ok", "warn"):
+            sys.exit(f"{out.t1_ns * 1e-9:.4f} s  {out.status}  {out.code}: {out.trouble}")  # and so it stays
     stopped = {tine.name: sim.save().target(tine.name)[0] for tine in sim.tines}
     closed, force, stroke = 0.0, 0.0, min(tine.stroke for tine in sim.tines)
     while force < PRESET and closed < stroke:

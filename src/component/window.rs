@@ -167,7 +167,8 @@ impl Join<'_> {
         }
         Err(Refusal::Jump {
             body: self.model.driven[d].name.clone(),
-            expected: "an input: it left the last window moving".into(),
+            expected: "an input that goes on so, or a rebase: it left the last window moving"
+                .into(),
             found: format!("none, at {}", twist.text()),
         })
     }

@@ -60,6 +60,7 @@ impl GlobalForm {
         let (mut bodies, place) = bodies(&given)?;
         let mut touching: Vec<_> = given.h.iter().filter(|e| e.2 != 0.0).collect();
         touching.sort_by_key(|e| (place[e.0].0, e.1));
+        expect_few(&touching, &bodies, &place)?;
         for &&(row, column, value) in &touching {
             let (body, k) = place[row];
             let body = &mut bodies[body];
@@ -133,6 +134,19 @@ fn in_range(
 
 /// Body, and place among its degrees of freedom.
 type Place = (usize, usize);
+
+/// Refuses columns of `H`, in the order of bodies and columns, that would be too large with all degrees of freedom of
+/// the body that they touch.
+fn expect_few(touching: &[&(usize, usize, f64)], bodies: &[Body], place: &[Place]) -> Result<()> {
+    let columns = touching.chunk_by(|a, b| (place[a.0].0, a.1) == (place[b.0].0, b.1));
+    let dofs = |column: &[&(usize, usize, f64)]| bodies[place[column[0].0].0].dofs.len();
+    let count: usize = columns.map(dofs).sum();
+    if count > MOST_ENTRIES {
+        let expected = format!("at most {MOST_ENTRIES} entries, body by body");
+        return Err(unusable("H", expected, count.to_string()));
+    }
+    Ok(())
+}
 
 /// Splits the degrees of freedom by the coupling of `M`; for each of them its body and place there.
 fn bodies(given: &Given) -> Result<(Vec<Body>, Vec<Place>)> {
@@ -238,5 +252,13 @@ mod tests {
             g.mass = (0..60_000).flat_map(|i| [(i, i, 1.0), (i, i - i % 600, 0.1)]).collect();
         });
         assert!(many.contains("36000000"), "{many}");
+        // A body of many degrees of freedom, each column of which is stored with all of them.
+        let wide = told(|g| {
+            g.f = vec![0.0; 600];
+            g.mass = (0..600).flat_map(|i| [(i, i, 1.0), (i, 0, 0.1)]).collect();
+            g.h = (0..60_000).map(|column| (0, column, 1.0)).collect();
+            (g.w, g.friction) = (vec![Vec3::zeros(); 20_000], vec![0.5; 20_000]);
+        });
+        assert!(wide.contains("H: ") && wide.contains("36000000"), "{wide}");
     }
 }

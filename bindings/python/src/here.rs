@@ -16,6 +16,7 @@ use ballast::model::{Model, Solver};
 use ballast::state;
 use ballast::step::{StepReport, Stopwatch};
 use ballast::track;
+use ballast::track::plan::TampingPlan;
 use ballast_beds::Case;
 use ballast_protocol::lockstep::SetParameters;
 use ballast_protocol::messages::StepSeries;
@@ -245,7 +246,11 @@ impl Here {
     /// The program failed inside.
     fn lose(&mut self, py: Python<'_>, why: &PyErr, before: &Arc<state::State>) {
         self.lost = Some(why.value(py).to_string());
-        self.recorder = None;
+        if self.recorder.take().is_some() {
+            let ns = before.time_ns;
+            self.unwritten =
+                Some(format!("recording: it ends at {ns} ns, where the program failed inside"));
+        }
         *enter(&self.told) = None;
         // It was the state of this model a moment ago.
         let _ = self.component.recover(Arc::clone(before));
@@ -279,9 +284,18 @@ impl Here {
             ));
         }
         let (own, its) = (&self.ground.case.plan, &saved.case.plan);
-        // How long runs last, and what they write, is another matter.
+        // How long runs last, and what they write, is another matter, but for the time that the withdrawal is given.
         if (&own.tines, &own.sleepers, &own.tamping) != (&its.tines, &its.sleepers, &its.tamping) {
-            let found = "one of another machine on the same bed";
+            let withdrawn = own
+                .tamping
+                .zip(its.tamping)
+                .map(|(own, its)| TampingPlan { withdrawal: own.withdrawal, ..its });
+            let found = match (own.tines == its.tines, withdrawn == own.tamping) {
+                (true, true) if own.sleepers == its.sleepers => {
+                    "one of another withdrawal (`tamping.withdrawal_s`; if it is not given, what the run leaves)"
+                }
+                _ => "one of another machine on the same bed",
+            };
             return Err(errors::refused(py, "state_invalid", "state", "one of this case", found));
         }
         let Solver { iterations, tolerance, .. } = saved.model.solver;

@@ -34,9 +34,9 @@ fn resume(
     max_penetration: Option<f64>,
     keep_early: bool,
 ) -> PyResult<simulation::Simulation> {
-    let limits = case::limits(py, max_penetration, keep_early)?;
-    let crew = compute::Crew::new(py, threads)?;
     let start = state.here(py, "resume")?;
+    let limits = case::limits(py, max_penetration.or(start.penetration), keep_early)?;
+    let crew = compute::Crew::new(py, threads)?;
     simulation::Simulation::here(py, start, limits, crew)
 }
 

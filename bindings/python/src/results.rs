@@ -49,6 +49,13 @@ impl Results {
         Ok(Self { reader: Mutex::new(reader) })
     }
 
+    /// Whether the run has closed its results, at its end or where it was told to stop; not while it is going on, nor
+    /// where it was killed.
+    #[getter]
+    fn is_closed(&self) -> bool {
+        enter(&self.reader).is_closed()
+    }
+
     /// As the case calls itself.
     #[getter]
     fn case_name(&self, py: Python<'_>) -> PyResult<String> {
@@ -130,8 +137,10 @@ impl Results {
         }
         Ok(units)
     }
+
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let (name, frames) = self.read(py, |r| Ok((r.about("case_name")?, r.steps().len())))?;
-        Ok(format!("Results({name:?}, {frames} frames)"))
+        let so_far = if self.is_closed() { "" } else { ", not closed" };
+        Ok(format!("Results({name:?}, {frames} frames{so_far})"))
     }
 }

@@ -200,7 +200,8 @@ impl Simulation {
     ///
     /// Args:
     ///     t1_ns: end of the window, ns since the start of the run.
-    ///     tools: motions of driven bodies by name; the others stay where they are.
+    ///     tools: motions of driven bodies by name; the others stay where they are. One that a cubic motion has left
+    ///         moving needs another one: that goes on so, or has `rebase`.
     ///     loads: loads on mounted bodies by name; the others have none.
     ///     series: keep the impulses of every step, see `Outcome.series`.
     ///     zones: measure the case's zones at the end, see `Outcome.zones`; it takes longer than a coupling's
@@ -325,10 +326,19 @@ impl Simulation {
     fn set_parameters(
         &self,
         py: Python<'_>,
-        iterations: Option<u32>,
+        iterations: Option<&Bound<'_, PyAny>>,
         tolerance: Option<f64>,
         max_penetration: Option<f64>,
     ) -> PyResult<()> {
+        let expected = format!("1 to {}", u32::MAX);
+        let beyond = |py: Python<'_>, place: &str, expected: &str, found: &Bound<'_, PyAny>| {
+            errors::refused(py, "parameter_invalid", place, expected, found)
+        };
+        let most = |asked| {
+            let most = inputs::whole(asked, "a whole number", "iterations", &expected, beyond)?;
+            u32::try_from(most).map_err(|_| beyond(py, "iterations", &expected, asked))
+        };
+        let iterations = iterations.map(most).transpose()?;
         let penetration = match max_penetration {
             Some(most) if !(most > 0.0) => {
                 let place = "max_penetration";

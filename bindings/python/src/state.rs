@@ -50,6 +50,8 @@ pub struct Snapshot {
 /// The note of a checkpoint that holds what the machine remembers: numbers as text that reads back to the
 /// same bits.
 const MACHINE: &str = "machine";
+/// Note of how deep a step may press bodies into each other, m, where there is a limit.
+const LIMIT: &str = "max_penetration";
 
 impl Snapshot {
     fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
@@ -86,8 +88,16 @@ impl Snapshot {
             }
         };
         let machine = machine.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
+        let limit = |text: &String| match text.parse() {
+            Ok(most) if most > 0.0 => Ok(most),
+            _ => Err(errors::file(
+                py,
+                format!("{name}: note {LIMIT:?}: expected a length above 0 m, found {text}"),
+            )),
+        };
+        let penetration = kept.extra.get(LIMIT).map(limit).transpose()?;
         let (model, state) = (Arc::new(kept.model), Arc::new(kept.state));
-        Ok(Self { model, state, case: Arc::new(case), machine, penetration: None })
+        Ok(Self { model, state, case: Arc::new(case), machine, penetration })
     }
 
     /// Writes what it is as a file by `put`.
@@ -98,7 +108,9 @@ impl Snapshot {
     ) -> PyResult<T> {
         let memory = serde_json::to_string(self.machine.memory());
         let memory = memory.map_err(|e| errors::file(py, format!("note {MACHINE:?}: {e}")))?;
-        let notes = [(MACHINE.into(), memory)].into();
+        let limit = self.penetration.filter(|most| most.is_finite());
+        let limit = limit.map(|most| (LIMIT.into(), format!("{most:e}")));
+        let notes = [(MACHINE.into(), memory)].into_iter().chain(limit).collect();
         let put = || put(&self.case.checkpoint(&self.model, &self.state, notes));
         py.detach(put).map_err(|e| errors::file(py, e))
     }

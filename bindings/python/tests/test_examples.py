@@ -47,6 +47,55 @@ def test_implicit_coupling(place: Path) -> None:
     assert "computations of a window in the mean" in run(place, "implicit_coupling.py")
 
 
+@pytest.mark.parametrize("name", ["coupling.py", "implicit_coupling.py", "squeeze_until_force.py"])
+@pytest.mark.parametrize("missing", ["tines", "tamping"])
+def test_examples_need_tines_that_tamp(case: ballast.Case, place: Path, name: str, missing: str) -> None:
+    values = case.to_dict()
+    del values[missing]
+    ballast.Case.from_dict(values).write(place / "tiny.toml")
+    assert refused(place, name) == ["tiny has no tines that tamp: it needs tines and [tamping]"]
+
+
+def test_a_controller_ends_where_its_machine_cannot_go_on(place: Path) -> None:
+    (place / "stuck.py").write_text(STUCK)
+    said = refused(place, place / "stuck.py", str(EXAMPLES / "squeeze_until_force.py"))
+    assert said == ["0.0010 s  discard  over_speed: a stone is too fast"]
+
+
+#: Runs an example with a machine that cannot go on.
+STUCK = """
+import runpy, sys, types, ballast
+
+class Stuck:
+    def __init__(self, sim):
+        self.sim = sim
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.sim.close()
+
+    def __getattr__(self, name):
+        return getattr(self.sim, name)
+
+    def step_by_machine(self):
+        return types.SimpleNamespace(status="discard", code="over_speed", trouble="a stone is too fast", t1_ns=1000000)
+
+begin = ballast.open
+ballast.open = lambda case: Stuck(begin(case))
+runpy.run_path(sys.argv.pop(1), run_name="__main__")
+"""
+
+
+def refused(place: Path, name: str | Path, *arguments: str) -> list[str]:
+    """What an example says that ends without having begun; one that never ends fails."""
+    program = [sys.executable, EXAMPLES / name, *arguments, "tiny.toml"]
+    done = subprocess.run(program, capture_output=True, text=True, cwd=place, timeout=120)
+    assert done.returncode == 1 and not done.stdout, done.stdout
+    return done.stderr.splitlines()
+
+
 def test_record_and_replay(place: Path) -> None:
     assert "40 windows" in run(place, "record_and_replay.py")
 

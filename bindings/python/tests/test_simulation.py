@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 import warnings
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -836,7 +837,7 @@ def test_parameters_are_set_recorded_and_part_of_a_state(sim: ballast.Simulation
         assert advance(again).code == "penetration"
         again.set_parameters(max_penetration=math.inf)
         assert advance(again).steps > 0
-        for wrong in ({"iterations": 0}, {"tolerance": -1.0}, {"max_penetration": 0.0}, {"tolerance": math.nan}):
+        for wrong in ({"iterations": 0}, {"iterations": -1}, {"iterations": 1 << 40}, {"tolerance": -1.0}, {"max_penetration": 0.0}, {"tolerance": math.nan}):
             with pytest.raises(ballast.Refused) as refused:
                 again.set_parameters(**wrong)  # type: ignore[arg-type]
             assert refused.value.code == "parameter_invalid"
@@ -948,6 +949,44 @@ def test_a_simulation_that_is_let_go_leaves_its_last_window(
         advance(sim)
     del sim
     assert "3 windows" in call(tmp_path, "verify", tmp_path / "run.mcap")
+
+
+def test_a_recording_ends_where_the_program_fails_inside(sim: ballast.Simulation, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    sim.record(path)
+    advance(sim)
+    state = sim.save()
+    sim._fail_next()
+    with pytest.raises(ballast.Lost):
+        advance(sim)
+    sim.restore(state)
+    advance(sim)
+    with pytest.raises(ballast.FileError, match="where the program failed inside"):
+        sim.stop_recording()
+    assert len(list(ballast.read(path))) == 1
+
+
+def test_a_state_brings_the_limit_of_penetration(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    with ballast.open(case, beds=beds, threads=1, progress=False, max_penetration=1e-12) as sim:
+        state = sim.save()
+    state.write(tmp_path / "state.h5")
+    copies = (state, pickle.loads(pickle.dumps(state)), ballast.State.read(tmp_path / "state.h5"))
+    for copy in copies:
+        with ballast.resume(copy, threads=1) as again:
+            assert again.advance_to(5 * again.step_ns).code == "penetration"
+        with ballast.resume(copy, threads=1, max_penetration=math.inf) as again:
+            assert again.advance_to(5 * again.step_ns).code is None
+            again.restore(copy)
+            assert again.advance_to(5 * again.step_ns).code == "penetration"
+
+
+def test_an_outcome_is_a_mapping(sim: ballast.Simulation) -> None:
+    out = advance(sim)
+    assert isinstance(out, Mapping)
+    name = next(iter(out))
+    found = out.get(name)
+    assert found is not None and found.work == out[name].work
+    assert out.get("nobody") is None and out.get("nobody", 3) == 3
 
 
 def test_a_recording_that_cannot_be_written_costs_no_window(

@@ -21,6 +21,7 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from pathlib import Path
+from types import SimpleNamespace
 
 import ballast
 import numpy as np
@@ -82,6 +83,135 @@ def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> No
         with pytest.raises(ballast.Error, match="action: expected 3 numbers from -1 to 1, found"):
             env.step(other)  # type: ignore[arg-type]
     assert np.isfinite(env.step(np.array([0.0, 2.0, 0.0]))[0]).all()
+
+
+def test_cases_without_what_is_observed_are_refused(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from conftest import renamed
+
+    from ballast.gym import TampingEnv
+
+    values = case.to_dict()
+    del values["tines"]
+    without_tines = ballast.Case.from_dict(values)
+    values = renamed(case).to_dict()
+    values["sleeper"][0]["tamped"] = False
+    untamped = ballast.Case.from_dict(values)
+    for other, said in ((without_tines, "a case with tines"), (untamped, "a case with ballast under a tamped sleeper")):
+        with pytest.raises(ballast.Error, match=re.escape(f'Case("tiny"): expected {said}, found none')):
+            TampingEnv(other, beds=beds)
+
+
+class Stuck:
+    """A simulation whose machine cannot go on."""
+
+    def __init__(self, sim: ballast.Simulation) -> None:
+        self.sim, self.left = sim, 3
+
+    def __enter__(self) -> Stuck:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.sim.close()
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.sim, name)
+
+    def step_by_machine(self) -> object:
+        self.left -= 1
+        assert self.left >= 0, "the same step is asked for again and again"
+        return SimpleNamespace(status="discard" if self.left == 0 else "ok", trouble="a stone is too fast")
+
+
+def test_a_lift_that_cannot_be_computed_is_told(
+    case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    begin = ballast.open
+    monkeypatch.setattr(ballast, "open", lambda case, **options: Stuck(begin(case, **options)))
+    with pytest.raises(ballast.Error, match="status='discard'.*: a stone is too fast"):
+        TampingEnv(case, beds=beds)
+
+
+class Measured:
+    """A simulation with zones of its own: one of them can be measured only before its window, another only after."""
+
+    def __init__(self, sim: ballast.Simulation) -> None:
+        self.sim = sim
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.sim, name)
+
+    def zones(self) -> dict[str, object]:
+        return measured({"under a": 0.5, "under b": 0.25, "under c": None, "crib": 0.9})
+
+    def advance_to(self, t1_ns: int, tools: dict[str, ballast.Motion], *, zones: bool) -> object:
+        out = self.sim.advance_to(t1_ns, tools)
+        return MeasuredOutcome(out)
+
+
+class MeasuredOutcome:
+    def __init__(self, out: ballast.Outcome) -> None:
+        self.out, self.status = out, out.status
+        self.zones = measured({"under a": None, "under b": 0.35, "under c": 0.9, "crib": 0.9})
+
+    def __getitem__(self, name: str) -> ballast.BodyOutcome:
+        return self.out[name]
+
+
+def measured(values: dict[str, float | None]) -> dict[str, object]:
+    return {name: SimpleNamespace(compactness=value) for name, value in values.items()}
+
+
+def test_compactness_is_a_mean_over_the_same_zones(
+    case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds)
+    begin = env._start
+    monkeypatch.setattr(env, "_start", lambda bed: Measured(begin(bed)))
+    before, _ = env.reset(seed=1)
+    after, _, _, _, info = env.step(np.array([-1.0, 0.0, -1.0]))
+    assert before[2] == pytest.approx(0.375) and after[2] == pytest.approx(0.425)
+    assert info["gain_percent"] == pytest.approx(5.0)
+    # What was known last goes with the episode.
+    kept = pickle.loads(pickle.dumps(env.save()))
+    assert kept.zones == {"under a": 0.5, "under b": 0.35} and kept.compactness == after[2]
+
+
+def test_no_blade_is_lowered_faster_than_it_may(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from conftest import renamed
+
+    from ballast.gym import TampingEnv
+
+    values = renamed(case).to_dict()
+    # The upper edges of both end at the same depth, so the second one has farther to go.
+    values["tine"][1]["blade_m"][2] += 0.01
+    env = TampingEnv(ballast.Case.from_dict(values), beds=beds, insertion_speed=0.6)
+    env.reset(seed=1)
+    assert env._sim is not None
+    begun = env._sim.save()
+    env.step(np.array([-1.0, 0.0, 1.0]))
+    ended = env._sim.save()
+    ways = [float(begun.target(tine.name)[0][2] - ended.target(tine.name)[0][2]) for tine in env._tines]
+    assert max(ways) == pytest.approx(0.6 * 0.02) and min(ways) < 0.9 * max(ways)
+
+
+def test_what_cannot_be_computed_is_told_in_whole(case: ballast.Case, beds: Path) -> None:
+    pytest.importorskip("gymnasium")
+    from ballast.gym import TampingEnv
+
+    env = TampingEnv(case, beds=beds, interval_s=1e-3, squeeze_speed=1e5)
+    before, _ = env.reset(seed=1)
+    after, reward, terminated, truncated, info = env.step(np.array([1.0, 0.0, 0.0]))
+    assert (reward, terminated, truncated) == (0.0, False, True) and after.tolist() == before.tolist()
+    assert info.pop("trouble").startswith("step at t = ")
+    assert info == {"gain_percent": 0.0, "work_J": 0.0, "code": "over_speed"}
 
 
 def test_seeds_of_beds_are_whole_numbers(case: ballast.Case, beds: Path) -> None:
@@ -162,6 +292,9 @@ def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -
     env.reset(seed=1)
     before, *_ = env.step(np.array([1.0, 0.0, 1.0]))
     kept = env.save()
+    # Two that stand alike are two: they can be looked for, and kept in sets.
+    again = env.restore(kept), env.save()
+    assert again[0].tolist() == before.tolist() and kept == kept and again[1] != kept and len({kept, again[1]}) == 2
     told = rest(env)
     assert env.restore(kept).tolist() == before.tolist() and rest(env) == told
     other = TampingEnv(case, beds=beds)
@@ -362,6 +495,8 @@ def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> Non
     ):
         with pytest.raises(TypeError, match=said):
             study.grid(axes)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="axis 'b': expected one value or more, found none"):
+        study.grid({"a": [1], "b": []})
     with pytest.raises(TypeError, match="point: expected a dictionary .*, found 'seed'"):
         study.apply(case, "seed")  # type: ignore[arg-type]
     for points, said in (
@@ -375,6 +510,8 @@ def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> Non
     for jobs in (0, -1, 1.5, "2"):
         with pytest.raises(ValueError, match=f"jobs: expected a whole number from 1 on, found {jobs!r}"):
             study.run(case, [{}], tmp_path / "study", jobs=jobs)  # type: ignore[arg-type]
+    with ThreadPoolExecutor(1) as pool, pytest.raises(TypeError, match="run: jobs: expected none beside executor"):
+        study.run(case, [{}], tmp_path / "study", jobs=5, executor=pool)
     assert not list(tmp_path.iterdir())
 
 
@@ -578,6 +715,12 @@ def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Ca
     wrong = {"tamping.vibration.frequency_Hz": -1.0}
     with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):
         study.run(case, [{}, wrong], tmp_path / "study", beds=beds, progress=False)
+    for point, said in (
+        ({"seed": "7"}, "seed: expected a whole number, found '7'"),
+        ({"run.step_s": None}, "run.step_s: expected texts, numbers, .* found None"),
+    ):
+        with pytest.raises(TypeError, match=f"{re.escape(f'point {point}: ')}{said}"):
+            study.run(case, [{}, point], tmp_path / "study", beds=beds, progress=False)
     key = _identity.key(case, case.bed_key, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
@@ -833,6 +976,7 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     results = ballast.read(tmp_path / "run/results.vtkhdf")
     assert isinstance(results, ballast.Results)
     assert set(plot.tines(results)) == {t.name for t in sim.tines}
+    assert plot.tines(tmp_path / "run") == plot.tines(results)
     positions, orientations = results.poses(0)
     assert positions.shape == (results.bodies[0] + len(results.bodies[1]), 3)
     assert np.allclose(np.linalg.norm(orientations, axis=1), 1.0)
@@ -1008,6 +1152,35 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
         figure = plot.overview(tmp_path / "short/results.vtkhdf")
     assert not figure.axes[2].lines and figure.axes[2].get_legend() is None
     assert [text.get_text() for text in figure.axes[2].texts] == ["no step in the phase squeeze"]
+
+
+def test_the_folder_of_a_run_stands_for_its_results(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from ballast import plot
+
+    for folder in (tmp_path, str(tmp_path)):
+        with pytest.raises(ballast.FileError, match=re.escape(str(tmp_path / "results.vtkhdf"))):
+            plot.tines(folder)
+
+
+def test_a_picture_that_cannot_be_written_leaves_nothing_open(
+    sim: ballast.Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ballast import view
+
+    closed: list[bool] = []
+
+    class Plotter:
+        def screenshot(self, path: str) -> None:
+            raise FileNotFoundError(path)
+
+        def close(self) -> None:
+            closed.append(True)
+
+    monkeypatch.setattr(view, "scene", lambda sim, **options: Plotter())
+    with pytest.raises(FileNotFoundError):
+        view.picture(sim, "nowhere/bed.png")
+    assert closed == [True]
 
 
 def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ impl RunFiles {
 
     /// What the summary says, where it is that of a run up to its end.
     pub fn whole_summary(&self) -> Option<Value> {
-        self.told_summary().filter(|summary| summary["complete"] != false)
+        self.told_summary().filter(|summary| summary["complete"] == true)
     }
 
     /// What the summary says, where there is one.
@@ -357,7 +357,10 @@ pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
 pub fn read_sample(path: &Path) -> Outcome<Sample> {
     let text = read_text(path, sample::LONGEST)?;
     let read = sample::read(&text, &path.display().to_string());
-    read.map_err(|e| Failure::InvalidCase(e.to_string()))
+    let sample = read.map_err(|e| Failure::InvalidCase(e.to_string()))?;
+    let checked = sample.model.check().and_then(|()| sample.state.check(&sample.model));
+    checked.map_err(|e| Failure::InvalidCase(format!("{}: {e}", path.display())))?;
+    Ok(sample)
 }
 
 fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
@@ -424,6 +427,24 @@ mod tests {
     fn a_checkpoint_without_a_folder_lies_here() {
         assert_eq!(RunFiles::beside(Path::new("checkpoint.h5")).folder, Path::new("."));
         assert_eq!(RunFiles::beside(Path::new("a/b.h5")).folder, Path::new("a"));
+    }
+
+    #[test]
+    fn only_a_run_that_says_so_is_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = RunFiles::in_folder(folder.path().to_owned());
+        for (text, is_whole) in [
+            (r#"{ "complete": true }"#, true),
+            (r#"{ "complete": false }"#, false),
+            ("{}", false),
+            ("[]", false),
+            ("null", false),
+            ("\"complete\"", false),
+            ("", false),
+        ] {
+            std::fs::write(files.summary(), text).unwrap();
+            assert_eq!(files.whole_summary().is_some(), is_whole, "{text}");
+        }
     }
 
     #[test]

@@ -14,6 +14,10 @@ use ballast::track::plan::Plan;
 use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_hdf5::results::{self, Background, Meta, Reader, Table, Writer};
+use std::path::Path;
+
+/// Name and unit.
+type Column = (String, String);
 
 /// Table of the steps, see [`record`].
 pub const STEPS: &str = "steps";
@@ -66,6 +70,7 @@ impl Recorder {
         if let Some(what) = of_another_run(&reader, &steps, case, state)? {
             return Err(Failure::at(&path, what));
         }
+        check_tables(&path, case, model, &steps, &zones)?;
         drop(reader);
         let writer = Writer::append_to(&path, model, state.step)?;
         let mut recorder = Self::open(writer, case, model)?;
@@ -164,6 +169,35 @@ pub fn of_another_run(
     })
 }
 
+/// Refuses tables without the columns that this version writes.
+pub fn check_tables(
+    path: &Path,
+    case: &Case,
+    model: &Model,
+    steps: &Table,
+    zones: &Table,
+) -> Outcome {
+    check_columns(path, STEPS, steps, &record::columns(&record::followed(model)))?;
+    check_columns(path, ZONES, zones, &zone_columns(&track::zones(&case.plan)))
+}
+
+fn check_columns(path: &Path, name: &str, table: &Table, expected: &[Column]) -> Outcome {
+    if table.columns == expected {
+        return Ok(());
+    }
+    let differs = table.columns.iter().zip(expected).position(|(a, b)| a != b);
+    let at = differs.unwrap_or(table.columns.len().min(expected.len()));
+    let told = |columns: &[Column]| {
+        columns.get(at).map_or("none".into(), |(name, unit)| format!("`{name}` in `{unit}`"))
+    };
+    Err(Failure::Incompatible(format!(
+        "{}: {name}, column {at}: expected {}, found {}; another version wrote it",
+        path.display(),
+        told(expected),
+        told(&table.columns)
+    )))
+}
+
 /// Compactness of each zone; not a number of one that bodies fill, as a blade may the space that it stands in.
 pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Vec<f64> {
     let measured = |zone| observe::compactness(model, state, zone);
@@ -207,4 +241,29 @@ fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -
 fn zone_columns(zones: &[Zone]) -> Vec<(String, String)> {
     let zones = zones.iter().map(|zone| (zone.name.clone(), "1".to_string()));
     std::iter::once(("time".to_string(), "s".to_string())).chain(zones).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_of_another_version_are_told_by_their_first_column_that_differs() {
+        let columns = |names: &[&str]| -> Vec<Column> {
+            names.iter().map(|name| (name.to_string(), "s".to_string())).collect()
+        };
+        let (steps, rows) = (vec![], vec![]);
+        let table = Table { columns: columns(&["time", "phase"]), steps, rows };
+        let check = |names| check_columns(Path::new("r"), STEPS, &table, &columns(names));
+        assert!(check(&["time", "phase"]).is_ok());
+        for (names, said) in [
+            (&["time", "kinetic"][..], "column 1: expected `kinetic` in `s`, found `phase` in `s`"),
+            (&["time", "phase", "more"], "column 2: expected `more` in `s`, found none"),
+            (&["time"], "column 1: expected none, found `phase` in `s`"),
+        ] {
+            let failure = check(names).unwrap_err();
+            assert!(matches!(failure, Failure::Incompatible(_)));
+            assert!(failure.to_string().contains(said), "{failure}");
+        }
+    }
 }

@@ -18,9 +18,9 @@ use crate::progress::{Mark, Progress};
 use crate::recorder::Recorder;
 use crate::summary_text;
 use crate::table::on_threads;
-use crate::taping::Taping;
+use crate::taping::{self, Taping};
 use ballast::component;
-use ballast::model::{Model, Schedule};
+use ballast::model::Model;
 use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingCycle;
@@ -61,8 +61,8 @@ impl Session {
         console: Console,
     ) -> Outcome<Self> {
         let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
-        if taping.is_some() && engine.model().solver.schedule == Schedule::Asynchronous {
-            console.warning("--record: steps are solved asynchronously: `ballast verify` cannot repeat the recording");
+        if taping.is_some() {
+            taping::warn_unless_repeatable(&case, console);
         }
         files.remove_all()?;
         let mut recorder = Recorder::create(&files, &case, engine.model(), engine.state())?;

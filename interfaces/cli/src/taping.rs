@@ -1,12 +1,13 @@
 //! The recording of a session, in an MCAP file.
 
 use crate::case::{self, Case};
+use crate::console::Console;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
 use ballast::component::{self, Input};
 use ballast::drive::SpeedLimit;
 use ballast::math::Pose;
-use ballast::model::{DrivenBody, Role};
+use ballast::model::{DrivenBody, Role, Schedule};
 use ballast::observe::{SqueezeMeter, Zone};
 use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint;
@@ -15,6 +16,13 @@ use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, T
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Says so where what is recorded cannot be computed again to the same bytes.
+pub fn warn_unless_repeatable(case: &Case, console: Console) {
+    if case.plan.run.solver.schedule == Schedule::Asynchronous {
+        console.warning("--record: steps are solved asynchronously: `ballast verify` cannot repeat the recording");
+    }
+}
 
 /// An open recording.
 pub struct Taping {

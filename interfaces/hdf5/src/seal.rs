@@ -101,11 +101,13 @@ pub(crate) fn put_at_end(path: &Path, format: &Format) -> Result<()> {
     file.sync_all().map_err(io(path, "bring to the disk"))
 }
 
-/// Checks the seal at the end of `path`, if it has one: a file that is being written, or whose writer was killed, has none.
-pub(crate) fn check_at_end(path: &Path, format: &Format) -> Result<()> {
-    let Some((mut file, size, found)) = end_of(path, format)? else { return Ok(()) };
+/// Checks the seal at the end of `path`, and whether it has one: a file that is being written, or whose writer was killed,
+/// has none.
+pub(crate) fn check_at_end(path: &Path, format: &Format) -> Result<bool> {
+    let Some((mut file, size, found)) = end_of(path, format)? else { return Ok(false) };
     file.rewind().map_err(io(path, "read"))?;
-    compare(&found, &block_of(file.take(size), size, format, path)?, path)
+    compare(&found, &block_of(file.take(size), size, format, path)?, path)?;
+    Ok(true)
 }
 
 /// Takes the seal off the end of `path`, if it has one, for a file that is to grow.

@@ -83,7 +83,7 @@ impl Windows {
         told::end_ns(self.path())
     }
 
-    /// Why reading ended early, if it did. Messages of a window that was not closed count as lost.
+    /// Why reading ended early, if it did. Messages of a window that was not closed are lost then.
     pub fn lost(&self) -> Option<&Lost> {
         self.messages.lost()
     }
@@ -91,7 +91,7 @@ impl Windows {
     /// The next window; `None` after the last whole one.
     ///
     /// # Errors
-    /// The system refuses; a record that cannot be read, or out of order.
+    /// The system refuses; a record that cannot be read, or out of order; a whole file whose last messages no window has.
     #[allow(clippy::should_implement_trait)]
     pub fn next(&mut self) -> Result<Option<Window>> {
         while let Some(message) = self.messages.next()? {
@@ -131,6 +131,13 @@ impl Windows {
             let parameters = self.parameters.take();
             return Ok(Some(Window { parameters, record, messages, before }));
         }
-        Ok(None)
+        match self.open.first() {
+            Some(message) if self.lost().is_none() => {
+                let place = format!("{} at {} ns", message.channel.topic, message.log_time);
+                let expected = format!("a window of it, closed by {STEP}");
+                Err(Error::damaged(self.path(), place, expected, "the end of the file"))
+            }
+            _ => Ok(None),
+        }
     }
 }

@@ -436,6 +436,21 @@ fn a_window_takes_no_more_than_a_chunk_and_pictures_take_nothing() {
     }
 }
 
+#[test]
+fn messages_that_no_window_has_are_told() {
+    let (_folder, path) = place("a.mcap");
+    write(&path, Some(&meta()));
+    let error = Windows::open(&path).unwrap().next().unwrap_err();
+    assert!(matches!(error, Error::Damaged { .. }), "{error}");
+    let said = error.to_string();
+    assert!(said.contains("/body_0/pose at 0 ns: expected a window of it"), "{said}");
+    // Of a file that is cut they are what was lost.
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
+    let mut windows = Windows::open(&path).unwrap();
+    assert!(windows.next().unwrap().is_none() && windows.lost().is_some());
+}
+
 /// Channels whose names are long, and stay.
 #[test]
 fn names_take_no_more_than_a_chunk() {

@@ -35,6 +35,11 @@ impl<'a, 't> Report<'a, 't> {
         }
     }
 
+    /// Whether further errors would not be told.
+    pub fn is_full(&self) -> bool {
+        self.errors.len() >= MOST
+    }
+
     /// Adds a warning about the key at `path`.
     pub fn warn(&mut self, path: &str, finding: Finding) {
         if self.warnings.len() < MOST {

@@ -28,6 +28,10 @@ impl<'s> Walker<'_, '_, '_, 's> {
         let Some(properties) = schema["properties"].as_object() else { return };
         let mut misspelt = Vec::new();
         for (name, value) in table {
+            // To look for what may be meant takes its time.
+            if self.report.is_full() {
+                return;
+            }
             let key = name.get_ref().as_ref();
             match properties.get(key) {
                 Some(inner) => self.value(inner, value, name.span(), &join(path, key)),

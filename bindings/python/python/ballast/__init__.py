@@ -47,6 +47,8 @@ from ._ballast import (
 )
 from ._progress import Progress
 
+Mapping.register(Outcome)
+
 __all__ = [
     "BodyOutcome",
     "Case",
@@ -162,7 +164,9 @@ def resume(
     keep_early: bool = False,
 ) -> Simulation:
     """A simulation that goes on from a saved state, or from a file: of `State.write`, or a checkpoint of
-    `ballast run`, of which the folder may be given. It goes on to the same bytes as one that was never interrupted."""
+    `ballast run`, of which the folder may be given. It goes on to the same bytes as one that was never interrupted.
+
+    Without `max_penetration` the limit is that of the simulation that saved the state; `math.inf`: any depth."""
     saved = state if isinstance(state, State) else State.read(_in_run(state, "checkpoint.h5"))
     return _ballast.resume(saved, threads, max_penetration, keep_early)
 

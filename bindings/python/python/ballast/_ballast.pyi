@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, ItemsView, Iterator, KeysView, Mapping, Sequence, ValuesView
-from typing import Any, SupportsIndex, final
+from typing import Any, SupportsIndex, TypeVar, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
 _Times = Sequence[SupportsIndex] | NDArray[np.integer[Any]]
+_Else = TypeVar("_Else")
 
 __all__ = [
     "BodyOutcome",
@@ -233,7 +234,8 @@ class Simulation:
 
         Args:
             t1_ns: end of the window, ns since the start of the run.
-            tools: motions of driven bodies by name; the others stay where they are.
+            tools: motions of driven bodies by name; the others stay where they are. One that a cubic motion has left
+                moving needs another one: that goes on so, or has `rebase`.
             loads: loads on mounted bodies by name; the others have none.
             series: keep the impulses of every step, see `Outcome.series`.
             zones: measure the case's zones at the end, see `Outcome.zones`; it takes longer than a coupling's
@@ -512,6 +514,12 @@ class Outcome:
     def __len__(self) -> int: ...
     def __getitem__(self, name: str, /) -> BodyOutcome: ...
     def __contains__(self, name: object, /) -> bool: ...
+    @overload
+    def get(self, name: str, default: None = None) -> BodyOutcome | None: ...
+    @overload
+    def get(self, name: str, default: _Else) -> BodyOutcome | _Else:
+        """What the ballast did to a body, or `default` where there is none of this name."""
+
     def keys(self) -> KeysView[str]:
         """Names of the bodies, as those of `bodies`."""
 
@@ -839,6 +847,11 @@ class Results:
     @property
     def roles(self) -> list[str]:
         """What each of the driven bodies is: "boundary", "sleeper" or "tine"."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the run has closed its results, at its end or where it was told to stop; not while it is going on, nor
+        where it was killed."""
 
     @property
     def steps(self) -> NDArray[np.uint64]:

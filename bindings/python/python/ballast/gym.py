@@ -32,9 +32,10 @@ FREQUENCIES = (20.0, 50.0)
 BEGUN = 8
 
 
-@dataclass(frozen=True)
+# As of themselves: arrays are compared number by number, and have no hash.
+@dataclass(frozen=True, eq=False)
 class Episode:
-    """An episode as it stands: of `TampingEnv.save`. It can be pickled."""
+    """An episode as it stands: of `TampingEnv.save`. It can be pickled. Only itself is equal to it."""
 
     state: ballast.State
     homes: dict[str, Array]
@@ -45,6 +46,7 @@ class Episode:
     work: float
     first: float
     compactness: float
+    zones: dict[str, float]
     forces: Array
     is_over: bool
 
@@ -73,8 +75,9 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     tines in J. `info` has both, and `compaction_per_kJ` since the start of the episode.
 
     An episode ends when the tines are closed for good, is truncated when the time of the case is over, and is
-    truncated with `info["trouble"]` where the motion that was asked for cannot be computed. A step after its
-    end is refused until `reset`, and so is an action that is no three numbers; numbers beyond -1 and 1 count as these.
+    truncated with `info["trouble"]` and its `info["code"]` where the motion that was asked for cannot be computed:
+    nothing has moved then, and gain and work are 0. A step after its end is refused until `reset`, and so is an action
+    that is no three numbers; numbers beyond -1 and 1 count as these.
     A step that ends with an exception, such as that of Ctrl-C, has not been: it can be made again.
     `save` keeps an episode as it stands, and `restore` goes on from there, in another environment of the case too.
     """
@@ -96,7 +99,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     ) -> None:
         """
         Args:
-            case: a case with tines.
+            case: a case with tines and with ballast under a tamped sleeper.
             interval_s: refused where it is no whole number of steps of the case.
             seeds: of the beds that `reset` chooses from; by default that of the case alone. Preparing a
                 bed takes a while the first time.
@@ -125,9 +128,8 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         self._begun: dict[int, ballast.State] = {}
         self._sim: ballast.Simulation | None = None
         self._is_over = False
-        tines = len(self._start(self._seeds[0]).tines)
-        if tines == 0:
-            raise ballast.Error(f"{self._case!r}: expected a case with tines, found none")
+        with self._start(self._seeds[0]) as sim:
+            tines = len(sim.tines)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (7 + 3 * tines,), np.float64)
 
@@ -143,7 +145,8 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         begun = self._sim.save()
         self._homes = {tine.name: begun.target(tine.name)[0] for tine in self._tines}
         self._depth = self._closing = self._angle = self._omega = self._work = 0.0
-        self._compactness = self._first = self._under(self._sim.zones())
+        self._zones = _under(self._sim.zones())
+        self._compactness = self._first = _mean(self._zones)
         self._forces = np.zeros((len(self._tines), 3))
         return self._observe(), {"seed_of_bed": bed}
 
@@ -169,10 +172,15 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             sim.restore(begun)
             raise
         if out.status not in ("ok", "warn"):
+            # What a window has come to before it was stopped is not kept: the tines would stand amid their ways.
+            sim.restore(begun)
             self._is_over = True
-            return self._observe(), 0.0, False, True, {"trouble": out.trouble}
+            return self._observe(), 0.0, False, True, self._info(0.0, 0.0, trouble=out.trouble, code=out.code)
         self._depth, self._closing, self._angle, self._omega = after
-        self._compactness = self._under(out.zones)
+        # A zone that cannot be measured now keeps its value, or the mean would jump without any stone's moving.
+        now = _under(out.zones)
+        self._zones = {name: now.get(name, last) for name, last in self._zones.items()}
+        self._compactness = _mean(self._zones)
         self._forces = np.array([out[t.name].moving_force for t in self._tines])
         work = sum(out[t.name].work for t in self._tines)
         self._work += work
@@ -181,10 +189,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         closed = self._closing >= 1.0
         late = self._left(sim.now_ns) == 0
         self._is_over = closed or late
-        info = {"gain_percent": gain, "work_J": work}
-        if self._work > 0.0:
-            info["compaction_per_kJ"] = (self._compactness - self._first) / (self._work * 1e-3)
-        return self._observe(), float(reward), closed, late and not closed, info
+        return self._observe(), float(reward), closed, late and not closed, self._info(gain, work)
 
     def save(self) -> Episode:
         """The episode as it stands, to be taken up again by `restore`."""
@@ -215,8 +220,16 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             with ballast.open(
                 self._case, seed=bed, threads=self._threads, beds=self._beds, progress=False
             ) as sim:
+                if not sim.tines:
+                    raise ballast.Error(f"{self._case!r}: expected a case with tines, found none")
                 while sim.phase in ("waiting", "lift"):
-                    sim.step_by_machine()
+                    out = sim.step_by_machine()
+                    if out.status not in ("ok", "warn"):
+                        # The same step again would end in the same way.
+                        raise ballast.Error(f"{out!r}: {out.trouble}")
+                if not _under(sim.zones()):
+                    found = "expected a case with ballast under a tamped sleeper, found none"
+                    raise ballast.Error(f"{self._case!r}: {found}")
                 # The tines hang still; the sleeper has come to rest at the top.
                 begun = sim.save()
         # The last one that was asked for is the last one.
@@ -238,11 +251,11 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         share = 0.5 * (action + 1.0)
         frequency = FREQUENCIES[0] + float(share[1]) * (FREQUENCIES[1] - FREQUENCIES[0])
         seconds = n * self._sim.step_ns * 1e-9
-        lowest = self._tines[0]
-        way = float(lowest.start[2] - lowest.deep)
+        # Blades of other heights have other ways; none goes faster than it may.
+        way = max(float(self._homes[tine.name][2] - tine.deep) for tine in self._tines)
         most = lowering * seconds / way if way > 0.0 else 1.0
         depth = self._depth + float(np.clip(share[2] - self._depth, -most, most))
-        closing = min(1.0, self._closing + float(share[0]) * speed * seconds / max(lowest.stroke, 1e-9))
+        closing = min(1.0, self._closing + float(share[0]) * speed * seconds / max(self._tines[0].stroke, 1e-9))
         s = np.linspace(0.0, 1.0, n + 1)
         # From rest to rest, but for the vibration; its frequency glides, so that no speed jumps where two
         # intervals join, and its amplitude grows within the first one.
@@ -269,11 +282,11 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             tools[tine.name] = ballast.Motion(times, x, velocities=v)
         return tools, (depth, closing, float(angle[-1]) % math.tau, to)
 
-    def _under(self, zones: dict[str, ballast.ZoneOutcome]) -> float:
-        """Mean compactness of the zones under tamped sleepers."""
-        values = [z.compactness for name, z in zones.items() if name.startswith("under ")]
-        known = [value for value in values if value is not None]
-        return sum(known) / len(known) if known else 0.0
+    def _info(self, gain: float, work: float, **trouble: str | None) -> dict[str, Any]:
+        info: dict[str, Any] = {"gain_percent": gain, "work_J": work}
+        if self._work > 0.0:
+            info["compaction_per_kJ"] = (self._compactness - self._first) / (self._work * 1e-3)
+        return info | trouble
 
     def _observe(self) -> Array:
         assert self._sim is not None
@@ -281,6 +294,16 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         head = [self._depth, self._closing, self._compactness, time]
         shaking = [math.sin(self._angle), math.cos(self._angle), self._omega / (math.tau * FREQUENCIES[1])]
         return np.concatenate([head, (self._forces / FORCE).ravel(), shaking])
+
+
+def _under(zones: dict[str, ballast.ZoneOutcome]) -> dict[str, float]:
+    """Compactness of the zones under tamped sleepers, of those that can be measured."""
+    under = {name: zone.compactness for name, zone in zones.items() if name.startswith("under ")}
+    return {name: value for name, value in under.items() if value is not None}
+
+
+def _mean(values: dict[str, float]) -> float:
+    return sum(values.values()) / len(values)
 
 
 def _steps(interval_s: float, step_ns: int) -> int:

@@ -1,5 +1,5 @@
-"""Plots of what runs have left (matplotlib). Every function draws into `ax`, or a new figure, and returns
-the axes."""
+"""Plots of what runs have left (matplotlib): of results, their path, or the folder of a run. Every function draws into
+`ax`, or a new figure, and returns the axes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SQUEEZE = 3
 
 
 def _results(run: Run) -> ballast.Results:
-    return run if isinstance(run, ballast.Results) else ballast.Results(run)
+    return run if isinstance(run, ballast.Results) else ballast.Results(ballast._in_run(run, "results.vtkhdf"))
 
 
 def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:

@@ -49,6 +49,9 @@ def grid(axes: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
     if not isinstance(axes, Mapping):
         raise TypeError(f"axes: expected a dictionary from paths of keys to lists of values, found {axes!r}")
     lists = [_listed(f"axis {name!r}", "a list of values", values) for name, values in axes.items()]
+    for name, values in zip(axes, lists, strict=True):
+        if not values:
+            raise ValueError(f"axis {name!r}: expected one value or more, found none")
     return [dict(zip(axes, values, strict=True)) for values in itertools.product(*lists)]
 
 
@@ -140,7 +143,7 @@ def _with_one_seed(point: Point) -> Point:
 def _applied(case: ballast.Case, point: Point) -> ballast.Case:
     try:
         return apply(case, point)
-    except ballast.Error as error:
+    except (ballast.Error, TypeError, ValueError) as error:
         error.args = (f"point {dict(point)}: {error}", *error.args[1:])
         raise
 
@@ -224,13 +227,15 @@ def run(
             taken from around it, all points are run again; what it calls, and what its module holds, is not looked at.
             Code is what it was compiled to, not what its file says by now: another Python runs its points again. Where the
             measure that a process has read is another one than here, its points fail.
-        jobs: processes; by default one per processor.
+        jobs: processes; by default one per processor. Refused beside `executor`.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
         beds: folder of prepared beds.
         progress: a line per point on stderr.
     """
     if jobs is not None and not (isinstance(jobs, numbers.Integral) and jobs > 0):
         raise ValueError(f"jobs: expected a whole number from 1 on, found {jobs!r}")
+    if jobs is not None and executor is not None:
+        raise TypeError("run: jobs: expected none beside executor, which has its own")
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
     points = _points(points)
     cases = [_applied(base, point) for point in points]

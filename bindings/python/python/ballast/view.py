@@ -128,8 +128,10 @@ def picture(
 ) -> None:
     """Writes a picture of the scene; needs no screen."""
     plotter = scene(sim, forces=forces, off_screen=True)
-    plotter.screenshot(os.fspath(path))
-    plotter.close()
+    try:
+        plotter.screenshot(os.fspath(path))
+    finally:
+        plotter.close()
 
 
 def rotation(q: Any) -> Any:

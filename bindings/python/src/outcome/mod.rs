@@ -173,6 +173,15 @@ impl Outcome {
         })
     }
 
+    /// What the ballast did to a body, or `default` where there is none of this name.
+    #[pyo3(signature = (name, default=None))]
+    fn get(&self, py: Python<'_>, name: &str, default: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
+        match self.body(name) {
+            Some(d) => Ok(Py::new(py, Body(self.inner.bodies[d]))?.into_any()),
+            None => Ok(default.unwrap_or_else(|| py.None())),
+        }
+    }
+
     fn __contains__(&self, name: &Bound<'_, PyAny>) -> bool {
         name.extract().is_ok_and(|name: &str| self.body(name).is_some())
     }

@@ -27,6 +27,8 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let dump = dump.transpose()?;
     let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
+    // Rather than when the first checkpoint is written.
+    model.check().map_err(|e| case::invalid(&case, e))?;
     let engine = Engine::machine(model, state, cycle);
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.dumping(dump).run(args.until.steps, args.until.expect)

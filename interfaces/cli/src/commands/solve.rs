@@ -41,7 +41,8 @@ pub fn solve(args: Solve, console: Console) -> Outcome {
     let mut rows = Vec::new();
     let mut unread = 0;
     for file in &files {
-        match solve_file(file, tolerances, &args, console) {
+        let problem = name_among(file, &files);
+        match solve_file(file, &problem, tolerances, &args, console) {
             Ok(of_file) => rows.extend(of_file),
             Err(failure) if folder => {
                 unread += 1;
@@ -89,15 +90,22 @@ fn problems_in(folder: &Path) -> Outcome<Vec<PathBuf>> {
     Ok(files)
 }
 
+/// What tables call a problem: its file without the extension, unless another one is called so.
+fn name_among(file: &Path, files: &[PathBuf]) -> String {
+    let is_alone = files.iter().filter(|other| other.file_stem() == file.file_stem()).count() == 1;
+    let name = if is_alone { file.file_stem() } else { file.file_name() };
+    name.unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Solves one problem to each tolerance with each method.
 fn solve_file(
     file: &Path,
+    name: &str,
     tolerances: &[f64],
     args: &Solve,
     console: Console,
 ) -> Outcome<Vec<Row>> {
     let problem = fclib::read(file)?;
-    let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut rows = Vec::new();
     for &tolerance in tolerances {
         for &method in &args.method {
@@ -109,7 +117,7 @@ fn solve_file(
             if let Some(out) = &args.write_solution {
                 fclib::write_solution(file, out, &problem, &solution.impulse)?;
             }
-            let (problem, contacts) = (name.clone(), problem.local.contact_count());
+            let (problem, contacts) = (name.to_string(), problem.local.contact_count());
             let row =
                 Row { problem, contacts, method: method.name(), tolerance, solution, seconds };
             console.event("solution", row.json());
@@ -137,4 +145,15 @@ fn finish(args: &Solve, rows: &[Row], console: Console) -> Outcome {
     let solved = rows.iter().filter(|row| row.solution.converged).count();
     console.event("done", json!({ "solutions": rows.len(), "converged": solved }));
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn problems_of_one_stem_are_called_by_their_files() {
+        let files = ["d/a.h5", "d/a.hdf5", "d/b.h5"].map(PathBuf::from);
+        assert_eq!(files.each_ref().map(|f| name_among(f, &files)), ["a.h5", "a.hdf5", "b"]);
+    }
 }

@@ -134,7 +134,8 @@ pub fn csv(rows: &[Row]) -> String {
 pub struct Profile {
     pub tolerance: f64,
     pub method: String,
-    /// Factor over the CPU time of the fastest method, and the share of problems solved within it, rising.
+    /// Factor over the CPU time of the fastest method, and the share of problems solved within it, rising; none of a
+    /// method that solves nothing.
     pub points: Vec<[f64; 2]>,
 }
 
@@ -162,7 +163,8 @@ pub fn performance_profile(rows: &[Row]) -> Vec<Profile> {
 pub fn profile_csv(profiles: &[Profile]) -> String {
     let mut text = String::from("tolerance,method,factor,share\n");
     for Profile { tolerance, method, points } in profiles {
-        for [factor, share] in points {
+        let of_nothing = points.is_empty().then_some([1.0, 0.0]);
+        for [factor, share] in points.iter().copied().chain(of_nothing) {
             let _ = writeln!(text, "{tolerance:e},{method},{factor:.4},{share:.4}");
         }
     }
@@ -224,6 +226,13 @@ mod tests {
         let solution = Solution { impulse: vec![], errors, converged, sweeps: 12, newton_steps: 3 };
         let (problem, method) = (problem.to_string(), method.to_string());
         Row { problem, contacts: 7, method, tolerance: 1e-6, solution, seconds }
+    }
+
+    #[test]
+    fn a_method_that_solves_nothing_stands_in_the_profile() {
+        let rows = [row("a", "nlgs", 3.0, false), row("a", "auto", 1.0, true)];
+        let csv = profile_csv(&performance_profile(&rows));
+        assert_eq!(csv.lines().nth(1), Some("1e-6,nlgs,1.0000,0.0000"), "{csv}");
     }
 
     #[test]

@@ -138,8 +138,8 @@ impl Place {
     ) -> Outcome<Vec<usize>> {
         let program = std::env::current_exe()
             .map_err(|e| Failure::Failed(format!("cannot find this program: {e}")))?;
-        let open = |n: &usize| RunFiles::in_folder(self.of(*n)).whole_summary().is_none();
-        let open: Vec<usize> = numbers.iter().copied().filter(open).collect();
+        let is_open = |n: &usize| RunFiles::in_folder(self.of(*n)).whole_summary().is_none();
+        let open: Vec<usize> = numbers.iter().copied().filter(is_open).collect();
         let done = numbers.len() - open.len();
         if done > 0 {
             console.note(&format!("{done} of {} done before", numbers.len()));
@@ -156,11 +156,15 @@ impl Place {
         let prepare = |number: usize| {
             let mut command = Command::new(&program);
             command.arg("prepare").arg(self.case(number));
-            command
+            Some(command)
         };
         let bad_beds = self.side_by_side(first_of_bed, args, console, &prepare, &|_, _| {});
         let run = |number: usize| {
             let files = RunFiles::in_folder(self.of(number));
+            // Another call on the same folder may have come to it first.
+            if files.whole_summary().is_some() {
+                return None;
+            }
             let mut command = Command::new(&program);
             if files.is_resumable() {
                 command.arg("resume").arg(files.checkpoint());
@@ -173,7 +177,7 @@ impl Place {
                     .arg(&files.folder)
                     .arg("--force");
             }
-            command
+            Some(command)
         };
         let left = Mutex::new(open.len());
         let tell = |number: usize, is_done: bool| {
@@ -187,17 +191,19 @@ impl Place {
         if !bad_beds.is_empty() {
             console.warning(&format!("beds that could not be prepared: {}", bad_beds.len()));
         }
-        Ok(self.side_by_side(open, args, console, &run, &tell))
+        let mut failed = self.side_by_side(open, args, console, &run, &tell);
+        failed.retain(is_open);
+        Ok(failed)
     }
 
-    /// Calls the program for each number, `jobs` at a time, until all are done or Ctrl-C; gives those that
-    /// failed. What a call says goes to the file `log` of its point.
+    /// Calls the program for each number that it has a command for, `jobs` at a time, until all are done or Ctrl-C;
+    /// gives those that failed. What a call says goes to the file `log` of its point.
     fn side_by_side(
         &self,
         numbers: Vec<usize>,
         args: &args::Sweep,
         console: Console,
-        command: &(dyn Fn(usize) -> Command + Sync),
+        command: &(dyn Fn(usize) -> Option<Command> + Sync),
         tell: &(dyn Fn(usize, bool) + Sync),
     ) -> Vec<usize> {
         let jobs = args.jobs.get().min(numbers.len());
@@ -207,7 +213,10 @@ impl Place {
             while !interrupt::requested() {
                 let next = enter(&waiting).pop_front();
                 let Some(number) = next else { break };
-                let mut command = command(number);
+                let Some(mut command) = command(number) else {
+                    tell(number, true);
+                    continue;
+                };
                 let threads = args.threads_each.to_string();
                 if command.get_args().next() != Some("resume".as_ref()) {
                     command.arg("--beds").arg(&args.beds.beds);

@@ -9,6 +9,7 @@ use crate::console::{self, Console};
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
 use crate::interrupt;
+use crate::taping;
 use ballast_protocol::lockstep::Lockstep;
 use ballast_zenoh::{Host, Keys, Link, Server};
 use serde_json::json;
@@ -58,6 +59,9 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     // Again before anything is replaced: the bed may have taken its time.
     server.be_the_only_one()?;
     let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
+    if recording.is_some() {
+        taping::warn_unless_repeatable(&case, console);
+    }
     let mut keeper = Keeper::new(&args, case, checkpoint, recording, console);
     // A component that dies before its first checkpoint comes back as the same run.
     if !resumes && keeper.keep(&lockstep) {

@@ -4,7 +4,7 @@ use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
-use crate::record::{self, Column, Row};
+use crate::record::{Column, Row};
 use crate::recorder::{self, STEPS, TOGETHER, ZONES};
 use crate::summary::{Setting, Summary};
 use ballast::math::Pose;
@@ -80,15 +80,7 @@ impl Source {
             return Err(Failure::at(&results, format!("{what}; {TOGETHER}")));
         }
         let mut summary = Summary::new(Setting::of(&case, &kept.model));
-        check_columns(&results, &steps, &summary)?;
-        if zones.columns.len() != summary.setting().zones.len() + 1 {
-            let found = format!("{} columns", zones.columns.len());
-            let expected = summary.setting().zones.len() + 1;
-            return Err(Failure::at(
-                &results,
-                format!("zones: expected {expected}, found {found}"),
-            ));
-        }
+        recorder::check_tables(&results, &case, &kept.model, &steps, &zones)?;
         let (model, state) = (&kept.model, &kept.state);
         let done = summary.take_tables(&steps, &zones, state.step) as usize;
         let beyond = steps.steps.len().saturating_sub(done);
@@ -136,25 +128,6 @@ impl Source {
         let where_in = if is_over && is_near { "End of" } else { "In" };
         Some((format!("{where_in} the {}, {:.3} s", phase.name(), frame.time), frame))
     }
-}
-
-/// Whether the table has the columns that this version writes.
-fn check_columns(path: &Path, steps: &Table, summary: &Summary) -> Outcome {
-    let expected = record::columns(&summary.setting().followed);
-    if steps.columns == expected {
-        return Ok(());
-    }
-    let differs = steps.columns.iter().zip(&expected).position(|(a, b)| a != b);
-    let at = differs.unwrap_or(steps.columns.len().min(expected.len()));
-    let column = |columns: &[(String, String)]| {
-        columns.get(at).map_or("none".into(), |(name, unit)| format!("`{name}` in `{unit}`"))
-    };
-    Err(Failure::Incompatible(format!(
-        "{}: {STEPS}, column {at}: expected {}, found {}; another version wrote it",
-        path.display(),
-        column(&expected),
-        column(&steps.columns)
-    )))
 }
 
 /// The files of the run in a folder, or of the one that a file belongs to.

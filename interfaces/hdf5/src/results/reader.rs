@@ -21,6 +21,7 @@ pub struct Reader {
     file: File,
     size: u64,
     version: u32,
+    is_closed: bool,
     steps: Vec<u64>,
 }
 
@@ -70,12 +71,13 @@ impl Reader {
             let found = line.lines().next().unwrap_or_default();
             return Err(Fault::new("format", FORMAT, found).in_file(path));
         }
-        seal::check_at_end(path, &SEAL)?;
+        let is_closed = seal::check_at_end(path, &SEAL)?;
         let file = image::open(path).map_err(hdf5_error(path, "file"))?;
-        let mut reader = Self { path: path.into(), file, size, version: VERSION, steps: vec![] };
+        let (path, version, steps) = (path.into(), VERSION, vec![]);
+        let mut reader = Self { path, file, size, version, is_closed, steps };
         reader.check_format()?;
         let steps = reader.dataset("frames/step")?;
-        reader.steps = reader.rows(&steps, 0..steps.shape()[0])?;
+        reader.steps = reader.rows(&steps, 0..rows_of(&steps), 1)?;
         Ok(reader)
     }
 
@@ -104,6 +106,11 @@ impl Reader {
         self.version
     }
 
+    /// Whether its writer has closed it. One that is going on, or was killed, has not.
+    pub fn is_closed(&self) -> bool {
+        self.is_closed
+    }
+
     /// Steps of the frames.
     pub fn steps(&self) -> &[u64] {
         &self.steps
@@ -113,7 +120,7 @@ impl Reader {
     pub fn about(&self, name: &str) -> Result<String> {
         if name == "case_text" && self.version > HEAPED {
             let text = self.dataset("about/case_text")?;
-            let bytes: Vec<u8> = self.rows(&text, 0..text.size())?;
+            let bytes: Vec<u8> = self.rows(&text, 0..text.size(), 1)?;
             return Ok(String::from_utf8_lossy(&bytes).into_owned());
         }
         let texts = growing::read_texts(&self.group("about")?, name, self.version);
@@ -152,14 +159,17 @@ impl Reader {
     pub fn times(&self) -> Result<Vec<f64>> {
         let Some(block) = self.blocks()?.into_iter().next() else { return Ok(vec![]) };
         let values = self.dataset(&format!("VTKHDF/{block}/Steps/Values"))?;
-        self.rows(&values, 0..self.steps.len())
+        self.rows(&values, 0..self.steps.len(), 1)
     }
 
     /// Poses of all bodies in a frame.
     pub fn poses(&self, frame: usize) -> Result<Vec<Pose>> {
-        let position: Vec<f64> = self.rows(&self.dataset("frames/position")?, frame..frame + 1)?;
-        let orientation: Vec<f64> =
-            self.rows(&self.dataset("frames/orientation")?, frame..frame + 1)?;
+        let (grains, driven) = self.bodies()?;
+        let bodies = usize::try_from(grains).unwrap_or(usize::MAX).saturating_add(driven.len());
+        let row = |name: &str, width: usize| -> Result<Vec<f64>> {
+            self.rows(&self.dataset(name)?, frame..frame + 1, bodies.saturating_mul(width))
+        };
+        let (position, orientation) = (row("frames/position", 3)?, row("frames/orientation", 4)?);
         let both = position.chunks_exact(3).zip(orientation.chunks_exact(4));
         Ok(both.map(|(p, q)| pose(p, q)).collect())
     }
@@ -169,7 +179,7 @@ impl Reader {
         let at = format!("VTKHDF/{block}");
         let number = |name: &str, row: usize| -> Result<usize> {
             let dataset = self.dataset(&format!("{at}/{name}"))?;
-            let value: Vec<i64> = self.rows(&dataset, row..row + 1)?;
+            let value: Vec<i64> = self.rows(&dataset, row..row + 1, 1)?;
             usize::try_from(value[0])
                 .map_err(|_| Fault::new(name, "0 or above", value[0]).in_file(&self.path))
         };
@@ -178,14 +188,14 @@ impl Reader {
         let points = number("NumberOfPoints", part)?;
         let polygons = number("Polygons/NumberOfCells", part)?;
         let corners = number("Polygons/NumberOfConnectivityIds", part)?;
-        let flat: Vec<f32> = self
-            .rows(&self.dataset(&format!("{at}/Points"))?, first..first.saturating_add(points))?;
+        let of_frame = first..first.saturating_add(points);
+        let flat: Vec<f32> = self.rows(&self.dataset(&format!("{at}/Points"))?, of_frame, 3)?;
         let ends = self.dataset(&format!("{at}/Polygons/Offsets"))?;
         let ids = self.dataset(&format!("{at}/Polygons/Connectivity"))?;
         let mut frame_of = BlockFrame {
             points: flat.as_chunks().0.to_vec(),
-            polygon_ends: self.rows(&ends, 1..polygons.saturating_add(1))?,
-            corners: self.rows(&ids, 0..corners)?,
+            polygon_ends: self.rows(&ends, 1..polygons.saturating_add(1), 1)?,
+            corners: self.rows(&ids, 0..corners, 1)?,
             cell_data: vec![],
             point_data: vec![],
         };
@@ -215,11 +225,11 @@ impl Reader {
         names.sort();
         let array = |name: String| {
             let offsets = self.dataset(&format!("{at}/Steps/{on}DataOffsets/{name}"))?;
-            let first: Vec<i64> = self.rows(&offsets, frame..frame + 1)?;
+            let first: Vec<i64> = self.rows(&offsets, frame..frame + 1, 1)?;
             let first = first[0].max(0) as usize;
             let dataset = self.dataset(&format!("{at}/{on}Data/{name}"))?;
             let width = dataset.shape().get(1).copied().unwrap_or(1);
-            let values = self.rows(&dataset, first..first.saturating_add(rows))?;
+            let values = self.rows(&dataset, first..first.saturating_add(rows), width)?;
             Ok(Array { name, width, values })
         };
         names.into_iter().map(array).collect()
@@ -242,13 +252,9 @@ impl Reader {
         };
         let columns: Vec<_> = texts("columns")?.into_iter().zip(texts("units")?).collect();
         let steps = self.dataset(&format!("{at}/step"))?;
-        let n = steps.shape()[0];
-        let rows: Vec<f64> = self.rows(&self.dataset(&format!("{at}/rows"))?, 0..n)?;
-        if rows.len() != n * columns.len() {
-            let expected = format!("{n} rows of {} columns", columns.len());
-            return Err(Fault::new(at, expected, rows.len()).in_file(&self.path));
-        }
-        Ok(Table { columns, steps: self.rows(&steps, 0..n)?, rows })
+        let n = rows_of(&steps);
+        let rows = self.rows(&self.dataset(&format!("{at}/rows"))?, 0..n, columns.len())?;
+        Ok(Table { columns, steps: self.rows(&steps, 0..n, 1)?, rows })
     }
 
     fn group(&self, name: &str) -> Result<Group> {
@@ -259,19 +265,36 @@ impl Reader {
         self.file.dataset(name).map_err(hdf5_error(&self.path, name))
     }
 
-    /// Rows of a dataset that are there, and can be.
-    fn rows<T: H5Type>(&self, dataset: &Dataset, range: Range<usize>) -> Result<Vec<T>> {
+    /// Rows of a dataset, of so many values each, that are there, and can be.
+    fn rows<T: H5Type>(
+        &self,
+        dataset: &Dataset,
+        range: Range<usize>,
+        width: usize,
+    ) -> Result<Vec<T>> {
         let (shape, place) = (dataset.shape(), dataset.name());
-        let bytes = shape.iter().try_fold(size_of::<T>() as u64, |b, &n| b.checked_mul(n as u64));
-        let most = self.size.saturating_mul(image::DEFLATE_AT_BEST);
-        if bytes.is_none_or(|b| b > most) {
-            let expected = format!("at most {most} bytes in a file of {}", self.size);
-            return Err(Fault::new(place, expected, format!("shape {shape:?}")).in_file(&self.path));
+        let refused = |expected: String| {
+            Fault::new(&*place, expected, format!("shape {shape:?}")).in_file(&self.path)
+        };
+        let product = |shape: &[usize], one: u64| {
+            shape.iter().try_fold(one, |all, &n| all.checked_mul(n as u64))
+        };
+        let stored = dataset.storage_size().min(self.size);
+        let most = stored.saturating_mul(image::DEFLATE_AT_BEST);
+        if product(&shape, size_of::<T>() as u64).is_none_or(|bytes| bytes > most) {
+            return Err(refused(format!("at most {most} bytes, of which {stored} are stored")));
         }
-        if shape.first().is_none_or(|&n| range.end > n) {
-            let expected = format!("rows {range:?}");
-            return Err(Fault::new(place, expected, format!("shape {shape:?}")).in_file(&self.path));
+        let Some((&rows, within)) = shape.split_first() else {
+            return Err(refused(format!("rows of {width} values")));
+        };
+        if range.end > rows || product(within, 1) != Some(width as u64) {
+            return Err(refused(format!("rows {range:?} of {width} values")));
         }
         growing::read(dataset, range).map_err(hdf5_error(&self.path, &place))
     }
+}
+
+/// As many as a dataset says that it has.
+fn rows_of(dataset: &Dataset) -> usize {
+    dataset.shape().first().copied().unwrap_or(0)
 }

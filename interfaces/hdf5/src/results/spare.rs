@@ -15,6 +15,8 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 const FORMAT: Format = Format { name: "ballast-results-spare", version: 1 };
+/// Groups within groups: ours are three deep, and a link that leads back up would never end.
+const DEEPEST: u32 = 8;
 
 /// Where chunks of compressed data lie in the file: address and size in bytes, by dataset.
 #[derive(Debug, Default)]
@@ -25,7 +27,7 @@ pub(crate) struct Spare {
 impl Spare {
     /// Keeps what `file`, at `path` and flushed, is now.
     pub fn keep(&mut self, path: &Path, file: &File) -> Result<()> {
-        self.find(file).map_err(hdf5_error(path, "chunks"))?;
+        self.find(file, DEEPEST).map_err(hdf5_error(path, "chunks"))?;
         let mut source = fs::File::open(path).map_err(io(path, "open"))?;
         // What the copy refers to has to outlast the machine as well as the program.
         source.sync_all().map_err(io(path, "bring to the disk"))?;
@@ -44,8 +46,8 @@ impl Spare {
         seal::write(&beside(path), &FORMAT, &image)
     }
 
-    /// Finds the chunks that are new.
-    fn find(&mut self, group: &Group) -> hdf5::Result<()> {
+    /// Finds the chunks that are new, in groups within groups at most so deep.
+    fn find(&mut self, group: &Group, deepest: u32) -> hdf5::Result<()> {
         for dataset in group.datasets()? {
             if !dataset.filters().is_empty() {
                 let known = self.chunks.entry(dataset.name()).or_default();
@@ -55,7 +57,10 @@ impl Spare {
         // The tree that viewers list is links to what has its place elsewhere.
         let groups = group.groups()?.into_iter().filter(|g| !g.name().ends_with("/Assembly"));
         for group in groups {
-            self.find(&group)?;
+            let Some(deepest) = deepest.checked_sub(1) else {
+                return Err(format!("{}: expected no groups so deep", group.name()).into());
+            };
+            self.find(&group, deepest)?;
         }
         Ok(())
     }

@@ -73,7 +73,7 @@ fn set<T: hdf5::H5Type>(file: &File, name: &str, index: usize, value: T) {
 }
 
 /// Puts another dataset in the place of `name`.
-fn instead<T: hdf5::H5Type>(file: &File, name: &str, shape: &[usize], values: &[T]) {
+pub fn instead<T: hdf5::H5Type>(file: &File, name: &str, shape: &[usize], values: &[T]) {
     file.unlink(name).unwrap();
     let dataset = file.new_dataset::<T>().shape(shape).create(name).unwrap();
     dataset.write_raw(values).unwrap();

@@ -1,5 +1,6 @@
 //! Results: what is written is read, by us and by VTK; killed and resumed runs keep their frames.
 
+use crate::damage::instead;
 use crate::{left_out, scene};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Model;
@@ -309,6 +310,48 @@ fn a_changed_byte_of_complete_results_is_noticed() {
     // Without the seal it is a file that is not complete.
     std::fs::write(&path, &whole[..content]).unwrap();
     assert_eq!(Reader::open(&path).unwrap().steps(), [0, 10, 20]);
+}
+
+/// Results that are not closed have no seal: the library reads them, and says what it finds.
+#[test]
+fn rows_of_another_width_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    write_frames(&path, 0..3).close().unwrap();
+    assert!(Reader::open(&path).unwrap().is_closed());
+    let mut whole = std::fs::read(&path).unwrap();
+    whole.truncate(whole.len() - 512);
+    let of_all = |path: &Path| -> ballast_hdf5::Result<()> {
+        let reader = Reader::open(path)?;
+        assert!(!reader.is_closed());
+        reader.times()?;
+        reader.series("solver")?;
+        for frame in 0..reader.steps().len() {
+            reader.poses(frame)?;
+            reader.blocks()?.iter().try_for_each(|b| reader.block(b, frame).map(drop))?;
+        }
+        Ok(())
+    };
+    std::fs::write(&path, &whole).unwrap();
+    of_all(&path).unwrap();
+    for (name, shape) in [
+        ("frames/step", vec![3, 0]),
+        ("frames/position", vec![3, 0]),
+        ("series/solver/step", vec![30, 0]),
+        ("series/solver/rows", vec![30, 1]),
+        ("VTKHDF/grains/Steps/Values", vec![3, 0]),
+        ("VTKHDF/grains/NumberOfPoints", vec![3, 0]),
+        ("VTKHDF/grains/CellData/speed", vec![27 * 6, 0]),
+        ("VTKHDF/grains/Points", vec![27 * 8 * 3]),
+    ] {
+        std::fs::write(&path, &whole).unwrap();
+        let file = hdf5::File::open_rw(&path).unwrap();
+        let values = vec![0_u64; shape.iter().product()];
+        instead(&file, name, &shape, &values);
+        drop(file);
+        let said = of_all(&path).unwrap_err().to_string();
+        assert!(said.contains(name) && said.contains("found shape"), "{name}: {said}");
+    }
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! `[sleepers]`, `[tines]` and their single forms: what stands in the bed.
 
-use super::range::{Count, Finite, Length, NonNegative, PairNumber, Positive, RowCount};
+use super::range::{
+    Count, Damping, Finite, Length, Mass, NonNegative, PairNumber, Positive, RowCount, Stiffness,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -79,7 +81,7 @@ pub struct Sleeper {
 pub struct SleeperMount {
     /// Mass, kg, with what is fastened to it. Absent: that of concrete blocks, 2400 kg/m³.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Positive>")]
+    #[schemars(with = "Option<Mass>")]
     pub mass_kg: Option<f64>,
     /// Along the track.
     pub x: Mode,
@@ -95,19 +97,19 @@ pub struct SleeperMount {
     pub about_z: Mode,
     /// Stiffness of each sprung translation, N/m. Absent: none is sprung.
     #[serde(rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Positive>")]
+    #[schemars(with = "Option<Stiffness>")]
     pub stiffness: Option<f64>,
     /// Damping of each sprung translation, N s/m.
     #[serde(rename = "damping_N_s_per_m")]
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Damping")]
     pub damping: f64,
     /// Stiffness of each sprung rotation, N m/rad. Absent: none is sprung.
     #[serde(rename = "turning_stiffness_N_m_per_rad", skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Positive>")]
+    #[schemars(with = "Option<Stiffness>")]
     pub turning_stiffness: Option<f64>,
     /// Damping of each sprung rotation, N m s/rad.
     #[serde(rename = "turning_damping_N_m_s_per_rad")]
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Damping")]
     pub turning_damping: f64,
 }
 
@@ -175,15 +177,15 @@ pub struct Mount {
     pub rigid: bool,
     /// Stiffness of the spring, N/m. Absent: that of the shaft as a steel beam held at its top, in its weaker direction.
     #[serde(default, rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Positive>")]
+    #[schemars(with = "Option<Stiffness>")]
     pub stiffness: Option<f64>,
     /// Mass that moves with the blade, kg. Absent: that of such a beam with the blade at its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<Positive>")]
+    #[schemars(with = "Option<Mass>")]
     pub mass_kg: Option<f64>,
     /// Damping, as a share of the critical one.
     #[serde(default = "default_damping_ratio")]
-    #[schemars(with = "NonNegative")]
+    #[schemars(with = "Damping")]
     pub damping_ratio: f64,
 }
 

@@ -37,6 +37,18 @@ range!(
     Length, "type": "number", "minimum": 0.0001, "maximum": 1000
 );
 range!(
+    /// kg: of what ballast moves, from a pebble to more than any train.
+    Mass, "type": "number", "minimum": 0.001, "maximum": 1000000000
+);
+range!(
+    /// N/m, N m/rad: above 0, up to far beyond anything that is not rigid.
+    Stiffness, "type": "number", "exclusiveMinimum": 0, "maximum": 1000000000000000000u64
+);
+range!(
+    /// N s/m, N m s/rad, or a share of the critical one: 0 or more, up to far beyond anything that still moves.
+    Damping, "type": "number", "minimum": 0, "maximum": 1000000000000000000u64
+);
+range!(
     /// Above 0; TOML's `inf` is allowed and means "no limit".
     PositiveOrInfinite, "type": "number", "exclusiveMinimum": 0, "x-infinite": true
 );

@@ -84,14 +84,22 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
 
 fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
     let classes = &case.bed.grains.classes;
-    let smallest = classes.iter().map(|c| c.size_m).fold(f64::INFINITY, f64::min);
-    if report.clean(&["run.alert_m", "bed.grains.classes"]) && alert > 0.25 * smallest {
-        let finding = Finding {
-            problem: "contacts are kept from very far away".into(),
-            found: format!("{alert:?} m"),
-            expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
-            hint: Some("most of these contacts cost time and carry nothing".into()),
-        };
+    let sizes = || classes.iter().map(|c| c.size_m);
+    let (smallest, largest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
+    if !report.clean(&["run.alert_m", "bed.grains.classes"]) || alert <= 0.25 * smallest {
+        return;
+    }
+    let finding = Finding {
+        problem: "contacts are kept from very far away".into(),
+        found: format!("{alert:?} m"),
+        expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
+        hint: Some("most of these contacts cost time and carry nothing".into()),
+    };
+    // Their number goes with the third power of the distance.
+    if alert > largest {
+        let expected = format!("at most the largest grain, {largest} m");
+        report.error("run.alert_m", Finding { expected, ..finding });
+    } else {
         report.warn("run.alert_m", finding);
     }
 }

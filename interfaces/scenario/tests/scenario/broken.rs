@@ -67,6 +67,19 @@ const TABLE: &[Broken] = &[
     ),
     Broken("restitution = 0", "restitution = «1.5", &["out of range", "from 0 to 1"]),
     Broken("restitution = 0", "theta = «0.4", &["out of range", "from 0.5 to 1"]),
+    Broken("restitution = 0", "alert_m = «0.06", &["very far away", "the largest grain, 0.05 m"]),
+    Broken("[tines]", "[tines]\nmount = { mass_kg = «1e31 }", &["from 0.001 to 1000000000"]),
+    Broken("[tines]", "[tines]\nmount = { mass_kg = «1e-300 }", &["from 0.001 to 1000000000"]),
+    Broken(
+        "[tines]",
+        "[tines]\nmount = { stiffness_N_per_m = «1e300 }",
+        &["is more than 1000000000000000000"],
+    ),
+    Broken(
+        "[tines]",
+        "[tines]\nmount = { damping_ratio = «1e300 }",
+        &["is more than 1000000000000000000"],
+    ),
     Broken(
         "[bed.preparation]",
         "[bed.friction]\ngrain = «-0.1\n[bed.preparation]",
