@@ -50,7 +50,7 @@ pub struct Snapshot {
 /// The note of a checkpoint that holds what the machine remembers: numbers as text that reads back to the
 /// same bits.
 const MACHINE: &str = "machine";
-/// Note of how deep a step may press bodies into each other, m, where there is a limit.
+/// Note of how deep a step may press bodies into each other, m; infinite: any.
 const LIMIT: &str = "max_penetration";
 
 impl Snapshot {
@@ -108,8 +108,7 @@ impl Snapshot {
     ) -> PyResult<T> {
         let memory = serde_json::to_string(self.machine.memory());
         let memory = memory.map_err(|e| errors::file(py, format!("note {MACHINE:?}: {e}")))?;
-        let limit = self.penetration.filter(|most| most.is_finite());
-        let limit = limit.map(|most| (LIMIT.into(), format!("{most:e}")));
+        let limit = self.penetration.map(|most| (LIMIT.into(), format!("{most:e}")));
         let notes = [(MACHINE.into(), memory)].into_iter().chain(limit).collect();
         let put = || put(&self.case.checkpoint(&self.model, &self.state, notes));
         py.detach(put).map_err(|e| errors::file(py, e))

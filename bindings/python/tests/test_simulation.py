@@ -969,6 +969,8 @@ def test_a_recording_ends_where_the_program_fails_inside(sim: ballast.Simulation
 def test_a_state_brings_the_limit_of_penetration(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     with ballast.open(case, beds=beds, threads=1, progress=False, max_penetration=1e-12) as sim:
         state = sim.save()
+    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+        free = pickle.loads(pickle.dumps(sim.save()))
     state.write(tmp_path / "state.h5")
     copies = (state, pickle.loads(pickle.dumps(state)), ballast.State.read(tmp_path / "state.h5"))
     for copy in copies:
@@ -978,6 +980,8 @@ def test_a_state_brings_the_limit_of_penetration(case: ballast.Case, beds: Path,
             assert again.advance_to(5 * again.step_ns).code is None
             again.restore(copy)
             assert again.advance_to(5 * again.step_ns).code == "penetration"
+            again.restore(free)
+            assert again.advance_to(5 * again.step_ns).code is None
 
 
 def test_an_outcome_is_a_mapping(sim: ballast.Simulation) -> None:
