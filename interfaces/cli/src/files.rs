@@ -137,17 +137,20 @@ impl RunFiles {
         serde_json::from_str(&read_text(&self.summary(), LONGEST_SUMMARY).ok()?).ok()
     }
 
-    /// What went wrong with reading a file of the run, and why it may have.
-    pub fn unread(&self, failure: Failure) -> Failure {
+    /// Whether a process is writing them.
+    pub fn is_written(&self) -> bool {
         // A lock to read with: it is let go of at once, and asks for no right to write.
         let lock = File::open(self.folder.join(LOCK)).map(|file| file.try_lock_shared());
-        match lock {
-            Ok(Err(TryLockError::WouldBlock)) => failure.with(&format!(
-                "; a run is writing in {}: try again when it has ended",
-                self.folder.display()
-            )),
-            _ => failure,
+        matches!(lock, Ok(Err(TryLockError::WouldBlock)))
+    }
+
+    /// What went wrong with reading a file of the run, and why it may have.
+    pub fn unread(&self, failure: Failure) -> Failure {
+        if !self.is_written() {
+            return failure;
         }
+        let folder = self.folder.display();
+        failure.with(&format!("; a run is writing in {folder}: try again when it has ended"))
     }
 
     /// Refuses a file of the run for something else.

@@ -138,8 +138,8 @@ impl Place {
     ) -> Outcome<Vec<usize>> {
         let program = std::env::current_exe()
             .map_err(|e| Failure::Failed(format!("cannot find this program: {e}")))?;
-        let is_open = |n: &usize| RunFiles::in_folder(self.of(*n)).whole_summary().is_none();
-        let open: Vec<usize> = numbers.iter().copied().filter(is_open).collect();
+        let open = |n: &usize| RunFiles::in_folder(self.of(*n)).whole_summary().is_none();
+        let open: Vec<usize> = numbers.iter().copied().filter(open).collect();
         let done = numbers.len() - open.len();
         if done > 0 {
             console.note(&format!("{done} of {} done before", numbers.len()));
@@ -158,10 +158,11 @@ impl Place {
             command.arg("prepare").arg(self.case(number));
             Some(command)
         };
-        let bad_beds = self.side_by_side(first_of_bed, args, console, &prepare, &|_, _| {});
+        let bad_beds =
+            self.side_by_side(first_of_bed, args, console, &|_| false, &prepare, &|_, _| {});
         let run = |number: usize| {
             let files = RunFiles::in_folder(self.of(number));
-            // Another call on the same folder may have come to it first.
+            // Another call may have come to it first.
             if files.whole_summary().is_some() {
                 return None;
             }
@@ -191,18 +192,19 @@ impl Place {
         if !bad_beds.is_empty() {
             console.warning(&format!("beds that could not be prepared: {}", bad_beds.len()));
         }
-        let mut failed = self.side_by_side(open, args, console, &run, &tell);
-        failed.retain(is_open);
-        Ok(failed)
+        let is_taken = |number: usize| RunFiles::in_folder(self.of(number)).is_written();
+        Ok(self.side_by_side(open, args, console, &is_taken, &run, &tell))
     }
 
     /// Calls the program for each number that it has a command for, `jobs` at a time, until all are done or Ctrl-C;
-    /// gives those that failed. What a call says goes to the file `log` of its point.
+    /// gives those that failed. One that is taken is put off until it is free. What a call says goes to the file `log`
+    /// of its point.
     fn side_by_side(
         &self,
         numbers: Vec<usize>,
         args: &args::Sweep,
         console: Console,
+        is_taken: &(dyn Fn(usize) -> bool + Sync),
         command: &(dyn Fn(usize) -> Option<Command> + Sync),
         tell: &(dyn Fn(usize, bool) + Sync),
     ) -> Vec<usize> {
@@ -213,6 +215,12 @@ impl Place {
             while !interrupt::requested() {
                 let next = enter(&waiting).pop_front();
                 let Some(number) = next else { break };
+                // By another call on the same folder: others first.
+                if is_taken(number) {
+                    enter(&waiting).push_back(number);
+                    std::thread::sleep(LOOK);
+                    continue;
+                }
                 let Some(mut command) = command(number) else {
                     tell(number, true);
                     continue;

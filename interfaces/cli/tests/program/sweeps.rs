@@ -171,6 +171,27 @@ fn jobs_of_an_array_write_the_table_in_turn() {
 }
 
 #[test]
+fn a_point_that_another_process_computes_is_waited_for() {
+    let place = place(PLAN);
+    place.with_beds("sweep plan.toml --case 2").with_code(0);
+    std::fs::create_dir_all(place.path("runs/plan/00001")).unwrap();
+    let lock = std::fs::File::create(place.path("runs/plan/00001/.lock")).unwrap();
+    lock.lock().unwrap();
+    let mut sweep = place.with_beds_command("sweep plan.toml").spawn().unwrap();
+    let begun = Instant::now();
+    while !place.path("runs/plan/00005/summary.json").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no last run");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(sweep.try_wait().unwrap().is_none(), "it did not wait");
+    assert!(!place.path("runs/plan/00001/summary.json").exists());
+    drop(lock);
+    assert!(sweep.wait().unwrap().success());
+    assert_eq!(table(&place).len(), 5);
+}
+
+#[test]
 fn more_runs_at_a_time_than_threads_can_be_started_are_refused() {
     let ended = place(PLAN).with_beds("sweep plan.toml --list --jobs 4000000000");
     assert_eq!(ended.code(), 2);
