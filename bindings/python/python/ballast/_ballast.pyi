@@ -515,7 +515,9 @@ class Outcome:
     def __getitem__(self, name: str, /) -> BodyOutcome: ...
     def __contains__(self, name: object, /) -> bool: ...
     @overload
-    def get(self, name: str, default: None = None) -> BodyOutcome | None: ...
+    def get(self, name: str, default: None = None) -> BodyOutcome | None:
+        """What the ballast did to a body, or `default` where there is none of this name."""
+
     @overload
     def get(self, name: str, default: _Else) -> BodyOutcome | _Else:
         """What the ballast did to a body, or `default` where there is none of this name."""
