@@ -290,11 +290,11 @@ impl Here {
                 .tamping
                 .zip(its.tamping)
                 .map(|(own, its)| TampingPlan { withdrawal: own.withdrawal, ..its });
-            let found = match (own.tines == its.tines, withdrawn == own.tamping) {
-                (true, true) if own.sleepers == its.sleepers => {
-                    "one of another withdrawal (`tamping.withdrawal_s`; if it is not given, what the run leaves)"
-                }
-                _ => "one of another machine on the same bed",
+            let alike = (&its.tines, &its.sleepers, &withdrawn);
+            let found = if (&own.tines, &own.sleepers, &own.tamping) == alike {
+                "one of another withdrawal (`tamping.withdrawal_s`; if it is not given, what the run leaves)"
+            } else {
+                "one of another machine on the same bed"
             };
             return Err(errors::refused(py, "state_invalid", "state", "one of this case", found));
         }

@@ -837,7 +837,14 @@ def test_parameters_are_set_recorded_and_part_of_a_state(sim: ballast.Simulation
         assert advance(again).code == "penetration"
         again.set_parameters(max_penetration=math.inf)
         assert advance(again).steps > 0
-        for wrong in ({"iterations": 0}, {"iterations": -1}, {"iterations": 1 << 40}, {"tolerance": -1.0}, {"max_penetration": 0.0}, {"tolerance": math.nan}):
+        for wrong in (
+            {"iterations": 0},
+            {"iterations": -1},
+            {"iterations": 1 << 40},
+            {"tolerance": -1.0},
+            {"tolerance": math.nan},
+            {"max_penetration": 0.0},
+        ):
             with pytest.raises(ballast.Refused) as refused:
                 again.set_parameters(**wrong)  # type: ignore[arg-type]
             assert refused.value.code == "parameter_invalid"

@@ -16,9 +16,6 @@ use ballast::workspace::Workspace;
 use ballast_hdf5::results::{self, Background, Meta, Reader, Table, Writer};
 use std::path::Path;
 
-/// Name and unit.
-type Column = (String, String);
-
 /// Table of the steps, see [`record`].
 pub const STEPS: &str = "steps";
 /// Table of the compactness of the zones over time.
@@ -169,7 +166,7 @@ pub fn of_another_run(
     })
 }
 
-/// Refuses tables without the columns that this version writes.
+/// Refuses tables that have not the columns, by name and unit, that this version writes.
 pub fn check_tables(
     path: &Path,
     case: &Case,
@@ -181,13 +178,13 @@ pub fn check_tables(
     check_columns(path, ZONES, zones, &zone_columns(&track::zones(&case.plan)))
 }
 
-fn check_columns(path: &Path, name: &str, table: &Table, expected: &[Column]) -> Outcome {
+fn check_columns(path: &Path, name: &str, table: &Table, expected: &[(String, String)]) -> Outcome {
     if table.columns == expected {
         return Ok(());
     }
     let differs = table.columns.iter().zip(expected).position(|(a, b)| a != b);
     let at = differs.unwrap_or(table.columns.len().min(expected.len()));
-    let told = |columns: &[Column]| {
+    let told = |columns: &[(String, String)]| {
         columns.get(at).map_or("none".into(), |(name, unit)| format!("`{name}` in `{unit}`"))
     };
     Err(Failure::Incompatible(format!(
@@ -249,7 +246,7 @@ mod tests {
 
     #[test]
     fn tables_of_another_version_are_told_by_their_first_column_that_differs() {
-        let columns = |names: &[&str]| -> Vec<Column> {
+        let columns = |names: &[&str]| -> Vec<(String, String)> {
             names.iter().map(|name| (name.to_string(), "s".to_string())).collect()
         };
         let (steps, rows) = (vec![], vec![]);

@@ -32,6 +32,15 @@ fn cell(row: &[(String, String)], name: &str) -> String {
     row.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("no column {name:?}")).1.clone()
 }
 
+/// Waits until a file is there.
+fn wait_for(place: &Place, file: &str) {
+    let begun = Instant::now();
+    while !place.path(file).exists() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "no {file}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 #[test]
 fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
     let place = place(PLAN);
@@ -158,11 +167,7 @@ fn jobs_of_an_array_write_the_table_in_turn() {
     let lock = std::fs::File::options().write(true).open(place.path("runs/plan/.lock")).unwrap();
     lock.lock().unwrap();
     let mut waiting = place.with_beds_command("sweep plan.toml --case 2").spawn().unwrap();
-    let begun = Instant::now();
-    while !place.path("runs/plan/00002/summary.json").exists() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "no run");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_for(&place, "runs/plan/00002/summary.json");
     std::thread::sleep(Duration::from_millis(300));
     assert!(waiting.try_wait().unwrap().is_none() && table(&place).len() == 1);
     drop(lock);
@@ -178,11 +183,7 @@ fn a_point_that_another_process_computes_is_waited_for() {
     let lock = std::fs::File::create(place.path("runs/plan/00001/.lock")).unwrap();
     lock.lock().unwrap();
     let mut sweep = place.with_beds_command("sweep plan.toml").spawn().unwrap();
-    let begun = Instant::now();
-    while !place.path("runs/plan/00005/summary.json").exists() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "no last run");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_for(&place, "runs/plan/00005/summary.json");
     std::thread::sleep(Duration::from_millis(300));
     assert!(sweep.try_wait().unwrap().is_none(), "it did not wait");
     assert!(!place.path("runs/plan/00001/summary.json").exists());
@@ -205,11 +206,7 @@ fn a_stopped_sweep_goes_on_where_its_runs_are() {
     let mut command = place.with_beds_command("sweep plan.toml");
     let mut child = command.spawn().unwrap();
     // In the middle of some run.
-    let begun = Instant::now();
-    while !place.path("runs/plan/00002/results.vtkhdf").exists() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "no second run");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_for(&place, "runs/plan/00002/results.vtkhdf");
     kill(Pid::from_raw(child.id() as i32), Signal::SIGINT).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
     place.with_beds("sweep plan.toml").with_code(0);
