@@ -16,18 +16,20 @@ pub fn validate(args: Validate, console: Console) -> Outcome {
     create_folder(&args.out)?;
     let (page, data) = (args.out.join("validation.html"), args.out.join("validation.json"));
     [&page, &data].into_iter().try_for_each(|file| writable(file))?;
-    let checks = validate::checks(size, &args.only, beds, samples, console)?;
-    replace_text(&page, &validate::page(size, &checks).html())?;
-    replace_text(&data, &format!("{:#}\n", validate::json(size, &checks)))?;
-    let tables: Vec<String> = checks.iter().map(|c| validate::table(c).text()).collect();
+    let report = validate::checks(size, &args.only, beds, samples, console, |report| {
+        replace_text(&page, &report.page().html())?;
+        replace_text(&data, &format!("{:#}\n", report.json()))
+    })?;
+    let tables: Vec<String> = report.checks.iter().map(|c| validate::table(c).text()).collect();
     console.result(&format!("{}\n{}\n{}", tables.join("\n"), page.display(), data.display()));
-    let [passed, failed] = [Verdict::Passed, Verdict::Failed].map(|v| validate::count(&checks, v));
+    let [passed, failed] = [Verdict::Passed, Verdict::Failed].map(|v| report.count(v));
     console
         .event("done", json!({ "passed": passed, "failed": failed, "page": page, "json": data }));
     if failed == 0 {
         return Ok(());
     }
-    let names: Vec<&str> = checks.iter().filter(|c| c.failed() > 0).map(|c| &c.name[..]).collect();
+    let failing = report.checks.iter().filter(|c| c.failed() > 0);
+    let names: Vec<&str> = failing.map(|c| &c.name[..]).collect();
     Err(Failure::Mismatch(format!(
         "{failed} of {} figures are beyond their tolerance: {}",
         passed + failed,
