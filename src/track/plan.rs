@@ -6,6 +6,7 @@
 use crate::geometry::GrainShape;
 use crate::math::Vec3;
 use crate::model::{Mount, Solver, Stepping};
+use std::f64::consts::FRAC_PI_6;
 
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +35,17 @@ pub struct BedPlan {
     pub preparation: PreparationPlan,
 }
 
+/// Share of a prepared bed up to its fill level that is stone, sleepers and walls included; for estimates only.
+pub const EXPECTED_COMPACTNESS: f64 = 0.54;
+
+impl BedPlan {
+    /// Number of grains of the prepared bed, to within some tenths; how many there are is found by pouring them.
+    pub fn expected_grains(&self) -> f64 {
+        let volume = self.size.x * self.size.y * self.preparation.fill_level;
+        EXPECTED_COMPACTNESS * volume / self.grains.mean_volume()
+    }
+}
+
 /// Random ballast grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrainPlan {
@@ -49,6 +61,12 @@ impl GrainPlan {
     pub fn mean_size(&self) -> f64 {
         let shares: f64 = self.classes.iter().map(|c| c.share).sum();
         self.classes.iter().map(|c| c.share * c.size).sum::<f64>() / shares
+    }
+
+    /// Mean volume of the grains by number, m³.
+    pub fn mean_volume(&self) -> f64 {
+        let shares: f64 = self.classes.iter().map(|c| c.share).sum();
+        FRAC_PI_6 * self.classes.iter().map(|c| c.share * c.size.powi(3)).sum::<f64>() / shares
     }
 }
 
@@ -144,6 +162,22 @@ impl TampingPlan {
     /// Level of the blades' upper edges at full depth, m: the insertion's depth below the lifted underside.
     pub fn deep_edge(&self, bed: &BedPlan) -> f64 {
         bed.preparation.ballast_depth + self.lift.height - self.insertion.depth
+    }
+
+    /// Times of the run at which lift, insertion, squeeze, hold and withdrawal end, s.
+    pub fn ends(&self) -> [f64; 5] {
+        let mut end = self.start;
+        [
+            self.lift.duration,
+            self.insertion.duration,
+            self.squeeze.duration,
+            self.hold,
+            self.withdrawal,
+        ]
+        .map(|duration| {
+            end += duration;
+            end
+        })
     }
 
     /// Time over which the machine averages its forces, s: a period; without vibration a tenth of the squeeze is a

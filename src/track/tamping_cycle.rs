@@ -123,22 +123,17 @@ impl TampingCycle {
         check_period(plan, &tamping, model)?;
         clearance::check(plan, &tamping)?;
         let control = MachineControl::new(&tamping, &plan.tines, model)?;
-        let mut ends = [0.0; 5];
-        let mut end = tamping.start;
-        let durations = [
-            tamping.lift.duration,
-            tamping.insertion.duration,
-            tamping.squeeze.duration,
-            tamping.hold,
-            tamping.withdrawal,
-        ];
-        for (slot, duration) in ends.iter_mut().zip(durations) {
-            end += duration;
-            *slot = end;
-        }
         let tines = driven_tines(plan, &tamping, model, &control)?;
         let sleepers = lifted_sleepers(plan, model)?;
-        Ok(Self { machine: Some(Machine { plan: tamping, ends, sleepers, tines, control }) })
+        Ok(Self {
+            machine: Some(Machine {
+                ends: tamping.ends(),
+                plan: tamping,
+                sleepers,
+                tines,
+                control,
+            }),
+        })
     }
 
     /// Poses of all driven bodies at the end of the step that starts at `state`; what the cycle

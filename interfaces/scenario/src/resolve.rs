@@ -18,7 +18,7 @@ pub fn resolve(case: &CaseFile, report: &mut Report) -> Plan {
     let run = check::run(case, report);
     let tamping = case.tamping.as_ref().map(|t| tamping(t, &run));
     let [x, y, _] = case.bed.size_m;
-    check::bed(case, bed.preparation.fill_level, report);
+    check::bed(case, &bed, report);
     check::names(case, &layout, report);
     check::collisions(&layout, [x, y], tamping.as_ref(), report);
     check::machine(tamping.as_ref(), &bed, &layout, &run, report);

@@ -5,7 +5,8 @@ use crate::case::{self, Choices};
 use crate::console::Console;
 use crate::exit::Outcome;
 use crate::table::figure;
-use ballast::track::plan::Plan;
+use ballast::track::TampingPhase;
+use ballast::track::plan::{Plan, TampingPlan};
 use serde_json::json;
 
 pub fn check(args: Check, console: Console) -> Outcome {
@@ -17,7 +18,7 @@ pub fn check(args: Check, console: Console) -> Outcome {
         json!({
             "name": case.plan.name, "steps": case.steps(), "step_ns": run.stepping.step_ns,
             "duration_ns": run.duration_ns, "sleepers": case.plan.sleepers.len(),
-            "tines": case.plan.tines.len(), "bed_key": case.bed_key(),
+            "tines": case.plan.tines.len(), "expected_grains": rounded(case.plan.bed.expected_grains()), "bed_key": case.bed_key(),
         }),
     );
     Ok(())
@@ -28,19 +29,76 @@ fn text(plan: &Plan) -> String {
     let step_ms = run.stepping.step_ns as f64 * 1e-6;
     let steps = run.duration_ns / run.stepping.step_ns.max(1);
     let tolerance = run.solver.tolerance.map_or("none".into(), |t| format!("{t:e}"));
-    let lines = [
+    let mut lines = vec![
         ("case", plan.name.clone()),
         ("box", format!("{} × {} × {} m", size.x, size.y, size.z)),
         ("grain sizes", sizes(plan)),
+        ("grains", format!("about {}", rounded(plan.bed.expected_grains()))),
         ("sleepers", plan.sleepers.len().to_string()),
         ("tines", plan.tines.len().to_string()),
-        ("simulated time", format!("{} s", figure(run.duration_ns as f64 * 1e-9, 6))),
+    ];
+    lines.extend(plan.tamping.iter().flat_map(cycle));
+    lines.extend([
+        ("simulated time", seconds(run.duration_ns)),
         ("time step", format!("{} ms, {steps} steps", figure(step_ms, 3))),
+        ("results", every("a frame", run.output_ns, "none")),
+        ("checkpoints", every("one", run.checkpoint_ns, "one at the end")),
         ("schedule", run.solver.schedule.name().into()),
         ("iterations", format!("at most {}, tolerance {tolerance}", run.solver.iterations)),
+    ]);
+    let lines = lines.into_iter().map(|(label, value)| format!("{label:<16}{value}"));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// What the machine does, and when.
+fn cycle(plan: &TampingPlan) -> Vec<(&'static str, String)> {
+    let mm = |metres: f64| format!("{} mm", plain(1e3 * metres));
+    let limit = |force: f64| match force.is_finite() {
+        true => format!(", halts above {} kN", plain(1e-3 * force)),
+        false => String::new(),
+    };
+    let TampingPlan { lift, insertion, squeeze, vibration, .. } = plan;
+    let details = [
+        format!(", {}", mm(lift.height)),
+        format!(", {} below the sleeper{}", mm(insertion.depth), limit(insertion.force_limit)),
+        format!(", up to {} per side{}", mm(squeeze.stroke), limit(squeeze.force_limit)),
+        String::new(),
+        String::new(),
     ];
-    let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));
-    lines.join("\n")
+    let ends = plan.ends();
+    let starts = [plan.start].into_iter().chain(ends);
+    // The first phase is that before the cycle.
+    let phases = TampingPhase::ALL[1..].iter().map(|phase| phase.name());
+    let mut lines: Vec<_> = (phases.zip(starts.zip(ends)).zip(details))
+        .map(|((name, (from, to)), detail)| {
+            (name, format!("{} to {} s{detail}", plain(from), plain(to)))
+        })
+        .collect();
+    let swing = format!("{} Hz, {}", vibration.frequency, mm(vibration.amplitude));
+    lines.push(("vibration", vibration.period().map_or("none".into(), |_| swing)));
+    lines
+}
+
+fn every(what: &str, ns: u64, never: &str) -> String {
+    match ns {
+        0 => never.into(),
+        ns => format!("{what} every {}", seconds(ns)),
+    }
+}
+
+fn seconds(ns: u64) -> String {
+    format!("{} s", plain(ns as f64 * 1e-9))
+}
+
+/// Without what rounding has left behind the sixth decimal.
+fn plain(value: f64) -> f64 {
+    (1e6 * value).round() / 1e6
+}
+
+/// To two significant digits: what is an estimate should look like one.
+fn rounded(count: f64) -> f64 {
+    let unit = 10f64.powf((count.log10() - 1.0).floor());
+    (count / unit).round() * unit
 }
 
 fn sizes(plan: &Plan) -> String {

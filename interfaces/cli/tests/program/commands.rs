@@ -146,6 +146,7 @@ fn checks_tell_what_a_case_asks_for() {
     assert!(text.contains("180 steps"), "{text}");
     let events = place.call("check tiny.toml --json").with_code(0).events();
     assert_eq!(events.last().unwrap()["steps"], STEPS);
+    assert!(text.contains("0.01 to 0.07 s, 4 mm below the sleeper"), "{text}");
 }
 
 #[test]

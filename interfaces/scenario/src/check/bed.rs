@@ -2,24 +2,24 @@
 
 use crate::case_file::{Bed, CaseFile, Grains};
 use crate::report::{Finding, Report};
+use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS};
 use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MOST_CELLS, MOST_GRAINS};
 
-/// Compactness of a prepared bed, for estimates only.
-const COMPACTNESS: f64 = 0.58;
 /// More grains than this in a case are a slip of the pen.
 const MOST_EXPECTED: f64 = 5e6;
 // The core, which reckons without voids, refuses fewer.
-const _: () = assert!(MOST_EXPECTED / COMPACTNESS < MOST_GRAINS);
+const _: () = assert!(MOST_EXPECTED / EXPECTED_COMPACTNESS < MOST_GRAINS);
 /// Rounding of sums of decimal numbers.
 const SLACK: f64 = 1e-9;
 
 /// Checks sizes, shares and levels of the bed.
-pub fn bed(case: &CaseFile, fill_level: f64, report: &mut Report) {
+pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut Report) {
+    let fill_level = plan.preparation.fill_level;
     shares(&case.bed, report);
     axes(&case.bed, report);
     counts(&case.bed, report);
     levels(case, fill_level, report);
-    grain_number(&case.bed, fill_level, report);
+    grain_number(&case.bed, plan, report);
     pouring_step(&case.bed, report);
     weight(&case.bed, report);
 }
@@ -110,7 +110,7 @@ fn levels(case: &CaseFile, fill_level: f64, report: &mut Report) {
     }
 }
 
-fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
+fn grain_number(bed: &Bed, plan: &BedPlan, report: &mut Report) {
     if !report.clean(&["bed.size_m", "bed.ballast_depth_m", "bed.preparation", "bed.grains"]) {
         return;
     }
@@ -120,7 +120,13 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
     // Grains stand in any way between the walls, and lie flat on the floor.
     let longest = largest * stretch(grains);
     let walls = ("bed.size_m", "a side of the box", x.min(y), longest, "the longest grain");
-    let fill = ("bed.ballast_depth_m", "the fill", fill_level, largest, "the size of a grain");
+    let fill = (
+        "bed.ballast_depth_m",
+        "the fill",
+        plan.preparation.fill_level,
+        largest,
+        "the size of a grain",
+    );
     for (key, what, found, least, of) in [walls, fill] {
         if found < least {
             let finding = Finding {
@@ -133,9 +139,7 @@ fn grain_number(bed: &Bed, fill_level: f64, report: &mut Report) {
             return;
         }
     }
-    let cubes: f64 = grains.classes.iter().map(|c| c.share * c.size_m.powi(3)).sum();
-    let mean_volume = std::f64::consts::FRAC_PI_6 * cubes;
-    let expected = COMPACTNESS * x * y * fill_level / mean_volume;
+    let expected = plan.expected_grains();
     // Written so that a number that is not one is refused, too.
     if !(expected <= MOST_EXPECTED) {
         let finding = Finding {
