@@ -46,7 +46,7 @@ impl RunFiles {
     pub fn claimed(self, or: &str) -> Outcome<Self> {
         let file = self.lock_file()?;
         match file.try_lock() {
-            Ok(()) => Ok(Self { _claim: Some(Arc::new(file)), ..self }),
+            Ok(()) => Ok(self.owning(file)),
             Err(TryLockError::WouldBlock) => {
                 let what = format!("another process writes a run there; {or}");
                 Err(Failure::at(&self.folder, what))
@@ -60,8 +60,16 @@ impl RunFiles {
     pub fn claimed_in_turn(self) -> Outcome<Self> {
         let file = self.lock_file()?;
         // A file system that knows no locks has no turns.
-        let claim = file.lock().is_ok().then(|| Arc::new(file));
-        Ok(Self { _claim: claim, ..self })
+        Ok(if file.lock().is_ok() { self.owning(file) } else { self })
+    }
+
+    /// The same with the lock, and without what a process that was killed has left of its writing.
+    fn owning(self, lock: File) -> Self {
+        let spare = self.folder.join(SPARE);
+        for own in [self.results(), self.checkpoint(), self.summary(), spare] {
+            ballast_hdf5::clear(&own);
+        }
+        Self { _claim: Some(Arc::new(lock)), ..self }
     }
 
     fn lock_file(&self) -> Outcome<File> {

@@ -4,9 +4,14 @@
 //! removes the new file and leaves the old one as it was.
 
 use crate::error::{Fault, Result, io};
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+
+/// Names of files on their way: that of what they replace, a point, letters, this.
+const SUFFIX: &str = ".tmp";
+const RANDOM: usize = 6;
 
 /// Replaces `path` by a file with this content. Several processes may do so at a time.
 ///
@@ -42,6 +47,26 @@ pub fn replaceable(path: &Path) -> std::io::Result<()> {
         std::io::Error::new(found, text)
     };
     temporary(&path).map(drop).map_err(refused)
+}
+
+/// Removes what processes that were killed within a [`replace`] of `path` have left beside it. Only for who knows that
+/// none replaces it now.
+pub fn clear(path: &Path) {
+    let Some(name) = path.file_name() else { return };
+    for entry in std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
+        if is_temporary(&entry.file_name(), name) {
+            // What cannot be removed takes room, and harms nothing else.
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Whether a name is of the kind that [`temporary`] gives beside a file `of` this name.
+fn is_temporary(name: &OsStr, of: &OsStr) -> bool {
+    let random = (name.as_encoded_bytes().strip_prefix(of.as_encoded_bytes()))
+        .and_then(|rest| rest.strip_prefix(b"."))
+        .and_then(|rest| rest.strip_suffix(SUFFIX.as_bytes()));
+    random.is_some_and(|r| r.len() == RANDOM && r.iter().all(u8::is_ascii_alphanumeric))
 }
 
 /// Refuses a path where something else lies than what [`replace`] is to take the place of: a slip of a name is not to
@@ -102,7 +127,7 @@ pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
 fn temporary(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(".");
-    builder(&name).tempfile_in(folder_of(path))
+    builder(&name).suffix(SUFFIX).rand_bytes(RANDOM).tempfile_in(folder_of(path))
 }
 
 /// Gives a file from [`beside`] the place of `path`; where that is.
@@ -124,19 +149,19 @@ pub(crate) fn settle(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
 }
 
 #[cfg(unix)]
-fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
+fn builder(name: &OsStr) -> tempfile::Builder<'_, 'static> {
     use std::os::unix::fs::PermissionsExt;
     let mut builder = tempfile::Builder::new();
     // Readable by others, as any result is; the umask still applies.
     let permissions = std::fs::Permissions::from_mode(0o666);
-    builder.prefix(name).suffix(".tmp").permissions(permissions);
+    builder.prefix(name).permissions(permissions);
     builder
 }
 
 #[cfg(not(unix))]
-fn builder(name: &std::ffi::OsStr) -> tempfile::Builder<'_, 'static> {
+fn builder(name: &OsStr) -> tempfile::Builder<'_, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(name).suffix(".tmp");
+    builder.prefix(name);
     builder
 }
 
@@ -144,5 +169,24 @@ fn folder_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder.into(),
         _ => PathBuf::from("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_left_of_a_file_is_cleared_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.h5");
+        // As a kill leaves it.
+        let left = beside(&path).unwrap().into_temp_path().keep().unwrap();
+        let others = ["a.h5", "a.h5.tmp", "a.h5.spare", "b.h5.AbCd12.tmp", "a.h5.notes-1.tmp"]
+            .map(|name| folder.path().join(name));
+        others.iter().for_each(|other| std::fs::write(other, "kept").unwrap());
+        clear(&path);
+        assert!(!left.exists());
+        others.iter().for_each(|other| assert!(other.exists(), "{}", other.display()));
     }
 }

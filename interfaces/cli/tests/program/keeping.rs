@@ -12,6 +12,9 @@ fn one_process_writes_a_run() {
     let lock = File::options().write(true).open(place.path("run/.lock")).unwrap();
     lock.try_lock().unwrap();
     let hash = place.hash("run");
+    // Of that process, which may be about to give it its name.
+    let new = place.path("run/checkpoint.h5.AbCd12.tmp");
+    std::fs::write(&new, "").unwrap();
     for ended in [place.call("resume run/checkpoint.h5"), place.run("--out run --force")] {
         let said = ended.with_code(1).stderr();
         assert!(said.contains("another process writes a run there"), "{said}");
@@ -20,8 +23,10 @@ fn one_process_writes_a_run() {
     // Reading disturbs nobody.
     place.call("inspect run/results.vtkhdf").with_code(0);
     place.call("report run").with_code(0);
+    assert!(new.exists());
     drop(lock);
     place.call("resume run/checkpoint.h5 --steps 30").with_code(0);
+    assert!(!new.exists(), "what a killed process has left is still there");
     place.call("resume nowhere/checkpoint.h5").with_code(1);
     assert!(!place.path("nowhere").exists());
 }
