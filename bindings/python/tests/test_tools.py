@@ -552,8 +552,8 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
             with pytest.raises(ballast.FileError, match="a new file, or a plan to replace, found another file"):
                 study.plan("case.toml", [point], tmp_path / name)
         assert (tmp_path / name).read_bytes() == before
-    with pytest.raises(TypeError, match="a: expected texts, numbers, .* found None"):
-        study.plan("case.toml", [{"a": None}], tmp_path / "plan.toml")
+    with pytest.raises(TypeError, match="point {'a': None}: a: expected texts, numbers, .* found None"):
+        study.plan("case.toml", [{"a": 1}, {"a": None}], tmp_path / "plan.toml")
     # Only one of them could be obeyed.
     for ask in (lambda point: study.plan("case.toml", [point], tmp_path / "plan.toml"), lambda point: study.apply(case, point)):
         with pytest.raises(ballast.CaseError, match="expected one seed of the bed, .* found 1 and 2") as wrong:

@@ -13,13 +13,14 @@ pandas; Latin hypercubes need scipy, schedulers dask.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import math
 import numbers
 import os
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -140,12 +141,19 @@ def _with_one_seed(point: Point) -> Point:
     return point
 
 
-def _applied(case: ballast.Case, point: Point) -> ballast.Case:
+@contextlib.contextmanager
+def _naming(point: Point) -> Iterator[None]:
+    """What is wrong with a point is told with it."""
     try:
-        return apply(case, point)
+        yield
     except (ballast.Error, TypeError, ValueError) as error:
         error.args = (f"point {dict(point)}: {error}", *error.args[1:])
         raise
+
+
+def _applied(case: ballast.Case, point: Point) -> ballast.Case:
+    with _naming(point):
+        return apply(case, point)
 
 
 def tamp(case: ballast.Case, beds: str) -> Figures:
@@ -295,9 +303,10 @@ def plan(
     `path` only another plan is replaced. Raises FileError."""
     text = _toml.dumps({"case": os.fspath(case)})
     for point in _points(points):
-        values = _with_one_seed(point).items()
-        named = {"bed.seed" if key == "seed" else key: value for key, value in values}
-        text += f"\n[[points]]\n{_toml.dumps(named)}"
+        with _naming(point):
+            values = _with_one_seed(point).items()
+            named = {"bed.seed" if key == "seed" else key: value for key, value in values}
+            text += f"\n[[points]]\n{_toml.dumps(named)}"
     _ballast.write_plan(path, text)
 
 
