@@ -154,7 +154,7 @@ fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
         }
         let excess = found.gap[i] + solved.foretold(&ws.contacts, bodies, h);
         if -excess > let_pass {
-            // Levers as they will be, from where the bodies are.
+            // One point for both bodies, or they would gain spin from nothing: as seen from midway between them.
             let point = found.point[i] - 0.5 * (way(bodies[0]) + way(bodies[1]));
             let k = ws.foreseen.len();
             ws.foreseen.push(bodies, found.feature[i], point, found.normal[i], 0.0);

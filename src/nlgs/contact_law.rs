@@ -6,6 +6,8 @@ use crate::math::{Mat3, Vec3};
 /// Newton steps relatively below this change nothing any more.
 const SMALL_STEP: f64 = 1e-15;
 const MAX_STEPS: usize = 100;
+/// Share of a block's trace below which its reduced trace is rounding.
+const ROUNDING: f64 = 1e-14;
 
 /// Impulse `r` (n, t, s) with `0 <= u_n ⊥ r_n >= 0` and Coulomb's law of slope `mu` for
 /// `u = W r + b` (T-8).
@@ -55,16 +57,22 @@ struct Trial {
 impl Reduced {
     fn new(w: &Mat3, b: &Vec3, mu: f64) -> Self {
         let coupling = [w.m12 / w.m11, w.m13 / w.m11];
-        let schur = [
+        let mut schur = [
             [w.m22 - w.m21 * coupling[0], w.m23 - w.m21 * coupling[1]],
             [w.m32 - w.m31 * coupling[0], w.m33 - w.m31 * coupling[1]],
         ];
         let normal = -b.x / w.m11;
+        let mut sigma = 0.5 * (schur[0][0] + schur[1][1]);
+        // What can move in one way only does not slide once `u_n` is 0: any small block that is no rounding says so.
+        let least = ROUNDING * (w.m11 + w.m22.abs() + w.m33.abs());
+        if sigma.abs() < least {
+            (schur, sigma) = ([[least, 0.0], [0.0, least]], least);
+        }
         Self {
             normal,
             coupling,
             schur,
-            sigma: 0.5 * (schur[0][0] + schur[1][1]),
+            sigma,
             slide: [b.y + w.m21 * normal, b.z + w.m31 * normal],
             mu,
         }
@@ -109,5 +117,33 @@ impl Reduced {
             *(if trial.excess > 0.0 { &mut low } else { &mut high }) = y;
         }
         trial.impulse
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+
+    #[test]
+    fn what_can_move_in_one_way_only_is_stopped() {
+        // A body of mass 1/s that moves along `way` alone: once its normal velocity is 0 it stands, and needs no friction
+        // for that where it comes straight on, or as much as holds it otherwise.
+        let mut rng = rand_pcg::Pcg64::new(7, 0);
+        for _ in 0..2000 {
+            let mut number = || rng.random_range(-1.0..1.0);
+            let way = Vec3::new(0.1 + f64::abs(number()), number(), number());
+            let (s, v) = (10f64.powf(3.0 * number()), 10f64.powf(3.0 * number()).abs());
+            let (w, b) = (way * way.transpose() * s, -way * v);
+            for mu in [0.0, 0.3, 0.5, 1.0] {
+                let r = solve(&w, &b, mu);
+                let u = w * r + b;
+                assert!(
+                    r.x > 0.0 && u.norm() < 1e-10 * b.norm(),
+                    "{way:?} {s} {v} {mu}: {r:?} {u:?}"
+                );
+                assert!(r.yz().norm() <= (mu + 1e-9) * r.x, "{way:?} {s} {v} {mu}: {r:?}");
+            }
+        }
     }
 }

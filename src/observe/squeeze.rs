@@ -190,8 +190,7 @@ impl SqueezeMeter {
     pub fn follow(&mut self, time_ns: u64, h: f64, tine: impl Fn(usize) -> TineStep) {
         for (pair, course) in self.rule.pairs.iter().zip(&mut self.courses) {
             let tines = &pair.tines;
-            let places = tines.iter().map(|(d, towards)| towards * tine(*d).place);
-            let place = places.sum::<f64>() / tines.len() as f64;
+            let place = mean_closing(tines, |d| tine(d).place);
             let work = tines.iter().map(|t| tine(t.0).work).sum::<f64>();
             let force = side_force(tines, |d| tine(d).impulse, h);
             course.period.take(force, place, work);
@@ -407,6 +406,15 @@ impl Kept for Vec<[f64; 2]> {
 /// Number of sides a pair closes from: one or two.
 fn sides(pair: &PairTines) -> f64 {
     [1.0, -1.0].into_iter().filter(|d| pair.iter().any(|t| t.1 == *d)).count() as f64
+}
+
+/// How far the tines of a side have come in the mean, averaged over the sides, m.
+fn mean_closing(pair: &PairTines, place: impl Fn(usize) -> f64) -> f64 {
+    let of_side = |side: f64| {
+        let places = || pair.iter().filter(|t| t.1 == side).map(|t| side * place(t.0));
+        places().sum::<f64>() / places().count().max(1) as f64
+    };
+    (of_side(1.0) + of_side(-1.0)) / sides(pair)
 }
 
 /// Resistance along the closing, N: summed over the tines of a side, averaged over the sides.

@@ -248,3 +248,12 @@ fn what_does_not_fit_is_refused() {
     let impulse = |_| -350.0 * H;
     assert!((side_force(&vec![(0, 1.0), (1, 1.0)], impulse, H) - 700.0).abs() < 1e-9);
 }
+
+#[test]
+fn a_side_of_two_tines_closes_as_one() {
+    // Two tines come on by 10 mm, the one that faces them stands: 5 mm in the mean of the sides.
+    let pair = vec![(1, 1.0), (2, 1.0), (3, -1.0)];
+    let closing = |moved: f64| mean_closing(&pair, |d| if d == 3 { 0.5 } else { moved });
+    assert!((closing(0.01) - closing(0.0) - 0.005).abs() < 1e-15);
+    assert_eq!(mean_closing(&vec![(1, -1.0)], |_| 0.25), -0.25);
+}

@@ -37,6 +37,8 @@ pub struct Windows {
     /// Memory that they take.
     open_bytes: u64,
     parameters: Option<Parameters>,
+    /// Whether a window was given.
+    is_begun: bool,
 }
 
 /// Whether a file says that it is a recording of ours.
@@ -62,7 +64,8 @@ impl Windows {
             return Err(Error::unsuitable(path, "metadata", expected, "none"));
         };
         let meta = Meta::from_entries(path, entries)?;
-        Ok(Self { messages, meta, open: Vec::new(), open_bytes: 0, parameters: None })
+        let (open, open_bytes, parameters, is_begun) = (Vec::new(), 0, None, false);
+        Ok(Self { messages, meta, open, open_bytes, parameters, is_begun })
     }
 
     pub fn meta(&self) -> &Meta {
@@ -129,10 +132,14 @@ impl Windows {
             messages.push(message);
             let (messages, before) = messages.into_iter().partition(|m| Some(m.log_time) == end);
             let parameters = self.parameters.take();
+            self.is_begun = true;
             return Ok(Some(Window { parameters, record, messages, before }));
         }
+        // Of a recording that was ended before its first window there is the beginning alone.
+        let is_empty =
+            !self.is_begun && self.open.windows(2).all(|pair| pair[0].log_time == pair[1].log_time);
         match self.open.first() {
-            Some(message) if self.lost().is_none() => {
+            Some(message) if self.lost().is_none() && !is_empty => {
                 let place = format!("{} at {} ns", message.channel.topic, message.log_time);
                 let expected = format!("a window of it, closed by {STEP}");
                 Err(Error::damaged(self.path(), place, expected, "the end of the file"))

@@ -20,8 +20,8 @@ pub enum Error {
     #[error("{request}: no answer within {waited_s:.1} s, though {component} is there: {doing}")]
     Slow { request: String, component: String, waited_s: f64, doing: String },
     /// The component is not there: neither alive nor telling what it does.
-    #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s")]
-    PeerLost { request: String, component: String, silent_s: f64 },
+    #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s{hint}")]
+    PeerLost { request: String, component: String, silent_s: f64, hint: &'static str },
     /// The caller has given up waiting; the request may be sent again, as after [`Error::Slow`].
     #[error("{request}: given up after {waited_s:.1} s; {component} goes on with it")]
     Abandoned { request: String, component: String, waited_s: f64 },

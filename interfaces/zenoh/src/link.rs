@@ -46,6 +46,8 @@ impl Purpose {
 const LISTEN: &str = "listen/endpoints";
 const CONNECT: &str = "connect/endpoints";
 
+/// How long a session that lives by a router alone looks for it before it is given up, ms.
+const ROUTER_TIMEOUT: &str = "5000";
 /// How often a connection is tried, ms.
 const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 500, period_increase_factor: 2 }";
 
@@ -61,6 +63,9 @@ pub struct Link {
     pub listen: Vec<String>,
     /// Endpoints to connect to.
     pub connect: Vec<String>,
+    /// A router to be a client of: routers pass on nothing between two peers, so one of two partners has to be more
+    /// than that. It has to be there when the session is opened.
+    pub router: Option<String>,
     /// What is done at [`DEFAULT_ENDPOINT`] where nobody names an endpoint, the file neither.
     pub otherwise: Otherwise,
 }
@@ -85,6 +90,11 @@ impl Link {
         Self { connect: vec![endpoint.into()], ..Self::default() }
     }
 
+    /// A client of one router.
+    pub fn through(router: impl Into<String>) -> Self {
+        Self { router: Some(router.into()), ..Self::default() }
+    }
+
     /// A Zenoh configuration file.
     pub fn configured(path: impl Into<PathBuf>) -> Self {
         Self { config: Some(path.into()), ..Self::default() }
@@ -103,7 +113,7 @@ impl Link {
     /// Opens the session. One that connects does not wait for the other side: partners start in any order.
     ///
     /// # Errors
-    /// A configuration that Zenoh does not take, an endpoint that cannot be listened on.
+    /// A configuration that Zenoh does not take, an endpoint that cannot be listened on, no router to be a client of.
     pub fn open(&self) -> Result<zenoh::Session, Error> {
         self.open_for(Purpose::default())
     }
@@ -113,10 +123,11 @@ impl Link {
     /// # Errors
     /// As for [`Link::open`].
     pub fn open_for(&self, purpose: Purpose) -> Result<zenoh::Session, Error> {
-        let place = match (&self.config, self.listen.first(), self.connect.first()) {
-            (Some(path), ..) => path.display().to_string(),
-            (None, Some(endpoint), _) | (None, None, Some(endpoint)) => endpoint.clone(),
-            (None, None, None) => "zenoh".into(),
+        let endpoint = self.router.as_ref().or(self.listen.first()).or(self.connect.first());
+        let place = match (&self.config, endpoint) {
+            (Some(path), _) => path.display().to_string(),
+            (None, Some(endpoint)) => endpoint.clone(),
+            (None, None) => "zenoh".into(),
         };
         zenoh::open(self.configuration(purpose)?).wait().map_err(|e| Error::link(place, e))
     }
@@ -129,12 +140,18 @@ impl Link {
         let config = self.configuration(Purpose::default())?;
         let json =
             |key: &str| -> Option<Value> { serde_json::from_str(&config.get_json(key).ok()?).ok() };
-        let (endpoints, mode) = (json(LISTEN).unwrap_or_default(), json("mode"));
+        let endpoints = json(LISTEN).unwrap_or_default();
         // Each mode may have a list of its own.
-        let mode = mode.as_ref().and_then(Value::as_str).unwrap_or("peer");
-        let listed = endpoints.as_array().or_else(|| endpoints[mode].as_array());
+        let listed = endpoints.as_array().or_else(|| endpoints[mode(&config)].as_array());
         let texts = listed.into_iter().flatten().filter_map(Value::as_str);
         Ok(texts.map(String::from).collect())
+    }
+
+    /// Whether `session`, which is one of this link's, has a router and is a peer, to which routers pass on nothing of other
+    /// peers.
+    pub(crate) fn is_kept_apart(&self, session: &zenoh::Session) -> bool {
+        let is_peer = self.configuration(Purpose::default()).is_ok_and(|c| mode(&c) == "peer");
+        is_peer && session.info().routers_zid().wait().next().is_some()
     }
 
     fn configuration(&self, purpose: Purpose) -> Result<Config, Error> {
@@ -144,8 +161,13 @@ impl Link {
             }
             None => Config::default(),
         };
+        let named = self.listen.iter().chain(&self.connect).chain(&self.router);
+        named.into_iter().try_for_each(|endpoint| well_formed(endpoint))?;
+        if let Some(router) = &self.router {
+            set(&mut config, "mode", "\"client\"")?;
+            set(&mut config, CONNECT, &list(std::slice::from_ref(router)))?;
+        }
         keep_to_this_machine(&mut config, purpose)?;
-        self.listen.iter().chain(&self.connect).try_for_each(|endpoint| well_formed(endpoint))?;
         if !self.listen.is_empty() {
             set(&mut config, LISTEN, &list(&self.listen))?;
         }
@@ -207,6 +229,8 @@ fn keep_to_this_machine(config: &mut Config, purpose: Purpose) -> Result<(), Err
     let usual = Config::default();
     // What is larger than a request may be gets an answer that says so, up to here; beyond, Zenoh lets it fall.
     let (largest, lease) = (4 * LARGEST_MESSAGE, SILENCE.as_millis());
+    // Zenoh opens the session of a client only when it is connected, and of any other at once.
+    let patience = if mode(config) == "client" { ROUTER_TIMEOUT } else { "-1" };
     let settings = [
         ("mode", "\"peer\"".to_string()),
         ("scouting/multicast/enabled", "false".into()),
@@ -214,7 +238,7 @@ fn keep_to_this_machine(config: &mut Config, purpose: Purpose) -> Result<(), Err
         (LISTEN, "[]".into()),
         ("listen/exit_on_failure", "true".into()),
         ("listen/timeout_ms", "0".into()),
-        ("connect/timeout_ms", "-1".into()),
+        ("connect/timeout_ms", patience.into()),
         ("connect/exit_on_failure", "false".into()),
         ("connect/retry", RETRY.into()),
         // A partner that has fallen silent is noticed after this time, ms; one that hangs from the first on, too.
@@ -229,6 +253,15 @@ fn keep_to_this_machine(config: &mut Config, purpose: Purpose) -> Result<(), Err
         }
     }
     Ok(())
+}
+
+/// What a session is among others.
+fn mode(config: &Config) -> &'static str {
+    match config.get_json("mode").as_deref() {
+        Ok("\"client\"") => "client",
+        Ok("\"router\"") => "router",
+        _ => "peer",
+    }
 }
 
 /// Whether a list of endpoints, of any mode, names one.

@@ -8,11 +8,14 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// How to reach others, as for any Zenoh program.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct Endpoints {
-    /// Connect to this endpoint (tcp/HOST:PORT), a router for example; may be given several times
+    /// Connect to this endpoint (tcp/HOST:PORT); may be given several times
     #[arg(long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
+    /// Be a client of the Zenoh router at this endpoint, through which partners find each other
+    #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["connect", "listen"])]
+    pub router: Option<String>,
     /// Listen on this endpoint; may be given several times
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
@@ -23,9 +26,8 @@ pub struct Endpoints {
 
 impl Endpoints {
     fn link(&self) -> Link {
-        let Self { connect, listen, config } = self;
-        let (config, listen, connect) = (config.clone(), listen.clone(), connect.clone());
-        Link { config, listen, connect, ..Link::default() }
+        let Self { connect, router, listen, config } = self.clone();
+        Link { config, listen, connect, router, ..Link::default() }
     }
 
     /// For those who are looked for: without a word, on the loopback.

@@ -7,7 +7,7 @@ use crate::aside::Aside;
 use crate::case::{self, Case, Choices};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::{beds, interrupt};
+use crate::{beds, interrupt, taping};
 use ballast::component::Component;
 use ballast::track;
 use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
@@ -181,6 +181,9 @@ impl Host for Keeper {
         let (case, component) = prepared?;
         self.case = case;
         self.outdate();
+        if self.recording.is_some() {
+            taping::warn_unless_repeatable(&self.case, self.console);
+        }
         Ok(component)
     }
 

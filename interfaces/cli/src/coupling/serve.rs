@@ -58,6 +58,12 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     }
     // Again before anything is replaced: the bed may have taken its time.
     server.be_the_only_one()?;
+    if server.is_kept_apart() {
+        console.warning(
+            "connected to a router, which passes on nothing between two peers: only its clients find this component; \
+             --router instead of --connect makes it one of them",
+        );
+    }
     let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
     if recording.is_some() {
         taping::warn_unless_repeatable(&case, console);

@@ -3,7 +3,8 @@
 use crate::serve::{KEY, Serving, attach, endpoint};
 use crate::setup::Place;
 use ballast_protocol::lockstep::{Activity, SetParameters};
-use ballast_zenoh::{Line, Link, Patience};
+use ballast_protocol::messages::{BodyInput, Interpolation, Knot, Pose, Twist};
+use ballast_zenoh::{Client, Line, Link, Patience};
 use std::time::Duration;
 
 const MS: u64 = 1_000_000;
@@ -37,4 +38,49 @@ fn a_redo_of_a_window_that_a_checkpoint_holds_survives_a_kill() {
     client.advance_to(3 * MS, vec![], vec![]).unwrap();
     client.shut_down().unwrap();
     drop(serving);
+}
+
+/// Both tines of the case, from where they are, 20 mm towards each other until `t1`.
+fn closing(client: &Client, t1: u64) -> Vec<BodyInput> {
+    let mut tines = client.describe().unwrap().bodies;
+    tines.retain(|body| body.role == "tine");
+    tines.sort_by(|a, b| a.position.x.total_cmp(&b.position.x));
+    let [left, right] = &tines[..] else { panic!("{tines:?}") };
+    let motion = |body: &ballast_protocol::description::Body, way: f64| {
+        let knot = |time_ns: u64, way: f64| {
+            let mut pose = Pose { position: body.position, orientation: body.orientation };
+            pose.position.x += way;
+            Knot { time_ns: time_ns as i64, pose, twist: Twist::default() }
+        };
+        let knots = vec![knot(client.place().now_ns, 0.0), knot(t1, way)];
+        let (body, interpolation) = (body.name.clone(), Interpolation::Linear);
+        BodyInput { body, interpolation, rebase: false, knots }
+    };
+    vec![motion(left, 0.02), motion(right, -0.02)]
+}
+
+#[test]
+fn what_a_redone_window_had_told_is_forgotten_and_a_run_without_windows_is_no_damage() {
+    let place = Place::new();
+    let endpoint = endpoint();
+    let serving = Serving::start(&place, &endpoint, "--out s --record s.mcap");
+    // Begun anew before its first window: what was recorded of it is sound, and there is nothing in it.
+    let mut client = attach(&endpoint, None).unwrap();
+    client.reset().unwrap();
+    let squeeze = client.line().keys().out_squeeze("pair_0");
+    let is_told = |client: &Client| {
+        let told = client.line().last_told().unwrap();
+        told.iter().any(|(key, ..)| *key == squeeze)
+    };
+    let end = 100 * MS;
+    let closes = closing(&client, end);
+    client.advance_to(end, closes, vec![]).unwrap();
+    assert!(is_told(&client));
+    client.redo([0, end], vec![], vec![]).unwrap();
+    assert!(!is_told(&client));
+    client.shut_down().unwrap();
+    serving.end().with_code(0);
+    let said = place.call("verify s.mcap").with_code(1).stderr();
+    assert!(said.contains("expected windows to compare, found none"), "{said}");
+    place.call("verify s.2.mcap").with_code(0);
 }

@@ -66,7 +66,7 @@ impl Serving {
         kill(Pid::from_raw(self.child.id() as i32), signal).unwrap();
     }
 
-    fn end(mut self) -> Ended {
+    pub fn end(mut self) -> Ended {
         // What it has written to stdout is read by the thread.
         let stderr = self.child.stderr.take();
         let status = self.child.wait().unwrap();

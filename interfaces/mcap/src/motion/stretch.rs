@@ -41,7 +41,8 @@ pub(super) fn notes(waveforms: &[(String, Waveform)], [start, end]: [u64; 2]) ->
 fn gap(body: &str, waveform: &Waveform, [start, end]: [u64; 2]) -> Option<String> {
     let usual = usual_distance(waveform)?;
     let pairs = waveform.knots.windows(2).map(|pair| [pair[0].time_ns, pair[1].time_ns]);
-    let gaps = pairs.filter(|[from, to]| *from < end && *to > start && to - from > GAP * usual);
+    let gaps = pairs
+        .filter(|[from, to]| *from < end && *to > start && to - from > GAP.saturating_mul(usual));
     let [from, to] = gaps.max_by_key(|[from, to]| to - from)?;
     Some(format!(
         "{body}: no pose from {} to {} s of the file, at its longest; usually there is one every {} s. The motion goes \

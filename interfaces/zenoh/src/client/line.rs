@@ -28,6 +28,9 @@ const LOOK: Duration = Duration::from_millis(50);
 /// After this time an attempt is given up and made again: Zenoh remembers it for so long.
 const ATTEMPT: Duration = Duration::from_secs(600);
 
+/// What may be behind a silence.
+const ROUTER: &str = "; the router here passes on nothing between two peers: one of the two has to be its client (--router)";
+
 /// How long calls may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Patience {
@@ -55,6 +58,7 @@ impl Default for Patience {
 
 /// A line to a component, for those who look, and for [`super::Client`]s, who drive.
 pub struct Line {
+    link: Link,
     session: Session,
     keys: Keys,
     presence: Arc<Presence>,
@@ -131,7 +135,8 @@ impl Line {
         };
         let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
         alive.callback(watch).background().wait().map_err(zenoh)?;
-        Ok(Self { session, keys, presence, patience, is_given_up })
+        let link = link.clone();
+        Ok(Self { link, session, keys, presence, patience, is_given_up })
     }
 
     /// The names under which the component is found.
@@ -312,7 +317,8 @@ impl Line {
         let gone = self.presence.gone_for(since).filter(|gone| *gone >= most);
         gone.map_or(Ok(()), |gone| {
             let (request, component) = (request.to_string(), self.keys.name().to_string());
-            Err(Error::PeerLost { request, component, silent_s: gone.as_secs_f64() })
+            let hint = if self.link.is_kept_apart(&self.session) { ROUTER } else { "" };
+            Err(Error::PeerLost { request, component, silent_s: gone.as_secs_f64(), hint })
         })
     }
 

@@ -101,6 +101,7 @@ impl Host for () {}
 
 /// A component on the network.
 pub struct Server {
+    link: Link,
     endpoints: Vec<String>,
     session: Session,
     keys: Keys,
@@ -143,7 +144,18 @@ impl Server {
         gate::open(&session, &keys, &shared, sender)?;
         let heartbeat = Heartbeat::start(&session, &keys, &shared)?;
         let endpoints = link.listens_on()?;
-        Ok(Self { endpoints, session, keys, shared, inbox, inputs, heartbeat, pictures: None })
+        let link = link.clone();
+        Ok(Self {
+            link,
+            endpoints,
+            session,
+            keys,
+            shared,
+            inbox,
+            inputs,
+            heartbeat,
+            pictures: None,
+        })
     }
 
     /// The same, sending pictures for viewers on a session of their own, at most one in `every`: however slow a viewer
@@ -159,6 +171,12 @@ impl Server {
     /// The endpoints that it listens on.
     pub fn endpoints(&self) -> &[String] {
         &self.endpoints
+    }
+
+    /// Whether partners that are peers, as they are without a word, do not find it: it has a router, and is itself a peer
+    /// and no client of it.
+    pub fn is_kept_apart(&self) -> bool {
+        self.link.is_kept_apart(&self.session)
     }
 
     /// Waits until no other component is alive under this key, as one that was killed is for a moment. [`Server::run`]

@@ -32,6 +32,8 @@ pub(super) struct Outlets {
     keys: Keys,
     by_key: BTreeMap<String, Publisher<'static>>,
     last: Last,
+    /// Keys of the squeezes that the last window has told: computed anew, it may have others.
+    squeezes: Vec<String>,
 }
 
 impl Outlets {
@@ -47,6 +49,7 @@ impl Outlets {
             keys: keys.clone(),
             by_key: BTreeMap::new(),
             last: Arc::clone(&last),
+            squeezes: vec![],
         };
         for body in &model.driven {
             for what in ["pose", "twist", "wrench", "impulse"] {
@@ -113,6 +116,10 @@ impl Outlets {
                 WindowKind::Redo => self.elsewhere(reply.hash, now_ns),
             };
         }
+        let before = std::mem::take(&mut self.squeezes);
+        if kind == WindowKind::Redo {
+            locked(&self.last).retain(|key, _| !before.contains(key));
+        }
         for body in &reply.bodies {
             self.body(body);
         }
@@ -120,7 +127,9 @@ impl Outlets {
             self.put(self.keys.out_zone(&zone.zone), zone);
         }
         for squeeze in &reply.squeezes {
-            self.put(self.keys.out_squeeze(&squeeze.pair), squeeze);
+            let key = self.keys.out_squeeze(&squeeze.pair);
+            self.put(key.clone(), squeeze);
+            self.squeezes.push(key);
         }
         self.put(self.keys.out("solver"), &reply.solver);
         self.moment(reply.hash, core_ns(reply.t1_ns));

@@ -16,6 +16,7 @@ mod owners;
 mod proxy;
 mod relay;
 mod restart;
+mod routers;
 mod running;
 mod security;
 mod setup;

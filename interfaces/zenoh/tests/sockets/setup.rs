@@ -147,7 +147,7 @@ impl Served {
         mut host: impl Host + 'static,
         stop: Arc<AtomicBool>,
     ) -> Self {
-        let endpoint = server.endpoints()[0].clone();
+        let endpoint = server.endpoints().first().cloned().unwrap_or_default();
         let thread = std::thread::spawn(move || server.run(lockstep, &mut host).expect("serves"));
         Self { endpoint, stop, thread: Some(thread) }
     }

@@ -1,0 +1,76 @@
+//! Partners on two sides of a router.
+
+use crate::setup::{KEY, Served, attach, step, undisturbed};
+use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::{Line, Link, Patience, Server};
+use std::time::{Duration, Instant};
+use zenoh::Wait;
+
+/// A router as anyone may have it, but that it looks for nobody.
+fn router(endpoint: &str) -> zenoh::Session {
+    let mut config = zenoh::Config::default();
+    for (key, value) in [
+        ("mode", "\"router\"".to_string()),
+        ("listen/endpoints", format!("[{endpoint:?}]")),
+        ("scouting/multicast/enabled", "false".into()),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    zenoh::open(config).wait().unwrap()
+}
+
+#[test]
+fn a_client_of_a_router_is_found_through_it_and_has_its_key_alone() {
+    let endpoint = free_endpoint().unwrap();
+    let between = router(&endpoint);
+    let served = Served::by(Server::open(KEY, &Link::through(&endpoint)).unwrap());
+    let mut client = attach(&Link::to(&endpoint)).unwrap();
+    (0..3).for_each(|_| step(&mut client).unwrap());
+    let second = Server::open(KEY, &Link::through(&endpoint)).unwrap();
+    assert!(second.be_the_only_one().is_err(), "two components have one key");
+    drop(second);
+    // A router that is gone for a while: both sides find it again, and the run goes on.
+    between.close().wait().unwrap();
+    drop(between);
+    std::thread::sleep(Duration::from_secs(1));
+    let _between = router(&endpoint);
+    let begin = Instant::now();
+    while let Err(error) = step(&mut client) {
+        assert!(begin.elapsed() < Duration::from_secs(30), "{error}");
+    }
+    step(&mut client).unwrap();
+    assert_eq!(client.place().hash, undisturbed(5)[4]);
+    drop(client);
+    served.stop();
+}
+
+#[test]
+fn peers_on_one_router_are_told_why_they_do_not_meet() {
+    let endpoint = free_endpoint().unwrap();
+    let _between = router(&endpoint);
+    let server = Server::open(KEY, &Link::to(&endpoint)).unwrap();
+    let begin = Instant::now();
+    while !server.is_kept_apart() {
+        assert!(begin.elapsed() < Duration::from_secs(20), "the router is not noticed");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let _served = Served::by(server);
+    let line = Line::open(KEY, &Link::to(&endpoint), Patience::default()).unwrap();
+    let error = line.status().unwrap_err().to_string();
+    assert!(error.contains("--router"), "{error}");
+    // One that is the router's client is found by peers, and finds them.
+    attach(&Link::through(&endpoint)).unwrap();
+}
+
+#[test]
+fn a_client_of_no_router_does_not_wait_for_ever() {
+    let endpoint = free_endpoint().unwrap();
+    let begin = Instant::now();
+    let error = Link::through(&endpoint).open().unwrap_err().to_string();
+    assert!(error.contains(&endpoint) && begin.elapsed() < Duration::from_secs(30), "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("client.json5");
+    std::fs::write(&path, "{ mode: 'client' }").unwrap();
+    let link = Link { connect: vec![endpoint], ..Link::configured(&path) };
+    assert!(link.open().is_err());
+}
