@@ -129,7 +129,10 @@ impl Link {
             (None, Some(endpoint)) => endpoint.clone(),
             (None, None) => "zenoh".into(),
         };
-        zenoh::open(self.configuration(purpose)?).wait().map_err(|e| Error::link(place, e))
+        zenoh::open(self.configuration(purpose)?).wait().map_err(|e| match &self.router {
+            Some(_) => Error::link(place, format!("expected a Zenoh router, found none: {e}")),
+            None => Error::link(place, e),
+        })
     }
 
     /// The endpoints that a session of it listens on.

@@ -18,7 +18,8 @@ pub fn check(args: Check, console: Console) -> Outcome {
         json!({
             "name": case.plan.name, "steps": case.steps(), "step_ns": run.stepping.step_ns,
             "duration_ns": run.duration_ns, "sleepers": case.plan.sleepers.len(),
-            "tines": case.plan.tines.len(), "expected_grains": rounded(case.plan.bed.expected_grains()), "bed_key": case.bed_key(),
+            "tines": case.plan.tines.len(), "bed_key": case.bed_key(),
+            "expected_grains": rounded(case.plan.bed.expected_grains()),
         }),
     );
     Ok(())
@@ -96,9 +97,9 @@ fn plain(value: f64) -> f64 {
 }
 
 /// To two significant digits: what is an estimate should look like one.
-fn rounded(count: f64) -> f64 {
+fn rounded(count: f64) -> u64 {
     let unit = 10f64.powf((count.log10() - 1.0).floor());
-    (count / unit).round() * unit
+    ((count / unit).round() * unit) as u64
 }
 
 fn sizes(plan: &Plan) -> String {

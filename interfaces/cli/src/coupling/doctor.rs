@@ -59,9 +59,11 @@ fn endpoint(args: &Doctor) -> Result<String, String> {
         return Ok("not opened: a component should be there already".into());
     }
     let link = args.endpoints.to_listen();
-    let server = Server::open("doctor/here", &link).map_err(|e| {
-        format!("{e}; is another component, or a Zenoh router, there? `--listen` takes another one")
-    })?;
+    let hint = match args.endpoints.router {
+        Some(_) => "does a Zenoh router run there?",
+        None => "is another component, or a Zenoh router, there? `--listen` takes another one",
+    };
+    let server = Server::open("doctor/here", &link).map_err(|e| format!("{e}; {hint}"))?;
     Ok(match server.endpoints() {
         [] => "a session opens".into(),
         all => format!("free: {}", all.join(", ")),

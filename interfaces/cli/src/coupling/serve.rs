@@ -20,6 +20,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     console::never_wait(console);
     // Before a folder is made.
     Keys::of(&args.key)?;
+    let link = args.endpoints.to_listen();
+    link.listens_on()?;
     let given = Choices::from(&args.overrides);
     let mut case = case::load(&args.case, &given, console)?;
     let folder = format!("{}-serve", case.plan.name);
@@ -36,7 +38,6 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let first = args.record.as_deref().map(|path| tape::first_part(path, resumes));
     files.may_record(first.as_deref())?;
     // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
-    let link = args.endpoints.to_listen();
     let mut server = Server::open(&args.key, &link)?;
     server.be_the_only_one()?;
     if let Some(viz) = &args.viz {

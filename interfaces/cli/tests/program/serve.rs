@@ -586,6 +586,17 @@ fn a_recording_that_cannot_go_on_is_told_at_the_end_of_a_run_that_did() {
 }
 
 #[test]
+fn an_endpoint_that_is_none_costs_not_even_a_folder() {
+    let place = Place::new();
+    for how in ["--listen nowhere", "--router nowhere"] {
+        let arguments = format!("serve tiny.toml --key {KEY} --out s {how}");
+        let said = place.call(&arguments).with_code(4).stderr();
+        assert!(said.contains("expected PROTOCOL/ADDRESS") && said.contains("nowhere"), "{said}");
+        assert!(!place.path("s").exists());
+    }
+}
+
+#[test]
 fn a_recording_that_would_lie_in_a_file_of_the_run_is_refused() {
     let place = Place::new();
     for own in ["checkpoint.h5", "summary.json"] {
