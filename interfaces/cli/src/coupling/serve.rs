@@ -41,7 +41,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let mut server = Server::open(&args.key, &link)?;
     server.be_the_only_one()?;
     if let Some(viz) = &args.viz {
-        let viewers = Link { listen: vec![viz.clone()], ..link };
+        // Those who look come to this endpoint, to which a client of a router does not listen.
+        let viewers = Link { listen: vec![viz.clone()], router: None, ..link };
         server = server.with_pictures(&viewers, args.viz_every)?;
     }
     let endpoints = server.endpoints();
