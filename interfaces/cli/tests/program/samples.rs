@@ -84,7 +84,9 @@ fn contacts_that_no_step_reaches_do_not_matter() {
 /// steps.
 #[test]
 fn a_bed_that_rearranges_is_solved_in_every_step() {
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/settled500.json");
-    let told = bench_file(&Place::new(), file, "--steps 50");
-    assert_eq!((&told["steps_not_converged"], &told["grains_lost"]), (&0.into(), &0.into()));
+    for name in ["settled500", "settled2000"] {
+        let file = format!("{}/../../tests/data/{name}.json", env!("CARGO_MANIFEST_DIR"));
+        let told = bench_file(&Place::new(), &file, "--steps 50");
+        assert_eq!((&told["steps_not_converged"], &told["grains_lost"]), (&0.into(), &0.into()));
+    }
 }
