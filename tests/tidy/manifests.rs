@@ -95,7 +95,7 @@ fn compiled(arguments: &[&str]) -> BTreeSet<String> {
     let done = Command::new(env!("CARGO"))
         .args(tree)
         .args(arguments)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .current_dir(tree::root())
         .output()
         .expect("cargo");
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
