@@ -9,7 +9,7 @@ use crate::detection::{Contacts, top_speed};
 use crate::math::{Vec3, rotation};
 use crate::model::Model;
 use crate::motion::Motion;
-use crate::workspace::{Recovery, Workspace};
+use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
 
 /// Grains that turn by more than this in a step, rad, are looked at where they end.
@@ -37,20 +37,20 @@ pub fn after(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<Look> {
     added.then_some(Look::AtTheEnd)
 }
 
-/// Velocities of all bodies over a solved step: those of the next state, and what recovery adds for this step only.
+/// Velocities of all bodies over a solved step: those of the next state, and what penetration correction adds for this step only.
 #[derive(Clone, Copy)]
 struct SolvedMotion<'a> {
     motion: &'a Motion,
     velocity: &'a [Vec3],
     spin: &'a [Vec3],
-    recovery: &'a Recovery,
+    correction: &'a CorrectionBuffers,
 }
 
 impl SolvedMotion<'_> {
     /// Velocity and spin of body `b`, m/s and rad/s.
     fn twist(&self, b: usize) -> (Vec3, Vec3) {
         let (v, w) = self.motion.twist(self.velocity, self.spin, b);
-        let recovered = self.recovery.velocity.get(b).zip(self.recovery.spin.get(b));
+        let recovered = self.correction.velocity.get(b).zip(self.correction.spin.get(b));
         recovered.map_or((v, w), |(dv, dw)| (v + dv, w + dw))
     }
 
@@ -90,8 +90,8 @@ impl SolvedMotion<'_> {
 /// configurations m of this step and the next, as the contacts of this one have it: what the next step's penetration will
 /// be but for turns and new contacts (T-26). Bodies that are deeper already count where they go further.
 pub fn pressed_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
-    let Workspace { motion, contacts, velocity, spin, recovery, .. } = ws;
-    let solved = SolvedMotion { motion, velocity, spin, recovery };
+    let Workspace { motion, contacts, velocity, spin, correction, .. } = ws;
+    let solved = SolvedMotion { motion, velocity, spin, correction };
     let h = model.stepping.h();
     // What rests there is not still to the last digit.
     let slack = 1e-5 * limit;
@@ -108,8 +108,8 @@ pub fn pressed_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
 /// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
 /// (T-35); more is allowed for such bodies then.
 fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
-    let Workspace { motion, velocity, spin, recovery, reach, .. } = ws;
-    let solved = SolvedMotion { motion, velocity, spin, recovery };
+    let Workspace { motion, velocity, spin, correction, reach, .. } = ws;
+    let solved = SolvedMotion { motion, velocity, spin, correction };
     let twist = |b: usize| solved.twist(b);
     let change = |b: usize| {
         let (v, w) = twist(b);
@@ -134,8 +134,8 @@ fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
 /// where they end are added then.
 fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
     let h = model.stepping.h();
-    let Workspace { motion, velocity, spin, recovery, .. } = ws;
-    let solved = SolvedMotion { motion, velocity, spin, recovery };
+    let Workspace { motion, velocity, spin, correction, .. } = ws;
+    let solved = SolvedMotion { motion, velocity, spin, correction };
     let ng = model.grains.len();
     let turns = |b: usize| b < ng && h * solved.twist(b).1.norm() > TURN;
     if !(0..ng).any(turns) {

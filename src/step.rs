@@ -12,11 +12,11 @@ pub use crate::integrate::Reaction;
 use crate::integrate::{self, Balance, StepMotion};
 use crate::local_problem::Solved;
 use crate::math::Vec3;
-use crate::model::{Model, Recovery, Schedule, Solver};
+use crate::model::{Model, PenetrationCorrection, Schedule, Solver};
 pub use crate::nlgs::Residuals;
 use crate::second_look::{self, Look};
 use crate::state::{EnergyLedger, State};
-use crate::workspace::{self, Workspace};
+use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
 
 /// More threads than a step has work for, whatever its size: callers refuse to start more. Thousands of them on a few
@@ -74,7 +74,7 @@ pub fn advance(
             match look {
                 Look::Further => detect(model, state, ws, watch),
                 // It goes on from what is solved, to which little is added.
-                Look::AtTheEnd => solver.iterations = solver.iterations.div_ceil(2),
+                Look::AtTheEnd => solver.max_iterations = solver.max_iterations.div_ceil(2),
             }
             let again = solve(model, state, next, inputs, ws, solver, watch)?;
             report = again.after(report);
@@ -129,11 +129,11 @@ fn solve(
     watch.lap(Phase::Integrate);
 
     // Also those of another model, which this workspace has stepped before.
-    ws.recovery.velocity.clear();
-    ws.recovery.spin.clear();
-    if let Some(recovery) = &model.solver.recovery {
-        recover(model, state, next, ws, recovery, watch)?;
-        watch.lap(Phase::Recovery);
+    ws.correction.velocity.clear();
+    ws.correction.spin.clear();
+    if let Some(correction) = &model.solver.penetration_correction {
+        recover(model, state, next, ws, correction, watch)?;
+        watch.lap(Phase::PenetrationCorrection);
     }
     Ok(report)
 }
@@ -190,27 +190,30 @@ fn recover(
     state: &State,
     next: &mut State,
     ws: &mut Workspace,
-    recovery: &Recovery,
+    correction: &PenetrationCorrection,
     watch: &mut impl Stopwatch,
 ) -> Result<()> {
     let Workspace { decomposition, motion, contacts, problem, impulse, velocity, spin, .. } = ws;
-    let (positions, h) = (&mut ws.recovery, model.stepping.h());
+    let (positions, h) = (&mut ws.correction, model.stepping.h());
     let solved = Solved { problem, motion, contacts, impulse, velocity, spin };
     let ng = model.grains.len();
-    if !positions.problem.build_positions(ng, &solved, recovery, h) {
+    if !positions.problem.build_positions(ng, &solved, correction, h) {
         return Ok(());
     }
     decomposition.pack(&positions.problem);
     let solver = Solver {
-        iterations: recovery.iterations,
+        max_iterations: correction.iterations,
         tolerance: None,
         relaxation: 1.0,
         // Between tests only contacts that carry are visited: who tests seldom would not see what else is pushed.
-        check_every: model.solver.check_every.min(Solver::default().check_every),
+        convergence_check_interval: model
+            .solver
+            .convergence_check_interval
+            .min(Solver::default().convergence_check_interval),
         ..model.solver
     };
     ddm::solve(decomposition, &positions.problem, &solver, &mut || watch.stop())?;
-    let workspace::Recovery { problem, velocity, spin } = positions;
+    let CorrectionBuffers { problem, velocity, spin } = positions;
     decomposition.unpack_velocities(problem, velocity, spin);
     finite(model, state, velocity, spin)?;
 
@@ -279,7 +282,7 @@ pub enum Phase {
     ContactGraph,
     Solve,
     Integrate,
-    Recovery,
+    PenetrationCorrection,
     Store,
 }
 
@@ -295,7 +298,7 @@ impl Phase {
         Phase::ContactGraph,
         Phase::Solve,
         Phase::Integrate,
-        Phase::Recovery,
+        Phase::PenetrationCorrection,
         Phase::Store,
     ];
 
@@ -311,7 +314,7 @@ impl Phase {
             Phase::ContactGraph => "contact graph",
             Phase::Solve => "solve",
             Phase::Integrate => "integrate",
-            Phase::Recovery => "recovery",
+            Phase::PenetrationCorrection => "penetration correction",
             Phase::Store => "store",
         }
     }

@@ -30,8 +30,8 @@ pub struct Workspace {
     pub(crate) end: Motion,
     pub(crate) decomposition: Decomposition,
     pub(crate) problem: LocalProblem,
-    /// Of models with recovery; empty otherwise.
-    pub(crate) recovery: Recovery,
+    /// Buffers of the penetration correction; empty without one.
+    pub(crate) correction: CorrectionBuffers,
     /// Velocities of the mobile bodies at the end of the step `[ng + nm]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
     pub(crate) spin: Vec<Vec3>,
@@ -39,9 +39,9 @@ pub struct Workspace {
     pub(crate) next: State,
 }
 
-/// Buffers of the recovery of positions (T-34).
+/// Buffers of the penetration correction (T-34).
 #[derive(Debug, Default)]
-pub(crate) struct Recovery {
+pub(crate) struct CorrectionBuffers {
     pub problem: LocalProblem,
     /// Velocities that last for the step, of the mobile bodies `[ng + nm]`, m/s and rad/s.
     pub velocity: Vec<Vec3>,

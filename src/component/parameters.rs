@@ -21,7 +21,7 @@ impl Parameters {
     /// Whether two models differ in nothing but what parameters set.
     pub fn alone_differ(a: &Model, b: &Model) -> bool {
         let mut like_b = a.clone();
-        like_b.solver.iterations = b.solver.iterations;
+        like_b.solver.max_iterations = b.solver.max_iterations;
         like_b.solver.tolerance = b.solver.tolerance;
         like_b == *b
     }
@@ -32,7 +32,7 @@ impl Component {
     pub fn parameters(&self) -> Parameters {
         let solver = &self.model.solver;
         Parameters {
-            iterations: solver.iterations,
+            iterations: solver.max_iterations,
             tolerance: solver.tolerance,
             penetration: self.limits.penetration,
         }
@@ -51,9 +51,11 @@ impl Component {
             }));
         }
         let solver = &self.model.solver;
-        if (solver.iterations, solver.tolerance) != (parameters.iterations, parameters.tolerance) {
+        if (solver.max_iterations, solver.tolerance)
+            != (parameters.iterations, parameters.tolerance)
+        {
             let mut model = Model::clone(&self.model);
-            model.solver.iterations = parameters.iterations;
+            model.solver.max_iterations = parameters.iterations;
             model.solver.tolerance = parameters.tolerance;
             model.check()?;
             self.model = Arc::new(model);

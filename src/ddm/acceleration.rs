@@ -49,7 +49,7 @@ impl Memory {
 
 /// An acceleration in progress.
 #[derive(Debug)]
-pub(super) struct Acceleration {
+pub(super) struct AndersonAcceleration {
     mixing: Mixing,
     guard: Guard,
     began: u32,
@@ -57,7 +57,7 @@ pub(super) struct Acceleration {
     relaxations: [f64; 2],
 }
 
-impl Acceleration {
+impl AndersonAcceleration {
     /// Begins after iteration `done`.
     pub fn begin(decomposition: &mut Decomposition, done: u32, relaxations: [f64; 2]) -> Self {
         decomposition.on_sets(|set| set.memory.begin(&set.contacts));

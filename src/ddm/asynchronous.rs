@@ -18,7 +18,7 @@
 use super::decomposition::{Set, enter};
 use super::{Ask, Decomposition, Outcome, Softening, deciding, is_solved, on_threads, synchronous};
 use crate::error::{Error, Result, Stop};
-use crate::model::{Norm, Solver};
+use crate::model::{Acceleration, Norm, Solver};
 use crate::nlgs::VisitNorms;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -95,8 +95,9 @@ fn iterate_with(
     let mut softening = Softening::new(&solver);
     loop {
         let before = outcome;
-        let closing = CLOSING.0.min(solver.iterations.div_ceil(CLOSING.1));
-        let free = Solver { iterations: solver.iterations.saturating_sub(closing), ..solver };
+        let closing = CLOSING.0.min(solver.max_iterations.div_ceil(CLOSING.1));
+        let free =
+            Solver { max_iterations: solver.max_iterations.saturating_sub(closing), ..solver };
         decomposition.split();
         let reports = std::mem::take(&mut decomposition.reports);
         let run = Run::new(decomposition, &free, softening.anew(), reports, ask);
@@ -116,12 +117,12 @@ fn iterate_with(
         let iterations = decomposition.begun();
         decomposition.settle();
         solver.relaxation = softening.relaxation;
-        let pass = if iterations < free.iterations { 1 } else { closing };
-        let closing = Solver { iterations: pass, momentum: false, ..solver };
+        let pass = if iterations < free.max_iterations { 1 } else { closing };
+        let closing = Solver { max_iterations: pass, acceleration: Acceleration::None, ..solver };
         outcome = synchronous::iterate(decomposition, &closing, ask)?;
-        solver.iterations -= (iterations + outcome.iterations).min(solver.iterations);
+        solver.max_iterations -= (iterations + outcome.iterations).min(solver.max_iterations);
         outcome.iterations += before.iterations + iterations;
-        if outcome.converged || solver.iterations == 0 {
+        if outcome.converged || solver.max_iterations == 0 {
             return Ok(Iterated::Sound(outcome));
         }
     }
@@ -146,7 +147,7 @@ impl<'a> Run<'a> {
             relaxation: AtomicU64::new(softening.relaxation.to_bits()),
             tests: Mutex::new(Tests {
                 reports,
-                due: solver.check_every,
+                due: solver.convergence_check_interval,
                 missing: sets,
                 scale: None,
                 softening,
@@ -174,7 +175,7 @@ impl<'a> Run<'a> {
         }
         let ticket = self.tickets.fetch_add(1, Ordering::Relaxed);
         let sets = self.decomposition.sets() as u64;
-        (ticket / sets < u64::from(self.solver.iterations))
+        (ticket / sets < u64::from(self.solver.max_iterations))
             .then(|| self.decomposition.in_order((ticket % sets) as usize))
     }
 
@@ -185,7 +186,7 @@ impl<'a> Run<'a> {
     /// Sweeps `set`, number `s`, at the velocities that [`Self::begin`] found.
     fn end(&self, s: usize, set: &mut Set) {
         set.visits += 1;
-        let measured = set.visits.is_multiple_of(self.solver.check_every);
+        let measured = set.visits.is_multiple_of(self.solver.convergence_check_interval);
         let relaxation = f64::from_bits(self.relaxation.load(Ordering::Relaxed));
         set.sweeps(self.decomposition.sweeps(s, self.solver), relaxation, measured);
         self.decomposition.boundary.publish(set);
@@ -203,7 +204,7 @@ impl<'a> Run<'a> {
             return;
         }
         let judged = tests.due;
-        tests.due += self.solver.check_every;
+        tests.due += self.solver.convergence_check_interval;
         tests.missing = tests.reports.iter().filter(|report| report.0 < tests.due).count();
         let mut sum = VisitNorms::default();
         tests.reports.iter().for_each(|report| sum += report.1);

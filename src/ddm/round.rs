@@ -3,10 +3,10 @@
 //! Reads: residuals. Writes: impulses and lines of the sets, between iterations. Contract: whether anything is done
 //! depends on residuals and the number of iterations alone.
 
-use super::acceleration::Acceleration;
+use super::acceleration::AndersonAcceleration;
 use super::momentum::{Momentum, Start};
 use super::{Decomposition, Softening};
-use crate::model::Solver;
+use crate::model::{Acceleration, Solver};
 
 /// Iterations after which what has not reached the tolerance begins anew.
 const LENGTH: u32 = 1500;
@@ -24,7 +24,7 @@ pub(super) struct Round<'a> {
     number: usize,
     softening: Softening,
     momentum: Option<Momentum>,
-    acceleration: Option<Acceleration>,
+    acceleration: Option<AndersonAcceleration>,
 }
 
 impl<'a> Round<'a> {
@@ -33,14 +33,17 @@ impl<'a> Round<'a> {
     }
 
     fn new(solver: &'a Solver, began: u32, number: usize) -> Self {
-        let momentum = (solver.momentum && solver.tolerance.is_some()).then(Momentum::new);
+        let momentum = (solver.acceleration == Acceleration::Nncg && solver.tolerance.is_some())
+            .then(Momentum::new);
         let softening = Softening::new(solver);
         Self { solver, began, number, softening, momentum, acceleration: None }
     }
 
     /// Relaxation of the visits.
     pub fn relaxation(&self) -> f64 {
-        self.acceleration.as_ref().map_or(self.softening.relaxation, Acceleration::relaxation)
+        self.acceleration
+            .as_ref()
+            .map_or(self.softening.relaxation, AndersonAcceleration::relaxation)
     }
 
     /// How many times as many sweeps as asked for.
@@ -98,7 +101,7 @@ impl<'a> Round<'a> {
         }
         if test && self.needs_acceleration() && self.acceleration.is_none() {
             let relaxations = [self.softening.relaxation, self.solver.relaxation];
-            self.acceleration = Some(Acceleration::begin(decomposition, done, relaxations));
+            self.acceleration = Some(AndersonAcceleration::begin(decomposition, done, relaxations));
         }
         if let Some(acceleration) = &mut self.acceleration {
             acceleration.go_on(decomposition, done);

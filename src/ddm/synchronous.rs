@@ -123,7 +123,7 @@ impl<'a> Progress<'a> {
 
     /// The iteration after which the last sweeps are to come: what the cap ends with are sweeps from the best impulses.
     fn closing(&self) -> u32 {
-        self.solver.iterations.saturating_sub(self.solver.check_every)
+        self.solver.max_iterations.saturating_sub(self.solver.convergence_check_interval)
     }
 
     /// Ends the leg that is under way, and gives the next one; `None` when all is over, the leg is to be followed by a
@@ -149,7 +149,7 @@ impl<'a> Progress<'a> {
                 return None;
             }
         }
-        self.leg = (self.outcome.iterations < self.solver.iterations).then(|| self.plan());
+        self.leg = (self.outcome.iterations < self.solver.max_iterations).then(|| self.plan());
         self.leg.map(|leg| (leg.passes(), leg))
     }
 
@@ -179,7 +179,8 @@ impl<'a> Progress<'a> {
     /// The next leg.
     fn plan(&self) -> Leg {
         let (before, closing) = (self.outcome.iterations, self.closing());
-        let test = next_after(before, 0, self.solver.check_every).min(self.solver.iterations);
+        let test = next_after(before, 0, self.solver.convergence_check_interval)
+            .min(self.solver.max_iterations);
         let stops = [self.round.next_point(before), (before < closing).then_some(closing)];
         let done = stops.into_iter().flatten().fold(test, u32::min);
         let measured = done == test;

@@ -3,7 +3,7 @@ use crate::detection::Contacts;
 use crate::geometry::cuboid;
 use crate::local_problem::LocalProblem;
 use crate::math::{Pose, Vec3};
-use crate::model::{DrivenBody, Grains, Model, Part, PartitionRule, Role, Stepping};
+use crate::model::{Acceleration, DrivenBody, Grains, Model, Part, PartitionRule, Role, Stepping};
 use crate::motion::Motion;
 use crate::state::State;
 
@@ -116,7 +116,7 @@ pub(super) fn solver(schedule: Schedule, subdomains: u32) -> Solver {
     Solver {
         schedule,
         partition: PartitionRule::Balanced(subdomains),
-        iterations: 20_000,
+        max_iterations: 20_000,
         tolerance: Some(1e-9),
         ..Solver::default()
     }
@@ -162,7 +162,7 @@ fn every_schedule_finds_the_same_velocities_and_keeps_momentum() {
 
 #[test]
 fn threads_leave_no_trace_in_the_synchronous_schedule() {
-    let capped = Solver { iterations: 100, ..solver(Schedule::Synchronous, 6) };
+    let capped = Solver { max_iterations: 100, ..solver(Schedule::Synchronous, 6) };
     let (model, state, contacts) = wall(9, 7, capped);
     let one = run(&model, &state, &contacts, 1);
     for threads in [2, 3, 4, 8] {
@@ -192,14 +192,22 @@ fn one_subdomain_is_the_same_problem_for_every_schedule() {
 #[test]
 fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     // Steps of 2.6 times the exact one blow up; what repeats them takes none above the exact one.
-    let overshoot = Solver { relaxation: 2.6, check_every: 2, ..solver(Schedule::Asynchronous, 4) };
+    let overshoot = Solver {
+        relaxation: 2.6,
+        convergence_check_interval: 2,
+        ..solver(Schedule::Asynchronous, 4)
+    };
     let (model, state, contacts) = wall(6, 5, overshoot);
     let solved = run(&model, &state, &contacts, 2);
     assert!(solved.outcome.guarded, "{:?}", solved.outcome);
     assert!(solved.outcome.converged, "{:?}", solved.outcome);
     assert!(momentum_error(&model, &contacts, &solved) < 1e-12);
     // What diverged has cost something, too.
-    let guard = Solver { relaxation: 1.0, check_every: 2, ..solver(Schedule::Synchronous, 4) };
+    let guard = Solver {
+        relaxation: 1.0,
+        convergence_check_interval: 2,
+        ..solver(Schedule::Synchronous, 4)
+    };
     let (model, state, contacts) = wall(6, 5, guard);
     let alone = run(&model, &state, &contacts, 2).outcome;
     assert!(solved.outcome.iterations > alone.iterations && solved.outcome.visits > alone.visits);
@@ -218,7 +226,7 @@ fn momentum_needs_a_fraction_of_the_iterations() {
         assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
         let threads = run(&model, &state, &contacts, 3);
         assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
-        let plain = Solver { momentum: false, ..tight };
+        let plain = Solver { acceleration: Acceleration::None, ..tight };
         let (model, state, contacts) = wall(6, 20, plain);
         let plain = run(&model, &state, &contacts, 1).outcome;
         assert!(3 * outcome.iterations < plain.iterations, "{schedule:?}: {outcome:?}, {plain:?}");
@@ -229,7 +237,7 @@ fn momentum_needs_a_fraction_of_the_iterations() {
 #[test]
 fn what_wanders_about_is_solved_in_rounds_of_more_sweeps() {
     for schedule in [Schedule::Sequential, Schedule::Synchronous] {
-        let tight = Solver { tolerance: Some(1e-6), iterations: 20_000, ..solver(schedule, 3) };
+        let tight = Solver { tolerance: Some(1e-6), max_iterations: 20_000, ..solver(schedule, 3) };
         let (model, state, contacts) = wall(6, 20, tight);
         let solved = run(&model, &state, &contacts, 1);
         let outcome = solved.outcome;
@@ -238,7 +246,7 @@ fn what_wanders_about_is_solved_in_rounds_of_more_sweeps() {
         let threads = run(&model, &state, &contacts, 3);
         assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
         // Whoever wants plain iterations has them, of one length.
-        let plain = Solver { momentum: false, iterations: 2000, ..tight };
+        let plain = Solver { acceleration: Acceleration::None, max_iterations: 2000, ..tight };
         let (model, state, contacts) = wall(6, 20, plain);
         let plain = run(&model, &state, &contacts, 1).outcome;
         assert!(plain.visits <= 2000 * contacts.len() as u64, "{schedule:?}: {plain:?}");
@@ -266,7 +274,7 @@ fn iterations_that_do_not_get_on_are_accelerated() {
         assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
         // Twice as many plain iterations (no tolerance: nothing is accelerated) leave more to do.
         let plain =
-            Solver { tolerance: None, iterations: 2 * outcome.iterations, ..tight(schedule) };
+            Solver { tolerance: None, max_iterations: 2 * outcome.iterations, ..tight(schedule) };
         let (model, state, contacts) = wall(HIGH.0, HIGH.1, plain);
         let left = run(&model, &state, &contacts, 1).outcome.residuals.natural_map;
         assert!(left > 3.0 * outcome.residuals.natural_map, "{schedule:?}: {left}, {outcome:?}");
@@ -275,9 +283,9 @@ fn iterations_that_do_not_get_on_are_accelerated() {
 
 #[test]
 fn a_cap_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
-    let capped = |iterations, tolerance| Solver {
+    let capped = |max_iterations, tolerance| Solver {
         tolerance,
-        iterations,
+        max_iterations,
         ..solver(Schedule::Synchronous, 3)
     };
     for iterations in [2000, 2800] {

@@ -79,7 +79,7 @@ impl Matching<'_> {
             }
             new = next;
         }
-        impulse.iter_mut().for_each(|f| *f *= self.model.solver.warm_start);
+        impulse.iter_mut().for_each(|f| *f *= self.model.solver.warm_start_factor);
     }
 
     fn pair(

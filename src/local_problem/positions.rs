@@ -7,7 +7,7 @@
 use super::{Line, LocalProblem};
 use crate::detection::Contacts;
 use crate::math::Vec3;
-use crate::model::Recovery;
+use crate::model::PenetrationCorrection;
 use crate::motion::Motion;
 use rayon::prelude::*;
 
@@ -40,7 +40,7 @@ impl LocalProblem {
         &mut self,
         ng: usize,
         solved: &Solved,
-        recovery: &Recovery,
+        correction: &PenetrationCorrection,
         h: f64,
     ) -> bool {
         let still = |inverse_mass| Line::new(&Vec3::zeros(), &Vec3::zeros(), inverse_mass);
@@ -57,7 +57,7 @@ impl LocalProblem {
             .map(|i| {
                 let mut contact = solved.problem.contacts[i];
                 let gap = solved.next_gap(i, h);
-                let way = gap.max(0.0) + recovery.share * (gap + recovery.allowed).min(0.0);
+                let way = gap.max(0.0) + correction.factor * (gap + correction.slop).min(0.0);
                 // Blocks of pairs keep it in f32.
                 contact.offset = Vec3::new((way / h) as f32 as f64, 0.0, 0.0);
                 contact.friction = 0.0;

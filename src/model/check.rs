@@ -67,14 +67,24 @@ impl Model {
 
     fn check_solver(&self) -> Result<()> {
         let solver = &self.solver;
-        expect(solver.iterations > 0, "solver.iterations", "at least 1", solver.iterations)?;
+        expect(
+            solver.max_iterations > 0,
+            "solver.max_iterations",
+            "at least 1",
+            solver.max_iterations,
+        )?;
         expect(
             solver.subdomain_sweeps > 0 && solver.interface_sweeps > 0,
             "solver.subdomain_sweeps, solver.interface_sweeps",
             "at least 1",
             (solver.subdomain_sweeps, solver.interface_sweeps),
         )?;
-        expect(solver.check_every > 0, "solver.check_every", "at least 1", solver.check_every)?;
+        expect(
+            solver.convergence_check_interval > 0,
+            "solver.convergence_check_interval",
+            "at least 1",
+            solver.convergence_check_interval,
+        )?;
         expect(
             solver.relaxation > 0.0 && solver.relaxation <= 1.0,
             "solver.relaxation",
@@ -82,21 +92,26 @@ impl Model {
             solver.relaxation,
         )?;
         expect(
-            (0.0..=1.0).contains(&solver.warm_start),
-            "solver.warm_start",
+            (0.0..=1.0).contains(&solver.warm_start_factor),
+            "solver.warm_start_factor",
             "between 0 and 1",
-            solver.warm_start,
+            solver.warm_start_factor,
         )?;
         let subdomains = solver.partition.asked_for();
         let expected = format!("at most {} subdomains", PartitionRule::MOST);
         expect(subdomains <= PartitionRule::MOST, "solver.partition", &expected, subdomains)?;
-        if let Some(r) = &solver.recovery {
-            let share = r.share > 0.0 && r.share <= 1.0;
-            expect(share, "solver.recovery.share", "above 0, at most 1", r.share)?;
-            let allowed = r.allowed.is_finite() && r.allowed >= 0.0;
-            expect(allowed, "solver.recovery.allowed", "finite, not below 0", r.allowed)?;
+        if let Some(r) = &solver.penetration_correction {
+            let factor = r.factor > 0.0 && r.factor <= 1.0;
+            expect(factor, "solver.penetration_correction.factor", "above 0, at most 1", r.factor)?;
+            let slop = r.slop.is_finite() && r.slop >= 0.0;
+            expect(slop, "solver.penetration_correction.slop", "finite, not below 0", r.slop)?;
             let iterations = r.iterations;
-            expect(iterations > 0, "solver.recovery.iterations", "at least 1", iterations)?;
+            expect(
+                iterations > 0,
+                "solver.penetration_correction.iterations",
+                "at least 1",
+                iterations,
+            )?;
         }
         expect(
             solver.tolerance.is_none_or(|t| t.is_finite() && t > 0.0),

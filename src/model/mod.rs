@@ -189,50 +189,71 @@ impl PartitionRule {
     }
 }
 
-/// When a step counts as solved, and how it is iterated (T-10 to T-12).
+/// Parameters of the contact solver: iteration scheme and stopping rule (T-10 to T-12).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solver {
     pub schedule: Schedule,
     pub partition: PartitionRule,
-    /// Largest number of DDM iterations per step, `n_DDM`.
-    pub iterations: u32,
+    /// Maximum number of DDM iterations per step, `n_DDM`.
+    pub max_iterations: u32,
     /// Sweeps over a subdomain per DDM iteration, `n`.
     pub subdomain_sweeps: u32,
     /// Sweeps over the interface per DDM iteration, `m`.
     pub interface_sweeps: u32,
-    /// Stop when `norm` is below this; `None` runs all iterations.
+    /// Residual in `norm` below which a step counts as solved; `None` runs all iterations.
     pub tolerance: Option<f64>,
     pub norm: Norm,
-    /// DDM iterations between two convergence tests; those between leave open contacts out (T-12).
-    pub check_every: u32,
-    /// Relaxation of each visit, 0 to 1 exclusive of 0: `r += relaxation (r⁺ - r)` where `r⁺` is not 0 (T-17).
+    /// DDM iterations from one convergence test to the next; those between skip open contacts (T-12).
+    pub convergence_check_interval: u32,
+    /// Relaxation factor of each contact visit, above 0, up to 1: `r += relaxation (r⁺ - r)` where `r⁺` is not 0 (T-17).
     pub relaxation: f64,
-    /// Share of the previous step's impulses that a step starts from, 0 to 1 (T-12).
+    /// Factor on the previous step's impulses that the iterations start from, 0 to 1 (T-12).
     ///
-    /// All of them, 1, takes the fewest iterations and leaves the least penetration, under tines that
-    /// give way too (decision 006); 0 starts from nothing.
-    pub warm_start: f64,
-    /// Whether iterations to a tolerance have momentum (T-37); without, they are plain sweeps.
-    pub momentum: bool,
-    /// How penetration is taken back; `None`: it is left as it is (T-34).
-    pub recovery: Option<Recovery>,
+    /// 1 takes the fewest iterations and leaves the least penetration, also under mounted tines (decision 006);
+    /// 0 starts from zero impulses.
+    pub warm_start_factor: f64,
+    /// Acceleration of the iterations to a tolerance.
+    pub acceleration: Acceleration,
+    /// Position-level penetration correction; `None` leaves penetration as it is (T-34).
+    pub penetration_correction: Option<PenetrationCorrection>,
 }
 
-/// Recovery of positions (T-34): grains that are pressed into each other are moved apart, without
-/// speed.
+/// Method that accelerates the Gauss-Seidel iterations of the synchronous and sequential schedules.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Acceleration {
+    /// Plain sweeps.
+    None,
+    /// Nonsmooth nonlinear conjugate gradients (T-37).
+    Nncg,
+}
+
+impl Acceleration {
+    /// All methods.
+    pub const ALL: [Acceleration; 2] = [Acceleration::None, Acceleration::Nncg];
+
+    /// Name of the method in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Acceleration::None => "none",
+            Acceleration::Nncg => "nncg",
+        }
+    }
+}
+
+/// Position-level penetration correction (T-34): moves penetrating bodies apart without adding velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Recovery {
-    /// Share of what is beyond the allowed penetration that a step takes back, above 0, up to 1.
-    pub share: f64,
-    /// Penetration that is left as it is, m: the less it is, the more a bed at rest creeps.
-    pub allowed: f64,
-    /// DDM iterations over the problem of positions.
+pub struct PenetrationCorrection {
+    /// Fraction of the penetration beyond `slop` that a step corrects, above 0, up to 1.
+    pub factor: f64,
+    /// Penetration that is not corrected, m; smaller values make a bed at rest creep more.
+    pub slop: f64,
+    /// DDM iterations over the position-level problem.
     pub iterations: u32,
 }
 
-impl Default for Recovery {
+impl Default for PenetrationCorrection {
     fn default() -> Self {
-        Self { share: 0.1, allowed: 1e-4, iterations: 20 }
+        Self { factor: 0.1, slop: 1e-4, iterations: 20 }
     }
 }
 
@@ -265,16 +286,16 @@ impl Default for Solver {
         Self {
             schedule: Schedule::Synchronous,
             partition: PartitionRule::ContactsPer(4000),
-            iterations: 1000,
+            max_iterations: 1000,
             subdomain_sweeps: 1,
             interface_sweeps: 1,
             tolerance: Some(1.666e-4),
             norm: Norm::Qm16,
-            check_every: 5,
+            convergence_check_interval: 5,
             relaxation: 1.0,
-            warm_start: 1.0,
-            momentum: true,
-            recovery: None,
+            warm_start_factor: 1.0,
+            acceleration: Acceleration::Nncg,
+            penetration_correction: None,
         }
     }
 }

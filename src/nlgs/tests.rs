@@ -191,7 +191,7 @@ fn momentum_goes_on_as_its_definition_says() {
             let image: Vec<f64> = plain.chosen_impulses(&chosen).collect();
             let change: Vec<f64> = image.iter().zip(&before).map(|(r, b)| r - b).collect();
             let squares = change.iter().zip(&weights).map(|(c, w)| (c * w).powi(2));
-            assert_eq!(set.change_squared(&chosen, &memories), squares.sum());
+            assert_eq!(set.change_squared(&chosen, &memories), squares.sum::<f64>());
             direction.iter_mut().for_each(|p| *p *= share);
             let on: Vec<f64> = image.iter().zip(&direction).map(|(r, p)| r + p).collect();
             direction.iter_mut().zip(&change).for_each(|(p, c)| *p += c);

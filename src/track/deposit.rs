@@ -265,9 +265,9 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
 fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
     Solver {
         schedule: Schedule::Synchronous,
-        iterations,
+        max_iterations: iterations,
         tolerance,
-        check_every: 10,
+        convergence_check_interval: 10,
         ..Solver::default()
     }
 }

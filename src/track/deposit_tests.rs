@@ -21,7 +21,7 @@ fn tiny() -> Plan {
     for tine in &mut plan.tines {
         tine.position[1] = 0.1;
     }
-    plan.run.solver.iterations = 100;
+    plan.run.solver.max_iterations = 100;
     plan
 }
 

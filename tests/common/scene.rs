@@ -144,7 +144,7 @@ impl Scene {
 
 /// Converged far below what the checks look at.
 pub fn tight(schedule: Schedule, partition: PartitionRule) -> Solver {
-    Solver { schedule, partition, iterations: 2000, tolerance: Some(1e-8), ..Solver::default() }
+    Solver { schedule, partition, max_iterations: 2000, tolerance: Some(1e-8), ..Solver::default() }
 }
 
 /// A plane turned by `angle` about y: downhill is +x.

@@ -39,7 +39,7 @@ fn knot(time_ns: u64) -> Knot {
 fn impulses(interpolation: Interpolation, window_ns: u64) -> Vec<f64> {
     let mut scene = press(Mount::spring(2.9, 7.5e5, 600.0), 100 * US);
     scene.model.solver.tolerance = Some(1e-7);
-    scene.model.solver.iterations = 500;
+    scene.model.solver.max_iterations = 500;
     let mut component =
         Component::new(scene.model.into(), scene.state, Limits::default()).expect("a press");
     let (mut all, mut sum) = (vec![], 0.0);

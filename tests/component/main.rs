@@ -36,7 +36,7 @@ pub fn heap(limits: Limits) -> Component {
 /// The same with another schedule.
 pub fn heap_scheduled(limits: Limits, schedule: Schedule) -> Component {
     let mut scene = heap::falling(2, MS).scheduled(schedule, [2, 1, 1]);
-    scene.model.solver.iterations = 200;
+    scene.model.solver.max_iterations = 200;
     scene.model.solver.tolerance = Some(1e-5);
     scene.run(0.15);
     scene.state.step = 0;

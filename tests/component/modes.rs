@@ -45,7 +45,7 @@ fn knot(time_ns: u64) -> Knot {
 fn pressed(stiffness: f64, window_ns: u64) -> (Vec<f64>, f64) {
     let mut scene = press(Mount::spring(100.0, stiffness, 0.0), 100 * US);
     scene.model.solver.tolerance = Some(1e-6);
-    scene.model.solver.iterations = 300;
+    scene.model.solver.max_iterations = 300;
     let mut component =
         Component::new(scene.model.into(), scene.state, Limits::default()).expect("a press");
     let (mut forces, mut impulse) = (vec![], 0.0);

@@ -12,7 +12,7 @@ fn parameters_hold_from_the_next_window_on_and_for_a_redo() {
     let first = component.advance_to(20 * MS, &input(0, 20 * MS)).expect("a window");
     let hasty = Parameters { iterations: 3, tolerance: None, ..usual };
     component.set_parameters(&hasty).expect("sound ones");
-    assert_eq!((component.parameters(), component.model().solver.iterations), (hasty, 3));
+    assert_eq!((component.parameters(), component.model().solver.max_iterations), (hasty, 3));
     let redone = component.redo(&input(0, 20 * MS)).expect("a redo");
     assert!(redone.solver.iterations == 60 && redone != first, "{:?}", redone.solver);
     // As if they had been so from the beginning.
@@ -28,7 +28,7 @@ fn parameters_that_cannot_be_used_change_nothing() {
     let mut component = heap(Limits::default());
     let usual = component.parameters();
     for (bad, place) in [
-        (Parameters { iterations: 0, ..usual }, "solver.iterations"),
+        (Parameters { iterations: 0, ..usual }, "solver.max_iterations"),
         (Parameters { tolerance: Some(-1.0), ..usual }, "solver.tolerance"),
         (Parameters { tolerance: Some(f64::NAN), ..usual }, "solver.tolerance"),
         (Parameters { penetration: 0.0, ..usual }, "penetration"),

@@ -227,7 +227,7 @@ fn a_step_that_penetrates_too_deep_is_trouble() {
 /// Two cubes beside each other on a floor, each below a lid that does not yield.
 fn pressed(limits: Limits) -> Component {
     let mut scene = Scene::new(MS, 0.5);
-    scene.model.solver.iterations = 50;
+    scene.model.solver.max_iterations = 50;
     let cube = scene.shape(ballast::geometry::cuboid(Vec3::repeat(0.05)));
     let lid = scene.shape(ballast::geometry::cuboid(Vec3::new(0.06, 0.06, 0.01)));
     let places = [0.0, 1.0].map(|x| Vec3::new(x, 0.0, 0.05));
@@ -329,7 +329,7 @@ fn a_step_that_stops_at_the_cap_is_a_warning() {
         scene.grain(stone, ballast::math::Pose::at(Vec3::z() * (0.05 + 0.1 * f64::from(k))));
     }
     scene.plane("floor", ballast::math::Pose::identity(), 0.5);
-    scene.model.solver.iterations = 1;
+    scene.model.solver.max_iterations = 1;
     let mut component =
         Component::new(scene.model.into(), scene.state, Limits::default()).expect("a stack");
     let outcome = component.advance_to(10 * MS, &[]).expect("a window");

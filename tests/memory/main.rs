@@ -45,7 +45,7 @@ impl Stopwatch for Count {
 
 const DETECTION: [Phase; 2] = [Phase::BroadPhase, Phase::NarrowPhase];
 /// The second one is a solve, too, and does not take place where a model has no recovery.
-const SOLVE: [Phase; 2] = [Phase::Solve, Phase::Recovery];
+const SOLVE: [Phase; 2] = [Phase::Solve, Phase::PenetrationCorrection];
 
 /// A step from `state` in the scene, counted.
 fn count(scene: &mut Scene, state: &State) -> Count {
@@ -60,13 +60,13 @@ fn count(scene: &mut Scene, state: &State) -> Count {
 /// A heap that collides, one that lies, and what is asked for in steps from both, first and later.
 fn check(schedule: Schedule, threads: usize, iterations: u32, tolerance: Option<f64>) {
     let mut scene = heap::falling(6, 1_000_000).scheduled(schedule, [2, 2, 1]);
-    scene.model.solver.iterations = 50;
+    scene.model.solver.max_iterations = 50;
     scene.model.solver.tolerance = None;
     let states = [250, 350].map(|steps| {
         (0..steps).for_each(|_| drop(scene.step()));
         scene.state.clone()
     });
-    scene.model.solver.iterations = iterations;
+    scene.model.solver.max_iterations = iterations;
     scene.model.solver.tolerance = tolerance;
     scene.workspace = Default::default();
     let what = format!("{schedule:?}, {threads} threads, {iterations} iterations, {tolerance:?}");

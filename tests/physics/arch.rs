@@ -14,7 +14,7 @@ fn arch(thickness: f64, schedule: Schedule) -> Scene {
     let mut scene = Scene::new(2_000_000, 1.0).scheduled(schedule, [3, 1, 1]);
     scene.model.solver.tolerance = Some(1e-6);
     // The same for both arches: what stands must not fall for want of sweeps.
-    scene.model.solver.iterations = 500;
+    scene.model.solver.max_iterations = 500;
     for k in 0..VOUSSOIRS {
         let mut points = vec![];
         for joint in [k, k + 1] {

@@ -22,7 +22,7 @@ fn impulses_of_driven_bodies_and_weight_change_the_momentum() {
     for schedule in SCHEDULES {
         let mut scene = heap::falling(3, 1_000_000).scheduled(schedule, [2, 1, 2]);
         // Momentum is exact however badly a step is solved.
-        scene.model.solver.iterations = 7;
+        scene.model.solver.max_iterations = 7;
         let mut touched = 0;
         for step in 0..300 {
             let before = momentum(&scene);

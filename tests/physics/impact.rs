@@ -146,7 +146,7 @@ struct Struck {
 fn gained(struck: &Struck, schedule: Schedule) -> f64 {
     let mut scene = Scene::new(1_000_000, 0.5).scheduled(schedule, [1, 1, 2]);
     scene.model.solver.tolerance = Some(1.666e-4);
-    scene.model.solver.iterations = 1000;
+    scene.model.solver.max_iterations = 1000;
     let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
     for k in 0..struck.cubes {
         scene.grain(cube, Pose::at(Vec3::z() * (EDGE * (k as f64 + 0.5))));

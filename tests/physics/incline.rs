@@ -68,7 +68,7 @@ fn a_box_topples_before_it_slides_iff_it_is_slender() {
         let angle = 0.6_f64.atan();
         let mut scene = Scene::new(1_000_000, 0.7).scheduled(schedule, [2, 1, 1]);
         scene.model.solver.tolerance = Some(1e-7);
-        scene.model.solver.iterations = 200;
+        scene.model.solver.max_iterations = 200;
         let ground = slope(angle);
         for (breadth, x) in [(0.1, 0.0), (0.14, -1.0)] {
             let shape = scene.shape(cuboid(Vec3::new(0.5 * breadth, 0.1, 0.1)));

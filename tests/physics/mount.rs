@@ -138,7 +138,7 @@ fn a_loaded_mount_sinks_by_weight_over_stiffness() {
 fn jam(schedule: Schedule, push: f64, iterations: u32) -> (f64, f64) {
     let mut scene = Scene::new(800_000, 0.5).scheduled(schedule, [2, 1, 1]);
     scene.model.gravity = Vec3::zeros();
-    scene.model.solver.iterations = iterations;
+    scene.model.solver.max_iterations = iterations;
     let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
     for k in 0..3 {
         scene.grain(cube, Pose::at(Vec3::new(EDGE * (k as f64 + 0.5), 0.0, 0.0)));

@@ -1,9 +1,9 @@
-//! Recovery of positions (T-34): overlaps fade at the asked rate, nothing gains speed, nothing else moves.
+//! Penetration correction (T-34): overlaps fade at the asked rate, nothing gains speed, nothing else moves.
 
 use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Vec3};
-use ballast::model::{Mount, Part, Recovery, Schedule};
+use ballast::model::{Mount, Part, PenetrationCorrection, Schedule};
 use ballast::workspace::Workspace;
 
 const EDGE: f64 = 0.1;
@@ -13,8 +13,8 @@ const ALLOWED: f64 = 1e-6;
 /// Cubes at these places on a floor, or in the air.
 fn cubes(schedule: Schedule, boxes: [u32; 3], places: &[[f64; 3]]) -> Scene {
     let mut scene = Scene::new(1_000_000, 0.5).scheduled(schedule, boxes);
-    scene.model.solver.recovery =
-        Some(Recovery { share: SHARE, allowed: ALLOWED, iterations: 500 });
+    scene.model.solver.penetration_correction =
+        Some(PenetrationCorrection { factor: SHARE, slop: ALLOWED, iterations: 500 });
     let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
     for place in places {
         scene.grain(cube, Pose::at((*place).into()));
@@ -83,7 +83,7 @@ fn what_is_allowed_is_left_to_the_bit() {
         let places = [[0.0, 0.0, low], [0.0, 0.0, low + EDGE - 0.9 * ALLOWED], [0.3, 0.0, 0.2]];
         let mut scene = cubes(Schedule::Synchronous, [2, 1, 1], &places);
         if !recovery {
-            scene.model.solver.recovery = None;
+            scene.model.solver.penetration_correction = None;
         }
         scene.state.spin[2] = Vec3::new(1.0, 2.0, 3.0);
         assert!(scene.run(0.02).max_penetration > 0.8 * ALLOWED);
@@ -98,8 +98,8 @@ fn a_mounted_body_stays_as_one_without_a_mount_does() {
     let run = |mount: Option<Mount>| {
         let mut scene = Scene::new(1_000_000, 0.5);
         scene.model.gravity = Vec3::zeros();
-        scene.model.solver.recovery =
-            Some(Recovery { share: SHARE, allowed: 0.0, iterations: 100 });
+        scene.model.solver.penetration_correction =
+            Some(PenetrationCorrection { factor: SHARE, slop: 0.0, iterations: 100 });
         let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
         let blade = scene.shape(cuboid(Vec3::new(0.01, 0.06, 0.04)));
         // One overlaps the blade, the other one touches it.
@@ -137,9 +137,10 @@ fn a_model_without_recovery_knows_nothing_of_an_earlier_one() {
         for x in [0.0, 0.1, 0.38] {
             scene.grain(cube, Pose::at(Vec3::new(x * EDGE, 0.0, 0.0)));
         }
-        scene.model.solver.recovery = Some(Recovery { share: 1.0, allowed: 0.0, iterations: 50 });
+        scene.model.solver.penetration_correction =
+            Some(PenetrationCorrection { factor: 1.0, slop: 0.0, iterations: 50 });
         scene.step();
-        scene.model.solver.recovery = None;
+        scene.model.solver.penetration_correction = None;
         if is_fresh {
             scene.workspace = Workspace::default();
         }

@@ -48,7 +48,7 @@ fn a_stack_without_friction_is_solved_by_the_natural_map() {
         let mut scene = stack(4, 0.0, 1_000_000, schedule);
         scene.model.solver.norm = Norm::NaturalMap;
         scene.model.solver.tolerance = Some(1e-6);
-        scene.model.solver.iterations = 1000;
+        scene.model.solver.max_iterations = 1000;
         for step in 0..50 {
             let report = scene.step();
             let residual = report.residuals.natural_map;
@@ -63,7 +63,7 @@ fn lacking(count: usize, sweeps: u32) -> f64 {
     // settles with the fourth power of the height.
     let mut scene = stack(count, 0.0, 1_000_000, Schedule::Sequential);
     scene.model.solver.tolerance = None;
-    scene.model.solver.iterations = sweeps;
+    scene.model.solver.max_iterations = sweeps;
     let weight = scene.model.grains.mass.iter().sum::<f64>() * GRAVITY * scene.h();
     let report = scene.step();
     1.0 + report.reactions[0].impulse.z / weight

@@ -4,7 +4,7 @@ use crate::bits;
 use crate::common::heap;
 use crate::common::scene::Random;
 use ballast::math::{Pose, Vec3, rotation};
-use ballast::model::{Recovery, Schedule};
+use ballast::model::{PenetrationCorrection, Schedule};
 
 /// What every machine makes of the heap, after each 100 steps. A change of results changes them.
 const SUMS: [[u64; 6]; 2] = [
@@ -52,9 +52,10 @@ fn a_shaken_heap_moves_to_the_same_bytes_on_every_machine() {
     let found = ways.map(|(schedule, boxes)| {
         let mut sums = Vec::new();
         let mut scene = heap::falling(6, 1_000_000).scheduled(schedule, boxes);
-        scene.model.solver.iterations = 200;
+        scene.model.solver.max_iterations = 200;
         scene.model.solver.tolerance = Some(1e-5);
-        scene.model.solver.recovery = Some(Recovery { share: 0.1, allowed: 1e-5, iterations: 20 });
+        scene.model.solver.penetration_correction =
+            Some(PenetrationCorrection { factor: 0.1, slop: 1e-5, iterations: 20 });
         let rest = scene.targets[0];
         for step in 1..=600 {
             let t = 1e-3 * f64::from(step);

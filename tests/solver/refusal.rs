@@ -115,7 +115,7 @@ fn what_kernels_cannot_hold_is_refused_by_name() {
                 Mount { freedoms, inertia: Vec3::repeat(1e-46), ..Mount::spring(1.0, 1.0, 0.0) };
             s.model.driven[0].mount = Some(mount);
         }),
-        ("solver.check_every", |s| s.model.solver.check_every = 0),
+        ("solver.convergence_check_interval", |s| s.model.solver.convergence_check_interval = 0),
         ("at most 100000 subdomains", |s| {
             s.model.solver.partition = PartitionRule::Boxes([1 << 22, 1 << 22, 1 << 20]);
         }),

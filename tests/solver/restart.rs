@@ -6,7 +6,7 @@ use crate::{bits, on_threads};
 
 fn heap_of(schedule: ballast::model::Schedule) -> Scene {
     let mut scene = heap::falling(3, 1_000_000).scheduled(schedule, [2, 2, 1]);
-    scene.model.solver.iterations = 30;
+    scene.model.solver.max_iterations = 30;
     scene
 }
 

@@ -13,7 +13,7 @@ fn with_one_subdomain_all_schedules_are_the_same_bytes() {
         let states = SCHEDULES.map(|schedule| {
             on_threads(threads, || {
                 let mut scene = heap::falling(3, 1_000_000).scheduled(schedule, [1, 1, 1]);
-                scene.model.solver.iterations = 40;
+                scene.model.solver.max_iterations = 40;
                 for _ in 0..200 {
                     let report = scene.step();
                     assert_eq!(report.interface_contacts, 0);
@@ -31,7 +31,7 @@ fn schedules_agree_on_the_physics() {
     // One step that hits hard, solved far below what is compared. Velocities are compared, for
     // impulses of face contacts are not unique.
     let mut resting = heap::falling(4, 1_000_000);
-    resting.model.solver.iterations = 100;
+    resting.model.solver.max_iterations = 100;
     resting.run(0.6);
     let outcome = |schedule, threads| {
         on_threads(threads, || {
@@ -39,7 +39,7 @@ fn schedules_agree_on_the_physics() {
             scene.state = resting.state.clone();
             scene.model.solver = Solver {
                 tolerance: None,
-                iterations: 3000,
+                max_iterations: 3000,
                 ..tight(schedule, PartitionRule::Boxes([2, 2, 2]))
             };
             scene.targets[0].position.z += 1e-3;
@@ -82,7 +82,7 @@ fn two_cubes(schedule: Schedule) -> Scene {
         scene.grain(cube, Pose::at(Vec3::new(0.0, 0.0, 0.05 + 0.1 * k as f64)));
     }
     scene.plane("floor", Pose::identity(), 0.5);
-    scene.model.solver.check_every = 1;
+    scene.model.solver.convergence_check_interval = 1;
     scene.run(0.05);
     scene
 }
@@ -126,7 +126,7 @@ fn asynchronous_runs_stay_sound_however_finely_divided() {
         on_threads(threads, || {
             let mut scene =
                 heap::falling(3, 1_000_000).scheduled(Schedule::Asynchronous, [3, 3, 8]);
-            scene.model.solver.iterations = 100;
+            scene.model.solver.max_iterations = 100;
             scene.model.solver.tolerance = Some(1e-4);
             for _ in 0..400 {
                 let report = scene.step();

@@ -2,14 +2,18 @@
 
 use crate::common::heap;
 use crate::{bits, on_threads};
-use ballast::model::{Recovery, Schedule};
+use ballast::model::{PenetrationCorrection, Schedule};
 
 /// A heap that falls, collides and comes to lie, with the interface in three directions.
-fn fallen(schedule: Schedule, recovery: Option<Recovery>, threads: usize) -> (Vec<u64>, usize) {
+fn fallen(
+    schedule: Schedule,
+    recovery: Option<PenetrationCorrection>,
+    threads: usize,
+) -> (Vec<u64>, usize) {
     on_threads(threads, || {
         let mut scene = heap::falling(4, 1_000_000).scheduled(schedule, [2, 2, 2]);
-        scene.model.solver.iterations = 50;
-        scene.model.solver.recovery = recovery;
+        scene.model.solver.max_iterations = 50;
+        scene.model.solver.penetration_correction = recovery;
         let mut interface = 0;
         for _ in 0..250 {
             interface += scene.step().interface_contacts;
@@ -28,7 +32,7 @@ fn sequential_runs_do_not_depend_on_the_threads() {
 
 #[test]
 fn synchronous_runs_do_not_depend_on_the_threads() {
-    for recovery in [None, Some(Recovery::default())] {
+    for recovery in [None, Some(PenetrationCorrection::default())] {
         let (one, interface) = fallen(Schedule::Synchronous, recovery, 1);
         assert!(interface > 1000, "the interface is hardly used: {interface}");
         for threads in [2, 4] {

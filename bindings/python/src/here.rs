@@ -298,7 +298,7 @@ impl Here {
             };
             return Err(errors::refused(py, "state_invalid", "state", "one of this case", found));
         }
-        let Solver { iterations, tolerance, .. } = saved.model.solver;
+        let Solver { max_iterations: iterations, tolerance, .. } = saved.model.solver;
         let penetration = saved.penetration.unwrap_or(self.component.limits().penetration);
         let parameters = Parameters { iterations, tolerance, penetration };
         let restored = self.component.restore(Arc::clone(&saved.state));

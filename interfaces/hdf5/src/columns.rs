@@ -7,7 +7,10 @@
 
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Freedom, Model, Mount, Part, PartitionRule, Recovery, Solver};
+use ballast::model::{
+    Acceleration, DrivenBody, Freedom, Model, Mount, Part, PartitionRule, PenetrationCorrection,
+    Solver,
+};
 use ballast::state::State;
 use std::borrow::Cow;
 
@@ -222,16 +225,16 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
     let Solver {
         schedule,
         partition,
-        iterations,
+        max_iterations,
         subdomain_sweeps,
         interface_sweeps,
         tolerance,
         norm,
-        check_every,
+        convergence_check_interval,
         relaxation,
-        warm_start,
-        momentum,
-        recovery,
+        warm_start_factor,
+        acceleration,
+        penetration_correction,
     } = model.solver;
     let (rule, numbers) = match partition {
         PartitionRule::Boxes(n) => ("boxes", n.to_vec()),
@@ -248,22 +251,22 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         text("solver/schedule", vec![schedule.name().into()]),
         text("solver/partition", vec![rule.into()]),
         u32s("solver/partition_numbers", numbers),
-        u32s("solver/iterations", vec![iterations]),
+        u32s("solver/iterations", vec![max_iterations]),
         u32s("solver/subdomain_sweeps", vec![subdomain_sweeps]),
         u32s("solver/interface_sweeps", vec![interface_sweeps]),
         // Empty: no tolerance.
         f64s("solver/tolerance", tolerance.into_iter().collect::<Vec<_>>()),
         text("solver/norm", vec![norm.name().into()]),
-        u32s("solver/check_every", vec![check_every]),
+        u32s("solver/check_every", vec![convergence_check_interval]),
         f64s("solver/relaxation", vec![relaxation]),
-        f64s("solver/warm_start", vec![warm_start]),
+        f64s("solver/warm_start", vec![warm_start_factor]),
     ];
-    if !momentum {
+    if acceleration == Acceleration::None {
         columns.push(f64s(PLAIN, Vec::new()));
     }
     // Not there: no recovery, as in files of before there was any.
-    if let Some(Recovery { share, allowed, iterations }) = recovery {
-        columns.push(f64s(RECOVERY, vec![share, allowed]));
+    if let Some(PenetrationCorrection { factor, slop, iterations }) = penetration_correction {
+        columns.push(f64s(RECOVERY, vec![factor, slop]));
         columns.push(u32s("solver/recovery_iterations", vec![iterations]));
     }
     columns

@@ -9,8 +9,8 @@ use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Freedom, Grains, Model, Mount, Norm, Part, PartitionRule, Recovery, Role, Schedule,
-    Solver, Stepping,
+    Acceleration, DrivenBody, Freedom, Grains, Model, Mount, Norm, Part, PartitionRule,
+    PenetrationCorrection, Role, Schedule, Solver, Stepping,
 };
 use ballast::state::{ContactMemory, EnergyLedger, State};
 use std::ops::Range;
@@ -220,27 +220,27 @@ fn solver(source: &Source) -> Result<Solver> {
     Ok(Solver {
         schedule: source.choice("solver/schedule", &Schedule::ALL, Schedule::name)?,
         partition: partition(source)?,
-        iterations: source.number("solver/iterations")?,
+        max_iterations: source.number("solver/iterations")?,
         subdomain_sweeps: source.number("solver/subdomain_sweeps")?,
         interface_sweeps: source.number("solver/interface_sweeps")?,
         tolerance: tolerance.first().copied(),
         norm: source.choice("solver/norm", &Norm::ALL, Norm::name)?,
-        check_every: source.number("solver/check_every")?,
+        convergence_check_interval: source.number("solver/check_every")?,
         relaxation: source.real("solver/relaxation")?,
-        warm_start: source.real("solver/warm_start")?,
-        momentum: !source.has(PLAIN),
-        recovery: recovery(source)?,
+        warm_start_factor: source.real("solver/warm_start")?,
+        acceleration: if source.has(PLAIN) { Acceleration::None } else { Acceleration::Nncg },
+        penetration_correction: penetration_correction(source)?,
     })
 }
 
-fn recovery(source: &Source) -> Result<Option<Recovery>> {
+fn penetration_correction(source: &Source) -> Result<Option<PenetrationCorrection>> {
     if !source.has(RECOVERY) {
         return Ok(None);
     }
     let numbers = source.reals(RECOVERY, Some(2), 1)?;
-    Ok(Some(Recovery {
-        share: numbers[0],
-        allowed: numbers[1],
+    Ok(Some(PenetrationCorrection {
+        factor: numbers[0],
+        slop: numbers[1],
         iterations: source.number("solver/recovery_iterations")?,
     }))
 }

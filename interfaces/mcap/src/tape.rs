@@ -33,7 +33,7 @@ pub struct Tape {
 fn parameters(model: &Model) -> Parameters {
     let solver = &model.solver;
     component::Parameters {
-        iterations: solver.iterations,
+        iterations: solver.max_iterations,
         tolerance: solver.tolerance,
         penetration: f64::INFINITY,
     }
@@ -43,7 +43,7 @@ fn parameters(model: &Model) -> Parameters {
 /// Whether a run of a case is at its beginning, solved as the case says: what a recording from there on needs is
 /// the case alone.
 fn is_the_beginning(plan: &Plan, model: &Model, state: &State) -> bool {
-    let how = |solver: &Solver| (solver.iterations, solver.tolerance);
+    let how = |solver: &Solver| (solver.max_iterations, solver.tolerance);
     state.step == 0 && how(&model.solver) == how(&plan.run.solver)
 }
 

@@ -16,7 +16,7 @@ const MS: u64 = 1_000_000;
 
 fn component() -> Component {
     let mut scene = common::heap::falling(1, MS).scheduled(Schedule::Synchronous, [2, 1, 1]);
-    scene.model.solver.iterations = 10;
+    scene.model.solver.max_iterations = 10;
     scene.model.solver.tolerance = Some(1e-2);
     Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
 }

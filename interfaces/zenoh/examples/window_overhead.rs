@@ -109,7 +109,7 @@ fn serve() -> Result<(), Box<dyn Error>> {
 /// Nine stones in a box, a step of 1 ms.
 fn component() -> Result<Component, Box<dyn Error>> {
     let mut scene = common::heap::falling(1, MS).scheduled(Schedule::Sequential, [1, 1, 1]);
-    scene.model.solver.iterations = 10;
+    scene.model.solver.max_iterations = 10;
     Ok(Component::new(Arc::new(scene.model), scene.state, Limits::default())?)
 }
 

@@ -103,7 +103,7 @@ impl Case {
 
     /// Iterations without momentum that solve it.
     fn plain_iterations(&self) -> u32 {
-        let plain = Solver { momentum: false, ..self.model.solver };
+        let plain = Solver { acceleration: Acceleration::None, ..self.model.solver };
         let solved = run_with(&self.model, &self.state, &self.contacts, &[], |d, _| {
             d.apply_impulses();
             synchronous::iterate(d, &plain, &mut || None).expect("nobody stops it")
@@ -132,8 +132,11 @@ impl Case {
 
 #[test]
 fn however_visits_overlap_a_step_is_solved_in_about_as_many_iterations() {
-    for (subdomains, check_every) in [(2, 1), (4, 10), (9, 1)] {
-        let case = Case::new(Solver { check_every, ..solver(Schedule::Asynchronous, subdomains) });
+    for (subdomains, convergence_check_interval) in [(2, 1), (4, 10), (9, 1)] {
+        let case = Case::new(Solver {
+            convergence_check_interval,
+            ..solver(Schedule::Asynchronous, subdomains)
+        });
         assert!(case.expected.outcome.converged);
         // Its visits have no momentum: as many iterations as plain ones in parallel would take.
         let most = case.plain_iterations() * 13 / 10;
@@ -158,8 +161,10 @@ fn however_visits_overlap_a_step_is_solved_in_about_as_many_iterations() {
 #[test]
 fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
     for subdomains in [2, 9] {
-        let mut case =
-            Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, subdomains) });
+        let mut case = Case::new(Solver {
+            convergence_check_interval: 1,
+            ..solver(Schedule::Asynchronous, subdomains)
+        });
         let rest = case.expected.impulse.clone();
         // Every cube starts from the impulses that carried it, and flies off.
         case.model.gravity = Vec3::new(0.0, 0.0, 9.81);
@@ -178,7 +183,8 @@ fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
 
 #[test]
 fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
-    let fixed = Solver { tolerance: None, iterations: 100, ..solver(Schedule::Asynchronous, 9) };
+    let fixed =
+        Solver { tolerance: None, max_iterations: 100, ..solver(Schedule::Asynchronous, 9) };
     let case = Case::new(fixed);
     let expected = case.expected.outcome;
     for threads in [1, 2, 4, 8] {
@@ -200,7 +206,8 @@ fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
 
 /// Calls `check` with a run of a wall in four subdomains, tested after every visit.
 fn with_run(check: impl Fn(&Run)) {
-    let case = Case::new(Solver { check_every: 1, ..solver(Schedule::Asynchronous, 4) });
+    let case =
+        Case::new(Solver { convergence_check_interval: 1, ..solver(Schedule::Asynchronous, 4) });
     run_with(&case.model, &case.state, &case.contacts, &[], |d, _| {
         let mut never = || None;
         check(&Run::new(

@@ -14,7 +14,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::profile::{Profile, Spent};
 use crate::progress::Progress;
-use ballast::model::{Model, Recovery, Schedule, Solver, Stepping};
+use ballast::model::{Model, PenetrationCorrection, Schedule, Solver, Stepping};
 use ballast::observe::mean_speed;
 use ballast::workspace::Workspace;
 use std::num::NonZeroU32;
@@ -52,7 +52,7 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
     let (mut progress, mut before) = (Progress::start(console, &scene.name), 0.0);
     for plan in &plans {
         let step_ms = 1e-6 * plan.step_ns as f64;
-        let share = plan.recovery.map_or(0.0, |r| r.share);
+        let share = plan.recovery.map_or(0.0, |r| r.factor);
         let told = Said(format!("{step_ms} ms, {} iterations, recovery {share}", plan.iterations));
         let taken =
             plan.take(&scene, |done| progress.advance((before + done as f64) / whole, &told))?;
@@ -81,7 +81,7 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
 struct Plan {
     step_ns: u64,
     iterations: NonZeroU32,
-    recovery: Option<Recovery>,
+    recovery: Option<PenetrationCorrection>,
     steps: usize,
 }
 
@@ -102,7 +102,10 @@ fn plans(args: &BenchCost) -> Outcome<Vec<Plan>> {
             return Err(Failure::Usage(text));
         }
         for &share in &args.recovery {
-            let recovery = (share != 0.0).then_some(Recovery { share, ..Recovery::default() });
+            let recovery = (share != 0.0).then_some(PenetrationCorrection {
+                factor: share,
+                ..PenetrationCorrection::default()
+            });
             plans.extend(args.iterations.iter().map(|&iterations| Plan {
                 step_ns: (1e6 * ms).round() as u64,
                 iterations,
@@ -137,7 +140,11 @@ impl Plan {
         let Model { stepping, solver, .. } = scene.model;
         let stepping = Stepping { step_ns: self.step_ns, ..stepping };
         let solver = Rule::fixed(Some(self.iterations), solver);
-        let solver = Solver { schedule: Schedule::Synchronous, recovery: self.recovery, ..solver };
+        let solver = Solver {
+            schedule: Schedule::Synchronous,
+            penetration_correction: self.recovery,
+            ..solver
+        };
         let model = Model { stepping, solver, ..scene.model.clone() };
         model.check()?;
         let (mut state, mut workspace) = (scene.state.clone(), Workspace::default());

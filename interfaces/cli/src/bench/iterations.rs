@@ -11,7 +11,7 @@ use super::trial::{Contender, alternate, ratios};
 use crate::console::Console;
 use crate::exit::Outcome;
 use crate::statistics::Quartiles;
-use ballast::model::{Schedule, Solver};
+use ballast::model::{Acceleration, Schedule, Solver};
 use ballast::step::Phase;
 
 const COLUMNS: &[&str] = &[
@@ -51,7 +51,7 @@ pub fn iterations(args: &BenchIterations, console: Console) -> Outcome {
     sheet.note("scene", scene.describe());
     sheet.note("steps", format!("{} measured, in turn from the same states", args.window.steps));
     sheet.note("ends", rule.name());
-    sheet.note("impulses of the last step", format!("a share of {}", case.warm_start));
+    sheet.note("impulses of the last step", format!("a share of {}", case.warm_start_factor));
     sheet.note("solve_ms, step_ms", "wall time, median; mvisits: millions of contact visits, mean");
     sheet.note(
         "plain_over_solve",
@@ -64,11 +64,11 @@ pub fn iterations(args: &BenchIterations, console: Console) -> Outcome {
 
 /// Sweeps over all contacts in one set: as the first studies had them, and what has been added since.
 fn sequential(case: Solver) -> [(&'static str, Solver); 4] {
-    let case = Solver { schedule: Schedule::Sequential, momentum: true, ..case };
-    let nothing = Solver { warm_start: 0.0, ..case };
+    let case = Solver { schedule: Schedule::Sequential, acceleration: Acceleration::Nncg, ..case };
+    let nothing = Solver { warm_start_factor: 0.0, ..case };
     [
-        ("plain, from nothing", Solver { momentum: false, ..nothing }),
-        ("plain, from the last step", Solver { momentum: false, ..case }),
+        ("plain, from nothing", Solver { acceleration: Acceleration::None, ..nothing }),
+        ("plain, from the last step", Solver { acceleration: Acceleration::None, ..case }),
         ("momentum, from nothing", nothing),
         ("momentum, from the last step", case),
     ]

@@ -25,12 +25,12 @@ impl Rule {
     pub fn of(&self, solver: Solver) -> Solver {
         let Self { iterations, tolerance } = *self;
         let norm = if tolerance.is_some() { Norm::Qm16 } else { solver.norm };
-        Solver { iterations, tolerance, norm, ..solver }
+        Solver { max_iterations: iterations, tolerance, norm, ..solver }
     }
 
     /// The rule that a solver follows.
     pub fn of_solver(solver: &Solver) -> Self {
-        Self { iterations: solver.iterations, tolerance: solver.tolerance }
+        Self { iterations: solver.max_iterations, tolerance: solver.tolerance }
     }
 
     pub fn name(&self) -> String {
@@ -58,7 +58,7 @@ impl Ends {
 
     /// Fixed iterations, and a common residual; `solver` is the case's.
     pub fn rules(&self, solver: &Solver) -> [Rule; 2] {
-        let iterations = self.iterations.map_or(solver.iterations, u32::from);
+        let iterations = self.iterations.map_or(solver.max_iterations, u32::from);
         let cap = self.max_iterations.map_or(iterations.saturating_mul(CAP), u32::from);
         let common = Rule { iterations: cap, tolerance: Some(self.tolerance) };
         [Rule { iterations, tolerance: None }, common]

@@ -86,14 +86,14 @@ fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
     let solver = &mut sample.model.solver;
     solver.schedule = args.schedule.into();
     if let Some(iterations) = args.iterations {
-        solver.iterations = iterations.get();
+        solver.max_iterations = iterations.get();
         solver.tolerance = None;
     }
     if let Some(tolerance) = args.tolerance {
         is_tolerance(tolerance)?;
         // A sample of fixed sweeps gives no cap for this.
         if solver.tolerance.is_none() {
-            solver.iterations = 10_000;
+            solver.max_iterations = 10_000;
         }
         solver.tolerance = Some(tolerance);
     }

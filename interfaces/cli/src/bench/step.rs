@@ -64,7 +64,7 @@ fn notes(sheet: &mut Sheet, scene: &Scene, contenders: &[Contender], args: &Benc
         format!(
             "{:.1} in the mean of at most {}, {asked}",
             leader.mean(|r| r.iterations.into()),
-            solver.iterations
+            solver.max_iterations
         ),
     );
     sheet.note("contacts", format!("{:.0} in the mean", leader.mean(|r| r.contacts as f64)));

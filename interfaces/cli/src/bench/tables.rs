@@ -79,7 +79,7 @@ fn case(
     let name = scene.name.clone();
     if name == "one_sleeper" {
         // Compared with the study, whose program takes nothing back (decision 013).
-        scene.model.solver.recovery = None;
+        scene.model.solver.penetration_correction = None;
     }
     let all = args.ends.rules(&scene.model.solver);
     let rules = if args.fixed_only { &all[..1] } else { &all[..] };

@@ -45,7 +45,7 @@ fn text(plan: &Plan) -> String {
         ("results", every("a frame", run.output_ns, "none")),
         ("checkpoints", every("one", run.checkpoint_ns, "one at the end")),
         ("schedule", run.solver.schedule.name().into()),
-        ("iterations", format!("at most {}, tolerance {tolerance}", run.solver.iterations)),
+        ("iterations", format!("at most {}, tolerance {tolerance}", run.solver.max_iterations)),
     ]);
     let lines = lines.into_iter().map(|(label, value)| format!("{label:<16}{value}"));
     lines.collect::<Vec<_>>().join("\n")

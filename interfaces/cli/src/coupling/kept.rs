@@ -88,7 +88,7 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
         owners: owners.parse().map_err(|_| no_number(OWNERS, owners))?,
     };
     let solver = &kept.model.solver;
-    let (iterations, tolerance) = (solver.iterations, solver.tolerance);
+    let (iterations, tolerance) = (solver.max_iterations, solver.tolerance);
     let parameters = Parameters { iterations, tolerance, penetration };
     let kept = Kept { state: kept.state.into(), parameters };
     let result = lockstep.resume(run_id.clone(), seq, kept, memory);

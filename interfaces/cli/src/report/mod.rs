@@ -336,13 +336,13 @@ fn provenance(source: &Source, page: &mut Page) {
         ("alert distance", format!("{} mm", figure(1e3 * stepping.alert, 3))),
         ("schedule", solver.schedule.name().into()),
         ("subdomains", partition(&solver.partition)),
-        ("most iterations", format!("{} in each attempt at a step", solver.iterations)),
+        ("max. iterations", format!("{} in each attempt at a step", solver.max_iterations)),
         ("tolerance", tolerance(solver)),
-        ("warm start", solver.warm_start.to_string()),
+        ("warm start factor", solver.warm_start_factor.to_string()),
         (
-            "recovery of positions",
-            solver.recovery.map_or("none".into(), |r| {
-                format!("{} in a step, beyond {} µm", r.share, figure(1e6 * r.allowed, 3))
+            "penetration correction",
+            solver.penetration_correction.map_or("none".into(), |r| {
+                format!("{} in a step, beyond {} µm", r.factor, figure(1e6 * r.slop, 3))
             }),
         ),
     ] {

@@ -58,7 +58,7 @@ fn on_bed(case: &Case, seed: u64) -> Case {
 fn run(case: &Case, settings: Settings, folder: &Path, console: Console) -> Outcome<Outcomes> {
     let mut case = on_bed(case, settings.seed);
     case.plan.run.stepping.step_ns = settings.step_ns;
-    case.plan.run.solver.iterations = settings.iterations;
+    case.plan.run.solver.max_iterations = settings.iterations;
     let (model, state) = beds::one_of_many(&case, folder, console)?;
     let cycle = session::cycle(&case, &model, &state)?;
     let setting = Setting::of(&case, &model);
@@ -132,7 +132,7 @@ pub fn cycle(size: &Size, folder: &Path, console: Console) -> Outcome<[Check; 2]
     } else {
         "The tamping cycle of examples/first.toml"
     };
-    let (own_step, own_cap) = (case.plan.run.stepping.step_ns, case.plan.run.solver.iterations);
+    let (own_step, own_cap) = (case.plan.run.stepping.step_ns, case.plan.run.solver.max_iterations);
     let steps = [2 * own_step, own_step, own_step / 2];
     let caps = [own_cap / 4, 4 * own_cap];
     let mut energy = Check::new(

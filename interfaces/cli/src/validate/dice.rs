@@ -9,7 +9,7 @@ use crate::exit::Outcome;
 use crate::plot::{Chart, Mark};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::Vec3;
-use ballast::model::Recovery;
+use ballast::model::PenetrationCorrection;
 use ballast::observe::{self, Zone};
 
 /// Friction of polystyrene on itself, in the middle of what tables give for plastics on themselves (0.4 to 0.7). That
@@ -199,8 +199,8 @@ fn packing(number: usize, fillet: f64, seed: u64, sample: &Sample) -> Outcome<Pa
     let mut world = World::new(4_000_000, FRICTION, 0.05 * D).pouring(sample.solved.0);
     world.model.solver.tolerance = Some(sample.solved.1);
     // What dice overlap would count as denser.
-    let recovery = Recovery { share: 0.2, allowed: 5e-4 * D, iterations: 20 };
-    world.model.solver.recovery = Some(recovery);
+    let recovery = PenetrationCorrection { factor: 0.2, slop: 5e-4 * D, iterations: 20 };
+    world.model.solver.penetration_correction = Some(recovery);
     let shape = world.shape(die);
     hang(&mut world, &mut random(10 * seed + number as u64), &[shape], count, 1, in_box([edge; 2]));
     world.container([edge; 2], FRICTION, FRICTION);

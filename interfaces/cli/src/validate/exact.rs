@@ -85,7 +85,8 @@ fn sweeps_needed(count: usize) -> Outcome<u32> {
     // As fine as a sixty-fourth of the height's square: nothing to the exponent.
     let at_a_time = ((count as u32).pow(2) / 64).clamp(1, AT_A_TIME);
     let solver = &mut world.model.solver;
-    (solver.tolerance, solver.iterations, solver.check_every) = (None, at_a_time, 1);
+    (solver.tolerance, solver.max_iterations, solver.convergence_check_interval) =
+        (None, at_a_time, 1);
     let start = world.state.clone();
     let mut sweeps = 0;
     loop {
@@ -113,7 +114,7 @@ pub fn arch(size: &Size, _: Console) -> Outcome<Check> {
     let sinking = |thickness: f64| -> Outcome<f64> {
         let mut world = World::new(2_000_000, 1.0, 2e-3);
         world.model.solver.tolerance = Some(1e-6);
-        world.model.solver.iterations = 500;
+        world.model.solver.max_iterations = 500;
         for k in 0..VOUSSOIRS {
             let mut points = vec![];
             for joint in [k, k + 1] {

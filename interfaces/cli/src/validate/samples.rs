@@ -39,7 +39,7 @@ fn measure(mut world: World) -> Outcome<Measured> {
     let height = world.height();
     let kinetic = observe::energy(&world.model, &world.state).kinetic;
     world.model.solver.tolerance = Some(1e-4);
-    world.model.solver.iterations = 20_000;
+    world.model.solver.max_iterations = 20_000;
     let report = world.step()?;
     let [coordination, _] = observe::coordination(&world.model, &world.state).mean_neighbours;
     let workspace = &world.workspace;
@@ -64,7 +64,7 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
     let mut own = world(&folder.join("loose500.json"))?;
     let settled = world(&folder.join("settled500.json"))?;
     own.model.solver.tolerance = None;
-    own.model.solver.iterations = SWEEPS;
+    own.model.solver.max_iterations = SWEEPS;
     own.model.stepping.step_ns = STEP_NS;
     own.model.stepping.alert = ALERT;
     for _ in 0..STEPS {

@@ -36,10 +36,10 @@ impl World {
         let solver = Solver {
             schedule: Schedule::Sequential,
             partition: PartitionRule::Balanced(1),
-            iterations: 2000,
+            max_iterations: 2000,
             tolerance: Some(1e-8),
             norm: Norm::Qm16,
-            check_every: 5,
+            convergence_check_interval: 5,
             ..Solver::default()
         };
         let model = Model {
@@ -58,7 +58,7 @@ impl World {
     /// As loosely solved as beds are while they are poured, on all cores.
     pub fn pouring(mut self, iterations: u32) -> Self {
         self.model.solver = Solver {
-            iterations,
+            max_iterations: iterations,
             tolerance: Some(1e-3),
             partition: PartitionRule::ContactsPer(1000),
             ..Solver::default()

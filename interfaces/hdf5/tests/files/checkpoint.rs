@@ -1,7 +1,7 @@
 //! Checkpoints come back bit for bit, and replace earlier ones at once or not at all.
 
 use crate::scene;
-use ballast::model::{PartitionRule, Recovery, Schedule};
+use ballast::model::{Acceleration, PartitionRule, PenetrationCorrection, Schedule};
 use ballast::state::State;
 use ballast_hdf5::checkpoint::{Kind, read, write};
 use ballast_hdf5::{Error, state_hash};
@@ -28,9 +28,11 @@ fn everything_comes_back_bit_for_bit() {
     ] {
         let solver = &mut written.model.solver;
         (solver.schedule, solver.partition, solver.tolerance) = (schedule, partition, tolerance);
-        solver.warm_start = tolerance.map_or(1.0, |_| 0.25);
-        solver.momentum = tolerance.is_none();
-        solver.recovery = tolerance.map(|_| Recovery { share: 0.25, allowed: 3e-6, iterations: 7 });
+        solver.warm_start_factor = tolerance.map_or(1.0, |_| 0.25);
+        solver.acceleration =
+            if tolerance.is_none() { Acceleration::Nncg } else { Acceleration::None };
+        solver.penetration_correction =
+            tolerance.map(|_| PenetrationCorrection { factor: 0.25, slop: 3e-6, iterations: 7 });
         written.kind = kind;
         write(&path, &written).unwrap();
         let back = read(&path).unwrap();
@@ -92,9 +94,9 @@ fn the_fingerprint_sees_every_kind_of_change() {
     assert!(changed(|c| c.state.step += 1));
     assert!(changed(|c| c.state.drive.push(0.0)));
     assert!(changed(|c| c.state.contacts.feature[0] -= 1));
-    assert!(changed(|c| c.model.solver.warm_start = 0.5));
-    assert!(changed(|c| c.model.solver.momentum = false));
-    assert!(changed(|c| c.model.solver.recovery = None));
+    assert!(changed(|c| c.model.solver.warm_start_factor = 0.5));
+    assert!(changed(|c| c.model.solver.acceleration = Acceleration::None));
+    assert!(changed(|c| c.model.solver.penetration_correction = None));
     assert!(changed(|c| c.model.driven[0].name.push('x')));
     assert!(changed(|c| c.model.shapes[3].edges.swap(0, 1)));
     assert!(changed(|c| c.model.grains.mass[0] = c.model.grains.mass[0].next_up()));

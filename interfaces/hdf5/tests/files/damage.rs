@@ -120,10 +120,10 @@ fn senseless_values_are_refused_with_their_place() {
         }),
         ("model: stepping.theta", |f| set(f, "stepping/theta", 0, 0.0)),
         ("model: solver.relaxation", |f| set(f, "solver/relaxation", 0, 0.0)),
-        ("model: solver.check_every", |f| set(f, "solver/check_every", 0, 0_u32)),
-        ("model: solver.warm_start", |f| set(f, "solver/warm_start", 0, 2.0)),
-        ("model: solver.recovery.share", |f| set(f, "solver/recovery", 0, 2.0)),
-        ("model: solver.recovery.allowed", |f| set(f, "solver/recovery", 1, -1e-6)),
+        ("model: solver.convergence_check_interval", |f| set(f, "solver/check_every", 0, 0_u32)),
+        ("model: solver.warm_start_factor", |f| set(f, "solver/warm_start", 0, 2.0)),
+        ("model: solver.penetration_correction.factor", |f| set(f, "solver/recovery", 0, 2.0)),
+        ("model: solver.penetration_correction.slop", |f| set(f, "solver/recovery", 1, -1e-6)),
         ("solver/recovery_iterations: expected a dataset", |f| {
             f.unlink("solver/recovery_iterations").unwrap()
         }),

@@ -69,7 +69,7 @@ pub fn model() -> Model {
         stepping: Stepping { step_ns: 100_000, theta: 0.5, alert: 1e-3 },
         solver: Solver {
             partition: PartitionRule::Boxes([3, 2, 1]),
-            recovery: Some(Recovery::default()),
+            penetration_correction: Some(PenetrationCorrection::default()),
             ..Solver::default()
         },
     }

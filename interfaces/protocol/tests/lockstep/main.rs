@@ -28,7 +28,7 @@ fn hash(_: &Model, state: &State) -> u128 {
 /// A heap on a floor that can be shaken.
 fn component() -> Component {
     let mut scene = common::heap::falling(2, MS as u64).scheduled(Schedule::Synchronous, [2, 1, 1]);
-    scene.model.solver.iterations = 50;
+    scene.model.solver.max_iterations = 50;
     scene.model.solver.tolerance = Some(1e-4);
     Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
 }

@@ -113,16 +113,16 @@ pub struct Recovery {
     pub iterations: u32,
 }
 
-impl From<model::Recovery> for Recovery {
-    fn from(recovery: model::Recovery) -> Self {
-        let model::Recovery { share, allowed, iterations } = recovery;
+impl From<model::PenetrationCorrection> for Recovery {
+    fn from(recovery: model::PenetrationCorrection) -> Self {
+        let model::PenetrationCorrection { factor: share, slop: allowed, iterations } = recovery;
         Self { share, allowed_m: allowed, iterations }
     }
 }
 
 impl Default for Recovery {
     fn default() -> Self {
-        model::Recovery::default().into()
+        model::PenetrationCorrection::default().into()
     }
 }
 
@@ -135,16 +135,16 @@ impl Default for Solver {
             boxes: None,
             balanced: None,
             contacts_per_subdomain: None,
-            iterations: core.iterations,
+            iterations: core.max_iterations,
             subdomain_sweeps: core.subdomain_sweeps,
             interface_sweeps: core.interface_sweeps,
             tolerance: core.tolerance.unwrap_or(0.0),
             norm: core.norm,
-            check_every: core.check_every,
+            check_every: core.convergence_check_interval,
             relaxation: core.relaxation,
-            warm_start: core.warm_start,
-            momentum: core.momentum,
-            recovery: core.recovery.map(Recovery::from),
+            warm_start: core.warm_start_factor,
+            momentum: core.acceleration == model::Acceleration::Nncg,
+            recovery: core.penetration_correction.map(Recovery::from),
         }
     }
 }

@@ -118,18 +118,22 @@ fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
     model::Solver {
         schedule: solver.schedule,
         partition: partition(solver, report),
-        iterations: solver.iterations,
+        max_iterations: solver.iterations,
         subdomain_sweeps: solver.subdomain_sweeps,
         interface_sweeps: solver.interface_sweeps,
         tolerance: (solver.tolerance > 0.0).then_some(solver.tolerance),
         norm: solver.norm,
-        check_every: solver.check_every,
+        convergence_check_interval: solver.check_every,
         relaxation: solver.relaxation,
-        warm_start: solver.warm_start,
-        momentum: solver.momentum,
-        recovery: solver.recovery.map(|r| model::Recovery {
-            share: r.share,
-            allowed: r.allowed_m,
+        warm_start_factor: solver.warm_start,
+        acceleration: if solver.momentum {
+            model::Acceleration::Nncg
+        } else {
+            model::Acceleration::None
+        },
+        penetration_correction: solver.recovery.map(|r| model::PenetrationCorrection {
+            factor: r.share,
+            slop: r.allowed_m,
             iterations: r.iterations,
         }),
     }

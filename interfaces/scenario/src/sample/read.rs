@@ -110,10 +110,10 @@ fn solver(solver: &Solver, place: &Place) -> Result<model::Solver, SampleError> 
     Ok(model::Solver {
         // Sweeps over all contacts, as the format's other programs do them.
         schedule: Schedule::Sequential,
-        iterations,
+        max_iterations: iterations,
         tolerance,
         norm: solver.norm,
-        check_every: solver.check_every,
+        convergence_check_interval: solver.check_every,
         relaxation: solver.relax,
         ..model::Solver::default()
     })

@@ -17,7 +17,7 @@ const HALF_EDGE: f64 = 10.0;
 pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
     let (iterations, tolerance) = match model.solver.tolerance {
         Some(tolerance) => (None, Some(tolerance)),
-        None => (Some(model.solver.iterations), None),
+        None => (Some(model.solver.max_iterations), None),
     };
     let file = SampleFile {
         format: FORMAT.into(),
@@ -34,8 +34,8 @@ pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
         solver: Solver {
             iterations,
             tolerance,
-            max_iterations: model.solver.iterations,
-            check_every: model.solver.check_every,
+            max_iterations: model.solver.max_iterations,
+            check_every: model.solver.convergence_check_interval,
             relax: model.solver.relaxation,
             norm: model.solver.norm,
         },

@@ -69,17 +69,17 @@ fn examples_have_the_steps_of_the_study() {
     let seven = example("seven_sleepers");
     assert_eq!((seven.run.stepping.step_ns, steps(&seven)), (200_000, 8820));
     let solver = &seven.run.solver;
-    assert_eq!(solver.iterations * solver.subdomain_sweeps, 740);
+    assert_eq!(solver.max_iterations * solver.subdomain_sweeps, 740);
     assert_eq!(solver.interface_sweeps, solver.subdomain_sweeps);
-    assert_eq!((solver.tolerance, solver.recovery), (None, None));
+    assert_eq!((solver.tolerance, solver.penetration_correction), (None, None));
     let one = example("one_sleeper");
     assert_eq!(one.run.solver.tolerance, None);
-    assert!(one.run.solver.recovery.is_some());
+    assert!(one.run.solver.penetration_correction.is_some());
     assert_eq!((one.run.stepping.step_ns, steps(&one)), (800_000, 2272));
     let laptop = example("laptop");
     assert_eq!(steps(&laptop), 2205);
     assert_eq!(laptop.run.solver.tolerance, Some(1.666e-4));
-    assert!(laptop.run.solver.recovery.is_some());
+    assert!(laptop.run.solver.penetration_correction.is_some());
 }
 
 #[test]

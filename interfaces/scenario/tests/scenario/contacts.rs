@@ -23,7 +23,7 @@ fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
     let text = include_str!("../../../../examples/first.toml");
     let mut plan = read_case(text, "first").unwrap_or_else(|e| panic!("{e}")).plan;
     // What is found does not depend on how well it is solved.
-    plan.run.solver.iterations = 40;
+    plan.run.solver.max_iterations = 40;
     let watch = &mut |_: &_| ControlFlow::Continue(());
     let bed = deposit(&plan, watch).expect("a bed").expect("nobody stops it");
     let (model, mut state) = scene(&plan, bed).expect("a track");

@@ -32,7 +32,7 @@ fn a_sample_becomes_model_and_state() {
     assert_eq!(model.driven[0].name, "floor");
     assert!(model.driven.iter().all(|d| d.role == Role::Boundary));
     assert_eq!(model.solver.schedule, Schedule::Sequential);
-    assert_eq!((model.solver.iterations, model.solver.tolerance), (100, None));
+    assert_eq!((model.solver.max_iterations, model.solver.tolerance), (100, None));
     assert_eq!(model.solver.norm, Norm::Quad);
     assert_eq!(meta["seed"], 7);
     assert_eq!(state.position.len(), 13);
@@ -136,8 +136,11 @@ fn a_tolerance_is_used_where_the_number_of_sweeps_is_null() {
     json["solver"] = json!({ "iterations": null, "tolerance": 1e-4, "max_iterations": 500,
         "check_every": 5, "relax": 0.9, "norm": "QM/16" });
     let solver = sample::read(&json.to_string(), "s").unwrap().model.solver;
-    assert_eq!((solver.iterations, solver.tolerance), (500, Some(1e-4)));
-    assert_eq!((solver.check_every, solver.relaxation, solver.norm), (5, 0.9, Norm::Qm16));
+    assert_eq!((solver.max_iterations, solver.tolerance), (500, Some(1e-4)));
+    assert_eq!(
+        (solver.convergence_check_interval, solver.relaxation, solver.norm),
+        (5, 0.9, Norm::Qm16)
+    );
 }
 
 #[test]

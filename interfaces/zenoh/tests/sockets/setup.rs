@@ -31,7 +31,7 @@ pub fn hash(model: &Model, state: &State) -> u128 {
 pub fn component() -> Component {
     let mut scene =
         common::heap::falling(2, WINDOW / 5).scheduled(Schedule::Synchronous, [2, 1, 1]);
-    scene.model.solver.iterations = 30;
+    scene.model.solver.max_iterations = 30;
     scene.model.solver.tolerance = Some(1e-3);
     Component::new(Arc::new(scene.model), scene.state, Limits::default()).expect("a scene")
 }
