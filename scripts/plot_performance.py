@@ -1,8 +1,8 @@
-"""Draws the tables of `ballast bench` that are kept in benches/results, as docs/performance.md shows them:
+"""Draws the tables of `ballast bench` that are kept in benches/results, as docs/src/developer/performance.md shows them:
 
-    python3 scripts/plot_performance.py [--results benches/results] [--images docs/images]
+    python3 scripts/plot_performance.py [--results benches/results] [--images docs/src/images]
 
-What each plot is drawn from, and the command that measures it, is said in docs/performance.md. Needs matplotlib.
+What each plot is drawn from, and the command that measures it, is said in docs/src/developer/performance.md. Needs matplotlib.
 """
 
 import argparse
@@ -201,7 +201,7 @@ def cost(results: Path) -> Figure:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--results", type=Path, default=Path("benches/results"))
-    parser.add_argument("--images", type=Path, default=Path("docs/images"))
+    parser.add_argument("--images", type=Path, default=Path("docs/src/images"))
     args = parser.parse_args()
     for draw in (cost, kernel, step, subdomains, iterations, scaling):
         path = args.images / f"{draw.__name__}.png"

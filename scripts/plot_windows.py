@@ -1,6 +1,6 @@
 """Draws how much halving the window changes impulses, from the table that a test prints:
 
-    cargo test --release --test component halving -- --nocapture | python3 scripts/plot_windows.py docs/images/windows.png
+    cargo test --release --test component halving -- --nocapture | python3 scripts/plot_windows.py docs/src/images/windows.png
 """
 
 import sys
@@ -10,7 +10,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# The words of docs/windows.md.
+# The words of docs/src/coupling/windows.md.
 NAMES = {"Hermite": "cubic", "Linear": "linear", "Hold": "held"}
 
 curves = {}

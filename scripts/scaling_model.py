@@ -2,7 +2,7 @@
 
     python3 scripts/scaling_model.py [--bandwidth 200] [--results benches/results]
 
-docs/performance.md says what is in it and what is not. Prints the table as Markdown.
+docs/src/developer/performance.md says what is in it and what is not. Prints the table as Markdown.
 """
 
 import argparse

@@ -3,7 +3,7 @@
 //! Rigid convex polyhedra, Signorini-Coulomb contact, Moreau-Jean time stepping, solved by
 //! non-linear Gauss-Seidel with a primal domain decomposition on shared memory.
 //! The modules are listed in the order in which data flows through one step; a module uses only
-//! modules above it. Equations `(T-n)` are those of `docs/theory.md`.
+//! modules above it. Equations `(T-n)` are those of `docs/src/theory.md`.
 //!
 //! The crate is pure: no files, no clock, no environment, no async, no logging.
 

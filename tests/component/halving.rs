@@ -1,6 +1,6 @@
 //! How finely a vibration has to be told: impulses on a tine against cubes that cannot go anywhere, for windows of
 //! several lengths and each interpolation. `cargo test --release --test component halving -- --nocapture` prints
-//! the table of docs/windows.md.
+//! the table of docs/src/coupling/windows.md.
 
 use crate::MS;
 use crate::modes::press;

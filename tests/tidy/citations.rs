@@ -44,14 +44,14 @@ fn citations_and_definitions_are_read() {
 
 #[test]
 fn the_theory_counts_without_gaps() {
-    let numbers = defined(&tree::read("docs/theory.md"));
+    let numbers = defined(&tree::read("docs/src/theory.md"));
     let expected: Vec<u32> = (1..=numbers.len() as u32).collect();
     assert_eq!(numbers, expected);
 }
 
 #[test]
 fn every_citation_exists() {
-    let known: BTreeSet<u32> = defined(&tree::read("docs/theory.md")).into_iter().collect();
+    let known: BTreeSet<u32> = defined(&tree::read("docs/src/theory.md")).into_iter().collect();
     let mut places = tree::files(".", &["md"]);
     places.extend(tree::files("src", &["rs"]));
     places.extend(tree::around(&["rs"]));
@@ -71,10 +71,10 @@ fn every_citation_exists() {
 #[test]
 fn every_equation_is_cited_by_the_code() {
     let cited: BTreeSet<u32> = tree::sources().iter().flat_map(|f| cited(&f.text)).collect();
-    let idle = defined(&tree::read("docs/theory.md"))
+    let idle = defined(&tree::read("docs/src/theory.md"))
         .into_iter()
         .filter(|n| !cited.contains(n))
-        .map(|n| format!("docs/theory.md: no line of code cites (T-{n})"))
+        .map(|n| format!("docs/src/theory.md: no line of code cites (T-{n})"))
         .collect();
     crate::none(idle);
 }

@@ -37,7 +37,7 @@ fn broken(page: &str, text: &str, exists: impl Fn(&Path) -> bool) -> Vec<String>
 #[test]
 fn a_broken_link_is_found() {
     let text = "[a](b.md) [c](../d.md#e) [f](https://g.h) `[i](j)`\n```\n[k](l)\n```\n[m](#n)";
-    let found = broken("docs/x.md", text, |p| p == Path::new("docs/b.md"));
+    let found = broken("docs/src/x.md", text, |p| p == Path::new("docs/src/b.md"));
     assert_eq!(found.len(), 1, "{found:?}");
     assert!(found[0].contains("../d.md#e"));
 }

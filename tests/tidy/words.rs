@@ -131,12 +131,12 @@ fn sources_are_pure_safe_finished_and_short() {
 
 #[test]
 fn the_glossary_knows_every_phase() {
-    let glossary = tree::read("docs/glossary.md");
+    let glossary = tree::read("docs/src/developer/glossary.md");
     let row = glossary.lines().find(|l| l.starts_with("| phase (of a step)")).unwrap_or_default();
     let missing = Phase::ALL
         .into_iter()
         .filter(|phase| !row.contains(phase.name()))
-        .map(|phase| format!("docs/glossary.md does not list the phase `{}`", phase.name()))
+        .map(|phase| format!("docs/src/developer/glossary.md does not list the phase `{}`", phase.name()))
         .collect();
     crate::none(missing);
 }

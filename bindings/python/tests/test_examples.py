@@ -165,7 +165,7 @@ def blocks() -> list[Any]:
     """Python in the pages that users read first."""
     found = [
         pytest.param(code, id=f"{page.name}-{i}")
-        for page in (ROOT / "README.md", ROOT / "docs/python.md")
+        for page in (ROOT / "README.md", ROOT / "docs/src/guide/python.md")
         for i, code in enumerate(re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S))
     ]
     assert len(found) > 3

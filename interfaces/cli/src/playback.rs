@@ -96,10 +96,10 @@ impl Playback {
                 "; in another case than its own `--map /BODY/pose=BODY` for each body, with --rebase, replays its poses"
             }
             Script::Motion(motion) if motion.inputs.iter().any(|input| input.rebase) => {
-                "; poses are taken in m, in the bed's frame (docs/recordings.md)"
+                "; poses are taken in m, in the bed's frame (docs/src/guide/recordings.md)"
             }
             Script::Motion(_) => {
-                "; poses are taken in m, in the bed's frame (docs/recordings.md); --rebase lets motions begin elsewhere"
+                "; poses are taken in m, in the bed's frame (docs/src/guide/recordings.md); --rebase lets motions begin elsewhere"
             }
         }
     }

@@ -34,7 +34,7 @@ macro_rules! columns {
 }
 
 columns! {
-    /// The first columns; after them come [`BodyColumn`]s for each tine and sleeper. docs/results.md tells their meaning.
+    /// The first columns; after them come [`BodyColumn`]s for each tine and sleeper. docs/src/guide/results.md tells their meaning.
     Column of Step<'_> {
         Time: "time", "s", |s| s.state.time();
         Phase: "phase", phases(), |s| s.phase as usize as f64;

@@ -1,10 +1,10 @@
-//! The reference of tables and keys in docs/cases.md, made from the schema.
+//! The reference page of case keys in the book, generated from the JSON Schema.
 
 use crate::schema::schema;
 use crate::structure::{kind, resolve};
 use serde_json::{Map, Value};
 
-const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/cases.md");
+const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/reference/cases.md");
 /// What is between these two lines of the page is made here.
 const MARKS: [&str; 2] = [
     "<!-- From the schema: BALLAST_WRITE_DOCS=1 cargo test -p ballast-scenario writes it anew. -->\n",
@@ -23,7 +23,7 @@ fn the_page_has_the_reference_of_this_schema() {
     if std::env::var_os("BALLAST_WRITE_DOCS").is_some() {
         std::fs::write(PAGE, wanted).expect(PAGE);
     } else {
-        assert!(page == wanted, "docs/cases.md is of another schema: set BALLAST_WRITE_DOCS=1");
+        assert!(page == wanted, "docs/src/reference/cases.md is of another schema: set BALLAST_WRITE_DOCS=1");
     }
 }
 
@@ -91,7 +91,7 @@ fn is_needed(schema: &Value, key: &str) -> bool {
 /// Heading, description, keys, and what the words of its keys mean.
 fn section(root: &Value, table: &Table) -> String {
     let Table { headings, schema } = table;
-    let mut text = format!("### {}\n\n{}\n\n", headings.join(" and "), described(schema));
+    let mut text = format!("## {}\n\n{}\n\n", headings.join(" and "), described(schema));
     text += "| key | takes | default | meaning |\n|---|---|---|---|\n";
     let mut words: Vec<(&Value, Vec<String>)> = Vec::new();
     let path = headings[0].trim_matches(['`', '[', ']']);

@@ -568,7 +568,7 @@ class Outcome:
     @property
     def squeezes(self) -> dict[str, Squeeze]:
         """Squeezes that were in progress, by pair of tines ("pair_0"); of two of a pair the later one. How they are told
-        apart: docs/coupling.md."""
+        apart: docs/src/coupling/concepts.md."""
 
     @property
     def solver(self) -> SolverOutcome:

@@ -100,7 +100,7 @@ impl Outcome {
     }
 
     /// Squeezes that were in progress, by pair of tines ("pair_0"); of two of a pair the later one. How they are told
-    /// apart: docs/coupling.md.
+    /// apart: docs/src/coupling/concepts.md.
     #[getter]
     fn squeezes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);

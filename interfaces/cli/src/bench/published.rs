@@ -1,7 +1,7 @@
 //! What Hoang, Saussine, Dureisseix and Alart (2012) publish of their own runs, as far as it is known here.
 //!
 //! Source: *Domain decomposition with discrete element simulations using shared-memory parallel computing for
-//! railways applications*, European Journal of Computational Mechanics 21 (3-6), pp. 242-253; `docs/theory.md`
+//! railways applications*, European Journal of Computational Mechanics 21 (3-6), pp. 242-253; `docs/src/theory.md`
 //! lists it with the slips of its text. The two tables were measured on different machines: their times are
 //! not to be compared with each other.
 

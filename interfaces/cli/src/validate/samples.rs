@@ -105,7 +105,7 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
             .with("LMGC90's state", tail(&theirs), Mark::Line);
     check.charts.push(chart.svg());
     check.remark = "LMGC90's stones rest on gaps of some tenths of a millimetre, which its detection counts as \
-                    contacts; under exact contacts they carry less (docs/performance.md). Heights of two pourings of \
+                    contacts; under exact contacts they carry less (docs/src/developer/performance.md). Heights of two pourings of \
                     500 stones differ."
         .into();
     Ok(check)

@@ -1,11 +1,11 @@
-//! docs/results.md names all that a run leaves.
+//! docs/src/guide/results.md names all that a run leaves.
 
 use crate::setup::Place;
 use ballast_hdf5::results::Reader;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
-const PAGE: &str = include_str!("../../../../docs/results.md");
+const PAGE: &str = include_str!("../../../../docs/src/guide/results.md");
 
 /// Names of what is in the files, with the unit where there is one.
 type Named = (String, Option<String>);
@@ -38,8 +38,8 @@ fn missing(page: &str, wanted: &BTreeSet<Named>) -> Vec<String> {
     let without = wanted.iter().filter(|named| !is_told(named));
     without
         .map(|(name, unit)| match unit.as_deref() {
-            Some(unit) => format!("docs/results.md: no row for `{name}` with the unit `{unit}`"),
-            None => format!("docs/results.md: no row for `{name}`"),
+            Some(unit) => format!("docs/src/guide/results.md: no row for `{name}` with the unit `{unit}`"),
+            None => format!("docs/src/guide/results.md: no row for `{name}`"),
         })
         .collect()
 }
@@ -112,7 +112,7 @@ fn the_page_names_all_that_a_run_leaves() {
     let page =
         PAGE.replace("| `rattlers` |", "| |").replace("| `kinetic` | J |", "| `kinetic` | N |");
     let page = page.replace("minimum.{value,time_s,phase}", "minimum.{value,phase}");
-    let row = |of: &str| format!("docs/results.md: no row for {of}");
+    let row = |of: &str| format!("docs/src/guide/results.md: no row for {of}");
     let objections = [
         "`coordination.minimum.time_s`",
         "`kinetic` with the unit `J`",

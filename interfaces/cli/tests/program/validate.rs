@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
-/// Checks with figures that are known to miss what is expected, and how far: docs/validation.md says why. Wrong
+/// Checks with figures that are known to miss what is expected, and how far: docs/src/verification/checks.md says why. Wrong
 /// altogether would be news.
 const KNOWN: [(&str, [f64; 2]); 3] = [
     ("Platonic dice", [0.44, 0.58]),

@@ -30,7 +30,7 @@ pub(super) fn expect_still(
     for (body, track) in tracks {
         for frame in track.pose_frames.iter().filter(|frame| !is_of_the_bed(frame)) {
             let Some(topic) = placed.get(plain(frame)) else { continue };
-            let expected = "some in the frame of the bed, since transforms are not put together (docs/recordings.md \
+            let expected = "some in the frame of the bed, since transforms are not put together (docs/src/guide/recordings.md \
                             tells how to bring them there)";
             let found = format!("some in the frame {frame:?}, which {topic} places in another one");
             return Err(Error::unsuitable(path, format!("poses of {body:?}"), expected, found));

@@ -45,7 +45,7 @@ fn the_examples_are_sound_and_give_no_warning() {
 
 #[test]
 fn the_cases_of_the_page_are_sound() {
-    let page = include_str!("../../../../docs/cases.md");
+    let page = include_str!("../../../../docs/src/guide/cases.md");
     let blocks = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next());
     let mut cases: Vec<String> = Vec::new();
     for block in blocks {
@@ -58,7 +58,7 @@ fn the_cases_of_the_page_are_sound() {
     }
     assert_eq!(cases.len(), 3);
     for text in &cases {
-        let case = read_case(text, "docs/cases.md").unwrap_or_else(|e| panic!("{e}"));
+        let case = read_case(text, "docs/src/guide/cases.md").unwrap_or_else(|e| panic!("{e}"));
         assert!(case.warnings.is_empty(), "{:?}", case.warnings);
     }
 }
