@@ -53,7 +53,7 @@ pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
             *x = motion.position[i] + velocity[i] * after;
             *q = rotation::advance(&motion.orientation[i], &(spin[i] * after));
             *v = velocity[i];
-            *w = motion.spin_at_end(model, state, i, &spin[i], q);
+            *w = motion.angular_velocity_at_end(model, state, i, &spin[i], q);
         });
     next.mount.clear();
     next.mount.extend(&targets[..mobile - ng]);
@@ -61,10 +61,10 @@ pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
         let (pose, [v, w]) = match model.driven[b - ng].mount.as_ref() {
             Some(mount) => {
                 let solved = [&velocity[b], &spin[b]];
-                motion.end_of_mounted(model, state, b - ng, mount, target, solved)
+                motion.mounted_end_state(model, state, b - ng, mount, target, solved)
             }
             // The target itself, not what the velocity leads to: rounding must not add up over steps.
-            None => (*target, [motion.velocity[b], motion.spin[b]]),
+            None => (*target, [motion.velocity[b], motion.angular_velocity[b]]),
         };
         next.position[b] = pose.position;
         next.orientation[b] = pose.orientation;
@@ -103,7 +103,7 @@ impl StepMotion<'_> {
     /// imposed has its velocity over the whole step.
     fn mean_velocity(&self, b: usize, point: &Vec3) -> Vec3 {
         let lever = point - self.motion.position[b];
-        let (v, w) = self.motion.first_twist(self.model, self.state, b);
+        let (v, w) = self.motion.initial_twist(self.model, self.state, b);
         let (v, w) = match self.velocity.get(b).zip(self.spin.get(b)) {
             Some((v_end, w_end)) => (0.5 * (v + v_end), 0.5 * (w + w_end)),
             None => (v, w),

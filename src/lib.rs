@@ -35,7 +35,7 @@ mod integrate;
 
 pub mod workspace;
 
-mod second_look;
+mod contact_recheck;
 
 pub mod step;
 

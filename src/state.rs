@@ -128,7 +128,7 @@ impl State {
                 return refuse(format!("{field} of body {b}"), expected, found);
             }
         }
-        let mounted = model.mounted();
+        let mounted = model.mounted_count();
         if self.mount.len() != mounted || !self.mount.iter().all(Pose::is_sound) {
             let expected = format!("{mounted} finite poses, one per mounted body");
             return refuse("mounts".into(), expected, format!("{:?}", self.mount));

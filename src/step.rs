@@ -4,8 +4,9 @@
 //! for any number of threads (sequential and synchronous schedules); a refused step leaves the state
 //! as it was.
 
+use crate::contact_recheck::{self, RecheckReason};
 use crate::ddm::{self, Outcome};
-use crate::detection::{remember, warm_start};
+use crate::detection::{store_contacts, warm_start};
 use crate::drive::Inputs;
 use crate::error::{Cause, Error, Result, Stop};
 pub use crate::integrate::Reaction;
@@ -14,7 +15,6 @@ use crate::local_problem::Solved;
 use crate::math::Vec3;
 use crate::model::{Model, PenetrationCorrection, Schedule, Solver};
 pub use crate::nlgs::Residuals;
-use crate::second_look::{self, Look};
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
@@ -64,17 +64,19 @@ pub fn advance(
         if let Some(limit) = inputs.speed_limit {
             limit.check(model, state, inputs.targets)?;
         }
-        ws.reach.predict(model, &ws.motion);
+        ws.detection_range.reset(model, &ws.motion);
         watch.lap(Phase::Predict);
         detect(model, state, ws, watch);
         let mut report = solve(model, state, next, inputs, ws, model.solver, watch)?;
-        while let Some(look) = second_look::after(model, ws, report.attempts) {
+        while let Some(look) = contact_recheck::recheck(model, ws, report.attempts) {
             watch.lap(Phase::NarrowPhase);
             let mut solver = model.solver;
             match look {
-                Look::Further => detect(model, state, ws, watch),
+                RecheckReason::RangeTooSmall => detect(model, state, ws, watch),
                 // It goes on from what is solved, to which little is added.
-                Look::AtTheEnd => solver.max_iterations = solver.max_iterations.div_ceil(2),
+                RecheckReason::EndOfStepPenetration => {
+                    solver.max_iterations = solver.max_iterations.div_ceil(2)
+                }
             }
             let again = solve(model, state, next, inputs, ws, solver, watch)?;
             report = again.after(report);
@@ -83,7 +85,7 @@ pub fn advance(
         if let Some(limit) = inputs.speed_limit {
             limit.check_moved(model, state, next)?;
         }
-        remember(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
+        store_contacts(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
         watch.lap(Phase::Store);
         Ok(report)
     })
@@ -91,11 +93,11 @@ pub fn advance(
 
 /// Finds the contacts that are within reach, and what their impulses begin with.
 fn detect(model: &Model, state: &State, ws: &mut Workspace, watch: &mut impl Stopwatch) {
-    ws.reach.note_looked();
-    ws.detector.broad_phase(model, &ws.motion, &ws.reach);
+    ws.detection_range.mark_searched();
+    ws.detector.broad_phase(model, &ws.motion, &ws.detection_range);
     watch.lap(Phase::BroadPhase);
 
-    ws.detector.narrow_phase(model, &ws.motion, &ws.reach, &mut ws.contacts);
+    ws.detector.narrow_phase(model, &ws.motion, &ws.detection_range, &mut ws.contacts);
     watch.lap(Phase::NarrowPhase);
 
     warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);

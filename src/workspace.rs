@@ -3,7 +3,7 @@
 //! Nothing here changes the next step: a step with a fresh workspace gives the same bytes.
 
 use crate::ddm::Decomposition;
-use crate::detection::{Contacts, Detector, Reach};
+use crate::detection::{Contacts, DetectionRange, Detector};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::motion::Motion;
@@ -21,7 +21,7 @@ pub struct Workspace {
     pub impulse: Vec<Vec3>,
     pub(crate) detector: Detector,
     /// How far around each body contacts are looked for.
-    pub(crate) reach: Reach,
+    pub(crate) detection_range: DetectionRange,
     /// Contacts of bodies that turned out faster than that.
     pub(crate) fresh: Contacts,
     /// Contacts of where bodies that turn fast end the step, as seen from configuration m.

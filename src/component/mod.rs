@@ -25,12 +25,12 @@ pub use watch::{Each, Watch};
 pub use waveform::{Interpolation, Knot, Twist, WIDEST_TURN, Waveform};
 pub use window::{Input, LoadInput, Window};
 
+use crate::contact_recheck::penetration_beyond;
 use crate::drive::{Inputs, SpeedLimit};
 pub use crate::error::Stop;
 use crate::error::{Cause, Error};
 use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
-use crate::second_look::pressed_beyond;
 use crate::state::State;
 use crate::step::{StepReport, Stopwatch, advance};
 use crate::workspace::Workspace;
@@ -362,7 +362,7 @@ impl Component {
         if limit.is_infinite() {
             return Ok(());
         }
-        let pressed = pressed_beyond(limit, &self.model, &self.workspace);
+        let pressed = penetration_beyond(limit, &self.model, &self.workspace);
         if pressed == 0.0 {
             return Ok(());
         }

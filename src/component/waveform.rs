@@ -174,7 +174,7 @@ impl Cubic {
     /// Of the rotation vector from `a`, whose rate at `b` is `J⁻¹(φ) ω`.
     fn of_turns(a: &Knot, b: &Knot) -> Self {
         let way = between(a, b);
-        Self { way, rates: [a.spin, rotation::rate_of_log(&way, &b.spin)] }
+        Self { way, rates: [a.spin, rotation::rotation_vector_rate(&way, &b.spin)] }
     }
 
     /// The way up to a share `s` of the time.
@@ -209,6 +209,6 @@ fn hermite_twist(a: &Knot, b: &Knot, time_ns: u64) -> Twist {
     let turns = Cubic::of_turns(a, b);
     Twist {
         velocity: Cubic::of_positions(a, b).rate(share),
-        spin: rotation::spin_of_rate(&turns.at(share), &turns.rate(share)),
+        spin: rotation::angular_velocity_from_rate(&turns.at(share), &turns.rate(share)),
     }
 }

@@ -102,7 +102,7 @@ impl<'a> Plan<'a> {
         for d in (0..motions.len()).filter(|d| motions[*d].is_none()) {
             join.check_still(d)?;
         }
-        let mut loads = vec![None; model.mounted()];
+        let mut loads = vec![None; model.mounted_count()];
         for LoadInput { body, waveform } in window.loads {
             let d = find(model, body)?;
             let Some(load) = loads.get_mut(d) else {

@@ -76,7 +76,7 @@ pub struct Decomposition {
     pub(super) subdomains: Vec<Mutex<Set>>,
     pub(super) groups: Vec<Mutex<Group>>,
     pub(super) partition: Partition,
-    /// Line of each grain in its subdomain `[ng]`.
+    /// BodyVelocity of each grain in its subdomain `[ng]`.
     pub(super) line_of: Vec<u32>,
     pub(super) boundary: Boundary,
     /// Of the problem, m/s.

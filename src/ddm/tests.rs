@@ -52,7 +52,7 @@ pub(super) fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contact
         gravity: Vec3::new(0.3, 0.0, -9.81),
         grain_friction: 0.6,
         restitution: 0.0,
-        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, alert: 1e-3 },
+        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, detection_distance: 1e-3 },
         solver,
     };
     (model, state, contacts)
@@ -92,7 +92,7 @@ pub(super) fn run_with(
 ) -> Solved {
     let targets = vec![Pose::identity(); model.driven.len()];
     let mut motion = Motion::default();
-    motion.predict(model, state, &crate::drive::Inputs::of(&targets)).unwrap();
+    motion.predict(model, state, &crate::drive::Inputs::from_targets(&targets)).unwrap();
     let mut problem = LocalProblem::default();
     problem.build(model, state, &motion, contacts, start);
     let mut decomposition = Decomposition::default();

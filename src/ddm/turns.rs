@@ -186,7 +186,8 @@ impl Turns {
         visit: impl Fn(Turn, &P) + Sync,
         mut next: impl FnMut() -> Option<Stretch<P>> + Send,
     ) {
-        let (subdomains, threads) = (interface.courses.len(), rayon::current_num_threads());
+        let (subdomains, threads) =
+            (interface.groups_by_subdomain.len(), rayon::current_num_threads());
         // A stretch without visits has ended.
         let has_visits = |&(passes, _): &Stretch<P>| passes > 0 && subdomains > 0;
         let Some(first) = std::iter::from_fn(&mut next).find(has_visits) else { return };
@@ -269,7 +270,7 @@ where
         let come = match set.checked_sub(self.turns.passes.len()) {
             None => [self.come_to(set, 0, passes), None],
             Some(g) => self.interface.pairs[g].map(|s| {
-                let course = self.interface.courses.list(s as usize);
+                let course = self.interface.groups_by_subdomain.list(s as usize);
                 let place = course.iter().take_while(|&&other| other as usize != g).count();
                 self.come_to(s as usize, place + 1, passes)
             }),
@@ -293,7 +294,7 @@ where
     fn come_to(&self, s: usize, place: usize, of_stretch: u32) -> Option<usize> {
         let Turns { arrivals, passes, unfinished, .. } = self.turns;
         // Acquire and release throughout: who comes second, or takes a next pass, has seen what the others left.
-        if let Some(&g) = self.interface.courses.list(s).get(place) {
+        if let Some(&g) = self.interface.groups_by_subdomain.list(s).get(place) {
             let before = arrivals[g as usize].fetch_add(1, Ordering::AcqRel);
             return (before % 2 == 1).then_some(passes.len() + g as usize);
         }

@@ -8,7 +8,7 @@
 
 use super::grid::Grid;
 use super::narrow_phase::PairMemory;
-use super::reach::{self, Reach};
+use super::range::{self, DetectionRange};
 use super::travel::{self, Travel};
 use crate::geometry::{AxisBox, Polyhedron};
 use crate::math::{Pose, Quat, Vec3};
@@ -126,7 +126,7 @@ struct Fresh {
 impl PairList {
     /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved, and its reach grown, by
     /// more than it was given. Pairs of another model are forgotten.
-    pub fn update(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
+    pub fn update(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let known = self.built.identity.is_of(model);
         if !known {
             self.built.identity.note(model);
@@ -147,7 +147,7 @@ impl PairList {
         self.travel.update(motion, &self.built.extent);
     }
 
-    fn rebuild(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
+    fn rebuild(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let ng = model.grains.len();
         self.built.note(model, motion, reach);
         let built = &self.built;
@@ -304,20 +304,20 @@ impl Fresh {
 
 impl Built {
     /// Notes the configuration of the list.
-    fn note(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
+    fn note(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let ng = model.grains.len();
         self.position.clone_from(&motion.position);
         self.orientation.clone_from(&motion.orientation);
         (0..model.body_count())
             .into_par_iter()
             .with_min_len(1024)
-            .map(|b| reach::extent(model, b))
+            .map(|b| range::extent(model, b))
             .collect_into_vec(&mut self.extent);
         let mean = self.extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
         self.share.clear();
-        self.share.extend((0..reach.body_count()).map(|b| reach.share(b)));
+        self.share.extend((0..reach.body_count()).map(|b| reach.body_range(b)));
         self.slack.clear();
-        let slack = |b| (0.5 * SKIN * mean).max(LASTING * reach.way(b));
+        let slack = |b| (0.5 * SKIN * mean).max(LASTING * reach.free_displacement(b));
         self.slack.extend((0..reach.body_count()).map(slack));
     }
 
@@ -327,11 +327,11 @@ impl Built {
     }
 
     /// Whether no body has used up its slack by moving or by a larger reach.
-    fn still_holds(&self, motion: &Motion, reach: &Reach) -> bool {
+    fn still_holds(&self, motion: &Motion, reach: &DetectionRange) -> bool {
         let used_up = |b: usize| {
             let turn = travel::turn(&motion.orientation[b], &self.orientation[b]);
             let path = (motion.position[b] - self.position[b]).norm() + self.extent[b] * turn;
-            let used = path + (reach.share(b) - self.share[b]).max(0.0);
+            let used = path + (reach.body_range(b) - self.share[b]).max(0.0);
             used.is_nan() || used > self.slack[b]
         };
         self.position.len() == motion.position.len()

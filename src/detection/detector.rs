@@ -8,7 +8,7 @@
 use super::Contacts;
 use super::broad_phase::{CHUNK, PairList, PartRef, by_chunk};
 use super::narrow_phase::{self, PairMemory, Scratch, Solid};
-use super::reach::Reach;
+use super::range::DetectionRange;
 use crate::geometry::HalfSpace;
 use crate::lanes;
 use crate::math::{Pose, Vec3};
@@ -47,7 +47,7 @@ impl Detector {
     ///
     /// The list holds for all configurations in which no point of a body has moved by more than its box allows for; it is
     /// rebuilt only when one has, or when the number of bodies, their shapes' numbers or their reach have changed.
-    pub fn broad_phase(&mut self, model: &Model, motion: &Motion, reach: &Reach) {
+    pub fn broad_phase(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         self.pairs.update(model, motion, reach);
     }
 
@@ -61,18 +61,18 @@ impl Detector {
         &mut self,
         model: &Model,
         motion: &Motion,
-        reach: &Reach,
+        reach: &DetectionRange,
         out: &mut Contacts,
     ) {
-        self.look_again(model, motion, reach, |_| true, out);
+        self.narrow_phase_where(model, motion, reach, |_| true, out);
     }
 
     /// The same with the contacts of those pairs only that are asked for.
-    pub fn look_again(
+    pub fn narrow_phase_where(
         &mut self,
         model: &Model,
         motion: &Motion,
-        reach: &Reach,
+        reach: &DetectionRange,
         asked: impl Fn([usize; 2]) -> bool + Sync,
         out: &mut Contacts,
     ) {
@@ -110,7 +110,7 @@ fn place_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut V
 struct Search<'a, F> {
     model: &'a Model,
     motion: &'a Motion,
-    reach: &'a Reach,
+    reach: &'a DetectionRange,
     /// Whether contacts of two bodies are wanted.
     asked: F,
     starts: &'a [usize],
@@ -179,7 +179,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
                         continue;
                     }
                     let a = self.grain(i);
-                    let alert = self.reach.between(self.motion, a.shape.radius, pair);
+                    let alert = self.reach.distance(self.motion, a.shape.radius, pair);
                     narrow_phase::touch_half_space(a, normal, *offset, alert, &mut out.scratch);
                 }
                 Placed::Convex { shape, pose } => {
@@ -208,13 +208,13 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
         scratch: &mut Scratch,
     ) -> bool {
         let travel = pair.map(|b| self.travel[b]).iter().sum();
-        let at_most = self.reach.at_most(pair);
+        let at_most = self.reach.max_distance(pair);
         if !(self.asked)(pair) || memory.sleeps(travel, at_most) {
             return false;
         }
         let a = self.grain(pair[0]);
         // A body may have half-spaces beside this part: they are looked for further away.
-        let alert = self.reach.between(self.motion, a.shape.radius, pair).min(at_most);
+        let alert = self.reach.distance(self.motion, a.shape.radius, pair).min(at_most);
         let looked = !memory.sleeps(travel, alert);
         if looked {
             narrow_phase::touch(a, b(), alert, travel, memory, scratch);

@@ -136,7 +136,7 @@ fn run_end(bodies: &[[u32; 2]], start: usize) -> usize {
 
 /// Stores this step's contacts and impulses (`[nc]`, world axes, N s) for the next step's
 /// [`warm_start`].
-pub fn remember(
+pub fn store_contacts(
     motion: &Motion,
     contacts: &Contacts,
     impulse: &[Vec3],

@@ -8,12 +8,12 @@ mod detector;
 mod grid;
 mod matching;
 mod narrow_phase;
-mod reach;
+mod range;
 mod travel;
 
 pub use detector::Detector;
-pub use matching::{remember, warm_start};
-pub use reach::{Reach, top_speed};
+pub use matching::{store_contacts, warm_start};
+pub use range::{DetectionRange, max_point_speed};
 
 use crate::math::Vec3;
 use crate::motion::Motion;
@@ -64,13 +64,18 @@ impl Contacts {
         self.gap.push(gap);
     }
     /// The contacts of two bodies.
-    pub fn of(&self, bodies: [u32; 2]) -> Range<usize> {
+    pub fn pair_range(&self, bodies: [u32; 2]) -> Range<usize> {
         let start = self.bodies.partition_point(|b| *b < bodies);
         start..start + self.bodies[start..].partition_point(|b| *b == bodies)
     }
 
     /// How fast contact `i` opens when body `b` has velocity and spin `twist(b)`, m/s.
-    pub fn opening(&self, i: usize, motion: &Motion, twist: impl Fn(usize) -> (Vec3, Vec3)) -> f64 {
+    pub fn opening_speed(
+        &self,
+        i: usize,
+        motion: &Motion,
+        twist: impl Fn(usize) -> (Vec3, Vec3),
+    ) -> f64 {
         let surface = |b: u32| {
             let (v, w) = twist(b as usize);
             v + w.cross(&(self.point[i] - motion.position[b as usize]))
@@ -81,11 +86,11 @@ impl Contacts {
 
     /// Takes over a few contacts, in place of those of the same bodies and feature; what penetrates keeps its gap. `impulse`
     /// goes with the contacts: new ones have none.
-    pub fn adopt(&mut self, others: &Contacts, impulse: &mut Vec<Vec3>) {
+    pub fn merge(&mut self, others: &Contacts, impulse: &mut Vec<Vec3>) {
         for k in 0..others.len() {
             let (bodies, feature) = (others.bodies[k], others.feature[k]);
             let (point, normal, gap) = (others.point[k], others.normal[k], others.gap[k]);
-            let known = self.of(bodies);
+            let known = self.pair_range(bodies);
             let i = known.start + self.feature[known.clone()].partition_point(|f| *f < feature);
             if known.contains(&i) && self.feature[i] == feature {
                 (self.point[i], self.normal[i]) = (point, normal);
@@ -122,7 +127,7 @@ mod tests {
         for (bodies, feature) in [([2, 3], 5), ([0, 1], 7), ([0, 1], 5), ([0, 1], 3), ([1, 9], 1)] {
             others.push(bodies, feature, row(9.0), Vec3::z(), 5e-4);
         }
-        contacts.adopt(&others, &mut impulse);
+        contacts.merge(&others, &mut impulse);
         let places = [[0, 1], [0, 1], [0, 1], [1, 9], [2, 3], [2, 3], [2, 4]];
         assert_eq!(contacts.bodies, places);
         assert_eq!(contacts.feature, [3, 5, 7, 1, 1, 5, 1]);

@@ -44,7 +44,7 @@ pub struct Inputs<'a> {
 
 impl<'a> Inputs<'a> {
     /// These targets, without loads and at any speed.
-    pub fn of(targets: &'a [Pose]) -> Self {
+    pub fn from_targets(targets: &'a [Pose]) -> Self {
         Self { targets, loads: &[], speed_limit: None }
     }
 }

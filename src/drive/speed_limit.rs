@@ -67,7 +67,7 @@ impl SpeedLimit {
     /// As for [`Self::check`].
     pub fn check_moved(&self, model: &Model, state: &State, next: &State) -> Result<()> {
         let ng = model.grains.len();
-        (0..model.mounted()).try_for_each(|d| {
+        (0..model.mounted_count()).try_for_each(|d| {
             self.check_way(model, state, d, [&state.pose(ng + d), &next.pose(ng + d)])
         })
     }

@@ -1,6 +1,6 @@
 //! Eight lanes in two registers of AVX2 with FMA.
 
-use super::{LANES, Lanes, Line, each};
+use super::{BodyVelocity, LANES, Lanes, each};
 use core::arch::x86_64::*;
 
 /// Lanes 0 to 3 and 4 to 7.
@@ -128,7 +128,7 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
-    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
+    unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8] {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
             let start = lines.as_ptr();
@@ -143,7 +143,7 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
-    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]) {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
             let start = lines.as_mut_ptr();

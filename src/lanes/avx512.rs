@@ -1,6 +1,6 @@
 //! Eight lanes in one register of AVX-512F.
 
-use super::{LANES, Lanes, Line, each};
+use super::{BodyVelocity, LANES, Lanes, each};
 use core::arch::x86_64::*;
 
 /// One 512-bit register.
@@ -13,7 +13,7 @@ pub struct Avx512(__m512d);
 impl Lanes for Avx512 {
     type Mask = __mmask8;
 
-    const TWO_AT_ONCE: bool = true;
+    const PAIRS_OF_BLOCKS: bool = true;
 
     #[inline(always)]
     fn splat(x: f64) -> Self {
@@ -100,7 +100,7 @@ impl Lanes for Avx512 {
         unsafe { Self(_mm512_mask_blend_pd(mask, no.0, yes.0)) }
     }
     #[inline(always)]
-    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
+    unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8] {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
             let start = lines.as_ptr().cast::<f64>();
@@ -112,7 +112,7 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]) {
         // SAFETY: the caller's; a line is 64 aligned bytes.
         unsafe {
             let start = lines.as_mut_ptr().cast::<f64>();

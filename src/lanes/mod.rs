@@ -1,6 +1,6 @@
 //! Eight numbers at a time, with the instructions that the processor has.
 //!
-//! Contract: the same bits from every [`Arithmetic`]. Work is written once, for any [`Lanes`].
+//! Contract: the same bits from every [`InstructionSet`]. LaneKernel is written once, for any [`Lanes`].
 //!
 //! This room and `nlgs::kernel` are the only ones of the crate with `unsafe`. Here it is sound because types that use
 //! instructions beyond the base ones are private and used only inside [`run`], after the processor was asked.
@@ -9,20 +9,20 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-mod eight;
-mod line;
+mod body_velocity;
+mod operations;
 mod portable;
 
-pub use eight::Lanes;
-pub(crate) use eight::each;
-pub use line::Line;
+pub use body_velocity::BodyVelocity;
+pub use operations::Lanes;
+pub(crate) use operations::each;
 pub use portable::Portable;
 
 /// How many.
 pub const LANES: usize = 8;
 
 /// What reads and writes lines by index, written once for all arithmetics.
-pub trait Pass {
+pub trait VelocityKernel {
     type Output;
     /// # Safety
     /// The indices in what it reads are below the number of lines.
@@ -30,26 +30,26 @@ pub trait Pass {
 }
 
 /// What needs no lines.
-pub trait Work {
+pub trait LaneKernel {
     type Output;
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
-impl<W: Work> Pass for W {
+impl<W: LaneKernel> VelocityKernel for W {
     type Output = W::Output;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> W::Output {
-        Work::run::<L>(self)
+        LaneKernel::run::<L>(self)
     }
 }
 
 /// Which instructions compute; the bits are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Arithmetic(Instructions);
+pub struct InstructionSet(InstructionKind);
 
-/// Private, so that an [`Arithmetic`] is proof that the processor was asked.
+/// Private, so that an [`InstructionSet`] is proof that the processor was asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Instructions {
+enum InstructionKind {
     Portable,
     #[cfg(target_arch = "x86_64")]
     Avx2,
@@ -57,46 +57,46 @@ enum Instructions {
     Avx512,
 }
 
-impl Arithmetic {
+impl InstructionSet {
     /// What every processor has.
-    pub const PORTABLE: Self = Self(Instructions::Portable);
+    pub const PORTABLE: Self = Self(InstructionKind::Portable);
 
     /// All that there are, the fastest first.
     const ALL: &[Self] = &[
         #[cfg(target_arch = "x86_64")]
-        Self(Instructions::Avx512),
+        Self(InstructionKind::Avx512),
         #[cfg(target_arch = "x86_64")]
-        Self(Instructions::Avx2),
+        Self(InstructionKind::Avx2),
         Self::PORTABLE,
     ];
 
     /// Whether this processor has them.
-    fn is_here(self) -> bool {
+    fn is_supported(self) -> bool {
         #[cfg(target_arch = "x86_64")]
         let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         match self.0 {
-            Instructions::Portable => true,
+            InstructionKind::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => fused,
+            InstructionKind::Avx2 => fused,
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => fused && is_x86_feature_detected!("avx512f"),
+            InstructionKind::Avx512 => fused && is_x86_feature_detected!("avx512f"),
         }
     }
 
     /// All that this processor has, the fastest first.
     pub fn available() -> Vec<Self> {
-        Self::ALL.iter().copied().filter(|one| one.is_here()).collect()
+        Self::ALL.iter().copied().filter(|one| one.is_supported()).collect()
     }
 
     /// The fastest one that this processor has.
     pub fn detect() -> Self {
-        Self::ALL.iter().copied().find(|one| one.is_here()).unwrap_or(Self::PORTABLE)
+        Self::ALL.iter().copied().find(|one| one.is_supported()).unwrap_or(Self::PORTABLE)
     }
 
     /// Whether there are 32 registers instead of 16.
-    pub fn has_many_registers(self) -> bool {
+    pub fn has_32_registers(self) -> bool {
         #[cfg(target_arch = "x86_64")]
-        return self.0 == Instructions::Avx512;
+        return self.0 == InstructionKind::Avx512;
         #[cfg(not(target_arch = "x86_64"))]
         false
     }
@@ -104,11 +104,11 @@ impl Arithmetic {
     /// What tables call it.
     pub fn name(self) -> &'static str {
         match self.0 {
-            Instructions::Portable => "portable",
+            InstructionKind::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => "avx2",
+            InstructionKind::Avx2 => "avx2",
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => "avx512",
+            InstructionKind::Avx512 => "avx512",
         }
     }
 }
@@ -116,33 +116,33 @@ impl Arithmetic {
 /// Runs a pass with these instructions.
 ///
 /// # Safety
-/// As for [`Pass::run`].
-pub unsafe fn run<P: Pass>(arithmetic: Arithmetic, pass: P) -> P::Output {
-    // SAFETY: the caller's, and [`Arithmetic::is_here`] asked the processor.
+/// As for [`VelocityKernel::run`].
+pub unsafe fn run<P: VelocityKernel>(arithmetic: InstructionSet, pass: P) -> P::Output {
+    // SAFETY: the caller's, and [`InstructionSet::is_supported`] asked the processor.
     unsafe {
         match arithmetic.0 {
-            Instructions::Portable => pass.run::<Portable>(),
+            InstructionKind::Portable => pass.run::<Portable>(),
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx2 => run_avx2(pass),
+            InstructionKind::Avx2 => run_avx2(pass),
             #[cfg(target_arch = "x86_64")]
-            Instructions::Avx512 => run_avx512(pass),
+            InstructionKind::Avx512 => run_avx512(pass),
         }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-unsafe fn run_avx2<P: Pass>(pass: P) -> P::Output {
+unsafe fn run_avx2<P: VelocityKernel>(pass: P) -> P::Output {
     // SAFETY: the caller's.
     unsafe { pass.run::<avx2::Avx2>() }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx2,fma")]
-unsafe fn run_avx512<P: Pass>(pass: P) -> P::Output {
+unsafe fn run_avx512<P: VelocityKernel>(pass: P) -> P::Output {
     // What has to lie on a cache line makes the compiler align the stack, and with it the registers that are put there for
     // a while: elsewhere each of them lies on two lines.
-    std::hint::black_box(&Line::default());
+    std::hint::black_box(&BodyVelocity::default());
     // SAFETY: the caller's.
     unsafe { pass.run::<avx512::Avx512>() }
 }
@@ -156,7 +156,7 @@ pub fn prefetch<T: ?Sized>(value: &T) {
 #[inline(always)]
 pub fn prefetch_at(place: *const u8, bytes: usize) {
     #[cfg(target_arch = "x86_64")]
-    for offset in (0..bytes).step_by(size_of::<Line>()) {
+    for offset in (0..bytes).step_by(size_of::<BodyVelocity>()) {
         use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         // SAFETY: a prefetch reads nothing.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(place.wrapping_add(offset).cast()) };
@@ -166,7 +166,7 @@ pub fn prefetch_at(place: *const u8, bytes: usize) {
 }
 
 /// Does work with these instructions.
-pub fn compute<W: Work>(arithmetic: Arithmetic, work: W) -> W::Output {
+pub fn compute<W: LaneKernel>(arithmetic: InstructionSet, work: W) -> W::Output {
     // SAFETY: work has no indices.
     unsafe { run(arithmetic, work) }
 }

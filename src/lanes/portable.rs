@@ -1,6 +1,6 @@
 //! Eight lanes as an array, for any processor.
 
-use super::{LANES, Lanes, Line};
+use super::{BodyVelocity, LANES, Lanes};
 
 /// Plain array of lanes.
 #[derive(Clone, Copy)]
@@ -99,14 +99,14 @@ impl Lanes for Portable {
         each(|i| if mask[i] { yes.0[i] } else { no.0[i] })
     }
     #[inline(always)]
-    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
+    unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8] {
         let read = indices.map(|i| lines[i as usize].0);
         std::array::from_fn(|j| each(|lane| read[lane][j]))
     }
     #[inline(always)]
-    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]) {
         for lane in 0..LANES {
-            lines[indices[lane] as usize] = Line(rows.map(|row| row.0[lane]));
+            lines[indices[lane] as usize] = BodyVelocity(rows.map(|row| row.0[lane]));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! One contact: rounded frame, arms and Delassus block.
 
-use crate::lanes::Line;
+use crate::lanes::BodyVelocity;
 use crate::math::{Mat3, Vec3, widen};
 
 /// What a contact needs of one of its mobile bodies.
@@ -72,11 +72,12 @@ impl LocalContact {
     }
 
     /// Normal velocity of the bodies that have a line, m/s: without the offset.
-    pub fn normal_velocity(&self, lines: &[Line]) -> f64 {
+    pub fn normal_velocity(&self, lines: &[BodyVelocity]) -> f64 {
         let normal = widen(&self.normal);
         let along = |body: u32, arms: &[[f32; 3]; 3]| {
             lines.get(body as usize).map_or(0.0, |line| {
-                normal.dot(&line.velocity()) + widen(&arms[0]).dot(&line.whitened_spin())
+                normal.dot(&line.velocity())
+                    + widen(&arms[0]).dot(&line.whitened_angular_velocity())
             })
         };
         along(self.bodies[0], &self.candidate_arms) - along(self.bodies[1], &self.antagonist_arms)

@@ -17,10 +17,10 @@ pub use contact::LocalContact;
 pub use positions::Solved;
 
 use crate::detection::Contacts;
-use crate::lanes::{self, Arithmetic, LANES, Lanes, Line, Work};
+use crate::lanes::{self, BodyVelocity, InstructionSet, LANES, LaneKernel, Lanes};
 use crate::math::{Mat3, Vec3};
 use crate::model::Model;
-use crate::motion::{Motion, Response};
+use crate::motion::{Motion, MountResponse};
 use crate::state::State;
 use contact::Side;
 use eight::{Built, Eight};
@@ -35,11 +35,11 @@ pub struct LocalProblem {
     /// `[nc]`, in the order of [`Contacts`].
     pub contacts: Vec<LocalContact>,
     /// Free velocities of the mobile bodies `[ng + nm]`.
-    pub lines: Vec<Line>,
+    pub lines: Vec<BodyVelocity>,
     /// `B = R D^(-1/2)` per mobile body `[ng + nm]`, (kg m²)^(-1/2): world angular velocity is `B ŵ`.
     pub whitening: Vec<Mat3>,
     /// Of the mounted bodies, which come after the grains.
-    pub responses: Vec<Response>,
+    pub responses: Vec<MountResponse>,
     /// What weight adds to a velocity in a step, m/s; infinite where it does not count.
     pub fall: f64,
 }
@@ -60,7 +60,7 @@ impl LocalProblem {
         let (lines, whitening, responses) = (&**lines, &**whitening, &**responses);
         let fall = model.gravity.norm() * model.stepping.h();
         let step = Step { model, state, motion, contacts, warm, lines, whitening, responses, fall };
-        let arithmetic = Arithmetic::detect();
+        let arithmetic = InstructionSet::detect();
         built.resize(contacts.len(), LocalContact::default());
         built.par_chunks_mut(CHUNK).enumerate().for_each(|(k, built)| {
             lanes::compute(arithmetic, Build { step: &step, first: k * CHUNK, built });
@@ -78,21 +78,23 @@ impl LocalProblem {
                 let rotation = motion.orientation[b].to_rotation_matrix();
                 let root = inertia.map(f64::sqrt);
                 let inverse_root = root.map(|x| 1.0 / x);
-                let whitened = rotation.matrix().tr_mul(&motion.spin[b]).component_mul(&root);
-                let line = Line::new(&motion.velocity[b], &whitened, 1.0 / model.grains.mass[b]);
+                let whitened =
+                    rotation.matrix().tr_mul(&motion.angular_velocity[b]).component_mul(&root);
+                let line =
+                    BodyVelocity::new(&motion.velocity[b], &whitened, 1.0 / model.grains.mass[b]);
                 (line, rotation.matrix() * Mat3::from_diagonal(&inverse_root))
             })
             .unzip_into_vecs(&mut self.lines, &mut self.whitening);
         self.responses.clone_from(&motion.responses);
         for r in &self.responses {
-            self.lines.push(Line::new(&r.velocity, &r.whitened, r.inverse_mass));
-            self.whitening.push(r.turn);
+            self.lines.push(BodyVelocity::new(&r.velocity, &r.whitened_velocity, r.inverse_mass));
+            self.whitening.push(r.angular_map);
         }
     }
 
     /// Velocity (m/s) and angular velocity (world axes, rad/s) of a body whose line is `line`.
-    pub fn velocity(&self, body: usize, line: &Line) -> (Vec3, Vec3) {
-        let (velocity, whitened) = (line.velocity(), line.whitened_spin());
+    pub fn velocity(&self, body: usize, line: &BodyVelocity) -> (Vec3, Vec3) {
+        let (velocity, whitened) = (line.velocity(), line.whitened_angular_velocity());
         match body.checked_sub(self.lines.len() - self.responses.len()) {
             Some(d) => self.responses[d].twist(&velocity, &whitened),
             None => (velocity, self.whitening[body] * whitened),
@@ -117,9 +119,9 @@ struct Step<'a> {
     motion: &'a Motion,
     contacts: &'a Contacts,
     warm: &'a [Vec3],
-    lines: &'a [Line],
+    lines: &'a [BodyVelocity],
     whitening: &'a [Mat3],
-    responses: &'a [Response],
+    responses: &'a [MountResponse],
     /// m/s
     fall: f64,
 }
@@ -135,7 +137,7 @@ impl Step<'_> {
             lever: response.map_or(lever, |r| lever - r.centre),
             inverse_mass: self.lines[b].inverse_mass(),
             whitening: self.whitening[b],
-            shift: response.map(|r| r.shift),
+            shift: response.map(|r| r.linear_map),
         }
     }
 
@@ -157,7 +159,7 @@ impl Step<'_> {
         contact.bodies = contacts.bodies[i];
         let approach = if model.restitution > 0.0 {
             let start = |b: usize| {
-                let (velocity, spin) = motion.first_twist(model, state, b);
+                let (velocity, spin) = motion.initial_twist(model, state, b);
                 velocity + spin.cross(&(point - motion.position[b]))
             };
             contact.axes()[0].dot(&(start(c) - start(a))).min(0.0)
@@ -179,7 +181,7 @@ impl Step<'_> {
             contact.offset.x = contact.offset.x as f32 as f64;
         } else {
             let lever = point - motion.position[a];
-            let surface = motion.velocity[a] + motion.spin[a].cross(&lever);
+            let surface = motion.velocity[a] + motion.angular_velocity[a].cross(&lever);
             contact.offset -= contact.components(&surface);
         }
         // Where there was none it stays zero: its components might be zeros with a sign.
@@ -198,7 +200,7 @@ struct Build<'a> {
     built: &'a mut [LocalContact],
 }
 
-impl Work for Build<'_> {
+impl LaneKernel for Build<'_> {
     type Output = ();
 
     #[inline(always)]

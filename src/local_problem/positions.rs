@@ -4,7 +4,7 @@
 //! bodies), parallel. Contract: as for the problem of velocities; the same arms and normals, so it is
 //! divided and swept in the same way.
 
-use super::{Line, LocalProblem};
+use super::{BodyVelocity, LocalProblem};
 use crate::detection::Contacts;
 use crate::math::Vec3;
 use crate::model::PenetrationCorrection;
@@ -27,7 +27,7 @@ impl Solved<'_> {
     /// Gap of contact `i` at configuration m of the next step, `h` seconds later, m.
     fn next_gap(&self, i: usize, h: f64) -> f64 {
         let twist = |b: usize| self.motion.twist(self.velocity, self.spin, b);
-        self.contacts.gap[i] + h * self.contacts.opening(i, self.motion, twist)
+        self.contacts.gap[i] + h * self.contacts.opening_speed(i, self.motion, twist)
     }
 }
 
@@ -43,7 +43,7 @@ impl LocalProblem {
         correction: &PenetrationCorrection,
         h: f64,
     ) -> bool {
-        let still = |inverse_mass| Line::new(&Vec3::zeros(), &Vec3::zeros(), inverse_mass);
+        let still = |inverse_mass| BodyVelocity::new(&Vec3::zeros(), &Vec3::zeros(), inverse_mass);
         let (grains, mounted) = solved.problem.lines.split_at(ng);
         self.lines.clear();
         self.lines.extend(grains.iter().map(|line| still(line.inverse_mass())));

@@ -38,7 +38,7 @@ pub fn advance(q: &Quat, angle: &Vec3) -> Quat {
 ///
 /// The inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro
 /// Lie theory for state estimation in robotics*, 2018, equation 146.
-pub fn rate_of_log(phi: &Vec3, spin: &Vec3) -> Vec3 {
+pub fn rotation_vector_rate(phi: &Vec3, spin: &Vec3) -> Vec3 {
     let squared = phi.norm_squared();
     let factor = if squared < 1e-6 {
         1.0 / 12.0 + squared / 720.0
@@ -50,10 +50,10 @@ pub fn rate_of_log(phi: &Vec3, spin: &Vec3) -> Vec3 {
     spin - once * 0.5 + phi.cross(&once) * factor
 }
 
-/// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rate_of_log`].
+/// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rotation_vector_rate`].
 ///
 /// The left Jacobian of the exponential map. Source: as there, equation 145.
-pub fn spin_of_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
+pub fn angular_velocity_from_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
     let squared = phi.norm_squared();
     let (first, second) = if squared < 1e-6 {
         (0.5 - squared / 24.0, 1.0 / 6.0 - squared / 120.0)
@@ -75,10 +75,10 @@ mod tests {
         for angle in [0.0, 1e-4, 0.3, 1.9, 3.0] {
             let phi = Vec3::new(0.36, -0.48, 0.8) * angle;
             let spin = Vec3::new(1.0, 5.0, -2.0);
-            let rate = rate_of_log(&phi, &spin);
+            let rate = rotation_vector_rate(&phi, &spin);
             let ahead = log(&advance(&exp(&phi), &(spin * 1e-6)));
             assert!((rate - (ahead - phi) / 1e-6).norm() < 1e-4, "{angle}: {rate:?}");
-            assert!((spin_of_rate(&phi, &rate) - spin).norm() < 1e-13, "{angle}");
+            assert!((angular_velocity_from_rate(&phi, &rate) - spin).norm() < 1e-13, "{angle}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a usable model is.
 
-use super::{Freedom, Model, Mount, Part, PartitionRule};
+use super::{DofMode, Model, Mount, Part, PartitionRule};
 use crate::error::{Error, Result};
 
 /// What a coefficient of friction is to be: kernels keep it in f32.
@@ -42,10 +42,10 @@ impl Model {
             stepping.theta,
         )?;
         expect(
-            stepping.alert.is_finite() && stepping.alert >= 0.0,
-            "stepping.alert",
+            stepping.detection_distance.is_finite() && stepping.detection_distance >= 0.0,
+            "stepping.detection_distance",
             "a finite distance of at least 0 m",
-            stepping.alert,
+            stepping.detection_distance,
         )?;
         expect(
             self.gravity.iter().all(|g| g.is_finite()),
@@ -97,9 +97,14 @@ impl Model {
             "between 0 and 1",
             solver.warm_start_factor,
         )?;
-        let subdomains = solver.partition.asked_for();
-        let expected = format!("at most {} subdomains", PartitionRule::MOST);
-        expect(subdomains <= PartitionRule::MOST, "solver.partition", &expected, subdomains)?;
+        let subdomains = solver.partition.requested_subdomains();
+        let expected = format!("at most {} subdomains", PartitionRule::MAX_SUBDOMAINS);
+        expect(
+            subdomains <= PartitionRule::MAX_SUBDOMAINS,
+            "solver.partition",
+            &expected,
+            subdomains,
+        )?;
         if let Some(r) = &solver.penetration_correction {
             let factor = r.factor > 0.0 && r.factor <= 1.0;
             expect(factor, "solver.penetration_correction.factor", "above 0, at most 1", r.factor)?;
@@ -161,7 +166,7 @@ impl Model {
                 body.friction,
             )?;
             if let Some(mount) = &body.mount {
-                expect(d < self.mounted(), &place, "mounted bodies before all others", d)?;
+                expect(d < self.mounted_count(), &place, "mounted bodies before all others", d)?;
                 mount.check(&place)?;
             }
             let parts = body.parts.len();
@@ -198,27 +203,27 @@ impl Mount {
             "finite moments of inertia of at least 0 kg m²",
             self.inertia,
         )?;
-        let known = !self.turns() || self.inertia.iter().all(|j| MASSES.contains(j));
+        let known = !self.can_rotate() || self.inertia.iter().all(|j| MASSES.contains(j));
         let expected = "moments of inertia from 1e-30 to 1e30 kg m², as the mount can turn";
         expect(known, place, expected, self.inertia)?;
         let centre = self.centre.iter().all(|x| x.is_finite());
         expect(centre, place, "a finite centre of mass", self.centre)?;
-        for freedom in self.freedoms {
+        for freedom in self.dof_modes {
             let good = freedom.spring().iter().all(|x| x.is_finite() && *x >= 0.0);
             expect(good, place, "stiffness and damping, finite and of at least 0", freedom)?;
         }
-        let free = self.free().count();
+        let free = self.free_dofs().count();
         expect(
             free > 0,
             place,
             "a degree of freedom that is not held, or no mount",
-            self.freedoms,
+            self.dof_modes,
         )?;
         expect(
-            self.moves_alike() || free <= 3,
+            self.has_isotropic_translations() || free <= 3,
             place,
             "all translations loaded or sprung alike, or at most three degrees of freedom not held",
-            self.freedoms.map(Freedom::name),
+            self.dof_modes.map(DofMode::name),
         )
     }
 }

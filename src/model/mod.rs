@@ -8,7 +8,7 @@
 mod check;
 mod mount;
 
-pub use mount::{Freedom, Mount};
+pub use mount::{DofMode, Mount};
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
@@ -115,17 +115,17 @@ pub struct Stepping {
     pub theta: f64,
     /// Contacts are looked for at least up to this distance between two bodies, and further where they
     /// are fast (T-35), m.
-    pub alert: f64,
+    pub detection_distance: f64,
 }
 
 impl Stepping {
     /// Alert distance that serves well over the time step, m/s: less, and steps are more often repeated because a body
     /// turned out faster; more, and there are more contacts that no step closes.
-    const SIGHT: f64 = 0.5;
+    const DEFAULT_DETECTION_SPEED: f64 = 0.5;
 
     /// The usual alert distance for a time step, m.
-    pub fn usual_alert(step_ns: u64) -> f64 {
-        Self::SIGHT * step_ns as f64 * 1e-9
+    pub fn default_detection_distance(step_ns: u64) -> f64 {
+        Self::DEFAULT_DETECTION_SPEED * step_ns as f64 * 1e-9
     }
 
     /// Time step `h`, s.
@@ -159,7 +159,7 @@ impl Schedule {
     }
 
     /// The schedule of a name.
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|schedule| schedule.name() == name)
     }
 }
@@ -177,10 +177,10 @@ pub enum PartitionRule {
 
 impl PartitionRule {
     /// Most subdomains that may be asked for: more have no contacts left to share.
-    pub const MOST: u64 = 100_000;
+    pub const MAX_SUBDOMAINS: u64 = 100_000;
 
     /// How many subdomains are asked for; one where their number follows from that of the contacts.
-    pub fn asked_for(self) -> u64 {
+    pub fn requested_subdomains(self) -> u64 {
         match self {
             Self::Boxes(n) => n.iter().fold(1, |a, b| u64::saturating_mul(a, u64::from(*b))),
             Self::Balanced(n) => u64::from(n),
@@ -312,13 +312,13 @@ impl Model {
     }
 
     /// Number of driven bodies that are mounted: the first ones.
-    pub fn mounted(&self) -> usize {
+    pub fn mounted_count(&self) -> usize {
         self.driven.iter().take_while(|d| d.mount.is_some()).count()
     }
 
     /// Number of bodies whose velocities contacts change: grains and mounted bodies.
     pub fn mobile_count(&self) -> usize {
-        self.grains.len() + self.mounted()
+        self.grains.len() + self.mounted_count()
     }
 
     /// Index of the driven body called `name`, among the driven bodies.

@@ -16,87 +16,87 @@ pub struct Mount {
     pub inertia: Vec3,
     /// Centre of mass, in the body's frame, m.
     pub centre: Vec3,
-    pub freedoms: [Freedom; 6],
+    pub dof_modes: [DofMode; 6],
 }
 
 /// What a degree of freedom follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Freedom {
+pub enum DofMode {
     /// The imposed motion, whatever pushes back.
-    Held,
+    Prescribed,
     /// Loads and gravity alone.
-    Loaded,
+    Free,
     /// The imposed motion, through a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad). Gravity is
     /// carried by the machine.
-    Sprung { stiffness: f64, damping: f64 },
+    Spring { stiffness: f64, damping: f64 },
 }
 
-impl Freedom {
+impl DofMode {
     /// The freedom's name in messages.
     pub fn name(self) -> &'static str {
         match self {
-            Freedom::Held => "held",
-            Freedom::Loaded => "loaded",
-            Freedom::Sprung { .. } => "sprung",
+            DofMode::Prescribed => "prescribed",
+            DofMode::Free => "free",
+            DofMode::Spring { .. } => "spring",
         }
     }
 
     /// Stiffness and damping; none where there is no spring.
     pub fn spring(self) -> [f64; 2] {
         match self {
-            Freedom::Sprung { stiffness, damping } => [stiffness, damping],
-            Freedom::Held | Freedom::Loaded => [0.0; 2],
+            DofMode::Spring { stiffness, damping } => [stiffness, damping],
+            DofMode::Prescribed | DofMode::Free => [0.0; 2],
         }
     }
 
-    pub fn is_held(self) -> bool {
-        self == Freedom::Held
+    pub fn is_prescribed(self) -> bool {
+        self == DofMode::Prescribed
     }
 }
 
 impl Mount {
     /// A mass on a spring (N/m) and damper (N s/m) that are equal in all directions; it does not turn.
     pub fn spring(mass: f64, stiffness: f64, damping: f64) -> Self {
-        let sprung = Freedom::Sprung { stiffness, damping };
-        let held = Freedom::Held;
+        let spring = DofMode::Spring { stiffness, damping };
+        let prescribed = DofMode::Prescribed;
         Self {
             mass,
             inertia: Vec3::zeros(),
             centre: Vec3::zeros(),
-            freedoms: [sprung, sprung, sprung, held, held, held],
+            dof_modes: [spring, spring, spring, prescribed, prescribed, prescribed],
         }
     }
 
     /// Modes of the three translations.
-    pub fn translations(&self) -> [Freedom; 3] {
-        [self.freedoms[0], self.freedoms[1], self.freedoms[2]]
+    pub fn translations(&self) -> [DofMode; 3] {
+        [self.dof_modes[0], self.dof_modes[1], self.dof_modes[2]]
     }
 
     /// Modes of the three rotations.
-    pub fn rotations(&self) -> [Freedom; 3] {
-        [self.freedoms[3], self.freedoms[4], self.freedoms[5]]
+    pub fn rotations(&self) -> [DofMode; 3] {
+        [self.dof_modes[3], self.dof_modes[4], self.dof_modes[5]]
     }
 
     /// Whether an impulse moves the body's mass alike in all directions.
-    pub fn moves_alike(&self) -> bool {
+    pub fn has_isotropic_translations(&self) -> bool {
         let [x, y, z] = self.translations();
-        !(x.is_held() || y.is_held() || z.is_held())
+        !(x.is_prescribed() || y.is_prescribed() || z.is_prescribed())
             && x.spring() == y.spring()
             && y.spring() == z.spring()
     }
 
     /// Whether contacts can turn the body.
-    pub fn turns(&self) -> bool {
-        self.rotations().iter().any(|r| !r.is_held())
+    pub fn can_rotate(&self) -> bool {
+        self.rotations().iter().any(|r| !r.is_prescribed())
     }
 
     /// Share of the deflection and its rate at the end of a step with which springs and dampers of translations act, beside
     /// those at its start (T-28): one half, means, as far as the step resolves what they do; beyond, more, so that it dies
     /// away. Those of rotations act with the end alone.
-    pub fn share_of_end(&self, stepping: &Stepping) -> f64 {
+    pub fn end_weight(&self, stepping: &Stepping) -> f64 {
         let h = stepping.h();
         let turning =
-            if self.turns() { self.centre.norm_squared() / self.inertia.min() } else { 0.0 };
+            if self.can_rotate() { self.centre.norm_squared() / self.inertia.min() } else { 0.0 };
         let light = 1.0 / self.mass + turning;
         let needed = self.translations().into_iter().map(|freedom| {
             let [stiffness, damping] = freedom.spring();
@@ -112,18 +112,18 @@ impl Mount {
     /// What spring and damper of degree of freedom `k` add to its inertia because they answer within the step (T-28).
     pub fn added_inertia(&self, k: usize, stepping: &Stepping) -> f64 {
         let h = stepping.h();
-        let [stiffness, damping] = self.freedoms[k].spring();
-        let share = if k < 3 { self.share_of_end(stepping) } else { 1.0 };
+        let [stiffness, damping] = self.dof_modes[k].spring();
+        let share = if k < 3 { self.end_weight(stepping) } else { 1.0 };
         share * h * (damping + h * stepping.theta * stiffness)
     }
 
     /// Whether contacts can turn the body in all directions, so that its angular momentum is its own.
-    pub fn tumbles(&self) -> bool {
-        !self.rotations().iter().any(|r| r.is_held())
+    pub fn rotates_freely(&self) -> bool {
+        !self.rotations().iter().any(|r| r.is_prescribed())
     }
 
     /// Numbers of the degrees of freedom that are not held.
-    pub fn free(&self) -> impl Iterator<Item = usize> {
-        (0..6).filter(|k| !self.freedoms[*k].is_held())
+    pub fn free_dofs(&self) -> impl Iterator<Item = usize> {
+        (0..6).filter(|k| !self.dof_modes[*k].is_prescribed())
     }
 }

@@ -44,5 +44,5 @@ pub fn put(mount: &Mount, target: &Quat, q: &Quat) -> Quat {
 /// Rotations that are free, and that are held.
 fn axes(mount: &Mount) -> (Vec<usize>, Vec<usize>) {
     let modes = mount.rotations();
-    (0..3).partition(|k| !modes[*k].is_held())
+    (0..3).partition(|k| !modes[*k].is_prescribed())
 }

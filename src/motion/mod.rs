@@ -8,12 +8,12 @@ mod mounted;
 mod response;
 mod tumbling;
 
-pub use response::Response;
+pub use response::MountResponse;
 
 use crate::drive::{Inputs, Load};
 use crate::error::{Error, Result};
 use crate::math::{Pose, Quat, Vec3, rotation};
-use crate::model::{Freedom, Model};
+use crate::model::{DofMode, Model};
 use crate::state::State;
 use rayon::prelude::*;
 use tumbling::Tumbling;
@@ -28,9 +28,9 @@ pub struct Motion {
     /// Free velocity of mobile bodies, imposed velocity of the others, m/s.
     pub velocity: Vec<Vec3>,
     /// Free and imposed angular velocity, world axes, rad/s.
-    pub spin: Vec<Vec3>,
+    pub angular_velocity: Vec<Vec3>,
     /// How the mounted bodies answer to impulses `[nm]`.
-    pub responses: Vec<Response>,
+    pub responses: Vec<MountResponse>,
 }
 
 impl Motion {
@@ -51,7 +51,7 @@ impl Motion {
                 found: inputs.targets.len().to_string(),
             });
         }
-        let mounted = model.mounted();
+        let mounted = model.mounted_count();
         if !inputs.loads.is_empty() && inputs.loads.len() != mounted {
             return Err(Error::Input {
                 place: "loads".into(),
@@ -63,7 +63,7 @@ impl Motion {
         self.position.resize(ng + nd, Vec3::zeros());
         self.orientation.resize(ng + nd, Quat::identity());
         self.velocity.resize(ng + nd, Vec3::zeros());
-        self.spin.resize(ng + nd, Vec3::zeros());
+        self.angular_velocity.resize(ng + nd, Vec3::zeros());
         self.predict_grains(model, state);
         self.check_grains(ng)?;
         self.predict_driven(model, state, inputs)
@@ -73,19 +73,19 @@ impl Motion {
     /// mobile bodies.
     pub fn twist(&self, velocity: &[Vec3], spin: &[Vec3], b: usize) -> (Vec3, Vec3) {
         let solved = velocity.get(b).zip(spin.get(b));
-        let (v, w) = solved.unwrap_or((&self.velocity[b], &self.spin[b]));
+        let (v, w) = solved.unwrap_or((&self.velocity[b], &self.angular_velocity[b]));
         (*v, *w)
     }
 
     /// Velocity and spin with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
     /// those of this step throughout (T-4, T-14). Where a held rotation begins or stops, the centre of mass goes on (T-28).
-    pub fn first_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
+    pub fn initial_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
         let had = (state.velocity[b], state.spin[b]);
         let Some(d) = b.checked_sub(model.grains.len()) else { return had };
-        let imposed = (self.velocity[b], self.spin[b]);
+        let imposed = (self.velocity[b], self.angular_velocity[b]);
         let Some(mount) = &model.driven[d].mount else { return imposed };
-        let choose = |modes: [Freedom; 3], imposed: Vec3, had: Vec3| {
-            Vec3::from_fn(|k, _| if modes[k].is_held() { imposed[k] } else { had[k] })
+        let choose = |modes: [DofMode; 3], imposed: Vec3, had: Vec3| {
+            Vec3::from_fn(|k, _| if modes[k].is_prescribed() { imposed[k] } else { had[k] })
         };
         let spin = choose(mount.rotations(), imposed.1, had.1);
         let around = (had.1 - spin).cross(&(state.orientation[b] * mount.centre));
@@ -95,7 +95,7 @@ impl Motion {
     /// A grain without a place would find no contact, and be lost in silence.
     fn check_grains(&self, ng: usize) -> Result<()> {
         let is_finite = |i: usize| {
-            let sum = self.position[i] + self.velocity[i] + self.spin[i];
+            let sum = self.position[i] + self.velocity[i] + self.angular_velocity[i];
             (sum.sum() + self.orientation[i].coords.sum()).is_finite()
         };
         let lost = (0..ng).into_par_iter().with_min_len(4096).find_first(|&i| !is_finite(i));
@@ -107,7 +107,7 @@ impl Motion {
                     "x = {:?} m, v = {:?} m/s, w = {:?} rad/s",
                     self.position[i].as_slice(),
                     self.velocity[i].as_slice(),
-                    self.spin[i].as_slice()
+                    self.angular_velocity[i].as_slice()
                 ),
             })
         })
@@ -119,7 +119,7 @@ impl Motion {
         let before = h * (1.0 - model.stepping.theta);
         (&mut self.position[..ng], &mut self.orientation[..ng])
             .into_par_iter()
-            .zip((&mut self.velocity[..ng], &mut self.spin[..ng]))
+            .zip((&mut self.velocity[..ng], &mut self.angular_velocity[..ng]))
             .enumerate()
             .with_min_len(1024)
             .for_each(|(i, ((x, q), (v, w)))| {
@@ -132,7 +132,7 @@ impl Motion {
     }
 
     /// Spin of grain `i` where the step ends, at the orientation `end`; `solved` is the one at configuration m.
-    pub fn spin_at_end(
+    pub fn angular_velocity_at_end(
         &self,
         model: &Model,
         state: &State,
@@ -140,7 +140,11 @@ impl Motion {
         solved: &Vec3,
         end: &Quat,
     ) -> Vec3 {
-        grain(model, state, i).spin_at_end(&self.orientation[i], [&self.spin[i], solved], end)
+        grain(model, state, i).spin_at_end(
+            &self.orientation[i],
+            [&self.angular_velocity[i], solved],
+            end,
+        )
     }
 
     fn predict_driven(&mut self, model: &Model, state: &State, inputs: &Inputs) -> Result<()> {
@@ -163,10 +167,10 @@ impl Motion {
             }
             let turn = target.orientation * state.orientation[b].inverse();
             self.velocity[b] = (target.position - state.position[b]) / h;
-            self.spin[b] = rotation::log(&turn) / h;
+            self.angular_velocity[b] = rotation::log(&turn) / h;
             self.position[b] = state.position[b] + self.velocity[b] * before;
             self.orientation[b] =
-                rotation::advance(&state.orientation[b], &(self.spin[b] * before));
+                rotation::advance(&state.orientation[b], &(self.angular_velocity[b] * before));
         }
         Ok(())
     }

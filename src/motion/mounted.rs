@@ -5,7 +5,7 @@ use super::{Motion, held};
 use crate::drive::Load;
 use crate::error::{Error, Result};
 use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
-use crate::model::{Freedom, Model, Mount, Stepping};
+use crate::model::{DofMode, Model, Mount, Stepping};
 use crate::state::State;
 
 /// Turn of a mount that counts as none, rad.
@@ -46,9 +46,9 @@ impl Motion {
             });
         }
         let turn = body.turn();
-        let imposed = only(mount.rotations(), Freedom::is_held, &turn);
+        let imposed = only(mount.rotations(), DofMode::is_prescribed, &turn);
         let is_turned = imposed.norm() > STILL;
-        if is_turned && !mount.moves_alike() {
+        if is_turned && !mount.has_isotropic_translations() {
             return Err(Error::Input {
                 place: format!("target of {:?}", model.driven[d].name),
                 expected: "no turn of a held rotation: the mount has other freedoms than a grain"
@@ -57,23 +57,23 @@ impl Motion {
             });
         }
         let middle = body.middle(&(imposed / model.stepping.h()), is_turned);
-        let response = match (mount.moves_alike(), mount.turns() || is_turned) {
+        let response = match (mount.has_isotropic_translations(), mount.can_rotate() || is_turned) {
             (true, false) => body.as_mass(&middle),
             (true, true) => body.as_solid(&middle, &(turn / model.stepping.h())),
             (false, _) => body.by_freedoms(&middle),
         };
-        let (velocity, spin) = response.twist(&response.velocity, &response.whitened);
+        let (velocity, spin) = response.twist(&response.velocity, &response.whitened_velocity);
         self.position[b] = middle.position;
         self.orientation[b] = middle.orientation;
         self.velocity[b] = velocity;
-        self.spin[b] = spin;
+        self.angular_velocity[b] = spin;
         self.responses.push(response);
         Ok(())
     }
 
     /// Where mounted body `d` is at the end of the step, and its velocity and spin there; `v` and `w` are the solved ones at
     /// configuration m. What is held is where the target says: rounding must not add up over steps.
-    pub fn end_of_mounted(
+    pub fn mounted_end_state(
         &self,
         model: &Model,
         state: &State,
@@ -84,18 +84,18 @@ impl Motion {
     ) -> (Pose, [Vec3; 2]) {
         let b = model.grains.len() + d;
         let body = Body::of(model, state, d, mount, target, Load::zero());
-        body.end(&self.pose(b), &self.responses[d].own_spin, [v, w])
+        body.end(&self.pose(b), &self.responses[d].free_angular_velocity, [v, w])
     }
 }
 
 /// The components whose modes are chosen; zero elsewhere.
-pub(super) fn only(modes: [Freedom; 3], chosen: impl Fn(Freedom) -> bool, v: &Vec3) -> Vec3 {
+pub(super) fn only(modes: [DofMode; 3], chosen: impl Fn(DofMode) -> bool, v: &Vec3) -> Vec3 {
     Vec3::from_fn(|k, _| if chosen(modes[k]) { v[k] } else { 0.0 })
 }
 
 /// The components in modes that are not held.
-pub(super) fn free(modes: [Freedom; 3], v: &Vec3) -> Vec3 {
-    only(modes, |m| !m.is_held(), v)
+pub(super) fn free(modes: [DofMode; 3], v: &Vec3) -> Vec3 {
+    only(modes, |m| !m.is_prescribed(), v)
 }
 
 impl<'a> Body<'a> {
@@ -128,7 +128,7 @@ impl<'a> Body<'a> {
     /// Velocity of held translations: the constant one that ends at the target.
     pub fn held_velocity(&self) -> Vec3 {
         let velocity = (self.target.position - self.start.position) / self.h();
-        only(self.mount.translations(), Freedom::is_held, &velocity)
+        only(self.mount.translations(), DofMode::is_prescribed, &velocity)
     }
 
     /// Configuration m; `spin` is that of held rotations.
@@ -136,12 +136,12 @@ impl<'a> Body<'a> {
         let (mount, start) = (self.mount, &self.start);
         let before = self.h() * (1.0 - self.stepping.theta);
         let mut orientation = start.orientation;
-        if is_turned || mount.turns() {
+        if is_turned || mount.can_rotate() {
             let spin = free(mount.rotations(), &self.spin) + spin;
             orientation = rotation::advance(&orientation, &(spin * before));
             orientation = held::put(mount, &self.target_at_middle(), &orientation);
         }
-        if !mount.moves_alike() {
+        if !mount.has_isotropic_translations() {
             let velocity = free(mount.translations(), &self.velocity) + self.held_velocity();
             return Pose { position: start.position + velocity * before, orientation };
         }
@@ -176,7 +176,7 @@ impl<'a> Body<'a> {
     /// turn in all directions.
     pub fn own_spin(&self, middle: &Quat) -> Option<Vec3> {
         let free_spin = || self.tumbling(&own_inertia(self.mount)).free_spin(middle, self.stepping);
-        self.mount.tumbles().then(free_spin)
+        self.mount.rotates_freely().then(free_spin)
     }
 
     fn tumbling<'b>(&'b self, inertia: &'b Tensor) -> Tumbling<'b, Tensor> {
@@ -188,15 +188,15 @@ impl<'a> Body<'a> {
         let (mount, after) = (self.mount, self.h() * self.stepping.theta);
         let orientation = rotation::advance(&middle.orientation, &(w * after));
         let orientation = held::put(mount, &self.target.orientation, &orientation);
-        let spin = if mount.tumbles() {
+        let spin = if mount.rotates_freely() {
             let inertia = own_inertia(mount);
             self.tumbling(&inertia).spin_at_end(&middle.orientation, [own_spin, w], &orientation)
         } else {
             *w
         };
-        if !mount.moves_alike() {
+        if !mount.has_isotropic_translations() {
             let free = middle.position + v * after;
-            let is_held = mount.translations().map(Freedom::is_held);
+            let is_held = mount.translations().map(DofMode::is_prescribed);
             let put = |k, _| if is_held[k] { self.target.position[k] } else { free[k] };
             return (Pose { position: Vec3::from_fn(put), orientation }, [*v, spin]);
         }
@@ -211,7 +211,7 @@ impl<'a> Body<'a> {
 /// place.
 pub(super) fn own_inertia(mount: &Mount) -> Tensor {
     let mut inertia = Mat3::from_diagonal(&mount.inertia);
-    if mount.tumbles() && !mount.moves_alike() {
+    if mount.rotates_freely() && !mount.has_isotropic_translations() {
         inertia += arm(&mount.centre) * mount.mass;
     }
     Tensor(inertia, inertia.try_inverse().unwrap_or_else(|| Mat3::repeat(f64::NAN)))

@@ -8,7 +8,7 @@ use super::held;
 use super::mounted::{Body, arm, free, only, own_inertia};
 use super::tumbling::Inertia;
 use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
-use crate::model::Freedom;
+use crate::model::DofMode;
 
 /// A held rotation that is imposed beside free ones is an inertia this many times the natural one.
 const HELD: f64 = 1e9;
@@ -18,26 +18,26 @@ const HELD: f64 = 1e9;
 /// In whitened coordinates `ŵ`, whose inertia is the identity, the body's spin is `turn ŵ`, and its point
 /// at `centre` has the velocity `velocity + shift ŵ`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Response {
+pub struct MountResponse {
     /// m/s.
     pub velocity: Vec3,
     /// kg^(1/2) m/s.
-    pub whitened: Vec3,
+    pub whitened_velocity: Vec3,
     /// Of `velocity` to an impulse, 1/kg; zero where translations are not alike.
     pub inverse_mass: f64,
     /// From the body's reference point, world axes, m.
     pub centre: Vec3,
-    pub turn: Mat3,
-    pub shift: Mat3,
+    pub angular_map: Mat3,
+    pub linear_map: Mat3,
     /// Spin that a body free to turn in all directions would have without springs, loads and contacts, rad/s.
-    pub own_spin: Vec3,
+    pub free_angular_velocity: Vec3,
 }
 
-impl Response {
+impl MountResponse {
     /// Velocity of the reference point (m/s) and spin (rad/s).
     pub fn twist(&self, velocity: &Vec3, whitened: &Vec3) -> (Vec3, Vec3) {
-        let spin = self.turn * whitened;
-        (velocity + self.shift * whitened - spin.cross(&self.centre), spin)
+        let spin = self.angular_map * whitened;
+        (velocity + self.linear_map * whitened - spin.cross(&self.centre), spin)
     }
 }
 
@@ -45,7 +45,7 @@ impl Body<'_> {
     /// Impulse (N s) of springs and dampers on translations, but for what the velocity of the end adds.
     fn pull(&self, position: &Vec3) -> Vec3 {
         let (h, shift) = (self.h(), self.target.position - self.from.position);
-        let end = self.mount.share_of_end(self.stepping);
+        let end = self.mount.end_weight(self.stepping);
         let modes = self.mount.translations();
         let before = (self.from.position - self.start.position) * (1.0 - end);
         let way = before + (self.target.position - position) * end;
@@ -63,7 +63,7 @@ impl Body<'_> {
         let (shift, modes) = (self.turn(), self.mount.rotations());
         let pull = Vec3::from_fn(|k, _| way[k] * modes[k].spring()[0]);
         let drag = Vec3::from_fn(|k, _| shift[k] * modes[k].spring()[1]);
-        rotation::rate_of_log(&way, &pull) * self.h() + drag
+        rotation::rotation_vector_rate(&way, &pull) * self.h() + drag
     }
 
     fn weight(&self) -> Vec3 {
@@ -73,7 +73,7 @@ impl Body<'_> {
     /// Impulses of load and weight over the step, on degrees of freedom that take them; `d` is from the
     /// reference point to the centre of mass.
     fn loads(&self, d: &Vec3) -> [Vec3; 2] {
-        let is_loaded = |m: Freedom| m == Freedom::Loaded;
+        let is_loaded = |m: DofMode| m == DofMode::Free;
         let (forward, turning) = (self.mount.translations(), self.mount.rotations());
         let force = free(forward, &self.load.force) + only(forward, is_loaded, &self.weight());
         let moment = only(turning, is_loaded, &d.cross(&self.weight()));
@@ -89,12 +89,16 @@ impl Body<'_> {
     }
 
     /// A body that does not turn: a mass. One that turned until now keeps the momentum of its centre of mass.
-    pub fn as_mass(&self, middle: &Pose) -> Response {
+    pub fn as_mass(&self, middle: &Pose) -> MountResponse {
         let mass = self.mount.mass + self.mount.added_inertia(0, self.stepping);
         let [load, _] = self.loads(&Vec3::zeros());
         let carried = self.velocity_of_centre() * self.mount.mass;
         let momentum = carried + self.pull(&middle.position) + load;
-        Response { velocity: momentum / mass, inverse_mass: 1.0 / mass, ..Response::default() }
+        MountResponse {
+            velocity: momentum / mass,
+            inverse_mass: 1.0 / mass,
+            ..MountResponse::default()
+        }
     }
 
     /// What momentum and angular momentum about the reference point would be at the end of the step, but for
@@ -103,7 +107,7 @@ impl Body<'_> {
         let (w, q, m) = (self.spin, &middle.orientation, self.mount.mass);
         let v = self.velocity - self.held_velocity();
         let carried = match own_spin {
-            _ if self.mount.moves_alike() => self.velocity_of_centre() * m,
+            _ if self.mount.has_isotropic_translations() => self.velocity_of_centre() * m,
             // What goes round the reference point belongs to the inertia about it.
             Some(_) => v * m,
             None => {
@@ -128,7 +132,7 @@ impl Body<'_> {
     }
 
     /// A body that turns and moves alike in all directions; `target` is the spin of what held rotations follow.
-    pub fn as_solid(&self, middle: &Pose, target: &Vec3) -> Response {
+    pub fn as_solid(&self, middle: &Pose, target: &Vec3) -> MountResponse {
         let mount = self.mount;
         let (d, inertia) = self.inertia(&middle.orientation);
         let m = mount.mass;
@@ -147,19 +151,19 @@ impl Body<'_> {
             angular += n * (n.dot(&(turn * target)) * stiff);
         }
         let (turn, whitened) = whiten(&about, &(angular - centre.cross(&momentum)));
-        Response {
+        MountResponse {
             velocity: momentum / mass,
-            whitened,
+            whitened_velocity: whitened,
             inverse_mass: 1.0 / mass,
             centre,
-            turn,
-            own_spin: own_spin.unwrap_or_default(),
-            ..Response::default()
+            angular_map: turn,
+            free_angular_velocity: own_spin.unwrap_or_default(),
+            ..MountResponse::default()
         }
     }
 
     /// Up to three degrees of freedom of any kind.
-    pub fn by_freedoms(&self, middle: &Pose) -> Response {
+    pub fn by_freedoms(&self, middle: &Pose) -> MountResponse {
         let (mount, m) = (self.mount, self.mount.mass);
         let (d, inertia) = self.inertia(&middle.orientation);
         let own_spin = self.own_spin(&middle.orientation);
@@ -170,7 +174,7 @@ impl Body<'_> {
         // an inertia of 1.
         let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
         let mut added = Vec3::repeat(1.0);
-        for (column, k) in mount.free().enumerate() {
+        for (column, k) in mount.free_dofs().enumerate() {
             let (velocity, spin) = &mut twists[column];
             if k < 3 {
                 velocity[k] = 1.0
@@ -186,13 +190,13 @@ impl Body<'_> {
         });
         let rate = Vec3::from_fn(|i, _| twists[i].0.dot(&momentum) + twists[i].1.dot(&angular));
         let (root, whitened) = whiten(&(mass + Mat3::from_diagonal(&added)), &rate);
-        Response {
+        MountResponse {
             velocity: self.held_velocity(),
-            whitened,
-            turn: Mat3::from_columns(&twists.map(|t| t.1)) * root,
-            shift: Mat3::from_columns(&twists.map(|t| t.0)) * root,
-            own_spin: own_spin.unwrap_or_default(),
-            ..Response::default()
+            whitened_velocity: whitened,
+            angular_map: Mat3::from_columns(&twists.map(|t| t.1)) * root,
+            linear_map: Mat3::from_columns(&twists.map(|t| t.0)) * root,
+            free_angular_velocity: own_spin.unwrap_or_default(),
+            ..MountResponse::default()
         }
     }
 }

@@ -8,7 +8,7 @@ use super::block::{BlockMemory, PairBlock, Row64, SingleBlock};
 use super::kernel::{Blocks, Chosen, Operations};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
-use crate::lanes::{self, Arithmetic, LANES, Line};
+use crate::lanes::{self, BodyVelocity, InstructionSet, LANES};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use std::ops::AddAssign;
@@ -38,7 +38,7 @@ impl AddAssign for Traffic {
 pub struct ContactSet {
     /// Velocities of the grains, then a spare line that padding refers to. The caller fills all but
     /// the spare one after [`ContactSet::pack`].
-    pub lines: Vec<Line>,
+    pub lines: Vec<BodyVelocity>,
     /// How many of the lines are grains'; mounted bodies' come after them.
     pub grains: usize,
     blocks: Blocks,
@@ -54,7 +54,7 @@ pub struct ContactSet {
     /// The caller's contacts split in two kinds.
     single_contacts: Vec<u32>,
     pair_contacts: Vec<u32>,
-    arithmetic: Arithmetic,
+    arithmetic: InstructionSet,
 }
 
 impl Default for ContactSet {
@@ -71,7 +71,7 @@ impl Default for ContactSet {
             pairs: Packing::default(),
             single_contacts: Vec::new(),
             pair_contacts: Vec::new(),
-            arithmetic: Arithmetic::detect(),
+            arithmetic: InstructionSet::detect(),
         }
     }
 }
@@ -90,7 +90,7 @@ impl ContactSet {
         self.awake_count = None;
         self.visits = 0;
         self.lines.clear();
-        self.lines.resize(line_count + 1, Line::default());
+        self.lines.resize(line_count + 1, BodyVelocity::default());
         self.blocks.reset(line_count);
         self.single_contacts.clear();
         self.pair_contacts.clear();
@@ -156,7 +156,7 @@ impl ContactSet {
     }
 
     /// Chooses the instructions; results do not depend on them.
-    pub fn set_arithmetic(&mut self, arithmetic: Arithmetic) {
+    pub fn set_arithmetic(&mut self, arithmetic: InstructionSet) {
         self.arithmetic = arithmetic;
     }
 
@@ -184,11 +184,11 @@ impl ContactSet {
     pub fn traffic(&self) -> Traffic {
         let (singles, pairs) = (self.blocks.singles().len(), self.blocks.pairs().len());
         let blocks = singles * size_of::<SingleBlock>() + pairs * size_of::<PairBlock>();
-        let lines = self.lines.len() * size_of::<Line>();
+        let lines = self.lines.len() * size_of::<BodyVelocity>();
         // Impulses and slip, and the cache lines that they lie in: three of impulses, one with slip.
         let written = LANES * (3 * size_of::<f64>() + size_of::<f32>());
-        let gathered = LANES * (singles + 2 * pairs) * size_of::<Line>();
-        let dirty = 4 * size_of::<Line>();
+        let gathered = LANES * (singles + 2 * pairs) * size_of::<BodyVelocity>();
+        let dirty = 4 * size_of::<BodyVelocity>();
         Traffic {
             held: blocks + lines,
             core: blocks + (singles + pairs) * written + 2 * gathered,
@@ -249,7 +249,7 @@ impl ContactSet {
         let (grains, mounted) = self.lines.split_at(self.grains);
         let mounted = mounted.iter().map(|line| line.velocity().norm_squared());
         let speed_squared =
-            grains.iter().map(Line::speed_squared).chain(mounted).fold(0.0, f64::max);
+            grains.iter().map(BodyVelocity::speed_squared).chain(mounted).fold(0.0, f64::max);
         VisitNorms { speed_squared, ..norms }
     }
 

@@ -4,7 +4,7 @@
 //! [`super::assembled`] assembles their operator from.
 
 use super::contact_law;
-use crate::lanes::Line;
+use crate::lanes::BodyVelocity;
 use crate::local_problem::LocalProblem;
 use crate::math::{Vec3, widen};
 
@@ -13,7 +13,7 @@ use crate::math::{Vec3, widen};
 pub struct MatrixFree<'a> {
     problem: &'a LocalProblem,
     /// `[ng]`
-    pub lines: Vec<Line>,
+    pub lines: Vec<BodyVelocity>,
     /// (n, t, s), N s `[nc]`.
     pub impulse: Vec<Vec3>,
 }
@@ -38,13 +38,13 @@ impl<'a> MatrixFree<'a> {
         let mut u = contact.offset;
         for (line, arms, sign) in self.sides(i) {
             let v = contact.components(&self.lines[line].velocity());
-            let w = self.lines[line].whitened_spin();
+            let w = self.lines[line].whitened_angular_velocity();
             u += (v + Vec3::from_fn(|k, _| widen(&arms[k]).dot(&w))) * sign;
         }
         u
     }
 
-    /// Line, arms and sign of each grain of contact `i`.
+    /// BodyVelocity, arms and sign of each grain of contact `i`.
     pub(super) fn sides(
         &self,
         i: usize,

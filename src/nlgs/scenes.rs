@@ -53,7 +53,7 @@ fn empty_model(restitution: f64) -> Model {
         gravity: Vec3::new(0.0, 0.0, -9.81),
         grain_friction: 0.7,
         restitution,
-        stepping: Stepping { step_ns: 500_000, theta: 0.5, alert: 1e-3 },
+        stepping: Stepping { step_ns: 500_000, theta: 0.5, detection_distance: 1e-3 },
         solver: Solver {
             schedule: Schedule::Sequential,
             partition: PartitionRule::Boxes([1, 1, 1]),
@@ -98,14 +98,14 @@ impl Scene {
             position: state.position.clone(),
             orientation: state.orientation.clone(),
             velocity: state.velocity.clone(),
-            spin: state.spin.clone(),
+            angular_velocity: state.spin.clone(),
             responses: vec![],
         };
         for b in 0..ng {
             motion.velocity[b] += model.gravity * model.stepping.h();
         }
         motion.velocity[ng] = Vec3::new(0.02, 0.0, 0.01);
-        motion.spin[ng] = Vec3::new(0.0, 0.05, 0.1);
+        motion.angular_velocity[ng] = Vec3::new(0.0, 0.05, 0.1);
         let mut contacts = Contacts::default();
         for x in 0..nx {
             for y in 0..ny {

@@ -4,7 +4,7 @@ use super::assembled::Assembled;
 use super::reference::MatrixFree;
 use super::scenes::Scene;
 use super::{Chosen, ContactSet};
-use crate::lanes::Arithmetic;
+use crate::lanes::InstructionSet;
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 
@@ -159,8 +159,8 @@ fn every_arithmetic_gives_the_same_bits() {
             set.impulses().flat_map(|(_, r)| r.iter().map(bits).collect::<Vec<_>>()).collect();
         (lines, impulses, norms, set.natural_map())
     };
-    let portable = run(Arithmetic::PORTABLE);
-    for arithmetic in Arithmetic::available() {
+    let portable = run(InstructionSet::PORTABLE);
+    for arithmetic in InstructionSet::available() {
         assert!(run(arithmetic) == portable, "{arithmetic:?}");
     }
 }
@@ -175,13 +175,13 @@ fn momentum_goes_on_as_its_definition_says() {
         let chosen = awake(&mut set);
         (set, chosen)
     };
-    for arithmetic in Arithmetic::available() {
+    for arithmetic in InstructionSet::available() {
         let (mut set, chosen) = begin(arithmetic);
         let weights: Vec<_> = set.weights().collect();
         let mut memories = Vec::new();
         set.set_out(&chosen, &weights, &mut memories);
         // The same in numbers: where iterations began, where they led, what led there.
-        let (mut plain, _) = begin(Arithmetic::PORTABLE);
+        let (mut plain, _) = begin(InstructionSet::PORTABLE);
         let weights: Vec<f64> = plain.chosen_weights(&chosen).collect();
         let mut before: Vec<f64> = plain.chosen_impulses(&chosen).collect();
         let mut direction = vec![0.0; before.len()];
@@ -235,9 +235,9 @@ fn single_grain(free: [f64; 2], gap: f64, restitution: f64) -> (Vec3, Vec3, Vec3
     scene.state.velocity[0] = Vec3::new(free[0], 0.0, free[1]);
     scene.state.spin[0] = Vec3::zeros();
     scene.motion.velocity[0] = scene.state.velocity[0];
-    scene.motion.spin[0] = Vec3::zeros();
+    scene.motion.angular_velocity[0] = Vec3::zeros();
     scene.motion.velocity[1] = Vec3::zeros();
-    scene.motion.spin[1] = Vec3::zeros();
+    scene.motion.angular_velocity[1] = Vec3::zeros();
     scene.contacts.normal[0] = Vec3::z();
     scene.contacts.point[0] = scene.motion.position[0] - Vec3::z() * 0.01;
     scene.contacts.gap[0] = gap;

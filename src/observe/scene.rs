@@ -20,7 +20,7 @@ pub fn cubes(count: usize) -> Model {
         gravity: Vec3::new(0.0, 0.0, -10.0),
         grain_friction: 0.5,
         restitution: 0.0,
-        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, alert: 1e-3 },
+        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, detection_distance: 1e-3 },
         solver: Solver::default(),
     }
 }

@@ -16,7 +16,7 @@ fn model() -> Model {
         gravity: Vec3::zeros(),
         grain_friction: 0.5,
         restitution: 0.0,
-        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, alert: 0.0 },
+        stepping: Stepping { step_ns: 1_000_000, theta: 0.5, detection_distance: 0.0 },
         solver: Solver::default(),
     }
 }

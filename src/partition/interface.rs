@@ -15,7 +15,7 @@ pub struct Interface {
     /// Groups of each colour, ascending.
     pub colours: Lists,
     /// Groups of each subdomain in the order of their colours.
-    pub courses: Lists,
+    pub groups_by_subdomain: Lists,
 }
 
 impl Interface {
@@ -57,7 +57,7 @@ impl Interface {
             colours = colours.max(free + 1);
         }
         self.colours.fill(colours, colour.iter().copied());
-        let Self { pairs, colours, courses, .. } = self;
+        let Self { pairs, colours, groups_by_subdomain: courses, .. } = self;
         let sides = |&g: &u32| pairs[g as usize].map(|s| (s, g));
         courses.file(subdomains, colours.items.iter().flat_map(sides));
     }

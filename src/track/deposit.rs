@@ -250,7 +250,7 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
         stepping: Stepping {
             step_ns: preparation.step_ns,
             theta: plan.run.stepping.theta,
-            alert: Stepping::usual_alert(preparation.step_ns),
+            detection_distance: Stepping::default_detection_distance(preparation.step_ns),
         },
         solver: solver(preparation.iterations, None),
         grain_friction: preparation.friction,

@@ -1,6 +1,6 @@
 use super::*;
 use crate::drive::Inputs;
-use crate::model::Freedom;
+use crate::model::DofMode;
 use crate::step::step;
 use crate::track::plan::{BlockPlan, SizeClass};
 use crate::track::tamping_cycle::start_position;
@@ -108,8 +108,8 @@ fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
     plan.tamping = None;
     plan.tines.clear();
     let bed = prepared(&plan);
-    let mut freedoms = [Freedom::Held; 6];
-    freedoms[2] = Freedom::Loaded;
+    let mut freedoms = [DofMode::Prescribed; 6];
+    freedoms[2] = DofMode::Free;
     let sleeper = &mut plan.sleepers[0];
     sleeper.mount = Some(sleeper_mount(&sleeper.blocks, Some(40.0), freedoms));
     let (model, mut state) = scene(&plan, bed.clone()).unwrap();
@@ -124,7 +124,7 @@ fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
     let mut workspace = Workspace::default();
     let (steps, mut carried) = (1200, 0.0);
     for k in 0..steps {
-        let inputs = Inputs::of(&targets);
+        let inputs = Inputs::from_targets(&targets);
         let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).unwrap();
         if k >= steps / 2 {
             carried += report.reactions[0].impulse.z;

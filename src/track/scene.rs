@@ -47,7 +47,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
 
 /// Puts driven body `d`, which stands still, on a mount: behind the other mounted ones.
 fn release(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
-    let (first, ng) = (model.mounted(), model.grains.len());
+    let (first, ng) = (model.mounted_count(), model.grains.len());
     model.driven[d].mount = Some(mount);
     model.driven[first..=d].rotate_right(1);
     let bodies = ng + first..=ng + d;
@@ -70,7 +70,7 @@ fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
         state.push(pose);
         return;
     }
-    let (d, b) = (model.mounted(), model.mobile_count());
+    let (d, b) = (model.mounted_count(), model.mobile_count());
     model.driven.insert(d, body);
     state.position.insert(b, pose.position);
     state.orientation.insert(b, pose.orientation);

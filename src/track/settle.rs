@@ -87,7 +87,7 @@ impl Bench {
         let g = self.model.gravity.norm();
         let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
         let targets = self.state.driven_poses(&self.model);
-        let inputs = Inputs::of(&targets);
+        let inputs = Inputs::from_targets(&targets);
         let [least, most] = settling.steps;
         for done in 1..=most {
             let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;

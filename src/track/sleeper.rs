@@ -7,7 +7,7 @@ use super::shape::{cuboid, solid};
 use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
-use crate::model::{DrivenBody, Freedom, Mount, Role};
+use crate::model::{DofMode, DrivenBody, Mount, Role};
 use crate::track::plan::{BlockPlan, SleeperPlan};
 
 /// The driven body of a sleeper; its shapes are appended to `shapes` unless they are there already.
@@ -42,7 +42,7 @@ const CONCRETE: f64 = 2400.0;
 ///
 /// Moments of inertia are those about the body's axes: products of inertia, which blocks of different sizes
 /// have, are left out.
-pub fn sleeper_mount(blocks: &[BlockPlan], mass: Option<f64>, freedoms: [Freedom; 6]) -> Mount {
+pub fn sleeper_mount(blocks: &[BlockPlan], mass: Option<f64>, freedoms: [DofMode; 6]) -> Mount {
     let volume: f64 = blocks.iter().map(|b| b.size.product()).sum();
     let mass = mass.unwrap_or(CONCRETE * volume);
     let shares = || blocks.iter().map(|b| (mass * b.size.product() / volume, b));
@@ -55,7 +55,7 @@ pub fn sleeper_mount(blocks: &[BlockPlan], mass: Option<f64>, freedoms: [Freedom
             (Vec3::repeat(square.sum()) - square) * (m / 12.0) + (Vec3::repeat(arm.sum()) - arm) * m
         })
         .sum();
-    Mount { mass, inertia, centre, freedoms }
+    Mount { mass, inertia, centre, dof_modes: freedoms }
 }
 
 #[cfg(test)]
@@ -101,7 +101,7 @@ mod tests {
         let whole = [BlockPlan { offset_y: 0.1, size }];
         let half = Vec3::new(0.3, 0.5, 0.2);
         let halves = [-0.15, 0.35].map(|offset_y| BlockPlan { offset_y, size: half });
-        let loaded = [Freedom::Loaded; 6];
+        let loaded = [DofMode::Free; 6];
         let (one, two) =
             (sleeper_mount(&whole, None, loaded), sleeper_mount(&halves, None, loaded));
         assert!((one.mass - 144.0).abs() < 1e-10 && (one.mass - two.mass).abs() < 1e-10);

@@ -67,7 +67,7 @@ pub fn small_plan() -> Plan {
             vibration: VibrationPlan { frequency: 35.0, amplitude: 0.005 },
         }),
         run: RunPlan {
-            stepping: Stepping { step_ns: 200_000, theta: 0.5, alert: 2e-3 },
+            stepping: Stepping { step_ns: 200_000, theta: 0.5, detection_distance: 2e-3 },
             solver: Solver::default(),
             restitution: 0.0,
             duration_ns: 2_100_000_000,

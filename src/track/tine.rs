@@ -84,7 +84,7 @@ mod tests {
         let TinePlan { blade, shaft, .. } = plan();
         let mount = steel_cantilever(&blade, &shaft);
         // 3 · 210 GPa · 1.35e-7 m⁴ / (0.485 m)³.
-        let [stiffness, _] = mount.freedoms[0].spring();
+        let [stiffness, _] = mount.dof_modes[0].spring();
         assert!((stiffness - 7.455e5).abs() < 1e2, "{stiffness}");
         assert!((mount.mass - 2.949).abs() < 1e-3, "{}", mount.mass);
     }

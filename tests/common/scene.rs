@@ -35,7 +35,7 @@ impl Scene {
             gravity: Vec3::new(0.0, 0.0, -GRAVITY),
             grain_friction: friction,
             restitution: 0.0,
-            stepping: Stepping { step_ns, theta: 0.5, alert: 2e-3 },
+            stepping: Stepping { step_ns, theta: 0.5, detection_distance: 2e-3 },
             solver: tight(Schedule::Sequential, PartitionRule::Balanced(1)),
         };
         Self {
@@ -113,7 +113,7 @@ impl Scene {
     }
 
     pub fn try_step(&mut self) -> Result<StepReport> {
-        let inputs = Inputs { loads: &self.loads, ..Inputs::of(&self.targets) };
+        let inputs = Inputs { loads: &self.loads, ..Inputs::from_targets(&self.targets) };
         step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())
     }
 

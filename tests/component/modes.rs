@@ -9,7 +9,7 @@ use ballast::component::{
 use ballast::drive::Load;
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{Freedom, Mount, Part};
+use ballast::model::{DofMode, Mount, Part};
 use ballast::observe::Zone;
 use std::f64::consts::TAU;
 
@@ -105,9 +105,10 @@ fn a_compliant_tool_on_a_stiff_bed_gains_no_energy_in_any_window() {
 
 /// A sleeper of 60 kg that wheels press onto two cubes.
 fn sleeper() -> Component {
-    let mut freedoms = [Freedom::Held; 6];
-    freedoms[2] = Freedom::Loaded;
-    let mount = Mount { mass: 60.0, inertia: Vec3::zeros(), centre: Vec3::zeros(), freedoms };
+    let mut freedoms = [DofMode::Prescribed; 6];
+    freedoms[2] = DofMode::Free;
+    let mount =
+        Mount { mass: 60.0, inertia: Vec3::zeros(), centre: Vec3::zeros(), dof_modes: freedoms };
     let mut scene = press(mount, 500 * US);
     scene.state.position[2].z += 5e-4;
     // Without friction the stress has no part across, so that the pressure is known.

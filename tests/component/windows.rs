@@ -57,7 +57,7 @@ fn a_window_is_its_steps() {
         let mut targets: Vec<_> =
             (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
         targets[floor_index] = input.waveform.pose(k * MS);
-        let inputs = Inputs::of(&targets);
+        let inputs = Inputs::from_targets(&targets);
         let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).expect("a step");
         impulse += report.reactions[floor_index].impulse;
         work += report.reactions[floor_index].work;

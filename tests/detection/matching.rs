@@ -1,7 +1,7 @@
 //! Impulses find their contact again.
 
 use crate::scene;
-use ballast::detection::{Contacts, remember, warm_start};
+use ballast::detection::{Contacts, store_contacts, warm_start};
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::Model;
@@ -25,7 +25,7 @@ fn impulses(contacts: &Contacts) -> Vec<Vec3> {
 
 fn remembered(motion: &Motion, contacts: &Contacts) -> ContactMemory {
     let mut memory = ContactMemory::default();
-    remember(motion, contacts, &impulses(contacts), &mut memory);
+    store_contacts(motion, contacts, &impulses(contacts), &mut memory);
     memory
 }
 

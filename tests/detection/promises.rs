@@ -3,7 +3,7 @@
 
 use crate::oracle::{self, Body};
 use crate::scene;
-use ballast::detection::{Contacts, Detector, Reach};
+use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::geometry::{Polyhedron, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{DrivenBody, Model, Part, Role};
@@ -254,7 +254,7 @@ fn no_pair_that_speed_can_close_is_missed() {
     for step in 0..4 {
         hurry(&mut motion, &mut rng);
         let contacts = scene::detect(&mut detector, &model, &motion);
-        let reach = Reach::of(&model, &motion);
+        let reach = DetectionRange::new(&model, &motion);
         let body = |i: usize| {
             let pose = Pose { position: motion.position[i], orientation: motion.orientation[i] };
             Body::new(&model.shapes[i], &pose)
@@ -263,7 +263,7 @@ fn no_pair_that_speed_can_close_is_missed() {
         for i in 0..120 {
             for j in i + 1..120 {
                 let way = (motion.velocity[i] - motion.velocity[j]).norm() * 2e-4;
-                let looked = reach.between(&motion, model.grain_radius(i), [i, j]);
+                let looked = reach.distance(&motion, model.grain_radius(i), [i, j]);
                 assert!(looked >= (way + 0.5e-3).max(1e-3), "{looked} for {way}");
                 let (s, _) = oracle::separation(&bodies[i], &bodies[j]);
                 let gap = if s > 0.0 { oracle::distance(&bodies[i], &bodies[j]) } else { s };

@@ -1,6 +1,6 @@
 //! Small models and configurations.
 
-use ballast::detection::{Contacts, Detector, Reach};
+use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{DrivenBody, Grains, Model, Solver, Stepping};
@@ -21,7 +21,7 @@ pub fn model(shapes: Vec<Polyhedron>, driven: Vec<DrivenBody>, alert: f64) -> Mo
         gravity: Vec3::new(0.0, 0.0, -9.81),
         grain_friction: 0.5,
         restitution: 0.0,
-        stepping: Stepping { step_ns: 200_000, theta: 0.5, alert },
+        stepping: Stepping { step_ns: 200_000, theta: 0.5, detection_distance: alert },
         solver: Solver::default(),
     }
 }
@@ -33,7 +33,7 @@ pub fn at_rest(poses: &[Pose]) -> Motion {
         position: poses.iter().map(|p| p.position).collect(),
         orientation: poses.iter().map(|p| p.orientation).collect(),
         velocity: zeros.clone(),
-        spin: zeros,
+        angular_velocity: zeros,
         responses: vec![],
     }
 }
@@ -46,7 +46,7 @@ pub fn fresh(model: &Model, motion: &Motion) -> Contacts {
 /// Contacts of a detector with a past.
 pub fn detect(detector: &mut Detector, model: &Model, motion: &Motion) -> Contacts {
     let mut contacts = Contacts::default();
-    let reach = Reach::of(model, motion);
+    let reach = DetectionRange::new(model, motion);
     detector.broad_phase(model, motion, &reach);
     detector.narrow_phase(model, motion, &reach, &mut contacts);
     contacts

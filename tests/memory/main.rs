@@ -50,7 +50,7 @@ const SOLVE: [Phase; 2] = [Phase::Solve, Phase::PenetrationCorrection];
 /// A step from `state` in the scene, counted.
 fn count(scene: &mut Scene, state: &State) -> Count {
     scene.state.clone_from(state);
-    let inputs = Inputs { loads: &scene.loads, ..Inputs::of(&scene.targets) };
+    let inputs = Inputs { loads: &scene.loads, ..Inputs::from_targets(&scene.targets) };
     let mut count = Count { before: requests(), of: Default::default() };
     step(&scene.model, &mut scene.state, &inputs, &mut scene.workspace, &mut count)
         .expect("a good step");

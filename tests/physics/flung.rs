@@ -1,7 +1,7 @@
 //! Bodies that a step makes much faster than they were: what is in their way holds them all the same (T-35).
 
 use crate::common::scene::{Random, SCHEDULES, Scene};
-use ballast::detection::{Contacts, Detector, Reach};
+use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 
@@ -13,7 +13,7 @@ const SPEED: f64 = 5.0;
 fn row(count: usize, space: f64) -> Scene {
     let mut scene = Scene::new(1_000_000, 0.0);
     scene.model.gravity = Vec3::zeros();
-    scene.model.stepping.alert = 1e-4;
+    scene.model.stepping.detection_distance = 1e-4;
     let cube = scene.shape(cuboid(Vec3::repeat(0.5 * EDGE)));
     for k in 0..count {
         let x = -space - (k as f64) * (EDGE + space) - 0.5 * EDGE;
@@ -114,7 +114,7 @@ fn nothing_closes_unseen_after_contacts_were_added() {
         let mut random = Random(seed * 7919 + 13);
         let mut scene = Scene::new(1_000_000, 0.0);
         scene.model.gravity = Vec3::zeros();
-        scene.model.stepping.alert = 1e-5;
+        scene.model.stepping.detection_distance = 1e-5;
         let bar = scene.shape(cuboid(Vec3::new(0.04, 0.005, 0.03)));
         let cube = scene.shape(cuboid(Vec3::repeat(0.5 * edge)));
         let (angle, h) = (0.15 * random.next(), scene.h());
@@ -136,15 +136,15 @@ fn nothing_closes_unseen_after_contacts_were_added() {
         looked_again += usize::from(report.attempts > 2);
         let (motion, state) = (&scene.workspace.motion, &scene.state);
         let mut wide = scene.model.clone();
-        wide.stepping.alert = 0.03;
-        let reach = Reach::of(&wide, motion);
+        wide.stepping.detection_distance = 0.03;
+        let reach = DetectionRange::new(&wide, motion);
         let (mut detector, mut all) = (Detector::default(), Contacts::default());
         detector.broad_phase(&wide, motion, &reach);
         detector.narrow_phase(&wide, motion, &reach, &mut all);
         for (i, &pair) in all.bodies.iter().enumerate() {
             let twist = |b: usize| (state.velocity[b], state.spin[b]);
-            let end = all.gap[i] + h * all.opening(i, motion, twist);
-            let is_listed = !scene.workspace.contacts.of(pair).is_empty();
+            let end = all.gap[i] + h * all.opening_speed(i, motion, twist);
+            let is_listed = !scene.workspace.contacts.pair_range(pair).is_empty();
             assert!(is_listed || end > -1e-7, "seed {seed}, {pair:?}: {end} m");
         }
     }

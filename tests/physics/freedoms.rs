@@ -5,14 +5,19 @@ use crate::common::scene::{GRAVITY, SCHEDULES, Scene};
 use ballast::drive::Load;
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{Freedom, Mount, Part, Schedule};
+use ballast::model::{DofMode, Mount, Part, Schedule};
 use std::f64::consts::TAU;
 
 const HALF: Vec3 = Vec3::new(0.06, 0.05, 0.04);
-const LOADED: [Freedom; 6] = [Freedom::Loaded; 6];
+const LOADED: [DofMode; 6] = [DofMode::Free; 6];
 
-fn mount(freedoms: [Freedom; 6]) -> Mount {
-    Mount { mass: 5.0, inertia: Vec3::new(0.01, 0.02, 0.03), centre: Vec3::zeros(), freedoms }
+fn mount(freedoms: [DofMode; 6]) -> Mount {
+    Mount {
+        mass: 5.0,
+        inertia: Vec3::new(0.01, 0.02, 0.03),
+        centre: Vec3::zeros(),
+        dof_modes: freedoms,
+    }
 }
 
 /// A block alone, hanging on a mount.
@@ -25,8 +30,8 @@ fn alone(mount: Mount) -> Scene {
     scene
 }
 
-fn held_but(free: &[(usize, Freedom)]) -> [Freedom; 6] {
-    let mut freedoms = [Freedom::Held; 6];
+fn held_but(free: &[(usize, DofMode)]) -> [DofMode; 6] {
+    let mut freedoms = [DofMode::Prescribed; 6];
     free.iter().for_each(|&(k, f)| freedoms[k] = f);
     freedoms
 }
@@ -40,8 +45,8 @@ fn a_loaded_body_falls_and_is_accelerated_by_its_load() {
     assert!((v - Vec3::new(10.0 / 5.0, 0.0, -GRAVITY) * 0.1).norm() < 1e-12, "{v}");
     assert!((w - Vec3::z() * (0.6 / 0.03 * 0.1)).norm() < 1e-12, "{w}");
     // Springs carry the weight, and what is held does not move.
-    let spring = Freedom::Sprung { stiffness: 0.0, damping: 0.0 };
-    for freedoms in [[spring; 6], held_but(&[(0, Freedom::Loaded), (4, Freedom::Loaded)])] {
+    let spring = DofMode::Spring { stiffness: 0.0, damping: 0.0 };
+    for freedoms in [[spring; 6], held_but(&[(0, DofMode::Free), (4, DofMode::Free)])] {
         let mut scene = alone(mount(freedoms));
         scene.loads = vec![Load { force: Vec3::x() * 10.0, torque: Vec3::zeros() }];
         scene.run(0.1);
@@ -52,12 +57,12 @@ fn a_loaded_body_falls_and_is_accelerated_by_its_load() {
 
 #[test]
 fn springs_that_differ_drive_no_turned_body_round() {
-    let spring = Freedom::Sprung { stiffness: 1000.0, damping: 0.0 };
-    let free = Freedom::Loaded;
+    let spring = DofMode::Spring { stiffness: 1000.0, damping: 0.0 };
+    let free = DofMode::Free;
     for yaw in [0.2, 0.5, 1.0] {
         let mut scene = alone(Mount {
             inertia: Vec3::repeat(0.05),
-            freedoms: [free, free, free, spring, spring, free],
+            dof_modes: [free, free, free, spring, spring, free],
             ..mount(LOADED)
         });
         scene.model.gravity = Vec3::zeros();
@@ -92,7 +97,7 @@ fn a_force_beside_the_centre_of_mass_turns_the_body() {
     let velocity = v + w.cross(&(q * centre));
     assert!((velocity - of_centre).norm() < 1e-12 * v.norm(), "{velocity} {of_centre}");
     // Of three freedoms, the same body accelerates as the rows and columns of its mass matrix say.
-    let freedoms = held_but(&[(0, Freedom::Loaded), (2, Freedom::Loaded), (4, Freedom::Loaded)]);
+    let freedoms = held_but(&[(0, DofMode::Free), (2, DofMode::Free), (4, DofMode::Free)]);
     let mut scene = alone(Mount { centre, ..mount(freedoms) });
     scene.loads = vec![load];
     scene.step();
@@ -134,7 +139,7 @@ fn collision(schedule: Schedule, offset: Option<Vec3>) -> [Vec3; 4] {
             let part = Part::Convex { shape, pose: Pose::at(centre) };
             let pose = Pose { position: -(turn * centre), orientation: turn };
             scene.driven("block", part, pose, 0.5);
-            scene.mount(Mount { mass, inertia, centre, freedoms: LOADED });
+            scene.mount(Mount { mass, inertia, centre, dof_modes: LOADED });
         }
     }
     scene.state.velocity[0] = Vec3::new(2.0, 0.0, 0.0);
@@ -162,8 +167,8 @@ fn a_free_driven_body_takes_a_blow_like_the_grain_that_it_is() {
 #[test]
 fn a_sleeper_that_may_settle_carries_its_load_to_the_ground() {
     for freedoms in [
-        held_but(&[(2, Freedom::Loaded)]),
-        held_but(&[(2, Freedom::Loaded), (3, Freedom::Loaded), (4, Freedom::Loaded)]),
+        held_but(&[(2, DofMode::Free)]),
+        held_but(&[(2, DofMode::Free), (3, DofMode::Free), (4, DofMode::Free)]),
         LOADED,
     ] {
         for schedule in SCHEDULES {
@@ -177,7 +182,7 @@ fn a_sleeper_that_may_settle_carries_its_load_to_the_ground() {
             scene.driven("sleeper", part, Pose::at(Vec3::z() * 0.0605), 0.7);
             let inertia = Vec3::new(0.5, 0.8, 1.2);
             let centre = Vec3::z() * 0.05;
-            scene.mount(Mount { mass: 60.0, inertia, centre, freedoms });
+            scene.mount(Mount { mass: 60.0, inertia, centre, dof_modes: freedoms });
             let floor = scene.plane("floor", Pose::identity(), 0.5);
             scene.loads = vec![Load { force: Vec3::z() * -2000.0, torque: Vec3::zeros() }];
             let report = scene.run(0.5);
@@ -197,10 +202,10 @@ fn a_sleeper_that_may_settle_carries_its_load_to_the_ground() {
 #[test]
 fn a_sprung_rotation_swings_with_its_own_period() {
     let (stiffness, inertia) = (300.0_f64, 0.02);
-    let swing = Freedom::Sprung { stiffness, damping: 0.0 };
+    let swing = DofMode::Spring { stiffness, damping: 0.0 };
     // Held beside it, or free beside it: no difference.
-    let soft = Freedom::Sprung { stiffness: 1e5, damping: 0.0 };
-    let held = Freedom::Held;
+    let soft = DofMode::Spring { stiffness: 1e5, damping: 0.0 };
+    let held = DofMode::Prescribed;
     for freedoms in [held_but(&[(4, swing)]), [soft, soft, soft, held, swing, held]] {
         let mut scene = alone(mount(freedoms));
         scene.state.orientation[0] = Quat::from_scaled_axis(Vec3::y() * 0.05);
@@ -222,8 +227,8 @@ fn a_sprung_rotation_swings_with_its_own_period() {
 
 #[test]
 fn held_rotations_follow_the_machine_beside_springs() {
-    let sprung = Freedom::Sprung { stiffness: 1e6, damping: 1e3 };
-    let held = Freedom::Held;
+    let sprung = DofMode::Spring { stiffness: 1e6, damping: 1e3 };
+    let held = DofMode::Prescribed;
     let mut scene = alone(mount([sprung, sprung, sprung, held, held, held]));
     for k in 1..=200 {
         let angle = 0.3 * (0.5 - 0.5 * (TAU * f64::from(k) / 400.0).cos());
@@ -237,7 +242,7 @@ fn held_rotations_follow_the_machine_beside_springs() {
         scene.state.position[0]
     );
     // Other mounts cannot be turned where they are held.
-    let mut scene = alone(mount(held_but(&[(2, Freedom::Loaded)])));
+    let mut scene = alone(mount(held_but(&[(2, DofMode::Free)])));
     scene.targets[0].orientation = Quat::from_scaled_axis(Vec3::y() * 0.01);
     let message = scene.try_step().expect_err("held").to_string();
     assert!(message.contains("block") && message.contains("held rotation"), "{message}");
@@ -245,11 +250,11 @@ fn held_rotations_follow_the_machine_beside_springs() {
 
 #[test]
 fn mounts_and_loads_that_cannot_be_are_refused() {
-    let loaded = Freedom::Loaded;
-    let soft = Freedom::Sprung { stiffness: 1.0, damping: 0.0 };
+    let loaded = DofMode::Free;
+    let soft = DofMode::Spring { stiffness: 1.0, damping: 0.0 };
     let four = held_but(&[(0, soft), (1, loaded), (2, loaded), (3, loaded)]);
     for (bad, words) in [
-        (mount([Freedom::Held; 6]), "not held"),
+        (mount([DofMode::Prescribed; 6]), "not held"),
         (mount(four), "at most three"),
         (Mount { inertia: Vec3::zeros(), ..mount(LOADED) }, "moments of inertia"),
         (Mount { centre: Vec3::repeat(f64::NAN), ..mount(LOADED) }, "centre of mass"),
@@ -268,7 +273,7 @@ fn mounts_and_loads_that_cannot_be_are_refused() {
 /// A block free to move, whose rotations are held away from its centre of mass, in the air without gravity.
 fn turned_about_a_corner() -> (Scene, Vec3) {
     let centre = Vec3::new(0.1, 0.0, 0.0);
-    let free = held_but(&[0, 1, 2].map(|k| (k, Freedom::Loaded)));
+    let free = held_but(&[0, 1, 2].map(|k| (k, DofMode::Free)));
     let mut scene = alone(Mount { centre, ..mount(free) });
     scene.model.gravity = Vec3::zeros();
     (scene, centre)
@@ -308,7 +313,7 @@ fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
         scene.targets[0].orientation =
             Quat::from_scaled_axis(Vec3::z() * turn) * scene.targets[0].orientation;
         scene.step();
-        let (v, w) = scene.workspace.motion.first_twist(&scene.model, &state, 0);
+        let (v, w) = scene.workspace.motion.initial_twist(&scene.model, &state, 0);
         let expected = before.0 + before.1.cross(&arm);
         assert!((v + w.cross(&arm) - expected).norm() < 1e-12, "{v}, {w}");
         assert!((w.z - turn / scene.h()).abs() < 1e-6, "{w}");
@@ -318,7 +323,7 @@ fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
 /// Held, a direction moves with the velocity of the step throughout: that is what its forces do work on.
 #[test]
 fn what_is_held_does_the_work_of_its_force_along_its_way() {
-    let spring = Freedom::Sprung { stiffness: 1e6, damping: 1e3 };
+    let spring = DofMode::Spring { stiffness: 1e6, damping: 1e3 };
     for mounted in [false, true] {
         let mut scene = Scene::new(1_000_000, 0.0);
         let shape = scene.shape(cuboid(Vec3::repeat(0.05)));
@@ -359,7 +364,7 @@ fn a_body_that_tumbles_in_its_place_keeps_energy_and_angular_momentum() {
     for (spin, step_ns) in
         [(5.0, 1_000_000), (50.0, 1_000_000), (200.0, 1_000_000), (50.0, 200_000)]
     {
-        let freedoms = [3, 4, 5].map(|k| (k, Freedom::Loaded));
+        let freedoms = [3, 4, 5].map(|k| (k, DofMode::Free));
         let centre = Vec3::new(0.05, 0.02, 0.1);
         let mut scene = alone(Mount { centre, ..mount(held_but(&freedoms)) });
         scene.model.gravity = Vec3::zeros();
@@ -380,7 +385,7 @@ fn a_body_that_tumbles_in_its_place_keeps_energy_and_angular_momentum() {
 #[test]
 fn a_body_with_one_free_rotation_stays_where_it_is_left() {
     for rest in [0.5, 1.8, 2.2, 3.0] {
-        let mut scene = alone(mount(held_but(&[(5, Freedom::Loaded)])));
+        let mut scene = alone(mount(held_but(&[(5, DofMode::Free)])));
         let left = Quat::from_scaled_axis(Vec3::z() * rest);
         scene.state.orientation[0] = Quat::from_scaled_axis(Vec3::x() * 1e-9) * left;
         scene.run(0.1);
@@ -392,7 +397,7 @@ fn a_body_with_one_free_rotation_stays_where_it_is_left() {
 /// A machine turns held rotations of a body that is turned by its free ones: contacts know of all of its turn.
 #[test]
 fn a_body_turns_as_its_spin_says_whatever_is_held() {
-    let (free, held) = (Freedom::Loaded, Freedom::Held);
+    let (free, held) = (DofMode::Free, DofMode::Prescribed);
     for (rotations, is_turned) in [
         ([held, held, free], true),
         ([free, held, free], true),
@@ -402,7 +407,7 @@ fn a_body_turns_as_its_spin_says_whatever_is_held() {
         let [a, b, c] = rotations;
         let mut scene = alone(mount([free, free, free, a, b, c]));
         scene.model.gravity = Vec3::zeros();
-        let axes = rotations.map(|m| f64::from(u8::from(!m.is_held())));
+        let axes = rotations.map(|m| f64::from(u8::from(!m.is_prescribed())));
         let turn = Vec3::new(0.4 * axes[0], 0.3 * axes[1], 0.6 * axes[2]);
         scene.state.orientation[0] = Quat::from_scaled_axis(turn);
         scene.state.spin[0] = Vec3::new(2.0 * axes[0], -1.5 * axes[1], 1.0 * axes[2]);

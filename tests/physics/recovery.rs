@@ -131,7 +131,7 @@ fn a_model_without_recovery_knows_nothing_of_an_earlier_one() {
     let steps = |is_fresh: bool| {
         let mut scene = Scene::new(1_000_000, 0.0);
         scene.model.gravity = Vec3::zeros();
-        scene.model.stepping.alert = 1e-4;
+        scene.model.stepping.detection_distance = 1e-4;
         let cube = scene.shape(cuboid(Vec3::repeat(0.1 * EDGE)));
         // Two that overlap by half, and one that the second reaches when it has been moved out.
         for x in [0.0, 0.1, 0.38] {

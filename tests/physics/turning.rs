@@ -17,7 +17,7 @@ fn meeting(seed: u64) -> Scene {
     let spins = start.map(|_| direction(170.0));
     let mut scene = Scene::new(800_000, 0.7);
     scene.model.gravity = Vec3::zeros();
-    scene.model.stepping.alert = 4e-4;
+    scene.model.stepping.detection_distance = 4e-4;
     for (place, spin) in places.iter().zip(spins) {
         let stone = random_grain(&mut rng, &GrainShape::default(), 0.03).expect("a stone");
         let shape = scene.shape(stone);

@@ -5,7 +5,7 @@ use crate::common::heap;
 use crate::common::scene::{SCHEDULES, Scene};
 use ballast::error::Error;
 use ballast::math::{Quat, Vec3};
-use ballast::model::{Freedom, Mount, PartitionRule};
+use ballast::model::{DofMode, Mount, PartitionRule};
 
 /// A heap in contact.
 fn heap_in_contact() -> Scene {
@@ -110,9 +110,12 @@ fn what_kernels_cannot_hold_is_refused_by_name() {
             s.model.driven[0].mount = Some(Mount::spring(1e-46, 1.0, 0.0));
         }),
         ("moments of inertia from 1e-30", |s| {
-            let freedoms = [Freedom::Loaded; 6];
-            let mount =
-                Mount { freedoms, inertia: Vec3::repeat(1e-46), ..Mount::spring(1.0, 1.0, 0.0) };
+            let freedoms = [DofMode::Free; 6];
+            let mount = Mount {
+                dof_modes: freedoms,
+                inertia: Vec3::repeat(1e-46),
+                ..Mount::spring(1.0, 1.0, 0.0)
+            };
             s.model.driven[0].mount = Some(mount);
         }),
         ("solver.convergence_check_interval", |s| s.model.solver.convergence_check_interval = 0),

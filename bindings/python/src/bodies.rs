@@ -19,9 +19,9 @@ impl From<&DrivenBody> for About {
     fn from(body: &DrivenBody) -> Self {
         let mount = body.mount.map(|mount| Mount {
             mass: mount.mass,
-            freedoms: mount.freedoms.map(|freedom| freedom.name().into()),
-            stiffness: mount.freedoms.map(|freedom| freedom.spring()[0]),
-            damping: mount.freedoms.map(|freedom| freedom.spring()[1]),
+            freedoms: mount.dof_modes.map(|freedom| freedom.name().into()),
+            stiffness: mount.dof_modes.map(|freedom| freedom.spring()[0]),
+            damping: mount.dof_modes.map(|freedom| freedom.spring()[1]),
         });
         Self { role: body.role.name().into(), mount }
     }
@@ -54,7 +54,7 @@ impl Mount {
         self.mass
     }
 
-    /// Of x, y, z, and of the rotations about them: "held" (as its motion asks), "sprung" or "loaded".
+    /// Of x, y, z, and of the rotations about them: "prescribed", "spring" or "free".
     #[getter]
     fn freedoms(&self) -> (&str, &str, &str, &str, &str, &str) {
         let [x, y, z, a, b, c] = self.freedoms.each_ref().map(|freedom| &freedom[..]);

@@ -906,9 +906,9 @@ def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
         assert sim.roles == {name: roles.get(name, "boundary") for name in sim.bodies}
         [(name, mount)] = sim.mounts.items()
         assert name == "sleeper_1" and mount.mass == 2.0
-        assert mount.freedoms == ("held", "held", "sprung", "held", "held", "held")
+        assert mount.freedoms == ("prescribed", "prescribed", "spring", "prescribed", "prescribed", "prescribed")
         assert mount.stiffness.tolist() == [0, 0, 1e6, 0, 0, 0] and mount.damping.tolist() == [0, 0, 3e3, 0, 0, 0]
-        assert repr(mount) == "Mount(2 kg, held, held, sprung, held, held, held)"
+        assert repr(mount) == "Mount(2 kg, prescribed, prescribed, spring, prescribed, prescribed, prescribed)"
 
 
 def test_shapes_are_counted_from_both_ends(sim: ballast.Simulation) -> None:

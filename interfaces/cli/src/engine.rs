@@ -240,7 +240,8 @@ impl Machine {
     ) -> Outcome<(StepReport, Vec<Pose>)> {
         let mut targets = Vec::new();
         self.cycle.targets(model, state, &mut targets);
-        let inputs = Inputs { speed_limit: Some(&self.speed_limit), ..Inputs::of(&targets) };
+        let inputs =
+            Inputs { speed_limit: Some(&self.speed_limit), ..Inputs::from_targets(&targets) };
         let report = step(model, state, &inputs, workspace, watch)?;
         let mut memory = std::mem::take(&mut state.drive);
         self.cycle.observe(model, &report, state, &mut memory);

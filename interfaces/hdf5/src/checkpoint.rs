@@ -138,7 +138,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let source = Source { path, file: &file, size, packed: false };
     check_version(&source)?;
     let model = decode::model(&source)?;
-    let state = decode::state(&source, model.body_count(), model.mounted())?;
+    let state = decode::state(&source, model.body_count(), model.mounted_count())?;
     validate::check(&model, &state).map_err(|f| f.in_file(path))?;
     check_fingerprint(&source, &model, &state)?;
     let names = source.texts("about/extra_names", None)?;

@@ -8,7 +8,7 @@
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    Acceleration, DrivenBody, Freedom, Model, Mount, Part, PartitionRule, PenetrationCorrection,
+    Acceleration, DofMode, DrivenBody, Model, Mount, Part, PartitionRule, PenetrationCorrection,
     Solver,
 };
 use ballast::state::State;
@@ -190,11 +190,11 @@ fn mount_row(mount: &Mount) -> [f64; MOUNT] {
     let (j, c) = (&mount.inertia, &mount.centre);
     let mut row = [0.0; MOUNT];
     row[..7].copy_from_slice(&[mount.mass, j.x, j.y, j.z, c.x, c.y, c.z]);
-    for (freedom, place) in mount.freedoms.iter().zip(row[7..].as_chunks_mut::<3>().0) {
+    for (freedom, place) in mount.dof_modes.iter().zip(row[7..].as_chunks_mut::<3>().0) {
         let mode = match freedom {
-            Freedom::Held => HELD,
-            Freedom::Loaded => LOADED,
-            Freedom::Sprung { .. } => SPRUNG,
+            DofMode::Prescribed => HELD,
+            DofMode::Free => LOADED,
+            DofMode::Spring { .. } => SPRUNG,
         };
         let [stiffness, damping] = freedom.spring();
         *place = [mode, stiffness, damping];
@@ -247,7 +247,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         f64s("model/restitution", vec![model.restitution]),
         u64s("stepping/step_ns", vec![model.stepping.step_ns]),
         f64s("stepping/theta", vec![model.stepping.theta]),
-        f64s("stepping/alert", vec![model.stepping.alert]),
+        f64s("stepping/alert", vec![model.stepping.detection_distance]),
         text("solver/schedule", vec![schedule.name().into()]),
         text("solver/partition", vec![rule.into()]),
         u32s("solver/partition_numbers", numbers),

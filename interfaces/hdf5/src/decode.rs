@@ -9,7 +9,7 @@ use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    Acceleration, DrivenBody, Freedom, Grains, Model, Mount, Norm, Part, PartitionRule,
+    Acceleration, DofMode, DrivenBody, Grains, Model, Mount, Norm, Part, PartitionRule,
     PenetrationCorrection, Role, Schedule, Solver, Stepping,
 };
 use ballast::state::{ContactMemory, EnergyLedger, State};
@@ -33,7 +33,7 @@ pub(crate) fn model(source: &Source) -> Result<Model> {
         stepping: Stepping {
             step_ns: source.number("stepping/step_ns")?,
             theta: source.real("stepping/theta")?,
-            alert: source.real("stepping/alert")?,
+            detection_distance: source.real("stepping/alert")?,
         },
         solver: solver(source)?,
     })
@@ -179,20 +179,20 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
 
 fn mount(source: &Source, row: &[f64; MOUNT]) -> Result<Mount> {
     let freedom = |&[mode, stiffness, damping]: &[f64; 3]| match mode {
-        HELD => Ok(Freedom::Held),
-        LOADED => Ok(Freedom::Loaded),
-        SPRUNG => Ok(Freedom::Sprung { stiffness, damping }),
+        HELD => Ok(DofMode::Prescribed),
+        LOADED => Ok(DofMode::Free),
+        SPRUNG => Ok(DofMode::Spring { stiffness, damping }),
         _ => {
             let expected = format!("modes {HELD}, {LOADED} or {SPRUNG}");
             Err(Fault::new("driven/mount", expected, mode.to_string()).in_file(source.path))
         }
     };
-    let modes: Vec<Freedom> = row[7..].as_chunks().0.iter().map(freedom).collect::<Result<_>>()?;
+    let modes: Vec<DofMode> = row[7..].as_chunks().0.iter().map(freedom).collect::<Result<_>>()?;
     Ok(Mount {
         mass: row[0],
         inertia: Vec3::new(row[1], row[2], row[3]),
         centre: Vec3::new(row[4], row[5], row[6]),
-        freedoms: std::array::from_fn(|k| modes[k]),
+        dof_modes: std::array::from_fn(|k| modes[k]),
     })
 }
 

@@ -3,7 +3,7 @@
 use crate::lockstep::Lockstep;
 use crate::messages::{Parameters, Point, Quaternion, Twist};
 use ballast::component::Component;
-use ballast::model::{Freedom, Model, Schedule};
+use ballast::model::{DofMode, Model, Schedule};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -55,9 +55,9 @@ pub struct Body {
     pub name: String,
     /// `tine`, `sleeper`, `boundary`.
     pub role: String,
-    /// Of x, y, z, and of the rotations about them: `held` (its motion is imposed), `loaded`, `sprung`.
+    /// Modes of x, y, z and of the rotations about them: `prescribed`, `free` or `spring`.
     pub freedoms: [String; 6],
-    /// Where it is sprung, in the same order: N/m, N s/m, of rotations N m/rad, N m s/rad; elsewhere 0.
+    /// Stiffness of the springs, in the same order: N/m, N s/m, of rotations N m/rad, N m s/rad; elsewhere 0.
     pub stiffness: [f64; 6],
     pub damping: [f64; 6],
     /// That moves with it, kg; none of a body whose motion is imposed.
@@ -79,7 +79,7 @@ impl Description {
         let model = component.model();
         let limits = component.limits();
         let body = |body: &ballast::model::DrivenBody| {
-            let freedoms = body.mount.map_or([Freedom::Held; 6], |m| m.freedoms);
+            let freedoms = body.mount.map_or([DofMode::Prescribed; 6], |m| m.dof_modes);
             Body {
                 name: body.name.clone(),
                 role: body.role.name().into(),

@@ -48,7 +48,7 @@ impl Choices {
     /// # Errors
     /// A name that is none of a schedule.
     pub fn named(seed: Option<u64>, schedule: Option<&str>) -> Result<Self, UnknownChoice> {
-        let named = |name| Schedule::named(name).ok_or_else(|| UnknownChoice::schedule(name));
+        let named = |name| Schedule::from_name(name).ok_or_else(|| UnknownChoice::schedule(name));
         Ok(Self { schedule: schedule.map(named).transpose()?, seed })
     }
 

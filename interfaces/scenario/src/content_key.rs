@@ -105,7 +105,7 @@ impl Key {
 
     fn run(&mut self, run: &RunPlan) {
         let RunPlan {
-            stepping: Stepping { step_ns, theta, alert },
+            stepping: Stepping { step_ns, theta, detection_distance: alert },
             solver: _,
             restitution,
             duration_ns: _,

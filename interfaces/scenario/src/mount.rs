@@ -3,7 +3,7 @@
 use crate::case_file::{self, Mode, SleeperMount};
 use crate::report::{Finding, Report};
 use ballast::math::Vec3;
-use ballast::model::{Freedom, Mount};
+use ballast::model::{DofMode, Mount};
 use ballast::track::plan::BlockPlan;
 use ballast::track::{sleeper_mount, steel_cantilever};
 
@@ -25,7 +25,7 @@ pub fn of_tine(
         return None;
     }
     let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
-    let [steel_stiffness, _] = steel.freedoms[0].spring();
+    let [steel_stiffness, _] = steel.dof_modes[0].spring();
     let stiffness = case.stiffness.unwrap_or(steel_stiffness);
     let mass = case.mass_kg.unwrap_or(steel.mass);
     let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
@@ -98,16 +98,16 @@ pub fn of_sleeper(
     let freedom = |(k, mode): (usize, Mode)| {
         let (_, _, stiffness, damping) = springs[k / 3];
         match mode {
-            Mode::Held => Freedom::Held,
-            Mode::Loaded => Freedom::Loaded,
-            Mode::Sprung => Freedom::Sprung { stiffness: stiffness.unwrap_or(0.0), damping },
+            Mode::Held => DofMode::Prescribed,
+            Mode::Loaded => DofMode::Free,
+            Mode::Sprung => DofMode::Spring { stiffness: stiffness.unwrap_or(0.0), damping },
         }
     };
-    let mut freedoms = [Freedom::Held; 6];
+    let mut freedoms = [DofMode::Prescribed; 6];
     modes.into_iter().enumerate().for_each(|m| freedoms[m.0] = freedom(m));
     let mount = sleeper_mount(blocks, case.mass_kg, freedoms);
-    let free = mount.free().count();
-    if free == 0 || (free > 3 && !mount.moves_alike()) {
+    let free = mount.free_dofs().count();
+    if free == 0 || (free > 3 && !mount.has_isotropic_translations()) {
         let finding = Finding {
             problem: "these modes make no mount".into(),
             found: format!("{free} degrees of freedom that are not held"),

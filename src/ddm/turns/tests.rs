@@ -20,7 +20,7 @@ fn interface(subdomains: usize, probability: f64, seed: u64) -> Interface {
 
 /// The subdomains that a turn needs for itself.
 fn needs(interface: &Interface, turn: &Turn) -> Vec<u32> {
-    match turn.set.checked_sub(interface.courses.len()) {
+    match turn.set.checked_sub(interface.groups_by_subdomain.len()) {
         None => vec![turn.set as u32],
         Some(g) => interface.pairs[g].to_vec(),
     }
@@ -36,7 +36,7 @@ fn once(passes: u32) -> impl FnMut() -> Option<Stretch<()>> + Send {
 fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<Turn> {
     let seen = Mutex::new(Vec::new());
     let taken: Vec<AtomicBool> =
-        interface.courses.starts[1..].iter().map(|_| AtomicBool::new(false)).collect();
+        interface.groups_by_subdomain.starts[1..].iter().map(|_| AtomicBool::new(false)).collect();
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let mut turns = Turns::default();
     // A second run begins where a first one has left off.

@@ -2,7 +2,7 @@
 //!
 //! Values carry nothing but themselves, so the count is the thread's. No result depends on it.
 
-use crate::lanes::{LANES, Lanes, Line, Portable};
+use crate::lanes::{BodyVelocity, LANES, Lanes, Portable};
 use std::cell::Cell;
 use std::ops::AddAssign;
 
@@ -128,11 +128,11 @@ impl Lanes for Counting {
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
         Self(Portable::select(mask, yes.0, no.0))
     }
-    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8] {
+    unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8] {
         // SAFETY: the caller's.
         unsafe { Portable::gather(lines, indices) }.map(Self)
     }
-    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]) {
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]) {
         // SAFETY: the caller's.
         unsafe { Portable::scatter(rows.map(|row| row.0), lines, indices) };
     }

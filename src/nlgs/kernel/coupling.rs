@@ -1,6 +1,6 @@
 //! How a block of contacts sees and moves its grains: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
 
-use crate::lanes::{Lanes, Line, each};
+use crate::lanes::{BodyVelocity, Lanes, each};
 use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
 
 /// Eight contacts of one kind, and how they see and move their grains.
@@ -15,12 +15,17 @@ pub trait Block {
     ///
     /// # Safety
     /// The indices in the block are below the number of lines.
-    unsafe fn read<L: Lanes>(&self, lines: &[Line]) -> (Self::Held<L>, [L; 3]);
+    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Held<L>, [L; 3]);
     /// Adds the velocities that the impulses `delta` cause, and writes the lines.
     ///
     /// # Safety
     /// The indices in the block are below the number of lines.
-    unsafe fn push<L: Lanes>(&self, held: Self::Held<L>, delta: &[L; 3], lines: &mut [Line]);
+    unsafe fn push<L: Lanes>(
+        &self,
+        held: Self::Held<L>,
+        delta: &[L; 3],
+        lines: &mut [BodyVelocity],
+    );
 }
 
 pub type Axes<L> = [[L; 3]; 3];
@@ -86,7 +91,7 @@ impl Block for PairBlock {
         (&mut self.impulse, &mut self.law.slip)
     }
     #[inline(always)]
-    unsafe fn read<L: Lanes>(&self, lines: &[Line]) -> (Self::Held<L>, [L; 3]) {
+    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Held<L>, [L; 3]) {
         // SAFETY: the caller's.
         let (c, a): ([L; 8], [L; 8]) =
             unsafe { (L::gather(lines, &self.candidate), L::gather(lines, &self.antagonist)) };
@@ -101,7 +106,12 @@ impl Block for PairBlock {
         ((axes, c, a), u)
     }
     #[inline(always)]
-    unsafe fn push<L: Lanes>(&self, held: Self::Held<L>, delta: &[L; 3], lines: &mut [Line]) {
+    unsafe fn push<L: Lanes>(
+        &self,
+        held: Self::Held<L>,
+        delta: &[L; 3],
+        lines: &mut [BodyVelocity],
+    ) {
         let (axes, mut c, mut a) = held;
         for j in 0..3 {
             let f = force(&axes, j, delta);
@@ -134,7 +144,7 @@ impl Block for SingleBlock {
         (&mut self.impulse, &mut self.law.slip)
     }
     #[inline(always)]
-    unsafe fn read<L: Lanes>(&self, lines: &[Line]) -> (Self::Held<L>, [L; 3]) {
+    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Held<L>, [L; 3]) {
         // SAFETY: the caller's.
         let line: [L; 8] = unsafe { L::gather(lines, &self.grain) };
         let axes = load_axes(&self.normal, &self.tangent);
@@ -145,7 +155,12 @@ impl Block for SingleBlock {
         ((axes, line), u)
     }
     #[inline(always)]
-    unsafe fn push<L: Lanes>(&self, held: Self::Held<L>, delta: &[L; 3], lines: &mut [Line]) {
+    unsafe fn push<L: Lanes>(
+        &self,
+        held: Self::Held<L>,
+        delta: &[L; 3],
+        lines: &mut [BodyVelocity],
+    ) {
         let (axes, mut line) = held;
         for j in 0..3 {
             line[j] = force(&axes, j, delta).mul_add(line[6], line[j]);

@@ -1,7 +1,7 @@
 //! The passes over the blocks of a set: sweep, measured sweep, application of impulses, natural map.
 //!
 //! Reads: blocks. Writes: lines and impulses. Cost: about 160 bytes of memory traffic per visit.
-//! Contract: the same bits from every [`Arithmetic`].
+//! Contract: the same bits from every [`InstructionSet`].
 //!
 //! `unsafe` is sound here because a set is packed with indices checked against its number of lines, and passes
 //! check that number again, so [`Lanes::gather`](crate::lanes::Lanes::gather) and
@@ -16,7 +16,7 @@ pub use counting::Operations;
 
 use super::block::{BlockMemory, LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
-use crate::lanes::{Arithmetic, LANES, Line, Pass, run};
+use crate::lanes::{BodyVelocity, InstructionSet, LANES, VelocityKernel, run};
 use crate::local_problem::LocalContact;
 use passes::{Apply, Every, Few, GoOn, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
 
@@ -114,12 +114,16 @@ impl Blocks {
         self.line_count as usize + 1
     }
 
-    fn check_lines(&self, lines: &[Line]) {
+    fn check_lines(&self, lines: &[BodyVelocity]) {
         let (found, needed) = (lines.len(), self.lines_needed());
         assert!(found >= needed, "{found} lines, {needed} needed");
     }
 
-    fn as_sweep<'a>(&'a mut self, lines: &'a mut [Line], relaxation: f64) -> Sweep<'a, Every<'a>> {
+    fn as_sweep<'a>(
+        &'a mut self,
+        lines: &'a mut [BodyVelocity],
+        relaxation: f64,
+    ) -> Sweep<'a, Every<'a>> {
         self.check_lines(lines);
         let choice = self.apart.each_ref().map(|apart| Every(apart));
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
@@ -127,14 +131,24 @@ impl Blocks {
     }
 
     /// Visits every contact once.
-    pub fn sweep(&mut self, arithmetic: Arithmetic, lines: &mut [Line], relaxation: f64) {
+    pub fn sweep(
+        &mut self,
+        arithmetic: InstructionSet,
+        lines: &mut [BodyVelocity],
+        relaxation: f64,
+    ) {
         let pass = PlainSweep(self.as_sweep(lines, relaxation));
         // SAFETY: indices were checked by `push_*`, lines by `as_sweep`.
         unsafe { run(arithmetic, pass) }
     }
 
     /// Visits the contacts of the blocks that are awake.
-    pub fn sweep_awake(&mut self, arithmetic: Arithmetic, lines: &mut [Line], relaxation: f64) {
+    pub fn sweep_awake(
+        &mut self,
+        arithmetic: InstructionSet,
+        lines: &mut [BodyVelocity],
+        relaxation: f64,
+    ) {
         self.check_lines(lines);
         let [of_singles, of_pairs] = &self.apart;
         let choice = [
@@ -177,8 +191,8 @@ impl Blocks {
     /// The same visits with the same bits, and their norms.
     pub fn measured_sweep(
         &mut self,
-        arithmetic: Arithmetic,
-        lines: &mut [Line],
+        arithmetic: InstructionSet,
+        lines: &mut [BodyVelocity],
         relaxation: f64,
     ) -> VisitNorms {
         let pass = MeasuredSweep(self.as_sweep(lines, relaxation));
@@ -187,7 +201,7 @@ impl Blocks {
     }
 
     /// A sweep that counts its operations on lanes, on copies: nothing is changed.
-    pub fn count(&self, lines: &[Line], relaxation: f64) -> Operations {
+    pub fn count(&self, lines: &[BodyVelocity], relaxation: f64) -> Operations {
         let (mut blocks, mut lines) = (self.clone(), lines.to_vec());
         let pass = PlainSweep(blocks.as_sweep(&mut lines, relaxation));
         // SAFETY: indices were checked by `push_*`, lines by `as_sweep`; the type needs no instructions of its own.
@@ -195,7 +209,7 @@ impl Blocks {
     }
 
     /// Adds to the lines what the impulses cause: `V += M⁻¹ H r`.
-    pub fn apply_impulses(&self, arithmetic: Arithmetic, lines: &mut [Line]) {
+    pub fn apply_impulses(&self, arithmetic: InstructionSet, lines: &mut [BodyVelocity]) {
         self.check_lines(lines);
         let pass = Apply { singles: &self.singles, pairs: &self.pairs, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
@@ -226,10 +240,10 @@ impl Blocks {
     /// Tells whether one was not.
     pub fn replace_impulses(
         &mut self,
-        arithmetic: Arithmetic,
+        arithmetic: InstructionSet,
         chosen: &Chosen,
         impulses: &[[Row64; 3]],
-        lines: &mut [Line],
+        lines: &mut [BodyVelocity],
     ) -> bool {
         self.check_lines(lines);
         let choice = chosen.0.each_ref().map(Vec::as_slice);
@@ -251,11 +265,11 @@ impl Blocks {
     /// Tells whether one was not.
     pub fn go_on(
         &mut self,
-        arithmetic: Arithmetic,
+        arithmetic: InstructionSet,
         chosen: &Chosen,
         memories: &mut [BlockMemory],
         share: f64,
-        lines: &mut [Line],
+        lines: &mut [BodyVelocity],
     ) -> bool {
         self.check_lines(lines);
         let choice = chosen.0.each_ref().map(Vec::as_slice);
@@ -284,7 +298,11 @@ impl Blocks {
     }
 
     /// Sums of the natural map at the present impulses and velocities.
-    pub fn natural_map(&self, arithmetic: Arithmetic, lines: &[Line]) -> NaturalMapSums {
+    pub fn natural_map(
+        &self,
+        arithmetic: InstructionSet,
+        lines: &[BodyVelocity],
+    ) -> NaturalMapSums {
         self.check_lines(lines);
         let pass = NaturalMap { singles: &self.singles, pairs: &self.pairs, lines };
         // SAFETY: indices were checked by `push_*`, lines above.

@@ -1,7 +1,7 @@
 //! Passes over blocks, written once for all arithmetics.
 
 use super::coupling::{Block, dot};
-use crate::lanes::{Lanes, Line, Pass, each, prefetch_at};
+use crate::lanes::{BodyVelocity, Lanes, VelocityKernel, each, prefetch_at};
 use crate::nlgs::block::{BlockMemory, PairBlock, Row64, SingleBlock};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 use crate::nlgs::visit::{self, Law, Visit};
@@ -164,7 +164,7 @@ struct Found<L: Lanes, B: Block> {
 
 impl<L: Lanes, B: Block> Found<L, B> {
     #[inline(always)]
-    unsafe fn read(block: &B, lines: &[Line]) -> Self {
+    unsafe fn read(block: &B, lines: &[BodyVelocity]) -> Self {
         // SAFETY: the caller's.
         let (held, u) = unsafe { block.read::<L>(lines) };
         let law = Law::load(block.law());
@@ -190,7 +190,7 @@ impl<L: Lanes, B: Block> Found<L, B> {
         self,
         visit: Visit<L>,
         block: &mut B,
-        lines: &mut [Line],
+        lines: &mut [BodyVelocity],
         relaxation: L,
         record: &mut R,
     ) {
@@ -216,7 +216,7 @@ impl<L: Lanes, B: Block> Found<L, B> {
 unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     blocks: &mut [B],
     choice: C,
-    lines: &mut [Line],
+    lines: &mut [BodyVelocity],
     relaxation: L,
     record: &mut R,
 ) {
@@ -224,7 +224,7 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     while k < choice.count() {
         expect(blocks, choice.block(k + AHEAD));
         let i = choice.block(k);
-        if L::TWO_AT_ONCE && choice.is_apart(k) {
+        if L::PAIRS_OF_BLOCKS && choice.is_apart(k) {
             expect(blocks, choice.block(k + 1 + AHEAD));
             let [one, other] = &mut blocks[i..][..2] else { unreachable!("a slice of two") };
             k += 2;
@@ -264,7 +264,7 @@ pub struct Sweep<'a, C> {
     pub pairs: &'a mut [PairBlock],
     /// Which of the singles and which of the pairs.
     pub choice: [C; 2],
-    pub lines: &'a mut [Line],
+    pub lines: &'a mut [BodyVelocity],
     pub relaxation: f64,
 }
 
@@ -285,7 +285,7 @@ impl<C: Choice> Sweep<'_, C> {
 
 pub struct PlainSweep<'a, C>(pub Sweep<'a, C>);
 
-impl<C: Choice> Pass for PlainSweep<'_, C> {
+impl<C: Choice> VelocityKernel for PlainSweep<'_, C> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -296,7 +296,7 @@ impl<C: Choice> Pass for PlainSweep<'_, C> {
 
 pub struct MeasuredSweep<'a>(pub Sweep<'a, Every<'a>>);
 
-impl Pass for MeasuredSweep<'_> {
+impl VelocityKernel for MeasuredSweep<'_> {
     type Output = VisitNorms;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> VisitNorms {
@@ -308,10 +308,10 @@ impl Pass for MeasuredSweep<'_> {
 pub struct Apply<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],
-    pub lines: &'a mut [Line],
+    pub lines: &'a mut [BodyVelocity],
 }
 
-impl Pass for Apply<'_> {
+impl VelocityKernel for Apply<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -324,7 +324,7 @@ impl Pass for Apply<'_> {
 }
 
 #[inline(always)]
-unsafe fn apply_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &mut [Line]) {
+unsafe fn apply_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &mut [BodyVelocity]) {
     for block in blocks {
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         // SAFETY: the caller's.
@@ -341,10 +341,10 @@ pub struct Replace<'a> {
     pub pairs: &'a mut [PairBlock],
     pub choice: [&'a [u32]; 2],
     pub impulses: &'a [[Row64; 3]],
-    pub lines: &'a mut [Line],
+    pub lines: &'a mut [BodyVelocity],
 }
 
-impl Pass for Replace<'_> {
+impl VelocityKernel for Replace<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -363,7 +363,7 @@ unsafe fn replace_blocks<L: Lanes, B: Block>(
     blocks: &mut [B],
     choice: &[u32],
     impulses: &[[Row64; 3]],
-    lines: &mut [Line],
+    lines: &mut [BodyVelocity],
 ) {
     for (&i, wanted) in choice.iter().zip(impulses) {
         let block = &mut blocks[i as usize];
@@ -378,7 +378,7 @@ unsafe fn replace_blocks<L: Lanes, B: Block>(
 unsafe fn replace<L: Lanes, B: Block>(
     block: &mut B,
     wanted: &[L; 3],
-    lines: &mut [Line],
+    lines: &mut [BodyVelocity],
 ) -> [L; 3] {
     // SAFETY: the caller's.
     let (held, _) = unsafe { block.read::<L>(lines) };
@@ -400,10 +400,10 @@ pub struct GoOn<'a> {
     pub choice: [&'a [u32]; 2],
     pub memories: &'a mut [BlockMemory],
     pub share: f64,
-    pub lines: &'a mut [Line],
+    pub lines: &'a mut [BodyVelocity],
 }
 
-impl Pass for GoOn<'_> {
+impl VelocityKernel for GoOn<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -423,7 +423,7 @@ unsafe fn go_on<L: Lanes, B: Block>(
     choice: &[u32],
     memories: &mut [BlockMemory],
     share: L,
-    lines: &mut [Line],
+    lines: &mut [BodyVelocity],
 ) {
     for (k, (&i, memory)) in choice.iter().zip(memories).enumerate() {
         expect(blocks, number(choice, k + AHEAD));
@@ -443,10 +443,10 @@ unsafe fn go_on<L: Lanes, B: Block>(
 pub struct NaturalMap<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],
-    pub lines: &'a [Line],
+    pub lines: &'a [BodyVelocity],
 }
 
-impl Pass for NaturalMap<'_> {
+impl VelocityKernel for NaturalMap<'_> {
     type Output = NaturalMapSums;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> NaturalMapSums {
@@ -466,7 +466,11 @@ impl Pass for NaturalMap<'_> {
 }
 
 #[inline(always)]
-unsafe fn natural_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &[Line], sums: &mut [L; 2]) {
+unsafe fn natural_blocks<L: Lanes, B: Block>(
+    blocks: &[B],
+    lines: &[BodyVelocity],
+    sums: &mut [L; 2],
+) {
     for block in blocks {
         // SAFETY: the caller's.
         let (_, u) = unsafe { block.read::<L>(lines) };

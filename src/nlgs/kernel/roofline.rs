@@ -1,32 +1,32 @@
-//! What a processor can do at most with the instructions of an [`Arithmetic`]: work whose rate bounds that of
+//! What a processor can do at most with the instructions of an [`InstructionSet`]: work whose rate bounds that of
 //! sweeps. The caller has the clock.
 
-use crate::lanes::{Arithmetic, LANES, Lanes, Line, Pass, run};
+use crate::lanes::{BodyVelocity, InstructionSet, LANES, Lanes, VelocityKernel, run};
 
 /// Numbers per line of the triad.
-const ROW: usize = size_of::<Line>() / size_of::<f64>();
+const ROW: usize = size_of::<BodyVelocity>() / size_of::<f64>();
 
-impl Arithmetic {
-    /// Bytes that [`Arithmetic::triad`] moves per line: two reads, and a write of what was read, so that no
+impl InstructionSet {
+    /// Bytes that [`InstructionSet::triad`] moves per line: two reads, and a write of what was read, so that no
     /// cache has to fetch what is only written.
-    pub const TRIAD_BYTES: usize = 3 * size_of::<Line>();
+    pub const TRIAD_BYTES: usize = 3 * size_of::<BodyVelocity>();
 
     /// `a = b + factor a` on lines of eight f64: what memory or cache delivers at most.
-    pub fn triad(self, a: &mut [Line], b: &[Line], factor: f64) {
+    pub fn triad(self, a: &mut [BodyVelocity], b: &[BodyVelocity], factor: f64) {
         // SAFETY: the pass has no indices.
         unsafe { run(self, Triad { a, b, factor }) }
     }
 
-    /// Fused operations on single f64 that a round of [`Arithmetic::multiply_adds`] does, and divisions of
-    /// one of [`Arithmetic::divisions`].
+    /// Fused operations on single f64 that a round of [`InstructionSet::multiply_adds`] does, and divisions of
+    /// one of [`InstructionSet::divisions`].
     pub fn operations_per_round(self) -> usize {
-        LANES * if self.has_many_registers() { MANY } else { FEW }
+        LANES * if self.has_32_registers() { MANY } else { FEW }
     }
 
     /// `rounds` of `x = x factor + c` in independent chains, summed: the most fused operations that there can be.
     pub fn multiply_adds(self, rounds: u64, factor: f64) -> f64 {
         // SAFETY: the passes have no indices.
-        match self.has_many_registers() {
+        match self.has_32_registers() {
             true => unsafe { run(self, MultiplyAdds::<MANY> { rounds, factor }) },
             false => unsafe { run(self, MultiplyAdds::<FEW> { rounds, factor }) },
         }
@@ -35,7 +35,7 @@ impl Arithmetic {
     /// `rounds` of `x = c / x` in independent chains, summed: the most divisions that there can be.
     pub fn divisions(self, rounds: u64, dividend: f64) -> f64 {
         // SAFETY: the passes have no indices.
-        match self.has_many_registers() {
+        match self.has_32_registers() {
             true => unsafe { run(self, Divisions::<MANY> { rounds, dividend }) },
             false => unsafe { run(self, Divisions::<FEW> { rounds, dividend }) },
         }
@@ -47,12 +47,12 @@ const MANY: usize = 12;
 const FEW: usize = 6;
 
 struct Triad<'a> {
-    a: &'a mut [Line],
-    b: &'a [Line],
+    a: &'a mut [BodyVelocity],
+    b: &'a [BodyVelocity],
     factor: f64,
 }
 
-impl Pass for Triad<'_> {
+impl VelocityKernel for Triad<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -91,7 +91,7 @@ struct MultiplyAdds<const N: usize> {
     factor: f64,
 }
 
-impl<const N: usize> Pass for MultiplyAdds<N> {
+impl<const N: usize> VelocityKernel for MultiplyAdds<N> {
     type Output = f64;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> f64 {
@@ -111,7 +111,7 @@ struct Divisions<const N: usize> {
     dividend: f64,
 }
 
-impl<const N: usize> Pass for Divisions<N> {
+impl<const N: usize> VelocityKernel for Divisions<N> {
     type Output = f64;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> f64 {
@@ -132,9 +132,9 @@ mod tests {
 
     #[test]
     fn every_arithmetic_does_the_work_that_is_counted() {
-        for arithmetic in Arithmetic::available() {
-            let mut a = vec![Line([2.0; 8]); 5];
-            let b = vec![Line([1.0; 8]); 5];
+        for arithmetic in InstructionSet::available() {
+            let mut a = vec![BodyVelocity([2.0; 8]); 5];
+            let b = vec![BodyVelocity([1.0; 8]); 5];
             arithmetic.triad(&mut a, &b, 0.25);
             assert!(a.iter().all(|line| line.0 == [1.5; 8]), "{arithmetic:?}");
             let per_round = arithmetic.operations_per_round() as f64;

@@ -392,7 +392,7 @@ class Mount:
 
     @property
     def freedoms(self) -> tuple[str, str, str, str, str, str]:
-        """Of x, y, z, and of the rotations about them: "held" (as its motion asks), "sprung" or "loaded"."""
+        """Of x, y, z, and of the rotations about them: "prescribed", "spring" or "free"."""
 
     @property
     def stiffness(self) -> _Floats:

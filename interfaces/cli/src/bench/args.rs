@@ -73,7 +73,7 @@ impl Alert {
                 "--alert-m {alert}: expected a distance above 0, m"
             )));
         }
-        stepping.alert = alert;
+        stepping.detection_distance = alert;
         Ok(())
     }
 }

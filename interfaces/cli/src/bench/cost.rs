@@ -46,7 +46,7 @@ pub fn cost(args: &BenchCost, console: Console) -> Outcome {
     args.alert.choose(&mut scene.model.stepping)?;
     let mut sheet = Sheet::new(COLUMNS);
     sheet.note("scene", scene.describe());
-    sheet.note("alert_m", scene.model.stepping.alert.to_string());
+    sheet.note("alert_m", scene.model.stepping.detection_distance.to_string());
     sheet.note("stretch", format!("{} s, synchronous, penetrations of its last step", args.time));
     let whole: f64 = plans.iter().map(|p| p.steps as f64).sum();
     let (mut progress, mut before) = (Progress::start(console, &scene.name), 0.0);

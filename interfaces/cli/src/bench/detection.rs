@@ -17,7 +17,7 @@ use crate::profile::{Profile, Spent};
 use crate::progress::Progress;
 use crate::statistics::Quartiles;
 use crate::table::on_threads;
-use ballast::detection::{Contacts, Detector, Reach};
+use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::drive::Inputs;
 use ballast::math::Vec3;
 use ballast::motion::Motion;
@@ -72,7 +72,7 @@ struct Trial {
 /// The configuration in which the first step looks for contacts.
 fn predicted(scene: &Scene) -> Outcome<Motion> {
     let targets = scene.targets();
-    let inputs = Inputs::of(&targets);
+    let inputs = Inputs::from_targets(&targets);
     let mut motion = Motion::default();
     let predicted = motion.predict(&scene.model, &scene.state, &inputs);
     predicted?;
@@ -146,7 +146,7 @@ fn detect(
     let (detector, contacts) = memory;
     pool.install(|| {
         let mut profile = Profile::start();
-        let reach = Reach::of(&scene.model, motion);
+        let reach = DetectionRange::new(&scene.model, motion);
         detector.broad_phase(&scene.model, motion, &reach);
         profile.lap(Phase::BroadPhase);
         detector.narrow_phase(&scene.model, motion, &reach, contacts);

@@ -14,7 +14,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::progress::Progress;
 use crate::statistics::Quartiles;
-use ballast::lanes::Arithmetic;
+use ballast::lanes::InstructionSet;
 use rayon::ThreadPool;
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ const LARGEST_EDGE: usize = 128;
 /// A load on some threads with some instructions.
 struct Figure {
     load: usize,
-    arithmetic: Arithmetic,
+    arithmetic: InstructionSet,
     pool: Arc<ThreadPool>,
     turns: Vec<Turn>,
 }
@@ -78,7 +78,7 @@ pub fn kernel(args: &BenchKernel, console: Console) -> Outcome {
     measure(&loads, &mut figures, args, console);
     notes(&mut sheet);
     for figure in &figures {
-        if figure.threads() == 1 && figure.arithmetic == Arithmetic::detect() {
+        if figure.threads() == 1 && figure.arithmetic == InstructionSet::detect() {
             let load = &loads[figure.load];
             sheet.section(format!("{}, {}", load.lattice, load.form()));
         }
@@ -130,7 +130,7 @@ fn figures(loads: &[Load], pools: &[Arc<ThreadPool>]) -> Vec<Figure> {
         let fits =
             |pool: &&Arc<ThreadPool>| of.divided || pool.current_num_threads() <= of.sets.len();
         for pool in pools.iter().filter(fits) {
-            for arithmetic in Arithmetic::available() {
+            for arithmetic in InstructionSet::available() {
                 figures.push(Figure { load, arithmetic, pool: pool.clone(), turns: Vec::new() });
             }
         }

@@ -3,7 +3,7 @@
 use super::roof::Rate;
 use super::sheet::Sheet;
 use crate::lock::enter;
-use ballast::lanes::Arithmetic;
+use ballast::lanes::InstructionSet;
 use ballast::model::PartitionRule;
 use ballast::nlgs::scenes::Scene;
 use ballast::nlgs::{ContactSet, Operations, Traffic};
@@ -58,7 +58,7 @@ impl Load {
     }
 
     /// Visits per second.
-    pub fn rate(&self, arithmetic: Arithmetic, pool: &ThreadPool, seconds: f64) -> Rate {
+    pub fn rate(&self, arithmetic: InstructionSet, pool: &ThreadPool, seconds: f64) -> Rate {
         self.sets.iter().for_each(|set| enter(set).set_arithmetic(arithmetic));
         let threads = pool.current_num_threads();
         let rate = Rate::of(seconds, threads, |times| {

@@ -2,7 +2,7 @@
 
 use crate::files::typed;
 use crate::profile::cpu_time;
-use ballast::lanes::Arithmetic;
+use ballast::lanes::InstructionSet;
 use std::ffi::OsString;
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,7 @@ impl Machine {
     pub fn lines(&self) -> Vec<(String, String)> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let instructions: Vec<&str> =
-            Arithmetic::available().into_iter().map(Arithmetic::name).collect();
+            InstructionSet::available().into_iter().map(InstructionSet::name).collect();
         let compiled = if cfg!(debug_assertions) { "dev" } else { "release" };
         let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
         let mut lines = vec![

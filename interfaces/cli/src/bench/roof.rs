@@ -2,7 +2,7 @@
 
 use crate::lock::enter;
 use crate::profile::cpu_time;
-use ballast::lanes::{Arithmetic, Line};
+use ballast::lanes::{BodyVelocity, InstructionSet};
 use ballast::nlgs::{Operations, Traffic};
 use rayon::ThreadPool;
 use std::hint::black_box;
@@ -48,13 +48,13 @@ impl Rate {
 /// Two arrays for each thread of a pool.
 pub struct Triad {
     bytes: usize,
-    arrays: Vec<Mutex<[Vec<Line>; 2]>>,
+    arrays: Vec<Mutex<[Vec<BodyVelocity>; 2]>>,
 }
 
 impl Triad {
     /// Arrays of `bytes` together for each of `threads`.
     pub fn new(bytes: usize, threads: usize) -> Self {
-        let array = || vec![Line([1.0; 8]); (bytes / 2 / size_of::<Line>()).max(1)];
+        let array = || vec![BodyVelocity([1.0; 8]); (bytes / 2 / size_of::<BodyVelocity>()).max(1)];
         let arrays = (0..threads).map(|_| Mutex::new([array(), array()])).collect();
         Self { bytes, arrays }
     }
@@ -65,7 +65,7 @@ impl Triad {
 
     /// Bytes per second of all threads together.
     pub fn bandwidth(&self, pool: &ThreadPool, seconds: f64) -> Rate {
-        let arithmetic = Arithmetic::detect();
+        let arithmetic = InstructionSet::detect();
         let rate = Rate::of(seconds, self.arrays.len(), |times| {
             pool.broadcast(|thread| {
                 let [a, b] = &mut *enter(&self.arrays[thread.index()]);
@@ -75,17 +75,17 @@ impl Triad {
             });
         });
         let lines: usize = self.arrays.iter().map(|arrays| enter(arrays)[0].len()).sum();
-        rate.times((lines * Arithmetic::TRIAD_BYTES) as f64)
+        rate.times((lines * InstructionSet::TRIAD_BYTES) as f64)
     }
 }
 
 /// Fused operations and divisions per second of all threads of a pool.
-pub fn arithmetic_rates(arithmetic: Arithmetic, pool: &ThreadPool, seconds: f64) -> [Rate; 2] {
+pub fn arithmetic_rates(arithmetic: InstructionSet, pool: &ThreadPool, seconds: f64) -> [Rate; 2] {
     // Enough rounds for one call that calling costs nothing.
     const ROUNDS: u64 = 1000;
     let threads = pool.current_num_threads();
     let operations = (ROUNDS as usize * arithmetic.operations_per_round() * threads) as f64;
-    let of = |work: fn(Arithmetic, u64, f64) -> f64| {
+    let of = |work: fn(InstructionSet, u64, f64) -> f64| {
         let rate = Rate::of(seconds, threads, |times| {
             pool.broadcast(|_| {
                 for _ in 0..times {
@@ -95,7 +95,7 @@ pub fn arithmetic_rates(arithmetic: Arithmetic, pool: &ThreadPool, seconds: f64)
         });
         rate.times(operations)
     };
-    [of(Arithmetic::multiply_adds), of(Arithmetic::divisions)]
+    [of(InstructionSet::multiply_adds), of(InstructionSet::divisions)]
 }
 
 /// What bounds the rate of sweeps, measured in one turn; by the CPU clock.

@@ -98,8 +98,9 @@ fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
         solver.tolerance = Some(tolerance);
     }
     if let Some(subdomains) = args.subdomains {
-        let (rule, most) = (PartitionRule::Balanced(subdomains.get()), PartitionRule::MOST);
-        if rule.asked_for() > most {
+        let (rule, most) =
+            (PartitionRule::Balanced(subdomains.get()), PartitionRule::MAX_SUBDOMAINS);
+        if rule.requested_subdomains() > most {
             let text = format!("--subdomains: expected 1 to {most}, found {subdomains}");
             return Err(Failure::Usage(text));
         }
@@ -144,7 +145,7 @@ fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile
     let mut workspace = Workspace::default();
     for _ in 0..steps {
         profile.output();
-        let inputs = Inputs::of(&still);
+        let inputs = Inputs::from_targets(&still);
         let report = step(model, state, &inputs, &mut workspace, profile)?;
         trial.take(report);
     }
@@ -161,7 +162,7 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
     json!({
         "grains": grains,
         "steps": steps,
-        "alert_m": model.stepping.alert,
+        "alert_m": model.stepping.detection_distance,
         "threads": rayon::current_num_threads(),
         "schedule": format!("{:?}", model.solver.schedule).to_lowercase(),
         "subdomains": trial.last.subdomains,

@@ -110,7 +110,7 @@ impl Mover {
         match self {
             Mover::Machine(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
             Mover::Nobody(still) => {
-                let inputs = Inputs::of(still);
+                let inputs = Inputs::from_targets(still);
                 Ok(step(model, state, &inputs, workspace, watch)?)
             }
         }

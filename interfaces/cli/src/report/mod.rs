@@ -333,7 +333,7 @@ fn provenance(source: &Source, page: &mut Page) {
         ),
         ("time step", format!("{} ms", figure(1e3 * stepping.h(), 4))),
         ("θ", stepping.theta.to_string()),
-        ("alert distance", format!("{} mm", figure(1e3 * stepping.alert, 3))),
+        ("alert distance", format!("{} mm", figure(1e3 * stepping.detection_distance, 3))),
         ("schedule", solver.schedule.name().into()),
         ("subdomains", partition(&solver.partition)),
         ("max. iterations", format!("{} in each attempt at a step", solver.max_iterations)),

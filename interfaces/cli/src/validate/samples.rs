@@ -66,7 +66,7 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
     own.model.solver.tolerance = None;
     own.model.solver.max_iterations = SWEEPS;
     own.model.stepping.step_ns = STEP_NS;
-    own.model.stepping.alert = ALERT;
+    own.model.stepping.detection_distance = ALERT;
     for _ in 0..STEPS {
         own.step()?;
     }

@@ -49,7 +49,7 @@ impl World {
             gravity: Vec3::new(0.0, 0.0, -GRAVITY),
             grain_friction: friction,
             restitution: 0.0,
-            stepping: Stepping { step_ns, theta: 0.5, alert },
+            stepping: Stepping { step_ns, theta: 0.5, detection_distance: alert },
             solver,
         };
         Self { model, state: State::default(), workspace: Workspace::default(), targets: vec![] }
@@ -116,7 +116,7 @@ impl World {
 
     pub fn step(&mut self) -> Outcome<StepReport> {
         heed_interrupts()?;
-        let inputs = Inputs::of(&self.targets);
+        let inputs = Inputs::from_targets(&self.targets);
         Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
 

@@ -57,7 +57,7 @@ pub fn model() -> Model {
     let mut mount = Mount::spring(1.0 / 3.0, 1e6, 0.1 + 0.2);
     mount.inertia = Vec3::new(0.1, 0.2, 0.3);
     mount.centre = Vec3::new(0.0, -0.0, 0.7);
-    mount.freedoms[4] = Freedom::Loaded;
+    mount.dof_modes[4] = DofMode::Free;
     driven[0].mount = Some(mount);
     Model {
         shapes,
@@ -66,7 +66,7 @@ pub fn model() -> Model {
         gravity: Vec3::new(0.0, -0.0, -9.81),
         grain_friction: 0.8,
         restitution: 0.1,
-        stepping: Stepping { step_ns: 100_000, theta: 0.5, alert: 1e-3 },
+        stepping: Stepping { step_ns: 100_000, theta: 0.5, detection_distance: 1e-3 },
         solver: Solver {
             partition: PartitionRule::Boxes([3, 2, 1]),
             penetration_correction: Some(PenetrationCorrection::default()),

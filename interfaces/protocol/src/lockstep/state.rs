@@ -36,7 +36,7 @@ pub fn empty_model() -> Model {
         gravity: Vec3::zeros(),
         grain_friction: 0.0,
         restitution: 0.0,
-        stepping: Stepping { step_ns: 1, theta: 0.5, alert: 0.0 },
+        stepping: Stepping { step_ns: 1, theta: 0.5, detection_distance: 0.0 },
         solver: Solver::default(),
     }
 }

@@ -86,7 +86,7 @@ fn soft_mounts(layout: &Layout, tamping: &TampingPlan, report: &mut Report) {
     let mut told = BTreeSet::new();
     for tine in &layout.tines {
         let Some(mount) = tine.plan.mount else { continue };
-        let [stiffness, _] = mount.freedoms[0].spring();
+        let [stiffness, _] = mount.dof_modes[0].spring();
         let natural = (stiffness / mount.mass).sqrt() / TAU;
         let key = format!("{}.mount", tine.key);
         if natural < vibration.frequency && told.insert(key.clone()) {

@@ -70,10 +70,10 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
         Some(every) => whole_steps(every, step, "run.output_every_s", report),
         None => step * ((10_000_000 + step / 2) / step).max(1),
     };
-    let alert = run.alert_m.unwrap_or(Stepping::usual_alert(step));
+    let alert = run.alert_m.unwrap_or(Stepping::default_detection_distance(step));
     check_alert(alert, case, report);
     RunPlan {
-        stepping: Stepping { step_ns: step, theta: run.theta, alert },
+        stepping: Stepping { step_ns: step, theta: run.theta, detection_distance: alert },
         solver: solver(&case.solver, report),
         restitution: run.restitution,
         duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
@@ -156,12 +156,12 @@ fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
         };
         report.error(&format!("solver.{key}"), finding);
     }
-    let count = rule.asked_for();
-    if count > PartitionRule::MOST {
+    let count = rule.requested_subdomains();
+    if count > PartitionRule::MAX_SUBDOMAINS {
         let finding = Finding {
             problem: "too many subdomains".into(),
             found: count.to_string(),
-            expected: format!("at most {}", PartitionRule::MOST),
+            expected: format!("at most {}", PartitionRule::MAX_SUBDOMAINS),
             hint: None,
         };
         report.error(&format!("solver.{first}"), finding);

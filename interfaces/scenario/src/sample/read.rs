@@ -86,7 +86,8 @@ fn check_constants(
     }
     let e = file.restitution;
     place.require((0.0..=1.0).contains(&e), "restitution", "0 to 1", e)?;
-    let stepping = Stepping { step_ns: step_ns as u64, theta: file.theta, alert: file.alert };
+    let stepping =
+        Stepping { step_ns: step_ns as u64, theta: file.theta, detection_distance: file.alert };
     Ok((stepping, solver(&file.solver, &place.at("solver"))?))
 }
 

@@ -25,7 +25,7 @@ pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
         dt: model.stepping.h(),
         theta: model.stepping.theta,
         steps,
-        alert: model.stepping.alert,
+        alert: model.stepping.detection_distance,
         friction: Friction {
             grain_grain: model.grain_friction,
             grain_wall: model.driven.first().map_or(model.grain_friction, |d| d.friction),

@@ -2,7 +2,7 @@
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
-use ballast::model::{Freedom, Grains, Model, Solver};
+use ballast::model::{DofMode, Grains, Model, Solver};
 use ballast::track::TampingCycle;
 use ballast::track::boundary::boundaries;
 use ballast::track::plan::Plan;
@@ -105,8 +105,8 @@ fn sleepers_have_the_freedoms_that_their_mount_says() {
     let found = plan(&text).sleepers[0].mount.expect("a mount");
     assert_eq!(found.mass, 300.0);
     assert_eq!(found.centre, Vec3::new(0.0, 0.0, 0.075));
-    let (held, sprung) = (Freedom::Held, Freedom::Sprung { stiffness: 2e7, damping: 0.0 });
-    assert_eq!(found.freedoms, [held, held, sprung, held, Freedom::Loaded, held]);
+    let (held, sprung) = (DofMode::Prescribed, DofMode::Spring { stiffness: 2e7, damping: 0.0 });
+    assert_eq!(found.dof_modes, [held, held, sprung, held, DofMode::Free, held]);
     assert_eq!(plan(BASE).sleepers[0].mount, None);
     assert_eq!(content_key(&plan(&text)), content_key(&plan(BASE)), "the bed is the same");
 }

@@ -33,7 +33,7 @@ fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
     while state.time_ns < plan.run.duration_ns {
         phases.insert(cycle.phase(state.time()).name());
         cycle.targets(&model, &state, &mut targets);
-        let inputs = Inputs::of(&targets);
+        let inputs = Inputs::from_targets(&targets);
         let (mut scratch, mut fresh) = (state.clone(), Workspace::default());
         step(&model, &mut scratch, &inputs, &mut fresh, &mut ()).expect("a good step");
         let report =

@@ -40,7 +40,7 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
         }
     };
     assert_eq!((description.key.as_str(), description.step_ns), (KEY, WINDOW / 5));
-    assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "held"));
+    assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "prescribed"));
     let floor = description.bodies.iter().find(|b| b.name == "floor").unwrap();
     assert_eq!((floor.stiffness, floor.mass_kg), ([0.0; 6], None));
     assert_eq!((description.join.distance_m, description.join.spin), (1e-6, 1e-3));

@@ -5,7 +5,7 @@
 //! Contract: a function of the step alone, so bytes do not depend on threads; asked again and again about one step, it
 //! comes to an end.
 
-use crate::detection::{Contacts, top_speed};
+use crate::detection::{Contacts, max_point_speed};
 use crate::math::{Vec3, rotation};
 use crate::model::Model;
 use crate::motion::Motion;
@@ -21,20 +21,20 @@ const ATTEMPTS: u32 = 6;
 
 /// Why a step is done again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look {
+pub enum RecheckReason {
     /// Contacts are to be looked for further away.
-    Further,
+    RangeTooSmall,
     /// Contacts were added.
-    AtTheEnd,
+    EndOfStepPenetration,
 }
 
 /// Whether the step is to be done again; `attempts` is how often it has been done.
-pub fn after(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<Look> {
+pub fn recheck(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<RecheckReason> {
     if closed_unseen(model, ws) {
-        return Some(Look::Further);
+        return Some(RecheckReason::RangeTooSmall);
     }
     let added = attempts < ATTEMPTS && turned_into(model, ws);
-    added.then_some(Look::AtTheEnd)
+    added.then_some(RecheckReason::EndOfStepPenetration)
 }
 
 /// Velocities of all bodies over a solved step: those of the next state, and what penetration correction adds for this step only.
@@ -56,7 +56,7 @@ impl SolvedMotion<'_> {
 
     /// How fast contact `i` opens, m/s.
     fn opening(&self, contacts: &Contacts, i: usize) -> f64 {
-        contacts.opening(i, self.motion, |b| self.twist(b))
+        contacts.opening_speed(i, self.motion, |b| self.twist(b))
     }
 
     /// Gap of contact `i` in `h` seconds, m.
@@ -67,16 +67,16 @@ impl SolvedMotion<'_> {
     /// How deep two bodies are in each other, or will be in `h` seconds as their contacts have it, m.
     fn foretold(&self, contacts: &Contacts, bodies: [u32; 2], h: f64) -> f64 {
         let depth = |i: usize| -contacts.gap[i].min(self.gap_ahead(contacts, i, h));
-        contacts.of(bodies).map(depth).fold(0.0, f64::max)
+        contacts.pair_range(bodies).map(depth).fold(0.0, f64::max)
     }
 
     /// Configuration m of the next step, `h` seconds later.
     fn end(&self, h: f64, end: &mut Motion) {
-        let Motion { position, orientation, velocity, spin, responses } = end;
+        let Motion { position, orientation, velocity, angular_velocity: spin, responses } = end;
         position.clone_from(&self.motion.position);
         orientation.clone_from(&self.motion.orientation);
         velocity.clone_from(&self.motion.velocity);
-        spin.clone_from(&self.motion.spin);
+        spin.clone_from(&self.motion.angular_velocity);
         responses.clone_from(&self.motion.responses);
         for (b, (x, q)) in position.iter_mut().zip(orientation).enumerate() {
             let (v, w) = self.twist(b);
@@ -89,7 +89,7 @@ impl SolvedMotion<'_> {
 /// How deep bodies that the step presses further than `limit` into each other will be, m; 0 where there are none. By
 /// configurations m of this step and the next, as the contacts of this one have it: what the next step's penetration will
 /// be but for turns and new contacts (T-26). Bodies that are deeper already count where they go further.
-pub fn pressed_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
+pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
     let Workspace { motion, contacts, velocity, spin, correction, .. } = ws;
     let solved = SolvedMotion { motion, velocity, spin, correction };
     let h = model.stepping.h();
@@ -99,7 +99,7 @@ pub fn pressed_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
         let ahead = -solved.gap_ahead(contacts, i, h);
         let now = |k: usize| -contacts.gap[k];
         let goes_on =
-            || ahead > slack + contacts.of(contacts.bodies[i]).map(now).fold(0.0, f64::max);
+            || ahead > slack + contacts.pair_range(contacts.bodies[i]).map(now).fold(0.0, f64::max);
         if ahead > limit && goes_on() { ahead } else { 0.0 }
     };
     (0..contacts.len()).into_par_iter().with_min_len(1024).map(depth).reduce(|| 0.0, f64::max)
@@ -108,25 +108,26 @@ pub fn pressed_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
 /// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
 /// (T-35); more is allowed for such bodies then.
 fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
-    let Workspace { motion, velocity, spin, correction, reach, .. } = ws;
+    let Workspace { motion, velocity, spin, correction, detection_range: reach, .. } = ws;
     let solved = SolvedMotion { motion, velocity, spin, correction };
     let twist = |b: usize| solved.twist(b);
     let change = |b: usize| {
         let (v, w) = twist(b);
-        top_speed(model, b, &(v - motion.velocity[b]), &(w - motion.spin[b]))
+        max_point_speed(model, b, &(v - motion.velocity[b]), &(w - motion.angular_velocity[b]))
     };
-    if !reach.raise(change) {
+    if !reach.enlarge(change) {
         return false;
     }
     ws.detector.broad_phase(model, motion, reach);
-    let asked =
-        |pair: [usize; 2]| reach.may_overlook(motion, model.grain_radius(pair[0]), pair, twist);
-    ws.detector.look_again(model, motion, reach, asked, &mut ws.fresh);
+    let asked = |pair: [usize; 2]| {
+        reach.may_have_missed_contact(motion, model.grain_radius(pair[0]), pair, twist)
+    };
+    ws.detector.narrow_phase_where(model, motion, reach, asked, &mut ws.fresh);
     let (found, h) = (&ws.fresh, model.stepping.h());
     (0..found.len()).any(|i| {
         let pair = found.bodies[i].map(|b| b as usize);
         let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
-        gap > reach.between_before(motion, radius, pair) && solved.gap_ahead(found, i, h) < 0.0
+        gap > reach.searched_distance(motion, radius, pair) && solved.gap_ahead(found, i, h) < 0.0
     })
 }
 
@@ -144,7 +145,7 @@ fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
     solved.end(h, &mut ws.end);
     // The list of pairs holds there, too: reach is as far as the step can carry bodies.
     let asked = |[a, b]: [usize; 2]| turns(a) || turns(b);
-    ws.detector.look_again(model, &ws.end, &ws.reach, asked, &mut ws.fresh);
+    ws.detector.narrow_phase_where(model, &ws.end, &ws.detection_range, asked, &mut ws.fresh);
     ws.foreseen.clear();
     let (found, way) = (&ws.fresh, |b: u32| solved.twist(b as usize).0 * h);
     for (i, &bodies) in found.bodies.iter().enumerate() {
@@ -161,6 +162,6 @@ fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
             ws.foreseen.gap[k] = (excess - h * solved.opening(&ws.foreseen, k)).max(0.0);
         }
     }
-    ws.contacts.adopt(&ws.foreseen, &mut ws.impulse);
+    ws.contacts.merge(&ws.foreseen, &mut ws.impulse);
     !ws.foreseen.is_empty()
 }

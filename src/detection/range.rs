@@ -1,8 +1,8 @@
 //! How far around a body a step looks for contacts: as far as the step can close a gap (T-35).
 //!
-//! Reads: model, motion, solved velocities. Writes: [`Reach`]. Cost: a root per body and step, two per pair.
+//! Reads: model, motion, solved velocities. Writes: [`DetectionRange`]. Cost: a root per body and step, two per pair.
 //! Contract: a gap in which no contact was looked for stays open as long as the solve changes the velocities of both bodies
-//! by no more than was allowed for; [`Reach::raise`] tells where it does.
+//! by no more than was allowed for; [`DetectionRange::raise`] tells where it does.
 //!
 //! How two bodies approach each other without contacts is known beforehand. By how much contacts change that is known
 //! after the solve: each body is allowed some change, and where it was more, its surroundings are looked at again.
@@ -20,7 +20,7 @@ const FLUNG: f64 = 64.0;
 
 /// Distances up to which contacts are looked for.
 #[derive(Debug, Clone, Default)]
-pub struct Reach {
+pub struct DetectionRange {
     h: f64,
     /// The alert distance: the least that is looked for, m.
     least: f64,
@@ -34,21 +34,21 @@ pub struct Reach {
     most: f64,
     /// What is allowed for where there are half-spaces, m; else `most`.
     furthest: f64,
-    /// Whether the driven body has half-spaces `[nd]`. Beside them its convex parts are looked for up to [`Reach::at_most`] only.
+    /// Whether the driven body has half-spaces `[nd]`. Beside them its convex parts are looked for up to [`DetectionRange::at_most`] only.
     is_endless: Vec<bool>,
 }
 
-impl Reach {
+impl DetectionRange {
     /// Allows a quarter of the alert distance to each body.
-    pub fn of(model: &Model, motion: &Motion) -> Self {
+    pub fn new(model: &Model, motion: &Motion) -> Self {
         let mut reach = Self::default();
-        reach.predict(model, motion);
+        reach.reset(model, motion);
         reach
     }
 
     /// The same in place.
-    pub fn predict(&mut self, model: &Model, motion: &Motion) {
-        let (h, least) = (model.stepping.h(), model.stepping.alert);
+    pub fn reset(&mut self, model: &Model, motion: &Motion) {
+        let (h, least) = (model.stepping.h(), model.stepping.detection_distance);
         let allowance = 0.25 * least;
         let radii = (0..model.grains.len())
             .into_par_iter()
@@ -60,11 +60,11 @@ impl Reach {
         self.is_endless.extend(model.driven.iter().map(is_endless));
         let has_walls = self.is_endless.iter().any(|is_endless| *is_endless);
         self.furthest = if has_walls { FLUNG * most } else { most };
-        (&motion.velocity, &motion.spin)
+        (&motion.velocity, &motion.angular_velocity)
             .into_par_iter()
             .enumerate()
             .with_min_len(1024)
-            .map(|(b, (v, w))| round_up(h * top_speed(model, b, v, w)).min(most))
+            .map(|(b, (v, w))| round_up(h * max_point_speed(model, b, v, w)).min(most))
             .collect_into_vec(&mut self.way);
         self.allowance.clear();
         self.allowance.resize(self.way.len(), allowance);
@@ -73,7 +73,7 @@ impl Reach {
 
     /// Raises the allowances of bodies that the solve has changed by more; whether any is above those with which contacts
     /// were looked for. `change` is the largest change of velocity of a body's points, m/s.
-    pub fn raise(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
+    pub fn enlarge(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
         let (h, most) = (self.h, self.furthest);
         let bodies = self.allowance.par_iter_mut().zip(&self.before).enumerate();
         let raised = bodies.with_min_len(1024).map(|(b, (allowance, before))| {
@@ -87,23 +87,23 @@ impl Reach {
     }
 
     /// Takes note that contacts are looked for with the present allowances.
-    pub fn note_looked(&mut self) {
+    pub fn mark_searched(&mut self) {
         self.before.clone_from(&self.allowance);
     }
 
     /// Whether the allowance of body `b` was raised.
-    pub fn is_raised(&self, b: usize) -> bool {
+    pub fn is_enlarged(&self, b: usize) -> bool {
         self.allowance[b] > self.before[b]
     }
 
     /// Distance up to which contacts of a grain of this radius with another body are looked for, m.
-    pub fn between(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
+    pub fn distance(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
         self.with(&self.allowance, motion, radius, pair)
     }
 
     /// Whether a grain of this radius and another body may close a gap in which no contact was looked for before
     /// allowances were raised; `twist` are the bodies' velocities and spins, m/s and rad/s.
-    pub fn may_overlook(
+    pub fn may_have_missed_contact(
         &self,
         motion: &Motion,
         radius: f64,
@@ -111,19 +111,19 @@ impl Reach {
         twist: impl Fn(usize) -> (Vec3, Vec3),
     ) -> bool {
         let [a, b] = pair;
-        (self.is_raised(a) || self.is_raised(b))
+        (self.is_enlarged(a) || self.is_enlarged(b))
             && self.h * approach_speed(motion, radius, pair, twist)
-                > self.between_before(motion, radius, pair)
+                > self.searched_distance(motion, radius, pair)
     }
 
-    /// [`Reach::between`] before allowances were raised.
-    pub fn between_before(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
+    /// [`DetectionRange::between`] before allowances were raised.
+    pub fn searched_distance(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
         self.with(&self.before, motion, radius, pair)
     }
 
     /// What the free velocities and these allowances make of the distance.
     fn with(&self, allowance: &[f64], motion: &Motion, radius: f64, [a, b]: [usize; 2]) -> f64 {
-        let free = |b: usize| (motion.velocity[b], motion.spin[b]);
+        let free = |b: usize| (motion.velocity[b], motion.angular_velocity[b]);
         let approach = round_up(self.h * approach_speed(motion, radius, [a, b], free));
         let driven = b.checked_sub(self.way.len() - self.is_endless.len());
         if driven.is_some_and(|d| self.is_endless[d]) {
@@ -135,17 +135,17 @@ impl Reach {
     }
 
     /// What no distance between two bodies without half-spaces that is asked for exceeds, m.
-    pub(super) fn at_most(&self, [a, b]: [usize; 2]) -> f64 {
-        self.share(a) + self.share(b)
+    pub(super) fn max_distance(&self, [a, b]: [usize; 2]) -> f64 {
+        self.body_range(a) + self.body_range(b)
     }
 
     /// The part of body `b` in this, m.
-    pub(super) fn share(&self, b: usize) -> f64 {
+    pub(super) fn body_range(&self, b: usize) -> f64 {
         (0.5 * self.least).max(self.way[b] + self.allowance[b].min(self.most))
     }
 
     /// How far the free velocity carries body `b` in the step, m; no more than the radius of the largest grain.
-    pub(super) fn way(&self, b: usize) -> f64 {
+    pub(super) fn free_displacement(&self, b: usize) -> f64 {
         self.way[b]
     }
 
@@ -168,7 +168,7 @@ fn approach_speed(
 }
 
 /// No point of a body with this velocity and spin is faster, m/s.
-pub fn top_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
+pub fn max_point_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
     let turning = spin.norm();
     if turning == 0.0 {
         return velocity.norm();
@@ -227,14 +227,15 @@ mod tests {
         let before = allowance.clone();
         let (h, least, way, most, furthest) = (1e-3, 0.0, vec![0.0; 4], 0.02, 0.02);
         let is_endless = vec![];
-        let mut reach = Reach { h, least, way, allowance, before, most, furthest, is_endless };
+        let mut reach =
+            DetectionRange { h, least, way, allowance, before, most, furthest, is_endless };
         let changes = [0.09, 0.11, 1.0, 1e9];
-        assert!(reach.raise(|b| changes[b]));
-        assert_eq!([0, 1, 2, 3].map(|b| reach.is_raised(b)), [false, true, true, true]);
-        assert!(reach.at_most([1, 2]) >= 1e-3 * (changes[1] + changes[2]));
-        assert_eq!(reach.share(3), 0.02);
-        assert!(reach.raise(|_| 0.0), "not looked for yet");
-        reach.note_looked();
-        assert!(!reach.raise(|b| changes[b]), "as far as asked for, or as far as may be");
+        assert!(reach.enlarge(|b| changes[b]));
+        assert_eq!([0, 1, 2, 3].map(|b| reach.is_enlarged(b)), [false, true, true, true]);
+        assert!(reach.max_distance([1, 2]) >= 1e-3 * (changes[1] + changes[2]));
+        assert_eq!(reach.body_range(3), 0.02);
+        assert!(reach.enlarge(|_| 0.0), "not looked for yet");
+        reach.mark_searched();
+        assert!(!reach.enlarge(|b| changes[b]), "as far as asked for, or as far as may be");
     }
 }

@@ -3,7 +3,7 @@
 //! Every operation is an IEEE operation rounded once (fused where it says fused), so all
 //! implementations give the same bits.
 
-use super::{LANES, Line};
+use super::{BodyVelocity, LANES};
 
 /// `[f(0), f(1), ...]` written out.
 ///
@@ -37,7 +37,7 @@ pub trait Lanes: Copy {
     type Mask: Copy;
 
     /// Whether there are registers enough for two visits at once.
-    const TWO_AT_ONCE: bool = false;
+    const PAIRS_OF_BLOCKS: bool = false;
 
     fn splat(x: f64) -> Self;
     fn load(row: &[f64; LANES]) -> Self;
@@ -75,10 +75,10 @@ pub trait Lanes: Copy {
     ///
     /// # Safety
     /// Every index is below `lines.len()`.
-    unsafe fn gather(lines: &[Line], indices: &[u32; LANES]) -> [Self; 8];
+    unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8];
     /// Writes what [`Lanes::gather`] read, in the order of the lanes.
     ///
     /// # Safety
     /// Every index is below `lines.len()`.
-    unsafe fn scatter(rows: [Self; 8], lines: &mut [Line], indices: &[u32; LANES]);
+    unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]);
 }

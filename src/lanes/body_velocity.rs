@@ -8,12 +8,12 @@ use crate::math::Vec3;
 /// configuration m): the inverse inertia becomes the identity and needs no memory traffic.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct Line(pub [f64; 8]);
+pub struct BodyVelocity(pub [f64; 8]);
 
-impl Line {
-    /// Line of a grain.
-    pub fn new(velocity: &Vec3, whitened_spin: &Vec3, inverse_mass: f64) -> Self {
-        let (v, w) = (velocity, whitened_spin);
+impl BodyVelocity {
+    /// BodyVelocity of a grain.
+    pub fn new(velocity: &Vec3, whitened_angular_velocity: &Vec3, inverse_mass: f64) -> Self {
+        let (v, w) = (velocity, whitened_angular_velocity);
         Self([v.x, v.y, v.z, w.x, w.y, w.z, inverse_mass, 0.0])
     }
 
@@ -23,13 +23,14 @@ impl Line {
     }
 
     /// `ŵ`, m kg^(1/2)/s.
-    pub fn whitened_spin(&self) -> Vec3 {
+    pub fn whitened_angular_velocity(&self) -> Vec3 {
         Vec3::new(self.0[3], self.0[4], self.0[5])
     }
 
     /// Twice the kinetic energy over the mass, (m/s)².
     pub fn speed_squared(&self) -> f64 {
-        self.velocity().norm_squared() + self.inverse_mass() * self.whitened_spin().norm_squared()
+        self.velocity().norm_squared()
+            + self.inverse_mass() * self.whitened_angular_velocity().norm_squared()
     }
 
     /// 1/kg.
