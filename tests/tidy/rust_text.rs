@@ -1,10 +1,21 @@
 //! Rust source with comments, literals and test modules blanked out, line by line in place.
 
 /// Replaces comments, strings and character literals by spaces; keeps line breaks.
-///
-/// A lifetime is told from a character literal by the missing closing quote.
 pub fn without_comments_and_literals(source: &str) -> String {
+    blanked(source, false)
+}
+
+/// Replaces all but comments, strings and character literals by spaces; keeps line breaks.
+pub fn comments_and_literals(source: &str) -> String {
+    blanked(source, true)
+}
+
+/// Blanks comments and literals, or all the rest.
+///
+/// The missing closing quote distinguishes a lifetime from a character literal.
+fn blanked(source: &str, keeps_comments: bool) -> String {
     let chars: Vec<char> = source.chars().collect();
+    let blank = |c: char, keeps: bool| if keeps || c == '\n' { c } else { ' ' };
     let mut out = String::with_capacity(source.len());
     let mut i = 0;
     while i < chars.len() {
@@ -16,13 +27,13 @@ pub fn without_comments_and_literals(source: &str) -> String {
             '\'' if chars.get(i + 1) == Some(&'\\') => find(&chars, i + 3, |c| c == '\'') + 1,
             '\'' if chars.get(i + 2) == Some(&'\'') => i + 3,
             _ => {
-                out.push(chars[i]);
+                out.push(blank(chars[i], !keeps_comments));
                 i += 1;
                 continue;
             }
         };
         let end = end.min(chars.len());
-        out.extend(chars[i..end].iter().map(|&c| if c == '\n' { '\n' } else { ' ' }));
+        out.extend(chars[i..end].iter().map(|&c| blank(c, keeps_comments)));
         i = end;
     }
     out

@@ -3,7 +3,9 @@
 //! Each rule is a function on text that returns what it objects to, so that it can be shown to
 //! object (the module's own tests) before it is let loose on the tree.
 
+mod circles;
 mod citations;
+mod language;
 mod layers;
 mod links;
 mod manifests;

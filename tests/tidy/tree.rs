@@ -28,7 +28,10 @@ pub fn files(folder: &str, extensions: &[&str]) -> Vec<File> {
 
 /// Files around the core, as [`files`].
 pub fn around(extensions: &[&str]) -> Vec<File> {
-    ["interfaces", "bindings"].iter().flat_map(|folder| files(folder, extensions)).collect()
+    ["interfaces", "bindings", "validation", "benches"]
+        .iter()
+        .flat_map(|folder| files(folder, extensions))
+        .collect()
 }
 
 /// Source of the core and of what is around it, tests left out.
