@@ -37,12 +37,13 @@ def renamed(case: ballast.Case, stroke_m: float = 0.02) -> ballast.Case:
     """The small case with a sleeper and tines of other names."""
     values = case.to_dict()
     [block], rows = values.pop("sleepers")["blocks"], values.pop("tines")
-    (x, y, _), half = values["bed"]["size_m"], 0.5 * (block["size_m"][0] + rows["blade_m"][0])
+    (x, y, _), half = values["bed"]["size_m"], 0.5 * (block["size_m"][0] + rows["blade_size_m"][0])
     values["sleeper"] = [{"name": "block", "blocks": [block], "x_m": 0.5 * x, "y_m": 0.5 * y, "tamped": True}]
     values["tine"] = [
-        {"name": name, "pair": 0, "towards": towards, "x_m": 0.5 * x + side * (half + rows["gap_to_sleeper_m"]),
-         "y_m": 0.5 * y, "blade_m": rows["blade_m"], "shaft_m": rows["shaft_m"]}
-        for name, towards, side in (("left", "+x", -1.0), ("right", "-x", 1.0))
+        {"name": name, "pair": 0, "squeeze_direction": direction, "y_m": 0.5 * y,
+         "x_m": 0.5 * x + side * (half + rows["gap_to_sleeper_m"]),
+         "blade_size_m": rows["blade_size_m"], "shaft_size_m": rows["shaft_size_m"]}
+        for name, direction, side in (("left", "+x", -1.0), ("right", "-x", 1.0))
     ]  # fmt: skip
     values["tamping"]["squeeze"]["stroke_m"] = stroke_m
     return ballast.Case.from_dict(values)

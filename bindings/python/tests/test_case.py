@@ -23,7 +23,7 @@ def test_examples_are_cases() -> None:
 
 def test_every_fault_is_told_with_its_line() -> None:
     text = (ROOT / "examples/first.toml").read_text()
-    text = text.replace("step_s = 8e-4", "step_s = -1").replace("iterations = 400", "iteration = 4")
+    text = text.replace("step_s = 8e-4", "step_s = -1").replace("max_iterations = 400", "max_iteration = 4")
     with pytest.raises(ballast.CaseError) as wrong:
         ballast.Case(text, "mine.toml")
     assert wrong.value.code == "case"
@@ -133,7 +133,7 @@ def test_what_is_chosen_or_said_last_holds(case: ballast.Case) -> None:
             case.choose(seed=seed)
     assert case.choose(seed=5).with_values({"bed.seed": 2}).seed == 2
     assert case.choose(seed=5).with_values({"bed": {**case.to_dict()["bed"], "seed": 2}}).seed == 2
-    assert case.choose(seed=5).with_values({"run.output_every_s": 0.0}).seed == 5
+    assert case.choose(seed=5).with_values({"run.output_interval_s": 0.0}).seed == 5
     assert case.with_values({"bed.seed": 2}).choose(seed=5).seed == 5
 
 

@@ -99,8 +99,8 @@ def test_a_squeeze_is_followed(case: ballast.Case, beds: Path) -> None:
 
 
 def test_a_tine_tells_the_pair_of_its_case(case: ballast.Case, beds: Path) -> None:
-    lone = {"name": "lone", "x_m": 0.03, "y_m": 0.05, "towards": "+x", "pair": 5,
-            "blade_m": [0.01, 0.02, 0.02], "shaft_m": [0.01, 0.01, 0.1]}  # fmt: skip
+    lone = {"name": "lone", "x_m": 0.03, "y_m": 0.05, "squeeze_direction": "+x", "pair": 5,
+            "blade_size_m": [0.01, 0.02, 0.02], "shaft_size_m": [0.01, 0.01, 0.1]}  # fmt: skip
     case = case.with_values({"tine": [lone]})
     with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
         pairs = {tine.name: tine.pair for tine in sim.tines}
@@ -753,7 +753,7 @@ def numbers(out: ballast.Outcome) -> object:
 
 
 def test_a_recorded_window_can_be_asked_again(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
-    spring = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6}
+    spring = {"mass_kg": 2, "z": "spring", "stiffness_N_per_m": 1e6}
     sprung, path = case.with_values({"sleepers.mount": spring}), tmp_path / "run.mcap"
     with ballast.open(sprung, beds=beds, seed=12, threads=1, progress=False) as sim:
         h, told, hashes = sim.step_ns, [], []
@@ -898,7 +898,7 @@ def parts_of(input: ballast.Motion | ballast.Load) -> tuple[list[bytes], dict[st
 
 
 def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
-    spring = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6, "damping_N_s_per_m": 3e3}
+    spring = {"mass_kg": 2, "z": "spring", "stiffness_N_per_m": 1e6, "damping_N_s_per_m": 3e3}
     own = case.with_values({"sleepers.mount": spring, "tines.mount.rigid": True})
     with ballast.open(own, beds=beds, threads=1, progress=False) as sim:
         roles = {"sleeper_1": "sleeper", "tine_1_plus": "tine", "tine_1_minus": "tine"}

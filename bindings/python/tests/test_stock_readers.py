@@ -280,7 +280,7 @@ def test_points_are_the_grains(case: ballast.Case, run: Run, seen: list[Seen]) -
 
 
 def is_output_due(case: ballast.Case, out: ballast.Outcome) -> bool:
-    every_ns: int = round(case.to_dict()["run"]["output_every_s"] * 1e9)
+    every_ns: int = round(case.to_dict()["run"]["output_interval_s"] * 1e9)
     return out.t1_ns // every_ns > out.t0_ns // every_ns
 
 

@@ -191,7 +191,7 @@ def test_no_blade_is_lowered_faster_than_it_may(case: ballast.Case, beds: Path) 
 
     values = renamed(case).to_dict()
     # The upper edges of both end at the same depth, so the second one has farther to go.
-    values["tine"][1]["blade_m"][2] += 0.01
+    values["tine"][1]["blade_size_m"][2] += 0.01
     env = TampingEnv(ballast.Case.from_dict(values), beds=beds, insertion_speed=0.6)
     env.reset(seed=1)
     assert env._sim is not None
@@ -358,7 +358,7 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     assert first["error"].isna().all()
     file = next((tmp_path / "study").glob("*.json"))
     stamp = file.stat().st_mtime_ns
-    bad = {"tamping.vibration.frequency_Hz": 30.0, "seed": 1, "solver.iterations": 1}
+    bad = {"tamping.vibration.frequency_Hz": 30.0, "seed": 1, "solver.max_iterations": 1}
     # Points may come one by one.
     generated = (point for point in [*points, bad])
     table = study.run(case, generated, tmp_path / "study", jobs=2, beds=beds, progress=False)
@@ -471,10 +471,10 @@ def test_points_fill_their_ranges() -> None:
         cells = sorted(int(8 * (point[name] - low) / width) for point in points)
         assert cells == list(range(8))
     assert len(study.grid({"a": [1, 2], "b": [3, 4, 5]})) == 6
-    ranges = {"seed": (1, 8), "solver.iterations": (5, 6), "b": (10, 20)}
-    whole = study.latin_hypercube(ranges, 8, integers=["seed", "solver.iterations"])
+    ranges = {"seed": (1, 8), "solver.max_iterations": (5, 6), "b": (10, 20)}
+    whole = study.latin_hypercube(ranges, 8, integers=["seed", "solver.max_iterations"])
     assert sorted(point["seed"] for point in whole) == list(range(1, 9))
-    assert sorted(point["solver.iterations"] for point in whole) == [5] * 4 + [6] * 4
+    assert sorted(point["solver.max_iterations"] for point in whole) == [5] * 4 + [6] * 4
     assert all(isinstance(point["seed"], int) and isinstance(point["b"], float) for point in whole)
     with pytest.raises(ValueError, match=r"integers: expected some of .* found \['c'\]"):
         study.latin_hypercube(ranges, 8, integers=["c"])
@@ -532,7 +532,7 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
     from ballast import study
 
     point = {
-        "a": {"mass_kg": 300, "z": "loaded", "odd key": [1, 2.5]},
+        "a": {"mass_kg": 300, "z": "free", "odd key": [1, 2.5]},
         "b": [True, "text with \"quotes\", \\, \x7f and \U0001f600"],
         "c": -math.inf,
         "seed": np.int64(3),
@@ -1138,7 +1138,7 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
         assert np.allclose(line.get_xdata(), 1e3 * inwards * (x - x[0]))
     # Tines without a mount come after the walls, a sleeper with one before all others.
     values = case.to_dict()
-    values["sleepers"]["mount"] = {"mass_kg": 2, "z": "sprung", "stiffness_N_per_m": 1e6}
+    values["sleepers"]["mount"] = {"mass_kg": 2, "z": "spring", "stiffness_N_per_m": 1e6}
     rigid, sprung = case.with_values({"tines.mount.rigid": True}), ballast.Case.from_dict(values)
     for name, own in (("rigid", rigid), ("sprung", sprung)):
         own.write(tmp_path / f"{name}.toml")

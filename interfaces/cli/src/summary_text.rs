@@ -212,7 +212,7 @@ pub fn pointers(
     let results = if frames {
         "open it in ParaView; `ballast export` makes tables and shapes of it"
     } else {
-        "tables only, which `ballast export` writes as CSV; `output_every_s` above 0 in [run] asks for frames"
+        "tables only, which `ballast export` writes as CSV; `output_interval_s` above 0 in [run] asks for frames"
     };
     let always = [(files.results(), results), (files.summary(), "these figures, for programs")];
     for (path, what) in always.into_iter().chain(checkpoint).chain(recording) {

@@ -1,6 +1,8 @@
 //! Writes rows of sleepers and tines out as single ones, each with the keys it came from.
 
-use crate::case_file::{Block, CaseFile, Sleeper, Tine, Tines, Towards};
+use crate::case_file::{
+    BlockSection, CaseFile, SleeperSection, SqueezeDirection, TineRows, TineSection,
+};
 use crate::mount;
 use crate::report::{Finding, Report};
 use ballast::math::Vec3;
@@ -129,7 +131,7 @@ fn lifts(case: &CaseFile) -> bool {
 
 fn single_sleeper(
     i: usize,
-    sleeper: &Sleeper,
+    sleeper: &SleeperSection,
     lifts: bool,
     report: &mut Report,
 ) -> Placed<SleeperPlan> {
@@ -151,12 +153,12 @@ fn single_sleeper(
     }
 }
 
-fn block(block: &Block) -> BlockPlan {
+fn block(block: &BlockSection) -> BlockPlan {
     BlockPlan { offset_y: block.offset_y_m, size: Vec3::from(block.size_m) }
 }
 
 /// A facing pair at each y offset of each tamped sleeper.
-fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
+fn rows_of_tines(tines: &TineRows, report: &mut Report, layout: &mut Layout) {
     let tamped: Vec<SleeperPlan> =
         layout.sleepers.iter().filter(|s| s.plan.tamped).map(|s| s.plan.clone()).collect();
     // Where `tamped` names sleepers that are not there, or the row has no pitch, that is told already.
@@ -171,7 +173,7 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
         };
         report.error(key, finding);
     }
-    let sizes = [tines.blade_m, tines.shaft_m];
+    let sizes = [tines.blade_size_m, tines.shaft_size_m];
     let mount = mount::of_tine(&tines.mount, sizes, "tines.mount", report);
     let mut pair = 0;
     for sleeper in &tamped {
@@ -181,7 +183,7 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
                 outside_block(report, &key_y, sleeper, *offset);
                 continue;
             };
-            let distance = half + tines.gap_to_sleeper_m + 0.5 * tines.blade_m[0];
+            let distance = half + tines.gap_to_sleeper_m + 0.5 * tines.blade_size_m[0];
             // The tine on the far side squeezes back.
             for (side, direction) in [("plus", 1.0), ("minus", -1.0)] {
                 let x = sleeper.centre[0] - direction * distance;
@@ -191,8 +193,8 @@ fn rows_of_tines(tines: &Tines, report: &mut Report, layout: &mut Layout) {
                         position: [x, sleeper.centre[1] + offset],
                         direction,
                         pair,
-                        blade: Vec3::from(tines.blade_m),
-                        shaft: Vec3::from(tines.shaft_m),
+                        blade: Vec3::from(tines.blade_size_m),
+                        shaft: Vec3::from(tines.shaft_size_m),
                         mount,
                     },
                     key: "tines".into(),
@@ -228,20 +230,20 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
     report.error(key, finding);
 }
 
-fn single_tine(i: usize, tine: &Tine, report: &mut Report) -> Placed<TinePlan> {
-    let sizes = [tine.blade_m, tine.shaft_m];
+fn single_tine(i: usize, tine: &TineSection, report: &mut Report) -> Placed<TinePlan> {
+    let sizes = [tine.blade_size_m, tine.shaft_size_m];
     let mount = mount::of_tine(&tine.mount, sizes, &format!("tine[{i}].mount"), report);
     Placed {
         plan: TinePlan {
             name: tine.name.clone(),
             position: [tine.x_m, tine.y_m],
-            direction: match tine.towards {
-                Towards::PlusX => 1.0,
-                Towards::MinusX => -1.0,
+            direction: match tine.squeeze_direction {
+                SqueezeDirection::PlusX => 1.0,
+                SqueezeDirection::MinusX => -1.0,
             },
             pair: tine.pair,
-            blade: Vec3::from(tine.blade_m),
-            shaft: Vec3::from(tine.shaft_m),
+            blade: Vec3::from(tine.blade_size_m),
+            shaft: Vec3::from(tine.shaft_size_m),
             mount,
         },
         key: format!("tine[{i}]"),

@@ -13,6 +13,7 @@ mod nearest;
 mod read;
 #[cfg(test)]
 mod reference_tests;
+mod renamed;
 mod report;
 mod resolve;
 pub mod sample;

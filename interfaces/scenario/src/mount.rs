@@ -1,6 +1,6 @@
 //! What holds tines and sleepers: mounts, from the words of a case file.
 
-use crate::case_file::{self, Mode, SleeperMount};
+use crate::case_file::{self, DofModeName, SleeperMountSection};
 use crate::report::{Finding, Report};
 use ballast::math::Vec3;
 use ballast::model::{DofMode, Mount};
@@ -9,13 +9,13 @@ use ballast::track::{sleeper_mount, steel_cantilever};
 
 /// A tine's mount, which stands at `key`. What the case leaves open is that of a steel tine of these sizes.
 pub fn of_tine(
-    case: &case_file::Mount,
+    case: &case_file::TineMountSection,
     [blade, shaft]: [[f64; 3]; 2],
     key: &str,
     report: &mut Report,
 ) -> Option<Mount> {
     if case.rigid {
-        let usual = case_file::Mount::default().damping_ratio;
+        let usual = case_file::TineMountSection::default().damping_ratio;
         let idle = [
             ("mass_kg", case.mass_kg.is_some()),
             ("stiffness_N_per_m", case.stiffness.is_some()),
@@ -41,7 +41,7 @@ fn warn_idle<'n>(
 ) {
     for (name, _) in keys.filter(|(_, is_there)| *is_there) {
         let finding = Finding {
-            problem: format!("`{name}` changes nothing"),
+            problem: format!("`{name}` has no effect"),
             found: found.into(),
             expected: format!("no `{name}`"),
             hint: None,
@@ -52,32 +52,32 @@ fn warn_idle<'n>(
 
 /// The mount of a sleeper of these blocks, which stands at `key`; `None` if it is none, or wrong.
 pub fn of_sleeper(
-    case: &SleeperMount,
+    case: &SleeperMountSection,
     blocks: &[BlockPlan],
     is_lifted: bool,
     key: &str,
     report: &mut Report,
 ) -> Option<Mount> {
-    let modes = [case.x, case.y, case.z, case.about_x, case.about_y, case.about_z];
+    let modes = [case.x, case.y, case.z, case.rx, case.ry, case.rz];
     let springs = [
         ("translation", ["stiffness_N_per_m", "damping_N_s_per_m"], case.stiffness, case.damping),
         (
             "rotation",
-            ["turning_stiffness_N_m_per_rad", "turning_damping_N_m_s_per_rad"],
-            case.turning_stiffness,
-            case.turning_damping,
+            ["rotational_stiffness_N_m_per_rad", "rotational_damping_N_m_s_per_rad"],
+            case.rotational_stiffness,
+            case.rotational_damping,
         ),
     ];
     for ((what, names, stiffness, damping), modes) in springs.into_iter().zip(modes.chunks(3)) {
         let [name, _] = names;
-        if !modes.contains(&Mode::Sprung) {
+        if !modes.contains(&DofModeName::Spring) {
             let idle = [stiffness.is_some(), damping != 0.0];
-            let found = format!("no {what} that is sprung");
+            let found = format!("no {what} with a spring");
             warn_idle(names.into_iter().zip(idle), &found, key, report);
         } else if stiffness.is_none() {
             let finding = Finding {
                 problem: format!("missing key `{name}`"),
-                found: "a degree of freedom that is sprung".into(),
+                found: "a degree of freedom with a spring".into(),
                 expected: format!("`{name}`: a number above 0"),
                 hint: None,
             };
@@ -85,22 +85,23 @@ pub fn of_sleeper(
             return None;
         }
     }
-    if is_lifted && case.z == Mode::Loaded {
+    if is_lifted && case.z == DofModeName::Free {
         let finding = Finding {
             problem: "the lift cannot move a sleeper that is free upwards".into(),
-            found: "`z = \"loaded\"` and a tamped sleeper".into(),
-            expected: "`z = \"held\"` or `\"sprung\"`, or a sleeper that is not tamped".into(),
+            found: "`z = \"free\"` and a tamped sleeper".into(),
+            expected: "`z = \"prescribed\"` or `\"spring\"`, or a sleeper that is not tamped"
+                .into(),
             hint: None,
         };
         report.error(&format!("{key}.z"), finding);
         return None;
     }
-    let freedom = |(k, mode): (usize, Mode)| {
+    let freedom = |(k, mode): (usize, DofModeName)| {
         let (_, _, stiffness, damping) = springs[k / 3];
         match mode {
-            Mode::Held => DofMode::Prescribed,
-            Mode::Loaded => DofMode::Free,
-            Mode::Sprung => DofMode::Spring { stiffness: stiffness.unwrap_or(0.0), damping },
+            DofModeName::Prescribed => DofMode::Prescribed,
+            DofModeName::Free => DofMode::Free,
+            DofModeName::Spring => DofMode::Spring { stiffness: stiffness.unwrap_or(0.0), damping },
         }
     };
     let mut freedoms = [DofMode::Prescribed; 6];
@@ -109,9 +110,10 @@ pub fn of_sleeper(
     let free = mount.free_dofs().count();
     if free == 0 || (free > 3 && !mount.has_isotropic_translations()) {
         let finding = Finding {
-            problem: "these modes make no mount".into(),
-            found: format!("{free} degrees of freedom that are not held"),
-            expected: "one to three, or more with all translations loaded, or all sprung".into(),
+            problem: "unsupported combination of modes".into(),
+            found: format!("{free} degrees of freedom that are not prescribed"),
+            expected: "one to three, or more with all translations free, or all with springs"
+                .into(),
             hint: None,
         };
         report.error(key, finding);

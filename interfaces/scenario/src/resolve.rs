@@ -51,12 +51,12 @@ fn bed(case: &CaseFile, layout: &Layout, report: &mut Report) -> BedPlan {
     }
 }
 
-fn grains(grains: &case_file::Grains) -> GrainPlan {
+fn grains(grains: &case_file::GrainsSection) -> GrainPlan {
     GrainPlan {
         classes: grains
             .classes
             .iter()
-            .map(|c| SizeClass { size: c.size_m, share: c.share })
+            .map(|c| SizeClass { size: c.size_m, share: c.number_fraction })
             .collect(),
         shape: GrainShape {
             vertices: grains.vertices,
@@ -64,26 +64,30 @@ fn grains(grains: &case_file::Grains) -> GrainPlan {
             flatness: grains.flatness,
             angularity: grains.angularity,
         },
-        templates: grains.templates,
+        templates: grains.shape_count,
     }
 }
 
-fn preparation(bed: &case_file::Bed, layout: &Layout, report: &mut Report) -> PreparationPlan {
+fn preparation(
+    bed: &case_file::BedSection,
+    layout: &Layout,
+    report: &mut Report,
+) -> PreparationPlan {
     let preparation = &bed.preparation;
     let blocks = layout.sleepers.iter().flat_map(|s| &s.plan.blocks);
     let tallest = blocks.map(|b| b.size.z).fold(0.0, f64::max);
     PreparationPlan {
-        ballast_depth: bed.ballast_depth_m,
-        fill_level: preparation.fill_level_m.unwrap_or(bed.ballast_depth_m + tallest),
+        ballast_depth: bed.sleeper_underside_z_m,
+        fill_level: preparation.fill_level_m.unwrap_or(bed.sleeper_underside_z_m + tallest),
         friction: preparation.friction,
         step_ns: check::step_ns(preparation.step_s, "bed.preparation.step_s", report),
         iterations: preparation.iterations,
-        rest_speed: preparation.rest_speed_m_per_s,
+        rest_speed: preparation.settled_speed_m_per_s,
         max_settling: preparation.max_settling_s,
     }
 }
 
-fn tamping(tamping: &case_file::Tamping, run: &RunPlan) -> TampingPlan {
+fn tamping(tamping: &case_file::TampingSection, run: &RunPlan) -> TampingPlan {
     let before = tamping.start_s
         + tamping.lift.duration_s
         + tamping.insertion.duration_s

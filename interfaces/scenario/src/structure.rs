@@ -5,6 +5,7 @@
 use crate::diagnostic::quoted;
 use crate::document::find;
 use crate::nearest::{did_you_mean, nearest};
+use crate::renamed;
 use crate::report::{Finding, MOST, Report};
 use serde_json::{Map, Value};
 use std::ops::Range;
@@ -36,7 +37,13 @@ impl<'s> Walker<'_, '_, '_, 's> {
             match properties.get(key) {
                 Some(inner) => self.value(inner, value, name.span(), &join(path, key)),
                 None => {
-                    misspelt.extend(nearest(key, properties.keys().map(String::as_str)));
+                    let renamed = renamed::key(&join(path, key));
+                    let meant =
+                        renamed.as_deref().map(last).and_then(|k| properties.get_key_value(k));
+                    let meant = meant.map(|(k, _)| k.as_str());
+                    misspelt.extend(
+                        meant.or_else(|| nearest(key, properties.keys().map(String::as_str))),
+                    );
                     self.unknown(key, name.span(), properties, path);
                 }
             }
@@ -67,10 +74,12 @@ impl<'s> Walker<'_, '_, '_, 's> {
     ) {
         let known = properties.keys().map(String::as_str);
         let list: Vec<String> = known.clone().map(|k| format!("`{k}`")).collect();
-        // What is a key elsewhere is hardly a slip of another one here.
-        let hint = match self.homes(key).as_slice() {
-            [] => did_you_mean(key, known),
-            homes => Some(format!("`{key}` belongs in {}", homes.join(" or "))),
+        let old = join(path, key);
+        let hint = match (renamed::key(&old), self.homes(key).as_slice()) {
+            (Some(new), _) => Some(format!("`{}` is now `{new}`", renamed::without_indices(&old))),
+            (None, []) => did_you_mean(key, known),
+            // A key of another section is hardly a misspelling of one here.
+            (None, homes) => Some(format!("`{key}` belongs in {}", homes.join(" or "))),
         };
         let finding = Finding {
             problem: format!("unknown key {}", quoted(key)),
@@ -140,7 +149,10 @@ impl<'s> Walker<'_, '_, '_, 's> {
                         problem: format!("unknown value of `{}`", last(path)),
                         found: self.report.document.quote(span.clone()),
                         expected: format!("one of {}", list.join(", ")),
-                        hint: did_you_mean(word, words),
+                        hint: renamed::value(word)
+                            .filter(|new| words.contains(new))
+                            .map(|new| format!("`\"{word}\"` is now `\"{new}\"`"))
+                            .or_else(|| did_you_mean(word, words)),
                     };
                     self.at(span, path.to_string(), finding);
                 }

@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_grid_is_all_combinations() {
-        let text = "case = 'a.toml'\n[grid]\n'bed.seed' = [1, 2]\n'solver.iterations' = [10, 20, 30]\n\
+        let text = "case = 'a.toml'\n[grid]\n'bed.seed' = [1, 2]\n'solver.max_iterations' = [10, 20, 30]\n\
                     [[points]]\n'bed.seed' = 9";
         let sweep = Sweep::read(text, "plan").unwrap();
         assert_eq!((sweep.case.as_str(), sweep.points.len()), ("a.toml", 7));
@@ -229,22 +229,26 @@ mod tests {
     fn keys_without_quotes_are_the_same_paths() {
         let read = |points: &str| Sweep::read(&format!("case = 'a'\n{points}"), "plan").unwrap();
         let quoted = read(
-            "[grid]\n'bed.seed' = [1]\n'solver.boxes' = [[1, 1, 1]]\n[[points]]\n'solver.boxes' = [2, 1, 1]\n\
-             'solver.iterations' = 800",
+            "[grid]\n'bed.seed' = [1]\n'solver.partition.boxes' = [[1, 1, 1]]\n[[points]]\n'solver.partition.boxes' = [2, 1, 1]\n\
+             'solver.max_iterations' = 800",
         );
         for other in [
-            "[grid]\nsolver.boxes = [[1, 1, 1]]\nbed.seed = [1]\n[[points]]\nsolver.iterations = 800\n\
-             'solver.boxes' = [2, 1, 1]",
-            "[grid]\nsolver = [{ boxes = [1, 1, 1] }]\n'bed' = [{ seed = 1 }]\n[[points]]\n\
-             [points.solver]\niterations = 800\nboxes = [2, 1, 1]",
+            "[grid]\nsolver.partition.boxes = [[1, 1, 1]]\nbed.seed = [1]\n[[points]]\nsolver.max_iterations = 800\n\
+             'solver.partition.boxes' = [2, 1, 1]",
+            "[grid]\nsolver = [{ partition = { boxes = [1, 1, 1] } }]\n'bed' = [{ seed = 1 }]\n[[points]]\n\
+             [points.solver]\nmax_iterations = 800\npartition.boxes = [2, 1, 1]",
         ] {
             assert_eq!(read(other), quoted, "{other}");
         }
         // The rest of the case's table stays.
         let text =
-            with_values(CASE, &read("[[points]]\nsolver.iterations = 800").points[0], "point");
+            with_values(CASE, &read("[[points]]\nsolver.max_iterations = 800").points[0], "point");
         let text = text.unwrap();
-        assert!(text.contains("iterations = 800") && text.contains("[solver.recovery]"), "{text}");
+        assert!(
+            text.contains("max_iterations = 800")
+                && text.contains("[solver.penetration_correction]"),
+            "{text}"
+        );
     }
 
     #[test]

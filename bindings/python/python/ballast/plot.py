@@ -48,9 +48,10 @@ def tines(run: Run) -> list[str]:
 
 def _directions(results: ballast.Results) -> dict[str, float]:
     """Where each tine squeezes along x, 1 or -1, as its case says: its blade vibrates, and may be jammed."""
-    towards = {tine["name"]: tine["towards"] for tine in _ballast.values(results.case_text).get("tine", [])}
+    single = _ballast.values(results.case_text).get("tine", [])
+    direction = {tine["name"]: tine["squeeze_direction"] for tine in single}
     # Those of rows have it in their names.
-    plus = [name for name in tines(results) if towards.get(name, name).endswith(("+x", "_plus"))]
+    plus = [name for name in tines(results) if direction.get(name, name).endswith(("+x", "_plus"))]
     return {name: 1.0 if name in plus else -1.0 for name in tines(results)}
 
 

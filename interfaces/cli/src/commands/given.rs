@@ -31,7 +31,7 @@ impl Expected {
         let beside = RunFiles::beside(&path);
         if matches!(self, Self::Checkpoint) && !path.exists() && beside.results().exists() {
             let what = "it is not there: a replay leaves none, and this run may have been killed before its first \
-                        (`run.checkpoint_every_s`); `ballast export` writes out what it recorded";
+                        (`run.checkpoint_interval_s`); `ballast export` writes out what it recorded";
             return Err(Failure::at(&path, what));
         }
         match self.another(&start_of(&path, 64)) {

@@ -126,7 +126,7 @@ fn pictures(source: &Source, page: &mut Page) {
     page.heading("The bed");
     let Some(first) = source.frames.first() else {
         page.note(
-            "The case asks for no frames (run.output_every_s = 0): there is nothing to draw.",
+            "The case asks for no frames (run.output_interval_s = 0): there is nothing to draw.",
         );
         return;
     };

@@ -137,7 +137,7 @@ fn a_step_is_measured_from_a_checkpoint_of_its_case_only() {
     // It is solved as the case says, and moved as it was.
     let case = place.text("tiny.toml");
     let changed = case
-        .replace("iterations = 30", "iterations = 41")
+        .replace("max_iterations = 30", "max_iterations = 41")
         .replace("tolerance = 1e-3", "tolerance = 0");
     assert_ne!(changed, case);
     std::fs::write(place.path("tiny.toml"), changed).unwrap();

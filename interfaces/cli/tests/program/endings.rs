@@ -105,7 +105,7 @@ fn a_pipe_is_not_waited_for() {
 #[test]
 fn broken_cases_end_with_3_and_name_the_place() {
     let place = Place::new();
-    let broken = CASE.replace("templates = 6", "templates = 6\nangularty = 0.5");
+    let broken = CASE.replace("shape_count = 6", "shape_count = 6\nangularty = 0.5");
     std::fs::write(place.path("broken.toml"), broken).unwrap();
     for command in ["check", "run", "prepare"] {
         let ended = place.call(&format!("{command} broken.toml")).with_code(3);
@@ -233,7 +233,7 @@ fn what_cannot_be_written_beside_a_run_is_told_once_and_the_run_goes_on() {
     // Without frames the results stay small beside the recording.
     std::fs::write(
         place.path("tiny.toml"),
-        CASE.replace("output_every_s = 0.01", "output_every_s = 0.0"),
+        CASE.replace("output_interval_s = 0.01", "output_interval_s = 0.0"),
     )
     .unwrap();
     place

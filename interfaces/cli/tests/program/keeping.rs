@@ -176,7 +176,8 @@ fn an_export_leaves_no_frames_of_the_one_before() {
     assert!(again.contains(&"grains_9999.vtp".to_string()), "it was listed by no export");
     assert_eq!(again.len(), short.len() + 1);
     // A run without frames leaves no list of frames either.
-    let case = place.text("tiny.toml").replace("output_every_s = 0.01", "output_every_s = 0.0");
+    let case =
+        place.text("tiny.toml").replace("output_interval_s = 0.01", "output_interval_s = 0.0");
     std::fs::write(place.path("still.toml"), case).unwrap();
     place.with_beds("run still.toml --out still --steps 3").with_code(0);
     assert!(frames("still").iter().all(|name| name.ends_with(".csv") || name.contains("9999")));

@@ -269,8 +269,11 @@ fn the_first_difference_is_named() {
 fn another_case_is_noticed() {
     let place = recorded();
     let other = CASE.replace("restitution", "#").replace("hold_s = 0.004", "hold_s = 0.004\n");
-    std::fs::write(place.path("tiny.toml"), other.replace("iterations = 30", "iterations = 31"))
-        .unwrap();
+    std::fs::write(
+        place.path("tiny.toml"),
+        other.replace("max_iterations = 30", "max_iterations = 31"),
+    )
+    .unwrap();
     let said = place.with_beds("verify run.mcap --case tiny.toml").with_code(5).stderr();
     assert!(said.contains("initial_hash"), "{said}");
     let line = CASE.lines().position(|line| line.starts_with("hold_s")).unwrap() + 2;
@@ -282,8 +285,11 @@ fn another_case_is_noticed() {
     let said = place.with_beds("verify run.mcap --case tiny.toml").with_code(5).stderr();
     assert!(said.contains("the case: recorded \"depth_m = 0.004\", here"), "{said}");
     assert!(!said.contains(", :") && !said.contains("another one of the same key"), "{said}");
-    std::fs::write(place.path("tiny.toml"), other.replace("iterations = 30", "iterations = 31"))
-        .unwrap();
+    std::fs::write(
+        place.path("tiny.toml"),
+        other.replace("max_iterations = 30", "max_iterations = 31"),
+    )
+    .unwrap();
     let ended = replay(&place, "run.mcap --out other").with_code(0);
     assert!(ended.stderr().contains("results will differ"), "{}", ended.stderr());
     assert_ne!(place.hash("other"), place.hash("run"));
@@ -397,9 +403,11 @@ fn poses_of_any_file_move_a_body() {
 #[test]
 fn a_killed_run_leaves_a_recording_that_is_true_as_far_as_it_goes() {
     // Slow enough that the run is still going when it is killed.
-    let place = Place::with(
-        &CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 1000\ntolerance = 0"),
-    );
+    let place =
+        Place::with(&CASE.replace(
+            "max_iterations = 30\ntolerance = 1e-3",
+            "max_iterations = 1000\ntolerance = 0",
+        ));
     let mut child = place
         .run_command("--out killed --record killed.mcap --json --threads 1")
         .stdout(Stdio::piped())

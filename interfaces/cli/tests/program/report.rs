@@ -154,11 +154,11 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     place.call("report nowhere").with_code(1);
 
     // Figures are those of the end, whenever pictures were asked for.
-    let rare = CASE.replace("output_every_s = 0.01", "output_every_s = 0");
+    let rare = CASE.replace("output_interval_s = 0.01", "output_interval_s = 0");
     assert_ne!(rare, CASE);
     let rare = Place::with(&rare);
     let said = rare.run("--out rare --steps 120").with_code(0).stdout();
-    assert!(said.contains("tables only") && said.contains("output_every_s"), "{said}");
+    assert!(said.contains("tables only") && said.contains("output_interval_s"), "{said}");
     assert!(!said.contains("ParaView"), "there is no geometry: {said}");
     rare.call("report rare").with_code(0);
     let page = rare.text("rare/report.html");

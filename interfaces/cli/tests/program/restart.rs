@@ -86,7 +86,7 @@ fn what_was_written_after_the_checkpoint_is_written_again() {
 
 /// The small case, solved so hard.
 fn solved(how: &str) -> Place {
-    Place::with(&CASE.replace("iterations = 30\ntolerance = 1e-3", how))
+    Place::with(&CASE.replace("max_iterations = 30\ntolerance = 1e-3", how))
 }
 
 /// A command that is interrupted once it has said `word`, and has to end in good order.
@@ -119,7 +119,7 @@ fn interrupted(mut command: Command, word: &str) -> Ended {
 #[test]
 fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
     // Slow enough that the run is still going when the signal arrives.
-    let place = solved("iterations = 1000\ntolerance = 0");
+    let place = solved("max_iterations = 1000\ntolerance = 0");
     place.run("--out whole").with_code(0);
     interrupted(place.run_command("--out stopped --json"), "\"progress\"");
     assert!(!place.path("stopped/summary.json").exists());
@@ -130,7 +130,7 @@ fn ctrl_c_leaves_a_checkpoint_that_goes_on_to_the_same_end() {
 
 #[test]
 fn ctrl_c_breaks_off_a_step_without_end() {
-    let place = solved("iterations = 4000000000\ntolerance = 1e-300");
+    let place = solved("max_iterations = 4000000000\ntolerance = 1e-300");
     let ended = interrupted(place.run_command("--out run --json"), "\"start\"");
     assert!(ended.stderr().contains("after step 0 of"), "{}", ended.stderr());
     // What it leaves is whole: so does whoever goes on with it.

@@ -307,9 +307,11 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
 #[test]
 fn ctrl_c_in_a_window_takes_it_back_and_the_run_goes_on_later() {
     // A tenth of a second for a step of any processor, ten for the window.
-    let place = Place::with(
-        &CASE.replace("iterations = 30\ntolerance = 1e-3", "iterations = 20000\ntolerance = 0"),
-    );
+    let place =
+        Place::with(&CASE.replace(
+            "max_iterations = 30\ntolerance = 1e-3",
+            "max_iterations = 20000\ntolerance = 0",
+        ));
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s");
     let mut client = attach(&endpoint, None).unwrap();

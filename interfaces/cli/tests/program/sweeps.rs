@@ -7,7 +7,7 @@ use serde_json::Value;
 use std::time::{Duration, Instant};
 
 const PLAN: &str = "case = 'tiny.toml'\n[grid]\n'tamping.vibration.frequency_Hz' = [30, 60]\n\
-                    'solver.iterations' = [20, 30]\n[[points]]\n'run.duration_s' = 0.15\n";
+                    'solver.max_iterations' = [20, 30]\n[[points]]\n'run.duration_s' = 0.15\n";
 
 fn place(plan: &str) -> Place {
     let place = Place::new();
@@ -49,14 +49,14 @@ fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
     assert_eq!(rows.len(), 5);
     let values: Vec<_> = rows
         .iter()
-        .map(|r| (cell(r, "tamping.vibration.frequency_Hz"), cell(r, "solver.iterations")))
+        .map(|r| (cell(r, "tamping.vibration.frequency_Hz"), cell(r, "solver.max_iterations")))
         .collect();
     assert_eq!(values[1], ("60".to_string(), "20".to_string()));
     assert_eq!(values[4], (String::new(), String::new()));
     // What only a later point sets is beside the other values.
     let mut first: Vec<_> = rows[0][..4].iter().map(|(name, _)| &name[..]).collect();
     first.sort_unstable();
-    let values = ["run.duration_s", "solver.iterations", "tamping.vibration.frequency_Hz"];
+    let values = ["run.duration_s", "solver.max_iterations", "tamping.vibration.frequency_Hz"];
     assert_eq!(first, [&["number"][..], &values].concat());
     assert_eq!([&rows[0], &rows[4]].map(|row| cell(row, "run.duration_s")), ["", "0.15"]);
     assert_eq!(cell(&rows[4], "steps"), "150");
@@ -67,7 +67,7 @@ fn a_sweep_is_a_table_of_runs_and_is_not_run_twice() {
         &std::fs::read_to_string(place.path("runs/plan/manifest.json")).unwrap(),
     )
     .unwrap();
-    assert_eq!(manifest["points"][3]["values"]["solver.iterations"], 30);
+    assert_eq!(manifest["points"][3]["values"]["solver.max_iterations"], 30);
     // Wherever the sweep is moved.
     assert_eq!(manifest["points"][3]["folder"], "00004");
     let stamp = |n: usize| {
@@ -95,13 +95,15 @@ fn one_point_of_a_scheduler_is_run_alone() {
     assert_eq!(table(&place).len(), 1);
     let listed = place.with_beds("sweep plan.toml --list").with_code(0);
     assert!(
-        listed.stdout().contains("3  solver.iterations = 30, tamping.vibration.frequency_Hz = 30"),
+        listed
+            .stdout()
+            .contains("3  solver.max_iterations = 30, tamping.vibration.frequency_Hz = 30"),
         "{}",
         listed.stdout()
     );
     let listed = place.with_beds("sweep plan.toml --list --json").with_code(0).events();
     assert_eq!((listed.len(), &listed[2]["number"]), (5, &3.into()));
-    assert_eq!(listed[2]["values"]["solver.iterations"], 30);
+    assert_eq!(listed[2]["values"]["solver.max_iterations"], 30);
     let again = place.with_beds("sweep plan.toml --case 5 --json").with_code(0).events();
     assert_eq!(again.last().unwrap()["event"], "done", "{again:?}");
     let wrong = place.with_beds("sweep plan.toml --case 6");
@@ -114,7 +116,7 @@ fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
     for (plan, code, expected) in [
         ("case = 'tiny.toml'", 3, "at least one point"),
         ("case = 'nowhere.toml'\n[[points]]\n'bed.seed' = 1", 1, "nowhere.toml"),
-        ("case = 'tiny.toml'\n[grid]\n'solver.iterations' = [20, -1]", 3, "point 2"),
+        ("case = 'tiny.toml'\n[grid]\n'solver.max_iterations' = [20, -1]", 3, "point 2"),
         ("case = 'tiny.toml'\n[[points]]\n'solver.itterations' = 1", 3, "iterations"),
     ] {
         let place = place(plan);
@@ -123,11 +125,11 @@ fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
         assert!(ended.stderr().contains(expected), "{plan}: {}", ended.stderr());
         assert!(!place.path("runs/plan").exists(), "{plan}");
     }
-    let place = place("case = 'tiny.toml'\n[[points]]\n'solver.iterations' = 10");
+    let place = place("case = 'tiny.toml'\n[[points]]\n'solver.max_iterations' = 10");
     place.with_beds("sweep plan.toml").with_code(0);
     std::fs::write(
         place.path("plan.toml"),
-        "case = 'tiny.toml'\n[[points]]\n'solver.iterations' = 12",
+        "case = 'tiny.toml'\n[[points]]\n'solver.max_iterations' = 12",
     )
     .unwrap();
     let other = place.with_beds("sweep plan.toml");
@@ -137,7 +139,7 @@ fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
 
 #[test]
 fn a_point_that_ended_before_its_end_is_no_result_and_goes_on() {
-    let place = place("case = 'tiny.toml'\n[grid]\n'solver.iterations' = [20, 30]");
+    let place = place("case = 'tiny.toml'\n[grid]\n'solver.max_iterations' = [20, 30]");
     place.with_beds("sweep plan.toml").with_code(0);
     let whole = place.text("runs/plan/table.csv");
     place.with_beds("run runs/plan/00001/case.toml --out runs/plan/00001 --steps 40").with_code(0);

@@ -1,8 +1,8 @@
-//! `[bed]`: the box, the grains, and how they are poured.
+//! `[bed]`: the box, its grains, and their preparation.
 
 use super::range::{
     Coefficient, Corners, Count, Density, Duration, Fraction, Gravity, Length, Positive, Ratio,
-    Seed, Templates,
+    Seed, ShapeCount,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 /// The bed of grains: a box with a floor, four walls and no lid.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Bed {
+pub struct BedSection {
     /// Inner size of the box in x, y and z, m.
     #[schemars(with = "[Length; 3]")]
     pub size_m: [f64; 3],
     /// Level of the sleepers' underside after preparation, m above the floor.
     #[schemars(with = "Length")]
-    pub ballast_depth_m: f64,
+    pub sleeper_underside_z_m: f64,
     /// Random seed of grains and pouring: the same seed gives the same bed.
     #[serde(default = "default_seed")]
     #[schemars(with = "Seed")]
@@ -31,13 +31,13 @@ pub struct Bed {
     pub gravity_m_per_s2: f64,
     /// Sizes and shapes of the grains.
     #[serde(default)]
-    pub grains: Grains,
+    pub grains: GrainsSection,
     /// Coulomb friction of grains with each kind of partner.
     #[serde(default)]
-    pub friction: Friction,
+    pub friction: FrictionSection,
     /// Pouring and settling.
     #[serde(default)]
-    pub preparation: Preparation,
+    pub preparation: PreparationSection,
 }
 
 fn default_seed() -> u64 {
@@ -55,40 +55,38 @@ fn default_gravity() -> f64 {
 /// Random ballast grains: convex hulls of points on ellipsoids.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Grains {
-    /// Size classes; their shares sum to 1.
+pub struct GrainsSection {
+    /// Size classes; their number fractions sum to 1.
     #[schemars(length(min = 1, max = 100))]
-    pub classes: Vec<SizeClass>,
-    /// Middle axis over longest axis: mean and half-width of a uniform distribution.
+    pub classes: Vec<SizeClassSection>,
+    /// Ratio of the middle axis to the longest axis: mean and half-width of a uniform distribution.
     #[schemars(with = "[Fraction; 2]")]
     pub elongation: [f64; 2],
-    /// Shortest axis over middle axis: mean and half-width of a uniform distribution.
+    /// Ratio of the shortest axis to the middle axis: mean and half-width of a uniform distribution.
     #[schemars(with = "[Fraction; 2]")]
     pub flatness: [f64; 2],
-    /// Smallest and largest number of points whose hull a grain is.
+    /// Minimum and maximum number of points whose convex hull is the grain.
     #[schemars(with = "[Corners; 2]")]
     pub vertices: [u32; 2],
-    /// 0: points spread evenly over the ellipsoid (rounded grains); 1: fully random (sharp).
+    /// Randomness of the points on the ellipsoid. 0: evenly spread (rounded grains); 1: fully random (sharp grains). Not
+    /// the shape descriptor "angularity" of Krumbein or Wadell.
     #[schemars(with = "Fraction")]
     pub angularity: f64,
-    /// Number of different shapes, shared out over the size classes.
-    #[schemars(with = "Templates")]
-    pub templates: u32,
+    /// Number of different grain shapes, distributed over the size classes.
+    #[schemars(with = "ShapeCount")]
+    pub shape_count: u32,
 }
 
-impl Default for Grains {
+impl Default for GrainsSection {
     fn default() -> Self {
+        let class = |size_m, number_fraction| SizeClassSection { size_m, number_fraction };
         Self {
-            classes: vec![
-                SizeClass { size_m: 0.025, share: 0.5 },
-                SizeClass { size_m: 0.0375, share: 0.34 },
-                SizeClass { size_m: 0.05, share: 0.16 },
-            ],
+            classes: vec![class(0.025, 0.5), class(0.0375, 0.34), class(0.05, 0.16)],
             elongation: [0.7, 0.1],
             flatness: [0.7, 0.1],
             vertices: [8, 40],
             angularity: 0.5,
-            templates: 60,
+            shape_count: 60,
         }
     }
 }
@@ -96,73 +94,74 @@ impl Default for Grains {
 /// One size class of grains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SizeClass {
+pub struct SizeClassSection {
     /// Nominal size, m: diameter of the sphere of equal volume, close to the sieve size.
     #[schemars(with = "Length")]
     pub size_m: f64,
-    /// Share of the grains, by number.
+    /// Fraction of the number of grains in this class. Gradings such as EN 13450 are by mass.
     #[schemars(with = "Ratio")]
-    pub share: f64,
+    pub number_fraction: f64,
 }
 
 /// Coulomb friction of grains with each kind of partner.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Friction {
-    /// Grain on grain.
+pub struct FrictionSection {
+    /// Friction coefficient between two grains.
     #[schemars(with = "Coefficient")]
     pub grain: f64,
-    /// Grain on sleeper.
+    /// Friction coefficient between grain and sleeper.
     #[schemars(with = "Coefficient")]
     pub sleeper: f64,
-    /// Grain on tine.
+    /// Friction coefficient between grain and tine.
     #[schemars(with = "Coefficient")]
     pub tine: f64,
-    /// Grain on floor and walls.
+    /// Friction coefficient between grain and floor or wall.
     #[schemars(with = "Coefficient")]
     pub boundary: f64,
 }
 
-impl Default for Friction {
+impl Default for FrictionSection {
     fn default() -> Self {
         Self { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 }
     }
 }
 
-/// How the bed is poured and settled before the run.
+/// Pouring and settling of the bed before the run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Preparation {
+pub struct PreparationSection {
     /// Level up to which cribs are filled, m above the floor. Absent: the top of the highest
-    /// sleeper block, or `bed.ballast_depth_m` where there is none.
+    /// sleeper block, or `bed.sleeper_underside_z_m` without sleepers.
     #[schemars(with = "Option<Positive>")]
     pub fill_level_m: Option<f64>,
-    /// Friction of grain on grain while pouring and filling, and of walls and sleepers at most; low friction packs denser.
+    /// Friction coefficient between grains while pouring and filling, and upper bound of that of walls and sleepers. Low
+    /// friction packs denser.
     #[schemars(with = "Coefficient")]
     pub friction: f64,
     /// Time step while pouring, s.
     #[schemars(with = "Duration")]
     pub step_s: f64,
-    /// Iterations per step while pouring.
+    /// Number of iterations per step while pouring.
     #[schemars(with = "Count")]
     pub iterations: u32,
-    /// The bed rests when the mean speed of the grains is below this, m/s.
+    /// Mean speed of the grains below which the bed counts as settled, m/s.
     #[schemars(with = "Positive")]
-    pub rest_speed_m_per_s: f64,
-    /// Longest settling of each stage, and of each of up to three rounds of topping up, s of simulated time. The last
-    /// stage, with the run's time step, takes 0.02 s at most.
+    pub settled_speed_m_per_s: f64,
+    /// Maximum duration of each settling stage, s of simulated time. Each of up to three rounds of topping up may take as
+    /// long. The last stage, with the run's time step, takes 0.02 s at most.
     #[schemars(with = "Duration")]
     pub max_settling_s: f64,
 }
 
-impl Default for Preparation {
+impl Default for PreparationSection {
     fn default() -> Self {
         Self {
             fill_level_m: None,
             friction: 0.3,
             step_s: 1e-3,
             iterations: 60,
-            rest_speed_m_per_s: 5e-3,
+            settled_speed_m_per_s: 5e-3,
             max_settling_s: 2.0,
         }
     }

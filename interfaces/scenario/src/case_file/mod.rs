@@ -1,4 +1,4 @@
-//! The words of a case file, as they are written; what they mean is in [`crate::resolve`].
+//! Serde structures of a case file; [`crate::resolve`] converts them to a plan.
 //!
 //! The doc comments are what people read: they become the descriptions of the JSON Schema. Every
 //! key carries its unit, every default is written once, in `Default` or in a `default_` function.
@@ -9,15 +9,18 @@ pub mod range;
 mod run;
 mod tamping;
 
-pub use bed::{Bed, Grains};
-pub use layout::{Block, Mode, Mount, Sleeper, SleeperMount, Sleepers, Tine, Tines, Towards};
-pub use run::{Run, Solver};
-pub use tamping::Tamping;
+pub use bed::{BedSection, GrainsSection};
+pub use layout::{
+    BlockSection, DofModeName, SleeperMountSection, SleeperRow, SleeperSection, SqueezeDirection,
+    TineMountSection, TineRows, TineSection,
+};
+pub use run::{PartitionMethod, RunSection, SolverSection};
+pub use tamping::TampingSection;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A Ballast case: a bed of grains, the sleepers in it, and the tamping that is done to it.
+/// A Ballast case: a bed of grains, the sleepers in it, and the tamping cycle.
 ///
 /// x runs along the track, y across it, z up. The box of the bed spans 0 to its size in x and y;
 /// its floor is z = 0.
@@ -27,23 +30,23 @@ use serde::{Deserialize, Serialize};
 pub struct CaseFile {
     /// Name of the case: letters, digits, `_` and `-`. Results are named after it.
     pub name: String,
-    /// The bed of grains and how it is prepared.
-    pub bed: Bed,
-    /// A row of equal sleepers. Without it, only those in `sleeper`.
-    pub sleepers: Option<Sleepers>,
-    /// Single sleepers, each with its own numbers, beside those of the row.
+    /// Bed of grains and its preparation.
+    pub bed: BedSection,
+    /// Row of equal sleepers. Without it, only those in `sleeper`.
+    pub sleepers: Option<SleeperRow>,
+    /// Single sleepers in addition to those of the row.
     #[serde(default)]
-    pub sleeper: Vec<Sleeper>,
+    pub sleeper: Vec<SleeperSection>,
     /// Facing tines on both sides of every tamped sleeper. Without it, only those in `tine`.
-    pub tines: Option<Tines>,
-    /// Single tines, each with its own numbers, beside those of the rows.
+    pub tines: Option<TineRows>,
+    /// Single tines in addition to those of the rows.
     #[serde(default)]
-    pub tine: Vec<Tine>,
-    /// The cycle of the tamping machine. Without it nothing moves by itself.
-    pub tamping: Option<Tamping>,
+    pub tine: Vec<TineSection>,
+    /// Cycle of the tamping machine. Without it, sleepers and tines move only where a partner moves them.
+    pub tamping: Option<TampingSection>,
     /// Time stepping and output.
-    pub run: Run,
-    /// How each step is solved.
+    pub run: RunSection,
+    /// Solution of each step.
     #[serde(default)]
-    pub solver: Solver,
+    pub solver: SolverSection,
 }

@@ -1,6 +1,6 @@
-//! Numbers of a limited range, for the schema only: the fields themselves stay plain numbers.
+//! Ranges of numbers, for the schema only: the fields themselves are plain numbers.
 //!
-//! The limits live in the schema, so that editors and [`crate::structure`] check the same ones.
+//! The limits stand in the schema, so that editors and [`crate::structure`] check the same ones.
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use std::borrow::Cow;
@@ -29,67 +29,67 @@ range!(
     Finite, "type": "number"
 );
 range!(
-    /// Above 0.
+    /// Number above 0.
     Positive, "type": "number", "exclusiveMinimum": 0
 );
 range!(
-    /// m: of stones, boxes and tools, from thinner than any sheet to longer than any train.
+    /// Length of grains, boxes and tools, m: from thinner than any sheet to longer than any train.
     Length, "type": "number", "minimum": 0.0001, "maximum": 1000
 );
 range!(
-    /// kg: of what ballast moves, from a pebble to more than any train.
+    /// Mass of a body on a mount, kg: from a pebble to more than any train.
     Mass, "type": "number", "minimum": 0.001, "maximum": 1000000000
 );
 range!(
-    /// N/m, N m/rad: above 0, up to far beyond anything that is not rigid.
+    /// Stiffness above 0, N/m or N m/rad, up to far beyond anything that is not rigid.
     Stiffness, "type": "number", "exclusiveMinimum": 0, "maximum": 1000000000000000000u64
 );
 range!(
-    /// N s/m, N m s/rad, or a share of the critical one: 0 or more, up to far beyond anything that still moves.
+    /// Damping of 0 or more, N s/m or N m s/rad, or ratio to the critical damping.
     Damping, "type": "number", "minimum": 0, "maximum": 1000000000000000000u64
 );
 range!(
-    /// Above 0; TOML's `inf` is allowed and means "no limit".
+    /// Number above 0; TOML's `inf` is allowed and means "no limit".
     PositiveOrInfinite, "type": "number", "exclusiveMinimum": 0, "x-infinite": true
 );
 range!(
-    /// 0 or more.
+    /// Number of 0 or more.
     NonNegative, "type": "number", "minimum": 0
 );
 range!(
-    /// Of friction: up to far beyond any material, where products of numbers still have all their digits.
+    /// Friction coefficient: up to far beyond any material, where products of numbers still have all their digits.
     Coefficient, "type": "number", "minimum": 0, "maximum": 1000
 );
 range!(
-    /// From a gas to far beyond any rock, kg/m³.
+    /// Density, kg/m³: from a gas to far beyond any rock.
     Density, "type": "number", "minimum": 1, "maximum": 1000000
 );
 range!(
-    /// m/s².
+    /// Acceleration of gravity, m/s².
     Gravity, "type": "number", "minimum": 0, "maximum": 1000
 );
 range!(
-    /// From steps that still get somewhere to full ones.
+    /// Relaxation factor, from steps that still make progress to full ones.
     Relaxation, "type": "number", "minimum": 0.01, "maximum": 1
 );
 range!(
-    /// From 0 to 1.
+    /// Number from 0 to 1.
     Fraction, "type": "number", "minimum": 0, "maximum": 1
 );
 range!(
-    /// Above 0, up to 1.
+    /// Number above 0 and up to 1.
     Ratio, "type": "number", "exclusiveMinimum": 0, "maximum": 1
 );
 range!(
-    /// From 1/2 to 1.
+    /// Parameter of the θ-scheme, from 1/2 to 1.
     Theta, "type": "number", "minimum": 0.5, "maximum": 1
 );
 range!(
-    /// 1 or more.
+    /// Whole number of 1 or more.
     Count, "type": "integer", "minimum": 1, "maximum": 4294967295u64
 );
 range!(
-    /// Number of points of a hull: from a tetrahedron to as many as keep edges long and faces wide enough for detection.
+    /// Number of points of a hull: from a tetrahedron to the most whose edges and faces are large enough for detection.
     Corners, "type": "integer", "minimum": 4, "maximum": 100
 );
 range!(
@@ -97,8 +97,8 @@ range!(
     RowCount, "type": "integer", "minimum": 1, "maximum": 1000
 );
 range!(
-    /// Number of grain templates.
-    Templates, "type": "integer", "minimum": 1, "maximum": 10000
+    /// Number of different grain shapes.
+    ShapeCount, "type": "integer", "minimum": 1, "maximum": 10000
 );
 range!(
     /// Random seed; TOML's integers are signed.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// Time stepping and output.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Run {
+pub struct RunSection {
     /// Simulated time, s: a whole number of time steps.
     #[schemars(with = "Duration")]
     pub duration_s: f64,
@@ -18,14 +18,14 @@ pub struct Run {
     #[serde(default = "default_step")]
     #[schemars(with = "Duration")]
     pub step_s: f64,
-    /// Parameter of the θ-scheme; 0.5 keeps energy best.
+    /// Parameter of the θ-scheme; 0.5 conserves energy best.
     #[serde(default = "default_theta")]
     #[schemars(with = "Theta")]
     pub theta: f64,
-    /// Contacts are looked for at least up to this distance between two bodies, and further where they are fast, m.
+    /// Minimum distance between two bodies up to which contacts are detected, m. Fast bodies are detected further away.
     /// Absent: 0.5 m/s times the time step.
     #[schemars(with = "Option<Positive>")]
-    pub alert_m: Option<f64>,
+    pub detection_distance_m: Option<f64>,
     /// Newton's coefficient of restitution, of every contact.
     #[serde(default)]
     #[schemars(with = "Fraction")]
@@ -33,11 +33,11 @@ pub struct Run {
     /// Simulated time between two frames of the results, s: a whole number of steps; 0: no
     /// frames. Absent: the whole number of steps nearest to 0.01 s.
     #[schemars(with = "Option<Pause>")]
-    pub output_every_s: Option<f64>,
+    pub output_interval_s: Option<f64>,
     /// Simulated time between two checkpoints, s: a whole number of steps; 0: only at the end.
     #[serde(default)]
     #[schemars(with = "Pause")]
-    pub checkpoint_every_s: f64,
+    pub checkpoint_interval_s: f64,
 }
 
 fn default_step() -> f64 {
@@ -48,127 +48,159 @@ fn default_theta() -> f64 {
     0.5
 }
 
-/// How each step is solved. At most one of `boxes`, `balanced` and `contacts_per_subdomain`;
-/// without any, subdomains of about 4000 contacts.
+/// Solution of each step: nonlinear Gauss-Seidel iterations over subdomains and their interface.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Solver {
-    /// In which order subdomains and interface are swept.
-    #[serde(with = "Schedule")]
+pub struct SolverSection {
+    /// Order in which subdomains and interface are swept.
+    #[serde(with = "ScheduleName")]
     pub schedule: model::Schedule,
-    /// Equal boxes over the grains and what the ballast moves, numbers in x, y and z: `[7, 1, 1]` are seven slabs along x.
-    #[schemars(with = "Option<[Count; 3]>")]
-    pub boxes: Option<[u32; 3]>,
-    /// This many compact subdomains with equal numbers of contacts.
-    #[schemars(with = "Option<Count>")]
-    pub balanced: Option<u32>,
-    /// Compact subdomains of about this many contacts each.
-    #[schemars(with = "Option<Count>")]
-    pub contacts_per_subdomain: Option<u32>,
-    /// Largest number of iterations per step; one is a round over subdomains and interface.
+    /// Division of the bed into subdomains.
+    pub partition: PartitionSection,
+    /// Maximum number of iterations per step; one iteration sweeps over all subdomains and the interface.
     #[schemars(with = "Count")]
-    pub iterations: u32,
+    pub max_iterations: u32,
     /// Sweeps over a subdomain per iteration.
     #[schemars(with = "Count")]
     pub subdomain_sweeps: u32,
     /// Sweeps over the interface per iteration.
     #[schemars(with = "Count")]
     pub interface_sweeps: u32,
-    /// A step is solved when its residual (`norm`) is below this; 0: always all iterations, without momentum.
+    /// Residual (`norm`) below which a step is solved; 0: always all iterations, without acceleration.
     #[schemars(with = "NonNegative")]
     pub tolerance: f64,
-    /// Which residual `tolerance` bounds.
-    #[serde(with = "Norm")]
+    /// Residual that `tolerance` bounds.
+    #[serde(with = "NormName")]
     pub norm: model::Norm,
-    /// Iterations between two convergence tests; those between leave open contacts out.
+    /// Iterations between two convergence tests. Iterations without a test leave open contacts out.
     #[schemars(with = "Count")]
-    pub check_every: u32,
-    /// Relaxation of each contact visit.
+    pub convergence_check_interval: u32,
+    /// Relaxation factor of each local solve.
     #[schemars(with = "Relaxation")]
     pub relaxation: f64,
-    /// Share of the previous step's impulses that a step starts from. 1 needs the fewest sweeps at
-    /// rest; below 1, forces that a jam has pressed in fade when the tools have passed.
+    /// Fraction of the previous step's impulses with which a step starts. 1 needs the fewest sweeps at
+    /// rest; below 1, forces of jammed grains fade when the tools have passed.
     #[schemars(with = "Fraction")]
-    pub warm_start: f64,
-    /// Let iterations to a tolerance have momentum, which saves most of them. false: plain sweeps, to compare with.
-    /// The asynchronous schedule has none.
-    pub momentum: bool,
-    /// Move grains that have been pressed into each other apart again. Absent: penetration is left as it is,
-    /// as in most studies.
-    pub recovery: Option<Recovery>,
+    pub warm_start_factor: f64,
+    /// Acceleration of the iterations to a tolerance. The asynchronous schedule has none.
+    #[serde(with = "AccelerationName")]
+    pub acceleration: model::Acceleration,
+    /// Correction of penetrations, on positions only. Absent: penetrations are left as they are, as in most studies.
+    pub penetration_correction: Option<PenetrationCorrectionSection>,
 }
 
-/// Recovery of positions: without speed, so that nothing is flung.
+impl Default for SolverSection {
+    /// Returns the core's defaults.
+    fn default() -> Self {
+        let core = model::Solver::default();
+        Self {
+            schedule: core.schedule,
+            partition: PartitionSection::default(),
+            max_iterations: core.max_iterations,
+            subdomain_sweeps: core.subdomain_sweeps,
+            interface_sweeps: core.interface_sweeps,
+            tolerance: core.tolerance.unwrap_or(0.0),
+            norm: core.norm,
+            convergence_check_interval: core.convergence_check_interval,
+            relaxation: core.relaxation,
+            warm_start_factor: core.warm_start_factor,
+            acceleration: core.acceleration,
+            penetration_correction: core.penetration_correction.map(PenetrationCorrectionSection::from),
+        }
+    }
+}
+
+/// Division of the bed into subdomains, each with its own key.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PartitionSection {
+    /// Method of the division.
+    pub method: PartitionMethod,
+    /// Numbers of boxes in x, y and z. Needed for the method `boxes`: `[7, 1, 1]` are seven slabs along x.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<[Count; 3]>")]
+    pub boxes: Option<[u32; 3]>,
+    /// Number of subdomains. Needed for the method `balanced`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Count>")]
+    pub subdomains: Option<u32>,
+    /// Approximate number of contacts of each subdomain, for the method `target_size`. Absent: 4000.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<Count>")]
+    pub contacts_per_subdomain: Option<u32>,
+}
+
+/// Method that divides a bed into subdomains.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PartitionMethod {
+    /// Compact subdomains of about `contacts_per_subdomain` contacts each.
+    #[default]
+    TargetSize,
+    /// Compact `subdomains` with equal numbers of contacts.
+    Balanced,
+    /// Equal `boxes` over the grains and the bodies with mounts.
+    Boxes,
+}
+
+/// Penetration correction: moves penetrating grains apart without giving them velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Recovery {
-    /// Share of what is beyond the allowed penetration that a step takes back.
+pub struct PenetrationCorrectionSection {
+    /// Fraction of the penetration beyond `slop_m` that a step corrects.
     #[schemars(with = "Ratio")]
-    pub share: f64,
-    /// Penetration that is left as it is, m: the less it is, the more a bed at rest creeps.
+    pub factor: f64,
+    /// Penetration that is not corrected, m. The smaller it is, the more a bed at rest creeps.
     #[schemars(with = "NonNegative")]
-    pub allowed_m: f64,
-    /// Iterations over the problem of positions.
+    pub slop_m: f64,
+    /// Number of iterations over the position problem.
     #[schemars(with = "Count")]
     pub iterations: u32,
 }
 
-impl From<model::PenetrationCorrection> for Recovery {
-    fn from(recovery: model::PenetrationCorrection) -> Self {
-        let model::PenetrationCorrection { factor: share, slop: allowed, iterations } = recovery;
-        Self { share, allowed_m: allowed, iterations }
+impl From<model::PenetrationCorrection> for PenetrationCorrectionSection {
+    fn from(core: model::PenetrationCorrection) -> Self {
+        let model::PenetrationCorrection { factor, slop, iterations } = core;
+        Self { factor, slop_m: slop, iterations }
     }
 }
 
-impl Default for Recovery {
+impl Default for PenetrationCorrectionSection {
     fn default() -> Self {
         model::PenetrationCorrection::default().into()
     }
 }
 
-impl Default for Solver {
-    /// The core's; how it divides a bed holds where none of the three ways is asked for.
-    fn default() -> Self {
-        let core = model::Solver::default();
-        Self {
-            schedule: core.schedule,
-            boxes: None,
-            balanced: None,
-            contacts_per_subdomain: None,
-            iterations: core.max_iterations,
-            subdomain_sweeps: core.subdomain_sweeps,
-            interface_sweeps: core.interface_sweeps,
-            tolerance: core.tolerance.unwrap_or(0.0),
-            norm: core.norm,
-            check_every: core.convergence_check_interval,
-            relaxation: core.relaxation,
-            warm_start: core.warm_start_factor,
-            momentum: core.acceleration == model::Acceleration::Nncg,
-            recovery: core.penetration_correction.map(Recovery::from),
-        }
-    }
-}
-
-/// In which order subdomains and interface are swept.
+/// Order in which subdomains and interface are swept.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "model::Schedule", rename_all = "snake_case")]
-pub enum Schedule {
+pub enum ScheduleName {
     /// One set of contacts, no decomposition.
     Sequential,
     /// Subdomains in parallel, then the interface: the same bytes for any number of threads.
     Synchronous,
-    /// Interface and subdomains together, newest values, in no order.
+    /// Interface and subdomains in parallel with the newest values, in no fixed order.
     Asynchronous,
 }
 
-/// A measure of how well a step is solved.
+/// Residual that measures the accuracy of a solved step.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(remote = "model::Norm", rename_all = "snake_case")]
-pub enum Norm {
-    /// The strictest of the quadratic, maximum/16 and impulse-weighted norms.
+pub enum NormName {
+    /// Maximum of the quadratic, maximum/16 and impulse-weighted norms, the strictest.
     Qm16,
-    /// The quadratic norm alone; misses newly created contacts.
+    /// Quadratic norm alone, which misses newly created contacts.
     Quad,
-    /// The natural map, scaled.
+    /// Natural map, scaled.
     NaturalMap,
+}
+
+/// Method that accelerates the iterations of a step.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(remote = "model::Acceleration", rename_all = "snake_case")]
+pub enum AccelerationName {
+    /// Nonsmooth nonlinear conjugate gradients (NNCG), which save most of the iterations.
+    Nncg,
+    /// Plain Gauss-Seidel sweeps, for comparisons.
+    None,
 }

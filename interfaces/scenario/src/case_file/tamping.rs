@@ -7,63 +7,63 @@ use serde::{Deserialize, Serialize};
 /// One tamping cycle: lift, insertion, squeeze, hold, withdrawal, one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Tamping {
+pub struct TampingSection {
     /// Start of the cycle, s.
     #[schemars(with = "Pause")]
     pub start_s: f64,
-    /// Lifting of the tamped sleepers.
-    pub lift: Lift,
-    /// The tines go down.
-    pub insertion: Insertion,
-    /// The tines close on the sleeper.
-    pub squeeze: Squeeze,
-    /// Rest between squeeze and withdrawal, vibration on, s.
+    /// Lift of the tamped sleepers.
+    pub lift: LiftSection,
+    /// Insertion of the tines into the bed.
+    pub insertion: InsertionSection,
+    /// Squeeze of the tines towards the sleeper.
+    pub squeeze: SqueezeSection,
+    /// Duration of the hold between squeeze and withdrawal, with vibration, s.
     #[schemars(with = "Pause")]
     pub hold_s: f64,
-    /// Time of the withdrawal, vibration on, s. Absent: the rest of the run.
+    /// Duration of the withdrawal, with vibration, s. Absent: the rest of the run.
     #[schemars(with = "Option<Duration>")]
     pub withdrawal_s: Option<f64>,
     /// Vibration of the tines.
-    pub vibration: Vibration,
+    pub vibration: VibrationSection,
 }
 
-impl Default for Tamping {
+impl Default for TampingSection {
     fn default() -> Self {
         Self {
             start_s: 0.0,
-            lift: Lift::default(),
-            insertion: Insertion::default(),
-            squeeze: Squeeze::default(),
+            lift: LiftSection::default(),
+            insertion: InsertionSection::default(),
+            squeeze: SqueezeSection::default(),
             hold_s: 0.1,
             withdrawal_s: None,
-            vibration: Vibration::default(),
+            vibration: VibrationSection::default(),
         }
     }
 }
 
-/// Lifting of the tamped sleepers.
+/// Lift of the tamped sleepers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Lift {
-    /// How far they are lifted, m.
+pub struct LiftSection {
+    /// Height of the lift, m.
     #[schemars(with = "NonNegative")]
     pub height_m: f64,
-    /// How long it takes, s.
+    /// Duration of the lift, s.
     #[schemars(with = "Duration")]
     pub duration_s: f64,
 }
 
-impl Default for Lift {
+impl Default for LiftSection {
     fn default() -> Self {
         Self { height_m: 0.02, duration_s: 0.2 }
     }
 }
 
-/// The tines go down into the bed.
+/// Insertion of the tines into the bed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Insertion {
-    /// How long it takes, s.
+pub struct InsertionSection {
+    /// Duration of the insertion, s.
     #[schemars(with = "Duration")]
     pub duration_s: f64,
     /// Depth of the blade's upper edge below the underside of the lifted sleeper, m.
@@ -72,37 +72,37 @@ pub struct Insertion {
     /// Height of the blade's lower edge above the filled bed at the start, m.
     #[schemars(with = "NonNegative")]
     pub clearance_m: f64,
-    /// Lowering stops while the bed carries more than this, N per tine over a vibration period (without vibration a
-    /// tenth of the squeeze), and goes on until the withdrawal. `inf`: never.
+    /// Force of the bed above which lowering pauses, N per tine, averaged over a vibration period (without vibration over
+    /// a tenth of the squeeze). A paused insertion may continue until the withdrawal. `inf`: never pauses.
     #[serde(rename = "force_limit_N")]
     #[schemars(with = "PositiveOrInfinite")]
     pub force_limit: f64,
 }
 
-impl Default for Insertion {
+impl Default for InsertionSection {
     fn default() -> Self {
         Self { duration_s: 0.45, depth_m: 0.018, clearance_m: 0.02, force_limit: 5000.0 }
     }
 }
 
-/// The tines close on the sleeper.
+/// Squeeze of the tines towards the sleeper.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Squeeze {
-    /// How long it takes, s.
+pub struct SqueezeSection {
+    /// Duration of the squeeze, s.
     #[schemars(with = "Duration")]
     pub duration_s: f64,
-    /// Largest closing of each side, m.
+    /// Maximum closing of each side, m.
     #[schemars(with = "NonNegative")]
     pub stroke_m: f64,
-    /// A pair stops closing while its mean force over a vibration period (without vibration a tenth of the squeeze)
-    /// exceeds this, N. `inf`: never.
+    /// Mean force of a pair above which it stops closing, N, averaged over a vibration period (without vibration over a
+    /// tenth of the squeeze). `inf`: never stops.
     #[serde(rename = "force_limit_N")]
     #[schemars(with = "PositiveOrInfinite")]
     pub force_limit: f64,
 }
 
-impl Default for Squeeze {
+impl Default for SqueezeSection {
     fn default() -> Self {
         Self { duration_s: 0.8, stroke_m: 0.08, force_limit: 7800.0 }
     }
@@ -111,18 +111,19 @@ impl Default for Squeeze {
 /// Sinusoidal vibration along x, facing tines in opposition.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Vibration {
+pub struct VibrationSection {
     /// Frequency, Hz.
     #[serde(rename = "frequency_Hz")]
     #[schemars(with = "Positive")]
     pub frequency: f64,
-    /// Amplitude that the machine imposes on the tine's holder, m. 0: no vibration. A blade on a springy shaft swings further
-    /// in the air, about `1 / |1 - (f / f0)²|` times with the shaft's own frequency f0, and less in the ballast.
+    /// Amplitude of the machine's motion at the tine's holder, m. 0: no vibration. A blade on a flexible shaft has a larger
+    /// amplitude in the air, about `1 / |1 - (f / f0)²|` times with the shaft's natural frequency f0, and a smaller one in
+    /// the ballast.
     #[schemars(with = "NonNegative")]
     pub amplitude_m: f64,
 }
 
-impl Default for Vibration {
+impl Default for VibrationSection {
     fn default() -> Self {
         Self { frequency: 35.0, amplitude_m: 0.005 }
     }

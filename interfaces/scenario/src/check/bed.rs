@@ -1,6 +1,6 @@
 //! Checks of `[bed]`.
 
-use crate::case_file::{Bed, CaseFile, Grains};
+use crate::case_file::{BedSection, CaseFile, GrainsSection};
 use crate::report::{Finding, Report};
 use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS};
 use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MOST_CELLS, MOST_GRAINS};
@@ -24,20 +24,20 @@ pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut Report) {
     weight(&case.bed, report);
 }
 
-fn shares(bed: &Bed, report: &mut Report) {
-    let sum: f64 = bed.grains.classes.iter().map(|c| c.share).sum();
+fn shares(bed: &BedSection, report: &mut Report) {
+    let sum: f64 = bed.grains.classes.iter().map(|c| c.number_fraction).sum();
     if report.clean(&["bed.grains.classes"]) && (sum - 1.0).abs() > 1e-6 {
         let finding = Finding {
-            problem: "the shares of the size classes do not sum to 1".into(),
+            problem: "the number fractions of the size classes do not sum to 1".into(),
             found: format!("a sum of {sum}"),
-            expected: "shares by number that sum to 1".into(),
+            expected: "number fractions that sum to 1".into(),
             hint: None,
         };
         report.error("bed.grains.classes", finding);
     }
 }
 
-fn axes(bed: &Bed, report: &mut Report) {
+fn axes(bed: &BedSection, report: &mut Report) {
     for (name, [mean, half]) in
         [("elongation", bed.grains.elongation), ("flatness", bed.grains.flatness)]
     {
@@ -55,7 +55,7 @@ fn axes(bed: &Bed, report: &mut Report) {
     }
 }
 
-fn counts(bed: &Bed, report: &mut Report) {
+fn counts(bed: &BedSection, report: &mut Report) {
     let [least, most] = bed.grains.vertices;
     if least > most {
         let finding = Finding {
@@ -67,42 +67,42 @@ fn counts(bed: &Bed, report: &mut Report) {
         report.error("bed.grains.vertices", finding);
     }
     let classes = bed.grains.classes.len();
-    if (bed.grains.templates as usize) < classes {
+    if (bed.grains.shape_count as usize) < classes {
         let finding = Finding {
             problem: "fewer shapes than size classes".into(),
-            found: bed.grains.templates.to_string(),
+            found: bed.grains.shape_count.to_string(),
             expected: format!("at least {classes}, one for each class"),
             hint: None,
         };
-        report.error("bed.grains.templates", finding);
+        report.error("bed.grains.shape_count", finding);
     }
 }
 
 fn levels(case: &CaseFile, fill_level: f64, report: &mut Report) {
     let bed = &case.bed;
     let height = bed.size_m[2];
-    if !report.clean(&["bed.size_m", "bed.ballast_depth_m", "bed.preparation.fill_level_m"]) {
+    if !report.clean(&["bed.size_m", "bed.sleeper_underside_z_m", "bed.preparation.fill_level_m"]) {
         return;
     }
-    if bed.ballast_depth_m >= height {
+    if bed.sleeper_underside_z_m >= height {
         let finding = Finding {
-            problem: "the ballast is deeper than the box".into(),
-            found: format!("{} m", bed.ballast_depth_m),
+            problem: "the sleepers' underside is above the box".into(),
+            found: format!("{} m", bed.sleeper_underside_z_m),
             expected: format!("less than the box's height, {height} m"),
             hint: None,
         };
-        report.error("bed.ballast_depth_m", finding);
+        report.error("bed.sleeper_underside_z_m", finding);
         return;
     }
     let given = bed.preparation.fill_level_m.is_some();
-    if fill_level < bed.ballast_depth_m || fill_level > height {
+    if fill_level < bed.sleeper_underside_z_m || fill_level > height {
         let key = if given { "bed.preparation.fill_level_m" } else { "bed.size_m[2]" };
         let finding = Finding {
             problem: "the fill level is outside the box or below the sleepers".into(),
             found: format!("a fill level of {fill_level} m"),
             expected: format!(
-                "from the ballast depth, {} m, to the box's height, {height} m",
-                bed.ballast_depth_m
+                "from the sleepers' underside, {} m, to the box's height, {height} m",
+                bed.sleeper_underside_z_m
             ),
             hint: (!given).then(|| "the cribs are filled to the top of the highest block".into()),
         };
@@ -110,8 +110,9 @@ fn levels(case: &CaseFile, fill_level: f64, report: &mut Report) {
     }
 }
 
-fn grain_number(bed: &Bed, plan: &BedPlan, report: &mut Report) {
-    if !report.clean(&["bed.size_m", "bed.ballast_depth_m", "bed.preparation", "bed.grains"]) {
+fn grain_number(bed: &BedSection, plan: &BedPlan, report: &mut Report) {
+    if !report.clean(&["bed.size_m", "bed.sleeper_underside_z_m", "bed.preparation", "bed.grains"])
+    {
         return;
     }
     let [x, y, _] = bed.size_m;
@@ -121,7 +122,7 @@ fn grain_number(bed: &Bed, plan: &BedPlan, report: &mut Report) {
     let longest = largest * stretch(grains);
     let walls = ("bed.size_m", "a side of the box", x.min(y), longest, "the longest grain");
     let fill = (
-        "bed.ballast_depth_m",
+        "bed.sleeper_underside_z_m",
         "the fill",
         plan.preparation.fill_level,
         largest,
@@ -170,7 +171,7 @@ fn grain_number(bed: &Bed, plan: &BedPlan, report: &mut Report) {
 
 /// Longest extent of a grain over its size, the diameter of the sphere of equal volume: at least that of an ellipsoid of
 /// the same volume, as a hull of corners on an ellipsoid fills less than that.
-fn stretch(grains: &Grains) -> f64 {
+fn stretch(grains: &GrainsSection) -> f64 {
     let least = |[mean, half]: [f64; 2]| mean - half;
     let (elongation, flatness) = (least(grains.elongation), least(grains.flatness));
     // Axes 1, e and e f have the product e² f.
@@ -178,7 +179,7 @@ fn stretch(grains: &Grains) -> f64 {
 }
 
 /// Pouring damps falls; one step must not gain more than it lets through.
-fn pouring_step(bed: &Bed, report: &mut Report) {
+fn pouring_step(bed: &BedSection, report: &mut Report) {
     let key = "bed.preparation.step_s";
     let step = bed.preparation.step_s;
     if report.clean(&[key, "bed.gravity_m_per_s2"]) && step * bed.gravity_m_per_s2 >= FALL_SPEED {
@@ -193,7 +194,7 @@ fn pouring_step(bed: &Bed, report: &mut Report) {
 }
 
 /// A bed is poured by its weight.
-fn weight(bed: &Bed, report: &mut Report) {
+fn weight(bed: &BedSection, report: &mut Report) {
     let key = "bed.gravity_m_per_s2";
     if report.clean(&[key]) && bed.gravity_m_per_s2 == 0.0 {
         let finding = Finding {

@@ -123,6 +123,6 @@ fn pairs(layout: &Layout, report: &mut Report) {
             expected: "the one at the smaller x towards +x, the other towards -x".into(),
             hint: Some("tines that do not close on each other have a `pair` each".into()),
         };
-        report.warn(&format!("{}.towards", second.key), finding);
+        report.warn(&format!("{}.squeeze_direction", second.key), finding);
     }
 }

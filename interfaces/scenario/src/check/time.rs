@@ -1,12 +1,12 @@
 //! Checks of `[run]` and `[solver]`; times become whole nanoseconds here.
 
-use crate::case_file::{CaseFile, Solver};
+use crate::case_file::{CaseFile, PartitionMethod, SolverSection};
 use crate::report::{Finding, Report};
 use ballast::model::{self, PartitionRule, Stepping};
 use ballast::track::plan::RunPlan;
 
-/// Steps solved to more than this move as if hardly anything had been solved.
-const LARGEST_TOLERANCE: f64 = 1e-2;
+/// Tolerance above which a step moves as if it had hardly been solved.
+const MAX_USEFUL_TOLERANCE: f64 = 1e-2;
 
 /// Seconds as whole nanoseconds, at least 1; `None` where they are none.
 fn whole_ns(seconds: f64) -> Option<u64> {
@@ -66,11 +66,11 @@ fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
 pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
     let run = &case.run;
     let step = step_ns(run.step_s, "run.step_s", report);
-    let output_ns = match run.output_every_s {
-        Some(every) => whole_steps(every, step, "run.output_every_s", report),
+    let output_ns = match run.output_interval_s {
+        Some(every) => whole_steps(every, step, "run.output_interval_s", report),
         None => step * ((10_000_000 + step / 2) / step).max(1),
     };
-    let alert = run.alert_m.unwrap_or(Stepping::default_detection_distance(step));
+    let alert = run.detection_distance_m.unwrap_or(Stepping::default_detection_distance(step));
     check_alert(alert, case, report);
     RunPlan {
         stepping: Stepping { step_ns: step, theta: run.theta, detection_distance: alert },
@@ -78,7 +78,12 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
         restitution: run.restitution,
         duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
         output_ns,
-        checkpoint_ns: whole_steps(run.checkpoint_every_s, step, "run.checkpoint_every_s", report),
+        checkpoint_ns: whole_steps(
+            run.checkpoint_interval_s,
+            step,
+            "run.checkpoint_interval_s",
+            report,
+        ),
     }
 }
 
@@ -86,7 +91,9 @@ fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
     let classes = &case.bed.grains.classes;
     let sizes = || classes.iter().map(|c| c.size_m);
     let (smallest, largest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
-    if !report.clean(&["run.alert_m", "bed.grains.classes"]) || alert <= 0.25 * smallest {
+    if !report.clean(&["run.detection_distance_m", "bed.grains.classes"])
+        || alert <= 0.25 * smallest
+    {
         return;
     }
     let finding = Finding {
@@ -98,19 +105,19 @@ fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
     // Their number goes with the third power of the distance.
     if alert > largest {
         let expected = format!("at most the largest grain, {largest} m");
-        report.error("run.alert_m", Finding { expected, ..finding });
+        report.error("run.detection_distance_m", Finding { expected, ..finding });
     } else {
-        report.warn("run.alert_m", finding);
+        report.warn("run.detection_distance_m", finding);
     }
 }
 
-fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
+fn solver(solver: &SolverSection, report: &mut Report) -> model::Solver {
     unused(solver, report);
-    if report.clean(&["solver.tolerance"]) && solver.tolerance > LARGEST_TOLERANCE {
+    if report.clean(&["solver.tolerance"]) && solver.tolerance > MAX_USEFUL_TOLERANCE {
         let finding = Finding {
-            problem: "so large a tolerance asks for next to nothing".into(),
+            problem: "a tolerance this large leaves the step nearly unsolved".into(),
             found: solver.tolerance.to_string(),
-            expected: format!("at most {LARGEST_TOLERANCE}; 1.666e-4 is usual"),
+            expected: format!("at most {MAX_USEFUL_TOLERANCE}; 1.666e-4 is usual"),
             hint: None,
         };
         report.warn("solver.tolerance", finding);
@@ -118,44 +125,65 @@ fn solver(solver: &Solver, report: &mut Report) -> model::Solver {
     model::Solver {
         schedule: solver.schedule,
         partition: partition(solver, report),
-        max_iterations: solver.iterations,
+        max_iterations: solver.max_iterations,
         subdomain_sweeps: solver.subdomain_sweeps,
         interface_sweeps: solver.interface_sweeps,
         tolerance: (solver.tolerance > 0.0).then_some(solver.tolerance),
         norm: solver.norm,
-        convergence_check_interval: solver.check_every,
+        convergence_check_interval: solver.convergence_check_interval,
         relaxation: solver.relaxation,
-        warm_start_factor: solver.warm_start,
-        acceleration: if solver.momentum {
-            model::Acceleration::Nncg
-        } else {
-            model::Acceleration::None
-        },
-        penetration_correction: solver.recovery.map(|r| model::PenetrationCorrection {
-            factor: r.share,
-            slop: r.allowed_m,
-            iterations: r.iterations,
+        warm_start_factor: solver.warm_start_factor,
+        acceleration: solver.acceleration,
+        penetration_correction: solver.penetration_correction.map(|c| model::PenetrationCorrection {
+            factor: c.factor,
+            slop: c.slop_m,
+            iterations: c.iterations,
         }),
     }
 }
 
-fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
-    let given = [
-        (solver.boxes.map(PartitionRule::Boxes), "boxes"),
-        (solver.balanced.map(PartitionRule::Balanced), "balanced"),
-        (solver.contacts_per_subdomain.map(PartitionRule::ContactsPer), "contacts_per_subdomain"),
-    ];
-    let mut rules = given.iter().filter_map(|(rule, key)| rule.map(|r| (r, *key)));
-    let Some((rule, first)) = rules.next() else { return model::Solver::default().partition };
-    for (_, key) in rules {
-        let finding = Finding {
-            problem: format!("`{key}` contradicts `{first}`"),
-            found: "two ways to divide the bed".into(),
-            expected: "one of `boxes`, `balanced` and `contacts_per_subdomain`".into(),
-            hint: Some(format!("remove `{key}` or `{first}`")),
-        };
-        report.error(&format!("solver.{key}"), finding);
+/// Returns the rule of `[solver.partition]`; reports a missing key of its method and each key of another method.
+fn partition(solver: &SolverSection, report: &mut Report) -> PartitionRule {
+    let section = &solver.partition;
+    let (method, key) = match section.method {
+        PartitionMethod::TargetSize => ("target_size", "contacts_per_subdomain"),
+        PartitionMethod::Balanced => ("balanced", "subdomains"),
+        PartitionMethod::Boxes => ("boxes", "boxes"),
+    };
+    for (other, is_written) in [
+        ("boxes", section.boxes.is_some()),
+        ("subdomains", section.subdomains.is_some()),
+        ("contacts_per_subdomain", section.contacts_per_subdomain.is_some()),
+    ] {
+        if is_written && other != key {
+            let finding = Finding {
+                problem: format!("`{other}` contradicts the method \"{method}\""),
+                found: "a key of another method".into(),
+                expected: format!("`{key}` or another `method`"),
+                hint: Some(format!("remove `{other}`")),
+            };
+            report.error(&format!("solver.partition.{other}"), finding);
+        }
     }
+    let default = model::Solver::default().partition;
+    let rule = match section.method {
+        PartitionMethod::TargetSize => section
+            .contacts_per_subdomain
+            .map_or(Some(default), |n| Some(PartitionRule::ContactsPer(n))),
+        PartitionMethod::Balanced => section.subdomains.map(PartitionRule::Balanced),
+        PartitionMethod::Boxes => section.boxes.map(PartitionRule::Boxes),
+    };
+    let path = format!("solver.partition.{key}");
+    let Some(rule) = rule else {
+        let finding = Finding {
+            problem: format!("missing key `{key}`"),
+            found: format!("the method \"{method}\""),
+            expected: format!("`{key}` in `[solver.partition]`"),
+            hint: None,
+        };
+        report.error(&path, finding);
+        return default;
+    };
     let count = rule.requested_subdomains();
     if count > PartitionRule::MAX_SUBDOMAINS {
         let finding = Finding {
@@ -164,36 +192,35 @@ fn partition(solver: &Solver, report: &mut Report) -> PartitionRule {
             expected: format!("at most {}", PartitionRule::MAX_SUBDOMAINS),
             hint: None,
         };
-        report.error(&format!("solver.{first}"), finding);
+        report.error(&path, finding);
     }
     rule
 }
 
-/// Keys that were written but change nothing.
-fn unused(solver: &Solver, report: &mut Report) {
+/// Warns of keys that are written but have no effect.
+fn unused(solver: &SolverSection, report: &mut Report) {
     let keys: &[&str] = match (solver.tolerance > 0.0, solver.schedule) {
         (false, model::Schedule::Sequential) => {
-            &["norm", "momentum", "boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
+            &["norm", "acceleration", "partition", "interface_sweeps"]
         }
-        (false, _) => &["norm", "momentum"],
-        (true, model::Schedule::Asynchronous) => &["momentum"],
-        (true, model::Schedule::Sequential) => {
-            &["boxes", "balanced", "contacts_per_subdomain", "interface_sweeps"]
-        }
+        (false, _) => &["norm", "acceleration"],
+        (true, model::Schedule::Asynchronous) => &["acceleration"],
+        (true, model::Schedule::Sequential) => &["partition", "interface_sweeps"],
         _ => &[],
     };
     for key in keys {
         let path = format!("solver.{key}");
         if report.document.has(&path) {
             let finding = Finding {
-                problem: format!("`{key}` changes nothing"),
+                problem: format!("`{key}` has no effect"),
                 found: match *key {
-                    "norm" => "a norm without a tolerance".into(),
-                    "momentum" => {
-                        "momentum without a tolerance, or of the asynchronous schedule".into()
+                    "norm" => "a norm without a tolerance",
+                    "acceleration" => {
+                        "acceleration without a tolerance, or with the asynchronous schedule"
                     }
-                    _ => "a division of the bed with the sequential schedule".into(),
-                },
+                    _ => "a division of the bed with the sequential schedule",
+                }
+                .into(),
                 ..Finding::default()
             };
             report.warn(&path, finding);

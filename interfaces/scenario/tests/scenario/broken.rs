@@ -13,12 +13,16 @@ const TABLE: &[Broken] = &[
     // Syntax.
     Broken("step_s = 8e-4", "step_s = «8e-4 s", &["not TOML"]),
     Broken("[run]", "[run«", &["not TOML"]),
-    Broken("iterations = 300", "iterations = 300\n«iterations = 200", &["not TOML", "duplicate"]),
+    Broken(
+        "max_iterations = 300",
+        "max_iterations = 300\n«max_iterations = 200",
+        &["not TOML", "duplicate"],
+    ),
     Broken("name = \"base\"", "name = \"base«", &["not TOML"]),
     Broken("step_s = 8e-4", "step_s = 0«,0008", &["not TOML: unexpected", "point: 0.0008"]),
     Broken(
-        "iterations = 300",
-        "iterations = «0300",
+        "max_iterations = 300",
+        "max_iterations = «0300",
         &["unexpected leading zero", "before it: 300"],
     ),
     Broken("name = \"base\"", "name = «base", &["not TOML", "a text in quotes: \"base\""]),
@@ -35,19 +39,27 @@ const TABLE: &[Broken] = &[
     Broken("stroke_m", "«stroke_mm", &["unknown key", "did you mean `stroke_m`?"]),
     Broken("[tamping]", "[«tampping]", &["unknown key", "did you mean `tamping`?"]),
     Broken("restitution = 0", "«seed = 3", &["unknown key", "`seed` belongs in `[bed]`"]),
-    Broken("density_kg_per_m3 = 2700", "«alert_m = 1", &["`alert_m` belongs in `[run]`"]),
+    Broken(
+        "density_kg_per_m3 = 2700",
+        "«detection_distance_m = 1",
+        &["`detection_distance_m` belongs in `[run]`"],
+    ),
     Broken(
         "[bed]\nsize_m = [0.60, 0.70, 0.45]\n",
         "[«bed]\n",
         &["missing key `size_m`", "a list of 3"],
     ),
-    Broken("share = 0.3 }", "share = 0.2 }, «{ share = 0.1 }", &["missing key `size_m`"]),
+    Broken(
+        "number_fraction = 0.3 }",
+        "number_fraction = 0.2 }, «{ number_fraction = 0.1 }",
+        &["missing key `size_m`"],
+    ),
     // Types and values.
     Broken("= 2700", "= «\"2700 kg\"", &["wrong type", "text", "without quotes"]),
     Broken("[0.60, 0.70, 0.45]", "«[0.60, 0.70]", &["wrong number of entries", "list of 2"]),
     Broken("0.45]", "«true]", &["wrong type", "`true`", "a number from 0.0001 to 1000"]),
     Broken("\"synchronous\"", "«\"syncronous\"", &["unknown value", "did you mean `synchronous`?"]),
-    Broken("iterations = 300", "iterations = «300.5", &["wrong type", "a whole number"]),
+    Broken("max_iterations = 300", "max_iterations = «300.5", &["wrong type", "a whole number"]),
     Broken("[8, 40]", "[8, «101]", &["out of range", "from 4 to 100"]),
     Broken("[8, 40]", "«40", &["wrong type", "a list of 2"]),
     Broken("[run]", "«[[run]]", &["wrong type", "a list of 1", "a table"]),
@@ -58,16 +70,20 @@ const TABLE: &[Broken] = &[
     Broken("= 2700", "= «-2700", &["out of range", "a number from 1"]),
     Broken("= 0.28", "= «inf", &["out of range", "`inf`", "to 1000"]),
     Broken("gap_to_sleeper_m = 0.06", "gap_to_sleeper_m = «inf", &["not finite", "`inf`"]),
-    Broken("iterations = 300", "iterations = «99999999999", &["is more than 4294967295"]),
+    Broken("max_iterations = 300", "max_iterations = «99999999999", &["is more than 4294967295"]),
     Broken("0.70, 0.45]", "«0.0, 0.45]", &["`size_m[1]` is out of range", "from 0.0001"]),
     Broken(
         "gap_to_sleeper_m",
-        "blade_m = [«1e-300, 0.1, 0.07]\ngap_to_sleeper_m",
-        &["`blade_m[0]` is out of range", "from 0.0001"],
+        "blade_size_m = [«1e-300, 0.1, 0.07]\ngap_to_sleeper_m",
+        &["`blade_size_m[0]` is out of range", "from 0.0001"],
     ),
     Broken("restitution = 0", "restitution = «1.5", &["out of range", "from 0 to 1"]),
     Broken("restitution = 0", "theta = «0.4", &["out of range", "from 0.5 to 1"]),
-    Broken("restitution = 0", "alert_m = «0.06", &["very far away", "the largest grain, 0.05 m"]),
+    Broken(
+        "restitution = 0",
+        "detection_distance_m = «0.06",
+        &["very far away", "the largest grain, 0.05 m"],
+    ),
     Broken("[tines]", "[tines]\nmount = { mass_kg = «1e31 }", &["from 0.001 to 1000000000"]),
     Broken("[tines]", "[tines]\nmount = { mass_kg = «1e-300 }", &["from 0.001 to 1000000000"]),
     Broken(
@@ -85,26 +101,30 @@ const TABLE: &[Broken] = &[
         "[bed.friction]\ngrain = «-0.1\n[bed.preparation]",
         &["from 0 to 1000"],
     ),
-    Broken("iterations = 300", "iterations = «0", &["out of range", "1 or more"]),
-    Broken("iterations = 300", "iterations = «-5", &["out of range", "`-5`"]),
-    Broken("iterations = 300", "relaxation = «0", &["from 0.01 to 1"]),
-    Broken("iterations = 300", "relaxation = «1.2", &["from 0.01 to 1"]),
-    Broken("iterations = 300", "recovery = { share = «0 }", &["above 0 and up to 1"]),
-    Broken("iterations = 300", "recovery = { allowed_m = «-1e-5 }", &["0 or more"]),
-    Broken("iterations = 300", "recovery = { iterations = «0 }", &["1 or more"]),
-    Broken("iterations = 300", "recovery = { «part = 0.1 }", &["`share`"]),
+    Broken("max_iterations = 300", "max_iterations = «0", &["out of range", "1 or more"]),
+    Broken("max_iterations = 300", "max_iterations = «-5", &["out of range", "`-5`"]),
+    Broken("max_iterations = 300", "relaxation = «0", &["from 0.01 to 1"]),
+    Broken("max_iterations = 300", "relaxation = «1.2", &["from 0.01 to 1"]),
+    Broken(
+        "max_iterations = 300",
+        "penetration_correction = { factor = «0 }",
+        &["above 0 and up to 1"],
+    ),
+    Broken("max_iterations = 300", "penetration_correction = { slop_m = «-1e-5 }", &["0 or more"]),
+    Broken("max_iterations = 300", "penetration_correction = { iterations = «0 }", &["1 or more"]),
+    Broken("max_iterations = 300", "penetration_correction = { «part = 0.1 }", &["`factor`"]),
     Broken("= 7800", "= «0", &["`force_limit_N` is out of range", "above 0"]),
     Broken("= 7800", "= «nan", &["out of range"]),
     Broken("= 7800", "= «1e-999", &["out of range"]),
     // The bed.
     Broken(
-        "[{ size_m = 0.025, share = 0.7",
-        "«[{ size_m = 0.025, share = 0.5",
+        "[{ size_m = 0.025, number_fraction = 0.7",
+        "«[{ size_m = 0.025, number_fraction = 0.5",
         &["sum to 1", "0.8"],
     ),
     Broken("[8, 40]", "«[40, 8]", &["upside down", "write [8, 40]"]),
     Broken("vertices = [8, 40]", "elongation = «[0.95, 0.1]", &["grain shapes", "1.050"]),
-    Broken("vertices = [8, 40]", "templates = «1", &["fewer shapes", "at least 2"]),
+    Broken("vertices = [8, 40]", "shape_count = «1", &["fewer shapes", "at least 2"]),
     Broken("[0.60, 0.70, 0.45]", "«[600, 700, 450]", &["too large", "grains", "metres"]),
     Broken(
         "size_m = [0.60, 0.70, 0.45]",
@@ -119,8 +139,8 @@ const TABLE: &[Broken] = &[
         &["too small for one grain", "the longest grain, 0.108 m"],
     ),
     Broken(
-        "0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\nclasses = [{ size_m = 0.025, share = 0.7 }, \
-         { size_m = 0.05, share = 0.3 }]\nvertices = [8, 40]\n\n[bed.preparation]",
+        "0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\nclasses = [{ size_m = 0.025, number_fraction = 0.7 }, \
+         { size_m = 0.05, number_fraction = 0.3 }]\nvertices = [8, 40]\n\n[bed.preparation]",
         "«0.03\n[bed.preparation]\nfill_level_m = 0.04",
         &["the fill is too small for one grain", "the size of a grain, 0.050 m"],
     ),
@@ -131,7 +151,7 @@ const TABLE: &[Broken] = &[
          classes = [{ size_m = 0.0005,",
         &["too wide for its smallest grains", "grains of 0.0005 m", "1.020e6 times the square"],
     ),
-    Broken("= 0.28", "= «0.5", &["deeper than the box", "0.45 m"]),
+    Broken("= 0.28", "= «0.5", &["underside is above the box", "0.45 m"]),
     Broken("0.70, 0.45]", "0.70, «0.40]", &["fill level", "0.4 m", "highest block"]),
     Broken("step_s = 1e-3", "step_s = 1e-3\nfill_level_m = «0.2", &["fill level", "0.28 m"]),
     Broken("step_s = 1e-3", "step_s = «0.2", &["too large for pouring", "1 m/s"]),
@@ -191,17 +211,17 @@ const TABLE: &[Broken] = &[
     ),
     Broken("\"base\"", "«\"a/b\"", &["cannot be used in files", "`a/b`"]),
     // Mounts of sleepers.
-    Broken("tamped = [1]", "tamped = [1]\nmount = { z = «\"loaded\" }", &["the lift cannot move"]),
-    Broken("tamped = [1]", "tamped = [1]\n«mount = { }", &["make no mount", "0 degrees"]),
+    Broken("tamped = [1]", "tamped = [1]\nmount = { z = «\"free\" }", &["the lift cannot move"]),
+    Broken("tamped = [1]", "tamped = [1]\n«mount = { }", &["unsupported combination", "0 degrees"]),
     Broken(
         "tamped = [1]",
-        "tamped = [1]\n«mount = { z = \"sprung\" }",
+        "tamped = [1]\n«mount = { z = \"spring\" }",
         &["missing key `stiffness_N_per_m`"],
     ),
     Broken(
         "tamped = [1]",
-        "tamped = [1]\nmount = { z = «\"free\" }",
-        &["unknown value", "\"held\", \"loaded\""],
+        "tamped = [1]\nmount = { z = «\"fixed\" }",
+        &["unknown value", "\"prescribed\", \"free\""],
     ),
     // The machine.
     Broken("depth_m = 0.018", "depth_m = «0.24", &["reaches the floor", "below 0.2300 m"]),
@@ -265,12 +285,21 @@ const TABLE: &[Broken] = &[
     // Time and solver.
     Broken("step_s = 8e-4", "step_s = «1.5e-9", &["whole number of nanoseconds"]),
     Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),
-    Broken("restitution = 0", "output_every_s = «0.01", &["whole number", "0.0096 or 0.0104 s"]),
-    Broken("restitution = 0", "checkpoint_every_s = «1e-4", &["whole number", "0.0008 s"]),
+    Broken("restitution = 0", "output_interval_s = «0.01", &["whole number", "0.0096 or 0.0104 s"]),
+    Broken("restitution = 0", "checkpoint_interval_s = «1e-4", &["whole number", "0.0008 s"]),
     Broken("1.666e-4", "«-1.666e-4", &["out of range", "0 or more", "0: always all iterations"]),
     Broken("1.666e-4", "«nan", &["out of range", "0 or more"]),
     Broken("1.666e-4", "«inf", &["not finite", "0 or more"]),
-    Broken("tolerance =", "balanced = «4\ntolerance =", &["contradicts `boxes`", "remove"]),
+    Broken(
+        "boxes = [2, 1, 1] }",
+        "boxes = [2, 1, 1], subdomains = «4 }",
+        &["contradicts the method \"boxes\"", "remove"],
+    ),
+    Broken(
+        "[solver]\nschedule = \"synchronous\"\npartition = { method = \"boxes\", boxes = [2, 1, 1] }",
+        "[solver.«partition]\nmethod = \"balanced\"\n[solver]",
+        &["missing key `subdomains`", "`[solver.partition]`"],
+    ),
     Broken("[2, 1, 1]", "«[1000, 1000, 1000]", &["too many subdomains"]),
 ];
 
@@ -316,15 +345,20 @@ fn all_errors_of_a_file_are_told_in_its_order() {
         .replace("tolerance", "tolerence")
         .replace("= 0.28", "= \"deep\"")
         .replace("duration_s = 1.764", "")
-        .replace("share = 0.3", "share = 0.4");
+        .replace("number_fraction = 0.3", "number_fraction = 0.4");
     let found = errors(&text);
     let keys: Vec<&str> = found.errors.iter().map(|e| e.key.as_str()).collect();
-    let expected =
-        ["bed.ballast_depth_m", "bed.density_kg_per_m3", "run.duration_s", "solver.tolerence"];
+    let expected = [
+        "bed.sleeper_underside_z_m",
+        "bed.density_kg_per_m3",
+        "run.duration_s",
+        "solver.tolerence",
+    ];
     assert_eq!(keys, expected);
     assert!(found.to_string().ends_with("4 errors in broken.toml"), "{found}");
     // What only shows when all keys can be read comes with the ranges.
-    let text = BASE.replace("= 2700", "= -1").replace("share = 0.3", "share = 0.4");
+    let text =
+        BASE.replace("= 2700", "= -1").replace("number_fraction = 0.3", "number_fraction = 0.4");
     let keys: Vec<String> = errors(&text).errors.into_iter().map(|e| e.key).collect();
     assert_eq!(keys, ["bed.density_kg_per_m3", "bed.grains.classes"]);
 }
@@ -375,4 +409,67 @@ fn an_empty_file_names_what_is_missing() {
 fn control_characters_of_a_file_do_not_reach_the_terminal() {
     let message = errors("name = \"\u{1b}[31m\"").to_string();
     assert!(!message.contains('\u{1b}'), "{message:?}");
+}
+
+#[test]
+fn a_former_name_is_refused_with_the_present_one() {
+    for (from, to, former, present) in [
+        (
+            "sleeper_underside_z_m",
+            "ballast_depth_m",
+            "bed.ballast_depth_m",
+            "bed.sleeper_underside_z_m",
+        ),
+        (
+            "number_fraction = 0.7",
+            "share = 0.7",
+            "bed.grains.classes.share",
+            "bed.grains.classes.number_fraction",
+        ),
+        ("vertices = [8, 40]", "templates = 60", "bed.grains.templates", "bed.grains.shape_count"),
+        (
+            "step_s = 1e-3",
+            "rest_speed_m_per_s = 5e-3",
+            "bed.preparation.rest_speed_m_per_s",
+            "bed.preparation.settled_speed_m_per_s",
+        ),
+        (
+            "tamped = [1]",
+            "tamped = [1]\nmount = { about_x = \"free\" }",
+            "sleepers.mount.about_x",
+            "sleepers.mount.rx",
+        ),
+        ("[tines]", "[tines]\nblade_m = [0.02, 0.1, 0.1]", "tines.blade_m", "tines.blade_size_m"),
+        (
+            "[tamping]",
+            "[[tine]]\nname = \"a\"\nx_m = 0.1\ny_m = 0.1\ntowards = \"+x\"\npair = 9\n[tamping]",
+            "tine.towards",
+            "tine.squeeze_direction",
+        ),
+        ("restitution = 0", "alert_m = 1e-3", "run.alert_m", "run.detection_distance_m"),
+        ("restitution = 0", "output_every_s = 0", "run.output_every_s", "run.output_interval_s"),
+        ("max_iterations", "iterations", "solver.iterations", "solver.max_iterations"),
+        ("tolerance", "boxes = [2, 1, 1]\ntolerance", "solver.boxes", "solver.partition.boxes"),
+        ("tolerance", "momentum = false\ntolerance", "solver.momentum", "solver.acceleration"),
+        (
+            "tolerance",
+            "recovery = { share = 0.1 }\ntolerance",
+            "solver.recovery",
+            "solver.penetration_correction",
+        ),
+        (
+            "tolerance",
+            "penetration_correction = { share = 0.1 }\ntolerance",
+            "solver.penetration_correction.share",
+            "solver.penetration_correction.factor",
+        ),
+    ] {
+        let found = errors(&changed(from, to));
+        assert_eq!(found.errors.len(), 1, "{found}");
+        let message = found.to_string();
+        assert!(message.contains(&format!("`{former}` is now `{present}`")), "{message}");
+    }
+    let message =
+        errors(&changed("tamped = [1]", "tamped = [1]\nmount = { z = \"held\" }")).to_string();
+    assert!(message.contains("`\"held\"` is now `\"prescribed\"`"), "{message}");
 }

@@ -21,10 +21,10 @@ fn what_is_not_prepared_does_not_change_the_key() {
         ("= 1.764", "= 1.768"),
         ("stroke_m = 0.05", "stroke_m = 0.04"),
         ("[-0.1, 0.1]", "[-0.1]"),
-        ("restitution = 0", "output_every_s = 0"),
+        ("restitution = 0", "output_interval_s = 0"),
         ("[2, 1, 1]", "[1, 2, 1]"),
         ("tolerance = 1.666e-4", "tolerance = 0"),
-        ("iterations = 300", "iterations = 301"),
+        ("max_iterations = 300", "max_iterations = 301"),
         ("density_kg_per_m3 = 2700", "density_kg_per_m3 = 2_700.0 # the same"),
     ] {
         assert_eq!(key(&changed(from, to)), key(BASE), "{to}");
@@ -40,7 +40,7 @@ fn what_is_prepared_changes_the_key() {
         ("0.70, 0.45]", "0.71, 0.45]"),
         ("= 0.28", "= 0.281"),
         ("[8, 40]", "[8, 39]"),
-        ("share = 0.7 }, { size_m = 0.05", "share = 0.7 }, { size_m = 0.051"),
+        ("number_fraction = 0.7 }, { size_m = 0.05", "number_fraction = 0.7 }, { size_m = 0.051"),
         ("step_s = 1e-3", "step_s = 9e-4"),
         ("[sleepers]", "[sleepers]\nfirst_x_m = 0.301"),
         ("0.40, 0.15]", "0.41, 0.15]"),

@@ -13,11 +13,11 @@ pub const BASE: &str = r#"name = "base"
 
 [bed]
 size_m = [0.60, 0.70, 0.45]
-ballast_depth_m = 0.28
+sleeper_underside_z_m = 0.28
 density_kg_per_m3 = 2700
 
 [bed.grains]
-classes = [{ size_m = 0.025, share = 0.7 }, { size_m = 0.05, share = 0.3 }]
+classes = [{ size_m = 0.025, number_fraction = 0.7 }, { size_m = 0.05, number_fraction = 0.3 }]
 vertices = [8, 40]
 
 [bed.preparation]
@@ -43,8 +43,8 @@ restitution = 0
 
 [solver]
 schedule = "synchronous"
-boxes = [2, 1, 1]
-iterations = 300
+partition = { method = "boxes", boxes = [2, 1, 1] }
+max_iterations = 300
 tolerance = 1.666e-4
 "#;
 

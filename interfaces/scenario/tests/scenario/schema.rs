@@ -50,13 +50,8 @@ fn every_key_is_required_or_has_a_default_or_says_what_its_absence_means() {
         for (key, inner) in value["properties"].as_object().into_iter().flatten() {
             let description = inner["description"].as_str().unwrap_or_default();
             let said = ["Absent", "Without", "Needed"].iter().any(|w| description.contains(w));
-            // `boxes`, `balanced`, `contacts_per_subdomain`: said for all three by the solver.
-            let partition = path == "/$defs/Solver";
             assert!(
-                required.contains(&key.as_str())
-                    || inner.get("default").is_some()
-                    || said
-                    || partition,
+                required.contains(&key.as_str()) || inner.get("default").is_some() || said,
                 "{path}/{key}: {inner}"
             );
         }
