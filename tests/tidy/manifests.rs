@@ -12,9 +12,17 @@ const CORE_MAY_USE: [&str; 7] =
 /// The packages that bring interfaces together: what people and programs see.
 const FACES: [&str; 2] = ["ballast-cli", "ballast-python"];
 
-/// What the faces share: beds are found by their case and kept as checkpoints.
-const BEDS: &str = "ballast-beds";
-const BEDS_MAY_USE: [&str; 2] = ["ballast-scenario", "ballast-hdf5"];
+/// The packages between the interfaces and the faces, each with the packages of this workspace that it may use.
+const SHARED: [(&str, &[&str]); 5] = [
+    ("ballast-beds", &["ballast-scenario", "ballast-hdf5"]),
+    (
+        "ballast-session",
+        &["ballast-scenario", "ballast-hdf5", "ballast-mcap", "ballast-zenoh", "ballast-beds"],
+    ),
+    ("ballast-report", &["ballast-hdf5", "ballast-session"]),
+    ("ballast-validation", &["ballast-scenario", "ballast-session", "ballast-report"]),
+    ("ballast-benches", &["ballast-scenario", "ballast-hdf5", "ballast-session"]),
+];
 
 /// The words that several interfaces speak: the one package that others of them may use.
 const WORDS: &str = "ballast-protocol";
@@ -51,7 +59,8 @@ fn interface_objections(manifest: &Table) -> Vec<String> {
     if FACES.contains(&package) {
         return vec![];
     }
-    let may_use = |d: &str| d == WORDS || (package == BEDS && BEDS_MAY_USE.contains(&d));
+    let shared = SHARED.iter().find(|(name, _)| *name == package);
+    let may_use = |d: &str| d == WORDS || shared.is_some_and(|(_, used)| used.contains(&d));
     ["dependencies", "dev-dependencies", "build-dependencies"]
         .iter()
         .flat_map(|kind| dependencies(manifest, kind))
@@ -69,9 +78,11 @@ fn a_wrong_dependency_is_found() {
     let a = "[package]\nname = 'ballast-a'\n[dependencies]\nballast = '0'\nballast-b = '0'";
     assert_eq!(interface_objections(&parse(a)).len(), 1);
     assert!(interface_objections(&parse(&a.replace("ballast-a", FACES[0]))).is_empty());
-    assert_eq!(interface_objections(&parse(&a.replace("ballast-a", BEDS))).len(), 1);
-    let beds = a.replace("ballast-b", BEDS_MAY_USE[0]).replace("ballast-a", BEDS);
-    assert!(interface_objections(&parse(&beds)).is_empty());
+    for (package, used) in SHARED {
+        assert_eq!(interface_objections(&parse(&a.replace("ballast-a", package))).len(), 1);
+        let allowed = a.replace("ballast-b", used[0]).replace("ballast-a", package);
+        assert!(interface_objections(&parse(&allowed)).is_empty());
+    }
     assert!(interface_objections(&parse(&a.replace("ballast-b", WORDS))).is_empty());
 }
 

@@ -1,13 +1,13 @@
 //! The command line.
 
-use ballast::model::Schedule;
+pub use ballast_benches::args::{Beds, Overrides, jobs, one_or_more, threads};
+
 use ballast::nlgs::solution::Method;
 use ballast::track::TampingPhase;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
-use std::str::FromStr;
 
 /// Grain-scale simulation of railway ballast tamping by non-smooth contact dynamics.
 #[derive(Debug, Parser)]
@@ -24,27 +24,6 @@ pub struct Cli {
     /// Worker threads; by default one per processor
     #[arg(long, global = true, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
-}
-
-/// A number of threads that can be started: thousands that wait for each other are as good as a hang.
-pub fn threads(text: &str) -> Result<NonZeroUsize, String> {
-    few(text, "threads")
-}
-
-/// A number of runs at a time, each of which a thread waits for.
-fn jobs(text: &str) -> Result<NonZeroUsize, String> {
-    few(text, "runs at a time")
-}
-
-fn few(text: &str, what: &str) -> Result<NonZeroUsize, String> {
-    let most = ballast::step::MOST_THREADS;
-    let found = text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= most);
-    found.ok_or_else(|| format!("expected 1 to {most} {what}"))
-}
-
-/// A number that nothing can be without.
-pub fn one_or_more<N: FromStr>(text: &str) -> Result<N, String> {
-    text.parse().map_err(|_| format!("expected a whole number, 1 to {}", u32::MAX))
 }
 
 /// A state's hash, as it is printed.
@@ -109,27 +88,8 @@ pub enum Command {
     /// Measure what the program costs: kernel, detection, steps, threads, subdomains
     Bench {
         #[command(subcommand)]
-        what: crate::bench::args::Bench,
+        what: ballast_benches::args::Bench,
     },
-}
-
-/// What overrides the case file; runs that differ in these are different runs.
-#[derive(Debug, Args)]
-pub struct Overrides {
-    /// Order of the sweeps, instead of the case's
-    #[arg(long)]
-    pub schedule: Option<ScheduleName>,
-    /// Seed of the bed, instead of the case's: another bed of the same kind
-    #[arg(long)]
-    pub seed: Option<u64>,
-}
-
-/// Where prepared beds are kept.
-#[derive(Debug, Args)]
-pub struct Beds {
-    /// Folder of prepared beds, one file per bed, found again by content
-    #[arg(long, value_name = "DIR", default_value = "runs/beds")]
-    pub beds: PathBuf,
 }
 
 #[derive(Debug, Args)]
@@ -355,11 +315,11 @@ pub struct Solve {
     #[arg(long, value_name = "OUT")]
     pub write_solution: Option<PathBuf>,
     /// Write the table as CSV
-    #[arg(long, value_name = "OUT", value_parser = crate::files::table)]
+    #[arg(long, value_name = "OUT", value_parser = ballast_session::files::table)]
     pub csv: Option<PathBuf>,
     /// Write the performance profile of the methods, as curves (.html) or CSV: the share of problems that
     /// each solves within a factor of the time of the fastest
-    #[arg(long, value_name = "OUT", value_parser = crate::files::table_or_page)]
+    #[arg(long, value_name = "OUT", value_parser = ballast_session::files::table_or_page)]
     pub profile: Option<PathBuf>,
 }
 
@@ -390,27 +350,6 @@ impl From<MethodName> for Method {
             MethodName::Nlgs => Method::Nlgs,
             MethodName::Anderson => Method::Anderson,
             MethodName::Newton => Method::Newton,
-        }
-    }
-}
-
-/// The schedules by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ScheduleName {
-    /// One set of contacts, no decomposition
-    Sequential,
-    /// Subdomains in parallel, then the interface: same bytes for any number of threads
-    Synchronous,
-    /// Interface beside the subdomains, newest values, in no order: bytes may differ
-    Asynchronous,
-}
-
-impl From<ScheduleName> for Schedule {
-    fn from(name: ScheduleName) -> Self {
-        match name {
-            ScheduleName::Sequential => Schedule::Sequential,
-            ScheduleName::Synchronous => Schedule::Synchronous,
-            ScheduleName::Asynchronous => Schedule::Asynchronous,
         }
     }
 }

@@ -9,14 +9,14 @@ use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
 use ballast::component::{Component, Refusal, Stop, Watch, Window};
-use ballast::drive::{Inputs, SpeedLimit};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::step::{Phase, StepReport, Stopwatch, step};
+use ballast::step::{Phase, StepReport, Stopwatch};
 use ballast::track::{TampingCycle, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_mcap::verify::Keeper as _;
+use ballast_session::machine::Machine;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -216,38 +216,6 @@ fn check_new(component: &Component, playback: &mut Playback, t1_ns: u64) -> Resu
 fn next_step(component: &Component) -> [u64; 2] {
     let t0_ns = component.now_ns();
     [t0_ns, t0_ns.saturating_add(component.model().stepping.step_ns)]
-}
-
-/// The machine of a case.
-pub struct Machine {
-    pub cycle: TampingCycle,
-    speed_limit: SpeedLimit,
-}
-
-impl Machine {
-    /// The machine that moves the bodies of `model`.
-    pub fn new(cycle: TampingCycle, model: &Model) -> Self {
-        Self { cycle, speed_limit: SpeedLimit::of(model) }
-    }
-
-    /// A step with the bodies where the machine wants them, and where that was `[nd]`.
-    pub fn step(
-        &self,
-        model: &Model,
-        state: &mut State,
-        workspace: &mut Workspace,
-        watch: &mut Profile,
-    ) -> Outcome<(StepReport, Vec<Pose>)> {
-        let mut targets = Vec::new();
-        self.cycle.targets(model, state, &mut targets);
-        let inputs =
-            Inputs { speed_limit: Some(&self.speed_limit), ..Inputs::from_targets(&targets) };
-        let report = step(model, state, &inputs, workspace, watch)?;
-        let mut memory = std::mem::take(&mut state.drive);
-        self.cycle.observe(model, &report, state, &mut memory);
-        state.drive = memory;
-        Ok((report, targets))
-    }
 }
 
 /// Where each driven body, or its mount, was told to be `[nd]`.

@@ -4,42 +4,31 @@
 
 mod args;
 mod aside;
-mod beds;
-mod bench;
-mod case;
 mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
 mod coupling;
 mod dump;
 mod engine;
-mod exit;
-mod files;
+mod exit {
+    pub use ballast_session::{Failure, Outcome};
+}
 mod interrupt;
-mod lock;
 mod memory;
 mod playback;
-mod plot;
-mod profile;
 mod progress;
-mod record;
-mod recorder;
-mod report;
 mod room;
 mod session;
 mod start;
-mod statistics;
-mod summary;
-mod summary_text;
-mod table;
 mod taping;
-mod threads;
-mod validate;
 
 use args::{Cli, Command};
+use ballast_session::{Failure, Outcome};
+use ballast_session::{
+    beds, case, files, lock, machine, profile, recorder, summary_text, table, threads,
+};
 use clap::Parser;
 use console::Console;
-use exit::{Failure, Outcome};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -2,6 +2,8 @@
 //! hundredth; at least one in half a minute.
 
 use crate::console::Console;
+use ballast_session::table::duration;
+pub use ballast_session::{ProgressLabel as Mark, ProgressMeter};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -10,14 +12,6 @@ use std::time::{Duration, Instant};
 const PARTS: u64 = 1000;
 /// Longest time without a word where there is no bar.
 const SILENCE: Duration = Duration::from_secs(30);
-
-/// Where the work stands, in its own words.
-pub trait Mark {
-    /// One line, without the share of the whole.
-    fn text(&self) -> String;
-    /// The same as the fields of an event.
-    fn fields(&self) -> Value;
-}
 
 /// Tells people and programs how far a piece of work is.
 #[derive(Debug)]
@@ -108,6 +102,20 @@ impl Drop for Progress {
     }
 }
 
+impl ProgressMeter for Progress {
+    fn advance(&mut self, fraction: f64, label: &dyn Mark) {
+        Progress::advance(self, fraction, label);
+    }
+
+    fn elapsed(&self) -> Duration {
+        Progress::elapsed(self)
+    }
+
+    fn finish(&self) {
+        Progress::finish(self);
+    }
+}
+
 fn whole(share: f64, parts: u64) -> u64 {
     // A share that should be exactly k/parts may be a rounding error below it.
     (share.clamp(0.0, 1.0) * parts as f64 + 1e-9) as u64
@@ -117,29 +125,9 @@ fn left_text(left: Option<Duration>) -> String {
     left.map_or("time left unknown".into(), |left| format!("{} left", duration(left)))
 }
 
-/// A duration for people: `0.8 s`, `42 s`, `3 min 20 s`, `2 h 05 min`.
-pub fn duration(time: Duration) -> String {
-    let seconds = time.as_secs();
-    match seconds {
-        0..10 => format!("{:.1} s", time.as_secs_f64()),
-        10..60 => format!("{seconds} s"),
-        60..3600 => format!("{} min {:02} s", seconds / 60, seconds % 60),
-        _ => format!("{} h {:02} min", seconds / 3600, seconds / 60 % 60),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn durations_are_read_by_people() {
-        let text = |s: f64| duration(Duration::from_secs_f64(s));
-        assert_eq!(text(0.84), "0.8 s");
-        assert_eq!(text(42.9), "42 s");
-        assert_eq!(text(200.0), "3 min 20 s");
-        assert_eq!(text(7500.0), "2 h 05 min");
-    }
 
     #[test]
     fn tenths_are_not_missed_by_rounding() {

@@ -20,12 +20,10 @@ use crate::summary_text;
 use crate::table::on_threads;
 use crate::taping::{self, Taping};
 use ballast::component;
-use ballast::model::Model;
-use ballast::state::State;
 use ballast::step::StepReport;
-use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_session::machine;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -78,10 +76,10 @@ impl Session {
         // Again: up to here another process may have gone on with it.
         let kept = resumable(path)?;
         let choices = Choices::from_notes(&kept.extra)?;
-        let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
+        let case = case::parse(kept.case_text, &kept.case_name, &choices, &console)?;
         let (model, state) = (kept.model, kept.state);
         expect_ahead(last, state.step)?;
-        let cycle = cycle(&case, &model, &state)?;
+        let cycle = machine::cycle(&case, &model, &state)?;
         let recorder = Recorder::reopen(&files, &case, &model, &state)?;
         let engine = Engine::machine(model, state, cycle);
         Ok(Self::assemble(case, engine, files, recorder, None, console))
@@ -410,13 +408,6 @@ pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
         ))),
         _ => Ok(()),
     }
-}
-
-/// The case's cycle, and whether the state belongs to it.
-pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
-    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
-    cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;
-    Ok(cycle)
 }
 
 /// Where a run stands.

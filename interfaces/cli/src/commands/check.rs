@@ -10,7 +10,7 @@ use ballast::track::plan::{Plan, TampingPlan};
 use serde_json::json;
 
 pub fn check(args: Check, console: Console) -> Outcome {
-    let case = case::load(&args.case, &Choices::default(), console)?;
+    let case = case::load(&args.case, &Choices::default(), &console)?;
     console.result(&text(&case.plan));
     let run = &case.plan.run;
     console.event(

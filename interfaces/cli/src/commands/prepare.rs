@@ -9,6 +9,6 @@ use crate::{beds, interrupt};
 pub fn prepare(args: Prepare, console: Console) -> Outcome {
     interrupt::install()?;
     let choices = Choices { seed: args.seed, ..Choices::default() };
-    let case = case::load(&args.case, &choices, console)?;
-    beds::prepare(&case, &args.beds.beds, args.force, console)
+    let case = case::load(&args.case, &choices, &console)?;
+    beds::prepare(&case, &args.beds.beds, args.force, &console)
 }

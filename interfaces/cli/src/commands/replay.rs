@@ -8,7 +8,7 @@ use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, expect_apart};
 use crate::playback::Playback;
 use crate::session::{self, Session};
-use crate::{beds, interrupt, room, start};
+use crate::{beds, interrupt, machine, room, start};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::track::TampingCycle;
@@ -33,9 +33,9 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
     }
     let choices = Choices::from(&args.overrides);
     let case = match (&windows, &posed, args.case.as_deref()) {
-        (Some(windows), _, given) => case::recorded(windows, given, choices, console)?,
-        (None, _, Some(given)) => case::load(given, &choices, console)?,
-        (None, Some(posed), None) => case::recorded(posed, None, choices, console)?,
+        (Some(windows), _, given) => case::recorded(windows, given, choices, &console)?,
+        (None, _, Some(given)) => case::load(given, &choices, &console)?,
+        (None, Some(posed), None) => case::recorded(posed, None, choices, &console)?,
         (None, None, None) => {
             let text = "--case: expected the case whose bodies the poses move, found none";
             return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
@@ -55,9 +55,9 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         Some(windows) => Source::Windows(Box::new(windows)),
         None => Source::Poses(poses(&args, &case, posed.is_some(), console)?),
     };
-    let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
+    let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
     // Of the case's own beginning, wherever the recording begins.
-    let cycle = session::cycle(&case, &model, &state)?;
+    let cycle = machine::cycle(&case, &model, &state)?;
     let (model, state, playback) = match source {
         Source::Windows(windows) => {
             let (model, state) = start::of(&windows, &case, model, state)?;
@@ -149,7 +149,7 @@ fn poses(args: &Replay, case: &Case, of_ours: bool, console: Console) -> Outcome
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
     let playback = Playback::of_motion(&args.file, motion.clone(), args.rebase);
-    let cycle = session::cycle(case, &model, &state)?;
+    let cycle = machine::cycle(case, &model, &state)?;
     moved(args, case, (model, state), cycle, playback)?;
     Ok(motion)
 }

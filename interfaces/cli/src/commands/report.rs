@@ -3,17 +3,16 @@
 use crate::args::Report;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::files::{begins_with, may_replace, replace_text};
-use crate::plot::BEGINNING;
-use crate::report::{self, Source};
+use crate::files::{PAGE_START, begins_with, may_replace, replace_text};
+use ballast_report::{self as report, Source};
 use serde_json::json;
 
 pub fn report(args: Report, console: Console) -> Outcome {
     let files = report::of_run(&args.run)?;
     let path = args.out.unwrap_or_else(|| files.report());
-    may_replace(&path, "a page", || begins_with(&path, BEGINNING.as_bytes()))
+    may_replace(&path, "a page", || begins_with(&path, PAGE_START.as_bytes()))
         .map_err(|e| Failure::at(&path, e))?;
-    let source = Source::open(&files, console).map_err(|e| files.unread(e))?;
+    let source = Source::open(&files, &console).map_err(|e| files.unread(e))?;
     let html = report::page(&source)?.html();
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));

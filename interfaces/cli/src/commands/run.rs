@@ -7,13 +7,13 @@ use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::Outcome;
 use crate::files::RunFiles;
-use crate::session::{self, Session};
-use crate::{beds, interrupt};
+use crate::session::Session;
+use crate::{beds, interrupt, machine};
 use std::path::Path;
 
 pub fn run(args: Run, console: Console) -> Outcome {
     interrupt::install()?;
-    let case = case::load(&args.case, &Choices::from(&args.overrides), console)?;
+    let case = case::load(&args.case, &Choices::from(&args.overrides), &console)?;
     let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
     let files = RunFiles::begun_in(folder)?;
     if !args.force {
@@ -25,8 +25,8 @@ pub fn run(args: Run, console: Console) -> Outcome {
     let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
     let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
     let dump = dump.transpose()?;
-    let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
-    let cycle = session::cycle(&case, &model, &state)?;
+    let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
+    let cycle = machine::cycle(&case, &model, &state)?;
     // Rather than when the first checkpoint is written.
     model.check().map_err(|e| case::invalid(&case, e))?;
     let engine = Engine::machine(model, state, cycle);

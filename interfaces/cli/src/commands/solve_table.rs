@@ -1,8 +1,8 @@
 //! What solving problems gave, as text and tables.
 
-use crate::plot::{Chart, Mark, Page};
 use crate::table::{Table, figure};
 use ballast::nlgs::solution::Solution;
+use ballast_report::plot::{Chart, Mark, Page};
 use serde_json::{Value, json};
 use std::fmt::Write;
 

@@ -147,7 +147,7 @@ impl Place {
         let mut keys = BTreeSet::new();
         let mut first_of_bed = Vec::new();
         for number in &open {
-            let case = case::load(&self.case(*number), &Choices::default(), console)?;
+            let case = case::load(&self.case(*number), &Choices::default(), &console)?;
             if keys.insert(case.bed_key()) {
                 first_of_bed.push(*number);
             }

@@ -5,7 +5,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{create_folder, replace_text, writable};
 use crate::interrupt;
-use crate::validate::{self, Size, Verdict};
+use ballast_validation::{self as validate, Size, Verdict};
 use serde_json::json;
 
 pub fn validate(args: Validate, console: Console) -> Outcome {
@@ -16,7 +16,7 @@ pub fn validate(args: Validate, console: Console) -> Outcome {
     create_folder(&args.out)?;
     let (page, data) = (args.out.join("validation.html"), args.out.join("validation.json"));
     [&page, &data].into_iter().try_for_each(|file| writable(file))?;
-    let report = validate::checks(size, &args.only, beds, samples, console, |report| {
+    let report = validate::checks(size, &args.only, beds, samples, &console, |report| {
         replace_text(&page, &report.page().html())?;
         replace_text(&data, &format!("{:#}\n", report.json()))
     })?;

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::progress::{Mark, Progress};
-use crate::{beds, interrupt, session, start};
+use crate::{beds, interrupt, machine, start};
 use ballast::model::Schedule;
 use ballast::track;
 use ballast_mcap::recording::Windows;
@@ -24,9 +24,9 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
                     sequential and the synchronous schedule can be verified";
         return Err(Failure::at(&args.file, what));
     }
-    let case = case::recorded(&windows, args.case.as_deref(), Choices::default(), console)?;
-    let (model, state) = beds::scene(&case, &args.beds.beds, console)?;
-    let cycle = session::cycle(&case, &model, &state)?;
+    let case = case::recorded(&windows, args.case.as_deref(), Choices::default(), &console)?;
+    let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
+    let cycle = machine::cycle(&case, &model, &state)?;
     let (model, state) = start::of(&windows, &case, model, state)?;
     let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
     let mut component = case::component(&case, Arc::new(model), state)?;

@@ -94,11 +94,11 @@ fn writable(folder: &Path) -> Result<String, String> {
 
 /// Whether the case can be read, and its bed is there.
 fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, String> {
-    let case = case::load(path, &Choices::default(), console).map_err(|e| e.to_string())?;
+    let case = case::load(path, &Choices::default(), &console).map_err(|e| e.to_string())?;
     if !ballast_beds::Beds::in_folder(beds).path(&case.plan).exists() {
         return Ok(format!("{}: its bed will be prepared first", case.plan.name));
     }
-    let (model, state) = crate::beds::scene(&case, beds, console).map_err(|e| e.to_string())?;
+    let (model, state) = crate::beds::scene(&case, beds, &console).map_err(|e| e.to_string())?;
     let (grains, bodies) = (model.grains.len(), model.driven.len());
     case::component(&case, Arc::new(model), state).map_err(|e| e.to_string())?;
     Ok(format!("{}: {grains} grains, {bodies} driven bodies, bed prepared", case.plan.name))

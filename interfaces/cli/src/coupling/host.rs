@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 /// A case as it is served: stepped, and its zones measured.
 pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> {
-    let (model, state) = beds::scene(case, beds, console)?;
+    let (model, state) = beds::scene(case, beds, &console)?;
     Ok(case::component(case, Arc::new(model), state)?.with_zones(track::zones(&case.plan)))
 }
 
@@ -80,7 +80,7 @@ impl Keeper {
             .map_err(|e| Failure::Usage(e.to_string()))?;
         let choices = asked.or(self.choices);
         let (text, name) = (self.case.text.clone(), &self.case.plan.name);
-        let case = case::parse(text, name, &choices, self.console)?;
+        let case = case::parse(text, name, &choices, &self.console)?;
         let component = served(&case, &self.beds, self.console)?;
         Ok((case, component))
     }

@@ -23,7 +23,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let link = args.endpoints.to_listen();
     link.listens_on()?;
     let given = Choices::from(&args.overrides);
-    let mut case = case::load(&args.case, &given, console)?;
+    let mut case = case::load(&args.case, &given, &console)?;
     let folder = format!("{}-serve", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
     let files = RunFiles::begun_in(folder)?;

@@ -1,0 +1,97 @@
+//! What a measurement was made on, and what else the machine did meanwhile.
+
+use ballast::lanes::InstructionSet;
+use ballast_session::files::typed;
+use ballast_session::profile::cpu_time;
+use std::ffi::OsString;
+use std::time::{Duration, Instant};
+
+/// Ticks per second of the kernel's account of processor time.
+const TICKS: f64 = 100.0;
+
+/// The machine, watched since it was described.
+pub struct Machine {
+    began: Instant,
+    own: Duration,
+    busy: Option<f64>,
+}
+
+impl Machine {
+    pub fn watch() -> Self {
+        Self { began: Instant::now(), own: cpu_time(), busy: busy() }
+    }
+
+    /// Pairs of a word and what it is.
+    pub fn lines(&self) -> Vec<(String, String)> {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let instructions: Vec<&str> =
+            InstructionSet::available().into_iter().map(InstructionSet::name).collect();
+        let compiled = if cfg!(debug_assertions) { "dev" } else { "release" };
+        let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
+        let mut lines = vec![
+            ("command", command(std::env::args_os().skip(1))),
+            ("processor", processor()),
+            ("caches of a core", caches()),
+            ("cores", cores.to_string()),
+            ("instructions", format!("{} of {}", instructions[0], instructions.join(", "))),
+            ("threads", rayon::current_num_threads().to_string()),
+            ("compiler profile", compiled.to_string()),
+            ("system", format!("{os} on {arch}")),
+            ("version", env!("CARGO_PKG_VERSION").to_string()),
+        ];
+        if let Some(others) = self.others() {
+            lines.push(("other programs", format!("{others:.2} cores busy in the mean meanwhile")));
+        }
+        lines.into_iter().map(|(word, text)| (word.to_string(), text)).collect()
+    }
+
+    /// Cores that other programs kept busy in the mean since the watch began.
+    pub fn others(&self) -> Option<f64> {
+        let wall = self.began.elapsed().as_secs_f64();
+        let own = cpu_time().saturating_sub(self.own).as_secs_f64();
+        let all = busy()? - self.busy?;
+        (wall > 0.0).then(|| ((all - own) / wall).max(0.0))
+    }
+}
+
+/// What was called, as it is typed; the program by its name.
+fn command(arguments: impl Iterator<Item = OsString>) -> String {
+    let words = std::iter::once("ballast".to_string()).chain(arguments.map(typed));
+    words.collect::<Vec<_>>().join(" ")
+}
+
+fn read(path: &str) -> Option<String> {
+    Some(std::fs::read_to_string(path).ok()?.trim().to_string())
+}
+
+fn processor() -> String {
+    let name = read("/proc/cpuinfo").and_then(|text| {
+        let line = text.lines().find(|line| line.starts_with("model name"))?;
+        Some(line.split_once(':')?.1.trim().to_string())
+    });
+    name.unwrap_or_else(|| "not told by the system".into())
+}
+
+fn caches() -> String {
+    let cache = |i: usize| {
+        let of = |what: &str| read(&format!("/sys/devices/system/cpu/cpu0/cache/index{i}/{what}"));
+        let kind = match of("type")?.as_str() {
+            "Data" => "d",
+            "Instruction" => "i",
+            _ => "",
+        };
+        Some(format!("L{}{kind} {}", of("level")?, of("size")?))
+    };
+    let all: Vec<String> = (0..8).map_while(cache).collect();
+    if all.is_empty() { "not told by the system".into() } else { all.join(", ") }
+}
+
+/// Seconds that all processors have been busy since the machine started.
+fn busy() -> Option<f64> {
+    let text = read("/proc/stat")?;
+    let ticks: Vec<f64> = (text.lines().next()?.split_whitespace().skip(1))
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    // user, nice, system, idle, waiting, interrupts, soft interrupts
+    (ticks.len() >= 7).then(|| (ticks[0] + ticks[1] + ticks[2] + ticks[5] + ticks[6]) / TICKS)
+}

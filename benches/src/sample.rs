@@ -1,0 +1,211 @@
+//! `ballast bench sample FILE`: times a scene that any program of the field can run.
+//!
+//! Measures the step itself: reading and writing files is outside the clocks.
+
+use super::args::BenchSample;
+use super::machine::Machine;
+use super::rule::is_tolerance;
+use super::sheet::{Cell, Sheet};
+use super::trial::DETECTION;
+use ballast::drive::Inputs;
+use ballast::model::{Model, PartitionRule};
+use ballast::observe::{lost_grains, mean_speed};
+use ballast::state::State;
+use ballast::step::{Phase, StepReport, step};
+use ballast::workspace::Workspace;
+use ballast_scenario::sample::{self, Sample};
+use ballast_session::Reporter;
+use ballast_session::files::{expect_apart, read_sample, replace_text};
+use ballast_session::profile::{Profile, Spent};
+use ballast_session::statistics::Statistics;
+use ballast_session::{Failure, Outcome};
+use serde_json::{Value, json};
+
+/// Columns of the table, and where the JSON line has what stands in them.
+const FIGURES: [(&str, &str); 20] = [
+    ("sample", "/sample"),
+    ("grains", "/grains"),
+    ("steps", "/steps"),
+    ("alert_m", "/alert_m"),
+    ("threads", "/threads"),
+    ("schedule", "/schedule"),
+    ("subdomains", "/subdomains"),
+    ("contacts", "/contacts/mean"),
+    ("active_contacts", "/active_contacts/mean"),
+    ("iterations", "/sweeps/mean"),
+    ("visits", "/visits"),
+    ("residual_qm16", "/residual_qm16/mean"),
+    ("steps_not_converged", "/steps_not_converged"),
+    ("detection_cpu_us_per_grain_step", "/detection_us_per_grain_step/cpu"),
+    ("cpu_ns_per_visit", "/ns_per_visit/cpu"),
+    ("wall_ms_per_step", "/ms_per_step/wall"),
+    ("cpu_ms_per_step", "/ms_per_step/cpu"),
+    ("mean_penetration_m", "/penetration_m/mean_end"),
+    ("max_penetration_m", "/penetration_m/max_end"),
+    ("state_hash", "/state_hash"),
+];
+const COLUMNS: [&str; FIGURES.len()] = {
+    let mut names = [""; FIGURES.len()];
+    let mut k = 0;
+    while k < names.len() {
+        names[k] = FIGURES[k].0;
+        k += 1;
+    }
+    names
+};
+
+pub fn sample(args: BenchSample, console: &dyn Reporter) -> Outcome {
+    let (csv, save) = (args.csv.csv.as_deref(), args.save.as_deref());
+    expect_apart(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
+    let machine = Machine::watch();
+    let mut sample = read_sample(&args.file)?;
+    choose(&args, &mut sample)?;
+    let steps = args.steps.unwrap_or(sample.steps);
+    let mut trial = Trial::default();
+    let mut profile = Profile::start();
+    run(&mut sample, steps, &mut trial, &mut profile)?;
+    let mut figures = figures(&sample, steps, &trial, &profile);
+    figures["sample"] = json!(args.file.display().to_string());
+    console.line(&figures.to_string());
+    if let Some(path) = csv {
+        let mut sheet = Sheet::new(&COLUMNS);
+        let of = |(_, place)| figures.pointer(place).map_or(Cell::Nothing, Cell::from);
+        sheet.row(FIGURES.map(of).into());
+        sheet.keep(&machine, path)?;
+    }
+    if let Some(path) = save {
+        let text = sample::write(&sample.model, &sample.state, sample.steps, &sample.meta);
+        replace_text(path, &text)?;
+    }
+    Ok(())
+}
+
+/// Puts the command line's choices in the place of the sample's.
+fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
+    args.alert.choose(&mut sample.model.stepping)?;
+    let solver = &mut sample.model.solver;
+    solver.schedule = args.schedule.into();
+    if let Some(iterations) = args.iterations {
+        solver.max_iterations = iterations.get();
+        solver.tolerance = None;
+    }
+    if let Some(tolerance) = args.tolerance {
+        is_tolerance(tolerance)?;
+        // A sample of fixed sweeps gives no cap for this.
+        if solver.tolerance.is_none() {
+            solver.max_iterations = 10_000;
+        }
+        solver.tolerance = Some(tolerance);
+    }
+    if let Some(subdomains) = args.subdomains {
+        let (rule, most) =
+            (PartitionRule::Balanced(subdomains.get()), PartitionRule::MAX_SUBDOMAINS);
+        if rule.requested_subdomains() > most {
+            let text = format!("--subdomains: expected 1 to {most}, found {subdomains}");
+            return Err(Failure::Usage(text));
+        }
+        solver.partition = rule;
+    }
+    Ok(())
+}
+
+/// What the steps told.
+#[derive(Default)]
+struct Trial {
+    contacts: Statistics,
+    active: Statistics,
+    iterations: Statistics,
+    residual: Statistics,
+    visits: u64,
+    not_converged: u64,
+    guarded: u64,
+    repeated: u64,
+    first: Option<StepReport>,
+    last: StepReport,
+}
+
+impl Trial {
+    fn take(&mut self, report: StepReport) {
+        self.contacts.take(report.contacts as f64);
+        self.active.take(report.active_contacts as f64);
+        self.iterations.take(f64::from(report.iterations));
+        self.residual.take(report.residuals.qm16());
+        self.visits += report.visits;
+        self.not_converged += u64::from(!report.converged);
+        self.guarded += u64::from(report.guarded);
+        self.repeated += u64::from(report.attempts > 1);
+        self.first.get_or_insert_with(|| report.clone());
+        self.last = report;
+    }
+}
+
+fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile) -> Outcome {
+    let Sample { model, state, .. } = sample;
+    let still = state.driven_poses(model);
+    let mut workspace = Workspace::default();
+    for _ in 0..steps {
+        profile.output();
+        let inputs = Inputs::from_targets(&still);
+        let report = step(model, state, &inputs, &mut workspace, profile)?;
+        trial.take(report);
+    }
+    Ok(())
+}
+
+fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Value {
+    let Sample { model, state, .. } = sample;
+    let grains = model.grains.len();
+    let spent = profile.steps();
+    let detection = DETECTION.map(|phase| profile.of(phase)).into_iter().sum();
+    let grain_steps = grains as f64 * steps as f64;
+    let start = trial.first.as_ref();
+    json!({
+        "grains": grains,
+        "steps": steps,
+        "alert_m": model.stepping.detection_distance,
+        "threads": rayon::current_num_threads(),
+        "schedule": format!("{:?}", model.solver.schedule).to_lowercase(),
+        "subdomains": trial.last.subdomains,
+        "interface_contacts": trial.last.interface_contacts,
+        "contacts": trial.contacts.json(),
+        "active_contacts": trial.active.json(),
+        "sweeps": trial.iterations.json(),
+        "visits": trial.visits,
+        "residual_qm16": trial.residual.json(),
+        "last_residuals": {
+            "quad": trial.last.residuals.quad, "max16": trial.last.residuals.max16,
+            "weighted": trial.last.residuals.weighted,
+            "natural_map": trial.last.residuals.natural_map,
+        },
+        // Without a tolerance no step is to converge.
+        "steps_not_converged": model.solver.tolerance.map(|_| trial.not_converged),
+        "steps_guarded": trial.guarded,
+        "steps_repeated": trial.repeated,
+        "phases": profile.json(),
+        "detection_us_per_grain_step": per(detection, 1e6, grain_steps),
+        "ns_per_visit": per(profile.of(Phase::Solve), 1e9, trial.visits as f64),
+        "ms_per_step": per(spent, 1e3, steps as f64),
+        "penetration_m": {
+            "max_start": start.map(|r| r.max_penetration),
+            "mean_start": start.map(|r| r.mean_penetration),
+            "max_end": trial.last.max_penetration, "mean_end": trial.last.mean_penetration,
+        },
+        "mean_speed_m_per_s": mean_speed(model, state),
+        "kinetic_energy_j": state.energy.kinetic,
+        "height_of_mass_m": height_of_mass(model, state),
+        "grains_lost": lost_grains(model, state),
+        "state_hash": format!("{:032x}", ballast_hdf5::state_hash(model, state)),
+    })
+}
+
+/// Time in units of `1 / scale` s for each of `count`.
+fn per(spent: Spent, scale: f64, count: f64) -> Value {
+    let each = |seconds: f64| if count > 0.0 { scale * seconds / count } else { 0.0 };
+    json!({ "wall": each(spent.wall.as_secs_f64()), "cpu": each(spent.cpu.as_secs_f64()) })
+}
+
+fn height_of_mass(model: &Model, state: &State) -> f64 {
+    let mass: f64 = model.grains.mass.iter().sum();
+    let moment: f64 = model.grains.mass.iter().zip(&state.position).map(|(m, p)| m * p.z).sum();
+    if mass > 0.0 { moment / mass } else { 0.0 }
+}

@@ -1,0 +1,12 @@
+//! Charts, pages, and the report of a run.
+
+mod charts;
+mod maps;
+pub mod plot;
+mod run_page;
+mod section;
+mod source;
+mod squeezes;
+
+pub use run_page::page;
+pub use source::{Source, of_run};

@@ -1,0 +1,355 @@
+//! The report of a run: one page for an engineer, from the files that the run left.
+//!
+//! Reads: results, checkpoint and summary of a run. Writes: a page. Contract: the page is a function of these
+//! files; everything in it was measured by the run or is measured here on its states.
+
+use crate::charts;
+use crate::maps::Grid;
+use crate::plot::{Chart, Legend, Mark, Page};
+use crate::section::Section;
+use crate::source::Source;
+use crate::squeezes::squeezes;
+use ballast::math::{Pose, Vec3};
+use ballast::model::{PartitionRule, Role, Solver};
+use ballast::observe::{SqueezeOutcome, TOUCH};
+use ballast::track::TampingPhase;
+use ballast_session::Outcome;
+use ballast_session::record::Column;
+use ballast_session::summary_text;
+use ballast_session::table::{Table, figure};
+
+/// The page of a run.
+pub fn page(source: &Source) -> Outcome<Page> {
+    let plan = &source.case.plan;
+    let followed = &source.summary.setting().followed;
+    let squeezes = squeezes(plan, &source.model, followed, &source.rows)?;
+    let mut page = Page::new(&format!("Tamping of {}", plan.name));
+    introduction(source, &mut page);
+    pictures(source, &mut page);
+    compactness(source, &mut page);
+    forces(source, &squeezes, &mut page);
+    quality(source, &mut page);
+    energy(source, &mut page);
+    profile(source, &mut page);
+    provenance(source, &mut page);
+    Ok(page)
+}
+
+fn period(source: &Source) -> usize {
+    source.summary.setting().period
+}
+
+fn introduction(source: &Source, page: &mut Page) {
+    let (summary, steps) = (&source.summary, source.case.steps());
+    let time = summary.last().map_or(0.0, |row| row.get(Column::Time));
+    page.text(&format!(
+        "{} grains, {} of {steps} steps of {} ms, {time:.4} s of simulated time.",
+        source.model.grains.len(),
+        summary.steps,
+        figure(1e3 * source.model.stepping.h(), 3)
+    ));
+    if summary.steps < steps {
+        let beyond = match source.beyond {
+            0 => String::new(),
+            steps => format!(
+                " {steps} more steps that it recorded are left out: they are computed again when it is resumed."
+            ),
+        };
+        page.text(&format!(
+            "This run has not come to its end: what follows goes to its last checkpoint, which is what \"end\" means here.{beyond}"
+        ));
+    }
+    let mut cards = Vec::new();
+    let zones = summary.setting().zones.iter().zip(&summary.compactness);
+    for (name, [before, after]) in zones.filter(|(name, _)| name.starts_with("under")) {
+        let note = format!("{before:.3} before, {}", summary_text::change(*before, *after));
+        cards.push([format!("compactness {name}"), format!("{after:.3}"), note]);
+    }
+    let tines = summary.setting().followed.iter().zip(&summary.bodies);
+    let peak = tines
+        .filter(|(f, _)| f.role == Role::Tine)
+        .filter_map(|(tine, figures)| Some((tine, figures.period_peak?)))
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        // Nothing has touched a tine yet.
+        .filter(|(_, force)| *force > 0.0);
+    if let Some((tine, force)) = peak {
+        let value = format!("{} kN", figure(1e-3 * force, 3));
+        cards.push(["largest tine force".into(), value, format!("{}, period mean", tine.name)]);
+    }
+    let percent =
+        |value: f64| format!("{} %", figure(100.0 * value / summary.setting().grain_size, 2));
+    let largest = format!("{} at most; aim 0.1 %, 5 %", percent(summary.max_penetration.max()));
+    cards.push(["mean penetration / d".into(), percent(summary.mean_penetration.mean()), largest]);
+    cards.push([
+        "steps not converged".into(),
+        summary.not_converged().map_or("-".into(), |n| format!("{n} of {}", summary.steps)),
+        source
+            .model
+            .solver
+            .tolerance
+            .map_or(summary_text::NO_TOLERANCE.into(), |t| format!("tolerance {t:e}")),
+    ]);
+    page.cards(&cards);
+}
+
+fn tolerance(solver: &Solver) -> String {
+    solver.tolerance.map_or("none: all iterations".into(), |t| {
+        format!("{t:e} ({})", charts::norm_name(solver.norm))
+    })
+}
+
+/// Where the plane of the pictures stands, m: through a tine, else a sleeper, else the middle.
+fn plane(source: &Source) -> f64 {
+    let plan = &source.case.plan;
+    let tine = plan.tines.first().map(|tine| tine.position[1]);
+    let sleeper = plan.sleepers.first().map(|sleeper| sleeper.centre[1]);
+    tine.or(sleeper).unwrap_or(0.5 * plan.bed.size.y)
+}
+
+/// How far each grain is from where it was in the first frame `[ng]`, mm.
+fn displacements(source: &Source, first: &[Pose]) -> Vec<f64> {
+    let last = &source.state.position[..source.model.grains.len()];
+    last.iter().zip(first).map(|(p, q)| 1e3 * (p - q.position).norm()).collect()
+}
+
+fn last_poses(source: &Source) -> Vec<Pose> {
+    (0..source.model.body_count()).map(|b| source.state.pose(b)).collect()
+}
+
+fn pictures(source: &Source, page: &mut Page) {
+    page.heading("The bed");
+    let Some(first) = source.frames.first() else {
+        page.note(
+            "The case asks for no frames (run.output_interval_s = 0): there is nothing to draw.",
+        );
+        return;
+    };
+    let values = displacements(source, &first.poses);
+    let mut sorted = values.clone();
+    sorted.sort_by(f64::total_cmp);
+    // One stone thrown out of the bed must not make all others look at rest.
+    let high = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(1.0).max(1e-3);
+    let legend =
+        Legend { low: 0.0, high, label: "displacement of the grain, start to end (mm)".into() };
+    let bed = &source.case.plan.bed;
+    let section = Section {
+        model: &source.model,
+        y: plane(source),
+        low: [0.0, 0.0],
+        high: [bed.size.x, picture_top(source)],
+        values: &values,
+        unit: "mm",
+        legend: &legend,
+    };
+    let mut drawings = vec![section.picture("Before", &first.poses)];
+    if let Some((title, frame)) = source.end_of(TampingPhase::Squeeze) {
+        drawings.push(section.picture(&title, &frame.poses));
+    }
+    drawings.push(section.picture("End", &last_poses(source)));
+    page.figures(&drawings);
+    page.note(&format!(
+        "Vertical section along the track at y = {} m through the true polyhedra; sleeper and tines as solids. Stones that \
+         seem to float are held by others beside the plane. A tenth of the grains moved farther than the last shade says.",
+        figure(section.y, 3)
+    ));
+}
+
+/// The picture ends a little above the fill and the sleepers.
+fn picture_top(source: &Source) -> f64 {
+    let plan = &source.case.plan;
+    let preparation = &plan.bed.preparation;
+    let blocks = plan.sleepers.iter().flat_map(|s| &s.blocks).map(|b| b.size.z);
+    let block = preparation.ballast_depth + blocks.fold(0.0, f64::max);
+    preparation.fill_level.max(block) + 2.5 * plan.bed.grains.mean_size()
+}
+
+fn compactness(source: &Source, page: &mut Page) {
+    page.heading("Compactness");
+    let bands = charts::phases(&source.rows);
+    if !source.summary.setting().zones.is_empty() {
+        page.figure(&charts::compactness(source, &bands).svg());
+    }
+    let plan = &source.case.plan;
+    let y = plan.sleepers.iter().find(|s| s.tamped).and_then(|s| {
+        let block = s.blocks.first()?;
+        let middle = s.centre[1] + block.offset_y;
+        Some([middle - 0.5 * block.size.y, middle + 0.5 * block.size.y])
+    });
+    let y = y.unwrap_or([0.0, plan.bed.size.y]);
+    let d = plan.bed.grains.mean_size();
+    let top = plan.bed.preparation.fill_level + d;
+    let grid = Grid::over(&plan.bed.size, top, y, 0.75 * d);
+    let legend = Legend { low: 0.1, high: 0.7, label: "compactness of the cell".into() };
+    let map = |title: &str, poses: &[Pose]| grid.map(title, &source.model, poses, &legend);
+    let mut drawings = Vec::new();
+    if let Some(first) = source.frames.first() {
+        drawings.push(map("Before", &first.poses));
+    }
+    for phase in [TampingPhase::Insertion, TampingPhase::Squeeze] {
+        if let Some((title, frame)) = source.end_of(phase) {
+            drawings.push(map(&title, &frame.poses));
+        }
+    }
+    drawings.push(map("End", &last_poses(source)));
+    page.figures(&drawings);
+    page.note(&format!(
+        "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} x {} mm hold few stones, so single \
+         cells scatter. Brown: filled by sleeper or tines, whose outlines are drawn; blank: no stone.",
+        figure(y[0], 3),
+        figure(y[1], 3),
+        figure(1e3 * grid.x[1], 2),
+        figure(1e3 * grid.z[1], 2)
+    ));
+    page.table(&summary_text::tables(&source.summary)[0]);
+    page.figure(&charts::coordination(source, &bands).svg());
+}
+
+fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
+    let bands = charts::phases(&source.rows);
+    let has = |role| source.summary.setting().followed.iter().any(|f| f.role == role);
+    if !has(Role::Tine) && !has(Role::Sleeper) {
+        return;
+    }
+    page.heading("Forces of the ballast on tines and sleepers");
+    if has(Role::Tine) {
+        page.figure(&charts::forces(source, Role::Tine, "Force on tines", &bands).svg());
+    }
+    if has(Role::Sleeper) {
+        page.figure(&charts::forces(source, Role::Sleeper, "Force on sleepers", &bands).svg());
+    }
+    page.note(&match charts::force_window(source) {
+        1 if period(source) == 1 => "Size of the force in each step.".into(),
+        1 => format!("Size of the force in each step: these are fewer than a vibration period has ({}).", period(source)),
+        steps => format!(
+            "Size of the mean force over a vibration period ({steps} steps). Single steps jump; their peaks are in the table."
+        ),
+    });
+    if !squeezes.is_empty() {
+        let mut chart = Chart::new(
+            "Force against closing, per pair of tines",
+            "closing of a side (mm)",
+            "force of a side (kN)",
+        );
+        for squeeze in squeezes {
+            let points = squeeze.record.loop_points.iter().map(|p| [1e3 * p[0], 1e-3 * p[1]]);
+            chart = chart.with(&squeeze.name, points.collect(), Mark::Points);
+        }
+        page.figure(&chart.svg());
+        page.table(&squeeze_table(squeezes));
+        page.note(&format!(
+            "One point per vibration period (28 ms without vibration), or per few of them: mean force of a side along x against how far it has \
+             closed in the mean. A squeeze is what is seen in the tines' motion: from where a pair is widest before it \
+             closes to where it opens again. Compaction energy is the area under the loop as far as it closes, both sides; \
+             work counts all directions and the vibration. Touched: since when the mean force of a side is above {TOUCH} N."
+        ));
+    }
+    for table in &summary_text::tables(&source.summary)[2..4] {
+        page.table(table);
+    }
+}
+
+fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
+    let header = [
+        "touched (s)",
+        "closing at touch (mm)",
+        "peak force (kN)",
+        "closing at peak (mm)",
+        "farthest closing (mm)",
+        "compaction energy (J)",
+        "work (J)",
+    ];
+    let mut table = Table::new("pair", header);
+    for SqueezeOutcome { name, record, .. } in squeezes {
+        let farthest = record.loop_points.iter().map(|point| point[0]).fold(0.0, f64::max);
+        let onset = record.onset_ns.map_or("never".into(), |t| format!("{:.3}", t as f64 * 1e-9));
+        table.row([
+            format!("{name}, squeeze {}", record.number),
+            onset,
+            figure(1e3 * record.onset_closing, 3),
+            figure(1e-3 * record.peak_force, 3),
+            figure(1e3 * record.peak_closing, 3),
+            figure(1e3 * farthest, 3),
+            figure(record.compaction_energy, 3),
+            figure(record.work, 3),
+        ]);
+    }
+    table
+}
+
+fn quality(source: &Source, page: &mut Page) {
+    page.heading("Quality of the solution");
+    let bands = charts::phases(&source.rows);
+    page.figure(&charts::penetration(source, &bands).svg());
+    page.figure(&charts::residual(source, &bands).svg());
+    page.figure(&charts::iterations(source, &bands).svg());
+    page.table(&summary_text::tables(&source.summary)[5]);
+}
+
+fn energy(source: &Source, page: &mut Page) {
+    page.heading("Energy");
+    let bands = charts::phases(&source.rows);
+    for chart in charts::energy(source, &bands) {
+        page.figure(&chart.svg());
+    }
+    page.table(&summary_text::tables(&source.summary)[4]);
+    page.note("Balance error: what the ledger cannot account for; zero for an exact integrator.");
+}
+
+fn profile(source: &Source, page: &mut Page) {
+    page.heading("Where the time went");
+    match charts::profile(source) {
+        Some(bars) => page.figure(&bars.svg()),
+        None => page.note("The run has not ended: its profile is not known."),
+    }
+}
+
+fn provenance(source: &Source, page: &mut Page) {
+    page.heading("Settings and provenance");
+    let plan = &source.case.plan;
+    let (stepping, solver) = (&source.model.stepping, &source.model.solver);
+    let mut table = Table::new("what", ["value"]);
+    let size = |v: &Vec3| format!("{} × {} × {} m", v.x, v.y, v.z);
+    let vibration = plan.tamping.map(|t| t.vibration);
+    for (name, value) in [
+        ("case", plan.name.clone()),
+        ("program", source.program.clone()),
+        ("state hash", source.state_hash.clone()),
+        ("key of the bed", source.bed_key.clone()),
+        ("seed of the bed", plan.bed.seed.to_string()),
+        ("box", size(&plan.bed.size)),
+        ("mean grain size", format!("{} mm", figure(1e3 * plan.bed.grains.mean_size(), 3))),
+        ("friction between grains", source.model.grain_friction.to_string()),
+        (
+            "vibration",
+            vibration.map_or("none".into(), |v| {
+                format!("{} Hz, {} mm", v.frequency, figure(1e3 * v.amplitude, 3))
+            }),
+        ),
+        ("time step", format!("{} ms", figure(1e3 * stepping.h(), 4))),
+        ("θ", stepping.theta.to_string()),
+        ("alert distance", format!("{} mm", figure(1e3 * stepping.detection_distance, 3))),
+        ("schedule", solver.schedule.name().into()),
+        ("subdomains", partition(&solver.partition)),
+        ("max. iterations", format!("{} in each attempt at a step", solver.max_iterations)),
+        ("tolerance", tolerance(solver)),
+        ("warm start factor", solver.warm_start_factor.to_string()),
+        (
+            "penetration correction",
+            solver.penetration_correction.map_or("none".into(), |r| {
+                format!("{} in a step, beyond {} µm", r.factor, figure(1e6 * r.slop, 3))
+            }),
+        ),
+    ] {
+        table.row([name.to_string(), value]);
+    }
+    page.table(&table);
+    page.details("The case file", &source.case.text);
+}
+
+fn partition(rule: &PartitionRule) -> String {
+    match rule {
+        PartitionRule::Boxes([x, y, z]) => format!("{x} × {y} × {z} boxes"),
+        PartitionRule::Balanced(n) => format!("{n}, balanced"),
+        PartitionRule::ContactsPer(n) => format!("of about {n} contacts"),
+    }
+}

@@ -1,0 +1,23 @@
+//! Runs of cases, for every face of the program: their files, records, figures, beds and failures.
+//!
+//! Nothing here writes to a terminal: messages, events and progress go to a [`Reporter`].
+
+pub mod beds;
+pub mod case;
+mod error;
+pub mod files;
+pub mod interrupt;
+pub mod lock;
+pub mod machine;
+pub mod profile;
+pub mod record;
+pub mod recorder;
+mod reporter;
+pub mod statistics;
+pub mod summary;
+pub mod summary_text;
+pub mod table;
+pub mod threads;
+
+pub use error::{Failure, Outcome};
+pub use reporter::{ProgressLabel, ProgressMeter, Reporter};

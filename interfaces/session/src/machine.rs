@@ -1,0 +1,51 @@
+//! The tamping machine of a case, which moves the bodies of a model step by step.
+
+use crate::Outcome;
+use crate::case::{self, Case};
+use crate::profile::Profile;
+use ballast::drive::{Inputs, SpeedLimit};
+use ballast::math::Pose;
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::step::{StepReport, step};
+use ballast::track::TampingCycle;
+use ballast::workspace::Workspace;
+
+/// The machine of a case.
+pub struct Machine {
+    pub cycle: TampingCycle,
+    speed_limit: SpeedLimit,
+}
+
+impl Machine {
+    /// The machine that moves the bodies of `model`.
+    pub fn new(cycle: TampingCycle, model: &Model) -> Self {
+        Self { cycle, speed_limit: SpeedLimit::of(model) }
+    }
+
+    /// A step with the bodies where the machine wants them, and where that was `[nd]`.
+    pub fn step(
+        &self,
+        model: &Model,
+        state: &mut State,
+        workspace: &mut Workspace,
+        watch: &mut Profile,
+    ) -> Outcome<(StepReport, Vec<Pose>)> {
+        let mut targets = Vec::new();
+        self.cycle.targets(model, state, &mut targets);
+        let inputs =
+            Inputs { speed_limit: Some(&self.speed_limit), ..Inputs::from_targets(&targets) };
+        let report = step(model, state, &inputs, workspace, watch)?;
+        let mut memory = std::mem::take(&mut state.drive);
+        self.cycle.observe(model, &report, state, &mut memory);
+        state.drive = memory;
+        Ok((report, targets))
+    }
+}
+
+/// The case's cycle, and whether the state belongs to it.
+pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
+    let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
+    cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;
+    Ok(cycle)
+}

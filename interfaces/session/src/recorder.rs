@@ -1,0 +1,266 @@
+//! What a run leaves in its results while it goes: a row per step, zones and geometry per frame;
+//! and the figures of the summary.
+
+use crate::case::Case;
+use crate::files::RunFiles;
+use crate::record::{self, Followed};
+use crate::summary::{Asked, Setting, Summary};
+use crate::{Failure, Outcome};
+use ballast::model::Model;
+use ballast::observe::{self, Zone};
+use ballast::state::State;
+use ballast::step::StepReport;
+use ballast::track::plan::Plan;
+use ballast::track::{self, TampingPhase};
+use ballast::workspace::Workspace;
+use ballast_hdf5::results::{self, Background, Meta, Reader, Table, Writer};
+use std::path::Path;
+
+/// Table of the steps, see [`record`].
+pub const STEPS: &str = "steps";
+/// Table of the compactness of the zones over time.
+pub const ZONES: &str = "zones";
+/// Frames and rows that may wait while the file is written.
+const WAITING: usize = 64;
+
+/// What can be done where a checkpoint has no results of its run.
+pub const TOGETHER: &str =
+    "put the checkpoint beside its own run's results, or run its case anew with another --out";
+
+/// The open records of a run.
+pub struct Recorder {
+    zones: Vec<Zone>,
+    followed: Vec<Followed>,
+    results: Background,
+    /// Whether the case asks for geometry.
+    frames: bool,
+    summary: Summary,
+}
+
+impl Recorder {
+    /// Starts the records of what comes after `state`.
+    pub fn create(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+        let meta = Meta {
+            case_name: case.plan.name.clone(),
+            case_text: case.text.clone(),
+            key: case.bed_key(),
+            program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
+        };
+        let writer = Writer::create(files.results(), model, &meta)?;
+        let mut recorder = Self::open(writer, case, model)?;
+        recorder.summary = recorder.summary.after(state);
+        Ok(recorder)
+    }
+
+    /// Takes the records of a run up at `state`; later ones are cut off.
+    pub fn reopen(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+        Self::taken_up(files, case, model, state).map_err(|e| e.with(&format!("; {TOGETHER}")))
+    }
+
+    fn taken_up(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+        let path = files.results();
+        // First: the file may have to be put right before anything reads it.
+        results::mend(&path)?;
+        let reader = Reader::open(&path)?;
+        let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
+        // Before anything is cut off.
+        if let Some(what) = of_another_run(&reader, &steps, case, state)? {
+            return Err(Failure::at(&path, what));
+        }
+        check_tables(&path, case, model, &steps, &zones)?;
+        drop(reader);
+        let writer = Writer::append_to(&path, model, state.step)?;
+        let mut recorder = Self::open(writer, case, model)?;
+        recorder.summary.take_tables(&steps, &zones, state.step);
+        Ok(recorder)
+    }
+
+    fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
+        let zones = track::zones(&case.plan);
+        let followed = record::followed(model);
+        let summary = Summary::new(Setting::of(case, model));
+        let mut results = Background::new(writer, WAITING);
+        declare(&mut results, STEPS, &record::columns(&followed))?;
+        declare(&mut results, ZONES, &zone_columns(&zones))?;
+        let frames = case.plan.run.output_ns > 0;
+        Ok(Self { zones, followed, results, frames, summary })
+    }
+
+    /// Records a step.
+    pub fn step(
+        &mut self,
+        model: &Model,
+        state: &State,
+        report: &StepReport,
+        phase: TampingPhase,
+    ) -> Outcome {
+        let coordination = observe::coordination(model, state);
+        let h = model.stepping.h();
+        let row = record::row(h, state, report, phase, &coordination, &self.followed);
+        self.results.append(STEPS, state.step, &row.0)?;
+        self.summary.take_step(&row);
+        Ok(())
+    }
+
+    /// Records the zones, and the geometry if the case asks for it.
+    pub fn observe(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Outcome {
+        let compactness = compactness(model, state, &self.zones);
+        self.summary.take_zones(&compactness);
+        let mut row = vec![state.time()];
+        row.extend(compactness);
+        self.results.append(ZONES, state.step, &row)?;
+        if self.frames {
+            self.results.frame(model, state, workspace)?;
+        }
+        Ok(())
+    }
+
+    /// Lets the summary know the end, where a run may be between two frames; no record is made,
+    /// since none would be there had the run gone on.
+    pub fn observe_end(&mut self, model: &Model, state: &State) {
+        self.summary.take_zones(&compactness(model, state, &self.zones));
+        self.summary.lost = Some(observe::lost_grains(model, state));
+    }
+
+    /// Makes sure that no kill from here on costs a record.
+    pub fn secure(&mut self) -> Outcome {
+        Ok(self.results.secure()?)
+    }
+
+    pub fn zones(&self) -> &[Zone] {
+        &self.zones
+    }
+
+    pub fn summary(&self) -> &Summary {
+        &self.summary
+    }
+}
+
+/// What shows that results are not those of the run that came by `state`, if anything does.
+pub fn of_another_run(
+    reader: &Reader,
+    steps: &Table,
+    case: &Case,
+    state: &State,
+) -> Outcome<Option<String>> {
+    if reader.about("case_text")? != case.text {
+        let (expected, found) = (&case.plan.name, reader.about("case_name")?);
+        let text =
+            format!("expected that of the checkpoint, {expected:?}, found another, {found:?}");
+        return Ok(Some(format!("about/case_text: {text}")));
+    }
+    let last = state.step;
+    let rows = steps.steps.iter().filter(|step| **step <= last).count();
+    if rows as u64 != last {
+        return Ok(Some(format!("{STEPS}: expected a row for each of {last} steps, found {rows}")));
+    }
+    // One case may be run with several schedules. Tables of other versions are refused where they are gone on with.
+    let kinetic = steps.columns.iter().position(|(name, _)| name == "kinetic");
+    let row = rows.checked_sub(1).map(|k| &steps.rows[k * steps.columns.len()..]);
+    Ok(match (row, kinetic) {
+        (Some(row), Some(at)) if row[at] != state.energy.kinetic => Some(format!(
+            "{STEPS}, step {last}, kinetic: expected that of the checkpoint, {} J, found {} J",
+            state.energy.kinetic, row[at]
+        )),
+        _ => None,
+    })
+}
+
+/// Refuses tables that have not the columns, by name and unit, that this version writes.
+pub fn check_tables(
+    path: &Path,
+    case: &Case,
+    model: &Model,
+    steps: &Table,
+    zones: &Table,
+) -> Outcome {
+    check_columns(path, STEPS, steps, &record::columns(&record::followed(model)))?;
+    check_columns(path, ZONES, zones, &zone_columns(&track::zones(&case.plan)))
+}
+
+fn check_columns(path: &Path, name: &str, table: &Table, expected: &[(String, String)]) -> Outcome {
+    if table.columns == expected {
+        return Ok(());
+    }
+    let differs = table.columns.iter().zip(expected).position(|(a, b)| a != b);
+    let at = differs.unwrap_or(table.columns.len().min(expected.len()));
+    let told = |columns: &[(String, String)]| {
+        columns.get(at).map_or("none".into(), |(name, unit)| format!("`{name}` in `{unit}`"))
+    };
+    Err(Failure::Incompatible(format!(
+        "{}: {name}, column {at}: expected {}, found {}; another version wrote it",
+        path.display(),
+        told(expected),
+        told(&table.columns)
+    )))
+}
+
+/// Compactness of each zone; not a number of one that bodies fill, as a blade may the space that it stands in.
+pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Vec<f64> {
+    let measured = |zone| observe::compactness(model, state, zone);
+    zones.iter().map(|zone| measured(zone).map_or(f64::NAN, |found| found.compactness)).collect()
+}
+
+impl Setting {
+    /// What the case says beforehand of a run of `model`.
+    pub fn of(case: &Case, model: &Model) -> Self {
+        let followed = record::followed(model);
+        let cycle = track::TampingCycle::new(&case.plan, model).ok();
+        let asked = |body: &Followed| {
+            let mut tines = cycle.iter().flat_map(|cycle| cycle.tines());
+            let tine = tines.find(|tine| tine.body == body.driven)?;
+            let (lowest, closing, direction) = (tine.deep, tine.stroke, tine.direction);
+            Some(Asked { lowest, closing, direction })
+        };
+        Self {
+            asked: followed.iter().map(asked).collect(),
+            has_tolerance: model.solver.tolerance.is_some(),
+            followed,
+            zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),
+            period: steps_per_period(&case.plan),
+            grain_size: case.plan.bed.grains.mean_size(),
+        }
+    }
+}
+
+/// Steps per period of the vibration; 1 without one.
+fn steps_per_period(plan: &Plan) -> usize {
+    let period = plan.tamping.and_then(|t| t.vibration.period());
+    period.map_or(1, |period| (period / plan.run.stepping.h()).round().clamp(1.0, 1e6) as usize)
+}
+
+fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {
+    let columns: Vec<(&str, &str)> = columns.iter().map(|(n, u)| (&n[..], &u[..])).collect();
+    Ok(results.series(name, &columns)?)
+}
+
+/// The time, and the compactness of each zone.
+fn zone_columns(zones: &[Zone]) -> Vec<(String, String)> {
+    let zones = zones.iter().map(|zone| (zone.name.clone(), "1".to_string()));
+    std::iter::once(("time".to_string(), "s".to_string())).chain(zones).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_of_another_version_are_told_by_their_first_column_that_differs() {
+        let columns = |names: &[&str]| -> Vec<(String, String)> {
+            names.iter().map(|name| (name.to_string(), "s".to_string())).collect()
+        };
+        let (steps, rows) = (vec![], vec![]);
+        let table = Table { columns: columns(&["time", "phase"]), steps, rows };
+        let check = |names| check_columns(Path::new("r"), STEPS, &table, &columns(names));
+        assert!(check(&["time", "phase"]).is_ok());
+        for (names, said) in [
+            (&["time", "kinetic"][..], "column 1: expected `kinetic` in `s`, found `phase` in `s`"),
+            (&["time", "phase", "more"], "column 2: expected `more` in `s`, found none"),
+            (&["time"], "column 1: expected none, found `phase` in `s`"),
+        ] {
+            let failure = check(names).unwrap_err();
+            assert!(matches!(failure, Failure::Incompatible(_)));
+            assert!(failure.to_string().contains(said), "{failure}");
+        }
+    }
+}
