@@ -42,15 +42,16 @@ pub fn recheck(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<Reche
 struct SolvedMotion<'a> {
     motion: &'a Motion,
     velocity: &'a [Vec3],
-    spin: &'a [Vec3],
+    angular_velocity: &'a [Vec3],
     correction: &'a CorrectionBuffers,
 }
 
 impl SolvedMotion<'_> {
     /// Velocity and spin of body `b`, m/s and rad/s.
     fn twist(&self, b: usize) -> (Vec3, Vec3) {
-        let (v, w) = self.motion.twist(self.velocity, self.spin, b);
-        let recovered = self.correction.velocity.get(b).zip(self.correction.spin.get(b));
+        let (v, w) = self.motion.twist(self.velocity, self.angular_velocity, b);
+        let recovered =
+            self.correction.velocity.get(b).zip(self.correction.angular_velocity.get(b));
         recovered.map_or((v, w), |(dv, dw)| (v + dv, w + dw))
     }
 
@@ -72,11 +73,17 @@ impl SolvedMotion<'_> {
 
     /// Configuration m of the next step, `h` seconds later.
     fn end(&self, h: f64, end: &mut Motion) {
-        let Motion { position, orientation, velocity, angular_velocity: spin, responses } = end;
+        let Motion {
+            position,
+            orientation,
+            velocity,
+            angular_velocity: angular_velocity,
+            responses,
+        } = end;
         position.clone_from(&self.motion.position);
         orientation.clone_from(&self.motion.orientation);
         velocity.clone_from(&self.motion.velocity);
-        spin.clone_from(&self.motion.angular_velocity);
+        angular_velocity.clone_from(&self.motion.angular_velocity);
         responses.clone_from(&self.motion.responses);
         for (b, (x, q)) in position.iter_mut().zip(orientation).enumerate() {
             let (v, w) = self.twist(b);
@@ -90,8 +97,8 @@ impl SolvedMotion<'_> {
 /// configurations m of this step and the next, as the contacts of this one have it: what the next step's penetration will
 /// be but for turns and new contacts (T-26). Bodies that are deeper already count where they go further.
 pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
-    let Workspace { motion, contacts, velocity, spin, correction, .. } = ws;
-    let solved = SolvedMotion { motion, velocity, spin, correction };
+    let Workspace { motion, contacts, velocity, angular_velocity, correction, .. } = ws;
+    let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let h = model.stepping.h();
     // What rests there is not still to the last digit.
     let slack = 1e-5 * limit;
@@ -108,8 +115,10 @@ pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
 /// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
 /// (T-35); more is allowed for such bodies then.
 fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
-    let Workspace { motion, velocity, spin, correction, detection_range: reach, .. } = ws;
-    let solved = SolvedMotion { motion, velocity, spin, correction };
+    let Workspace {
+        motion, velocity, angular_velocity, correction, detection_range: reach, ..
+    } = ws;
+    let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let twist = |b: usize| solved.twist(b);
     let change = |b: usize| {
         let (v, w) = twist(b);
@@ -135,8 +144,8 @@ fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
 /// where they end are added then.
 fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
     let h = model.stepping.h();
-    let Workspace { motion, velocity, spin, correction, .. } = ws;
-    let solved = SolvedMotion { motion, velocity, spin, correction };
+    let Workspace { motion, velocity, angular_velocity, correction, .. } = ws;
+    let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let ng = model.grains.len();
     let turns = |b: usize| b < ng && h * solved.twist(b).1.norm() > TURN;
     if !(0..ng).any(turns) {

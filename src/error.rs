@@ -1,4 +1,6 @@
-//! What can go wrong, with the place, what was expected and what was found.
+//! Errors of the core, with the place, what was expected and what was found.
+
+use crate::cancel::StopReason;
 
 /// Errors of the core. Not converging is a report ([`crate::step::StepReport`]), not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -15,19 +17,19 @@ pub enum Error {
     /// The input of a step is unusable.
     #[error("input: {place}: expected {expected}, found {found}")]
     Input { place: String, expected: String, found: String },
-    /// The step was refused; the state is exactly that of before the step.
+    /// The step failed; the state is exactly that of before the step.
     // Times are whole nanoseconds, and not 0.0024000000000000002 s.
     #[error("step at t = {} s: {place}: expected {expected}, found {found}", (time_s * 1e9).round() / 1e9)]
     Step { cause: Cause, time_s: f64, place: String, expected: String, found: String },
-    /// The step was broken off by who watches it; the state is exactly that of before the step.
-    #[error("step: broken off by who watches it")]
-    Stopped(Stop),
+    /// The observer cancelled the step; the state is exactly that of before the step.
+    #[error("step: cancelled by its observer")]
+    Stopped(StopReason),
 }
 
-/// Why a step was refused.
+/// Cause of a failed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cause {
-    /// A body is led, or moved by its loads, too far in one step.
+    /// A body is moved too far in one step, by its motion or by its loads.
     OverSpeed,
     /// A velocity is not finite.
     NotFinite,
@@ -35,19 +37,8 @@ pub enum Cause {
     Penetration,
 }
 
-/// How a window is ended by who watches it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Stop {
-    /// What was computed is kept.
-    Early,
-    /// The window is taken back.
-    Discard,
-    /// The window is taken back, and was never asked for: the one before can still be redone.
-    Abandon,
-}
-
 impl Error {
-    /// What kind of error it is, as messages call it.
+    /// Code of the error in messages.
     pub fn code(&self) -> &'static str {
         match self {
             Error::Step { cause: Cause::OverSpeed, .. } => "over_speed",

@@ -37,30 +37,30 @@ impl Default for Reaction {
 
 /// Puts all bodies where the step ends: every body of `next` is written.
 pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
-    let StepMotion { model, state, motion, velocity, spin } = *step;
+    let StepMotion { model, state, motion, velocity, angular_velocity } = *step;
     let (ng, mobile, bodies) = (model.grains.len(), velocity.len(), motion.position.len());
     let after = model.stepping.h() * model.stepping.theta;
     next.position.resize(bodies, Vec3::zeros());
     next.orientation.resize(bodies, Quat::identity());
     next.velocity.resize(bodies, Vec3::zeros());
-    next.spin.resize(bodies, Vec3::zeros());
+    next.angular_velocity.resize(bodies, Vec3::zeros());
     (&mut next.position[..ng], &mut next.orientation[..ng])
         .into_par_iter()
-        .zip((&mut next.velocity[..ng], &mut next.spin[..ng]))
+        .zip((&mut next.velocity[..ng], &mut next.angular_velocity[..ng]))
         .enumerate()
         .with_min_len(1024)
         .for_each(|(i, ((x, q), (v, w)))| {
             *x = motion.position[i] + velocity[i] * after;
-            *q = rotation::advance(&motion.orientation[i], &(spin[i] * after));
+            *q = rotation::advance(&motion.orientation[i], &(angular_velocity[i] * after));
             *v = velocity[i];
-            *w = motion.angular_velocity_at_end(model, state, i, &spin[i], q);
+            *w = motion.angular_velocity_at_end(model, state, i, &angular_velocity[i], q);
         });
     next.mount.clear();
     next.mount.extend(&targets[..mobile - ng]);
     for (b, target) in (ng..).zip(targets) {
         let (pose, [v, w]) = match model.driven[b - ng].mount.as_ref() {
             Some(mount) => {
-                let solved = [&velocity[b], &spin[b]];
+                let solved = [&velocity[b], &angular_velocity[b]];
                 motion.mounted_end_state(model, state, b - ng, mount, target, solved)
             }
             // The target itself, not what the velocity leads to: rounding must not add up over steps.
@@ -69,14 +69,14 @@ pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
         next.position[b] = pose.position;
         next.orientation[b] = pose.orientation;
         next.velocity[b] = v;
-        next.spin[b] = w;
+        next.angular_velocity[b] = w;
     }
 }
 
 /// Moves the grains of `next` by velocities that last for `h` seconds and leave no speed behind (T-34).
-pub fn shift(velocity: &[Vec3], spin: &[Vec3], h: f64, next: &mut State) {
+pub fn shift(velocity: &[Vec3], angular_velocity: &[Vec3], h: f64, next: &mut State) {
     let ng = velocity.len();
-    (&mut next.position[..ng], &mut next.orientation[..ng], velocity, spin)
+    (&mut next.position[..ng], &mut next.orientation[..ng], velocity, angular_velocity)
         .into_par_iter()
         .with_min_len(1024)
         .for_each(|(x, q, v, w)| {
@@ -95,7 +95,7 @@ pub struct StepMotion<'a> {
     pub state: &'a State,
     pub motion: &'a Motion,
     pub velocity: &'a [Vec3],
-    pub spin: &'a [Vec3],
+    pub angular_velocity: &'a [Vec3],
 }
 
 impl StepMotion<'_> {
@@ -104,7 +104,7 @@ impl StepMotion<'_> {
     fn mean_velocity(&self, b: usize, point: &Vec3) -> Vec3 {
         let lever = point - self.motion.position[b];
         let (v, w) = self.motion.initial_twist(self.model, self.state, b);
-        let (v, w) = match self.velocity.get(b).zip(self.spin.get(b)) {
+        let (v, w) = match self.velocity.get(b).zip(self.angular_velocity.get(b)) {
             Some((v_end, w_end)) => (0.5 * (v + v_end), 0.5 * (w + w_end)),
             None => (v, w),
         };
@@ -201,8 +201,9 @@ pub fn energies(model: &Model, state: &State) -> (f64, f64) {
         .map(|(k, chunk)| {
             let mut sums = (0.0, 0.0);
             for (i, &mass) in (k * CHUNK..).zip(chunk) {
-                let spin = state.orientation[i].inverse() * state.spin[i];
-                let turning = model.grains.inertia[i].component_mul(&spin).dot(&spin);
+                let angular_velocity = state.orientation[i].inverse() * state.angular_velocity[i];
+                let turning =
+                    model.grains.inertia[i].component_mul(&angular_velocity).dot(&angular_velocity);
                 sums.0 += 0.5 * (mass * state.velocity[i].norm_squared() + turning);
                 sums.1 -= mass * model.gravity.dot(&state.position[i]);
             }

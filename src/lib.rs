@@ -7,6 +7,7 @@
 //!
 //! The crate is pure: no files, no clock, no environment, no async, no logging.
 
+pub mod cancel;
 pub mod error;
 pub mod math;
 

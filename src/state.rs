@@ -20,7 +20,7 @@ pub struct State {
     /// Velocity of the body frames' origins `[nb]`, m/s.
     pub velocity: Vec<Vec3>,
     /// Angular velocity, world axes `[nb]`, rad/s.
-    pub spin: Vec<Vec3>,
+    pub angular_velocity: Vec<Vec3>,
     /// Contacts of the last step with their impulses: where the next solve starts from.
     pub contacts: ContactMemory,
     /// Where the mounts of mounted bodies are `[nm]`.
@@ -91,7 +91,7 @@ impl State {
         self.position.push(pose.position);
         self.orientation.push(pose.orientation);
         self.velocity.push(Vec3::zeros());
-        self.spin.push(Vec3::zeros());
+        self.angular_velocity.push(Vec3::zeros());
     }
 
     /// Checks that the state fits `model` and that every number is finite.
@@ -103,8 +103,12 @@ impl State {
             Err(Error::State { place, expected, found })
         };
         let bodies = model.body_count();
-        let lengths =
-            [self.position.len(), self.orientation.len(), self.velocity.len(), self.spin.len()];
+        let lengths = [
+            self.position.len(),
+            self.orientation.len(),
+            self.velocity.len(),
+            self.angular_velocity.len(),
+        ];
         if lengths != [bodies; 4] {
             let expected = format!("{bodies} bodies, as in the model");
             return refuse("body arrays".into(), expected, format!("{lengths:?}"));
@@ -114,7 +118,7 @@ impl State {
                 ("position", self.position[b].iter().all(|x| x.is_finite())),
                 ("orientation", is_unit(&self.orientation[b])),
                 ("velocity", self.velocity[b].iter().all(|x| x.is_finite())),
-                ("spin", self.spin[b].iter().all(|x| x.is_finite())),
+                ("spin", self.angular_velocity[b].iter().all(|x| x.is_finite())),
             ];
             if let Some((field, _)) = fields.iter().find(|(_, good)| !good) {
                 let expected = "finite components, a unit quaternion".into();
@@ -123,7 +127,7 @@ impl State {
                     self.position[b].as_slice(),
                     self.orientation[b].coords.as_slice(),
                     self.velocity[b].as_slice(),
-                    self.spin[b].as_slice()
+                    self.angular_velocity[b].as_slice()
                 );
                 return refuse(format!("{field} of body {b}"), expected, found);
             }

@@ -4,11 +4,12 @@
 //! for any number of threads (sequential and synchronous schedules); a refused step leaves the state
 //! as it was.
 
+use crate::cancel::{CancelToken, StopReason};
 use crate::contact_recheck::{self, RecheckReason};
 use crate::ddm::{self, Outcome};
 use crate::detection::{store_contacts, warm_start};
-use crate::drive::Inputs;
-use crate::error::{Cause, Error, Result, Stop};
+use crate::drive::StepInputs;
+use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
 use crate::integrate::{self, Balance, StepMotion};
 use crate::local_problem::Solved;
@@ -18,10 +19,11 @@ pub use crate::nlgs::Residuals;
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// More threads than a step has work for, whatever its size: callers refuse to start more. Thousands of them on a few
 /// processors wait for each other for minutes.
-pub const MOST_THREADS: usize = 1024;
+pub const MAX_THREADS: usize = 1024;
 
 /// Advances `state` by one time step.
 ///
@@ -30,12 +32,12 @@ pub const MOST_THREADS: usize = 1024;
 pub fn step(
     model: &Model,
     state: &mut State,
-    inputs: &Inputs,
+    inputs: &StepInputs,
     ws: &mut Workspace,
-    watch: &mut impl Stopwatch,
+    observer: &mut impl StepObserver,
 ) -> Result<StepReport> {
     let mut next = std::mem::take(&mut ws.next);
-    let report = advance(model, state, &mut next, inputs, ws, watch);
+    let report = advance(model, state, &mut next, inputs, ws, observer);
     if report.is_ok() {
         std::mem::swap(state, &mut next);
     }
@@ -48,15 +50,15 @@ pub fn step(
 ///
 /// # Errors
 /// [`Error::Input`] for inputs that do not fit, [`Error::State`] for a state that is not finite, [`Error::Step`] when a
-/// velocity is not, or a driven body is led or moved beyond its limit, [`Error::Stopped`] when `watch` says so. What
+/// velocity is not, or a driven body is led or moved beyond its limit, [`Error::Stopped`] when `observer` cancels it. What
 /// `next` holds is then of no use.
 pub fn advance(
     model: &Model,
     state: &State,
     next: &mut State,
-    inputs: &Inputs,
+    inputs: &StepInputs,
     ws: &mut Workspace,
-    watch: &mut impl Stopwatch,
+    observer: &mut impl StepObserver,
 ) -> Result<StepReport> {
     // Once into the pool: a caller outside of it would hand over each parallel loop, and sleep until it is done.
     rayon::scope(|_| {
@@ -65,43 +67,43 @@ pub fn advance(
             limit.check(model, state, inputs.targets)?;
         }
         ws.detection_range.reset(model, &ws.motion);
-        watch.lap(Phase::Predict);
-        detect(model, state, ws, watch);
-        let mut report = solve(model, state, next, inputs, ws, model.solver, watch)?;
+        observer.phase_finished(Phase::Predict);
+        detect(model, state, ws, observer);
+        let mut report = solve(model, state, next, inputs, ws, model.solver, observer)?;
         while let Some(look) = contact_recheck::recheck(model, ws, report.attempts) {
-            watch.lap(Phase::NarrowPhase);
+            observer.phase_finished(Phase::NarrowPhase);
             let mut solver = model.solver;
             match look {
-                RecheckReason::RangeTooSmall => detect(model, state, ws, watch),
+                RecheckReason::RangeTooSmall => detect(model, state, ws, observer),
                 // It goes on from what is solved, to which little is added.
                 RecheckReason::EndOfStepPenetration => {
                     solver.max_iterations = solver.max_iterations.div_ceil(2)
                 }
             }
-            let again = solve(model, state, next, inputs, ws, solver, watch)?;
+            let again = solve(model, state, next, inputs, ws, solver, observer)?;
             report = again.after(report);
         }
-        watch.lap(Phase::NarrowPhase);
+        observer.phase_finished(Phase::NarrowPhase);
         if let Some(limit) = inputs.speed_limit {
             limit.check_moved(model, state, next)?;
         }
         store_contacts(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
-        watch.lap(Phase::Store);
+        observer.phase_finished(Phase::Store);
         Ok(report)
     })
 }
 
 /// Finds the contacts that are within reach, and what their impulses begin with.
-fn detect(model: &Model, state: &State, ws: &mut Workspace, watch: &mut impl Stopwatch) {
+fn detect(model: &Model, state: &State, ws: &mut Workspace, observer: &mut impl StepObserver) {
     ws.detection_range.mark_searched();
     ws.detector.broad_phase(model, &ws.motion, &ws.detection_range);
-    watch.lap(Phase::BroadPhase);
+    observer.phase_finished(Phase::BroadPhase);
 
     ws.detector.narrow_phase(model, &ws.motion, &ws.detection_range, &mut ws.contacts);
-    watch.lap(Phase::NarrowPhase);
+    observer.phase_finished(Phase::NarrowPhase);
 
     warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
-    watch.lap(Phase::WarmStart);
+    observer.phase_finished(Phase::WarmStart);
 }
 
 /// The step with these contacts, from these impulses.
@@ -109,33 +111,34 @@ fn solve(
     model: &Model,
     state: &State,
     next: &mut State,
-    inputs: &Inputs,
+    inputs: &StepInputs,
     ws: &mut Workspace,
     solver: Solver,
-    watch: &mut impl Stopwatch,
+    observer: &mut impl StepObserver,
 ) -> Result<StepReport> {
     divide(model, ws);
-    watch.lap(Phase::Partition);
+    observer.phase_finished(Phase::Partition);
 
     ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
-    watch.lap(Phase::LocalProblem);
+    observer.phase_finished(Phase::LocalProblem);
 
     ws.decomposition.pack(&ws.problem);
-    watch.lap(Phase::ContactGraph);
+    observer.phase_finished(Phase::ContactGraph);
 
-    let outcome = ddm::solve(&mut ws.decomposition, &ws.problem, &solver, &mut || watch.stop())?;
+    let outcome =
+        ddm::solve(&mut ws.decomposition, &ws.problem, &solver, &mut || observer.cancelled())?;
     collect(model, state, ws)?;
-    watch.lap(Phase::Solve);
+    observer.phase_finished(Phase::Solve);
 
     let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
-    watch.lap(Phase::Integrate);
+    observer.phase_finished(Phase::Integrate);
 
     // Also those of another model, which this workspace has stepped before.
     ws.correction.velocity.clear();
-    ws.correction.spin.clear();
+    ws.correction.angular_velocity.clear();
     if let Some(correction) = &model.solver.penetration_correction {
-        recover(model, state, next, ws, correction, watch)?;
-        watch.lap(Phase::PenetrationCorrection);
+        recover(model, state, next, ws, correction, observer)?;
+        observer.phase_finished(Phase::PenetrationCorrection);
     }
     Ok(report)
 }
@@ -154,19 +157,23 @@ fn divide(model: &Model, ws: &mut Workspace) {
 
 /// Takes impulses and velocities out of the sets of contacts, and refuses what is not finite.
 fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
-    let Workspace { decomposition, problem, impulse, velocity, spin, .. } = ws;
+    let Workspace { decomposition, problem, impulse, velocity, angular_velocity, .. } = ws;
     impulse.resize(problem.contacts.len(), Vec3::zeros());
     decomposition.unpack_impulses(problem, impulse);
-    decomposition.unpack_velocities(problem, velocity, spin);
-    finite(model, state, velocity, spin)
+    decomposition.unpack_velocities(problem, velocity, angular_velocity);
+    finite(model, state, velocity, angular_velocity)
 }
 
 /// Refuses velocities that are not finite, and names the body.
-fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Result<()> {
-    let bad = (0..velocity.len())
-        .into_par_iter()
-        .with_min_len(4096)
-        .find_first(|&i| !(velocity[i].norm_squared() + spin[i].norm_squared()).is_finite());
+fn finite(
+    model: &Model,
+    state: &State,
+    velocity: &[Vec3],
+    angular_velocity: &[Vec3],
+) -> Result<()> {
+    let bad = (0..velocity.len()).into_par_iter().with_min_len(4096).find_first(|&i| {
+        !(velocity[i].norm_squared() + angular_velocity[i].norm_squared()).is_finite()
+    });
     match bad {
         None => Ok(()),
         Some(body) => Err(Error::Step {
@@ -180,7 +187,7 @@ fn finite(model: &Model, state: &State, velocity: &[Vec3], spin: &[Vec3]) -> Res
             found: format!(
                 "v = {:?} m/s, w = {:?} rad/s",
                 velocity[body].as_slice(),
-                spin[body].as_slice()
+                angular_velocity[body].as_slice()
             ),
         }),
     }
@@ -193,11 +200,20 @@ fn recover(
     next: &mut State,
     ws: &mut Workspace,
     correction: &PenetrationCorrection,
-    watch: &mut impl Stopwatch,
+    observer: &mut impl StepObserver,
 ) -> Result<()> {
-    let Workspace { decomposition, motion, contacts, problem, impulse, velocity, spin, .. } = ws;
+    let Workspace {
+        decomposition,
+        motion,
+        contacts,
+        problem,
+        impulse,
+        velocity,
+        angular_velocity,
+        ..
+    } = ws;
     let (positions, h) = (&mut ws.correction, model.stepping.h());
-    let solved = Solved { problem, motion, contacts, impulse, velocity, spin };
+    let solved = Solved { problem, motion, contacts, impulse, velocity, angular_velocity };
     let ng = model.grains.len();
     if !positions.problem.build_positions(ng, &solved, correction, h) {
         return Ok(());
@@ -214,12 +230,12 @@ fn recover(
             .min(Solver::default().convergence_check_interval),
         ..model.solver
     };
-    ddm::solve(decomposition, &positions.problem, &solver, &mut || watch.stop())?;
-    let CorrectionBuffers { problem, velocity, spin } = positions;
-    decomposition.unpack_velocities(problem, velocity, spin);
-    finite(model, state, velocity, spin)?;
+    ddm::solve(decomposition, &positions.problem, &solver, &mut || observer.cancelled())?;
+    let CorrectionBuffers { problem, velocity, angular_velocity } = positions;
+    decomposition.unpack_velocities(problem, velocity, angular_velocity);
+    finite(model, state, velocity, angular_velocity)?;
 
-    integrate::shift(&velocity[..ng], &spin[..ng], h, next);
+    integrate::shift(&velocity[..ng], &angular_velocity[..ng], h, next);
     let (kinetic, potential) = integrate::energies(model, next);
     let energy = &mut next.energy;
     energy.dissipated -= kinetic + potential - energy.kinetic - energy.potential;
@@ -232,12 +248,18 @@ fn integrate_and_report(
     model: &Model,
     state: &State,
     next: &mut State,
-    inputs: &Inputs,
+    inputs: &StepInputs,
     ws: &Workspace,
     outcome: &Outcome,
 ) -> StepReport {
     let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
-    let step_motion = StepMotion { model, state, motion, velocity: &ws.velocity, spin: &ws.spin };
+    let step_motion = StepMotion {
+        model,
+        state,
+        motion,
+        velocity: &ws.velocity,
+        angular_velocity: &ws.angular_velocity,
+    };
     let balance = Balance::of(&step_motion, contacts, impulse);
     let reactions = balance.reactions(&step_motion, contacts, impulse);
     integrate::configurations(&step_motion, inputs.targets, next);
@@ -322,19 +344,50 @@ impl Phase {
     }
 }
 
-/// Told when a phase ends. The core has no clock: the caller brings one, or `()`.
-pub trait Stopwatch: Send {
-    /// `phase` has just ended; the next one begins.
-    fn lap(&mut self, _phase: Phase) {}
+/// Observer of running steps: receives phase boundaries and finished steps, and may request the end of the window.
+///
+/// The core reads no clock; an observer that measures times brings one. `()` observes nothing.
+pub trait StepObserver: Send {
+    /// Called when `phase` has finished.
+    fn phase_finished(&mut self, _phase: Phase) {}
 
-    /// Asked after each test of the iterations, which may be many, by whichever thread has made it, and from time to time
-    /// by the one that has asked for the step: whether it is to be broken off, and what is to become of its window.
-    fn stop(&mut self) -> Option<Stop> {
+    /// Called when a step of a window has finished and has led to `state`; `Break` ends the window.
+    fn step_finished(&mut self, _state: &State, _report: &StepReport) -> ControlFlow<StopReason> {
+        ControlFlow::Continue(())
+    }
+
+    /// Returns `Some` to cancel the running step; the state is then exactly that of before the step.
+    ///
+    /// Called after every convergence test, from whichever worker thread ran it, and periodically from the calling
+    /// thread. The reason says what becomes of the enclosing window.
+    fn cancelled(&mut self) -> Option<StopReason> {
         None
     }
 }
 
-impl Stopwatch for () {}
+impl StepObserver for () {}
+
+impl StepObserver for CancelToken {
+    fn step_finished(&mut self, _state: &State, _report: &StepReport) -> ControlFlow<StopReason> {
+        self.reason().map_or(ControlFlow::Continue(()), ControlFlow::Break)
+    }
+
+    fn cancelled(&mut self) -> Option<StopReason> {
+        self.reason()
+    }
+}
+
+/// Observer that calls a function after each step.
+pub struct StepCallback<F>(pub F);
+
+impl<F> StepObserver for StepCallback<F>
+where
+    F: FnMut(&State, &StepReport) -> ControlFlow<StopReason> + Send,
+{
+    fn step_finished(&mut self, state: &State, report: &StepReport) -> ControlFlow<StopReason> {
+        self.0(state, report)
+    }
+}
 
 /// What a step did. Not converging is told here, not as an error.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -34,7 +34,7 @@ pub struct Workspace {
     pub(crate) correction: CorrectionBuffers,
     /// Velocities of the mobile bodies at the end of the step `[ng + nm]`, m/s and rad/s.
     pub(crate) velocity: Vec<Vec3>,
-    pub(crate) spin: Vec<Vec3>,
+    pub(crate) angular_velocity: Vec<Vec3>,
     /// Memory for the state at the end of the step; nothing in it is read.
     pub(crate) next: State,
 }
@@ -45,7 +45,7 @@ pub(crate) struct CorrectionBuffers {
     pub problem: LocalProblem,
     /// Velocities that last for the step, of the mobile bodies `[ng + nm]`, m/s and rad/s.
     pub velocity: Vec<Vec3>,
-    pub spin: Vec<Vec3>,
+    pub angular_velocity: Vec<Vec3>,
 }
 
 impl Workspace {

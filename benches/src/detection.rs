@@ -12,10 +12,10 @@ use super::scene::Scene;
 use super::sheet::{Sheet, cells};
 use super::trial::{Contender, DETECTION, alternate, mean, ratios};
 use ballast::detection::{Contacts, DetectionRange, Detector};
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::math::Vec3;
 use ballast::motion::Motion;
-use ballast::step::{Phase, Stopwatch};
+use ballast::step::{Phase, StepObserver};
 use ballast_session::Reporter;
 use ballast_session::profile::{Profile, Spent};
 use ballast_session::statistics::Quartiles;
@@ -71,7 +71,7 @@ struct Trial {
 /// The configuration in which the first step looks for contacts.
 fn predicted(scene: &Scene) -> Outcome<Motion> {
     let targets = scene.targets();
-    let inputs = Inputs::from_targets(&targets);
+    let inputs = StepInputs::from_targets(&targets);
     let mut motion = Motion::default();
     let predicted = motion.predict(&scene.model, &scene.state, &inputs);
     predicted?;
@@ -147,9 +147,9 @@ fn detect(
         let mut profile = Profile::start();
         let reach = DetectionRange::new(&scene.model, motion);
         detector.broad_phase(&scene.model, motion, &reach);
-        profile.lap(Phase::BroadPhase);
+        profile.phase_finished(Phase::BroadPhase);
         detector.narrow_phase(&scene.model, motion, &reach, contacts);
-        profile.lap(Phase::NarrowPhase);
+        profile.phase_finished(Phase::NarrowPhase);
         DETECTION.map(|phase| profile.of(phase))
     })
 }

@@ -7,7 +7,7 @@ use super::machine::Machine;
 use super::rule::is_tolerance;
 use super::sheet::{Cell, Sheet};
 use super::trial::DETECTION;
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::model::{Model, PartitionRule};
 use ballast::observe::{lost_grains, mean_speed};
 use ballast::state::State;
@@ -145,7 +145,7 @@ fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile
     let mut workspace = Workspace::default();
     for _ in 0..steps {
         profile.output();
-        let inputs = Inputs::from_targets(&still);
+        let inputs = StepInputs::from_targets(&still);
         let report = step(model, state, &inputs, &mut workspace, profile)?;
         trial.take(report);
     }

@@ -1,7 +1,7 @@
 //! What is measured: a case from its bed or from a checkpoint of a run, or a neutral sample.
 
 use super::args::Start;
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
@@ -110,7 +110,7 @@ impl Mover {
         match self {
             Mover::Machine(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
             Mover::Nobody(still) => {
-                let inputs = Inputs::from_targets(still);
+                let inputs = StepInputs::from_targets(still);
                 Ok(step(model, state, &inputs, workspace, watch)?)
             }
         }

@@ -18,7 +18,7 @@ pub fn jobs(text: &str) -> Result<NonZeroUsize, String> {
 }
 
 fn few(text: &str, what: &str) -> Result<NonZeroUsize, String> {
-    let most = ballast::step::MOST_THREADS;
+    let most = ballast::step::MAX_THREADS;
     let found = text.parse().ok().filter(|n: &NonZeroUsize| n.get() <= most);
     found.ok_or_else(|| format!("expected 1 to {most} {what}"))
 }

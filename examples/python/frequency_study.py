@@ -29,7 +29,7 @@ def main():
     for text in table["error"].dropna():
         print("failed:", text)
     figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
-    under = [c for c in table if c.startswith("under ") and c.endswith("after")]
+    under = [c for c in table if c.startswith("under/") and c.endswith("after")]
     for name in under:
         gain = table[name] - table[name.replace("after", "before")]
         axes[0].plot(table[axis], 100 * gain, "o", label=name.removesuffix(": after"))

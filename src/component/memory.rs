@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// How long the moving mean of forces looks back, ns: over half a vibration a single force says little,
 /// beyond it the mean comes too late.
-const LOOK_BACK_NS: u64 = 4_000_000;
+const MOVING_AVERAGE_NS: u64 = 4_000_000;
 /// Begins the numbers, so that those of another drive are not taken for them: no quantity has this value.
 const MARK: f64 = f64::from_bits(0x0000_ba11_a57c_0de2);
 /// Numbers per body: whether its twist is known, and the twist.
@@ -22,15 +22,15 @@ const REACTION: usize = 6;
 
 /// What the ballast did to the driven bodies in the last 4 ms.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Recent {
+pub struct ReactionHistory {
     /// Impulse and angular impulse on each body, oldest step first `[steps][nd]`.
     steps: VecDeque<Vec<[Vec3; 2]>>,
 }
 
-impl Recent {
+impl ReactionHistory {
     /// Takes what a step did to the bodies `[nd]`; `step_ns` is its length.
     pub fn take(&mut self, reactions: &[Reaction], step_ns: u64) {
-        let most = (LOOK_BACK_NS / step_ns).max(1) as usize;
+        let most = (MOVING_AVERAGE_NS / step_ns).max(1) as usize;
         while self.steps.len() >= most {
             self.steps.pop_front();
         }
@@ -48,8 +48,12 @@ impl Recent {
 }
 
 /// What a component remembers in `state` of the last steps and of squeezes, for who goes on beside one.
-pub fn remembered(state: &State, bodies: usize, rule: &Arc<SqueezeRule>) -> (Recent, SqueezeMeter) {
-    let Memory { recent, squeezes, .. } = Memory::read(state, bodies, rule);
+pub fn remembered(
+    state: &State,
+    bodies: usize,
+    rule: &Arc<SqueezeRule>,
+) -> (ReactionHistory, SqueezeMeter) {
+    let WindowMemory { recent, squeezes, .. } = WindowMemory::read(state, bodies, rule);
     (recent, squeezes)
 }
 
@@ -82,25 +86,25 @@ fn parts(drive: &[f64]) -> Option<(&[f64], &[f64])> {
 
 fn read_twist(n: &[f64; TWIST]) -> Option<Twist> {
     let vector = |n: &[f64]| Vec3::new(n[0], n[1], n[2]);
-    (n[0] == 1.0).then(|| Twist { velocity: vector(&n[1..4]), spin: vector(&n[4..7]) })
+    (n[0] == 1.0).then(|| Twist { velocity: vector(&n[1..4]), angular_velocity: vector(&n[4..7]) })
 }
 
 /// Twists in which bodies left the last window, what the ballast did to them in the last steps, and how far
 /// squeezes are.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Memory {
+pub(super) struct WindowMemory {
     /// As [`left_twist`] tells `[nd]`.
     pub twist: Vec<Option<Twist>>,
-    pub recent: Recent,
+    pub recent: ReactionHistory,
     pub squeezes: SqueezeMeter,
 }
 
-impl Memory {
-    /// Reads what [`Memory::write`] left for `bodies` driven bodies and the pairs of `rule`.
+impl WindowMemory {
+    /// Reads what [`WindowMemory::write`] left for `bodies` driven bodies and the pairs of `rule`.
     pub fn read(state: &State, bodies: usize, rule: &Arc<SqueezeRule>) -> Self {
         Self::written(&state.drive, bodies, rule).unwrap_or_else(|| Self {
             twist: vec![first_twist(state); bodies],
-            recent: Recent::default(),
+            recent: ReactionHistory::default(),
             squeezes: SqueezeMeter::new(Arc::clone(rule)),
         })
     }
@@ -120,7 +124,7 @@ impl Memory {
         Some(Self {
             squeezes,
             twist: twists.as_chunks().0.iter().map(read_twist).collect(),
-            recent: Recent {
+            recent: ReactionHistory {
                 steps: steps
                     .chunks_exact(row)
                     .map(|step| step.as_chunks().0.iter().map(reaction).collect())
@@ -136,8 +140,8 @@ impl Memory {
         drive[1] = (drive.len() - 2) as f64;
         for twist in &self.twist {
             drive.push(f64::from(u8::from(twist.is_some())));
-            let Twist { velocity, spin } = twist.unwrap_or_default();
-            drive.extend(velocity.iter().chain(&spin));
+            let Twist { velocity, angular_velocity } = twist.unwrap_or_default();
+            drive.extend(velocity.iter().chain(&angular_velocity));
         }
         for [impulse, angular] in self.recent.steps.iter().flatten() {
             drive.extend(impulse.iter().chain(angular));
@@ -154,20 +158,21 @@ mod tests {
     fn another_rule_of_squeezes_knows_what_the_tools_did() {
         let pair = SqueezePair { name: "pair".into(), tines: vec![(0, 1.0)] };
         let rule = Arc::new(SqueezeRule::new(vec![pair], 5).unwrap());
-        let mut recent = Recent::default();
+        let mut recent = ReactionHistory::default();
         let impulse = Vec3::new(1.0, 2.0, 3.0);
         let push = Reaction { impulse, angular_impulse: -impulse, work: 0.0, contacts: 1 };
         recent.take(&[push], 1_000_000);
-        let twist = Twist { velocity: Vec3::new(0.0, 0.0, -0.5), spin: Vec3::zeros() };
+        let twist = Twist { velocity: Vec3::new(0.0, 0.0, -0.5), angular_velocity: Vec3::zeros() };
         let twist = vec![Some(twist)];
-        let written = Memory { twist, recent, squeezes: SqueezeMeter::new(Arc::clone(&rule)) };
+        let written =
+            WindowMemory { twist, recent, squeezes: SqueezeMeter::new(Arc::clone(&rule)) };
         let mut state = State { step: 7, ..State::default() };
         written.write(&mut state.drive);
         assert!(is_remembered(&state) && !is_remembered(&State::default()));
-        assert_eq!(Memory::read(&state, 1, &rule), written);
+        assert_eq!(WindowMemory::read(&state, 1, &rule), written);
         let none = Arc::new(SqueezeRule::default());
-        let read = Memory::read(&state, 1, &none);
+        let read = WindowMemory::read(&state, 1, &none);
         assert_eq!(read.twist, [left_twist(&state, 0)]);
-        assert_eq!(read, Memory { squeezes: SqueezeMeter::new(none), ..written });
+        assert_eq!(read, WindowMemory { squeezes: SqueezeMeter::new(none), ..written });
     }
 }

@@ -1,6 +1,6 @@
 //! The stepping component: windows of time, inputs as waveforms, redo, save and restore.
 //!
-//! Reads: a model, a state, inputs of each window. Writes: the state, an [`Outcome`] per window.
+//! Reads: a model, a state, inputs of each window. Writes: the state, a [`WindowResult`] per window.
 //! Contract: a window is a function. Same state, same inputs: same outcome, bit for bit; how a stretch
 //! of time is cut into windows changes nothing. A refused window leaves the state as it was.
 //!
@@ -8,38 +8,39 @@
 
 mod load;
 mod memory;
-mod outcome;
 mod parameters;
 mod refusal;
-mod spares;
-mod watch;
+mod result;
+mod state_pool;
 mod waveform;
 mod window;
 
 pub use load::{LoadKnot, LoadWaveform};
-pub use memory::{Recent, is_remembered, left_twist, remembered};
-pub use outcome::{BodyOutcome, End, Outcome, SolverOutcome, Status, ZoneOutcome, measure};
+pub use memory::{ReactionHistory, is_remembered, left_twist, remembered};
 pub use parameters::Parameters;
 pub use refusal::Refusal;
-pub use watch::{Each, Watch};
-pub use waveform::{Interpolation, Knot, Twist, WIDEST_TURN, Waveform};
-pub use window::{Input, LoadInput, Window};
+pub use result::{
+    BodyResult, SolverResult, WindowEnd, WindowResult, WindowStatus, ZoneResult, measure,
+};
+pub use waveform::{Interpolation, Knot, MAX_KNOT_ROTATION, Twist, Waveform};
+pub use window::{LoadInput, MotionInput, WindowInputsRef};
 
+pub use crate::cancel::StopReason;
 use crate::contact_recheck::penetration_beyond;
-use crate::drive::{Inputs, SpeedLimit};
-pub use crate::error::Stop;
+use crate::drive::{SpeedLimit, StepInputs};
 use crate::error::{Cause, Error};
 use crate::model::Model;
 use crate::observe::{SqueezeRule, Zone};
 use crate::state::State;
-use crate::step::{StepReport, Stopwatch, advance};
+pub use crate::step::{StepCallback, StepObserver};
+use crate::step::{StepReport, advance};
 use crate::workspace::Workspace;
-use memory::Memory;
-use outcome::Account;
-use spares::Spares;
+use memory::WindowMemory;
+use result::ResultAccumulator;
+use state_pool::StatePool;
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use window::Plan;
+use window::WindowPlan;
 
 /// What a component accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,11 +49,11 @@ pub struct Limits {
     pub join_distance: f64,
     pub join_angle: f64,
     pub join_speed: f64,
-    pub join_spin: f64,
+    pub join_angular_velocity: f64,
     /// How deep a sound step may press bodies into each other, m, beyond what it finds; infinite: any.
     pub penetration: f64,
     /// Whether what was computed is kept when a window cannot be computed to its end; else it is taken back.
-    pub keeps_early: bool,
+    pub keep_partial_window: bool,
 }
 
 impl Default for Limits {
@@ -61,9 +62,9 @@ impl Default for Limits {
             join_distance: 1e-6,
             join_angle: 1e-6,
             join_speed: 1e-3,
-            join_spin: 1e-3,
+            join_angular_velocity: 1e-3,
             penetration: f64::INFINITY,
-            keeps_early: false,
+            keep_partial_window: false,
         }
     }
 }
@@ -79,7 +80,7 @@ pub struct Component {
     state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
     last: Option<(Arc<State>, u64)>,
-    spares: Spares,
+    state_pool: StatePool,
     workspace: Workspace,
     speed_limit: SpeedLimit,
 }
@@ -105,7 +106,7 @@ impl Component {
             squeezes: Arc::default(),
             state,
             last: None,
-            spares: Spares::default(),
+            state_pool: StatePool::default(),
             workspace: Workspace::default(),
             speed_limit,
         })
@@ -168,36 +169,36 @@ impl Component {
     pub fn advance_to<'a>(
         &mut self,
         t1_ns: u64,
-        inputs: impl Into<Window<'a>>,
-    ) -> Result<Outcome, Refusal> {
-        self.advance_watched(t1_ns, inputs, &mut ())
+        inputs: impl Into<WindowInputsRef<'a>>,
+    ) -> Result<WindowResult, Refusal> {
+        self.advance_observed(t1_ns, inputs, &mut ())
     }
 
     /// The same under the eyes of `watch`, which may end the window.
     ///
     /// # Errors
-    /// As for [`Component::advance_to`]; [`Refusal::Abandoned`].
-    pub fn advance_watched<'a>(
+    /// As for [`Component::advance_to`]; [`Refusal::Cancelled`].
+    pub fn advance_observed<'a>(
         &mut self,
         t1_ns: u64,
-        inputs: impl Into<Window<'a>>,
-        watch: &mut impl Watch,
-    ) -> Result<Outcome, Refusal> {
+        inputs: impl Into<WindowInputsRef<'a>>,
+        observer: &mut impl StepObserver,
+    ) -> Result<WindowResult, Refusal> {
         let (model, limits) = (Arc::clone(&self.model), self.limits);
         let (steps, mut memory, plan) = self.planned(t1_ns, &inputs.into())?;
         let before = Arc::clone(&self.state);
-        let mut account = Account::new(&model, before.time_ns);
-        let mut trouble = None;
+        let mut account = ResultAccumulator::new(&model, before.time_ns);
+        let mut failure = None;
         let mut stopped = None;
         for _ in 0..steps {
-            match self.one_step(&plan, watch) {
+            match self.one_step(&plan, observer) {
                 Ok(report) => {
                     account.take(&report, &self.state, model.stepping.h());
                     memory.recent.take(&report.reactions, model.stepping.step_ns);
                     memory.squeezes.take(&model, &self.state, &report);
-                    if let ControlFlow::Break(stop) = watch.step(&self.state, &report) {
+                    if let ControlFlow::Break(stop) = observer.step_finished(&self.state, &report) {
                         // What is complete is not early.
-                        let is_over = self.now_ns() == t1_ns && stop == Stop::Early;
+                        let is_over = self.now_ns() == t1_ns && stop == StopReason::Early;
                         stopped = (!is_over).then_some(stop);
                         break;
                     }
@@ -207,51 +208,59 @@ impl Component {
                     break;
                 }
                 Err(error) => {
-                    trouble = Some(error);
-                    stopped = Some(if limits.keeps_early { Stop::Early } else { Stop::Discard });
+                    failure = Some(error);
+                    stopped = Some(if limits.keep_partial_window {
+                        StopReason::Early
+                    } else {
+                        StopReason::Discard
+                    });
                     break;
                 }
             }
         }
         let status = match stopped {
-            Some(Stop::Abandon) => {
+            Some(StopReason::Cancel) => {
                 self.state = before;
-                return Err(Refusal::Abandoned);
+                return Err(Refusal::Cancelled);
             }
-            Some(Stop::Discard) => Status::Discard,
-            Some(Stop::Early) if account.steps() == 0 => Status::Discard,
-            Some(Stop::Early) => Status::Early,
-            None if account.is_sound() => Status::Ok,
-            None => Status::Warn,
+            Some(StopReason::Discard) => WindowStatus::Discard,
+            Some(StopReason::Early) if account.steps() == 0 => WindowStatus::Discard,
+            Some(StopReason::Early) => WindowStatus::Early,
+            None if account.is_sound() => WindowStatus::Ok,
+            None => WindowStatus::Warn,
         };
-        if status == Status::Discard {
+        if status == WindowStatus::Discard {
             self.state = Arc::clone(&before);
-            account = Account::new(&model, self.now_ns());
-            memory = Memory::read(&self.state, model.driven.len(), &self.squeezes);
+            account = ResultAccumulator::new(&model, self.now_ns());
+            memory = WindowMemory::read(&self.state, model.driven.len(), &self.squeezes);
         } else {
             memory.twist = plan.twists(self.now_ns());
             memory.write(&mut Arc::make_mut(&mut self.state).drive);
         }
         if let Some((old, _)) = self.last.replace((before, t1_ns)) {
-            self.spares.keep(old);
+            self.state_pool.keep(old);
         }
-        let end = End {
+        let end = WindowEnd {
             model: &model,
             state: &self.state,
             // What was taken back is nothing to measure.
-            zones: if status == Status::Discard { &[] } else { &self.zones },
+            zones: if status == WindowStatus::Discard { &[] } else { &self.zones },
             recent: &memory.recent,
             squeezes: memory.squeezes.tell(),
             speed_limit: &self.speed_limit,
         };
-        Ok(account.close(status, trouble, end))
+        Ok(account.close(status, failure, end))
     }
 
     /// Whether a window up to `t1_ns` would be begun; nothing is computed, and nothing changes.
     ///
     /// # Errors
     /// As for [`Component::advance_to`], and a body that is led too far in the first step.
-    pub fn check<'a>(&self, t1_ns: u64, inputs: impl Into<Window<'a>>) -> Result<(), Refusal> {
+    pub fn check<'a>(
+        &self,
+        t1_ns: u64,
+        inputs: impl Into<WindowInputsRef<'a>>,
+    ) -> Result<(), Refusal> {
         let (_, _, plan) = self.planned(t1_ns, &inputs.into())?;
         let (model, state) = (&self.model, &self.state);
         Ok(self.speed_limit.check(model, state, &plan.targets(model, state))?)
@@ -261,11 +270,11 @@ impl Component {
     fn planned<'a>(
         &self,
         t1_ns: u64,
-        window: &Window<'a>,
-    ) -> Result<(u64, Memory, Plan<'a>), Refusal> {
+        window: &WindowInputsRef<'a>,
+    ) -> Result<(u64, WindowMemory, WindowPlan<'a>), Refusal> {
         let (steps, model) = (self.steps_to(t1_ns)?, &self.model);
-        let memory = Memory::read(&self.state, model.driven.len(), &self.squeezes);
-        let plan = Plan::check(model, &self.state, &memory, &self.limits, t1_ns, window)?;
+        let memory = WindowMemory::read(&self.state, model.driven.len(), &self.squeezes);
+        let plan = WindowPlan::check(model, &self.state, &memory, &self.limits, t1_ns, window)?;
         Ok((steps, memory, plan))
     }
 
@@ -273,24 +282,27 @@ impl Component {
     ///
     /// # Errors
     /// There is no window to redo, or as for [`Component::advance_to`]; the state is as before.
-    pub fn redo<'a>(&mut self, inputs: impl Into<Window<'a>>) -> Result<Outcome, Refusal> {
-        self.redo_watched(inputs, &mut ())
+    pub fn redo<'a>(
+        &mut self,
+        inputs: impl Into<WindowInputsRef<'a>>,
+    ) -> Result<WindowResult, Refusal> {
+        self.redo_observed(inputs, &mut ())
     }
 
-    /// The same; `watch` as in [`Component::advance_watched`].
+    /// The same; `watch` as in [`Component::advance_observed`].
     ///
     /// # Errors
-    /// As for [`Component::redo`]; [`Refusal::Abandoned`].
-    pub fn redo_watched<'a>(
+    /// As for [`Component::redo`]; [`Refusal::Cancelled`].
+    pub fn redo_observed<'a>(
         &mut self,
-        inputs: impl Into<Window<'a>>,
-        watch: &mut impl Watch,
-    ) -> Result<Outcome, Refusal> {
+        inputs: impl Into<WindowInputsRef<'a>>,
+        observer: &mut impl StepObserver,
+    ) -> Result<WindowResult, Refusal> {
         let (before, t1) = self.last.clone().ok_or(Refusal::NothingToRedo)?;
         let after = std::mem::replace(&mut self.state, before);
-        let result = self.advance_watched(t1, inputs, watch);
+        let result = self.advance_observed(t1, inputs, observer);
         match &result {
-            Ok(_) => self.spares.keep(after),
+            Ok(_) => self.state_pool.keep(after),
             Err(_) => self.state = after,
         }
         result
@@ -332,7 +344,7 @@ impl Component {
             squeezes: Arc::clone(&self.squeezes),
             state: Arc::clone(&self.state),
             last: self.last.clone(),
-            spares: Spares::default(),
+            state_pool: StatePool::default(),
             workspace: Workspace::default(),
             speed_limit: self.speed_limit.clone(),
         }
@@ -378,18 +390,18 @@ impl Component {
     /// One step along the waveforms.
     fn one_step(
         &mut self,
-        plan: &Plan,
-        stopwatch: &mut impl Stopwatch,
+        plan: &WindowPlan,
+        observer: &mut impl StepObserver,
     ) -> Result<StepReport, Error> {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
         let speed_limit = Some(&self.speed_limit);
-        let inputs = Inputs { targets: &targets, loads: &loads, speed_limit };
-        let mut next = self.spares.take();
+        let inputs = StepInputs { targets: &targets, loads: &loads, speed_limit };
+        let mut next = self.state_pool.take();
         let report =
-            advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, stopwatch)?;
+            advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, observer)?;
         self.expect_shallow()?;
-        self.spares.keep(std::mem::replace(&mut self.state, Arc::new(next)));
+        self.state_pool.keep(std::mem::replace(&mut self.state, Arc::new(next)));
         Ok(report)
     }
 }

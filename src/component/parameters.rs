@@ -19,7 +19,7 @@ pub struct Parameters {
 
 impl Parameters {
     /// Whether two models differ in nothing but what parameters set.
-    pub fn alone_differ(a: &Model, b: &Model) -> bool {
+    pub fn are_only_difference(a: &Model, b: &Model) -> bool {
         let mut like_b = a.clone();
         like_b.solver.max_iterations = b.solver.max_iterations;
         like_b.solver.tolerance = b.solver.tolerance;

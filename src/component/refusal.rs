@@ -28,9 +28,9 @@ pub enum Refusal {
     /// No window has been computed since the start or the last restore.
     #[error("redo: expected a window before this one, found none")]
     NothingToRedo,
-    /// Whoever watched the window has ended it as if it had never been asked for.
-    #[error("window: abandoned")]
-    Abandoned,
+    /// The observer cancelled the window, as if it had not been requested.
+    #[error("window: cancelled by its observer")]
+    Cancelled,
     /// The model or the state cannot be used.
     #[error(transparent)]
     Core(#[from] Error),
@@ -46,7 +46,7 @@ impl Refusal {
             Refusal::Input { .. } => "input_invalid",
             Refusal::UnknownBody { .. } => "unknown_body",
             Refusal::NothingToRedo => "nothing_to_redo",
-            Refusal::Abandoned => "abandoned",
+            Refusal::Cancelled => "cancelled",
             Refusal::Core(_) => "state_invalid",
         }
     }

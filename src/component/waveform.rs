@@ -7,7 +7,7 @@ use super::refusal::Refusal;
 use crate::math::{Pose, Vec3, is_unit, rotation};
 
 /// Widest turn between two knots, rad: beyond half a turn the way round is a guess.
-pub const WIDEST_TURN: f64 = 2.0;
+pub const MAX_KNOT_ROTATION: f64 = 2.0;
 
 /// Where a body is at a time, and how it moves then.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,10 +15,10 @@ pub struct Knot {
     /// Since the start of the run, ns.
     pub time_ns: u64,
     pub pose: Pose,
-    /// Velocity of the reference point, m/s, and spin, rad/s, world axes; read by
+    /// Velocity of the reference point, m/s, and angular velocity, rad/s, world axes; read by
     /// [`Interpolation::Hermite`] only.
     pub velocity: Vec3,
-    pub spin: Vec3,
+    pub angular_velocity: Vec3,
 }
 
 /// What lies between knots.
@@ -26,9 +26,9 @@ pub struct Knot {
 pub enum Interpolation {
     /// The last knot: poses jump within a step. For slow switches, not for vibration.
     Hold,
-    /// Constant velocity and spin.
+    /// Constant velocity and angular velocity.
     Linear,
-    /// Cubic, with the knots' velocities and spins at its ends.
+    /// Cubic, with the knots' velocities and angular velocities at its ends.
     #[default]
     Hermite,
 }
@@ -47,12 +47,12 @@ pub struct Twist {
     /// Of the reference point, m/s, world axes.
     pub velocity: Vec3,
     /// rad/s, world axes.
-    pub spin: Vec3,
+    pub angular_velocity: Vec3,
 }
 
 impl Twist {
     pub(super) fn text(&self) -> String {
-        let [v, w] = [self.velocity, self.spin];
+        let [v, w] = [self.velocity, self.angular_velocity];
         format!(
             "({:.3e}, {:.3e}, {:.3e}) m/s, ({:.3e}, {:.3e}, {:.3e}) rad/s",
             v.x, v.y, v.z, w.x, w.y, w.z
@@ -84,7 +84,10 @@ impl Waveform {
         };
         for (i, knot) in self.knots.iter().enumerate() {
             let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
-            if !(finite(&knot.pose.position) && finite(&knot.velocity) && finite(&knot.spin)) {
+            if !(finite(&knot.pose.position)
+                && finite(&knot.velocity)
+                && finite(&knot.angular_velocity))
+            {
                 return Err(Refusal::input(body, "finite numbers", format!("{knot:?} (knot {i})")));
             }
             if !is_unit(&knot.pose.orientation) {
@@ -99,8 +102,8 @@ impl Waveform {
                 return Err(Refusal::input(body, "knots in order of time", found));
             }
             let turn = between(&pair[0], &pair[1]).norm();
-            if self.interpolation != Interpolation::Hold && turn > WIDEST_TURN {
-                let expected = format!("knots that turn by at most {WIDEST_TURN} rad");
+            if self.interpolation != Interpolation::Hold && turn > MAX_KNOT_ROTATION {
+                let expected = format!("knots that turn by at most {MAX_KNOT_ROTATION} rad");
                 return Err(Refusal::input(
                     body,
                     expected,
@@ -119,7 +122,7 @@ impl Waveform {
         })
     }
 
-    /// Velocity and spin at a time for which there are knots that tell, those of a cubic motion: at a knot its own.
+    /// Velocity and angular velocity at a time for which there are knots that tell, those of a cubic motion: at a knot its own.
     pub fn twist(&self, time_ns: u64) -> Option<Twist> {
         if self.interpolation != Interpolation::Hermite {
             return None;
@@ -127,7 +130,7 @@ impl Waveform {
         let after = self.knots.partition_point(|k| k.time_ns < time_ns);
         let b = self.knots.get(after)?;
         if b.time_ns == time_ns {
-            return Some(Twist { velocity: b.velocity, spin: b.spin });
+            return Some(Twist { velocity: b.velocity, angular_velocity: b.angular_velocity });
         }
         Some(hermite_twist(self.knots.get(after.checked_sub(1)?)?, b, time_ns))
     }
@@ -174,7 +177,10 @@ impl Cubic {
     /// Of the rotation vector from `a`, whose rate at `b` is `J⁻¹(φ) ω`.
     fn of_turns(a: &Knot, b: &Knot) -> Self {
         let way = between(a, b);
-        Self { way, rates: [a.spin, rotation::rotation_vector_rate(&way, &b.spin)] }
+        Self {
+            way,
+            rates: [a.angular_velocity, rotation::rotation_vector_rate(&way, &b.angular_velocity)],
+        }
     }
 
     /// The way up to a share `s` of the time.
@@ -194,7 +200,7 @@ impl Cubic {
     }
 }
 
-/// Cubic through both knots with their velocities and spins (T-29).
+/// Cubic through both knots with their velocities and angular velocities (T-29).
 fn hermite(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
     let share = share(a, b, time_ns);
     Pose {
@@ -203,12 +209,15 @@ fn hermite(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
     }
 }
 
-/// Velocity and spin of [`hermite`].
+/// Velocity and angular velocity of [`hermite`].
 fn hermite_twist(a: &Knot, b: &Knot, time_ns: u64) -> Twist {
     let share = share(a, b, time_ns);
     let turns = Cubic::of_turns(a, b);
     Twist {
         velocity: Cubic::of_positions(a, b).rate(share),
-        spin: rotation::angular_velocity_from_rate(&turns.at(share), &turns.rate(share)),
+        angular_velocity: rotation::angular_velocity_from_rate(
+            &turns.at(share),
+            &turns.rate(share),
+        ),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Limits;
 use super::load::LoadWaveform;
-use super::memory::Memory;
+use super::memory::WindowMemory;
 use super::refusal::Refusal;
 use super::waveform::{Twist, Waveform, around};
 use crate::drive::Load;
@@ -12,22 +12,22 @@ use crate::state::State;
 
 /// The motion of one driven body, or of its mount, through a window.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Input {
+pub struct MotionInput {
     /// The body's name.
     pub body: String,
     pub waveform: Waveform,
     /// The window need not join the one before: the body is moved there within the first step.
-    pub rebase: bool,
+    pub allow_jump: bool,
 }
 
-impl Input {
+impl MotionInput {
     /// The same motion with no more knots than the stretch from `t0_ns` to `t1_ns` depends on: there it is the same to
     /// the bit.
     pub fn cut(&self, t0_ns: u64, t1_ns: u64) -> Self {
         let Waveform { interpolation, knots } = &self.waveform;
         let knots = around(knots, |k| k.time_ns, t0_ns, t1_ns).to_vec();
         let waveform = Waveform { interpolation: *interpolation, knots };
-        Self { body: self.body.clone(), waveform, rebase: self.rebase }
+        Self { body: self.body.clone(), waveform, allow_jump: self.allow_jump }
     }
 }
 
@@ -51,50 +51,50 @@ impl LoadInput {
 /// All inputs of a window. A body without motion stays where it is, or where its mount is; one without
 /// load has none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Window<'a> {
-    pub motions: &'a [Input],
+pub struct WindowInputsRef<'a> {
+    pub motions: &'a [MotionInput],
     pub loads: &'a [LoadInput],
 }
 
-impl<'a> From<&'a [Input]> for Window<'a> {
-    fn from(motions: &'a [Input]) -> Self {
+impl<'a> From<&'a [MotionInput]> for WindowInputsRef<'a> {
+    fn from(motions: &'a [MotionInput]) -> Self {
         Self { motions, loads: &[] }
     }
 }
 
-impl<'a, const N: usize> From<&'a [Input; N]> for Window<'a> {
-    fn from(motions: &'a [Input; N]) -> Self {
+impl<'a, const N: usize> From<&'a [MotionInput; N]> for WindowInputsRef<'a> {
+    fn from(motions: &'a [MotionInput; N]) -> Self {
         Self { motions, loads: &[] }
     }
 }
 
 /// The waveforms of a window by body.
-pub(super) struct Plan<'a> {
+pub(super) struct WindowPlan<'a> {
     /// `[nd]`.
     motions: Vec<Option<&'a Waveform>>,
     /// `[nm]`.
     loads: Vec<Option<&'a LoadWaveform>>,
 }
 
-impl<'a> Plan<'a> {
+impl<'a> WindowPlan<'a> {
     /// Checks the inputs of the window from `state` to `t1_ns`.
     pub fn check(
         model: &Model,
         state: &State,
-        memory: &Memory,
+        memory: &WindowMemory,
         limits: &Limits,
         t1_ns: u64,
-        window: &Window<'a>,
+        window: &WindowInputsRef<'a>,
     ) -> Result<Self, Refusal> {
-        let join = Join { model, state, memory, limits };
+        let join = ContinuityCheck { model, state, memory, limits };
         let mut motions = vec![None; model.driven.len()];
-        for Input { body, waveform, rebase } in window.motions {
+        for MotionInput { body, waveform, allow_jump } in window.motions {
             let d = find(model, body)?;
             if motions[d].is_some() {
                 return Err(Refusal::input(body, "one waveform", "two"));
             }
             waveform.check(body, state.time_ns, t1_ns)?;
-            if !rebase {
+            if !allow_jump {
                 join.check(d, waveform)?;
             }
             motions[d] = Some(waveform);
@@ -149,19 +149,19 @@ fn find(model: &Model, body: &str) -> Result<usize, Refusal> {
 }
 
 /// Where a window has to begin.
-struct Join<'a> {
+struct ContinuityCheck<'a> {
     model: &'a Model,
     state: &'a State,
-    memory: &'a Memory,
+    memory: &'a WindowMemory,
     limits: &'a Limits,
 }
 
-impl Join<'_> {
+impl ContinuityCheck<'_> {
     /// A body without input stays; one that has left the last window moving cannot.
     fn check_still(&self, d: usize) -> Result<(), Refusal> {
         let twist = self.memory.twist[d].unwrap_or_default();
         if twist.velocity.norm() <= self.limits.join_speed
-            && twist.spin.norm() <= self.limits.join_spin
+            && twist.angular_velocity.norm() <= self.limits.join_angular_velocity
         {
             return Ok(());
         }
@@ -193,8 +193,8 @@ impl Join<'_> {
             return Ok(());
         };
         let speed = (becomes.velocity - was.velocity).norm();
-        let spin = (becomes.spin - was.spin).norm();
-        if speed <= limits.join_speed && spin <= limits.join_spin {
+        let angular_velocity = (becomes.angular_velocity - was.angular_velocity).norm();
+        if speed <= limits.join_speed && angular_velocity <= limits.join_angular_velocity {
             return Ok(());
         }
         jump(format!("{} as at the end of the last window", was.text()), becomes.text())

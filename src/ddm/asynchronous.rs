@@ -17,7 +17,8 @@
 
 use super::decomposition::{Set, enter};
 use super::{Ask, Decomposition, Outcome, Softening, deciding, is_solved, on_threads, synchronous};
-use crate::error::{Error, Result, Stop};
+use crate::cancel::StopReason;
+use crate::error::{Error, Result};
 use crate::model::{Acceleration, Norm, Solver};
 use crate::nlgs::VisitNorms;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -56,7 +57,7 @@ struct Tests<'a> {
     softening: Softening,
     diverged: bool,
     ask: Ask<'a>,
-    stopped: Option<Stop>,
+    stopped: Option<StopReason>,
 }
 
 /// How iterations ended.

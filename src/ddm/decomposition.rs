@@ -267,7 +267,7 @@ impl Decomposition {
         &mut self,
         problem: &LocalProblem,
         velocity: &mut Vec<Vec3>,
-        spin: &mut Vec<Vec3>,
+        angular_velocity: &mut Vec<Vec3>,
     ) {
         let Self { subdomains, partition, line_of, .. } = self;
         let mut sets = emptied(std::mem::take(&mut self.sets));
@@ -277,7 +277,7 @@ impl Decomposition {
             .enumerate()
             .with_min_len(1024)
             .map(|(g, (&s, &line))| problem.velocity(g, &sets[s as usize].lines[line as usize]))
-            .unzip_into_vecs(velocity, spin);
+            .unzip_into_vecs(velocity, angular_velocity);
         self.sets = emptied(sets);
     }
 }

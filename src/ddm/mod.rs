@@ -13,9 +13,10 @@ mod round;
 mod synchronous;
 mod turns;
 
+use crate::cancel::StopReason;
 #[cfg(doc)]
 use crate::error::Error;
-use crate::error::{Result, Stop};
+use crate::error::Result;
 use crate::local_problem::LocalProblem;
 use crate::model::{Norm, Schedule, Solver};
 use crate::nlgs::Residuals;
@@ -38,7 +39,7 @@ pub struct Outcome {
 }
 
 /// Asked after each test whether the step is to be broken off.
-pub type Ask<'a> = &'a mut (dyn FnMut() -> Option<Stop> + Send);
+pub type Ask<'a> = &'a mut (dyn FnMut() -> Option<StopReason> + Send);
 
 /// Iterates `problem`, which was packed into `decomposition`, in the order that `solver` asks for.
 ///

@@ -9,7 +9,8 @@ use super::momentum::Start;
 use super::round::Round;
 use super::turns::{Stretch, Turn};
 use super::{Ask, Decomposition, Outcome, deciding, is_solved, next_after};
-use crate::error::{Error, Result, Stop};
+use crate::cancel::StopReason;
+use crate::error::{Error, Result};
 use crate::model::{Norm, Solver};
 
 /// Tests after which the threads part for a moment: more than most steps have.
@@ -107,7 +108,7 @@ struct Progress<'a> {
     /// The one under way, or after which [`Self::turn`] is to be called.
     leg: Option<Leg>,
     ask: Ask<'a>,
-    stopped: Option<Stop>,
+    stopped: Option<StopReason>,
     /// Tests since the calling thread has asked, and whether it is to.
     tests: u32,
     pauses: bool,

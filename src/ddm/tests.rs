@@ -92,7 +92,7 @@ pub(super) fn run_with(
 ) -> Solved {
     let targets = vec![Pose::identity(); model.driven.len()];
     let mut motion = Motion::default();
-    motion.predict(model, state, &crate::drive::Inputs::from_targets(&targets)).unwrap();
+    motion.predict(model, state, &crate::drive::StepInputs::from_targets(&targets)).unwrap();
     let mut problem = LocalProblem::default();
     problem.build(model, state, &motion, contacts, start);
     let mut decomposition = Decomposition::default();
@@ -106,9 +106,9 @@ pub(super) fn run_with(
     decomposition.pack(&problem);
     let outcome = work(&mut decomposition, &problem);
     let mut impulse = vec![Vec3::zeros(); contacts.len()];
-    let (mut velocity, mut spin) = (Vec::new(), Vec::new());
+    let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
     decomposition.unpack_impulses(&problem, &mut impulse);
-    decomposition.unpack_velocities(&problem, &mut velocity, &mut spin);
+    decomposition.unpack_velocities(&problem, &mut velocity, &mut angular_velocity);
     Solved { outcome, velocity, impulse }
 }
 

@@ -168,8 +168,8 @@ fn approach_speed(
 }
 
 /// No point of a body with this velocity and spin is faster, m/s.
-pub fn max_point_speed(model: &Model, b: usize, velocity: &Vec3, spin: &Vec3) -> f64 {
-    let turning = spin.norm();
+pub fn max_point_speed(model: &Model, b: usize, velocity: &Vec3, angular_velocity: &Vec3) -> f64 {
+    let turning = angular_velocity.norm();
     if turning == 0.0 {
         return velocity.norm();
     }

@@ -27,7 +27,7 @@ impl Load {
 
 /// Inputs of one step.
 #[derive(Debug, Clone, Copy)]
-pub struct Inputs<'a> {
+pub struct StepInputs<'a> {
     /// Pose of each driven body at the end of the step `[nd]`.
     ///
     /// Its velocity during the step is the constant one that ends exactly there (T-4), so imposed
@@ -42,7 +42,7 @@ pub struct Inputs<'a> {
     pub speed_limit: Option<&'a SpeedLimit>,
 }
 
-impl<'a> Inputs<'a> {
+impl<'a> StepInputs<'a> {
     /// These targets, without loads and at any speed.
     pub fn from_targets(targets: &'a [Pose]) -> Self {
         Self { targets, loads: &[], speed_limit: None }

@@ -22,16 +22,16 @@ impl SpeedLimit {
         Self { way: 0.5 * smallest, reach }
     }
 
-    /// In which time body `d` is led so far at this velocity (m/s) and spin (rad/s), s; infinite at rest.
+    /// In which time body `d` is led so far at this velocity (m/s) and angular velocity (rad/s), s; infinite at rest.
     pub fn time(
         &self,
         model: &Model,
         state: &State,
         d: usize,
         velocity: &Vec3,
-        spin: &Vec3,
+        angular_velocity: &Vec3,
     ) -> f64 {
-        let turning = spin.norm();
+        let turning = angular_velocity.norm();
         let lever = self.lever(model, state, d, turning);
         self.way / (velocity.norm() + turning * lever)
     }

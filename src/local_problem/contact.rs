@@ -143,12 +143,17 @@ mod tests {
         for _ in 0..100 {
             let (side, inertia, rotation) = side(&mut rng);
             let contact = eight::one(&vector(&mut rng).normalize(), &side, None);
-            let spin = vector(&mut rng);
-            let whitened = (rotation.transpose() * spin).component_mul(&inertia.map(f64::sqrt));
-            let u = contact.components(&spin.cross(&side.lever));
+            let angular_velocity = vector(&mut rng);
+            let whitened =
+                (rotation.transpose() * angular_velocity).component_mul(&inertia.map(f64::sqrt));
+            let u = contact.components(&angular_velocity.cross(&side.lever));
             for k in 0..3 {
                 let by_arm = widen(&contact.candidate_arms[k]).dot(&whitened);
-                assert!((by_arm - u[k]).abs() < 1e-7 * spin.norm() * 0.06, "{by_arm} {}", u[k]);
+                assert!(
+                    (by_arm - u[k]).abs() < 1e-7 * angular_velocity.norm() * 0.06,
+                    "{by_arm} {}",
+                    u[k]
+                );
             }
         }
     }

@@ -159,8 +159,8 @@ impl Step<'_> {
         contact.bodies = contacts.bodies[i];
         let approach = if model.restitution > 0.0 {
             let start = |b: usize| {
-                let (velocity, spin) = motion.initial_twist(model, state, b);
-                velocity + spin.cross(&(point - motion.position[b]))
+                let (velocity, angular_velocity) = motion.initial_twist(model, state, b);
+                velocity + angular_velocity.cross(&(point - motion.position[b]))
             };
             contact.axes()[0].dot(&(start(c) - start(a))).min(0.0)
         } else {

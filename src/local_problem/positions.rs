@@ -20,13 +20,13 @@ pub struct Solved<'a> {
     pub impulse: &'a [Vec3],
     /// Of the mobile bodies `[ng + nm]`, m/s and rad/s.
     pub velocity: &'a [Vec3],
-    pub spin: &'a [Vec3],
+    pub angular_velocity: &'a [Vec3],
 }
 
 impl Solved<'_> {
     /// Gap of contact `i` at configuration m of the next step, `h` seconds later, m.
     fn next_gap(&self, i: usize, h: f64) -> f64 {
-        let twist = |b: usize| self.motion.twist(self.velocity, self.spin, b);
+        let twist = |b: usize| self.motion.twist(self.velocity, self.angular_velocity, b);
         self.contacts.gap[i] + h * self.contacts.opening_speed(i, self.motion, twist)
     }
 }

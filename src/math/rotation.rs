@@ -34,11 +34,11 @@ pub fn advance(q: &Quat, angle: &Vec3) -> Quat {
     Quat::new_normalize((exp(angle) * q).into_inner())
 }
 
-/// Rate of the rotation vector `phi` of a body that turns with `spin` (world axes).
+/// Rate of the rotation vector `phi` of a body that turns with `angular_velocity` (world axes).
 ///
 /// The inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro
 /// Lie theory for state estimation in robotics*, 2018, equation 146.
-pub fn rotation_vector_rate(phi: &Vec3, spin: &Vec3) -> Vec3 {
+pub fn rotation_vector_rate(phi: &Vec3, angular_velocity: &Vec3) -> Vec3 {
     let squared = phi.norm_squared();
     let factor = if squared < 1e-6 {
         1.0 / 12.0 + squared / 720.0
@@ -46,8 +46,8 @@ pub fn rotation_vector_rate(phi: &Vec3, spin: &Vec3) -> Vec3 {
         let angle = squared.sqrt();
         1.0 / squared - 0.5 / (angle * libm::tan(0.5 * angle))
     };
-    let once = phi.cross(spin);
-    spin - once * 0.5 + phi.cross(&once) * factor
+    let once = phi.cross(angular_velocity);
+    angular_velocity - once * 0.5 + phi.cross(&once) * factor
 }
 
 /// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rotation_vector_rate`].
@@ -74,11 +74,14 @@ mod tests {
     fn rates_of_vectors_are_those_of_their_rotations() {
         for angle in [0.0, 1e-4, 0.3, 1.9, 3.0] {
             let phi = Vec3::new(0.36, -0.48, 0.8) * angle;
-            let spin = Vec3::new(1.0, 5.0, -2.0);
-            let rate = rotation_vector_rate(&phi, &spin);
-            let ahead = log(&advance(&exp(&phi), &(spin * 1e-6)));
+            let angular_velocity = Vec3::new(1.0, 5.0, -2.0);
+            let rate = rotation_vector_rate(&phi, &angular_velocity);
+            let ahead = log(&advance(&exp(&phi), &(angular_velocity * 1e-6)));
             assert!((rate - (ahead - phi) / 1e-6).norm() < 1e-4, "{angle}: {rate:?}");
-            assert!((angular_velocity_from_rate(&phi, &rate) - spin).norm() < 1e-13, "{angle}");
+            assert!(
+                (angular_velocity_from_rate(&phi, &rate) - angular_velocity).norm() < 1e-13,
+                "{angle}"
+            );
         }
     }
 

@@ -20,11 +20,11 @@ pub fn conditions(mount: &Mount, turn: &Quat) -> Vec<(usize, Vec3)> {
 
 /// The spin of a unit rate of the free rotation `k` that meets the conditions of a target that does not turn.
 pub fn beside(conditions: &[(usize, Vec3)], k: usize) -> Vec3 {
-    let mut spin = Vec3::ith(k, 1.0);
+    let mut angular_velocity = Vec3::ith(k, 1.0);
     for (held, n) in conditions {
-        spin[*held] -= n[k] / n[*held];
+        angular_velocity[*held] -= n[k] / n[*held];
     }
-    spin
+    angular_velocity
 }
 
 /// The orientation next to `q` that held rotations allow beside the target's. Rounding does not add up over steps.

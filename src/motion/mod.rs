@@ -10,7 +10,7 @@ mod tumbling;
 
 pub use response::MountResponse;
 
-use crate::drive::{Inputs, Load};
+use crate::drive::{Load, StepInputs};
 use crate::error::{Error, Result};
 use crate::math::{Pose, Quat, Vec3, rotation};
 use crate::model::{DofMode, Model};
@@ -42,7 +42,7 @@ impl Motion {
     /// Predicts the step that starts at `state`.
     ///
     /// Refuses inputs of the wrong number and values that are not finite.
-    pub fn predict(&mut self, model: &Model, state: &State, inputs: &Inputs) -> Result<()> {
+    pub fn predict(&mut self, model: &Model, state: &State, inputs: &StepInputs) -> Result<()> {
         let (ng, nd) = (model.grains.len(), model.driven.len());
         if inputs.targets.len() != nd {
             return Err(Error::Input {
@@ -69,10 +69,10 @@ impl Motion {
         self.predict_driven(model, state, inputs)
     }
 
-    /// Velocity and spin of body `b` at the end of the step, m/s and rad/s; `velocity` and `spin` are the solved ones of the
+    /// Velocity and spin of body `b` at the end of the step, m/s and rad/s; `velocity` and `angular_velocity` are the solved ones of the
     /// mobile bodies.
-    pub fn twist(&self, velocity: &[Vec3], spin: &[Vec3], b: usize) -> (Vec3, Vec3) {
-        let solved = velocity.get(b).zip(spin.get(b));
+    pub fn twist(&self, velocity: &[Vec3], angular_velocity: &[Vec3], b: usize) -> (Vec3, Vec3) {
+        let solved = velocity.get(b).zip(angular_velocity.get(b));
         let (v, w) = solved.unwrap_or((&self.velocity[b], &self.angular_velocity[b]));
         (*v, *w)
     }
@@ -80,16 +80,16 @@ impl Motion {
     /// Velocity and spin with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
     /// those of this step throughout (T-4, T-14). Where a held rotation begins or stops, the centre of mass goes on (T-28).
     pub fn initial_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
-        let had = (state.velocity[b], state.spin[b]);
+        let had = (state.velocity[b], state.angular_velocity[b]);
         let Some(d) = b.checked_sub(model.grains.len()) else { return had };
         let imposed = (self.velocity[b], self.angular_velocity[b]);
         let Some(mount) = &model.driven[d].mount else { return imposed };
         let choose = |modes: [DofMode; 3], imposed: Vec3, had: Vec3| {
             Vec3::from_fn(|k, _| if modes[k].is_prescribed() { imposed[k] } else { had[k] })
         };
-        let spin = choose(mount.rotations(), imposed.1, had.1);
-        let around = (had.1 - spin).cross(&(state.orientation[b] * mount.centre));
-        (choose(mount.translations(), imposed.0, had.0 + around), spin)
+        let angular_velocity = choose(mount.rotations(), imposed.1, had.1);
+        let around = (had.1 - angular_velocity).cross(&(state.orientation[b] * mount.centre));
+        (choose(mount.translations(), imposed.0, had.0 + around), angular_velocity)
     }
 
     /// A grain without a place would find no contact, and be lost in silence.
@@ -123,9 +123,9 @@ impl Motion {
             .enumerate()
             .with_min_len(1024)
             .for_each(|(i, ((x, q), (v, w)))| {
-                let spin = state.spin[i];
+                let angular_velocity = state.angular_velocity[i];
                 *x = state.position[i] + state.velocity[i] * before;
-                *q = rotation::advance(&state.orientation[i], &(spin * before));
+                *q = rotation::advance(&state.orientation[i], &(angular_velocity * before));
                 *v = state.velocity[i] + model.gravity * h;
                 *w = grain(model, state, i).free_spin(q, &model.stepping);
             });
@@ -147,7 +147,7 @@ impl Motion {
         )
     }
 
-    fn predict_driven(&mut self, model: &Model, state: &State, inputs: &Inputs) -> Result<()> {
+    fn predict_driven(&mut self, model: &Model, state: &State, inputs: &StepInputs) -> Result<()> {
         let ng = model.grains.len();
         let h = model.stepping.h();
         let before = h * (1.0 - model.stepping.theta);
@@ -178,6 +178,6 @@ impl Motion {
 
 /// Grain `i` at the start of the step.
 fn grain<'a>(model: &'a Model, state: &'a State, i: usize) -> Tumbling<'a, Vec3> {
-    let (start, spin) = (&state.orientation[i], &state.spin[i]);
-    Tumbling { inertia: &model.grains.inertia[i], start, spin }
+    let (start, angular_velocity) = (&state.orientation[i], &state.angular_velocity[i]);
+    Tumbling { inertia: &model.grains.inertia[i], start, angular_velocity }
 }

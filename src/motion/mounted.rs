@@ -18,7 +18,7 @@ pub(super) struct Body<'a> {
     pub gravity: &'a Vec3,
     pub start: Pose,
     pub velocity: Vec3,
-    pub spin: Vec3,
+    pub angular_velocity: Vec3,
     /// Where the mount was and will be.
     pub from: Pose,
     pub target: &'a Pose,
@@ -62,11 +62,12 @@ impl Motion {
             (true, true) => body.as_solid(&middle, &(turn / model.stepping.h())),
             (false, _) => body.by_freedoms(&middle),
         };
-        let (velocity, spin) = response.twist(&response.velocity, &response.whitened_velocity);
+        let (velocity, angular_velocity) =
+            response.twist(&response.velocity, &response.whitened_velocity);
         self.position[b] = middle.position;
         self.orientation[b] = middle.orientation;
         self.velocity[b] = velocity;
-        self.angular_velocity[b] = spin;
+        self.angular_velocity[b] = angular_velocity;
         self.responses.push(response);
         Ok(())
     }
@@ -114,7 +115,7 @@ impl<'a> Body<'a> {
             gravity: &model.gravity,
             start: state.pose(b),
             velocity: state.velocity[b],
-            spin: state.spin[b],
+            angular_velocity: state.angular_velocity[b],
             from: state.mount[d],
             target,
             load,
@@ -131,14 +132,15 @@ impl<'a> Body<'a> {
         only(self.mount.translations(), DofMode::is_prescribed, &velocity)
     }
 
-    /// Configuration m; `spin` is that of held rotations.
-    fn middle(&self, spin: &Vec3, is_turned: bool) -> Pose {
+    /// Configuration m; `angular_velocity` is that of held rotations.
+    fn middle(&self, angular_velocity: &Vec3, is_turned: bool) -> Pose {
         let (mount, start) = (self.mount, &self.start);
         let before = self.h() * (1.0 - self.stepping.theta);
         let mut orientation = start.orientation;
         if is_turned || mount.can_rotate() {
-            let spin = free(mount.rotations(), &self.spin) + spin;
-            orientation = rotation::advance(&orientation, &(spin * before));
+            let angular_velocity =
+                free(mount.rotations(), &self.angular_velocity) + angular_velocity;
+            orientation = rotation::advance(&orientation, &(angular_velocity * before));
             orientation = held::put(mount, &self.target_at_middle(), &orientation);
         }
         if !mount.has_isotropic_translations() {
@@ -169,7 +171,7 @@ impl<'a> Body<'a> {
 
     /// Velocity of the centre of mass at the start.
     pub fn velocity_of_centre(&self) -> Vec3 {
-        self.velocity + self.spin.cross(&(self.start.orientation * self.mount.centre))
+        self.velocity + self.angular_velocity.cross(&(self.start.orientation * self.mount.centre))
     }
 
     /// Spin that the body would have at the end of the step without springs, loads and contacts; of one that is free to
@@ -180,7 +182,11 @@ impl<'a> Body<'a> {
     }
 
     fn tumbling<'b>(&'b self, inertia: &'b Tensor) -> Tumbling<'b, Tensor> {
-        Tumbling { inertia, start: &self.start.orientation, spin: &self.spin }
+        Tumbling {
+            inertia,
+            start: &self.start.orientation,
+            angular_velocity: &self.angular_velocity,
+        }
     }
 
     /// Pose, velocity and spin where the step ends, from those that were solved at configuration m.
@@ -188,7 +194,7 @@ impl<'a> Body<'a> {
         let (mount, after) = (self.mount, self.h() * self.stepping.theta);
         let orientation = rotation::advance(&middle.orientation, &(w * after));
         let orientation = held::put(mount, &self.target.orientation, &orientation);
-        let spin = if mount.rotates_freely() {
+        let angular_velocity = if mount.rotates_freely() {
             let inertia = own_inertia(mount);
             self.tumbling(&inertia).spin_at_end(&middle.orientation, [own_spin, w], &orientation)
         } else {
@@ -198,12 +204,15 @@ impl<'a> Body<'a> {
             let free = middle.position + v * after;
             let is_held = mount.translations().map(DofMode::is_prescribed);
             let put = |k, _| if is_held[k] { self.target.position[k] } else { free[k] };
-            return (Pose { position: Vec3::from_fn(put), orientation }, [*v, spin]);
+            return (Pose { position: Vec3::from_fn(put), orientation }, [*v, angular_velocity]);
         }
         let (d, d_end) = (middle.orientation * mount.centre, orientation * mount.centre);
         let of_centre = v + w.cross(&d);
         let position = middle.position + (d - d_end) + of_centre * after;
-        (Pose { position, orientation }, [of_centre - spin.cross(&d_end), spin])
+        (
+            Pose { position, orientation },
+            [of_centre - angular_velocity.cross(&d_end), angular_velocity],
+        )
     }
 }
 

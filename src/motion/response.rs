@@ -36,8 +36,11 @@ pub struct MountResponse {
 impl MountResponse {
     /// Velocity of the reference point (m/s) and spin (rad/s).
     pub fn twist(&self, velocity: &Vec3, whitened: &Vec3) -> (Vec3, Vec3) {
-        let spin = self.angular_map * whitened;
-        (velocity + self.linear_map * whitened - spin.cross(&self.centre), spin)
+        let angular_velocity = self.angular_map * whitened;
+        (
+            velocity + self.linear_map * whitened - angular_velocity.cross(&self.centre),
+            angular_velocity,
+        )
     }
 }
 
@@ -104,7 +107,7 @@ impl Body<'_> {
     /// What momentum and angular momentum about the reference point would be at the end of the step, but for
     /// what springs and dampers add by the velocity of the end; `d` is from there to the centre of mass.
     fn momenta(&self, middle: &Pose, d: &Vec3, own_spin: Option<Vec3>) -> [Vec3; 2] {
-        let (w, q, m) = (self.spin, &middle.orientation, self.mount.mass);
+        let (w, q, m) = (self.angular_velocity, &middle.orientation, self.mount.mass);
         let v = self.velocity - self.held_velocity();
         let carried = match own_spin {
             _ if self.mount.has_isotropic_translations() => self.velocity_of_centre() * m,
@@ -122,7 +125,7 @@ impl Body<'_> {
                 let momentum = inertia.momentum_at(q, &w);
                 momentum - w.cross(&momentum) * self.h()
             },
-            |spin| inertia.momentum_at(q, &spin),
+            |angular_velocity| inertia.momentum_at(q, &angular_velocity),
         );
         let [load, torque] = self.loads(d);
         [
@@ -175,11 +178,11 @@ impl Body<'_> {
         let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
         let mut added = Vec3::repeat(1.0);
         for (column, k) in mount.free_dofs().enumerate() {
-            let (velocity, spin) = &mut twists[column];
+            let (velocity, angular_velocity) = &mut twists[column];
             if k < 3 {
                 velocity[k] = 1.0
             } else {
-                *spin = held::beside(&conditions, k - 3);
+                *angular_velocity = held::beside(&conditions, k - 3);
             }
             added[column] = mount.added_inertia(k, self.stepping);
         }

@@ -11,29 +11,29 @@ const MAX_PASSES: usize = 16;
 /// Inertia in the body's axes, kg m².
 pub trait Inertia {
     /// Angular momentum of a spin, in the body's axes both.
-    fn momentum(&self, spin: &Vec3) -> Vec3;
+    fn momentum(&self, angular_velocity: &Vec3) -> Vec3;
 
     /// Spin of an angular momentum.
-    fn spin(&self, momentum: &Vec3) -> Vec3;
+    fn angular_velocity(&self, momentum: &Vec3) -> Vec3;
 
     /// Angular momentum of a spin, in the world's axes both.
-    fn momentum_at(&self, q: &Quat, spin: &Vec3) -> Vec3 {
-        q * self.momentum(&(q.inverse() * spin))
+    fn momentum_at(&self, q: &Quat, angular_velocity: &Vec3) -> Vec3 {
+        q * self.momentum(&(q.inverse() * angular_velocity))
     }
 
     /// Spin of an angular momentum, in the world's axes both.
     fn spin_at(&self, q: &Quat, momentum: &Vec3) -> Vec3 {
-        q * self.spin(&(q.inverse() * momentum))
+        q * self.angular_velocity(&(q.inverse() * momentum))
     }
 }
 
 /// Principal moments.
 impl Inertia for Vec3 {
-    fn momentum(&self, spin: &Vec3) -> Vec3 {
-        self.component_mul(spin)
+    fn momentum(&self, angular_velocity: &Vec3) -> Vec3 {
+        self.component_mul(angular_velocity)
     }
 
-    fn spin(&self, momentum: &Vec3) -> Vec3 {
+    fn angular_velocity(&self, momentum: &Vec3) -> Vec3 {
         momentum.component_div(self)
     }
 }
@@ -42,11 +42,11 @@ impl Inertia for Vec3 {
 pub struct Tensor(pub Mat3, pub Mat3);
 
 impl Inertia for Tensor {
-    fn momentum(&self, spin: &Vec3) -> Vec3 {
-        self.0 * spin
+    fn momentum(&self, angular_velocity: &Vec3) -> Vec3 {
+        self.0 * angular_velocity
     }
 
-    fn spin(&self, momentum: &Vec3) -> Vec3 {
+    fn angular_velocity(&self, momentum: &Vec3) -> Vec3 {
         self.1 * momentum
     }
 }
@@ -56,7 +56,7 @@ pub struct Tumbling<'a, I> {
     pub inertia: &'a I,
     pub start: &'a Quat,
     /// World axes, rad/s.
-    pub spin: &'a Vec3,
+    pub angular_velocity: &'a Vec3,
 }
 
 impl<I: Inertia> Tumbling<'_, I> {
@@ -67,13 +67,13 @@ impl<I: Inertia> Tumbling<'_, I> {
     /// kept where the passes converge, up to about a radian per step.
     pub fn free_spin(&self, middle: &Quat, stepping: &Stepping) -> Vec3 {
         let inertia = self.inertia;
-        let own = inertia.momentum(&(self.start.inverse() * self.spin));
+        let own = inertia.momentum(&(self.start.inverse() * self.angular_velocity));
         let momentum = middle.inverse() * (self.start * own);
         let after = -stepping.theta * stepping.h();
-        let mut turning = inertia.spin(&momentum);
+        let mut turning = inertia.angular_velocity(&momentum);
         for _ in 0..MAX_PASSES {
             let turned = rotation::exp(&(turning * after)) * momentum;
-            let next = inertia.spin(&turned);
+            let next = inertia.angular_velocity(&turned);
             let change = (next - turning).amax() * after.abs();
             turning = next;
             // Written so that what is no number ends the passes, too: it is refused later, by name.
@@ -87,7 +87,7 @@ impl<I: Inertia> Tumbling<'_, I> {
     /// Angular velocity where the step ends, at the orientation `end`: that of the angular momentum at the start and of the
     /// moments since, which have changed the spin from `free` to `solved` at configuration m.
     pub fn spin_at_end(&self, middle: &Quat, [free, solved]: [&Vec3; 2], end: &Quat) -> Vec3 {
-        let own = self.inertia.momentum_at(self.start, self.spin);
+        let own = self.inertia.momentum_at(self.start, self.angular_velocity);
         let moments = self.inertia.momentum_at(middle, &(solved - free));
         self.inertia.spin_at(end, &(own + moments))
     }

@@ -92,13 +92,13 @@ impl Scene {
         state.push(Pose::identity());
         for b in 0..ng {
             state.velocity[b] = unit(&mut rng) * 0.05;
-            state.spin[b] = unit(&mut rng) * 2.0;
+            state.angular_velocity[b] = unit(&mut rng) * 2.0;
         }
         let mut motion = Motion {
             position: state.position.clone(),
             orientation: state.orientation.clone(),
             velocity: state.velocity.clone(),
-            angular_velocity: state.spin.clone(),
+            angular_velocity: state.angular_velocity.clone(),
             responses: vec![],
         };
         for b in 0..ng {

@@ -112,8 +112,8 @@ fn contacts_between_grains_keep_momentum() {
         (0..ng as usize).fold((Vec3::zeros(), Vec3::zeros()), |(p, l), g| {
             let (v, w) = scene.problem.velocity(g, &set.lines[g]);
             let rotation = scene.motion.orientation[g].to_rotation_matrix();
-            let spin = rotation.inverse() * w;
-            let own = rotation * spin.component_mul(&scene.model.grains.inertia[g]);
+            let angular_velocity = rotation.inverse() * w;
+            let own = rotation * angular_velocity.component_mul(&scene.model.grains.inertia[g]);
             let mv = v * scene.model.grains.mass[g];
             (p + mv, l + own + scene.motion.position[g].cross(&mv))
         })
@@ -233,7 +233,7 @@ fn single_grain(free: [f64; 2], gap: f64, restitution: f64) -> (Vec3, Vec3, Vec3
     scene.model.grains.mass[0] = 0.02;
     scene.model.grains.inertia[0] = Vec3::repeat(8e-7);
     scene.state.velocity[0] = Vec3::new(free[0], 0.0, free[1]);
-    scene.state.spin[0] = Vec3::zeros();
+    scene.state.angular_velocity[0] = Vec3::zeros();
     scene.motion.velocity[0] = scene.state.velocity[0];
     scene.motion.angular_velocity[0] = Vec3::zeros();
     scene.motion.velocity[1] = Vec3::zeros();

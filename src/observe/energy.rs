@@ -36,7 +36,7 @@ mod tests {
         state.velocity[0] = Vec3::new(1.0, -2.0, 2.0);
         // Spin about the brick's own y axis, which points along the world's x axis.
         state.orientation[1] = rotation::exp(&(Vec3::z() * -std::f64::consts::FRAC_PI_2));
-        state.spin[1] = Vec3::x() * 4.0;
+        state.angular_velocity[1] = Vec3::x() * 4.0;
         let start = energy(&model, &state);
         assert!((start.kinetic - (0.5 * 2000.0 * 9.0 + 0.5 * 2.0 * 16.0)).abs() < 1e-11);
         assert_eq!(start.potential, 2000.0 * 10.0 * (3.0 - 1.0));

@@ -18,10 +18,10 @@ pub fn boundaries(size: &Vec3, friction: f64) -> Vec<DrivenBody> {
     };
     vec![
         wall("floor", Vec3::z(), 0.0),
-        wall("end_start", Vec3::x(), 0.0),
-        wall("end_far", -Vec3::x(), -size.x),
-        wall("side_right", Vec3::y(), 0.0),
-        wall("side_left", -Vec3::y(), -size.y),
+        wall("wall_x_min", Vec3::x(), 0.0),
+        wall("wall_x_max", -Vec3::x(), -size.x),
+        wall("wall_y_min", Vec3::y(), 0.0),
+        wall("wall_y_max", -Vec3::y(), -size.y),
     ]
 }
 

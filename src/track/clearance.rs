@@ -6,7 +6,7 @@ use crate::math::Vec3;
 use crate::track::plan::{Plan, SleeperPlan, TampingPlan, TinePlan};
 
 /// Rounding of positions that are sums of decimal numbers, m: what is flush with a wall is inside.
-pub const SLACK: f64 = 1e-9;
+pub const ROUNDING_TOLERANCE: f64 = 1e-9;
 
 /// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
 pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
@@ -15,22 +15,22 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
         if tine.direction.abs() != 1.0 {
             return Err(refused(tine, "direction +1 or -1", tine.direction.to_string()));
         }
-        let swept = swept(tine, tamping.squeeze.stroke, tamping.vibration.amplitude);
+        let swept_area = swept_area(tine, tamping.squeeze.stroke, tamping.vibration.amplitude);
         let size = &plan.bed.size;
-        let inside = swept.x[0] >= -SLACK
-            && swept.x[1] <= size.x + SLACK
-            && swept.y[0] >= -SLACK
-            && swept.y[1] <= size.y + SLACK
+        let inside = swept_area.x[0] >= -ROUNDING_TOLERANCE
+            && swept_area.x[1] <= size.x + ROUNDING_TOLERANCE
+            && swept_area.y[0] >= -ROUNDING_TOLERANCE
+            && swept_area.y[1] <= size.y + ROUNDING_TOLERANCE
             && deep - tine.blade.z > 0.0;
         if !inside {
             return Err(refused(
                 tine,
                 "a way inside the box of the bed",
-                format!("{swept}, lowest point at z = {} m", deep - tine.blade.z),
+                format!("{swept_area}, lowest point at z = {} m", deep - tine.blade.z),
             ));
         }
         for sleeper in &plan.sleepers {
-            check_sleeper(tine, &swept, sleeper)?;
+            check_sleeper(tine, &swept_area, sleeper)?;
         }
     }
     Ok(())
@@ -38,12 +38,12 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
 
 /// What a tine sweeps in plan view: from and to, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Swept {
+pub struct SweptArea {
     pub x: [f64; 2],
     pub y: [f64; 2],
 }
 
-impl std::fmt::Display for Swept {
+impl std::fmt::Display for SweptArea {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         let [x0, x1] = self.x;
         let [y0, y1] = self.y;
@@ -52,28 +52,28 @@ impl std::fmt::Display for Swept {
 }
 
 /// What blade and shaft sweep while the tine closes by `stroke` metres and swings by `amplitude`.
-pub fn swept(tine: &TinePlan, stroke: f64, amplitude: f64) -> Swept {
+pub fn swept_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> SweptArea {
     let half: Vec3 = tine.blade.sup(&tine.shaft) * 0.5;
     let [x, y] = tine.position;
     let closed = x + tine.direction * stroke;
     let margin = half.x + amplitude;
-    Swept { x: [x.min(closed) - margin, x.max(closed) + margin], y: [y - half.y, y + half.y] }
+    SweptArea { x: [x.min(closed) - margin, x.max(closed) + margin], y: [y - half.y, y + half.y] }
 }
 
-fn check_sleeper(tine: &TinePlan, swept: &Swept, sleeper: &SleeperPlan) -> Result<()> {
+fn check_sleeper(tine: &TinePlan, swept_area: &SweptArea, sleeper: &SleeperPlan) -> Result<()> {
     for block in &sleeper.blocks {
         let [cx, cy] = [sleeper.centre[0], sleeper.centre[1] + block.offset_y];
         let half = block.size * 0.5;
-        let apart = swept.x[0] >= cx + half.x
-            || swept.x[1] <= cx - half.x
-            || swept.y[0] >= cy + half.y
-            || swept.y[1] <= cy - half.y;
+        let apart = swept_area.x[0] >= cx + half.x
+            || swept_area.x[1] <= cx - half.x
+            || swept_area.y[0] >= cy + half.y
+            || swept_area.y[1] <= cy - half.y;
         if !apart {
             return Err(refused(
                 tine,
                 &format!("a way clear of sleeper {:?}", sleeper.name),
                 format!(
-                    "{swept} across the block at x from {:.4} to {:.4} m",
+                    "{swept_area} across the block at x from {:.4} to {:.4} m",
                     cx - half.x,
                     cx + half.x
                 ),

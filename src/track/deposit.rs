@@ -15,11 +15,11 @@
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
 
 use super::boundary::boundaries;
-use super::clearance::SLACK;
-use super::pour::{self, Laid, Templates};
-use super::relief::Relief;
+use super::clearance::ROUNDING_TOLERANCE;
+use super::height_map::HeightMap;
+use super::pour::{self, PlacedGrain, Templates};
 use super::scene::{run_settings, sleeper_pose};
-use super::settle::{Bench, DepositProgress, DepositStage, Settling};
+use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
 use super::sleeper::sleeper;
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Clipper, Polyhedron};
@@ -36,23 +36,23 @@ use std::ops::ControlFlow;
 pub const FALL_SPEED: f64 = 1.0;
 /// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed. Broad gradings pack more
 /// densely, and are topped up.
-const RECKONED_COMPACTNESS: f64 = 0.62;
+const ASSUMED_COMPACTNESS: f64 = 0.62;
 /// How far a bed may lie below its fill level in the mean, in mean grain sizes, before it is topped up.
-const LOW: f64 = 0.5;
+const MAX_LACKING_HEIGHT: f64 = 0.5;
 /// How often at most: each time lays what lacked to the level, and half a grain more.
 const TOP_UPS: usize = 3;
 /// A bed that lacks more than this share of what it lacked has not been filled by topping up: its cribs are too narrow.
-const NO_FULLER: f64 = 0.8;
+const MAX_FILL_FRACTION: f64 = 0.8;
 /// Steps before a pour may count as at rest: it starts from rest.
-const LEAST_STEPS: u64 = 50;
+const MIN_STEPS: u64 = 50;
 /// Longest last stage, s: the bed is at rest already, only impulses have to settle.
-const LAST_STAGE: f64 = 0.02;
+const MAX_REST_DURATION: f64 = 0.02;
 /// Most grains of a bed, reckoned without voids.
-pub const MOST_GRAINS: f64 = 2e7;
+pub const MAX_GRAINS: f64 = 2e7;
 /// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
-const DEEPEST: f64 = 0.05;
+const MAX_BED_PENETRATION: f64 = 0.05;
 /// How far a grain may stick out of the fill level after trimming, in mean grain sizes.
-pub const HIGHEST: f64 = 0.5;
+pub const MAX_TRIMMED_PROTRUSION: f64 = 0.5;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
 const REST_TOLERANCE: f64 = 1.666e-4;
@@ -76,16 +76,16 @@ pub fn deposit(
 ) -> Result<Option<Bed>> {
     check(plan)?;
     let mut rng = Pcg64::seed_from_u64(plan.bed.seed);
-    let mut bench = empty_box(plan)?;
-    let templates = Templates::generate(&plan.bed, &mut rng, &mut bench.model.shapes)?;
-    check_count(plan, templates.mean_volume(&bench.model.shapes))?;
-    let mut site = Site { plan, templates, rng, bench, watch };
+    let mut builder = empty_box(plan)?;
+    let templates = Templates::generate(&plan.bed, &mut rng, &mut builder.model.shapes)?;
+    check_count(plan, templates.mean_volume(&builder.model.shapes))?;
+    let mut site = Site { plan, templates, rng, builder, watch };
     for stage in [Site::pour_below, Site::fill_cribs, Site::top_up, Site::trim, Site::rest] {
         if stage(&mut site)?.is_break() {
             return Ok(None);
         }
     }
-    let Bench { model, mut state, .. } = site.bench;
+    let BedBuilder { model, mut state, .. } = site.builder;
     state.step = 0;
     state.time_ns = 0;
     state.energy = EnergyLedger::default();
@@ -96,11 +96,11 @@ pub fn deposit(
 ///
 /// # Errors
 /// As for a plan that describes no bed.
-pub fn bare(plan: &Plan) -> Result<Bed> {
+pub fn empty_bed(plan: &Plan) -> Result<Bed> {
     check(plan)?;
-    let mut bench = empty_box(plan)?;
-    place_sleepers(plan, &mut bench)?;
-    Ok(Bed { model: bench.model, state: bench.state })
+    let mut builder = empty_box(plan)?;
+    place_sleepers(plan, &mut builder)?;
+    Ok(Bed { model: builder.model, state: builder.state })
 }
 
 /// A bed in the making.
@@ -108,7 +108,7 @@ struct Site<'a> {
     plan: &'a Plan,
     templates: Templates,
     rng: Pcg64,
-    bench: Bench,
+    builder: BedBuilder,
     watch: &'a mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
 }
 
@@ -123,10 +123,11 @@ impl Site<'_> {
         } else {
             (bed.preparation.ballast_depth + 0.5 * largest).min(bed.preparation.fill_level)
         };
-        let volume = RECKONED_COMPACTNESS * bed.size.x * bed.size.y * level;
-        let mut relief = pour::relief(bed)?;
-        let (shapes, size) = (&self.bench.model.shapes, &bed.size);
-        let laid = pour::pour(&mut relief, &self.templates, shapes, size, volume, &mut self.rng)?;
+        let volume = ASSUMED_COMPACTNESS * bed.size.x * bed.size.y * level;
+        let mut height_map = pour::height_map(bed)?;
+        let (shapes, size) = (&self.builder.model.shapes, &bed.size);
+        let laid =
+            pour::pour(&mut height_map, &self.templates, shapes, size, volume, &mut self.rng)?;
         self.insert(&laid);
         self.settle(&pouring(plan, DepositStage::Pour))
     }
@@ -137,8 +138,8 @@ impl Site<'_> {
         if plan.sleepers.is_empty() {
             return Ok(ControlFlow::Continue(()));
         }
-        make_room(plan, &mut self.bench, plan.bed.preparation.ballast_depth);
-        place_sleepers(plan, &mut self.bench)?;
+        make_room(plan, &mut self.builder, plan.bed.preparation.ballast_depth);
+        place_sleepers(plan, &mut self.builder)?;
         let laid = self.lay_cribs()?;
         self.insert(&laid);
         self.settle(&pouring(plan, DepositStage::Fill))
@@ -150,15 +151,17 @@ impl Site<'_> {
         let (level, mean_size) = (bed.preparation.fill_level, bed.grains.mean_size());
         let mut before = f64::INFINITY;
         for _ in 0..TOP_UPS {
-            let mut relief = present_relief(plan, &self.bench)?;
-            block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
-            let [lacking, area] = relief.lacking(level);
-            if lacking <= LOW * mean_size * area || lacking > NO_FULLER * before {
+            let mut height_map = present_height_map(plan, &self.builder)?;
+            block_boxes(plan).for_each(|block| keep_clear(&mut height_map, &block));
+            let [lacking, area] = height_map.lacking(level);
+            if lacking <= MAX_LACKING_HEIGHT * mean_size * area
+                || lacking > MAX_FILL_FRACTION * before
+            {
                 break;
             }
             before = lacking;
-            let volume = RECKONED_COMPACTNESS * (lacking + 0.5 * mean_size * area);
-            let laid = self.lay_where_it_fits(&mut relief, volume);
+            let volume = ASSUMED_COMPACTNESS * (lacking + 0.5 * mean_size * area);
+            let laid = self.lay_where_it_fits(&mut height_map, volume);
             self.insert(&laid);
             let settled = self.settle(&pouring(plan, DepositStage::Fill))?;
             if settled.is_break() {
@@ -170,17 +173,19 @@ impl Site<'_> {
 
     /// Stage 3: the fill level, and the friction of the run.
     fn trim(&mut self) -> Result<ControlFlow<()>> {
-        let (plan, bench) = (self.plan, &mut self.bench);
+        let (plan, builder) = (self.plan, &mut self.builder);
         let level = plan.bed.preparation.fill_level;
         let mean_size = plan.bed.grains.mean_size();
-        let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
+        let (grains, state, shapes) =
+            (&builder.model.grains, &builder.state, &builder.model.shapes);
         let top = |g: usize| top(&shapes[grains.shape[g] as usize], &state.pose(g));
-        let within =
-            |g: usize| state.position[g].z <= level && top(g) <= level + HIGHEST * mean_size;
+        let within = |g: usize| {
+            state.position[g].z <= level && top(g) <= level + MAX_TRIMMED_PROTRUSION * mean_size
+        };
         let mut keep: Vec<bool> = (0..grains.len()).map(within).collect();
-        bench.deny_deep(DEEPEST * mean_size, &mut keep);
-        bench.retain(&keep);
-        run_settings(plan, &mut bench.model);
+        builder.deny_deep(MAX_BED_PENETRATION * mean_size, &mut keep);
+        builder.retain(&keep);
+        run_settings(plan, &mut builder.model);
         let mut settling = pouring(plan, DepositStage::Trim);
         settling.grain_friction = plan.bed.friction.grain;
         self.settle(&settling)
@@ -189,7 +194,7 @@ impl Site<'_> {
     /// Stage 4: the run's time step.
     fn rest(&mut self) -> Result<ControlFlow<()>> {
         let plan = self.plan;
-        let most = (LAST_STAGE / plan.run.stepping.h()).ceil() as u64;
+        let most = (MAX_REST_DURATION / plan.run.stepping.h()).ceil() as u64;
         self.settle(&Settling {
             stage: DepositStage::Rest,
             stepping: plan.run.stepping,
@@ -202,31 +207,31 @@ impl Site<'_> {
     }
 
     fn settle(&mut self, settling: &Settling) -> Result<ControlFlow<()>> {
-        self.bench.settle(settling, self.watch)
+        self.builder.settle(settling, self.watch)
     }
 
-    fn insert(&mut self, laid: &[Laid]) {
+    fn insert(&mut self, laid: &[PlacedGrain]) {
         let grains: Vec<(u32, Pose)> = laid.iter().map(|g| (g.shape as u32, g.pose)).collect();
-        self.bench.insert(&grains, self.plan.bed.density);
+        self.builder.insert(&grains, self.plan.bed.density);
     }
 
     /// Lays about this volume (m³) where grains fit.
-    fn lay_where_it_fits(&mut self, relief: &mut Relief, volume: f64) -> Vec<Laid> {
-        let (shapes, size) = (&self.bench.model.shapes, &self.plan.bed.size);
-        pour::pour_where_it_fits(relief, &self.templates, shapes, size, volume, &mut self.rng)
+    fn lay_where_it_fits(&mut self, height_map: &mut HeightMap, volume: f64) -> Vec<PlacedGrain> {
+        let (shapes, size) = (&self.builder.model.shapes, &self.plan.bed.size);
+        pour::pour_where_it_fits(height_map, &self.templates, shapes, size, volume, &mut self.rng)
     }
 
     /// Lays what lacks under the blocks, and in the cribs up to the fill level, where grains fit into them.
-    fn lay_cribs(&mut self) -> Result<Vec<Laid>> {
+    fn lay_cribs(&mut self) -> Result<Vec<PlacedGrain>> {
         let (plan, bed) = (self.plan, &self.plan.bed);
-        let mut relief = present_relief(plan, &self.bench)?;
-        let (grains, shapes) = (&self.bench.model.grains, &self.bench.model.shapes);
+        let mut height_map = present_height_map(plan, &self.builder)?;
+        let (grains, shapes) = (&self.builder.model.grains, &self.builder.model.shapes);
         let mut laid = Vec::new();
         for block in block_boxes(plan) {
             let (templates, rng) = (&self.templates, &mut self.rng);
-            laid.extend(pour::stuff(&mut relief, templates, shapes, &block, rng));
+            laid.extend(pour::fill_voids(&mut height_map, templates, shapes, &block, rng));
         }
-        block_boxes(plan).for_each(|block| keep_clear(&mut relief, &block));
+        block_boxes(plan).for_each(|block| keep_clear(&mut height_map, &block));
         let filled = bed.preparation.fill_level;
         let occupied: f64 = block_boxes(plan)
             .map(|b| AxisBox { high: Vec3::new(b.high.x, b.high.y, b.high.z.min(filled)), ..b })
@@ -235,8 +240,8 @@ impl Site<'_> {
         let room = bed.size.x * bed.size.y * filled - occupied;
         let present: f64 = grains.shape.iter().map(|shape| shapes[*shape as usize].volume).sum();
         let added: f64 = laid.iter().map(|g| shapes[g.shape].volume).sum();
-        let lacking = RECKONED_COMPACTNESS * room - present - added;
-        laid.extend(self.lay_where_it_fits(&mut relief, lacking));
+        let lacking = ASSUMED_COMPACTNESS * room - present - added;
+        laid.extend(self.lay_where_it_fits(&mut height_map, lacking));
         Ok(laid)
     }
 }
@@ -255,7 +260,7 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
         solver: solver(preparation.iterations, None),
         grain_friction: preparation.friction,
         fall_speed: Some(FALL_SPEED),
-        steps: [LEAST_STEPS, (preparation.max_settling / h).ceil().max(1.0) as u64],
+        steps: [MIN_STEPS, (preparation.max_settling / h).ceil().max(1.0) as u64],
         rest_speed: preparation.rest_speed,
     }
 }
@@ -276,7 +281,7 @@ fn pouring_h(plan: &Plan) -> f64 {
     plan.bed.preparation.step_ns as f64 * 1e-9
 }
 
-fn empty_box(plan: &Plan) -> Result<Bench> {
+fn empty_box(plan: &Plan) -> Result<BedBuilder> {
     let low = plan.bed.friction.boundary.min(plan.bed.preparation.friction);
     let driven = boundaries(&plan.bed.size, low);
     let mut state = State::default();
@@ -291,21 +296,21 @@ fn empty_box(plan: &Plan) -> Result<Bench> {
         stepping: plan.run.stepping,
         solver: plan.run.solver,
     };
-    Ok(Bench { model, state, workspace: Workspace::default() })
+    Ok(BedBuilder { model, state, workspace: Workspace::default() })
 }
 
-fn place_sleepers(plan: &Plan, bench: &mut Bench) -> Result<()> {
+fn place_sleepers(plan: &Plan, builder: &mut BedBuilder) -> Result<()> {
     let friction = plan.bed.friction.sleeper.min(plan.bed.preparation.friction);
     for s in &plan.sleepers {
-        let body = sleeper(s, friction, &mut bench.model.shapes)?;
-        bench.model.driven.push(body);
-        bench.state.push(sleeper_pose(plan, s));
+        let body = sleeper(s, friction, &mut builder.model.shapes)?;
+        builder.model.driven.push(body);
+        builder.state.push(sleeper_pose(plan, s));
     }
     Ok(())
 }
 
 /// Takes out the grains that reach into the sleepers' columns above `level`.
-fn make_room(plan: &Plan, bench: &mut Bench, level: f64) {
+fn make_room(plan: &Plan, builder: &mut BedBuilder, level: f64) {
     let columns: Vec<AxisBox> = block_boxes(plan)
         .map(|b| AxisBox {
             low: Vec3::new(b.low.x, b.low.y, level),
@@ -313,14 +318,14 @@ fn make_room(plan: &Plan, bench: &mut Bench, level: f64) {
         })
         .collect();
     let mut clipper = Clipper::default();
-    let (grains, state, shapes) = (&bench.model.grains, &bench.state, &bench.model.shapes);
+    let (grains, state, shapes) = (&builder.model.grains, &builder.state, &builder.model.shapes);
     let keep: Vec<bool> = (0..grains.len())
         .map(|g| {
             let shape = &shapes[grains.shape[g] as usize];
             !columns.iter().any(|c| overlaps(&mut clipper, shape, &state.pose(g), c))
         })
         .collect();
-    bench.retain(&keep);
+    builder.retain(&keep);
 }
 
 /// Height of a grain's highest point, m.
@@ -336,18 +341,18 @@ fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &Axi
 }
 
 /// The relief of the grains that are there.
-fn present_relief(plan: &Plan, bench: &Bench) -> Result<Relief> {
-    let mut relief = pour::relief(&plan.bed)?;
-    let (grains, shapes) = (&bench.model.grains, &bench.model.shapes);
+fn present_height_map(plan: &Plan, builder: &BedBuilder) -> Result<HeightMap> {
+    let mut height_map = pour::height_map(&plan.bed)?;
+    let (grains, shapes) = (&builder.model.grains, &builder.model.shapes);
     let shape = |g: usize| &shapes[grains.shape[g] as usize];
-    let present = (0..grains.len()).map(|g| (shape(g), bench.state.pose(g)));
-    pour::cover_present(&mut relief, present);
-    Ok(relief)
+    let present = (0..grains.len()).map(|g| (shape(g), builder.state.pose(g)));
+    pour::cover_present(&mut height_map, present);
+    Ok(height_map)
 }
 
 /// Nothing is laid upon a block.
-fn keep_clear(relief: &mut Relief, block: &AxisBox) {
-    relief.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
+fn keep_clear(height_map: &mut HeightMap, block: &AxisBox) {
+    height_map.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
 }
 
 /// The blocks of all sleepers at their level, world.
@@ -393,7 +398,9 @@ fn check(plan: &Plan) -> Result<()> {
         );
     }
     for block in block_boxes(plan) {
-        let inside = (0..2).all(|k| block.low[k] >= -SLACK && block.high[k] <= bed.size[k] + SLACK);
+        let inside = (0..2).all(|k| {
+            block.low[k] >= -ROUNDING_TOLERANCE && block.high[k] <= bed.size[k] + ROUNDING_TOLERANCE
+        });
         if !inside {
             let found = format!("from {:?} to {:?} m", block.low.as_slice(), block.high.as_slice());
             return refused("sleepers", "blocks inside the box of the bed", found);
@@ -405,12 +412,12 @@ fn check(plan: &Plan) -> Result<()> {
 fn check_count(plan: &Plan, mean_volume: f64) -> Result<()> {
     let bed = &plan.bed;
     let count = bed.size.x * bed.size.y * bed.preparation.fill_level / mean_volume;
-    if count <= MOST_GRAINS {
+    if count <= MAX_GRAINS {
         return Ok(());
     }
     Err(Error::Model {
         place: "bed".into(),
-        expected: format!("at most {MOST_GRAINS} grains"),
+        expected: format!("at most {MAX_GRAINS} grains"),
         found: format!("about {count:.0}"),
     })
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::drive::Inputs;
+use crate::drive::StepInputs;
 use crate::model::DofMode;
 use crate::step::step;
 use crate::track::plan::{BlockPlan, SizeClass};
@@ -36,23 +36,24 @@ fn a_prepared_bed_is_the_same_for_the_same_plan_and_is_at_rest_at_its_levels() {
     let n = bed.model.grains.len();
     assert!(n > 80 && n < 200, "{n}");
     assert_eq!(bed, prepared(&plan), "the same plan gives the same bytes");
-    let mut bench = Bench { model: bed.model, state: bed.state, workspace: Workspace::default() };
-    assert!(bench.mean_speed() < 0.03, "{}", bench.mean_speed());
-    assert_eq!((bench.state.step, bench.state.time_ns), (0, 0));
-    assert_eq!(bench.model.grain_friction, 1.0);
-    assert_eq!(bench.model.driven[5].friction, 1.0, "the sleeper's friction is the run's again");
-    let sleeper = bench.state.position[n + 5];
+    let mut builder =
+        BedBuilder { model: bed.model, state: bed.state, workspace: Workspace::default() };
+    assert!(builder.mean_speed() < 0.03, "{}", builder.mean_speed());
+    assert_eq!((builder.state.step, builder.state.time_ns), (0, 0));
+    assert_eq!(builder.model.grain_friction, 1.0);
+    assert_eq!(builder.model.driven[5].friction, 1.0, "the sleeper's friction is the run's again");
+    let sleeper = builder.state.position[n + 5];
     assert_eq!(sleeper, Vec3::new(0.13, 0.1, 0.06));
-    assert!(bench.state.position[..n].iter().all(|p| p.z < 0.1 + 0.005), "trimmed");
-    let shape = |g: usize| &bench.model.shapes[bench.model.grains.shape[g] as usize];
-    let tops = (0..n).map(|g| top(shape(g), &bench.state.pose(g)));
+    assert!(builder.state.position[..n].iter().all(|p| p.z < 0.1 + 0.005), "trimmed");
+    let shape = |g: usize| &builder.model.shapes[builder.model.grains.shape[g] as usize];
+    let tops = (0..n).map(|g| top(shape(g), &builder.state.pose(g)));
     assert!(tops.fold(0.0, f64::max) < 0.1 + 0.5 * 0.03 + 0.005, "nothing sticks far out");
     // Contacts kept for the warm start are those of the bodies as numbered now.
-    let contacts = &bench.state.contacts.bodies;
+    let contacts = &builder.state.contacts.bodies;
     assert!(contacts.iter().all(|p| (p[0] as usize) < n && (p[1] as usize) < n + 6));
     assert!(contacts.is_sorted() && !contacts.is_empty());
-    bench.retain(&vec![true; n]);
-    assert_eq!(bench.model.grains.len(), n);
+    builder.retain(&vec![true; n]);
+    assert_eq!(builder.model.grains.len(), n);
 }
 
 #[test]
@@ -124,7 +125,7 @@ fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
     let mut workspace = Workspace::default();
     let (steps, mut carried) = (1200, 0.0);
     for k in 0..steps {
-        let inputs = Inputs::from_targets(&targets);
+        let inputs = StepInputs::from_targets(&targets);
         let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).unwrap();
         if k >= steps / 2 {
             carried += report.reactions[0].impulse.z;
@@ -140,24 +141,24 @@ fn a_sleeper_that_is_loaded_is_carried_by_the_bed() {
 
 #[test]
 fn removing_and_inserting_grains_renumbers_contacts() {
-    let mut bench = empty_box(&tiny()).unwrap();
-    bench.model.shapes.push(crate::geometry::cuboid(Vec3::repeat(0.01)));
+    let mut builder = empty_box(&tiny()).unwrap();
+    builder.model.shapes.push(crate::geometry::cuboid(Vec3::repeat(0.01)));
     let at = |x: f64| (0, Pose::at(Vec3::new(x, 0.0, 0.0)));
-    bench.insert(&[at(0.0), at(1.0), at(2.0)], 1000.0);
-    let memory = &mut bench.state.contacts;
+    builder.insert(&[at(0.0), at(1.0), at(2.0)], 1000.0);
+    let memory = &mut builder.state.contacts;
     memory.bodies = vec![[0, 1], [0, 3], [1, 2], [2, 4]];
     memory.feature = vec![10, 11, 12, 13];
     memory.local_point = vec![Vec3::zeros(); 4];
     memory.impulse = (0..4).map(|i| Vec3::x() * f64::from(i)).collect();
-    bench.retain(&[true, false, true]);
-    assert_eq!(bench.state.contacts.bodies, [[0, 2], [1, 3]]);
-    assert_eq!(bench.state.contacts.feature, [11, 13]);
-    assert_eq!(bench.state.contacts.impulse, [Vec3::x(), Vec3::x() * 3.0]);
-    assert_eq!(bench.state.position[1].x, 2.0);
-    bench.insert(&[at(7.0)], 1000.0);
-    assert_eq!(bench.state.contacts.bodies, [[0, 3], [1, 4]]);
-    assert_eq!(bench.state.position[2].x, 7.0);
-    assert_eq!(bench.state.position.len(), 3 + 5);
+    builder.retain(&[true, false, true]);
+    assert_eq!(builder.state.contacts.bodies, [[0, 2], [1, 3]]);
+    assert_eq!(builder.state.contacts.feature, [11, 13]);
+    assert_eq!(builder.state.contacts.impulse, [Vec3::x(), Vec3::x() * 3.0]);
+    assert_eq!(builder.state.position[1].x, 2.0);
+    builder.insert(&[at(7.0)], 1000.0);
+    assert_eq!(builder.state.contacts.bodies, [[0, 3], [1, 4]]);
+    assert_eq!(builder.state.position[2].x, 7.0);
+    assert_eq!(builder.state.position.len(), 3 + 5);
 }
 
 #[test]
@@ -171,7 +172,10 @@ fn blocks_flush_with_a_wall_are_inside_whatever_rounding_says() {
         BlockPlan { offset_y: 0.2, ..block },
     ];
     let low = block_boxes(&plan).next().unwrap().low.y;
-    assert!(low < 0.0 && low > -SLACK, "the sum of these decimal numbers is not 0: {low}");
+    assert!(
+        low < 0.0 && low > -ROUNDING_TOLERANCE,
+        "the sum of these decimal numbers is not 0: {low}"
+    );
     check(&plan).unwrap();
 }
 
@@ -185,9 +189,10 @@ fn grains_that_pack_densely_fill_their_bed_all_the_same() {
     plan.bed.grains.classes = vec![SizeClass { size: 0.03, share: 0.03 }, small];
     (plan.sleepers, plan.tines) = (vec![], vec![]);
     let bed = prepared(&plan);
-    let bench = Bench { model: bed.model, state: bed.state, workspace: Workspace::default() };
-    let relief = present_relief(&plan, &bench).unwrap();
-    let [lacking, area] = relief.lacking(plan.bed.preparation.fill_level);
+    let builder =
+        BedBuilder { model: bed.model, state: bed.state, workspace: Workspace::default() };
+    let height_map = present_height_map(&plan, &builder).unwrap();
+    let [lacking, area] = height_map.lacking(plan.bed.preparation.fill_level);
     assert!(lacking < 0.75 * plan.bed.grains.mean_size() * area, "{} m", lacking / area);
 }
 

@@ -1,13 +1,13 @@
 //! How far the tamping unit has been lowered, and how far each tine pair has closed.
 //!
 //! Reads: reactions of the tines. Writes: the memory in [`State::drive`](crate::state::State::drive).
-//! Contract: that of [`paced_clock`](super::paced_clock); the memory is that of the lowering, then
+//! Contract: that of [`force_limited_progress`](super::force_limited_progress); the memory is that of the lowering, then
 //! that of each pair's closing in order of its number.
 //!
 //! A hydraulic machine has forces, not only positions: its unit stops going down while the bed
 //! carries it, and each pair stops closing at its preset pressure, independently of the others.
 
-use super::paced_clock::PacedClock;
+use super::force_limited_progress::ForceLimitedProgress;
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::observe::squeeze::{PairTines, side_force};
@@ -15,7 +15,7 @@ use crate::step::StepReport;
 use crate::track::plan::{TampingPlan, TinePlan};
 
 /// Longest window in steps; beyond this the time step and the frequency do not belong together.
-pub const LONGEST_WINDOW: f64 = 1e5;
+pub const MAX_AVERAGING_STEPS: f64 = 1e5;
 
 /// Tines that close together under one force limit.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,24 +38,24 @@ impl TinePair {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MachineControl {
     pub pairs: Vec<TinePair>,
-    lowering: PacedClock,
-    closing: PacedClock,
+    lowering: ForceLimitedProgress,
+    closing: ForceLimitedProgress,
 }
 
 impl MachineControl {
     pub fn new(plan: &TampingPlan, tines: &[TinePlan], model: &Model) -> Result<Self> {
         let pairs = pairs(tines, model)?;
         let steps = period_steps(plan, model);
-        if steps > LONGEST_WINDOW {
+        if steps > MAX_AVERAGING_STEPS {
             return Err(Error::Model {
                 place: "tamping".into(),
-                expected: format!("forces averaged over {LONGEST_WINDOW} time steps at most"),
+                expected: format!("forces averaged over {MAX_AVERAGING_STEPS} time steps at most"),
                 found: format!(
                     "{steps} steps: a period, or without vibration a tenth of the squeeze"
                 ),
             });
         }
-        let clock = |force_limit: f64, duration: f64, open: f64| PacedClock {
+        let clock = |force_limit: f64, duration: f64, open: f64| ForceLimitedProgress {
             window: steps as usize,
             force_limit,
             braking: plan.averaging(),

@@ -3,12 +3,12 @@
 pub mod boundary;
 mod clearance;
 pub mod deposit;
+mod force_limited_progress;
+mod height_map;
 mod machine_control;
 pub mod motion_law;
-mod paced_clock;
 pub mod plan;
 mod pour;
-mod relief;
 pub mod scene;
 mod settle;
 mod shape;
@@ -20,15 +20,17 @@ mod test_plan;
 pub mod tine;
 pub mod zones;
 
-pub use clearance::{SLACK, Swept, swept};
-pub use deposit::{Bed, FALL_SPEED, MOST_GRAINS, bare, deposit};
-pub use machine_control::{LONGEST_WINDOW, TinePair};
+pub use clearance::{ROUNDING_TOLERANCE, SweptArea, swept_area};
+pub use deposit::{Bed, FALL_SPEED, MAX_GRAINS, deposit, empty_bed};
+pub use height_map::MAX_CELLS;
+pub use machine_control::{MAX_AVERAGING_STEPS, TinePair};
 pub use pour::CELLS_PER_GRAIN;
-pub use relief::MOST_CELLS;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use sleeper::sleeper_mount;
 pub use squeeze::squeezes;
-pub use tamping_cycle::{LEAST_STEPS_PER_PERIOD, RISEN, TampingCycle, TampingPhase, TinePath};
+pub use tamping_cycle::{
+    MAX_PROTRUSION, MIN_STEPS_PER_PERIOD, TampingCycle, TampingPhase, TinePath,
+};
 pub use tine::steel_cantilever;
 pub use zones::zones;

@@ -8,7 +8,7 @@
 //! falls by a few grain sizes only, where a lattice of bounding spheres would fall from several
 //! times its height.
 
-use super::relief::{Relief, Silhouette, turned_bounds};
+use super::height_map::{Footprint, HeightMap, turned_bounds};
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Polyhedron, random_grain, random_rotation};
 use crate::math::{Pose, Quat, Vec3};
@@ -17,15 +17,15 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 /// Places tried for each grain; more make a denser and more even rain.
-const TRIES: usize = 100;
+const PLACEMENT_ATTEMPTS: usize = 100;
 /// Tries without any place before the bed counts as too narrow.
-const HOPELESS: usize = 10_000;
+const MAX_ATTEMPTS: usize = 10_000;
 /// Grains without any place, one after the other, before the cribs count as narrower than grains.
-const MISSES: usize = 20;
+const MAX_CONSECUTIVE_FAILURES: usize = 20;
 /// Places tried under a block, per grain that would cover it.
-const STUFFING: f64 = 400.0;
+const FILL_ATTEMPTS_PER_GRAIN: f64 = 400.0;
 /// Air between a grain and what it is laid upon, m: rounding must not make it an overlap.
-const AIR: f64 = 1e-5;
+const CLEARANCE: f64 = 1e-5;
 /// Cells of the raster across the smallest grains.
 pub const CELLS_PER_GRAIN: f64 = 14.0;
 
@@ -83,28 +83,33 @@ impl Templates {
 
 /// A grain that has been laid.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Laid {
+pub(super) struct PlacedGrain {
     pub shape: usize,
     pub pose: Pose,
 }
 
 /// A raster fine enough for the grains of a plan.
-pub(super) fn relief(bed: &BedPlan) -> Result<Relief> {
+pub(super) fn height_map(bed: &BedPlan) -> Result<HeightMap> {
     let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
-    Relief::flat([bed.size.x, bed.size.y], smallest / CELLS_PER_GRAIN)
+    HeightMap::flat([bed.size.x, bed.size.y], smallest / CELLS_PER_GRAIN)
 }
 
 /// Adds grains that already lie in the bed to the relief.
 pub(super) fn cover_present<'a>(
-    relief: &mut Relief,
+    height_map: &mut HeightMap,
     present: impl Iterator<Item = (&'a Polyhedron, Pose)>,
 ) {
-    let mut silhouette = Silhouette::default();
+    let mut footprint = Footprint::default();
     for (shape, pose) in present {
-        let cells = pose.position / relief.cell;
+        let cells = pose.position / height_map.cell;
         let at = [cells.x.floor(), cells.y.floor()];
-        silhouette.cover(shape, &pose.orientation, [cells.x - at[0], cells.y - at[1]], relief.cell);
-        relief.add(&silhouette, [at[0] as i64, at[1] as i64], pose.position.z);
+        footprint.cover(
+            shape,
+            &pose.orientation,
+            [cells.x - at[0], cells.y - at[1]],
+            height_map.cell,
+        );
+        height_map.add(&footprint, [at[0] as i64, at[1] as i64], pose.position.z);
     }
 }
 
@@ -113,50 +118,50 @@ pub(super) fn cover_present<'a>(
 /// # Errors
 /// No place where a grain fits between the walls.
 pub(super) fn pour(
-    relief: &mut Relief,
+    height_map: &mut HeightMap,
     templates: &Templates,
     shapes: &[Polyhedron],
     size: &Vec3,
     volume: f64,
     rng: &mut Pcg64,
-) -> Result<Vec<Laid>> {
-    let (laid, is_all) = pour_until(1, relief, templates, shapes, size, volume, rng);
+) -> Result<Vec<PlacedGrain>> {
+    let (laid, is_all) = pour_until(1, height_map, templates, shapes, size, volume, rng);
     if is_all { Ok(laid) } else { Err(too_narrow(size)) }
 }
 
 /// As [`pour`], but what finds no place is left out: cribs may be narrower than grains, and stay as they are then.
 pub(super) fn pour_where_it_fits(
-    relief: &mut Relief,
+    height_map: &mut HeightMap,
     templates: &Templates,
     shapes: &[Polyhedron],
     size: &Vec3,
     volume: f64,
     rng: &mut Pcg64,
-) -> Vec<Laid> {
-    pour_until(MISSES, relief, templates, shapes, size, volume, rng).0
+) -> Vec<PlacedGrain> {
+    pour_until(MAX_CONSECUTIVE_FAILURES, height_map, templates, shapes, size, volume, rng).0
 }
 
 /// Lays grains until `volume` of them lies, or until so many in a row find no place; and whether all lies.
 fn pour_until(
     misses: usize,
-    relief: &mut Relief,
+    height_map: &mut HeightMap,
     templates: &Templates,
     shapes: &[Polyhedron],
     size: &Vec3,
     volume: f64,
     rng: &mut Pcg64,
-) -> (Vec<Laid>, bool) {
+) -> (Vec<PlacedGrain>, bool) {
     let mut laid = Vec::new();
     let (mut poured, mut missed) = (0.0, 0);
-    let mut silhouette = Silhouette::default();
+    let mut footprint = Footprint::default();
     while poured < volume && missed < misses {
         let shape = templates.draw(rng);
         let orientation = random_rotation(rng);
-        match lay(relief, &shapes[shape], orientation, size, &mut silhouette, rng) {
+        match lay(height_map, &shapes[shape], orientation, size, &mut footprint, rng) {
             Some(pose) => {
                 poured += shapes[shape].volume;
                 missed = 0;
-                laid.push(Laid { shape, pose });
+                laid.push(PlacedGrain { shape, pose });
             }
             None => missed += 1,
         }
@@ -166,18 +171,18 @@ fn pour_until(
 
 /// Lays grains into the voids right under a block, wherever one happens to fit below its underside
 /// on the relief.
-pub(super) fn stuff(
-    relief: &mut Relief,
+pub(super) fn fill_voids(
+    height_map: &mut HeightMap,
     templates: &Templates,
     shapes: &[Polyhedron],
     block: &AxisBox,
     rng: &mut Pcg64,
-) -> Vec<Laid> {
-    let cell = relief.cell;
+) -> Vec<PlacedGrain> {
+    let cell = height_map.cell;
     let size = block.high - block.low;
     let grain = libm::cbrt(templates.mean_volume(shapes));
-    let tries = STUFFING * size.x * size.y / (grain * grain);
-    let mut silhouette = Silhouette::default();
+    let tries = FILL_ATTEMPTS_PER_GRAIN * size.x * size.y / (grain * grain);
+    let mut footprint = Footprint::default();
     let mut laid = Vec::new();
     for _ in 0..tries as usize {
         let shape = templates.draw(rng);
@@ -193,13 +198,16 @@ pub(super) fn stuff(
         if !inside {
             continue;
         }
-        silhouette.cover(&shapes[shape], &orientation, within, cell);
+        footprint.cover(&shapes[shape], &orientation, within, cell);
         let at = [(x / cell).floor() as i64, (y / cell).floor() as i64];
-        let highest = block.low.z - bounds.high.z - AIR;
-        let z = relief.rest(&silhouette, at, highest) + AIR;
+        let highest = block.low.z - bounds.high.z - CLEARANCE;
+        let z = height_map.rest(&footprint, at, highest) + CLEARANCE;
         if z < highest {
-            relief.add(&silhouette, at, z);
-            laid.push(Laid { shape, pose: Pose { position: Vec3::new(x, y, z), orientation } });
+            height_map.add(&footprint, at, z);
+            laid.push(PlacedGrain {
+                shape,
+                pose: Pose { position: Vec3::new(x, y, z), orientation },
+            });
         }
     }
     laid
@@ -207,39 +215,40 @@ pub(super) fn stuff(
 
 /// Lays one grain at the lowest of some random places; `None` where there is none.
 fn lay(
-    relief: &mut Relief,
+    height_map: &mut HeightMap,
     shape: &Polyhedron,
     orientation: Quat,
     size: &Vec3,
-    silhouette: &mut Silhouette,
+    footprint: &mut Footprint,
     rng: &mut Pcg64,
 ) -> Option<Pose> {
     let bounds = turned_bounds(shape, &orientation);
     let within: [f64; 2] = [rng.random(), rng.random()];
-    let cell = relief.cell;
+    let cell = height_map.cell;
     let range = |axis: usize| {
-        let first = ((AIR - bounds.low[axis]) / cell - within[axis]).ceil() as i64;
-        let last = ((size[axis] - AIR - bounds.high[axis]) / cell - within[axis]).floor() as i64;
+        let first = ((CLEARANCE - bounds.low[axis]) / cell - within[axis]).ceil() as i64;
+        let last =
+            ((size[axis] - CLEARANCE - bounds.high[axis]) / cell - within[axis]).floor() as i64;
         (first <= last).then_some(first..=last)
     };
     let (columns, rows) = (range(0)?, range(1)?);
-    silhouette.cover(shape, &orientation, within, cell);
+    footprint.cover(shape, &orientation, within, cell);
     let (mut lowest, mut place) = (f64::INFINITY, [0, 0]);
     for tried in 1.. {
         let at = [rng.random_range(columns.clone()), rng.random_range(rows.clone())];
-        let z = relief.rest(silhouette, at, lowest);
+        let z = height_map.rest(footprint, at, lowest);
         if z < lowest {
             (lowest, place) = (z, at);
         }
-        if tried >= TRIES && lowest.is_finite() {
+        if tried >= PLACEMENT_ATTEMPTS && lowest.is_finite() {
             break;
         }
-        if tried >= HOPELESS {
+        if tried >= MAX_ATTEMPTS {
             return None;
         }
     }
-    let z = lowest + AIR;
-    relief.add(silhouette, place, z);
+    let z = lowest + CLEARANCE;
+    height_map.add(footprint, place, z);
     let coordinate = |axis: usize| (place[axis] as f64 + within[axis]) * cell;
     Some(Pose { position: Vec3::new(coordinate(0), coordinate(1), z), orientation })
 }

@@ -38,20 +38,20 @@ fn bed(size: Vec3) -> BedPlan {
 
 struct Poured {
     shapes: Vec<Polyhedron>,
-    laid: Vec<Laid>,
-    relief: Relief,
+    laid: Vec<PlacedGrain>,
+    height_map: HeightMap,
 }
 
 fn poured(bed: &BedPlan, volume: f64, forbidden: Option<[[f64; 2]; 2]>) -> Poured {
     let mut rng = Pcg64::seed_from_u64(bed.seed);
     let mut shapes = Vec::new();
     let templates = Templates::generate(bed, &mut rng, &mut shapes).unwrap();
-    let mut relief = relief(bed).unwrap();
+    let mut height_map = height_map(bed).unwrap();
     if let Some([low, high]) = forbidden {
-        relief.forbid(low, high);
+        height_map.forbid(low, high);
     }
-    let laid = pour(&mut relief, &templates, &shapes, &bed.size, volume, &mut rng).unwrap();
-    Poured { shapes, laid, relief }
+    let laid = pour(&mut height_map, &templates, &shapes, &bed.size, volume, &mut rng).unwrap();
+    Poured { shapes, laid, height_map }
 }
 
 #[test]
@@ -104,10 +104,10 @@ fn nothing_is_laid_on_what_is_forbidden() {
 #[test]
 fn the_relief_of_present_grains_is_that_of_their_laying() {
     let bed = bed(Vec3::new(0.3, 0.3, 0.4));
-    let Poured { shapes, laid, relief } = poured(&bed, 0.3 * 0.3 * 0.04, None);
-    let mut again = super::relief(&bed).unwrap();
+    let Poured { shapes, laid, height_map } = poured(&bed, 0.3 * 0.3 * 0.04, None);
+    let mut again = super::height_map(&bed).unwrap();
     cover_present(&mut again, laid.iter().map(|g| (&shapes[g.shape], g.pose)));
-    assert!(again.largest_difference(&relief) < 1e-9);
+    assert!(again.largest_difference(&height_map) < 1e-9);
 }
 
 #[test]
@@ -125,7 +125,8 @@ fn shares_are_by_number() {
     let Poured { shapes, laid, .. } = poured(&bed, 0.6 * 0.6 * 0.2, None);
     let volume = |size: f64| std::f64::consts::FRAC_PI_6 * size * size * size;
     for (size, share) in [(0.025, 0.50), (0.0375, 0.34), (0.050, 0.16)] {
-        let of_class = |g: &&Laid| (shapes[g.shape].volume / volume(size) - 1.0).abs() < 1e-9;
+        let of_class =
+            |g: &&PlacedGrain| (shapes[g.shape].volume / volume(size) - 1.0).abs() < 1e-9;
         let found = laid.iter().filter(of_class).count() as f64 / laid.len() as f64;
         // Three standard deviations of a share among some 3000 grains.
         assert!((found - share).abs() < 0.03, "{size}: {found}");
@@ -138,7 +139,7 @@ fn a_box_narrower_than_a_grain_is_refused() {
     let mut rng = Pcg64::seed_from_u64(1);
     let mut shapes = Vec::new();
     let templates = Templates::generate(&bed, &mut rng, &mut shapes).unwrap();
-    let mut relief = relief(&bed).unwrap();
-    let found = pour(&mut relief, &templates, &shapes, &bed.size, 0.001, &mut rng);
+    let mut height_map = height_map(&bed).unwrap();
+    let found = pour(&mut height_map, &templates, &shapes, &bed.size, 0.001, &mut rng);
     assert!(found.unwrap_err().to_string().contains("bed.size"));
 }

@@ -54,7 +54,7 @@ fn release(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
     state.position[bodies.clone()].rotate_right(1);
     state.orientation[bodies.clone()].rotate_right(1);
     state.velocity[bodies.clone()].rotate_right(1);
-    state.spin[bodies.clone()].rotate_right(1);
+    state.angular_velocity[bodies.clone()].rotate_right(1);
     state.mount.push(state.pose(ng + first));
     state.contacts.renumber(|b| match b {
         _ if !bodies.contains(&b) => b,
@@ -75,7 +75,7 @@ fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
     state.position.insert(b, pose.position);
     state.orientation.insert(b, pose.orientation);
     state.velocity.insert(b, Vec3::zeros());
-    state.spin.insert(b, Vec3::zeros());
+    state.angular_velocity.insert(b, Vec3::zeros());
     state.mount.push(pose);
     state.contacts.renumber(|other| other + usize::from(other >= b));
 }

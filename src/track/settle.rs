@@ -4,7 +4,7 @@
 //! Contract: damping exists in the preparation only, and never when a stage ends: it takes speed
 //! from free fall, which would otherwise drive grains into each other, not from a bed at rest.
 
-use crate::drive::Inputs;
+use crate::drive::StepInputs;
 use crate::error::{Error, Result};
 use crate::math::{Pose, Vec3};
 use crate::model::{Model, Solver, Stepping};
@@ -68,13 +68,13 @@ pub(super) struct Settling {
 }
 
 /// Model and state under preparation.
-pub(super) struct Bench {
+pub(super) struct BedBuilder {
     pub model: Model,
     pub state: State,
     pub workspace: Workspace,
 }
 
-impl Bench {
+impl BedBuilder {
     /// Runs a stage to its end, while the driven bodies stay where they are; `Break` if the watcher asks to stop.
     pub fn settle(
         &mut self,
@@ -87,7 +87,7 @@ impl Bench {
         let g = self.model.gravity.norm();
         let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
         let targets = self.state.driven_poses(&self.model);
-        let inputs = Inputs::from_targets(&targets);
+        let inputs = StepInputs::from_targets(&targets);
         let [least, most] = settling.steps;
         for done in 1..=most {
             let report = step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?;
@@ -136,7 +136,7 @@ impl Bench {
         if keep < 1.0 {
             let n = self.model.grains.len();
             self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
-            self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+            self.state.angular_velocity[..n].iter_mut().for_each(|w| *w *= keep);
         }
     }
 
@@ -150,7 +150,7 @@ impl Bench {
         self.state.position.splice(n..n, grains.iter().map(|g| g.1.position));
         self.state.orientation.splice(n..n, grains.iter().map(|g| g.1.orientation));
         self.state.velocity.splice(n..n, zeros());
-        self.state.spin.splice(n..n, zeros());
+        self.state.angular_velocity.splice(n..n, zeros());
         let added = |b: usize| if b >= n { grains.len() } else { 0 };
         self.state.contacts.renumber(|b| b + added(b));
     }
@@ -191,7 +191,7 @@ impl Bench {
         sift(&mut self.state.position, kept);
         sift(&mut self.state.orientation, kept);
         sift(&mut self.state.velocity, kept);
-        sift(&mut self.state.spin, kept);
+        sift(&mut self.state.angular_velocity, kept);
         renumber(&mut self.state.contacts, &numbers);
     }
 

@@ -9,7 +9,7 @@ use crate::observe::{SqueezePair, SqueezeRule};
 use crate::track::plan::{Plan, TampingPlan};
 
 /// Where the case has no vibration, whose period would be known, s: about that of 35 Hz, the frequency of tamping machines.
-const USUAL_PERIOD: f64 = 0.028;
+const DEFAULT_PERIOD: f64 = 0.028;
 
 /// The tine pairs of a plan, `pair_0` and so on by their numbers; whoever moves them, their squeezes are followed.
 ///
@@ -19,7 +19,7 @@ pub fn squeezes(plan: &Plan, model: &Model) -> Result<SqueezeRule> {
     let vibrates = |tamping: &&TampingPlan| tamping.vibration.period().is_some();
     let steps = match plan.tamping.as_ref().filter(vibrates) {
         Some(tamping) => period_steps(tamping, model),
-        None => (USUAL_PERIOD / model.stepping.h()).round().max(1.0),
+        None => (DEFAULT_PERIOD / model.stepping.h()).round().max(1.0),
     };
     let named = |pair: super::TinePair| SqueezePair {
         name: format!("pair_{}", pair.number),

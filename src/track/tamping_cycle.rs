@@ -6,7 +6,7 @@
 //! a springy shaft follows its target as its mount lets it (T-28).
 
 use super::clearance;
-use super::deposit::HIGHEST;
+use super::deposit::MAX_TRIMMED_PROTRUSION;
 use super::machine_control::{MachineControl, TinePair, tine_index};
 use super::motion_law::{smooth_step, travel};
 use crate::error::{Error, Result};
@@ -21,9 +21,9 @@ const FADE_PERIODS: f64 = 3.0;
 /// Least clearance of tines without a cycle, m: that of the cases that have one and do not say it.
 const IDLE_CLEARANCE: f64 = 0.02;
 /// How far grains may stick out of a prepared bed, in mean grain sizes: after trimming one may rise while the bed comes to rest.
-pub const RISEN: f64 = HIGHEST + 0.25;
+pub const MAX_PROTRUSION: f64 = MAX_TRIMMED_PROTRUSION + 0.25;
 /// Fewer steps per period of the vibration would alias the sine into another motion.
-pub const LEAST_STEPS_PER_PERIOD: f64 = 8.0;
+pub const MIN_STEPS_PER_PERIOD: f64 = 8.0;
 
 /// Where in the cycle a moment lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -338,7 +338,7 @@ fn driven_tines(
 /// Where a tine's reference point is before the cycle: its blade clear of the bed, m.
 pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 {
     // Whoever drives the tines instead of a cycle begins above the grains that stick out.
-    let idle = || IDLE_CLEARANCE.max(RISEN * plan.bed.grains.mean_size());
+    let idle = || IDLE_CLEARANCE.max(MAX_PROTRUSION * plan.bed.grains.mean_size());
     let clearance = plan.tamping.map_or_else(idle, |t| t.insertion.clearance);
     let z = plan.bed.preparation.fill_level + clearance + tine.blade.z;
     Vec3::new(tine.position[0], tine.position[1], z)
@@ -398,10 +398,10 @@ fn check_period(plan: &Plan, tamping: &TampingPlan, model: &Model) -> Result<()>
         return Ok(());
     };
     let per_period = period / model.stepping.h();
-    if per_period < LEAST_STEPS_PER_PERIOD {
+    if per_period < MIN_STEPS_PER_PERIOD {
         return Err(Error::Model {
             place: "tamping.vibration.frequency".into(),
-            expected: format!("at least {LEAST_STEPS_PER_PERIOD} time steps per period"),
+            expected: format!("at least {MIN_STEPS_PER_PERIOD} time steps per period"),
             found: format!("{per_period:.1}"),
         });
     }

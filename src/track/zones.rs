@@ -2,16 +2,16 @@
 //!
 //! Reads: the plan. Writes: named boxes, fixed in space.
 //!
-//! * `under <sleeper>` (`under <sleeper> 1`, `2` for the blocks of a twin-block sleeper): the
+//! * `under/<sleeper>` (`under/<sleeper>/1`, `/2` for the blocks of a twin-block sleeper): the
 //!   block's footprint from its underside before the lift down to half the depth of the ballast. Tamping
 //!   fills and packs this layer: the blades' upper edge is 15-20 mm below the lifted underside, so a
 //!   blade of 70 mm and its squeeze act within about half of 0.3 m, and what lies below is there
 //!   for comparison with the layer in published work.
-//! * `below lifted <sleeper>`, where the cycle lifts it: the same up to the lifted underside, so that the space which the lift
+//! * `under_lifted/<sleeper>`, where the cycle lifts it: the same up to the lifted underside, so that the space which the lift
 //!   opens counts. The sleeper is in that space before, which is no room for stones then.
-//! * `crib before <sleeper>`, `crib after <sleeper>`: between a tamped sleeper and its neighbours
+//! * `crib_minus_x/<sleeper>`, `crib_plus_x/<sleeper>`: between a tamped sleeper and its neighbours
 //!   (or the ends) along x, across its blocks, from the underside up to the fill level.
-//! * `insertion <tine>`: what the blade passes through below the sleeper's underside before it squeezes, from its lower
+//! * `insertion/<tine>`: what the blade passes through below the sleeper's underside before it squeezes, from its lower
 //!   edge at depth up to the level of the underside before the lift, or to its upper edge where that ends higher.
 
 use crate::geometry::AxisBox;
@@ -25,26 +25,26 @@ pub fn zones(plan: &Plan) -> Vec<Zone> {
     let mut zones = Vec::new();
     let tamped = || plan.sleepers.iter().filter(|s| s.tamped);
     let lift = plan.tamping.map_or(0.0, |tamping| tamping.lift.height);
-    let lifted = (lift > 0.0).then_some(("below lifted", lift));
+    let lifted = (lift > 0.0).then_some(("under_lifted", lift));
     for (place, rise) in [("under", 0.0)].into_iter().chain(lifted) {
         for sleeper in tamped() {
             for (i, block) in sleeper.blocks.iter().enumerate() {
                 let number =
-                    if sleeper.blocks.len() > 1 { format!(" {}", i + 1) } else { String::new() };
+                    if sleeper.blocks.len() > 1 { format!("/{}", i + 1) } else { String::new() };
                 let mut region = under(plan, sleeper, block);
                 region.high.z += rise;
-                zones.push(Zone { name: format!("{place} {}{number}", sleeper.name), region });
+                zones.push(Zone { name: format!("{place}/{}{number}", sleeper.name), region });
             }
         }
     }
     for sleeper in tamped() {
         let [before, after] = cribs(plan, sleeper);
-        zones.push(Zone { name: format!("crib before {}", sleeper.name), region: before });
-        zones.push(Zone { name: format!("crib after {}", sleeper.name), region: after });
+        zones.push(Zone { name: format!("crib_minus_x/{}", sleeper.name), region: before });
+        zones.push(Zone { name: format!("crib_plus_x/{}", sleeper.name), region: after });
     }
     for tine in &plan.tines {
         if let Some(region) = insertion(plan, tine) {
-            zones.push(Zone { name: format!("insertion {}", tine.name), region });
+            zones.push(Zone { name: format!("insertion/{}", tine.name), region });
         }
     }
     zones.retain(has_volume);
@@ -123,13 +123,13 @@ mod tests {
     fn zones_of_one_short_block() {
         let zones = zones(&small_plan());
         assert_eq!(zones.len(), 6);
-        close(region(&zones, "under sleeper"), [0.155, 0.15, 0.14], [0.445, 0.55, 0.28]);
+        close(region(&zones, "under/sleeper"), [0.155, 0.15, 0.14], [0.445, 0.55, 0.28]);
         let lift = small_plan().tamping.unwrap().lift.height;
         let high = [0.445, 0.55, 0.28 + lift];
-        close(region(&zones, "below lifted sleeper"), [0.155, 0.15, 0.14], high);
-        close(region(&zones, "crib before sleeper"), [0.0, 0.15, 0.28], [0.155, 0.55, 0.43]);
-        close(region(&zones, "crib after sleeper"), [0.445, 0.15, 0.28], [0.6, 0.55, 0.43]);
-        close(region(&zones, "insertion left"), [0.034, 0.29, 0.21], [0.066, 0.41, 0.28]);
+        close(region(&zones, "under_lifted/sleeper"), [0.155, 0.15, 0.14], high);
+        close(region(&zones, "crib_minus_x/sleeper"), [0.0, 0.15, 0.28], [0.155, 0.55, 0.43]);
+        close(region(&zones, "crib_plus_x/sleeper"), [0.445, 0.15, 0.28], [0.6, 0.55, 0.43]);
+        close(region(&zones, "insertion/left"), [0.034, 0.29, 0.21], [0.066, 0.41, 0.28]);
     }
 
     #[test]
@@ -140,7 +140,7 @@ mod tests {
         let names: Vec<_> = zones.iter().map(|zone| &zone.name[..]).collect();
         assert_eq!(
             names,
-            ["under sleeper", "below lifted sleeper", "insertion left", "insertion right"]
+            ["under/sleeper", "under_lifted/sleeper", "insertion/left", "insertion/right"]
         );
     }
 
@@ -163,8 +163,8 @@ mod tests {
             })
             .to_vec();
         let zones = zones(&plan);
-        close(region(&zones, "crib before at 0.9"), [0.445, 0.065, 0.28], [0.755, 1.935, 0.43]);
-        close(region(&zones, "crib after at 0.9"), [1.045, 0.065, 0.28], [1.355, 1.935, 0.43]);
-        close(region(&zones, "under at 0.9 2"), [0.755, 1.265, 0.14], [1.045, 1.935, 0.28]);
+        close(region(&zones, "crib_minus_x/at 0.9"), [0.445, 0.065, 0.28], [0.755, 1.935, 0.43]);
+        close(region(&zones, "crib_plus_x/at 0.9"), [1.045, 0.065, 0.28], [1.355, 1.935, 0.43]);
+        close(region(&zones, "under/at 0.9/2"), [0.755, 1.265, 0.14], [1.045, 1.935, 0.28]);
     }
 }

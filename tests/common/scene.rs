@@ -1,6 +1,6 @@
 //! Small scenes built by hand: grains, half-spaces, moved bodies, and a tight solver.
 
-use ballast::drive::{Inputs, Load};
+use ballast::drive::{Load, StepInputs};
 use ballast::error::Result;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
@@ -113,7 +113,7 @@ impl Scene {
     }
 
     pub fn try_step(&mut self) -> Result<StepReport> {
-        let inputs = Inputs { loads: &self.loads, ..Inputs::from_targets(&self.targets) };
+        let inputs = StepInputs { loads: &self.loads, ..StepInputs::from_targets(&self.targets) };
         step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())
     }
 
@@ -136,7 +136,7 @@ impl Scene {
         (0..self.model.grains.len())
             .map(|i| {
                 let radius = self.model.shapes[self.model.grains.shape[i] as usize].radius;
-                self.state.velocity[i].norm() + radius * self.state.spin[i].norm()
+                self.state.velocity[i].norm() + radius * self.state.angular_velocity[i].norm()
             })
             .fold(0.0, f64::max)
     }

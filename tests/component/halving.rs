@@ -4,7 +4,7 @@
 
 use crate::MS;
 use crate::modes::press;
-use ballast::component::{Component, Input, Interpolation, Knot, Limits, Waveform};
+use ballast::component::{Component, Interpolation, Knot, Limits, MotionInput, Waveform};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Mount;
 use std::f64::consts::TAU;
@@ -31,7 +31,7 @@ fn knot(time_ns: u64) -> Knot {
         time_ns,
         pose: Pose::at(Vec3::z() * (crate::modes::TOP + z)),
         velocity: Vec3::z() * v,
-        spin: Vec3::zeros(),
+        angular_velocity: Vec3::zeros(),
     }
 }
 
@@ -52,8 +52,8 @@ fn impulses(interpolation: Interpolation, window_ns: u64) -> Vec<f64> {
             _ => vec![knot(t0), knot(t1)],
         };
         let waveform = Waveform { interpolation, knots };
-        let rebase = interpolation == Interpolation::Hold;
-        let input = Input { body: "tool".into(), waveform, rebase };
+        let allow_jump = interpolation == Interpolation::Hold;
+        let input = MotionInput { body: "tool".into(), waveform, allow_jump };
         sum += component.advance_to(t1, from_ref(&input)).expect("a window").bodies[0].impulse.z;
         if t1.is_multiple_of(STRETCH) {
             all.push(std::mem::take(&mut sum));

@@ -12,7 +12,7 @@ mod stops;
 mod waveforms;
 mod windows;
 
-use ballast::component::{Component, Input, Interpolation, Knot, Limits, Waveform};
+use ballast::component::{Component, Interpolation, Knot, Limits, MotionInput, Waveform};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Schedule;
 use ballast::state::State;
@@ -52,15 +52,15 @@ pub fn floor_knot(rest: Pose, time_ns: u64) -> Knot {
         time_ns,
         pose: Pose { position: rest.position - Vec3::z() * way, ..rest },
         velocity: -Vec3::z() * (AMPLITUDE * w * (w * t).sin()),
-        spin: Vec3::zeros(),
+        angular_velocity: Vec3::zeros(),
     }
 }
 
 /// The shaken floor from `t0` to `t1` with a knot every 5 ms.
-pub fn shaken(rest: Pose, t0_ns: u64, t1_ns: u64) -> Input {
+pub fn shaken(rest: Pose, t0_ns: u64, t1_ns: u64) -> MotionInput {
     let knots = (t0_ns / MS..=t1_ns / MS).step_by(5).map(|t| floor_knot(rest, t * MS)).collect();
     let waveform = Waveform { interpolation: Interpolation::Hermite, knots };
-    Input { body: FLOOR.into(), waveform, rebase: false }
+    MotionInput { body: FLOOR.into(), waveform, allow_jump: false }
 }
 
 /// Where the floor is.
@@ -73,8 +73,12 @@ pub fn floor(component: &Component) -> Pose {
 /// Whether two states are the same to the bit.
 pub fn same(a: &State, b: &State) -> bool {
     let bits = |s: &State| {
-        let vectors =
-            s.position.iter().chain(&s.velocity).chain(&s.spin).chain(&s.contacts.impulse);
+        let vectors = s
+            .position
+            .iter()
+            .chain(&s.velocity)
+            .chain(&s.angular_velocity)
+            .chain(&s.contacts.impulse);
         let numbers = vectors.flat_map(|v| v.iter().copied().collect::<Vec<_>>());
         let turns = s.orientation.iter().flat_map(|q| q.coords.iter().copied().collect::<Vec<_>>());
         (s.step, s.time_ns, numbers.chain(turns).map(f64::to_bits).collect::<Vec<_>>())

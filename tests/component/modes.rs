@@ -3,8 +3,8 @@
 use crate::MS;
 use crate::common::scene::{GRAVITY, Scene};
 use ballast::component::{
-    Component, Each, Input, Interpolation, Knot, Limits, LoadInput, LoadKnot, LoadWaveform, Status,
-    Waveform, Window,
+    Component, Interpolation, Knot, Limits, LoadInput, LoadKnot, LoadWaveform, MotionInput,
+    StepCallback, Waveform, WindowInputsRef, WindowStatus,
 };
 use ballast::drive::Load;
 use ballast::geometry::cuboid;
@@ -37,7 +37,7 @@ fn knot(time_ns: u64) -> Knot {
     let phase = TAU * time_ns as f64 * 1e-9 / 0.04;
     let position = Vec3::z() * (TOP - 0.002 * (1.0 - phase.cos()));
     let velocity = Vec3::z() * (-0.002 * TAU / 0.04 * phase.sin());
-    Knot { time_ns, pose: Pose::at(position), velocity, spin: Vec3::zeros() }
+    Knot { time_ns, pose: Pose::at(position), velocity, angular_velocity: Vec3::zeros() }
 }
 
 /// Forces on the tool of 100 kg, one per 5 ms, and the largest energy of tool and spring beyond what the
@@ -55,11 +55,11 @@ fn pressed(stiffness: f64, window_ns: u64) -> (Vec<f64>, f64) {
         let t1 = t0 + window_ns;
         let knots = vec![knot(t0), knot(t1)];
         let waveform = Waveform { interpolation: Interpolation::Hermite, knots };
-        let input = Input { body: "tool".into(), waveform, rebase: false };
+        let input = MotionInput { body: "tool".into(), waveform, allow_jump: false };
         let (mut last, mut tool) = (component.state().mount[0].position.z, Vec3::zeros());
         let mut work = 0.0;
         let mut watch =
-            Each(|state: &ballast::state::State, report: &ballast::step::StepReport| {
+            StepCallback(|state: &ballast::state::State, report: &ballast::step::StepReport| {
                 // The mount pulls its spring by the deflection at the end of each step.
                 let mount = state.mount[0].position.z;
                 let now = stiffness * (mount - state.position[2].z);
@@ -73,7 +73,7 @@ fn pressed(stiffness: f64, window_ns: u64) -> (Vec<f64>, f64) {
                 excess = f64::max(excess, stored + work - put_in);
                 std::ops::ControlFlow::Continue(())
             });
-        component.advance_watched(t1, &[input], &mut watch).expect("a window");
+        component.advance_observed(t1, &[input], &mut watch).expect("a window");
         put_in -= work;
         impulse += tool.z;
         if component.now_ns().is_multiple_of(5 * MS) {
@@ -138,9 +138,9 @@ fn a_loaded_sleeper_settles_under_wheels_and_comes_to_rest() {
         let mut forces = vec![];
         while component.now_ns() < 1000 * MS {
             let t1 = component.now_ns() + window * MS;
-            let window = Window { motions: &[], loads: &loads };
+            let window = WindowInputsRef { motions: &[], loads: &loads };
             let outcome = component.advance_to(t1, window).expect("a window");
-            forces.push((t1, outcome.bodies[0].moving_force.z, outcome.zones[0].clone()));
+            forces.push((t1, outcome.bodies[0].moving_average_force.z, outcome.zones[0].clone()));
         }
         (component.save(), forces)
     };
@@ -171,10 +171,10 @@ fn a_body_that_loads_hurl_through_the_bed_is_no_result() {
     // Kilonewtons taken for newtons: 60 kg go half of the smallest grain in a step of 0.5 ms.
     let mut loads = wheels();
     loads[0].waveform.knots.iter_mut().for_each(|k| k.load.force *= 1e3);
-    let window = Window { motions: &[], loads: &loads };
+    let window = WindowInputsRef { motions: &[], loads: &loads };
     let outcome = component.advance_to(250 * MS, window).expect("a window");
-    assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
-    let trouble = outcome.trouble.expect("why");
+    assert_eq!((outcome.status, outcome.steps), (WindowStatus::Discard, 0));
+    let trouble = outcome.error.expect("why");
     assert_eq!(trouble.code(), "over_speed", "{trouble}");
     assert!(trouble.to_string().contains("half of the smallest grain"), "{trouble}");
     assert_eq!(component.save(), start);
@@ -187,7 +187,7 @@ fn loads_that_cannot_be_taken_are_refused() {
     let mut refuse = |change: &dyn Fn(&mut LoadInput), code: &str| {
         let mut loads = wheels();
         change(&mut loads[0]);
-        let window = Window { motions: &[], loads: &loads };
+        let window = WindowInputsRef { motions: &[], loads: &loads };
         let refusal = component.advance_to(1000 * MS, window).expect_err(code);
         assert_eq!(refusal.code(), code, "{refusal}");
         assert!(refusal.to_string().contains("found"), "{refusal}");
@@ -201,7 +201,7 @@ fn loads_that_cannot_be_taken_are_refused() {
     refuse(&|l| l.waveform.knots.truncate(3), "input_gap");
     refuse(&|l| l.waveform.knots[0].time_ns = 1, "input_gap");
     let twice = [wheels(), wheels()].concat();
-    let refusal = component.advance_to(MS, Window { motions: &[], loads: &twice });
+    let refusal = component.advance_to(MS, WindowInputsRef { motions: &[], loads: &twice });
     assert_eq!(refusal.expect_err("twice").code(), "input_invalid");
 }
 
@@ -224,10 +224,10 @@ fn the_hint_is_the_time_in_which_no_tool_gets_too_far() {
     let mut component =
         Component::new(scene.model.into(), scene.state, Limits::default()).expect("a press");
     let still = component.advance_to(MS, &[]).expect("a window");
-    assert!(still.hint_max_step_ns > 1000 * MS);
+    assert!(still.max_knot_spacing_ns > 1000 * MS);
     // No body moves at all: no advice.
     let resting = crate::heap(Limits::default()).advance_to(MS, &[]).expect("a window");
-    assert_eq!(resting.hint_max_step_ns, 0);
+    assert_eq!(resting.max_knot_spacing_ns, 0);
     let up = |time_ns: u64| Knot {
         time_ns,
         pose: Pose {
@@ -235,18 +235,18 @@ fn the_hint_is_the_time_in_which_no_tool_gets_too_far() {
             orientation: Quat::from_axis_angle(&Vec3::z_axis(), (time_ns - MS) as f64 * 1e-9),
         },
         velocity: Vec3::z() * 0.5,
-        spin: Vec3::z(),
+        angular_velocity: Vec3::z(),
     };
     let waveform =
         Waveform { interpolation: Interpolation::Hermite, knots: vec![up(MS), up(41 * MS)] };
-    let input = Input { body: "tool".into(), waveform, rebase: true };
+    let input = MotionInput { body: "tool".into(), waveform, allow_jump: true };
     let moving = component.advance_to(41 * MS, &[input]).expect("a window");
     let body = &moving.bodies[0];
     // What turns goes farther at its corners than at its reference point.
     let corner = Vec3::new(0.05, 0.05, 0.02).norm();
-    assert!(body.spin.norm() > 0.5);
-    let speed = body.velocity.norm() + body.spin.norm() * corner;
-    let farthest = moving.hint_max_step_ns as f64 * 1e-9 * speed;
+    assert!(body.angular_velocity.norm() > 0.5);
+    let speed = body.velocity.norm() + body.angular_velocity.norm() * corner;
+    let farthest = moving.max_knot_spacing_ns as f64 * 1e-9 * speed;
     // Half of the nominal diameter of a cube of 60 mm.
     let expected = 0.5 * 0.06 * (6.0 / std::f64::consts::PI).cbrt();
     assert!((farthest - expected).abs() < 1e-6, "{farthest} m, not {expected} m");

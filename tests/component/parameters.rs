@@ -1,7 +1,7 @@
 //! Parameters that change between windows.
 
 use crate::{MS, floor, heap, shaken};
-use ballast::component::{Limits, Parameters, Status};
+use ballast::component::{Limits, Parameters, WindowStatus};
 
 #[test]
 fn parameters_hold_from_the_next_window_on_and_for_a_redo() {
@@ -40,5 +40,5 @@ fn parameters_that_cannot_be_used_change_nothing() {
     }
     component.set_parameters(&Parameters { penetration: 1e-12, ..usual }).expect("a narrow limit");
     let outcome = component.advance_to(50 * MS, &[]).expect("a request in good form");
-    assert_eq!(outcome.status, Status::Discard);
+    assert_eq!(outcome.status, WindowStatus::Discard);
 }

@@ -1,29 +1,29 @@
 //! What README shows of the library compiles and does what it says.
 
 use crate::{MS, floor, heap, shaken};
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::workspace::Workspace;
 
 #[test]
 fn a_step_and_windows_as_shown() -> Result<(), Box<dyn std::error::Error>> {
-    use ballast::component::{Component, Input, Limits, Status};
+    use ballast::component::{Component, Limits, MotionInput, WindowStatus};
     use ballast::step::step;
 
     let given = heap(Limits::default());
     let (model, mut state) = (given.model().clone(), given.state().clone());
     let targets: Vec<_> = (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
     let mut workspace = Workspace::default();
-    let inputs = Inputs { targets: &targets, loads: &[], speed_limit: None };
+    let inputs = StepInputs { targets: &targets, loads: &[], speed_limit: None };
     let report = step(&model, &mut state, &inputs, &mut workspace, &mut ())?;
     assert!(report.contacts > 0 && state.step == 1);
 
     let state = given.state().clone();
-    let tine: Input = shaken(floor(&given), 0, 5 * MS);
+    let tine: MotionInput = shaken(floor(&given), 0, 5 * MS);
     let better_guess = tine.clone();
     let mut ballast = Component::new(model.into(), state, Limits::default())?;
     let outcome = ballast.advance_to(4_000_000, &[tine])?;
-    assert_eq!(outcome.status, Status::Ok);
-    if outcome.status == Status::Ok {
+    assert_eq!(outcome.status, WindowStatus::Ok);
+    if outcome.status == WindowStatus::Ok {
         let force = outcome.bodies[0].mean_force;
         assert!(force.z < 0.0, "{force}");
     }

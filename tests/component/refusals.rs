@@ -2,12 +2,12 @@
 
 use crate::{FLOOR, MS, floor, floor_knot, heap, shaken};
 use ballast::component::{
-    Component, Input, Interpolation, Knot, Limits, Refusal, Twist, left_twist,
+    Component, Interpolation, Knot, Limits, MotionInput, Refusal, Twist, left_twist,
 };
 use ballast::math::{Quat, Vec3, rotation};
 
 /// A good window to 50 ms, changed into a bad one; the refusal.
-fn refused(change: impl Fn(&mut Input)) -> Refusal {
+fn refused(change: impl Fn(&mut MotionInput)) -> Refusal {
     let mut component = heap(Limits::default());
     let start = component.save();
     let mut input = shaken(floor(&component), 0, 50 * MS);
@@ -73,7 +73,7 @@ fn windows_must_join() {
     let mut component = heap(Limits::default());
     let mut input = shaken(floor(&component), 0, 50 * MS);
     input.waveform.knots[0].pose.position.z += 2e-6;
-    input.rebase = true;
+    input.allow_jump = true;
     component.advance_to(50 * MS, &[input]).expect("rebased");
 }
 
@@ -85,7 +85,10 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     assert_eq!(component.twist(d), Some(Twist::default()));
     component.advance_to(30 * MS, &[shaken(rest, 0, 30 * MS)]).expect("a window");
     let last = floor_knot(rest, 30 * MS);
-    assert_eq!(component.twist(d), Some(Twist { velocity: last.velocity, spin: last.spin }));
+    assert_eq!(
+        component.twist(d),
+        Some(Twist { velocity: last.velocity, angular_velocity: last.angular_velocity })
+    );
     assert_eq!(component.twist(d), left_twist(&component.save(), d));
     let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
     check(&stopped, "input_jump", &[FLOOR, "moving"]);
@@ -99,12 +102,12 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
 fn a_body_at_rest_does_not_start_at_speed_unasked() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
-    let begun = |t0: u64, rebase: bool| {
+    let begun = |t0: u64, allow_jump: bool| {
         let mut input = shaken(rest, 0, 5 * MS);
         for (knot, time_ns) in input.waveform.knots.iter_mut().zip([t0, t0 + 5 * MS]) {
             (knot.time_ns, knot.velocity.z) = (time_ns, -0.5);
         }
-        Input { rebase, ..input }
+        MotionInput { allow_jump, ..input }
     };
     // Neither before the first step nor after a window without a motion.
     check(
@@ -119,24 +122,26 @@ fn a_body_at_rest_does_not_start_at_speed_unasked() {
 }
 
 /// A floor that moves and turns, with two knots that are far apart.
-fn far_knots(component: &Component) -> Input {
+fn far_knots(component: &Component) -> MotionInput {
     let mut input = shaken(floor(component), 0, 40 * MS);
     let knots = &mut input.waveform.knots;
     knots.drain(1..knots.len() - 1);
     let pose = &mut knots[1].pose;
     pose.orientation = Quat::from_scaled_axis(Vec3::new(0.01, -0.02, 0.03)) * pose.orientation;
-    knots[0].spin = Vec3::new(0.3, 0.1, -0.2);
+    knots[0].angular_velocity = Vec3::new(0.3, 0.1, -0.2);
     input
 }
 
 #[test]
 fn nor_between_its_knots() {
-    let limits = Limits { join_speed: 1e-6, join_spin: 1e-6, ..Limits::default() };
+    let limits = Limits { join_speed: 1e-6, join_angular_velocity: 1e-6, ..Limits::default() };
     for end in [7 * MS, 20 * MS, 33 * MS] {
         let mut component = heap(limits);
         let input = far_knots(&component);
         // It turns from the first instant.
-        component.advance_to(end, &[Input { rebase: true, ..input.clone() }]).expect("a window");
+        component
+            .advance_to(end, &[MotionInput { allow_jump: true, ..input.clone() }])
+            .expect("a window");
         let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
         check(&stopped, "input_jump", &[FLOOR, "moving"]);
 
@@ -148,10 +153,10 @@ fn nor_between_its_knots() {
             time_ns: end,
             pose: input.waveform.pose(end),
             velocity: (after.position - before.position) / 1e-6,
-            spin: rotation::log(&turn) / 1e-6,
+            angular_velocity: rotation::log(&turn) / 1e-6,
         };
         let mut jerked = joined.clone();
-        jerked.waveform.knots[0].spin.y += 1e-5;
+        jerked.waveform.knots[0].angular_velocity.y += 1e-5;
         let refusal = component.advance_to(40 * MS, &[jerked]).expect_err("a jerk");
         check(&refusal, "input_jump", &["rad/s"]);
         let state = component.save();

@@ -1,31 +1,34 @@
 //! A window is ended within a step, however long that takes.
 
 use crate::{MS, heap, heap_scheduled, same};
-use ballast::component::{Component, Limits, Outcome, Parameters, Refusal, Status, Stop, Watch};
+use ballast::component::{
+    Component, Limits, Parameters, Refusal, StopReason, WindowResult, WindowStatus,
+};
 use ballast::model::Schedule;
-use ballast::step::{Phase, Stopwatch};
+use ballast::step::{Phase, StepObserver};
 use std::thread::{self, ThreadId};
 
 /// Ends a window while the step after so many is solved.
 struct After {
     steps: u64,
-    stop: Stop,
+    stop: StopReason,
 }
 
-impl Watch for After {}
-
-impl Stopwatch for After {
-    fn lap(&mut self, phase: Phase) {
+impl StepObserver for After {
+    fn phase_finished(&mut self, phase: Phase) {
         self.steps = self.steps.saturating_sub(u64::from(phase == Phase::Store));
     }
-    fn stop(&mut self) -> Option<Stop> {
+    fn cancelled(&mut self) -> Option<StopReason> {
         (self.steps == 0).then_some(self.stop)
     }
 }
 
-fn advance(component: &mut Component, watch: &mut impl Watch) -> Result<Outcome, Refusal> {
+fn advance(
+    component: &mut Component,
+    watch: &mut impl StepObserver,
+) -> Result<WindowResult, Refusal> {
     let t1 = component.now_ns() + 10 * MS;
-    component.advance_watched(t1, &[], watch)
+    component.advance_observed(t1, &[], watch)
 }
 
 /// Lets no step end any more.
@@ -38,11 +41,9 @@ fn never_solve(component: &mut Component) {
 /// Stops when it is asked by the thread that has asked for the step.
 struct ByCaller(ThreadId);
 
-impl Watch for ByCaller {}
-
-impl Stopwatch for ByCaller {
-    fn stop(&mut self) -> Option<Stop> {
-        (thread::current().id() == self.0).then_some(Stop::Discard)
+impl StepObserver for ByCaller {
+    fn cancelled(&mut self) -> Option<StopReason> {
+        (thread::current().id() == self.0).then_some(StopReason::Discard)
     }
 }
 
@@ -57,7 +58,7 @@ fn the_thread_that_asks_for_a_step_is_asked_itself_however_many_work() {
                 let mut caller = ByCaller(thread::current().id());
                 advance(&mut component, &mut caller).expect("a window")
             });
-            assert_eq!(outcome.status, Status::Discard, "{schedule:?}, {threads}");
+            assert_eq!(outcome.status, WindowStatus::Discard, "{schedule:?}, {threads}");
         }
     }
 }
@@ -72,17 +73,17 @@ fn a_step_that_would_never_end_is_broken_off_by_any_schedule() {
             let settled = component.parameters();
             never_solve(&mut component);
             let before = component.save();
-            for stop in [Stop::Discard, Stop::Early] {
+            for stop in [StopReason::Discard, StopReason::Early] {
                 let mut at_once = After { steps: 0, stop };
                 let outcome =
                     pool.install(|| advance(&mut component, &mut at_once)).expect("a window");
                 // No step was done that could be kept.
-                assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
-                assert!(outcome.trouble.is_none() && component.save() == before);
+                assert_eq!((outcome.status, outcome.steps), (WindowStatus::Discard, 0));
+                assert!(outcome.error.is_none() && component.save() == before);
             }
-            let mut at_once = After { steps: 0, stop: Stop::Abandon };
+            let mut at_once = After { steps: 0, stop: StopReason::Cancel };
             let refusal = pool.install(|| advance(&mut component, &mut at_once)).unwrap_err();
-            assert_eq!((refusal.code(), component.save()), ("abandoned", before));
+            assert_eq!((refusal.code(), component.save()), ("cancelled", before));
             // Nothing of it is left behind.
             component.set_parameters(&settled).expect("parameters");
             let mut fresh = pool.install(begun);
@@ -99,9 +100,9 @@ fn a_step_that_would_never_end_is_broken_off_by_any_schedule() {
 #[test]
 fn steps_before_the_one_that_is_broken_off_are_kept() {
     let mut component = heap(Limits::default());
-    let outcome =
-        advance(&mut component, &mut After { steps: 3, stop: Stop::Early }).expect("a window");
-    assert_eq!((outcome.status, outcome.steps), (Status::Early, 3));
+    let outcome = advance(&mut component, &mut After { steps: 3, stop: StopReason::Early })
+        .expect("a window");
+    assert_eq!((outcome.status, outcome.steps), (WindowStatus::Early, 3));
     let mut other = heap(Limits::default());
     other.advance_to(3 * MS, &[]).expect("a window");
     assert!(same(component.state(), other.state()));

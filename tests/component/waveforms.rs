@@ -1,7 +1,7 @@
 //! What lies between knots.
 
 use crate::MS;
-use ballast::component::{Input, Interpolation, Knot, Waveform};
+use ballast::component::{Interpolation, Knot, MotionInput, Waveform};
 use ballast::math::{Pose, Quat, Vec3, rotation};
 use std::f64::consts::TAU;
 
@@ -15,7 +15,7 @@ fn vibration(interpolation: Interpolation) -> (Waveform, impl Fn(f64) -> f64) {
             time_ns: u64::from(k as u32) * MS,
             pose: Pose::at(Vec3::x() * place(t)),
             velocity: Vec3::x() * (5e-3 * w * (w * t).cos()),
-            spin: Vec3::zeros(),
+            angular_velocity: Vec3::zeros(),
         }
     });
     (Waveform { interpolation, knots: knots.collect() }, place)
@@ -61,14 +61,14 @@ fn a_held_vibration_jumps_and_a_cubic_one_does_not() {
 
 #[test]
 fn a_steady_turn_stays_one() {
-    let spin = Vec3::new(3.0, -2.0, 1.0);
+    let angular_velocity = Vec3::new(3.0, -2.0, 1.0);
     let start = Quat::from_scaled_axis(Vec3::new(0.3, 0.1, -0.4));
-    let at = |t: f64| rotation::advance(&start, &(spin * t));
+    let at = |t: f64| rotation::advance(&start, &(angular_velocity * t));
     let knot = |ms: u64| Knot {
         time_ns: ms * MS,
         pose: Pose { position: Vec3::zeros(), orientation: at(1e-3 * ms as f64) },
         velocity: Vec3::zeros(),
-        spin,
+        angular_velocity,
     };
     for interpolation in [Interpolation::Linear, Interpolation::Hermite] {
         let waveform = Waveform { interpolation, knots: vec![knot(0), knot(200), knot(500)] };
@@ -81,11 +81,11 @@ fn a_steady_turn_stays_one() {
 
 #[test]
 fn a_turn_ends_with_the_spins_it_was_given() {
-    let knot = |time_ns, angle: Vec3, spin| Knot {
+    let knot = |time_ns, angle: Vec3, angular_velocity| Knot {
         time_ns,
         pose: Pose { position: Vec3::zeros(), orientation: Quat::from_scaled_axis(angle) },
         velocity: Vec3::zeros(),
-        spin,
+        angular_velocity,
     };
     for turn in [1e-5, 0.3, 1.9] {
         let (w0, w1) = (Vec3::new(1.0, 5.0, -2.0), Vec3::new(-4.0, 0.5, 3.0));
@@ -94,12 +94,12 @@ fn a_turn_ends_with_the_spins_it_was_given() {
             knot(100 * MS, Vec3::new(0.48, -0.6, 0.64) * turn, w1),
         ];
         let waveform = Waveform { interpolation: Interpolation::Hermite, knots };
-        let spin = |from: u64, to: u64| {
+        let angular_velocity = |from: u64, to: u64| {
             let turn = waveform.pose(to).orientation * waveform.pose(from).orientation.inverse();
             rotation::log(&turn) / (1e-9 * (to - from) as f64)
         };
-        assert!((spin(0, 1000) - w0).norm() < 1e-2, "{turn}");
-        assert!((spin(100 * MS - 1000, 100 * MS) - w1).norm() < 1e-2, "{turn}");
+        assert!((angular_velocity(0, 1000) - w0).norm() < 1e-2, "{turn}");
+        assert!((angular_velocity(100 * MS - 1000, 100 * MS) - w1).norm() < 1e-2, "{turn}");
     }
 }
 
@@ -116,13 +116,13 @@ fn at_a_knot_the_pose_is_the_knot() {
 fn a_motion_that_is_cut_is_the_same_and_no_longer_than_it_must_be() {
     for interpolation in [Interpolation::Hermite, Interpolation::Linear, Interpolation::Hold] {
         let (waveform, _) = vibration(interpolation);
-        let input = Input { body: "tine".into(), waveform, rebase: true };
+        let input = MotionInput { body: "tine".into(), waveform, allow_jump: true };
         for (from, to, knots) in
             [(20, 30, 2), (15, 30, 3), (21, 24, 2), (5, 595, 61), (598, 700, 2)]
         {
             let [from, to] = [from, to].map(|k: u64| k * MS / 10);
             let cut = input.cut(from, to);
-            assert_eq!((&cut.body, cut.rebase), (&input.body, input.rebase));
+            assert_eq!((&cut.body, cut.allow_jump), (&input.body, input.allow_jump));
             assert_eq!(cut.waveform.knots.len(), knots, "{interpolation:?} from {from} to {to} ns");
             for time in (from..=to).step_by(10_007) {
                 assert_eq!(cut.waveform.pose(time), input.waveform.pose(time));

@@ -3,10 +3,10 @@
 use crate::common::scene::Scene;
 use crate::{FLOOR, MS, floor, heap, same, shaken};
 use ballast::component::{
-    Component, Each, Input, Interpolation, Knot, Limits, Outcome, Parameters, Refusal, Status,
-    Stop, Waveform,
+    Component, Interpolation, Knot, Limits, MotionInput, Parameters, Refusal, StepCallback,
+    StopReason, Waveform, WindowResult, WindowStatus,
 };
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::Part;
 use ballast::observe::Zone;
@@ -21,7 +21,7 @@ fn shake(component: &mut Component, rest: ballast::math::Pose, t1_ms: u64, windo
         let t0 = component.now_ns();
         let t1 = t0 + window * MS;
         let outcome = component.advance_to(t1, &[shaken(rest, t0, t1)]).expect("a good window");
-        assert!(matches!(outcome.status, Status::Ok | Status::Warn), "{outcome:?}");
+        assert!(matches!(outcome.status, WindowStatus::Ok | WindowStatus::Warn), "{outcome:?}");
     }
 }
 
@@ -57,7 +57,7 @@ fn a_window_is_its_steps() {
         let mut targets: Vec<_> =
             (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
         targets[floor_index] = input.waveform.pose(k * MS);
-        let inputs = Inputs::from_targets(&targets);
+        let inputs = StepInputs::from_targets(&targets);
         let report = step(&model, &mut state, &inputs, &mut workspace, &mut ()).expect("a step");
         impulse += report.reactions[floor_index].impulse;
         work += report.reactions[floor_index].work;
@@ -133,38 +133,38 @@ fn restored_and_forked_are_never_interrupted() {
 fn a_watcher_ends_a_window_in_a_valid_state() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
-    let mut watch = Each(|state: &ballast::state::State, _: &_| {
+    let mut watch = StepCallback(|state: &ballast::state::State, _: &_| {
         if state.time_ns == 20 * MS {
-            ControlFlow::Break(Stop::Early)
+            ControlFlow::Break(StopReason::Early)
         } else {
             ControlFlow::Continue(())
         }
     });
     let input = shaken(rest, 0, 50 * MS);
-    let outcome = component.advance_watched(50 * MS, &[input], &mut watch).expect("a window");
-    assert_eq!((outcome.status, outcome.t1_ns, outcome.steps), (Status::Early, 20 * MS, 20));
-    assert!(outcome.trouble.is_none());
+    let outcome = component.advance_observed(50 * MS, &[input], &mut watch).expect("a window");
+    assert_eq!((outcome.status, outcome.t1_ns, outcome.steps), (WindowStatus::Early, 20 * MS, 20));
+    assert!(outcome.error.is_none());
     let mut straight = heap(Limits::default());
     shake(&mut straight, rest, 20, 20);
     assert!(same(component.state(), straight.state()));
 }
 
 #[test]
-fn a_window_that_is_abandoned_was_never_asked_for() {
+fn a_window_that_is_cancelled_counts_as_never_requested() {
     let mut component = heap(Limits::default());
     let rest = floor(&component);
     shake(&mut component, rest, 20, 10);
     let (end, last) = (component.save(), component.last_window());
-    let mut abandon = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Abandon));
+    let mut abandon = StepCallback(|_: &_, _: &_| ControlFlow::Break(StopReason::Cancel));
     let next = shaken(rest, 20 * MS, 30 * MS);
-    let refusal = component.advance_watched(30 * MS, &[next], &mut abandon).unwrap_err();
+    let refusal = component.advance_observed(30 * MS, &[next], &mut abandon).unwrap_err();
     assert_eq!(
         (refusal.code(), component.save(), component.last_window()),
-        ("abandoned", end.clone(), last)
+        ("cancelled", end.clone(), last)
     );
     // Neither was the redo that is given up, nor does it stand in the way of the next one.
     let again = [shaken(rest, 10 * MS, 20 * MS)];
-    assert_eq!(component.redo_watched(&again, &mut abandon), Err(Refusal::Abandoned));
+    assert_eq!(component.redo_observed(&again, &mut abandon), Err(Refusal::Cancelled));
     assert_eq!(component.save(), end);
     component.redo(&again).expect("the last window");
     assert_eq!(component.save(), end);
@@ -175,11 +175,11 @@ fn trouble_is_discarded_or_cut_off() {
     // From 30 ms on the floor runs away, or turns away under the stones, far beyond half a grain in a step.
     let away = |pose: &mut Pose| pose.position.x -= 1.0;
     let around = |pose: &mut Pose| pose.orientation = Quat::from_scaled_axis(Vec3::y() * 0.5);
-    for (keeps_early, change) in
+    for (keep_partial_window, change) in
         [(false, &away as &dyn Fn(&mut Pose)), (true, &away), (false, &around), (true, &around)]
     {
         let zones = vec![Zone::new("all", Vec3::zeros(), Vec3::repeat(0.3)).expect("a box")];
-        let limits = Limits { keeps_early, ..Limits::default() };
+        let limits = Limits { keep_partial_window, ..Limits::default() };
         let mut component = heap(limits).with_zones(zones.clone());
         let rest = floor(&component);
         let start = component.save();
@@ -189,17 +189,17 @@ fn trouble_is_discarded_or_cut_off() {
         }
         let outcome =
             component.advance_to(50 * MS, from_ref(&input)).expect("a request in good form");
-        let trouble = outcome.trouble.clone().expect("a word on it");
+        let trouble = outcome.error.clone().expect("a word on it");
         assert_eq!(trouble.code(), "over_speed");
         // Of what was taken back there is nothing to measure.
-        assert_eq!(outcome.zones.len(), usize::from(keeps_early));
+        assert_eq!(outcome.zones.len(), usize::from(keep_partial_window));
         let trouble = trouble.to_string();
         assert!(trouble.contains("half of the smallest grain"), "{trouble}");
-        if !keeps_early {
-            assert_eq!((outcome.status, outcome.steps), (Status::Discard, 0));
+        if !keep_partial_window {
+            assert_eq!((outcome.status, outcome.steps), (WindowStatus::Discard, 0));
             assert_eq!(component.save(), start);
         } else {
-            assert_eq!(outcome.status, Status::Early);
+            assert_eq!(outcome.status, WindowStatus::Early);
             assert_eq!(
                 (outcome.t1_ns, outcome.steps),
                 (component.now_ns(), component.now_ns() / MS)
@@ -219,8 +219,8 @@ fn a_step_that_penetrates_too_deep_is_trouble() {
     let mut component = heap(Limits { penetration: 1e-12, ..Limits::default() });
     let start = component.save();
     let outcome = component.advance_to(50 * MS, &[]).expect("a request in good form");
-    assert_eq!(outcome.status, Status::Discard);
-    assert_eq!(outcome.trouble.expect("a word").code(), "penetration");
+    assert_eq!(outcome.status, WindowStatus::Discard);
+    assert_eq!(outcome.error.expect("a word").code(), "penetration");
     assert_eq!(component.save(), start);
 }
 
@@ -243,20 +243,25 @@ fn pressed(limits: Limits) -> Component {
 }
 
 /// The next window of one step, in which the lid moves down by `way`, m.
-fn press(component: &mut Component, way: f64) -> Outcome {
+fn press(component: &mut Component, way: f64) -> WindowResult {
     press_with(component, "lid", way)
 }
 
 /// The same with either lid.
-fn press_with(component: &mut Component, lid: &str, way: f64) -> Outcome {
+fn press_with(component: &mut Component, lid: &str, way: f64) -> WindowResult {
     let t0 = component.now_ns();
     let body = component.model().driven_index(lid).expect("a lid");
     let from = component.state().imposed(component.model(), body);
     let to = Pose { position: from.position - Vec3::z() * way, ..from };
-    let knot = |time_ns, pose| Knot { time_ns, pose, velocity: Vec3::zeros(), spin: Vec3::zeros() };
+    let knot = |time_ns, pose| Knot {
+        time_ns,
+        pose,
+        velocity: Vec3::zeros(),
+        angular_velocity: Vec3::zeros(),
+    };
     let knots = vec![knot(t0, from), knot(t0 + MS, to)];
     let waveform = Waveform { interpolation: Interpolation::Linear, knots };
-    let input = Input { body: lid.into(), waveform, rebase: false };
+    let input = MotionInput { body: lid.into(), waveform, allow_jump: false };
     component.advance_to(t0 + MS, &[input]).expect("a request in good form")
 }
 
@@ -270,20 +275,20 @@ fn the_window_that_presses_too_deep_is_taken_back_and_not_the_one_after_it() {
     let between = 0.5 * (depths[4] + depths[5]);
     let mut component = pressed(Limits { penetration: between, ..Limits::default() });
     for step in 0..4 {
-        assert_ne!(press(&mut component, way).status, Status::Discard, "{step}");
+        assert_ne!(press(&mut component, way).status, WindowStatus::Discard, "{step}");
     }
     let before = component.save();
     let outcome = press(&mut component, way);
-    assert_eq!(outcome.status, Status::Discard);
-    assert_eq!(outcome.trouble.expect("a word").code(), "penetration");
+    assert_eq!(outcome.status, WindowStatus::Discard);
+    assert_eq!(outcome.error.expect("a word").code(), "penetration");
     assert_eq!(component.save(), before);
     // It goes on from there, also where less is allowed than there is already.
     for penetration in [between, 0.5 * depths[4]] {
         let parameters = Parameters { penetration, ..component.parameters() };
         component.set_parameters(&parameters).expect("a limit");
-        assert_ne!(press(&mut component, 0.0).status, Status::Discard);
-        assert_ne!(press(&mut component, -0.1 * way).status, Status::Discard);
-        assert_eq!(press(&mut component, 2.0 * way).status, Status::Discard);
+        assert_ne!(press(&mut component, 0.0).status, WindowStatus::Discard);
+        assert_ne!(press(&mut component, -0.1 * way).status, WindowStatus::Discard);
+        assert_eq!(press(&mut component, 2.0 * way).status, WindowStatus::Discard);
     }
 }
 
@@ -297,28 +302,32 @@ fn a_limit_of_penetration_holds_for_each_pair_whatever_is_deeper_elsewhere() {
     component.set_parameters(&parameters).expect("a limit");
     // What is deeper there already is let be; the other cube is not pressed in as deep.
     let mut kept = 0;
-    while press_with(&mut component, "other lid", 1e-4).status != Status::Discard {
+    while press_with(&mut component, "other lid", 1e-4).status != WindowStatus::Discard {
         kept += 1;
         assert!(kept < 5, "pressed in as deep as the first");
     }
     assert!(kept > 0);
-    assert_ne!(press(&mut component, 0.0).status, Status::Discard);
+    assert_ne!(press(&mut component, 0.0).status, WindowStatus::Discard);
 }
 
 #[test]
 fn a_window_can_be_taken_back_after_its_last_step() {
     let mut component = heap(Limits::default());
     let before = component.save();
-    let mut discard = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Discard));
-    let outcome = component.advance_watched(MS, &[], &mut discard).expect("a window");
-    assert_eq!((outcome.status, component.save()), (Status::Discard, before.clone()));
-    let mut abandon = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Abandon));
-    let refusal = component.advance_watched(MS, &[], &mut abandon).unwrap_err();
-    assert_eq!((refusal.code(), component.save()), ("abandoned", before));
+    let mut discard = StepCallback(|_: &_, _: &_| ControlFlow::Break(StopReason::Discard));
+    let outcome = component.advance_observed(MS, &[], &mut discard).expect("a window");
+    assert_eq!((outcome.status, component.save()), (WindowStatus::Discard, before.clone()));
+    let mut abandon = StepCallback(|_: &_, _: &_| ControlFlow::Break(StopReason::Cancel));
+    let refusal = component.advance_observed(MS, &[], &mut abandon).unwrap_err();
+    assert_eq!((refusal.code(), component.save()), ("cancelled", before));
     // What is complete is not early.
-    let mut early = Each(|_: &_, _: &_| ControlFlow::Break(Stop::Early));
-    let outcome = component.advance_watched(MS, &[], &mut early).expect("a window");
-    assert!(matches!(outcome.status, Status::Ok | Status::Warn), "{:?}", outcome.status);
+    let mut early = StepCallback(|_: &_, _: &_| ControlFlow::Break(StopReason::Early));
+    let outcome = component.advance_observed(MS, &[], &mut early).expect("a window");
+    assert!(
+        matches!(outcome.status, WindowStatus::Ok | WindowStatus::Warn),
+        "{:?}",
+        outcome.status
+    );
 }
 
 #[test]
@@ -333,6 +342,6 @@ fn a_step_that_stops_at_the_cap_is_a_warning() {
     let mut component =
         Component::new(scene.model.into(), scene.state, Limits::default()).expect("a stack");
     let outcome = component.advance_to(10 * MS, &[]).expect("a window");
-    assert_eq!(outcome.status, Status::Warn);
+    assert_eq!(outcome.status, WindowStatus::Warn);
     assert!(outcome.solver.steps_not_converged > 0 && outcome.solver.residual_qm16 > 1e-8);
 }

@@ -5,10 +5,10 @@
 #[path = "../common/mod.rs"]
 mod common;
 
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::model::Schedule;
 use ballast::state::State;
-use ballast::step::{Phase, Stopwatch, step};
+use ballast::step::{Phase, StepObserver, step};
 use common::heap;
 use common::scene::{SCHEDULES, Scene};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
@@ -35,8 +35,8 @@ impl Count {
     }
 }
 
-impl Stopwatch for Count {
-    fn lap(&mut self, phase: Phase) {
+impl StepObserver for Count {
+    fn phase_finished(&mut self, phase: Phase) {
         let now = requests();
         self.of[phase as usize] += now - self.before;
         self.before = now;
@@ -50,7 +50,7 @@ const SOLVE: [Phase; 2] = [Phase::Solve, Phase::PenetrationCorrection];
 /// A step from `state` in the scene, counted.
 fn count(scene: &mut Scene, state: &State) -> Count {
     scene.state.clone_from(state);
-    let inputs = Inputs { loads: &scene.loads, ..Inputs::from_targets(&scene.targets) };
+    let inputs = StepInputs { loads: &scene.loads, ..StepInputs::from_targets(&scene.targets) };
     let mut count = Count { before: requests(), of: Default::default() };
     step(&scene.model, &mut scene.state, &inputs, &mut scene.workspace, &mut count)
         .expect("a good step");

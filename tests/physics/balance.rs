@@ -45,7 +45,7 @@ fn angular_momentum(scene: &Scene) -> Vec3 {
     let (grains, state) = (&scene.model.grains, &scene.state);
     let of = |i: usize| {
         let q = state.orientation[i];
-        let own = q * (q.inverse() * state.spin[i]).component_mul(&grains.inertia[i]);
+        let own = q * (q.inverse() * state.angular_velocity[i]).component_mul(&grains.inertia[i]);
         state.position[i].cross(&state.velocity[i]) * grains.mass[i] + own
     };
     (0..grains.len()).map(of).sum()
@@ -57,7 +57,7 @@ fn moments_change_the_angular_momentum() {
         let mut scene = heap::falling(3, 1_000_000).scheduled(schedule, [2, 1, 2]);
         for k in 0..scene.model.grains.len() {
             let angle = k as f64;
-            scene.state.spin[k] = Vec3::new(angle.sin(), angle.cos(), 0.5) * 50.0;
+            scene.state.angular_velocity[k] = Vec3::new(angle.sin(), angle.cos(), 0.5) * 50.0;
         }
         for step in 0..300 {
             let before = angular_momentum(&scene);
@@ -115,8 +115,8 @@ fn missed_by_the_ledger(step_ns: u64) -> f64 {
             let at = Pose { position, orientation: Quat::from_scaled_axis(turn) };
             let grain = scene.grain(shape, at) as usize;
             scene.state.velocity[grain] = Vec3::x() * (-2.0 * side);
-            let spin = Vec3::new(angle(6).sin(), angle(7).sin(), angle(8).sin() * side);
-            scene.state.spin[grain] = spin.normalize() * 100.0;
+            let angular_velocity = Vec3::new(angle(6).sin(), angle(7).sin(), angle(8).sin() * side);
+            scene.state.angular_velocity[grain] = angular_velocity.normalize() * 100.0;
         }
         scene.run(0.03);
         missed += scene.state.energy.balance_error().abs();

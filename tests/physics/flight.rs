@@ -19,19 +19,20 @@ fn a_thrown_block_follows_its_parabola_exactly() {
 }
 
 /// A tumbling block without weight, and its angular momentum.
-fn tumbling(step_ns: u64, spin: Vec3) -> Scene {
+fn tumbling(step_ns: u64, angular_velocity: Vec3) -> Scene {
     let mut scene = Scene::new(step_ns, 0.5);
     scene.model.gravity = Vec3::zeros();
     let block = scene.shape(cuboid(Vec3::new(0.05, 0.035, 0.02)));
     scene.grain(block, Pose::identity());
-    scene.state.spin[0] = spin;
+    scene.state.angular_velocity[0] = angular_velocity;
     scene
 }
 
 /// Angular momentum of the first grain, kg m²/s.
 fn momentum(scene: &Scene) -> Vec3 {
     let q = scene.state.orientation[0];
-    q * scene.model.grains.inertia[0].component_mul(&(q.inverse() * scene.state.spin[0]))
+    q * scene.model.grains.inertia[0]
+        .component_mul(&(q.inverse() * scene.state.angular_velocity[0]))
 }
 
 #[test]

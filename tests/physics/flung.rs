@@ -120,7 +120,7 @@ fn nothing_closes_unseen_after_contacts_were_added() {
         let (angle, h) = (0.15 * random.next(), scene.h());
         let orientation = Quat::from_axis_angle(&Vec3::z_axis(), angle - 0.5 * omega * h);
         let turning = scene.grain(bar, Pose { position: Vec3::zeros(), orientation });
-        scene.state.spin[turning].z = omega;
+        scene.state.angular_velocity[turning].z = omega;
         // The cube's corner stands over the bar, about as high as that comes in the step.
         let (corner, speed) = (0.03, -12.0);
         let top = corner * angle.tan() + 0.005 / angle.cos();
@@ -142,7 +142,7 @@ fn nothing_closes_unseen_after_contacts_were_added() {
         detector.broad_phase(&wide, motion, &reach);
         detector.narrow_phase(&wide, motion, &reach, &mut all);
         for (i, &pair) in all.bodies.iter().enumerate() {
-            let twist = |b: usize| (state.velocity[b], state.spin[b]);
+            let twist = |b: usize| (state.velocity[b], state.angular_velocity[b]);
             let end = all.gap[i] + h * all.opening_speed(i, motion, twist);
             let is_listed = !scene.workspace.contacts.pair_range(pair).is_empty();
             assert!(is_listed || end > -1e-7, "seed {seed}, {pair:?}: {end} m");

@@ -41,7 +41,7 @@ fn a_loaded_body_falls_and_is_accelerated_by_its_load() {
     let mut scene = alone(mount(LOADED));
     scene.loads = vec![Load { force: Vec3::new(10.0, 0.0, 0.0), torque: Vec3::new(0.0, 0.0, 0.6) }];
     scene.run(0.1);
-    let (v, w) = (scene.state.velocity[0], scene.state.spin[0]);
+    let (v, w) = (scene.state.velocity[0], scene.state.angular_velocity[0]);
     assert!((v - Vec3::new(10.0 / 5.0, 0.0, -GRAVITY) * 0.1).norm() < 1e-12, "{v}");
     assert!((w - Vec3::z() * (0.6 / 0.03 * 0.1)).norm() < 1e-12, "{w}");
     // Springs carry the weight, and what is held does not move.
@@ -70,7 +70,7 @@ fn springs_that_differ_drive_no_turned_body_round() {
         scene.state.orientation[0] = turn(Vec3::x(), 1e-3) * turn(Vec3::z(), yaw);
         for _ in 0..40000 {
             scene.step();
-            let kinetic = 0.5 * 0.05 * scene.state.spin[0].norm_squared();
+            let kinetic = 0.5 * 0.05 * scene.state.angular_velocity[0].norm_squared();
             // The springs hold that much at the start, where the vector of the whole turn is up to 1.05 mrad off the z axis.
             assert!(kinetic < 1.1 * 0.5 * 1000.0 * 1e-6, "turned by {yaw} rad: {kinetic} J");
         }
@@ -85,14 +85,15 @@ fn a_force_beside_the_centre_of_mass_turns_the_body() {
     // About the centre of mass: J dw/dt = torque + (-c) × force, and m dv/dt = force at the centre.
     let h = 1e-4;
     let inertia = mount(LOADED).inertia;
-    let spin = (load.torque - centre.cross(&force)).component_div(&inertia) * h;
+    let angular_velocity = (load.torque - centre.cross(&force)).component_div(&inertia) * h;
     let of_centre = (force / 5.0 - Vec3::z() * GRAVITY) * h;
     let mut scene = alone(Mount { centre, ..mount(LOADED) });
     scene.loads = vec![load];
     scene.step();
-    let (v, w, q) = (scene.state.velocity[0], scene.state.spin[0], scene.state.orientation[0]);
+    let (v, w, q) =
+        (scene.state.velocity[0], scene.state.angular_velocity[0], scene.state.orientation[0]);
     let momentum = q * (q.inverse() * w).component_mul(&inertia);
-    let moment = spin.component_mul(&inertia);
+    let moment = angular_velocity.component_mul(&inertia);
     assert!((momentum - moment).norm() < 1e-12 * moment.norm(), "{momentum} {moment}");
     let velocity = v + w.cross(&(q * centre));
     assert!((velocity - of_centre).norm() < 1e-12 * v.norm(), "{velocity} {of_centre}");
@@ -101,7 +102,7 @@ fn a_force_beside_the_centre_of_mass_turns_the_body() {
     let mut scene = alone(Mount { centre, ..mount(freedoms) });
     scene.loads = vec![load];
     scene.step();
-    let (v, w) = (scene.state.velocity[0], scene.state.spin[0]);
+    let (v, w) = (scene.state.velocity[0], scene.state.angular_velocity[0]);
     let about = inertia.y + 5.0 * (centre.x * centre.x + centre.z * centre.z);
     let weight = Vec3::z() * (-5.0 * GRAVITY);
     let given = [force.x, force.z + weight.z, load.torque.y + centre.cross(&weight).y];
@@ -143,10 +144,10 @@ fn collision(schedule: Schedule, offset: Option<Vec3>) -> [Vec3; 4] {
         }
     }
     scene.state.velocity[0] = Vec3::new(2.0, 0.0, 0.0);
-    scene.state.spin[0] = Vec3::new(1.0, 2.0, 3.0);
+    scene.state.angular_velocity[0] = Vec3::new(1.0, 2.0, 3.0);
     scene.run(0.08);
     let lever = scene.state.orientation[1] * offset.unwrap_or_else(Vec3::zeros);
-    let (v, w) = (&scene.state.velocity, &scene.state.spin);
+    let (v, w) = (&scene.state.velocity, &scene.state.angular_velocity);
     [v[0], v[1] + w[1].cross(&lever), w[0], w[1]]
 }
 
@@ -284,7 +285,7 @@ fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
     let (mut scene, centre) = turned_about_a_corner();
     let speed = |scene: &Scene| {
         let arm = scene.state.orientation[0] * centre;
-        scene.state.velocity[0] + scene.state.spin[0].cross(&arm)
+        scene.state.velocity[0] + scene.state.angular_velocity[0].cross(&arm)
     };
     for _ in 0..5 {
         scene.targets[0].orientation =
@@ -297,7 +298,7 @@ fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
     assert!(reference.norm() > 0.9, "{reference}");
     for _ in 0..3 {
         scene.step();
-        assert_eq!(scene.state.spin[0], Vec3::zeros());
+        assert_eq!(scene.state.angular_velocity[0], Vec3::zeros());
         assert!((speed(&scene) - before).norm() < 1e-9, "{} after {before}", speed(&scene));
     }
 }
@@ -307,7 +308,7 @@ fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
 fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
     let (mut scene, centre) = turned_about_a_corner();
     for turn in [1e-3, 1e-3, 0.0] {
-        let before = (scene.state.velocity[0], scene.state.spin[0]);
+        let before = (scene.state.velocity[0], scene.state.angular_velocity[0]);
         let arm = scene.state.orientation[0] * centre;
         let state = scene.state.clone();
         scene.targets[0].orientation =
@@ -352,7 +353,7 @@ fn what_is_held_does_the_work_of_its_force_along_its_way() {
 /// Energy (J) and angular momentum about the reference point (N m s) of the only body, which is held in its place.
 fn about_its_place(scene: &Scene) -> (f64, Vec3) {
     let mount = scene.model.driven[0].mount.expect("mounted");
-    let (q, w) = (scene.state.orientation[0], scene.state.spin[0]);
+    let (q, w) = (scene.state.orientation[0], scene.state.angular_velocity[0]);
     let d = q * mount.centre;
     let own = q * (q.inverse() * w).component_mul(&mount.inertia);
     let momentum = own + d.cross(&w.cross(&d)) * mount.mass;
@@ -361,7 +362,7 @@ fn about_its_place(scene: &Scene) -> (f64, Vec3) {
 
 #[test]
 fn a_body_that_tumbles_in_its_place_keeps_energy_and_angular_momentum() {
-    for (spin, step_ns) in
+    for (angular_velocity, step_ns) in
         [(5.0, 1_000_000), (50.0, 1_000_000), (200.0, 1_000_000), (50.0, 200_000)]
     {
         let freedoms = [3, 4, 5].map(|k| (k, DofMode::Free));
@@ -369,14 +370,20 @@ fn a_body_that_tumbles_in_its_place_keeps_energy_and_angular_momentum() {
         let mut scene = alone(Mount { centre, ..mount(held_but(&freedoms)) });
         scene.model.gravity = Vec3::zeros();
         scene.model.stepping.step_ns = step_ns;
-        scene.state.spin[0] = Vec3::new(0.42, -0.71, 0.57) * spin;
+        scene.state.angular_velocity[0] = Vec3::new(0.42, -0.71, 0.57) * angular_velocity;
         let (energy, momentum) = about_its_place(&scene);
         for _ in 0..4000 {
             scene.step();
             let (e, l) = about_its_place(&scene);
-            let turn = spin * scene.h();
-            assert!((l - momentum).norm() < 1e-10 * momentum.norm(), "{spin}: {l} {momentum}");
-            assert!((e - energy).abs() < 0.5 * turn * turn * energy, "{spin}: {e} {energy}");
+            let turn = angular_velocity * scene.h();
+            assert!(
+                (l - momentum).norm() < 1e-10 * momentum.norm(),
+                "{angular_velocity}: {l} {momentum}"
+            );
+            assert!(
+                (e - energy).abs() < 0.5 * turn * turn * energy,
+                "{angular_velocity}: {e} {energy}"
+            );
             assert_eq!(scene.state.position[0], Vec3::zeros());
         }
     }
@@ -410,8 +417,8 @@ fn a_body_turns_as_its_spin_says_whatever_is_held() {
         let axes = rotations.map(|m| f64::from(u8::from(!m.is_prescribed())));
         let turn = Vec3::new(0.4 * axes[0], 0.3 * axes[1], 0.6 * axes[2]);
         scene.state.orientation[0] = Quat::from_scaled_axis(turn);
-        scene.state.spin[0] = Vec3::new(2.0 * axes[0], -1.5 * axes[1], 1.0 * axes[2]);
-        let mut before = scene.state.spin[0];
+        scene.state.angular_velocity[0] = Vec3::new(2.0 * axes[0], -1.5 * axes[1], 1.0 * axes[2]);
+        let mut before = scene.state.angular_velocity[0];
         for k in 1..=2000 {
             let angle = if is_turned { 0.5 * (f64::from(k) * 3e-4).sin() } else { 0.0 };
             let held = Vec3::from_fn(|i, _| (1.0 - axes[i]) * angle);
@@ -419,8 +426,8 @@ fn a_body_turns_as_its_spin_says_whatever_is_held() {
             let start = scene.state.orientation[0];
             scene.step();
             let way = (scene.state.orientation[0] * start.inverse()).scaled_axis();
-            let told = 0.5 * (before + scene.state.spin[0]);
-            before = scene.state.spin[0];
+            let told = 0.5 * (before + scene.state.angular_velocity[0]);
+            before = scene.state.angular_velocity[0];
             // It begins to turn at once.
             let seen = (way / scene.h() - told).norm();
             assert!(k == 1 || seen < 2e-3, "{rotations:?}, step {k}: {seen} rad/s");

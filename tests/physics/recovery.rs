@@ -85,7 +85,7 @@ fn what_is_allowed_is_left_to_the_bit() {
         if !recovery {
             scene.model.solver.penetration_correction = None;
         }
-        scene.state.spin[2] = Vec3::new(1.0, 2.0, 3.0);
+        scene.state.angular_velocity[2] = Vec3::new(1.0, 2.0, 3.0);
         assert!(scene.run(0.02).max_penetration > 0.8 * ALLOWED);
         scene.state
     };

@@ -45,7 +45,7 @@ fn a_sliding_ball_rolls_with_five_sevenths_of_its_speed() {
         assert!((half_way - expected).abs() < 0.01, "{schedule:?}: {half_way}, not {expected}");
 
         scene.run(0.6 * slides_until);
-        let (v, w) = (scene.state.velocity[0].x, scene.state.spin[0].y);
+        let (v, w) = (scene.state.velocity[0].x, scene.state.angular_velocity[0].y);
         let slip = (v - RADIUS * w) / speed;
         assert!(slip.abs() < 0.02, "{schedule:?}: still slips by {slip}");
         // The rings' inertia is within 1 % of the sphere's; each facet that lands takes 0.36 δ²

@@ -18,12 +18,12 @@ fn meeting(seed: u64) -> Scene {
     let mut scene = Scene::new(800_000, 0.7);
     scene.model.gravity = Vec3::zeros();
     scene.model.stepping.detection_distance = 4e-4;
-    for (place, spin) in places.iter().zip(spins) {
+    for (place, angular_velocity) in places.iter().zip(spins) {
         let stone = random_grain(&mut rng, &GrainShape::default(), 0.03).expect("a stone");
         let shape = scene.shape(stone);
         let orientation = random_rotation(&mut rng);
         let i = scene.grain(shape, Pose { position: *place, orientation });
-        scene.state.spin[i] = spin;
+        scene.state.angular_velocity[i] = angular_velocity;
         scene.state.velocity[i] = (Vec3::new(0.0, 0.017, 0.0) - place) / 0.01;
     }
     scene

@@ -40,11 +40,17 @@ fn rotations_are_the_same_bytes_on_every_machine() {
     for _ in 0..100_000 {
         let turn = rotation::exp(&(random.direction() * (3.0 * random.next())));
         let back = rotation::log(&turn);
-        let spin = rotation::angular_velocity_from_rate(
+        let angular_velocity = rotation::angular_velocity_from_rate(
             &back,
             &rotation::rotation_vector_rate(&back, &Vec3::x()),
         );
-        sum = turn.coords.iter().chain(&back).chain(&spin).map(|x| x.to_bits()).fold(sum, mix);
+        sum = turn
+            .coords
+            .iter()
+            .chain(&back)
+            .chain(&angular_velocity)
+            .map(|x| x.to_bits())
+            .fold(sum, mix);
     }
     assert_eq!(sum, ROTATIONS, "{sum:#018x}");
 }

@@ -22,7 +22,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
 fn bits(state: &State) -> Vec<u64> {
     let mut bits = vec![state.step, state.time_ns];
     let mut add = |x: f64| bits.push(x.to_bits());
-    for v in [&state.position, &state.velocity, &state.spin].into_iter().flatten() {
+    for v in [&state.position, &state.velocity, &state.angular_velocity].into_iter().flatten() {
         v.iter().for_each(|&x| add(x));
     }
     state.orientation.iter().flat_map(|q| q.coords.iter()).for_each(|&x| add(x));

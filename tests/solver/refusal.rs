@@ -38,7 +38,7 @@ const SPOILINGS: [Spoiling; 7] = [
     ),
     ("a missing target", |s| s.targets.truncate(4), |e| matches!(e, Error::Input { .. })),
     ("a velocity that is not finite", |s| s.state.velocity[0].z = f64::NAN, is_refusal),
-    ("a spin that is not finite", |s| s.state.spin[5].x = f64::INFINITY, is_refusal),
+    ("a spin that is not finite", |s| s.state.angular_velocity[5].x = f64::INFINITY, is_refusal),
     ("a position that is not finite", |s| s.state.position[2].x = f64::NAN, is_refusal),
 ];
 
@@ -81,7 +81,7 @@ fn a_number_that_is_none_is_told_with_the_grain() {
     let injections: [Injection; 4] = [
         ("position", |s, g| s.state.position[g].y = f64::NAN),
         ("velocity", |s, g| s.state.velocity[g].x = f64::NAN),
-        ("spin", |s, g| s.state.spin[g].z = f64::NEG_INFINITY),
+        ("spin", |s, g| s.state.angular_velocity[g].z = f64::NEG_INFINITY),
         ("orientation", |s, g| {
             let q = s.state.orientation[g].coords * f64::NAN;
             s.state.orientation[g] = Quat::new_unchecked(q.into());

@@ -46,7 +46,7 @@ fn schedules_agree_on_the_physics() {
             let report = scene.step();
             assert!(report.residuals.qm16() < 1e-3, "{schedule:?}: {report:?}");
             assert!(schedule == Schedule::Sequential || report.interface_contacts > 10);
-            (scene.state.velocity, scene.state.spin, scene.state.energy)
+            (scene.state.velocity, scene.state.angular_velocity, scene.state.energy)
         })
     };
     let reference = outcome(Schedule::Sequential, 1);

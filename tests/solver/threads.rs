@@ -46,6 +46,6 @@ fn synchronous_runs_do_not_depend_on_the_threads() {
 fn the_comparison_sees_a_last_bit() {
     let mut scene = heap::falling(1, 1_000_000);
     let before = bits(&scene.state);
-    scene.state.spin[3].y = f64::from_bits(1);
+    scene.state.angular_velocity[3].y = f64::from_bits(1);
     assert!(before != bits(&scene.state));
 }

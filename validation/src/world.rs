@@ -1,7 +1,7 @@
 //! Scenes built by hand, and stepped.
 
 use super::heed_interrupts;
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::geometry::{Polyhedron, random_rotation};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
@@ -106,17 +106,18 @@ impl World {
         let n = self.model.grains.len();
         self.model.driven.clear();
         self.targets.clear();
-        let State { position, orientation, velocity, spin, contacts, .. } = &mut self.state;
+        let State { position, orientation, velocity, angular_velocity, contacts, .. } =
+            &mut self.state;
         position.truncate(n);
         orientation.truncate(n);
         velocity.truncate(n);
-        spin.truncate(n);
+        angular_velocity.truncate(n);
         *contacts = Default::default();
     }
 
     pub fn step(&mut self) -> Outcome<StepReport> {
         heed_interrupts()?;
-        let inputs = Inputs::from_targets(&self.targets);
+        let inputs = StepInputs::from_targets(&self.targets);
         Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
 
@@ -161,8 +162,8 @@ impl World {
                 break;
             }
             self.step()?;
-            let State { position, velocity, spin, .. } = &mut self.state;
-            for ((p, v), w) in position[..n].iter().zip(velocity).zip(spin) {
+            let State { position, velocity, angular_velocity, .. } = &mut self.state;
+            for ((p, v), w) in position[..n].iter().zip(velocity).zip(angular_velocity) {
                 *v += (Vec3::z() * (-rate * p.z) - *v) * takes_on;
                 *w *= spins_on;
             }
@@ -195,7 +196,7 @@ impl World {
     fn slow_down(&mut self, keep: f64) {
         let n = self.model.grains.len();
         self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
-        self.state.spin[..n].iter_mut().for_each(|w| *w *= keep);
+        self.state.angular_velocity[..n].iter_mut().for_each(|w| *w *= keep);
     }
 
     /// Height of the uppermost grain's centre, m.

@@ -337,7 +337,7 @@ pub fn limits(py: Python<'_>, max_penetration: Option<f64>, keep_early: bool) ->
     if penetration.is_nan() || penetration <= 0.0 {
         return Err(errors::invalid(py, "max_penetration", "a length above 0 m", penetration));
     }
-    Ok(Limits { penetration, keeps_early: keep_early, ..Limits::default() })
+    Ok(Limits { penetration, keep_partial_window: keep_early, ..Limits::default() })
 }
 
 /// A dictionary as a table of TOML.

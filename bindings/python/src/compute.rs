@@ -3,7 +3,7 @@
 use crate::errors::{self, Lost};
 use crate::inputs::whole;
 use crate::lock::{enter, enter_if_free};
-use ballast::step::MOST_THREADS;
+use ballast::step::MAX_THREADS;
 use ballast_protocol::lockstep::said;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
@@ -59,7 +59,7 @@ pub struct Crew {
 impl Crew {
     /// `threads` of them, the calling one included; one per processor unless told.
     pub fn new(py: Python<'_>, threads: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let expected = format!("1 to {MOST_THREADS}");
+        let expected = format!("1 to {MAX_THREADS}");
         let beyond = |py: Python<'_>, place: &str, expected: &str, found: &Bound<'_, PyAny>| {
             no_threads(py, &format!("{place}: expected {expected}, found {found}"))
         };
@@ -67,7 +67,7 @@ impl Crew {
             Some(asked) => {
                 match usize::try_from(whole(asked, "a whole number", "threads", &expected, beyond)?)
                 {
-                    Ok(threads) if (1..=MOST_THREADS).contains(&threads) => threads,
+                    Ok(threads) if (1..=MAX_THREADS).contains(&threads) => threads,
                     _ => return Err(beyond(py, "threads", &expected, asked)),
                 }
             }

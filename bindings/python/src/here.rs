@@ -10,11 +10,11 @@ use crate::simulation::{Asked, LastOutcome};
 use crate::state::Snapshot;
 use crate::work::Work;
 use ballast::component::{
-    self, Component, Limits, Parameters, Refusal, Status, Stop, Watch, ZoneOutcome,
+    self, Component, Limits, Parameters, Refusal, StopReason, WindowStatus, ZoneResult,
 };
 use ballast::model::{Model, Solver};
 use ballast::state;
-use ballast::step::{StepReport, Stopwatch};
+use ballast::step::{StepObserver, StepReport};
 use ballast::track;
 use ballast::track::plan::TampingPlan;
 use ballast_beds::Case;
@@ -124,7 +124,7 @@ impl Here {
         }
     }
 
-    pub fn zones(&self, py: Python<'_>) -> PyResult<Vec<ZoneOutcome>> {
+    pub fn zones(&self, py: Python<'_>) -> PyResult<Vec<ZoneResult>> {
         let Ground { case, model, crew, .. } = &self.ground;
         let (state, zones) = (self.component.state(), track::zones(&case.plan));
         crew.run(py, || component::measure(model, state, &zones))
@@ -168,7 +168,7 @@ impl Here {
             (Err(_), Some(raised)) => return Err(raised.clone_ref(py)),
             (Err(e), None) => return Err(errors::refusal(py, e)),
         };
-        let is_discarded = outcome.status == Status::Discard;
+        let is_discarded = outcome.status == WindowStatus::Discard;
         self.machine = if is_discarded { machine_before.clone() } else { watched.machine };
         self.machine_before = Some(machine_before);
         if asked.zones && !is_discarded {
@@ -181,10 +181,10 @@ impl Here {
             .series
             .map(|steps| if outcome.steps > 0 { steps } else { StepSeries::default() });
         let series = steps.map(|steps| Py::new(py, Series::new(steps, &names))).transpose()?;
-        let trouble = match &outcome.trouble {
+        let trouble = match &outcome.error {
             Some(e) => Some(Trouble { code: e.code().into(), text: e.to_string() }),
             // A window without trouble is taken back where it was stopped within its first step.
-            None if is_discarded || outcome.status == Status::Early => {
+            None if is_discarded || outcome.status == WindowStatus::Early => {
                 Some(stopped(py, raised.as_ref()))
             }
             None => None,
@@ -207,7 +207,7 @@ impl Here {
         py: Python<'_>,
         asked: &Asked,
         watched: &mut Watched,
-    ) -> PyResult<(Result<component::Outcome, Refusal>, Option<PyErr>)> {
+    ) -> PyResult<(Result<component::WindowResult, Refusal>, Option<PyErr>)> {
         let Ground { model, crew, .. } = &self.ground;
         let panics = std::mem::take(&mut self.panics);
         let (component, turn) = (&mut self.component, Turn::until(Arc::clone(&self.work.is_over)));
@@ -215,8 +215,8 @@ impl Here {
             let mut at_work = AtWork { watched, model, by_machine: asked.by_machine, panics, turn };
             let begin = Instant::now();
             let result = match asked.t1_ns {
-                Some(t1) => component.advance_watched(t1, asked.window(), &mut at_work),
-                None => component.redo_watched(asked.window(), &mut at_work),
+                Some(t1) => component.advance_observed(t1, asked.window(), &mut at_work),
+                None => component.redo_observed(asked.window(), &mut at_work),
             };
             at_work.watched.took = begin.elapsed();
             result
@@ -228,7 +228,7 @@ impl Here {
         &mut self,
         py: Python<'_>,
         asked: &Asked,
-        outcome: &component::Outcome,
+        outcome: &component::WindowResult,
     ) -> PyResult<()> {
         let Some(recorder) = &mut self.recorder else { return Ok(()) };
         let component = &self.component;
@@ -273,7 +273,7 @@ impl Here {
         }
         let model = self.component.shared_model();
         let is_its = Arc::ptr_eq(&model, &saved.model) || *model == *saved.model;
-        if !is_its && !Parameters::alone_differ(&model, &saved.model) {
+        if !is_its && !Parameters::are_only_difference(&model, &saved.model) {
             let expected = "one of this case and seed";
             return Err(errors::refused(
                 py,
@@ -356,14 +356,16 @@ struct AtWork<'a, 't> {
     turn: &'a Turn<'t>,
 }
 
-impl Stopwatch for AtWork<'_, '_> {
-    fn stop(&mut self) -> Option<Stop> {
-        self.turn.is_over_within_step().then_some(Stop::Early)
+impl StepObserver for AtWork<'_, '_> {
+    fn cancelled(&mut self) -> Option<StopReason> {
+        self.turn.is_over_within_step().then_some(StopReason::Early)
     }
-}
 
-impl Watch for AtWork<'_, '_> {
-    fn step(&mut self, state: &state::State, report: &StepReport) -> ControlFlow<Stop> {
+    fn step_finished(
+        &mut self,
+        state: &state::State,
+        report: &StepReport,
+    ) -> ControlFlow<StopReason> {
         assert!(!self.panics, "a failure that was asked for");
         if let Some(series) = &mut self.watched.series {
             series.take(state, report);
@@ -372,7 +374,7 @@ impl Watch for AtWork<'_, '_> {
             self.watched.machine.observe(self.model, state, report);
         }
         if self.turn.is_over() {
-            return ControlFlow::Break(Stop::Early);
+            return ControlFlow::Break(StopReason::Early);
         }
         ControlFlow::Continue(())
     }

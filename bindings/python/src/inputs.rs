@@ -99,7 +99,7 @@ impl Motion {
             time_ns: times[i],
             pose: Pose { position: positions[i], orientation: orientations[i] },
             velocity: velocities[i],
-            spin: spins[i],
+            angular_velocity: spins[i],
         };
         let waveform = Waveform { interpolation, knots: (0..n).map(knot).collect() };
         Ok(Self { waveform, rebase })
@@ -112,7 +112,7 @@ impl Motion {
         let turns = knots.iter().flat_map(|k| <[f64; 4]>::from(k.pose.orientation.coords));
         let named = PyDict::new(py);
         named.set_item("velocities", rows(|k| k.velocity))?;
-        named.set_item("spins", rows(|k| k.spin))?;
+        named.set_item("spins", rows(|k| k.angular_velocity))?;
         named.set_item("interpolation", word(*interpolation))?;
         named.set_item("rebase", self.rebase)?;
         let times: Vec<u64> = knots.iter().map(|k| k.time_ns).collect();

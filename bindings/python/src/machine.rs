@@ -1,6 +1,6 @@
 //! The machine of the case: what moves tines and sleepers where no partner does.
 
-use ballast::component::{Input, Interpolation, Knot, Waveform};
+use ballast::component::{Interpolation, Knot, MotionInput, Waveform};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Model;
 use ballast::state::State;
@@ -47,7 +47,7 @@ impl Machine {
     }
 
     /// The motions of the step after `state`.
-    pub fn motions(&self, model: &Model, state: &State) -> Vec<Input> {
+    pub fn motions(&self, model: &Model, state: &State) -> Vec<MotionInput> {
         let mut motions = Vec::new();
         let (now, end) = (state.time_ns, state.time_ns + model.stepping.step_ns);
         self.cycle.place(model, now, &self.memory, |d, position| {
@@ -56,11 +56,15 @@ impl Machine {
                 time_ns,
                 pose,
                 velocity: Vec3::zeros(),
-                spin: Vec3::zeros(),
+                angular_velocity: Vec3::zeros(),
             };
             let knots = vec![knot(now, from), knot(end, Pose { position, ..from })];
             let waveform = Waveform { interpolation: Interpolation::Linear, knots };
-            motions.push(Input { body: model.driven[d].name.clone(), waveform, rebase: false });
+            motions.push(MotionInput {
+                body: model.driven[d].name.clone(),
+                waveform,
+                allow_jump: false,
+            });
         });
         motions
     }

@@ -1,7 +1,7 @@
 //! The recording of a simulation: windows that stand.
 
 use crate::errors;
-use ballast::component::{Component, Outcome, Window};
+use ballast::component::{Component, WindowInputsRef, WindowResult};
 use ballast_beds::Case;
 use ballast_hdf5::checkpoint;
 use ballast_mcap::{Drive, Meta, Redoable, Tape};
@@ -56,8 +56,8 @@ impl Recorder {
         &mut self,
         component: &Component,
         kind: WindowKind,
-        window: &Window,
-        outcome: &Outcome,
+        window: &WindowInputsRef,
+        outcome: &WindowResult,
     ) -> ballast_mcap::Result<()> {
         let (windows, model) = (&mut self.windows, component.model());
         if kind == WindowKind::Advance {

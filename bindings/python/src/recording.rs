@@ -134,7 +134,8 @@ fn inputs<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let (tools, loads) = (PyDict::new(py), PyDict::new(py));
     for input in asked.motions {
-        tools.set_item(input.body, Motion { waveform: input.waveform, rebase: input.rebase })?;
+        tools
+            .set_item(input.body, Motion { waveform: input.waveform, rebase: input.allow_jump })?;
     }
     for input in asked.loads {
         loads.set_item(input.body, Load { waveform: input.waveform })?;

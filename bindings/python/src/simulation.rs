@@ -12,7 +12,7 @@ use crate::outcome::Outcome;
 use crate::state::{Saved, Snapshot, State};
 use crate::there::There;
 use crate::work::Work;
-use ballast::component::{Input, Limits, LoadInput, Window};
+use ballast::component::{Limits, LoadInput, MotionInput, WindowInputsRef};
 use ballast::math::Pose;
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::{SetParameters, WindowKind};
@@ -65,7 +65,7 @@ struct About {
 
 /// What is asked of a window.
 pub struct Asked {
-    pub motions: Vec<Input>,
+    pub motions: Vec<MotionInput>,
     pub loads: Vec<LoadInput>,
     /// `None`: the last window again.
     pub t1_ns: Option<u64>,
@@ -88,7 +88,7 @@ impl Asked {
     ) -> PyResult<Self> {
         let motions = inputs::named("tools", tools, |body, motion: &Bound<'_, Motion>| {
             let Motion { waveform, rebase } = motion.get();
-            Input { body, waveform: waveform.clone(), rebase: *rebase }
+            MotionInput { body, waveform: waveform.clone(), allow_jump: *rebase }
         })?;
         let loads = inputs::named("loads", loads, |body, load: &Bound<'_, Load>| LoadInput {
             body,
@@ -103,8 +103,8 @@ impl Asked {
     }
 
     /// What moves the bodies.
-    pub fn window(&self) -> Window<'_> {
-        Window { motions: &self.motions, loads: &self.loads }
+    pub fn window(&self) -> WindowInputsRef<'_> {
+        WindowInputsRef { motions: &self.motions, loads: &self.loads }
     }
 }
 

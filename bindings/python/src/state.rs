@@ -227,7 +227,7 @@ impl State {
     /// (ng, 3) of the grains, rad/s.
     #[getter]
     fn spins<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        self.here(py, "spins")?.of_grains(py, |s| &s.spin)
+        self.here(py, "spins")?.of_grains(py, |s| &s.angular_velocity)
     }
 
     /// (nc, 2) bodies of each contact point; driven bodies are numbered after the grains.
@@ -265,7 +265,7 @@ impl State {
             arrays::vector(py, &state.position[b]),
             arrays::quaternion(py, &state.orientation[b]),
             arrays::vector(py, &state.velocity[b]),
-            arrays::vector(py, &state.spin[b]),
+            arrays::vector(py, &state.angular_velocity[b]),
         ))
     }
 
@@ -280,7 +280,8 @@ impl State {
     /// it, begins: as the last one ended, or zero where the body had no motion. None, any, after a held or linear one.
     fn target_twist<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Two<'py>>> {
         let (_, twist) = self.goal(py, name)?;
-        let vectors = |t: Twist| (arrays::vector(py, &t.velocity), arrays::vector(py, &t.spin));
+        let vectors =
+            |t: Twist| (arrays::vector(py, &t.velocity), arrays::vector(py, &t.angular_velocity));
         Ok(twist.map(vectors))
     }
 

@@ -145,7 +145,7 @@ class Measured:
         return getattr(self.sim, name)
 
     def zones(self) -> dict[str, object]:
-        return measured({"under a": 0.5, "under b": 0.25, "under c": None, "crib": 0.9})
+        return measured({"under/a": 0.5, "under/b": 0.25, "under/c": None, "crib": 0.9})
 
     def advance_to(self, t1_ns: int, tools: dict[str, ballast.Motion], *, zones: bool) -> object:
         out = self.sim.advance_to(t1_ns, tools)
@@ -155,7 +155,7 @@ class Measured:
 class MeasuredOutcome:
     def __init__(self, out: ballast.Outcome) -> None:
         self.out, self.status = out, out.status
-        self.zones = measured({"under a": None, "under b": 0.35, "under c": 0.9, "crib": 0.9})
+        self.zones = measured({"under/a": None, "under/b": 0.35, "under/c": 0.9, "crib": 0.9})
 
     def __getitem__(self, name: str) -> ballast.BodyOutcome:
         return self.out[name]
@@ -180,7 +180,7 @@ def test_compactness_is_a_mean_over_the_same_zones(
     assert info["gain_percent"] == pytest.approx(5.0)
     # What was known last goes with the episode.
     kept = pickle.loads(pickle.dumps(env.save()))
-    assert kept.zones == {"under a": 0.5, "under b": 0.35} and kept.compactness == after[2]
+    assert kept.zones == {"under/a": 0.5, "under/b": 0.35} and kept.compactness == after[2]
 
 
 def test_no_blade_is_lowered_faster_than_it_may(case: ballast.Case, beds: Path) -> None:
@@ -366,7 +366,7 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     assert len(table) == 3 and list(table["seed"]) == [case.seed, case.seed, 1]
     pd.testing.assert_frame_equal(first, table.loc[:0, first.columns])
     assert table["work J"].iloc[0] != table["work J"].iloc[1]
-    assert 0.2 < table["under sleeper_1: after"].iloc[0] < 0.9
+    assert 0.2 < table["under/sleeper_1: after"].iloc[0] < 0.9
 
 
 def test_a_study_of_no_points_is_an_empty_table(case: ballast.Case, tmp_path: Path) -> None:
@@ -581,8 +581,8 @@ def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Pa
     row = dict(zip(names, values, strict=True))
     assert float(row["tamping.vibration.frequency_Hz"]) == 30.0
     figures = study.tamp(study.apply(case, points[0]), str(beds))
-    after = float(row["compactness.under sleeper_1.after"])
-    assert figures["under sleeper_1: after"] == pytest.approx(after, abs=1e-12)
+    after = float(row["compactness.under/sleeper_1.after"])
+    assert figures["under/sleeper_1: after"] == pytest.approx(after, abs=1e-12)
 
 
 MEASURES = """

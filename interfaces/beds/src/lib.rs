@@ -115,7 +115,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State), Error> {
 /// As for [`scene`] and [`Beds::prepare`].
 pub fn bare_scene(plan: &Plan) -> Result<(Model, State), Error> {
     let failed = |source| Error::Preparation { case: plan.name.clone(), source };
-    scene(plan, track::bare(plan).map_err(failed)?)
+    scene(plan, track::empty_bed(plan).map_err(failed)?)
 }
 
 #[cfg(test)]

@@ -8,11 +8,11 @@ use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::playback::Playback;
 use crate::profile::Profile;
-use ballast::component::{Component, Refusal, Stop, Watch, Window};
+use ballast::component::{Component, Refusal, StopReason, WindowInputsRef};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::step::{Phase, StepReport, Stopwatch};
+use ballast::step::{Phase, StepObserver, StepReport};
 use ballast::track::{TampingCycle, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_mcap::verify::Keeper as _;
@@ -164,15 +164,15 @@ impl Engine {
                 checked.map_err(|e| Failure::at(playback.path(), e))?;
                 let model = component.shared_model();
                 let (motions, loads) = playback.inputs_of(t0_ns, t1_ns);
-                let inputs = Window { motions: &motions, loads: &loads };
+                let inputs = WindowInputsRef { motions: &motions, loads: &loads };
                 let mut taking = Taking { model: &model, memory, profile: watch, report: None };
                 let outcome = component
-                    .advance_watched(t1_ns, inputs, &mut taking)
+                    .advance_observed(t1_ns, inputs, &mut taking)
                     .map_err(|e| Failure::at(playback.path(), e))?;
-                let report = match (taking.report, outcome.trouble) {
+                let report = match (taking.report, outcome.error) {
                     (Some(report), None) => report,
                     (_, Some(why)) => return Err(Failure::at(playback.path(), why)),
-                    (None, None) => return Err(ballast::Error::Stopped(Stop::Early).into()),
+                    (None, None) => return Err(ballast::Error::Stopped(StopReason::Early).into()),
                 };
                 let after = imposed(&model, component.state());
                 let imposed = before.into_iter().zip(after).map(|(a, b)| [a, b]).collect();
@@ -190,17 +190,15 @@ struct Taking<'a> {
     report: Option<StepReport>,
 }
 
-impl Stopwatch for Taking<'_> {
-    fn lap(&mut self, phase: Phase) {
-        self.profile.lap(phase);
+impl StepObserver for Taking<'_> {
+    fn phase_finished(&mut self, phase: Phase) {
+        self.profile.phase_finished(phase);
     }
-    fn stop(&mut self) -> Option<Stop> {
-        self.profile.stop()
+    fn cancelled(&mut self) -> Option<StopReason> {
+        self.profile.cancelled()
     }
-}
 
-impl Watch for Taking<'_> {
-    fn step(&mut self, state: &State, report: &StepReport) -> ControlFlow<Stop> {
+    fn step_finished(&mut self, state: &State, report: &StepReport) -> ControlFlow<StopReason> {
         self.memory.observe(self.model, state, report);
         self.report = Some(report.clone());
         ControlFlow::Continue(())

@@ -1,7 +1,7 @@
 //! The inputs of a replay, step by step, from a recording.
 
 use crate::exit::{Failure, Outcome};
-use ballast::component::{Input, LoadInput, Window};
+use ballast::component::{LoadInput, MotionInput, WindowInputsRef};
 use ballast_mcap::Drive;
 use ballast_mcap::messages::Lost;
 use ballast_mcap::motion::Motion;
@@ -41,7 +41,7 @@ impl Playback {
 
     /// Poses; with `rebase`, the bodies are moved to them from wherever they are.
     pub fn of_motion(path: &Path, mut motion: Motion, rebase: bool) -> Self {
-        motion.inputs.iter_mut().for_each(|input| input.rebase = rebase);
+        motion.inputs.iter_mut().for_each(|input| input.allow_jump = rebase);
         Self { path: path.into(), script: Script::Motion(motion), is_new: true }
     }
 
@@ -95,7 +95,7 @@ impl Playback {
             Script::Windows { .. } => {
                 "; in another case than its own `--map /BODY/pose=BODY` for each body, with --rebase, replays its poses"
             }
-            Script::Motion(motion) if motion.inputs.iter().any(|input| input.rebase) => {
+            Script::Motion(motion) if motion.inputs.iter().any(|input| input.allow_jump) => {
                 "; poses are taken in m, in the bed's frame (docs/src/guide/recordings.md)"
             }
             Script::Motion(_) => {
@@ -153,18 +153,18 @@ impl Playback {
     }
 
     /// Of the inputs what the step from `t0_ns` to `t1_ns` depends on: however long they are, a step costs the same.
-    pub fn inputs_of(&self, t0_ns: u64, t1_ns: u64) -> (Vec<Input>, Vec<LoadInput>) {
-        let Window { motions, loads } = self.inputs();
+    pub fn inputs_of(&self, t0_ns: u64, t1_ns: u64) -> (Vec<MotionInput>, Vec<LoadInput>) {
+        let WindowInputsRef { motions, loads } = self.inputs();
         let motions = motions.iter().map(|input| input.cut(t0_ns, t1_ns)).collect();
         (motions, loads.iter().map(|load| load.cut(t0_ns, t1_ns)).collect())
     }
 
     /// The inputs at hand, of the step and of others.
-    pub fn inputs(&self) -> Window<'_> {
+    pub fn inputs(&self) -> WindowInputsRef<'_> {
         match &self.script {
-            Script::Motion(motion) => Window::from(&motion.inputs[..]),
+            Script::Motion(motion) => WindowInputsRef::from(&motion.inputs[..]),
             Script::Windows { asked, .. } => {
-                Window { motions: &asked.motions, loads: &asked.loads }
+                WindowInputsRef { motions: &asked.motions, loads: &asked.loads }
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Whether bodies have room where a recording leads them: driven bodies do not meet each other, so the run does not tell.
 
-use ballast::component::{Input, Waveform};
+use ballast::component::{MotionInput, Waveform};
 use ballast::geometry::{Clipper, HalfSpace, half_spaces_of};
 use ballast::math::Pose;
 use ballast::model::{Model, Part, Role};
@@ -10,7 +10,7 @@ use ballast::state::State;
 const SLACK: f64 = 1e-4;
 
 /// Warns of the first knot, up to `end_ns`, at which a tine or sleeper that is moved lies in another driven body.
-pub fn lack(model: &Model, state: &State, inputs: &[Input], end_ns: u64) -> Option<String> {
+pub fn lack(model: &Model, state: &State, inputs: &[MotionInput], end_ns: u64) -> Option<String> {
     let knots = inputs.iter().flat_map(|input| &input.waveform.knots);
     let mut times: Vec<u64> = knots.map(|knot| knot.time_ns).filter(|t| *t <= end_ns).collect();
     times.sort_unstable();

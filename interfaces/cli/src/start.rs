@@ -24,7 +24,7 @@ pub fn of(windows: &Windows, case: &Case, model: Model, state: State) -> Outcome
     };
     let kept = checkpoint::from_bytes(bytes);
     let kept = kept.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
-    if Parameters::alone_differ(&model, &kept.model) {
+    if Parameters::are_only_difference(&model, &kept.model) {
         return Ok((kept.model, kept.state));
     }
     let name = &case.plan.name;

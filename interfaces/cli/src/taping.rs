@@ -4,7 +4,7 @@ use crate::case::{self, Case};
 use crate::console::Console;
 use crate::engine::{Engine, Stepped};
 use crate::exit::Outcome;
-use ballast::component::{self, Input};
+use ballast::component::{self, MotionInput};
 use ballast::drive::SpeedLimit;
 use ballast::math::Pose;
 use ballast::model::{DrivenBody, Role, Schedule};
@@ -32,7 +32,7 @@ pub struct Taping {
     phase: TampingPhase,
     /// Whether there are pictures.
     frames: bool,
-    recent: component::Recent,
+    recent: component::ReactionHistory,
     squeezes: SqueezeMeter,
     speed_limit: SpeedLimit,
 }
@@ -76,7 +76,7 @@ impl Taping {
         request.loads = loads.iter().map(Into::into).collect();
         self.recent.take(&stepped.report.reactions, model.stepping.step_ns);
         self.squeezes.take(model, state, &stepped.report);
-        let end = component::End {
+        let end = component::WindowEnd {
             model,
             state,
             zones: zones.unwrap_or_default(),
@@ -84,7 +84,7 @@ impl Taping {
             squeezes: self.squeezes.tell(),
             speed_limit: &self.speed_limit,
         };
-        let outcome = component::Outcome::of_step(&stepped.report, end);
+        let outcome = component::WindowResult::of_step(&stepped.report, end);
         let reply = AdvanceReply::of(&request, model, &outcome, engine.hash().into());
         self.tape.window(model, state, &request, &reply)?;
         let phase = engine.phase();
@@ -95,7 +95,7 @@ impl Taping {
         }
         // Polyhedra where a phase begins.
         if self.frames && (zones.is_some() || changed) {
-            let forces: Vec<_> = outcome.bodies.iter().map(|b| b.moving_force).collect();
+            let forces: Vec<_> = outcome.bodies.iter().map(|b| b.moving_average_force).collect();
             self.tape.write_all(scene::pictures(model, state, &forces, changed))?;
         }
         Ok(())
@@ -110,7 +110,7 @@ impl Taping {
 
 /// The motions of a step as inputs: where a recording is replayed what was given, as it was; otherwise those of tines and
 /// sleepers always, of other bodies where they move.
-fn motions(engine: &Engine, stepped: &Stepped, given: &[Input]) -> Vec<BodyInput> {
+fn motions(engine: &Engine, stepped: &Stepped, given: &[MotionInput]) -> Vec<BodyInput> {
     let times = [stepped.t0_ns, engine.state().time_ns];
     let input = |body: &DrivenBody, poses: &[Pose; 2]| {
         if let Some(input) = given.iter().find(|input| input.body == body.name) {

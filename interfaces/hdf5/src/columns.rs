@@ -281,7 +281,7 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
         vectors("state/position", &state.position),
         quaternions("state/orientation", &state.orientation),
         vectors("state/velocity", &state.velocity),
-        vectors("state/spin", &state.spin),
+        vectors("state/spin", &state.angular_velocity),
         Column {
             name: "contacts/bodies",
             width: 2,

@@ -49,7 +49,7 @@ pub(crate) fn state(source: &Source, bodies: usize, mounted: usize) -> Result<St
         position: vectors(source, "state/position", nb)?,
         orientation: orientation.as_chunks().0.iter().map(quaternion).collect(),
         velocity: vectors(source, "state/velocity", nb)?,
-        spin: vectors(source, "state/spin", nb)?,
+        angular_velocity: vectors(source, "state/spin", nb)?,
         contacts: contacts(source)?,
         mount: source
             .reals("state/mount", Some(mounted), 7)?

@@ -17,7 +17,7 @@ use crate::chunk::LARGEST;
 use crate::error::{Error, Result};
 use crate::messages::{Lost, Message, Messages};
 use assign::{Assignment, Source};
-use ballast::component::Input;
+use ballast::component::MotionInput;
 use ballast_protocol::messages::{PoseStamped, TFMessage, Twist, TwistStamped};
 use ballast_protocol::{Malformed, from_cdr, messages};
 use knots::Track;
@@ -38,7 +38,7 @@ pub enum TimeOf {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
     /// One per mapped body, in the order of the bodies' names.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<MotionInput>,
     /// The stretch of time that all inputs cover, ns of the run.
     pub start_ns: u64,
     pub end_ns: u64,
@@ -285,10 +285,10 @@ fn join(
         )
     });
     notes.extend(stretch::notes(&waveforms, [start, end]));
-    let inputs = waveforms.into_iter().map(|(body, waveform)| Input {
+    let inputs = waveforms.into_iter().map(|(body, waveform)| MotionInput {
         body,
         waveform: knots::cut(waveform, start, begin_ns),
-        rebase: false,
+        allow_jump: false,
     });
     let end_ns = begin_ns.saturating_add(end - start);
     Ok(Motion {

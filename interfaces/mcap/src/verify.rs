@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::messages::Message;
 use crate::recording::{Window, Windows};
 use crate::window::{self, zone_topic};
-use ballast::component::{self, Component, Each, Outcome, Refusal, Stop};
+use ballast::component::{self, Component, Refusal, StepCallback, StopReason, WindowResult};
 use ballast::model::Model;
 use ballast::observe::Zone;
 use ballast::state::State;
@@ -148,26 +148,26 @@ fn advance(
     component: &mut Component,
     keeper: &mut (dyn Keeper + Send),
     watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
-) -> std::result::Result<Outcome, Unfinished> {
+) -> std::result::Result<WindowResult, Unfinished> {
     let refused = |e: &dyn std::fmt::Display| Unfinished::Refused(e.to_string());
     if let Some(set) = window.parameters {
         component.set_parameters(&set.into()).map_err(|e| refused(&e))?;
     }
     let model = component.shared_model();
     let asked = window.record.request.inputs().map_err(|e| refused(&e))?;
-    let inputs = component::Window { motions: &asked.motions, loads: &asked.loads };
-    let mut observe = Each(|state: &State, report: &StepReport| {
+    let inputs = component::WindowInputsRef { motions: &asked.motions, loads: &asked.loads };
+    let mut observe = StepCallback(|state: &State, report: &StepReport| {
         keeper.observe(&model, state, report);
         // A window may be long; one that is complete is compared.
         match watch(state.time_ns) {
             ControlFlow::Break(()) if state.time_ns < asked.t1_ns => {
-                ControlFlow::Break(Stop::Abandon)
+                ControlFlow::Break(StopReason::Cancel)
             }
             _ => ControlFlow::Continue(()),
         }
     });
-    component.advance_watched(asked.t1_ns, inputs, &mut observe).map_err(|e| match e {
-        Refusal::Abandoned => Unfinished::Stopped,
+    component.advance_observed(asked.t1_ns, inputs, &mut observe).map_err(|e| match e {
+        Refusal::Cancelled => Unfinished::Stopped,
         other => refused(&other),
     })
 }
@@ -178,7 +178,7 @@ fn reply(
     component: &Component,
     zones: &[Zone],
     keeper: &dyn Keeper,
-    outcome: &mut Outcome,
+    outcome: &mut WindowResult,
 ) -> AdvanceReply {
     let (model, state) = (component.model(), component.state());
     let is_recorded = |zone: &&Zone| {

@@ -50,7 +50,8 @@ fn configuration(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> 
         let header = Header::world(time);
         let pose = PoseStamped { header: header.clone(), pose: state.pose(b).into() };
         entries.push(Entry::of(format!("/{name}/pose"), time, &pose)?);
-        let twist = Twist { linear: state.velocity[b].into(), angular: state.spin[b].into() };
+        let twist =
+            Twist { linear: state.velocity[b].into(), angular: state.angular_velocity[b].into() };
         let twist = TwistStamped { header, twist };
         entries.push(Entry::of(format!("/{name}/twist"), time, &twist)?);
     }

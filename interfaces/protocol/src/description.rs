@@ -46,7 +46,7 @@ pub struct Join {
     #[serde(rename = "speed_m_per_s")]
     pub speed: f64,
     #[serde(rename = "spin_rad_per_s")]
-    pub spin: f64,
+    pub angular_velocity: f64,
 }
 
 /// A driven body.
@@ -103,7 +103,7 @@ impl Description {
                 distance_m: limits.join_distance,
                 angle_rad: limits.join_angle,
                 speed: limits.join_speed,
-                spin: limits.join_spin,
+                angular_velocity: limits.join_angular_velocity,
             },
             determinism: determinism(model).into(),
             units: "SI: m, s, kg, N, N s, rad".into(),

@@ -167,11 +167,16 @@ impl Pacer {
         let limits = component.limits();
         for (d, driven) in model.driven.iter().enumerate() {
             let twist = component.twist(d).unwrap_or_default();
-            let [velocity, spin] = [twist.velocity, twist.spin].map(|v| v.norm());
-            let moves = velocity > limits.join_speed || spin > limits.join_spin;
+            let [velocity, angular_velocity] =
+                [twist.velocity, twist.angular_velocity].map(|v| v.norm());
+            let moves =
+                velocity > limits.join_speed || angular_velocity > limits.join_angular_velocity;
             if moves && !asked.bodies.contains(&driven.name) {
                 let expected = "all bodies that move; bring the others to rest first";
-                let found = format!("{:?}, at {velocity:.3e} m/s, {spin:.3e} rad/s", driven.name);
+                let found = format!(
+                    "{:?}, at {velocity:.3e} m/s, {angular_velocity:.3e} rad/s",
+                    driven.name
+                );
                 return refuse("bodies", expected.into(), found);
             }
         }
@@ -218,7 +223,7 @@ impl Pacer {
             return None;
         }
         let (last, next) = (*track.knots.back()?, component::Knot::try_from(knot).ok()?);
-        let mut numbers = next.velocity.iter().chain(&next.spin);
+        let mut numbers = next.velocity.iter().chain(&next.angular_velocity);
         let is_sound = next.pose.is_sound() && numbers.all(|x| x.is_finite());
         let is_near = track.reach.fits(&component::Knot::try_from(last).ok()?, &next);
         (is_sound && is_near).then(|| {

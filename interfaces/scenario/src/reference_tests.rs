@@ -23,7 +23,10 @@ fn the_page_has_the_reference_of_this_schema() {
     if std::env::var_os("BALLAST_WRITE_DOCS").is_some() {
         std::fs::write(PAGE, wanted).expect(PAGE);
     } else {
-        assert!(page == wanted, "docs/src/reference/cases.md is of another schema: set BALLAST_WRITE_DOCS=1");
+        assert!(
+            page == wanted,
+            "docs/src/reference/cases.md is of another schema: set BALLAST_WRITE_DOCS=1"
+        );
     }
 }
 

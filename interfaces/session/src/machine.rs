@@ -3,7 +3,7 @@
 use crate::Outcome;
 use crate::case::{self, Case};
 use crate::profile::Profile;
-use ballast::drive::{Inputs, SpeedLimit};
+use ballast::drive::{SpeedLimit, StepInputs};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
@@ -33,8 +33,10 @@ impl Machine {
     ) -> Outcome<(StepReport, Vec<Pose>)> {
         let mut targets = Vec::new();
         self.cycle.targets(model, state, &mut targets);
-        let inputs =
-            Inputs { speed_limit: Some(&self.speed_limit), ..Inputs::from_targets(&targets) };
+        let inputs = StepInputs {
+            speed_limit: Some(&self.speed_limit),
+            ..StepInputs::from_targets(&targets)
+        };
         let report = step(model, state, &inputs, workspace, watch)?;
         let mut memory = std::mem::take(&mut state.drive);
         self.cycle.observe(model, &report, state, &mut memory);

@@ -4,8 +4,8 @@
 //! says how well a phase uses them.
 
 use crate::interrupt;
-use ballast::error::Stop;
-use ballast::step::{Phase, Stopwatch};
+use ballast::cancel::StopReason;
+use ballast::step::{Phase, StepObserver};
 use nix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::iter::Sum;
@@ -100,8 +100,8 @@ impl Profile {
     }
 }
 
-impl Stopwatch for Profile {
-    fn lap(&mut self, phase: Phase) {
+impl StepObserver for Profile {
+    fn phase_finished(&mut self, phase: Phase) {
         let spent = self.since_mark();
         let sum = &mut self.phases[phase as usize];
         sum.wall += spent.wall;
@@ -109,8 +109,8 @@ impl Stopwatch for Profile {
     }
 
     /// A step may take minutes: nobody waits for its end who has asked to stop.
-    fn stop(&mut self) -> Option<Stop> {
-        interrupt::requested().then_some(Stop::Early)
+    fn cancelled(&mut self) -> Option<StopReason> {
+        interrupt::requested().then_some(StopReason::Early)
     }
 }
 
@@ -127,7 +127,7 @@ mod tests {
     fn a_lap_goes_to_the_phase_that_ended() {
         let mut profile = Profile::start();
         std::thread::sleep(Duration::from_millis(20));
-        profile.lap(Phase::Solve);
+        profile.phase_finished(Phase::Solve);
         profile.output();
         assert!(profile.of(Phase::Solve).wall >= Duration::from_millis(20));
         assert!(profile.of(Phase::Predict).wall.is_zero());

@@ -298,7 +298,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
 
 def _under(zones: dict[str, ballast.ZoneOutcome]) -> dict[str, float]:
     """Compactness of the zones under tamped sleepers, of those that can be measured."""
-    under = {name: zone.compactness for name, zone in zones.items() if name.startswith("under ")}
+    under = {name: zone.compactness for name, zone in zones.items() if name.startswith("under/")}
     return {name: value for name, value in under.items() if value is not None}
 
 

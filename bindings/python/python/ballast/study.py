@@ -191,7 +191,7 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
         if start is None or end is None:
             continue
         figures[f"{name}: before"], figures[f"{name}: after"] = start, end
-        if name.startswith("under "):
+        if name.startswith("under/"):
             gains.append(end - start)
     for name, forces in squeezed.items():
         if forces:

@@ -1,13 +1,13 @@
 //! What the ballast did to a body.
 
 use crate::arrays::{self, Vector};
-use ballast::component::BodyOutcome;
+use ballast::component::BodyResult;
 use pyo3::prelude::*;
 
 /// What the ballast did to a driven body during a window, about its reference point.
 #[pyclass(frozen, module = "ballast", name = "BodyOutcome")]
 #[derive(Clone)]
-pub struct Body(pub(super) BodyOutcome);
+pub struct Body(pub(super) BodyResult);
 
 #[pymethods]
 impl Body {
@@ -38,13 +38,13 @@ impl Body {
     /// (3,) mean over as many whole steps as 4 ms hold, one at least; may have begun before the window, N.
     #[getter]
     fn moving_force<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        arrays::vector(py, &self.0.moving_force)
+        arrays::vector(py, &self.0.moving_average_force)
     }
 
     /// (3,) mean over the same steps, N m.
     #[getter]
     fn moving_torque<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        arrays::vector(py, &self.0.moving_torque)
+        arrays::vector(py, &self.0.moving_average_torque)
     }
 
     /// (3,) largest mean force of a step, N.
@@ -97,8 +97,8 @@ impl Body {
 
     /// (3,) at the end of the window, rad/s.
     #[getter]
-    fn spin<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        arrays::vector(py, &self.0.spin)
+    fn angular_velocity<'py>(&self, py: Python<'py>) -> Vector<'py> {
+        arrays::vector(py, &self.0.angular_velocity)
     }
 
     fn __repr__(&self) -> String {

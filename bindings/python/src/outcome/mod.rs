@@ -26,7 +26,7 @@ pub struct Trouble {
 /// The result of a window, a mapping: `outcome[name]` is what the ballast did to a body.
 #[pyclass(frozen, module = "ballast")]
 pub struct Outcome {
-    pub inner: component::Outcome,
+    pub inner: component::WindowResult,
     /// What ended the window, where something did.
     pub trouble: Option<Trouble>,
     /// How long the window took, s: to compute, or elsewhere until it was answered.
@@ -126,7 +126,7 @@ impl Outcome {
     /// 0 where nothing moves, and of a recording.
     #[getter]
     fn hint_max_step_ns(&self) -> u64 {
-        self.inner.hint_max_step_ns
+        self.inner.max_knot_spacing_ns
     }
 
     /// How long the window took to compute, s of wall time; elsewhere: until it was answered; nan of a recording.
@@ -187,7 +187,7 @@ impl Outcome {
     }
 
     fn __repr__(&self) -> String {
-        let component::Outcome { t0_ns, t1_ns, steps, .. } = self.inner;
+        let component::WindowResult { t0_ns, t1_ns, steps, .. } = self.inner;
         format!("Outcome({}, {t0_ns} to {t1_ns} ns, {steps} steps)", self.status())
     }
 }

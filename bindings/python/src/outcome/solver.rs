@@ -1,6 +1,6 @@
 //! How a window was solved, and what became of the energy.
 
-use ballast::component::SolverOutcome;
+use ballast::component::SolverResult;
 use ballast::state::EnergyLedger;
 use pyo3::prelude::*;
 
@@ -21,7 +21,7 @@ macro_rules! numbers {
 
 /// How a window was solved.
 #[pyclass(frozen, module = "ballast", name = "SolverOutcome")]
-pub struct Solver(pub(super) SolverOutcome);
+pub struct Solver(pub(super) SolverResult);
 
 numbers!(Solver:
     /// Over all steps.
@@ -44,7 +44,7 @@ numbers!(Solver:
     max_penetration: f64;
 
     fn __repr__(&self) -> String {
-        let SolverOutcome { iterations, steps_not_converged, residual_qm16, max_penetration, .. } = self.0;
+        let SolverResult { iterations, steps_not_converged, residual_qm16, max_penetration, .. } = self.0;
         format!(
             "SolverOutcome({iterations} iterations, {steps_not_converged} steps at the cap, \
              residual_qm16={residual_qm16:.1e}, max_penetration={max_penetration:.1e} m)"

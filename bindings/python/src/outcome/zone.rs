@@ -1,12 +1,12 @@
 //! Zones, measured.
 
 use crate::arrays::{self, Vector};
-use ballast::component::ZoneOutcome;
+use ballast::component::ZoneResult;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Zones by name.
-pub fn zones<'py>(py: Python<'py>, measured: &[ZoneOutcome]) -> PyResult<Bound<'py, PyDict>> {
+pub fn zones<'py>(py: Python<'py>, measured: &[ZoneResult]) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
     for zone in measured {
         all.set_item(&zone.name, ZoneMeasure(zone.clone()))?;
@@ -16,7 +16,7 @@ pub fn zones<'py>(py: Python<'py>, measured: &[ZoneOutcome]) -> PyResult<Bound<'
 
 /// A zone at the end of a window; what cannot be measured there is None.
 #[pyclass(frozen, module = "ballast", name = "ZoneOutcome")]
-pub struct ZoneMeasure(ZoneOutcome);
+pub struct ZoneMeasure(ZoneResult);
 
 #[pymethods]
 impl ZoneMeasure {

@@ -46,7 +46,7 @@ fn text(d: &Description) -> String {
             "windows join",
             format!(
                 "within {:.0e} m, {:.0e} rad, {:.0e} m/s, {:.0e} rad/s",
-                d.join.distance_m, d.join.angle_rad, d.join.speed, d.join.spin
+                d.join.distance_m, d.join.angle_rad, d.join.speed, d.join.angular_velocity
             ),
         ),
         ("same inputs", d.determinism.clone()),

@@ -76,7 +76,7 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     let seq = seq.parse().map_err(|_| no_number(SEQ, seq))?;
     let penetration = note(PENETRATION)?;
     let penetration = penetration.parse().map_err(|_| no_number(PENETRATION, penetration))?;
-    if !Parameters::alone_differ(lockstep.component().model(), &kept.model) {
+    if !Parameters::are_only_difference(lockstep.component().model(), &kept.model) {
         let what = "expected a run of this case, bed and solver, found one of another; start over with --force";
         return Err(Failure::at(path, what));
     }

@@ -1,7 +1,7 @@
 //! Exit codes and messages.
 
 use crate::setup::{CASE, Place};
-use ballast::component::{Component, Limits, Window};
+use ballast::component::{Component, Limits, WindowInputsRef};
 use ballast::state::State;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
 use std::sync::Arc;
@@ -179,7 +179,7 @@ fn a_state_that_was_stepped_through_the_component_is_not_handed_to_the_machine()
     let state = State { drive: Vec::new(), ..kept.state.clone() };
     let model = Arc::new(kept.model.clone());
     let mut component = Component::new(model, state, Limits::default()).unwrap();
-    component.advance_to(component.now_ns() + step_ns, Window::default()).unwrap();
+    component.advance_to(component.now_ns() + step_ns, WindowInputsRef::default()).unwrap();
     let stepped = Checkpoint { state: component.state().clone(), ..kept };
     std::fs::create_dir(place.path("python")).unwrap();
     checkpoint::write(place.path("python/state.h5"), &stepped).unwrap();

@@ -38,7 +38,9 @@ fn missing(page: &str, wanted: &BTreeSet<Named>) -> Vec<String> {
     let without = wanted.iter().filter(|named| !is_told(named));
     without
         .map(|(name, unit)| match unit.as_deref() {
-            Some(unit) => format!("docs/src/guide/results.md: no row for `{name}` with the unit `{unit}`"),
+            Some(unit) => {
+                format!("docs/src/guide/results.md: no row for `{name}` with the unit `{unit}`")
+            }
             None => format!("docs/src/guide/results.md: no row for `{name}`"),
         })
         .collect()
@@ -102,7 +104,7 @@ fn the_page_names_all_that_a_run_leaves() {
         let name = file.unwrap().file_name().into_string().unwrap();
         wanted.extend((name != ".lock").then_some((name, None)));
     }
-    for name in ["BODY_force_x", "insertion TINE", "gap", "solver.visits", "checkpoint.h5"] {
+    for name in ["BODY_force_x", "insertion/TINE", "gap", "solver.visits", "checkpoint.h5"] {
         assert!(wanted.iter().any(|(known, _)| known == name), "{name} in {wanted:?}");
     }
     let objections = missing(PAGE, &wanted);

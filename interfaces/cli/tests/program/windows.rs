@@ -1,6 +1,6 @@
 //! Recordings of windows of several steps, in a world without bodies.
 
-use ballast::component::{Component, Limits, Window};
+use ballast::component::{Component, Limits, WindowInputsRef};
 use ballast::model::{Model, Solver};
 use ballast::state::State;
 use ballast::step::StepReport;
@@ -40,7 +40,7 @@ fn begin(path: &Path, component: &Component) -> ballast_mcap::Result<Tape> {
 /// Adds a window of so many steps (ns).
 fn window(recording: &mut Redoable, component: &mut Component, steps: u64) {
     let t1 = component.now_ns() + steps;
-    let outcome = component.advance_to(t1, Window::default()).unwrap();
+    let outcome = component.advance_to(t1, WindowInputsRef::default()).unwrap();
     let request = recording.tape().request(outcome.t0_ns, outcome.t1_ns, vec![]);
     let (model, state) = (component.shared_model(), component.save());
     let reply = AdvanceReply::of(&request, &model, &outcome, hash(&state));
@@ -87,7 +87,7 @@ fn a_checkpoint_is_asked_for_where_the_case_does_not_begin() {
     let path = folder.path().join("run.mcap");
     let mut component = world();
     begin(&path, &component).unwrap().finish().unwrap();
-    component.advance_to(5, Window::default()).unwrap();
+    component.advance_to(5, WindowInputsRef::default()).unwrap();
     let said = begin(&path, &component).err().unwrap().to_string();
     assert_eq!(said, "no checkpoint here");
 }

@@ -8,7 +8,8 @@ use ballast_hdf5::{Error, state_hash};
 
 /// Bit patterns: `==` cannot tell 0.0 from -0.0.
 fn bits(state: &State) -> Vec<u64> {
-    let vectors = [&state.position, &state.velocity, &state.spin, &state.contacts.impulse];
+    let vectors =
+        [&state.position, &state.velocity, &state.angular_velocity, &state.contacts.impulse];
     let mut bits: Vec<u64> =
         vectors.iter().flat_map(|v| v.iter()).flat_map(|v| v.iter()).map(|x| x.to_bits()).collect();
     bits.extend(state.orientation.iter().flat_map(|q| q.coords.iter()).map(|x| x.to_bits()));

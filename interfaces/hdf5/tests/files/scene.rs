@@ -84,7 +84,7 @@ pub fn state(model: &Model) -> State {
         let position = Vec3::new(at(g % 3), at(g / 3 % 3) + 0.1 * 0.2, at(g / 9) + k * 1e-17);
         state.push(Pose { position, orientation: turn(0.3 * k, 0.1 - k, 0.7) });
         state.velocity[g] = Vec3::new(0.1 + 0.2, -0.0, 5e-324 * k);
-        state.spin[g] = Vec3::new(1.0 / 3.0, f64::MIN_POSITIVE / 7.0, 1e300);
+        state.angular_velocity[g] = Vec3::new(1.0 / 3.0, f64::MIN_POSITIVE / 7.0, 1e300);
     }
     for position in
         [Vec3::zeros(), Vec3::zeros(), Vec3::new(0.05, 0.05, 0.3), Vec3::new(0.2, 0.05, 0.2)]

@@ -86,7 +86,7 @@ impl Track {
                     orientation: unit(*time, pose.orientation)?,
                 },
                 velocity: twist.linear.into(),
-                spin: twist.angular.into(),
+                angular_velocity: twist.angular.into(),
             })
         };
         let knots = self.poses.iter().map(knot).collect::<Result<Vec<Knot>, Malformed>>()?;
@@ -153,7 +153,12 @@ pub(super) fn cut(mut waveform: Waveform, start: u64, begin: u64) -> Waveform {
         waveform.knots.drain(..last);
         let first = &mut waveform.knots[0];
         if first.time_ns < start {
-            *first = Knot { time_ns: start, pose, velocity: twist.velocity, spin: twist.spin };
+            *first = Knot {
+                time_ns: start,
+                pose,
+                velocity: twist.velocity,
+                angular_velocity: twist.angular_velocity,
+            };
         }
     }
     for knot in &mut waveform.knots {
@@ -187,14 +192,14 @@ mod tests {
     #[test]
     fn what_remains_of_a_cut_motion_is_its_curve() {
         let vec = ballast::math::Vec3::new;
-        let knot = |time_ns, x, speed, angle, spin| Knot {
+        let knot = |time_ns, x, speed, angle, angular_velocity| Knot {
             time_ns,
             pose: ballast::math::Pose {
                 position: vec(x, 2.0, 0.1),
                 orientation: Quat::from_axis_angle(&nalgebra::Vector3::y_axis(), angle),
             },
             velocity: vec(speed, 0.0, -0.3),
-            spin: vec(0.0, spin, 0.0),
+            angular_velocity: vec(0.0, angular_velocity, 0.0),
         };
         let ms = 1_000_000;
         let knots = vec![knot(0, 0.0, 2.0, 0.0, 9.0), knot(10 * ms, 0.01, -1.0, 0.2, -4.0)];
@@ -209,7 +214,7 @@ mod tests {
             let [twist, was] = [rest.twist(begin + after), whole.twist(start + after)];
             let [twist, was] = [twist, was].map(Option::unwrap);
             assert!((twist.velocity - was.velocity).norm() < 1e-12, "{after}");
-            assert!((twist.spin - was.spin).norm() < 1e-12, "{after}");
+            assert!((twist.angular_velocity - was.angular_velocity).norm() < 1e-12, "{after}");
         }
         // At a knot nothing is computed.
         assert_eq!(cut(whole.clone(), 0, 0), whole);

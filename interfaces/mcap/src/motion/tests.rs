@@ -71,7 +71,7 @@ fn read_all(path: &Path, maps: &[&str]) -> Result<Motion> {
     read(path, &bodies(), &maps, TimeOf::Stamp, 0)
 }
 
-fn times(input: &Input) -> Vec<u64> {
+fn times(input: &MotionInput) -> Vec<u64> {
     input.waveform.knots.iter().map(|k| k.time_ns).collect()
 }
 

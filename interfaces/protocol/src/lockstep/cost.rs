@@ -1,6 +1,6 @@
 //! Where the time of a window went. Wall time: in no reply and no recording, which are the same for the same inputs.
 
-use ballast::step::{Phase, Stopwatch};
+use ballast::step::{Phase, StepObserver};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -48,8 +48,8 @@ impl<'a> Laps<'a> {
     }
 }
 
-impl Stopwatch for Laps<'_> {
-    fn lap(&mut self, phase: Phase) {
+impl StepObserver for Laps<'_> {
+    fn phase_finished(&mut self, phase: Phase) {
         let now = (self.clock)();
         self.phases[phase as usize] += now.saturating_sub(self.mark);
         self.steps += u64::from(phase == Phase::Store);

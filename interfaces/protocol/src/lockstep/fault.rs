@@ -160,7 +160,7 @@ impl From<Refusal> for Fault {
             Refusal::Input { .. } => Code::InputInvalid,
             Refusal::UnknownBody { .. } => Code::UnknownBody,
             Refusal::NothingToRedo => Code::NothingToRedo,
-            Refusal::Abandoned => Code::Abandoned,
+            Refusal::Cancelled => Code::Abandoned,
             Refusal::Core(_) => Code::StateInvalid,
         };
         let message = refusal.to_string();
@@ -183,7 +183,7 @@ impl From<Refusal> for Fault {
                 nearest_ns: None,
             }),
             Refusal::Core(error) => parts(error),
-            Refusal::NothingToRedo | Refusal::Abandoned => None,
+            Refusal::NothingToRedo | Refusal::Cancelled => None,
         };
         Self { finding: finding.map(Box::new), ..Self::new(code, message) }
     }
@@ -216,7 +216,7 @@ mod tests {
             Refusal::Input { body: text(), expected: text(), found: text() },
             Refusal::UnknownBody { known: Vec::new(), found: text() },
             Refusal::NothingToRedo,
-            Refusal::Abandoned,
+            Refusal::Cancelled,
             Refusal::Core(Error::Geometry { expected: "", found: text() }),
         ] {
             let code = refusal.code();

@@ -6,9 +6,9 @@ use crate::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, MOST_SERIES, Status, StepSeries, core_ns,
     ns,
 };
-use ballast::component::{self, Outcome, Stop, Window};
+use ballast::component::{self, StopReason, WindowInputsRef, WindowResult};
 use ballast::state::State;
-use ballast::step::{Phase, StepReport, Stopwatch};
+use ballast::step::{Phase, StepObserver, StepReport};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -112,7 +112,7 @@ impl Lockstep {
                 self.hash_again();
                 let model = self.component.model();
                 let mut reply = AdvanceReply::of(request, model, &outcome, self.hash_now);
-                if outcome.trouble.is_none()
+                if outcome.error.is_none()
                     && matches!(reply.status, Status::Early | Status::Discard)
                 {
                     (reply.code, reply.message) = self.overdue(request, outcome.steps);
@@ -160,16 +160,16 @@ impl Lockstep {
         kind: WindowKind,
         request: &AdvanceRequest,
         watched: &mut Watched,
-    ) -> Result<Result<Outcome, Fault>, String> {
+    ) -> Result<Result<WindowResult, Fault>, String> {
         let inputs = match request.inputs() {
             Ok(inputs) => inputs,
             Err(e) => return Ok(Err(e.into())),
         };
-        let window = Window { motions: &inputs.motions, loads: &inputs.loads };
+        let window = WindowInputsRef { motions: &inputs.motions, loads: &inputs.loads };
         let component = &mut self.component;
         let result = catch_unwind(AssertUnwindSafe(|| match kind {
-            WindowKind::Advance => component.advance_watched(inputs.t1_ns, window, watched),
-            WindowKind::Redo => component.redo_watched(window, watched),
+            WindowKind::Advance => component.advance_observed(inputs.t1_ns, window, watched),
+            WindowKind::Redo => component.redo_observed(window, watched),
         }));
         match result {
             Ok(outcome) => Ok(outcome.map_err(Fault::from)),
@@ -272,14 +272,14 @@ impl Watched<'_> {
     }
 
     /// How the window is to end, if it is to.
-    fn ask(&mut self) -> Option<Stop> {
+    fn ask(&mut self) -> Option<StopReason> {
         self.progress.elapsed_ms = self.elapsed_ms();
         match ((self.watch)(&self.progress), self.policy) {
-            (Pace::Abandon, _) => Some(Stop::Abandon),
+            (Pace::Abandon, _) => Some(StopReason::Cancel),
             // Done is not late.
             (Pace::TimeIsUp, _) if self.progress.step == self.progress.steps => None,
-            (Pace::TimeIsUp, DeadlinePolicy::Discard) => Some(Stop::Discard),
-            (Pace::TimeIsUp, DeadlinePolicy::Early) => Some(Stop::Early),
+            (Pace::TimeIsUp, DeadlinePolicy::Discard) => Some(StopReason::Discard),
+            (Pace::TimeIsUp, DeadlinePolicy::Early) => Some(StopReason::Early),
             (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => None,
         }
     }
@@ -289,17 +289,15 @@ impl Watched<'_> {
     }
 }
 
-impl Stopwatch for Watched<'_> {
-    fn lap(&mut self, phase: Phase) {
-        self.laps.lap(phase);
+impl StepObserver for Watched<'_> {
+    fn phase_finished(&mut self, phase: Phase) {
+        self.laps.phase_finished(phase);
     }
-    fn stop(&mut self) -> Option<Stop> {
+    fn cancelled(&mut self) -> Option<StopReason> {
         self.ask()
     }
-}
 
-impl component::Watch for Watched<'_> {
-    fn step(&mut self, state: &State, report: &StepReport) -> ControlFlow<Stop> {
+    fn step_finished(&mut self, state: &State, report: &StepReport) -> ControlFlow<StopReason> {
         if let Some(series) = &mut self.series {
             series.take(state, report);
         }

@@ -4,7 +4,7 @@
 
 use super::*;
 use crate::Malformed;
-use ballast::component::{self, Outcome};
+use ballast::component::{self, WindowResult};
 use ballast::drive::Load;
 use ballast::geometry::AxisBox;
 use ballast::math::{self, Quat, Vec3};
@@ -108,19 +108,21 @@ pub fn core_ns(time_ns: i64) -> u64 {
 
 impl From<component::Twist> for Twist {
     fn from(twist: component::Twist) -> Self {
-        Self { linear: twist.velocity.into(), angular: twist.spin.into() }
+        Self { linear: twist.velocity.into(), angular: twist.angular_velocity.into() }
     }
 }
 
 impl From<Twist> for component::Twist {
     fn from(twist: Twist) -> Self {
-        Self { velocity: twist.linear.into(), spin: twist.angular.into() }
+        Self { velocity: twist.linear.into(), angular_velocity: twist.angular.into() }
     }
 }
 
 impl From<component::Knot> for Knot {
     fn from(knot: component::Knot) -> Self {
-        let twist = component::Twist { velocity: knot.velocity, spin: knot.spin }.into();
+        let twist =
+            component::Twist { velocity: knot.velocity, angular_velocity: knot.angular_velocity }
+                .into();
         Self { time_ns: ns(knot.time_ns), pose: knot.pose.into(), twist }
     }
 }
@@ -133,23 +135,23 @@ impl TryFrom<Knot> for component::Knot {
             time_ns: time("time_ns", knot.time_ns)?,
             pose: math::Pose::try_from(knot.pose).map_err(|e| e.inside("pose"))?,
             velocity: knot.twist.linear.into(),
-            spin: knot.twist.angular.into(),
+            angular_velocity: knot.twist.angular.into(),
         })
     }
 }
 
-impl From<&component::Input> for BodyInput {
-    fn from(input: &component::Input) -> Self {
+impl From<&component::MotionInput> for BodyInput {
+    fn from(input: &component::MotionInput) -> Self {
         Self {
             body: input.body.clone(),
             interpolation: input.waveform.interpolation.into(),
-            rebase: input.rebase,
+            rebase: input.allow_jump,
             knots: input.waveform.knots.iter().map(|k| Knot::from(*k)).collect(),
         }
     }
 }
 
-impl TryFrom<&BodyInput> for component::Input {
+impl TryFrom<&BodyInput> for component::MotionInput {
     type Error = Malformed;
 
     fn try_from(input: &BodyInput) -> Result<Self, Malformed> {
@@ -159,7 +161,7 @@ impl TryFrom<&BodyInput> for component::Input {
         let knots = input.knots.iter().enumerate().map(knot).collect::<Result<_, _>>();
         let knots = knots.map_err(|e| e.inside(&format!("input of {:?}", input.body)))?;
         let waveform = component::Waveform { interpolation: input.interpolation.into(), knots };
-        Ok(Self { body: input.body.clone(), waveform, rebase: input.rebase })
+        Ok(Self { body: input.body.clone(), waveform, allow_jump: input.rebase })
     }
 }
 
@@ -205,7 +207,7 @@ impl TryFrom<&LoadInput> for component::LoadInput {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Asked {
     pub t1_ns: u64,
-    pub motions: Vec<component::Input>,
+    pub motions: Vec<component::MotionInput>,
     pub loads: Vec<component::LoadInput>,
 }
 
@@ -216,7 +218,7 @@ impl AdvanceRequest {
     /// Times before the start of the run, quaternions that are none, loads between whose knots nothing is
     /// defined.
     pub fn inputs(&self) -> Result<Asked, Malformed> {
-        let motions = self.motions.iter().map(component::Input::try_from);
+        let motions = self.motions.iter().map(component::MotionInput::try_from);
         let loads = self.loads.iter().map(component::LoadInput::try_from);
         Ok(Asked {
             t1_ns: time("t1_ns", self.t1_ns)?,
@@ -253,8 +255,8 @@ impl From<EnergyLedger> for state::EnergyLedger {
     }
 }
 
-impl From<component::SolverOutcome> for SolverStats {
-    fn from(s: component::SolverOutcome) -> Self {
+impl From<component::SolverResult> for SolverStats {
+    fn from(s: component::SolverResult) -> Self {
         Self {
             iterations: s.iterations,
             visits: s.visits,
@@ -269,7 +271,7 @@ impl From<component::SolverOutcome> for SolverStats {
     }
 }
 
-impl From<SolverStats> for component::SolverOutcome {
+impl From<SolverStats> for component::SolverResult {
     fn from(s: SolverStats) -> Self {
         Self {
             iterations: s.iterations,
@@ -302,20 +304,20 @@ impl From<Parameters> for component::Parameters {
     }
 }
 
-impl From<component::Status> for Status {
-    fn from(status: component::Status) -> Self {
+impl From<component::WindowStatus> for Status {
+    fn from(status: component::WindowStatus) -> Self {
         match status {
-            component::Status::Ok => Status::Ok,
-            component::Status::Warn => Status::Warn,
-            component::Status::Early => Status::Early,
-            component::Status::Discard => Status::Discard,
+            component::WindowStatus::Ok => Status::Ok,
+            component::WindowStatus::Warn => Status::Warn,
+            component::WindowStatus::Early => Status::Early,
+            component::WindowStatus::Discard => Status::Discard,
         }
     }
 }
 
 impl WrenchImpulse {
     /// What the ballast did to the body called `name` in a window that ended at `time_ns`.
-    pub fn of(name: &str, time_ns: u64, outcome: &component::BodyOutcome) -> Self {
+    pub fn of(name: &str, time_ns: u64, outcome: &component::BodyResult) -> Self {
         let wrench =
             |force: Vec3, torque: Vec3| Wrench { force: force.into(), torque: torque.into() };
         Self {
@@ -324,19 +326,22 @@ impl WrenchImpulse {
             impulse: outcome.impulse.into(),
             angular_impulse: outcome.angular_impulse.into(),
             mean: wrench(outcome.mean_force, outcome.mean_torque),
-            moving_mean: wrench(outcome.moving_force, outcome.moving_torque),
+            moving_mean: wrench(outcome.moving_average_force, outcome.moving_average_torque),
             peak_force: outcome.peak_force.into(),
             peak_torque: outcome.peak_torque.into(),
             peak_time_ns: ns(outcome.peak_time_ns),
             work: outcome.work,
             contacts: outcome.contacts,
             pose: outcome.pose.into(),
-            twist: Twist { linear: outcome.velocity.into(), angular: outcome.spin.into() },
+            twist: Twist {
+                linear: outcome.velocity.into(),
+                angular: outcome.angular_velocity.into(),
+            },
         }
     }
 }
 
-impl TryFrom<&WrenchImpulse> for component::BodyOutcome {
+impl TryFrom<&WrenchImpulse> for component::BodyResult {
     type Error = Malformed;
 
     fn try_from(message: &WrenchImpulse) -> Result<Self, Malformed> {
@@ -345,8 +350,8 @@ impl TryFrom<&WrenchImpulse> for component::BodyOutcome {
             angular_impulse: message.angular_impulse.into(),
             mean_force: message.mean.force.into(),
             mean_torque: message.mean.torque.into(),
-            moving_force: message.moving_mean.force.into(),
-            moving_torque: message.moving_mean.torque.into(),
+            moving_average_force: message.moving_mean.force.into(),
+            moving_average_torque: message.moving_mean.torque.into(),
             peak_force: message.peak_force.into(),
             peak_torque: message.peak_torque.into(),
             peak_time_ns: time("peak_time_ns", message.peak_time_ns)?,
@@ -354,14 +359,14 @@ impl TryFrom<&WrenchImpulse> for component::BodyOutcome {
             contacts: message.contacts,
             pose: message.pose.try_into()?,
             velocity: message.twist.linear.into(),
-            spin: message.twist.angular.into(),
+            angular_velocity: message.twist.angular.into(),
         })
     }
 }
 
 impl Compactness {
     /// What was measured in a zone at a time, ns; NaN where it cannot be measured.
-    pub fn of(time_ns: u64, zone: &component::ZoneOutcome) -> Self {
+    pub fn of(time_ns: u64, zone: &component::ZoneResult) -> Self {
         Self {
             header: Header::world(time_ns),
             zone: zone.name.clone(),
@@ -375,7 +380,7 @@ impl Compactness {
     }
 }
 
-impl From<&Compactness> for component::ZoneOutcome {
+impl From<&Compactness> for component::ZoneResult {
     fn from(zone: &Compactness) -> Self {
         let measured = |x: f64| (!x.is_nan()).then_some(x);
         Self {
@@ -395,24 +400,24 @@ impl AdvanceReply {
     ///
     /// # Errors
     /// A status after which there is no outcome, times before the start, poses that are none.
-    pub fn outcome(&self) -> Result<Outcome, Malformed> {
+    pub fn outcome(&self) -> Result<WindowResult, Malformed> {
         let status = match self.status {
-            Status::Ok => component::Status::Ok,
-            Status::Warn => component::Status::Warn,
-            Status::Early => component::Status::Early,
-            Status::Discard => component::Status::Discard,
+            Status::Ok => component::WindowStatus::Ok,
+            Status::Warn => component::WindowStatus::Warn,
+            Status::Early => component::WindowStatus::Early,
+            Status::Discard => component::WindowStatus::Discard,
             Status::Error | Status::Fatal => {
                 let expected = "that of a window that was computed";
                 return Err(Malformed::new("status", expected, self.status.word()));
             }
         };
         let body = |body: &WrenchImpulse| {
-            let told = component::BodyOutcome::try_from(body);
+            let told = component::BodyResult::try_from(body);
             told.map_err(|e| e.inside(&format!("body {:?}", body.body)))
         };
-        Ok(Outcome {
+        Ok(WindowResult {
             status,
-            trouble: None,
+            error: None,
             t0_ns: time("t0_ns", self.t0_ns)?,
             t1_ns: time("t1_ns", self.t1_ns)?,
             steps: self.steps,
@@ -425,13 +430,18 @@ impl AdvanceReply {
                 .collect::<Result<_, _>>()?,
             solver: self.solver.into(),
             energy: self.energy.into(),
-            hint_max_step_ns: self.hint_max_step_ns,
+            max_knot_spacing_ns: self.hint_max_step_ns,
         })
     }
 
     /// The reply to a window of `model`, without its series.
-    pub fn of(request: &AdvanceRequest, model: &Model, outcome: &Outcome, hash: StateHash) -> Self {
-        let trouble = outcome.trouble.as_ref();
+    pub fn of(
+        request: &AdvanceRequest,
+        model: &Model,
+        outcome: &WindowResult,
+        hash: StateHash,
+    ) -> Self {
+        let trouble = outcome.error.as_ref();
         let bodies = model.driven.iter().zip(&outcome.bodies);
         let (zones, squeezes) = (outcome.zones.iter(), outcome.squeezes.iter());
         Self {
@@ -449,7 +459,7 @@ impl AdvanceReply {
             solver: outcome.solver.into(),
             energy: outcome.energy.into(),
             hash,
-            hint_max_step_ns: outcome.hint_max_step_ns,
+            hint_max_step_ns: outcome.max_knot_spacing_ns,
             series: StepSeries::default(),
         }
     }

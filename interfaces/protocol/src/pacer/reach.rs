@@ -3,11 +3,11 @@
 //! Contract: what fits ends no window later, neither as a turn whose way round is a guess nor as a body that is led
 //! farther in a step than grains allow.
 
-use ballast::component::{Component, Interpolation, Knot, WIDEST_TURN};
+use ballast::component::{Component, Interpolation, Knot, MAX_KNOT_ROTATION};
 use ballast::drive::SpeedLimit;
 use ballast::math::{Vec3, rotation};
 
-/// A rotation vector of at most [`WIDEST_TURN`] changes by so much faster than its body turns, at most.
+/// A rotation vector of at most [`MAX_KNOT_ROTATION`] changes by so much faster than its body turns, at most.
 const RATE: f64 = 1.2;
 
 /// Of one body.
@@ -48,15 +48,18 @@ impl Reach {
                 let middle = |whole: Vec3, from, to| whole * (3.0 / seconds) - from - to;
                 let middle = [
                     middle(way, a.velocity, b.velocity),
-                    middle(turn * RATE, a.spin * RATE, b.spin * RATE),
+                    middle(turn * RATE, a.angular_velocity * RATE, b.angular_velocity * RATE),
                 ];
-                let ends = [[a.velocity, a.spin * RATE], [b.velocity, b.spin * RATE]];
+                let ends = [
+                    [a.velocity, a.angular_velocity * RATE],
+                    [b.velocity, b.angular_velocity * RATE],
+                ];
                 let led = [ends[0], middle, ends[1]].map(|[v, w]| self.led(v, w));
                 led.into_iter().fold(0.0, f64::max) * self.step
             }
             _ => self.led(way, turn) * (self.step / seconds),
         };
-        turn.norm() <= WIDEST_TURN && in_a_step <= self.way
+        turn.norm() <= MAX_KNOT_ROTATION && in_a_step <= self.way
     }
 
     fn led(&self, way: Vec3, turn: Vec3) -> f64 {

@@ -105,7 +105,9 @@ impl Default for SolverSection {
             relaxation: core.relaxation,
             warm_start_factor: core.warm_start_factor,
             acceleration: core.acceleration,
-            penetration_correction: core.penetration_correction.map(PenetrationCorrectionSection::from),
+            penetration_correction: core
+                .penetration_correction
+                .map(PenetrationCorrectionSection::from),
         }
     }
 }

@@ -3,12 +3,12 @@
 use crate::case_file::{BedSection, CaseFile, GrainsSection};
 use crate::report::{Finding, Report};
 use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS};
-use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MOST_CELLS, MOST_GRAINS};
+use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MAX_CELLS, MAX_GRAINS};
 
 /// More grains than this in a case are a slip of the pen.
 const MOST_EXPECTED: f64 = 5e6;
 // The core, which reckons without voids, refuses fewer.
-const _: () = assert!(MOST_EXPECTED / EXPECTED_COMPACTNESS < MOST_GRAINS);
+const _: () = assert!(MOST_EXPECTED / EXPECTED_COMPACTNESS < MAX_GRAINS);
 /// Rounding of sums of decimal numbers.
 const SLACK: f64 = 1e-9;
 
@@ -155,13 +155,13 @@ fn grain_number(bed: &BedSection, plan: &BedPlan, report: &mut Report) {
     // It is poured on a raster that shows the smallest.
     let smallest = grains.classes.iter().map(|c| c.size_m).fold(f64::INFINITY, f64::min);
     let cells = [x, y].map(|side| (side * CELLS_PER_GRAIN / smallest).ceil());
-    if cells[0] * cells[1] > MOST_CELLS {
+    if cells[0] * cells[1] > MAX_CELLS {
         let finding = Finding {
             problem: "the bed is too wide for its smallest grains".into(),
             found: format!("{x} m x {y} m and grains of {smallest} m"),
             expected: format!(
                 "at most {:.3e} times the square of these in plan view",
-                MOST_CELLS / CELLS_PER_GRAIN.powi(2)
+                MAX_CELLS / CELLS_PER_GRAIN.powi(2)
             ),
             hint: None,
         };

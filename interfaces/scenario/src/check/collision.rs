@@ -3,7 +3,7 @@
 use crate::layout::{Layout, Placed};
 use crate::report::{Finding, Report};
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};
-use ballast::track::{SLACK, Swept, swept};
+use ballast::track::{ROUNDING_TOLERANCE, SweptArea, swept_area};
 use std::collections::BTreeSet;
 
 /// A rectangle in plan view: lower and upper corner, m.
@@ -29,7 +29,9 @@ impl Area {
 
     /// The axis, 0 or 1, along which this area leaves the box.
     fn leaves(&self, size: [f64; 2]) -> Option<usize> {
-        (0..2).find(|&i| self.low[i] < -SLACK || self.high[i] > size[i] + SLACK)
+        (0..2).find(|&i| {
+            self.low[i] < -ROUNDING_TOLERANCE || self.high[i] > size[i] + ROUNDING_TOLERANCE
+        })
     }
 }
 
@@ -40,7 +42,7 @@ fn blocks(sleeper: &SleeperPlan) -> impl Iterator<Item = Area> {
 
 /// What blade and shaft sweep while the tine swings by `amplitude` and closes by `stroke`, m.
 fn tine_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> Area {
-    let Swept { x, y } = swept(tine, stroke, amplitude);
+    let SweptArea { x, y } = swept_area(tine, stroke, amplitude);
     Area { low: [x[0], y[0]], high: [x[1], y[1]] }
 }
 
@@ -82,8 +84,8 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
                 hint: None,
             });
         }
-        let inside =
-            (1..areas.len()).any(|j| areas[..j].iter().any(|a| a.overlaps(&areas[j], -SLACK)));
+        let inside = (1..areas.len())
+            .any(|j| areas[..j].iter().any(|a| a.overlaps(&areas[j], -ROUNDING_TOLERANCE)));
         if inside {
             tell(report, told, &format!("{}.blocks", sleeper.key), || Finding {
                 problem: format!("blocks of `{name}` overlap"),
@@ -93,7 +95,8 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
             });
         }
         for other in &layout.sleepers[..i] {
-            if blocks(&other.plan).any(|a| areas.iter().any(|b| a.overlaps(b, -SLACK))) {
+            if blocks(&other.plan).any(|a| areas.iter().any(|b| a.overlaps(b, -ROUNDING_TOLERANCE)))
+            {
                 let both = sleeper.key == "sleepers" && other.key == "sleepers";
                 let key = if both { "sleepers.pitch_m" } else { &sleeper.key_x };
                 let distance = (sleeper.plan.centre[0] - other.plan.centre[0]).abs();
@@ -149,7 +152,8 @@ fn tine_and_sleeper(
     told: &mut BTreeSet<String>,
 ) {
     // Tools need more than no room: touching counts.
-    let hits = |area: Area| blocks(&sleeper.plan).any(|block| area.overlaps(&block, SLACK));
+    let hits =
+        |area: Area| blocks(&sleeper.plan).any(|block| area.overlaps(&block, ROUNDING_TOLERANCE));
     let (name, other) = (&tine.plan.name, &sleeper.plan.name);
     // What drives it into the block is what it was still clear without.
     if hits(tine_area(&tine.plan, 0.0, 0.0)) {
@@ -184,7 +188,9 @@ fn clearance(tine: &TinePlan, sleeper: &SleeperPlan, amplitude: f64) -> f64 {
     let area = tine_area(tine, 0.0, amplitude);
     let mut clear = f64::INFINITY;
     for block in blocks(sleeper) {
-        if area.low[1] < block.high[1] + SLACK && block.low[1] < area.high[1] + SLACK {
+        if area.low[1] < block.high[1] + ROUNDING_TOLERANCE
+            && block.low[1] < area.high[1] + ROUNDING_TOLERANCE
+        {
             let gap = match tine.direction > 0.0 {
                 true => block.low[0] - area.high[0],
                 false => area.low[0] - block.high[0],
@@ -205,7 +211,7 @@ fn tine_and_tine(
 ) {
     let (a, b) = (&tine.plan, &other.plan);
     let begin = [a, b].map(|t| tine_area(t, 0.0, amplitude));
-    if begin[0].overlaps(&begin[1], -SLACK) {
+    if begin[0].overlaps(&begin[1], -ROUNDING_TOLERANCE) {
         tell(report, told, &tine.key_y, || Finding {
             problem: format!("`{}` and `{}` overlap at the start", a.name, b.name),
             found: format!("middles {:.4?} and {:.4?} m", a.position, b.position),
@@ -217,7 +223,7 @@ fn tine_and_tine(
     // Those of one direction keep their distance; of the others only those that close on each other sweep the same
     // place.
     let way = [a, b].map(|t| tine_area(t, stroke, amplitude));
-    if a.direction != b.direction && way[0].overlaps(&way[1], -SLACK) {
+    if a.direction != b.direction && way[0].overlaps(&way[1], -ROUNDING_TOLERANCE) {
         let gap = (begin[0].low[0] - begin[1].high[0]).max(begin[1].low[0] - begin[0].high[0]);
         tell(report, told, &tine.key_x, || Finding {
             problem: format!("the squeeze drives `{}` and `{}` into each other", a.name, b.name),

@@ -4,7 +4,7 @@ use crate::layout::Layout;
 use crate::report::{Finding, Report};
 use ballast::track::motion_law::{SMOOTH_STEP_PEAK, TRAVEL_PEAK};
 use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
-use ballast::track::{LEAST_STEPS_PER_PERIOD, LONGEST_WINDOW, RISEN};
+use ballast::track::{MAX_AVERAGING_STEPS, MAX_PROTRUSION, MIN_STEPS_PER_PERIOD};
 use std::f64::consts::PI;
 
 /// Clearance, in mean grain sizes, below which some bed has a grain in the way of a tine: trimmed at half a size, they may rise.
@@ -14,7 +14,7 @@ const FAST_INSERTION: f64 = 1.0;
 /// Fewest steps per period that show a sine.
 const STEPS_OF_A_SINE: f64 = 10.0;
 // The core refuses fewer: only what would be another motion.
-const _: () = assert!(STEPS_OF_A_SINE > LEAST_STEPS_PER_PERIOD);
+const _: () = assert!(STEPS_OF_A_SINE > MIN_STEPS_PER_PERIOD);
 
 /// Checks the cycle against bed, layout and time stepping.
 pub fn machine(
@@ -131,7 +131,7 @@ fn above_grains(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout, report: &
     if clearance >= CLOSE * size || layout.tines.is_empty() {
         return;
     }
-    let highest = RISEN * size;
+    let highest = MAX_PROTRUSION * size;
     let finding = Finding {
         problem: "the tines may begin among grains, and the run fail".into(),
         found: format!("a clearance of {clearance} m"),
@@ -159,7 +159,7 @@ fn step_resolves(
         limit.check("tamping.lift.duration_s", lift, 0.0, report);
     }
     let steps = tamping.averaging() / h;
-    if steps > LONGEST_WINDOW {
+    if steps > MAX_AVERAGING_STEPS {
         let (key, slow, found) = match tamping.vibration.period() {
             Some(_) => ("vibration.frequency_Hz", "vibration", "per period"),
             None => ("squeeze.duration_s", "squeeze", "in a tenth of it"),
@@ -168,7 +168,7 @@ fn step_resolves(
             problem: format!("the time step is too small for the {slow}"),
             found: format!("{steps:.0} steps {found}"),
             expected: format!(
-                "at most {LONGEST_WINDOW}, over which the machine averages its forces"
+                "at most {MAX_AVERAGING_STEPS}, over which the machine averages its forces"
             ),
             hint: None,
         };

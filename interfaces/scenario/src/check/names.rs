@@ -15,7 +15,7 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
     let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
     // The names of the box's floor, ends and sides.
-    let parts = ["floor", "end_start", "end_far", "side_right", "side_left"];
+    let parts = ["floor", "wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max"];
     let mut taken = BTreeSet::from(parts.map(String::from));
     let mut earlier: BTreeSet<&str> = BTreeSet::new();
     for (key, name) in sleepers.chain(tines) {

@@ -134,10 +134,12 @@ fn solver(solver: &SolverSection, report: &mut Report) -> model::Solver {
         relaxation: solver.relaxation,
         warm_start_factor: solver.warm_start_factor,
         acceleration: solver.acceleration,
-        penetration_correction: solver.penetration_correction.map(|c| model::PenetrationCorrection {
-            factor: c.factor,
-            slop: c.slop_m,
-            iterations: c.iterations,
+        penetration_correction: solver.penetration_correction.map(|c| {
+            model::PenetrationCorrection {
+                factor: c.factor,
+                slop: c.slop_m,
+                iterations: c.iterations,
+            }
         }),
     }
 }

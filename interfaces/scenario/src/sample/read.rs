@@ -131,14 +131,14 @@ fn add_grain(
     let (polyhedron, local) = hull(&grain.vertices, place)?;
     let frame = place.pose(grain.position, grain.quaternion)?;
     let velocity = place.vector(grain.velocity, "velocity")?;
-    let spin = place.vector(grain.omega, "omega")?;
+    let angular_velocity = place.vector(grain.omega, "omega")?;
     let pose = frame.then(&local);
     state.push(pose);
     // The file's origin is the centre of mass only up to the rounding of its corners.
     let lever = pose.position - frame.position;
     let last = state.velocity.len() - 1;
-    state.velocity[last] = velocity + spin.cross(&lever);
-    state.spin[last] = spin;
+    state.velocity[last] = velocity + angular_velocity.cross(&lever);
+    state.angular_velocity[last] = angular_velocity;
     model.grains.push(model.shapes.len() as u32, &polyhedron, grain.density);
     model.shapes.push(polyhedron);
     Ok(())

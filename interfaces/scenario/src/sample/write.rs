@@ -67,7 +67,7 @@ fn grain(model: &Model, state: &State, i: usize) -> Grain {
         quaternion: quaternion(&pose),
         density: model.grains.mass[i] / shape.volume,
         velocity: state.velocity[i].into(),
-        omega: state.spin[i].into(),
+        omega: state.angular_velocity[i].into(),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Contacts over a whole tamping cycle: what detection remembers makes it faster and nothing else.
 
 use ballast::detection::Contacts;
-use ballast::drive::Inputs;
+use ballast::drive::StepInputs;
 use ballast::step::step;
 use ballast::track::{TampingCycle, deposit::deposit, scene::scene};
 use ballast::workspace::Workspace;
@@ -33,7 +33,7 @@ fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
     while state.time_ns < plan.run.duration_ns {
         phases.insert(cycle.phase(state.time()).name());
         cycle.targets(&model, &state, &mut targets);
-        let inputs = Inputs::from_targets(&targets);
+        let inputs = StepInputs::from_targets(&targets);
         let (mut scratch, mut fresh) = (state.clone(), Workspace::default());
         step(&model, &mut scratch, &inputs, &mut fresh, &mut ()).expect("a good step");
         let report =

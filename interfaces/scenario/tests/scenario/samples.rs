@@ -82,7 +82,7 @@ fn writing_and_reading_again_gives_the_same_bodies() {
     let mut first = eight();
     for i in 0..8 {
         first.state.velocity[i] = Vec3::new(0.1, -0.2, i as f64);
-        first.state.spin[i] = Vec3::new(1.0, 2.0, -3.0);
+        first.state.angular_velocity[i] = Vec3::new(1.0, 2.0, -3.0);
     }
     first.state.step = 3;
     first.state.time_ns = 3_000_000;
@@ -97,7 +97,7 @@ fn writing_and_reading_again_gives_the_same_bodies() {
         assert!((m - n).abs() < 1e-12 * m, "{m} {n}");
         let (v, w) = (first.state.velocity[i], second.state.velocity[i]);
         assert!((v - w).norm() < 1e-12, "{v} {w}");
-        assert!((first.state.spin[i] - second.state.spin[i]).norm() == 0.0);
+        assert!((first.state.angular_velocity[i] - second.state.angular_velocity[i]).norm() == 0.0);
         for (a, b) in corners(&first, i).iter().zip(&corners(&second, i)) {
             assert!((a - b).norm() < 1e-12, "{a} {b}");
         }

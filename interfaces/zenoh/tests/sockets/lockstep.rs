@@ -43,7 +43,7 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "prescribed"));
     let floor = description.bodies.iter().find(|b| b.name == "floor").unwrap();
     assert_eq!((floor.stiffness, floor.mass_kg), ([0.0; 6], None));
-    assert_eq!((description.join.distance_m, description.join.spin), (1e-6, 1e-3));
+    assert_eq!((description.join.distance_m, description.join.angular_velocity), (1e-6, 1e-3));
     assert_eq!(description.parameters["schedule"], "synchronous");
     let status = line.status().unwrap();
     assert_eq!(status.activity, Activity::Paused);

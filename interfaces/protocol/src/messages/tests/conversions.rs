@@ -1,11 +1,11 @@
 //! The core's types go through messages without losing a bit.
 
 use super::*;
-use ballast::component::{self, Input, Waveform};
+use ballast::component::{self, MotionInput, Waveform};
 use ballast::math::{self, Quat, Vec3};
 use ballast::observe::{SqueezeOutcome, SqueezeRecord};
 
-fn input() -> Input {
+fn input() -> MotionInput {
     let axis = Vec3::new(0.3, -0.2, 0.9);
     let knot = |i: u64| component::Knot {
         time_ns: i * 800_000,
@@ -14,11 +14,11 @@ fn input() -> Input {
             orientation: Quat::new(axis * (0.1 * i as f64)),
         },
         velocity: Vec3::new(1e-300, 2.0, f64::MIN_POSITIVE),
-        spin: Vec3::new(0.1, 0.2, 0.3),
+        angular_velocity: Vec3::new(0.1, 0.2, 0.3),
     };
     let interpolation = component::Interpolation::Hermite;
     let waveform = Waveform { interpolation, knots: (0..4).map(knot).collect() };
-    Input { body: "tine_1".into(), waveform, rebase: true }
+    MotionInput { body: "tine_1".into(), waveform, allow_jump: true }
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn inputs_come_back_to_the_bit() {
         from_cdr::<BodyInput>(&to_cdr(&message).unwrap()).unwrap(),
         from_json::<BodyInput>(to_json(&message).unwrap().as_bytes()).unwrap(),
     ] {
-        let back = Input::try_from(&back).unwrap();
+        let back = MotionInput::try_from(&back).unwrap();
         assert_eq!(back, input());
         assert!(back.waveform.knots[1].pose.position.y.is_sign_negative());
     }
@@ -88,7 +88,7 @@ fn outcomes_come_back_to_the_bit() {
     let message = EnergyLedger::from(energy);
     assert_eq!(message.balance_error, 0.1 + 3.0);
     assert_eq!(ballast::state::EnergyLedger::from(message), energy);
-    let body = component::BodyOutcome {
+    let body = component::BodyResult {
         impulse: Vec3::new(1.0, 2.0, 3.0),
         angular_impulse: Vec3::new(4.0, 5.0, 6.0),
         mean_force: Vec3::new(7.0, 8.0, 9.0),
@@ -96,16 +96,16 @@ fn outcomes_come_back_to_the_bit() {
         peak_force: Vec3::new(10.0, 11.0, 12.0),
         peak_torque: Vec3::new(0.7, 0.8, 0.9),
         peak_time_ns: 77,
-        moving_force: Vec3::new(7.5, 8.5, 9.5),
-        moving_torque: Vec3::new(0.4, 0.5, 0.6),
+        moving_average_force: Vec3::new(7.5, 8.5, 9.5),
+        moving_average_torque: Vec3::new(0.4, 0.5, 0.6),
         work: -0.5,
         contacts: 3,
         pose: math::Pose::at(Vec3::new(0.5, -0.0, 0.1)),
         velocity: Vec3::new(1e-3, 2e-3, 3e-3),
-        spin: Vec3::new(-1.0, 0.0, 1.0),
+        angular_velocity: Vec3::new(-1.0, 0.0, 1.0),
     };
     let message = WrenchImpulse::of("plate", 2_000_000_001, &body);
-    assert_eq!(component::BodyOutcome::try_from(&message).unwrap(), body);
+    assert_eq!(component::BodyResult::try_from(&message).unwrap(), body);
     assert_eq!(message.header.stamp, Time { sec: 2, nanosec: 1 });
     assert_eq!(message.header.stamp.ns(), 2_000_000_001);
     assert_eq!(Time::from_ns(u64::MAX).sec, i32::MAX);

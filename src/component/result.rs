@@ -1,6 +1,6 @@
 //! What a window did, summed over its steps.
 
-use super::memory::Recent;
+use super::memory::ReactionHistory;
 use crate::drive::SpeedLimit;
 use crate::error::Error;
 use crate::geometry::AxisBox;
@@ -12,7 +12,7 @@ use crate::step::StepReport;
 
 /// How a window went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Status {
+pub enum WindowStatus {
     /// Computed to its end, every step solved; without a tolerance that is not asked.
     Ok,
     /// Computed to its end; some step stopped at the cap of iterations.
@@ -23,60 +23,60 @@ pub enum Status {
     Discard,
 }
 
-impl Status {
+impl WindowStatus {
     /// The status's name in messages.
     pub fn name(self) -> &'static str {
         match self {
-            Status::Ok => "ok",
-            Status::Warn => "warn",
-            Status::Early => "early",
-            Status::Discard => "discard",
+            WindowStatus::Ok => "ok",
+            WindowStatus::Warn => "warn",
+            WindowStatus::Early => "early",
+            WindowStatus::Discard => "discard",
         }
     }
 }
 
 /// The result of a window.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
-    pub status: Status,
+pub struct WindowResult {
+    pub status: WindowStatus,
     /// What ended the window, where something did.
-    pub trouble: Option<Error>,
+    pub error: Option<Error>,
     /// The window as far as it was computed, ns.
     pub t0_ns: u64,
     pub t1_ns: u64,
     pub steps: u64,
     /// What the ballast did to each driven body `[nd]`.
-    pub bodies: Vec<BodyOutcome>,
+    pub bodies: Vec<BodyResult>,
     /// Of the component's zones, at the end of the window.
-    pub zones: Vec<ZoneOutcome>,
+    pub zones: Vec<ZoneResult>,
     /// Those that were in progress during the window, ended ones first.
     pub squeezes: Vec<SqueezeOutcome>,
-    pub solver: SolverOutcome,
+    pub solver: SolverResult,
     /// Since the start of the run.
     pub energy: EnergyLedger,
     /// How far apart knots may be, ns, for no body to move too far between them at its speed now;
     /// 0 where nothing moves.
-    pub hint_max_step_ns: u64,
+    pub max_knot_spacing_ns: u64,
 }
 
-impl Outcome {
+impl WindowResult {
     /// The outcome of a window of the one step that has just led to `state`: what a [`Component`] says of
     /// it, for those who call [`step`] themselves and keep the same records.
     ///
     /// [`Component`]: super::Component
     /// [`step`]: crate::step::step
-    pub fn of_step(report: &StepReport, end: End) -> Self {
+    pub fn of_step(report: &StepReport, end: WindowEnd) -> Self {
         let (model, state) = (end.model, end.state);
-        let mut account = Account::new(model, state.time_ns - model.stepping.step_ns);
+        let mut account = ResultAccumulator::new(model, state.time_ns - model.stepping.step_ns);
         account.take(report, state, model.stepping.h());
-        let status = if account.is_sound() { Status::Ok } else { Status::Warn };
+        let status = if account.is_sound() { WindowStatus::Ok } else { WindowStatus::Warn };
         account.close(status, None, end)
     }
 }
 
 /// A zone at the end of a window; what cannot be measured there is `None`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ZoneOutcome {
+pub struct ZoneResult {
     pub name: String,
     pub region: AxisBox,
     /// Solid over accessible volume (T-21).
@@ -91,7 +91,7 @@ pub struct ZoneOutcome {
 
 /// What the ballast did to a driven body during a window, about its reference point, world axes (T-27).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyOutcome {
+pub struct BodyResult {
     /// N s.
     pub impulse: Vec3,
     /// N m s.
@@ -100,8 +100,8 @@ pub struct BodyOutcome {
     pub mean_force: Vec3,
     pub mean_torque: Vec3,
     /// Mean over as many whole steps as 4 ms hold, one at least, which may have begun before the window: N, N m.
-    pub moving_force: Vec3,
-    pub moving_torque: Vec3,
+    pub moving_average_force: Vec3,
+    pub moving_average_torque: Vec3,
     /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns; the beginning of the window
     /// where no force acted.
     pub peak_force: Vec3,
@@ -115,12 +115,12 @@ pub struct BodyOutcome {
     pub pose: Pose,
     /// m/s, rad/s.
     pub velocity: Vec3,
-    pub spin: Vec3,
+    pub angular_velocity: Vec3,
 }
 
 /// How the window was solved.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SolverOutcome {
+pub struct SolverResult {
     /// Over all steps.
     pub iterations: u64,
     pub visits: u64,
@@ -137,13 +137,13 @@ pub struct SolverOutcome {
 }
 
 /// What is looked at when a window is over.
-pub struct End<'a> {
+pub struct WindowEnd<'a> {
     pub model: &'a Model,
     pub state: &'a State,
     /// To be measured on the state.
     pub zones: &'a [Zone],
     /// Has taken the last step.
-    pub recent: &'a Recent,
+    pub recent: &'a ReactionHistory,
     /// As the meter that has taken the last step tells them.
     pub squeezes: Vec<SqueezeOutcome>,
     /// How far a body may be led in a step.
@@ -151,23 +151,23 @@ pub struct End<'a> {
 }
 
 /// The sums of a window so far.
-pub(super) struct Account {
+pub(super) struct ResultAccumulator {
     t0_ns: u64,
     steps: u64,
-    bodies: Vec<BodyOutcome>,
-    solver: SolverOutcome,
+    bodies: Vec<BodyResult>,
+    solver: SolverResult,
 }
 
-impl Account {
+impl ResultAccumulator {
     pub fn new(model: &Model, t0_ns: u64) -> Self {
         let zero = Vec3::zeros();
-        let body = BodyOutcome {
+        let body = BodyResult {
             impulse: zero,
             angular_impulse: zero,
             mean_force: zero,
             mean_torque: zero,
-            moving_force: zero,
-            moving_torque: zero,
+            moving_average_force: zero,
+            moving_average_torque: zero,
             peak_force: zero,
             peak_torque: zero,
             peak_time_ns: t0_ns,
@@ -175,10 +175,10 @@ impl Account {
             contacts: 0,
             pose: Pose::identity(),
             velocity: zero,
-            spin: zero,
+            angular_velocity: zero,
         };
         let bodies = vec![body; model.driven.len()];
-        Self { t0_ns, steps: 0, bodies, solver: SolverOutcome::default() }
+        Self { t0_ns, steps: 0, bodies, solver: SolverResult::default() }
     }
 
     pub fn steps(&self) -> u64 {
@@ -217,7 +217,12 @@ impl Account {
         solver.max_penetration = solver.max_penetration.max(report.max_penetration);
     }
 
-    pub fn close(mut self, status: Status, trouble: Option<Error>, end: End) -> Outcome {
+    pub fn close(
+        mut self,
+        status: WindowStatus,
+        error: Option<Error>,
+        end: WindowEnd,
+    ) -> WindowResult {
         let state = end.state;
         let seconds = (state.time_ns - self.t0_ns) as f64 * 1e-9;
         let ng = end.model.grains.len();
@@ -227,18 +232,18 @@ impl Account {
                 body.mean_torque = body.angular_impulse / seconds;
             }
             let [force, torque] = end.recent.mean_wrench(d, end.model.stepping.h());
-            (body.moving_force, body.moving_torque) = (force, torque);
+            (body.moving_average_force, body.moving_average_torque) = (force, torque);
             body.pose = state.pose(ng + d);
             body.velocity = state.velocity[ng + d];
-            body.spin = state.spin[ng + d];
+            body.angular_velocity = state.angular_velocity[ng + d];
         }
-        Outcome {
+        WindowResult {
             status,
-            trouble,
+            error,
             t0_ns: self.t0_ns,
             t1_ns: state.time_ns,
             steps: self.steps,
-            hint_max_step_ns: end.hint(&self.bodies),
+            max_knot_spacing_ns: end.hint(&self.bodies),
             bodies: self.bodies,
             zones: measure(end.model, state, end.zones),
             squeezes: end.squeezes,
@@ -249,7 +254,7 @@ impl Account {
 }
 
 /// Measures zones on a state.
-pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneOutcome> {
+pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneResult> {
     if zones.is_empty() {
         return Vec::new();
     }
@@ -257,7 +262,7 @@ pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneOutcome>
     let measure = |zone: &Zone| {
         let flow = observe::inertial_number(model, state, zone);
         let compactness = observe::compactness(model, state, zone);
-        ZoneOutcome {
+        ZoneResult {
             name: zone.name.clone(),
             region: zone.region,
             compactness: compactness.ok().map(|c| c.compactness),
@@ -269,12 +274,12 @@ pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneOutcome>
     zones.iter().map(measure).collect()
 }
 
-impl End<'_> {
+impl WindowEnd<'_> {
     /// At least a step: no finer motion is of use. None where no body moves.
-    fn hint(&self, bodies: &[BodyOutcome]) -> u64 {
+    fn hint(&self, bodies: &[BodyResult]) -> u64 {
         let times = bodies.iter().enumerate();
-        let time = |d, b: &BodyOutcome| {
-            self.speed_limit.time(self.model, self.state, d, &b.velocity, &b.spin)
+        let time = |d, b: &BodyResult| {
+            self.speed_limit.time(self.model, self.state, d, &b.velocity, &b.angular_velocity)
         };
         let times = times.map(|(d, b)| time(d, b));
         let time = times.fold(f64::INFINITY, f64::min) * 1e9;

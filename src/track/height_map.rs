@@ -12,11 +12,11 @@ use crate::math::Quat;
 const STEEP: f64 = 1e-6;
 /// Most cells of the raster that a bed is poured on, 1.6 GB: a box of 28 m × 28 m at 2 mm, with more stones than fit a
 /// machine.
-pub const MOST_CELLS: f64 = 2e8;
+pub const MAX_CELLS: f64 = 2e8;
 
 /// Upper surface of the bed over square cells.
 #[derive(Debug, Clone)]
-pub(super) struct Relief {
+pub(super) struct HeightMap {
     /// Edge of a cell, m.
     pub cell: f64,
     columns: usize,
@@ -27,7 +27,7 @@ pub(super) struct Relief {
 
 /// What a grain of one orientation covers, relative to the cell that holds its origin.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Silhouette {
+pub(super) struct Footprint {
     cells: Vec<CoveredCell>,
 }
 
@@ -40,7 +40,7 @@ struct CoveredCell {
     high: f64,
 }
 
-impl Silhouette {
+impl Footprint {
     /// Covers the grain anew; its origin is at `within` (0 to 1, in cells) of its own cell.
     pub fn cover(&mut self, grain: &Polyhedron, turn: &Quat, within: [f64; 2], cell: f64) {
         self.cells.clear();
@@ -99,14 +99,14 @@ pub(super) fn turned_bounds(grain: &Polyhedron, turn: &Quat) -> AxisBox {
     AxisBox::around(grain.vertices.iter().map(|v| turn * v))
 }
 
-impl Relief {
+impl HeightMap {
     /// An empty floor, `size` in x and y (m), with cells of about `cell`.
     pub fn flat(size: [f64; 2], cell: f64) -> Result<Self> {
         let count = |length: f64| (length / cell).ceil();
-        if !(count(size[0]) * count(size[1]) <= MOST_CELLS) {
+        if !(count(size[0]) * count(size[1]) <= MAX_CELLS) {
             return Err(Error::Model {
                 place: "bed.size".into(),
-                expected: format!("at most {MOST_CELLS} cells of {cell} m in plan view"),
+                expected: format!("at most {MAX_CELLS} cells of {cell} m in plan view"),
                 found: format!("{} x {} m", size[0], size[1]),
             });
         }
@@ -126,7 +126,7 @@ impl Relief {
 
     /// Height of a grain's origin at which it comes to lie on the relief, its origin in the cell
     /// (column, row); not below `better`: what is at least as high as that is not looked at.
-    pub fn rest(&self, grain: &Silhouette, at: [i64; 2], better: f64) -> f64 {
+    pub fn rest(&self, grain: &Footprint, at: [i64; 2], better: f64) -> f64 {
         let mut z = f64::NEG_INFINITY;
         for cell in &grain.cells {
             if let Some(i) = self.index(at[0] + cell.column, at[1] + cell.row) {
@@ -140,7 +140,7 @@ impl Relief {
     }
 
     /// Raises the relief by a grain whose origin is at height `z` in the cell (column, row).
-    pub fn add(&mut self, grain: &Silhouette, at: [i64; 2], z: f64) {
+    pub fn add(&mut self, grain: &Footprint, at: [i64; 2], z: f64) {
         for cell in &grain.cells {
             if let Some(i) = self.index(at[0] + cell.column, at[1] + cell.row) {
                 self.height[i] = self.height[i].max(z + cell.high);

@@ -15,7 +15,7 @@ const HEAD: usize = 2;
 
 /// Runs at its rate, and is held while the mean force over a window exceeds the limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct PacedClock {
+pub(super) struct ForceLimitedProgress {
     /// Steps over which the force is averaged.
     pub window: usize,
     /// N; infinite: never held.
@@ -28,7 +28,7 @@ pub(super) struct PacedClock {
     pub open: f64,
 }
 
-impl PacedClock {
+impl ForceLimitedProgress {
     /// Length of the memory.
     pub fn memory_len(&self) -> usize {
         HEAD + self.window

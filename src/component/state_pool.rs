@@ -6,9 +6,9 @@ use std::sync::Arc;
 /// Steps go from one state to another. With these kept, windows of any length ask the system for no memory:
 /// one is written to by the next step, the other was left by the last.
 #[derive(Debug, Default)]
-pub(super) struct Spares(Vec<State>);
+pub(super) struct StatePool(Vec<State>);
 
-impl Spares {
+impl StatePool {
     const MOST: usize = 2;
 
     /// A state to write to, with nothing in it that is of use.
