@@ -13,11 +13,11 @@ use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
 
 /// Grains that turn by more than this in a step, rad, are looked at where they end.
-const TURN: f64 = 0.03;
+const MIN_RECHECKED_ROTATION: f64 = 0.03;
 /// Penetration at the end that the contacts of a step did not foretell, over the candidate's radius, that is let pass.
-const LET_PASS: f64 = 0.005;
+const PENETRATION_TOLERANCE: f64 = 0.005;
 /// How often a step is done before what is found at its end is let pass.
-const ATTEMPTS: u32 = 6;
+const MAX_PASSES: u32 = 6;
 
 /// Why a step is done again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,12 +28,12 @@ pub enum RecheckReason {
     EndOfStepPenetration,
 }
 
-/// Whether the step is to be done again; `attempts` is how often it has been done.
-pub fn recheck(model: &Model, ws: &mut Workspace, attempts: u32) -> Option<RecheckReason> {
-    if closed_unseen(model, ws) {
+/// Whether the step is to be done again; `passes` is how often it has been done.
+pub fn recheck(model: &Model, ws: &mut Workspace, passes: u32) -> Option<RecheckReason> {
+    if has_missed_contacts(model, ws) {
         return Some(RecheckReason::RangeTooSmall);
     }
-    let added = attempts < ATTEMPTS && turned_into(model, ws);
+    let added = passes < MAX_PASSES && add_end_of_step_contacts(model, ws);
     added.then_some(RecheckReason::EndOfStepPenetration)
 }
 
@@ -47,7 +47,7 @@ struct SolvedMotion<'a> {
 }
 
 impl SolvedMotion<'_> {
-    /// Velocity and spin of body `b`, m/s and rad/s.
+    /// Velocity and angular velocity of body `b`, m/s and rad/s.
     fn twist(&self, b: usize) -> (Vec3, Vec3) {
         let (v, w) = self.motion.twist(self.velocity, self.angular_velocity, b);
         let recovered =
@@ -66,7 +66,7 @@ impl SolvedMotion<'_> {
     }
 
     /// How deep two bodies are in each other, or will be in `h` seconds as their contacts have it, m.
-    fn foretold(&self, contacts: &Contacts, bodies: [u32; 2], h: f64) -> f64 {
+    fn predicted_depth(&self, contacts: &Contacts, bodies: [u32; 2], h: f64) -> f64 {
         let depth = |i: usize| -contacts.gap[i].min(self.gap_ahead(contacts, i, h));
         contacts.pair_range(bodies).map(depth).fold(0.0, f64::max)
     }
@@ -114,7 +114,7 @@ pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
 
 /// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
 /// (T-35); more is allowed for such bodies then.
-fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
+fn has_missed_contacts(model: &Model, ws: &mut Workspace) -> bool {
     let Workspace {
         motion, velocity, angular_velocity, correction, detection_range: reach, ..
     } = ws;
@@ -142,12 +142,12 @@ fn closed_unseen(model: &Model, ws: &mut Workspace) -> bool {
 
 /// Whether grains that turn fast end the step deeper in others than any contact of the step foretold (T-36); contacts of
 /// where they end are added then.
-fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
+fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
     let h = model.stepping.h();
     let Workspace { motion, velocity, angular_velocity, correction, .. } = ws;
     let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let ng = model.grains.len();
-    let turns = |b: usize| b < ng && h * solved.twist(b).1.norm() > TURN;
+    let turns = |b: usize| b < ng && h * solved.twist(b).1.norm() > MIN_RECHECKED_ROTATION;
     if !(0..ng).any(turns) {
         return false;
     }
@@ -158,12 +158,12 @@ fn turned_into(model: &Model, ws: &mut Workspace) -> bool {
     ws.foreseen.clear();
     let (found, way) = (&ws.fresh, |b: u32| solved.twist(b as usize).0 * h);
     for (i, &bodies) in found.bodies.iter().enumerate() {
-        let let_pass = LET_PASS * model.grain_radius(bodies[0] as usize);
-        if -found.gap[i] <= let_pass {
+        let tolerance = PENETRATION_TOLERANCE * model.grain_radius(bodies[0] as usize);
+        if -found.gap[i] <= tolerance {
             continue;
         }
-        let excess = found.gap[i] + solved.foretold(&ws.contacts, bodies, h);
-        if -excess > let_pass {
+        let excess = found.gap[i] + solved.predicted_depth(&ws.contacts, bodies, h);
+        if -excess > tolerance {
             // One point for both bodies, or they would gain spin from nothing: as seen from midway between them.
             let point = found.point[i] - 0.5 * (way(bodies[0]) + way(bodies[1]));
             let k = ws.foreseen.len();

@@ -148,7 +148,7 @@ fn divide(model: &Model, ws: &mut Workspace) {
     let mobile = model.mobile_count();
     let partition = ws.decomposition.partition_mut();
     match model.solver.schedule {
-        Schedule::Sequential => partition.whole(mobile, &ws.contacts),
+        Schedule::Sequential => partition.assign_single_set(mobile, &ws.contacts),
         Schedule::Synchronous | Schedule::Asynchronous => {
             partition.divide(model.solver.partition, &ws.motion.position[..mobile], &ws.contacts)
         }

@@ -17,10 +17,10 @@ use crate::lanes::LANES;
 pub const PADDING: u32 = u32::MAX;
 
 /// Blocks that may be open at a time: one per bit of a grain's mask.
-const WINDOW: usize = 64;
+const MAX_OPEN_BLOCKS: usize = 64;
 
 /// Blocks among which the next one is sought that shares no grain with the one before.
-const REACH: usize = 32;
+const MAX_SEARCHED_BLOCKS: usize = 32;
 
 /// Blocks of contacts that share no grain, and the memory to build them.
 #[derive(Debug, Clone, Default)]
@@ -28,18 +28,18 @@ pub struct Packing {
     /// Positions in the caller's list, or [`PADDING`] `[blocks]`.
     pub blocks: Vec<[u32; LANES]>,
     /// Bit w: the grain is in the open block w of the window `[grains]`. All zero between calls.
-    occupied: Vec<u64>,
+    open_blocks: Vec<u64>,
     /// Grains of the contacts.
     grains: Vec<[u32; 2]>,
     /// The last block in the final order that has the grain, counted from 1 `[grains]`.
-    last: Vec<u32>,
+    last_block: Vec<u32>,
 }
 
 /// The blocks that still have room; slot `w` of the window is bit `w` of the grains' masks.
-struct Window {
+struct OpenBlocks {
     /// Index of the block in the output.
-    block: [u32; WINDOW],
-    count: [u8; WINDOW],
+    block: [u32; MAX_OPEN_BLOCKS],
+    count: [u8; MAX_OPEN_BLOCKS],
     open: u64,
 }
 
@@ -51,11 +51,12 @@ impl Packing {
         self.blocks.reserve(count.div_ceil(LANES) + 8);
         self.grains.clear();
         self.grains.extend((0..count).map(grains));
-        self.occupied.resize(grain_count.max(self.occupied.len()), 0);
-        let mut window = Window { block: [0; WINDOW], count: [0; WINDOW], open: 0 };
+        self.open_blocks.resize(grain_count.max(self.open_blocks.len()), 0);
+        let mut window =
+            OpenBlocks { block: [0; MAX_OPEN_BLOCKS], count: [0; MAX_OPEN_BLOCKS], open: 0 };
         for i in 0..count {
             let [a, b] = self.grains[i].map(|g| g as usize);
-            let free = window.open & !(self.occupied[a] | self.occupied[b]);
+            let free = window.open & !(self.open_blocks[a] | self.open_blocks[b]);
             let slot = if free != 0 {
                 self.oldest(&window, free)
             } else {
@@ -73,8 +74,8 @@ impl Packing {
             let lane = window.count[slot] as usize;
             self.blocks[window.block[slot] as usize][lane] = i as u32;
             window.count[slot] += 1;
-            self.occupied[a] |= 1 << slot;
-            self.occupied[b] |= 1 << slot;
+            self.open_blocks[a] |= 1 << slot;
+            self.open_blocks[b] |= 1 << slot;
             if window.count[slot] as usize == LANES {
                 self.close(&mut window, slot);
             }
@@ -83,14 +84,14 @@ impl Packing {
             let slot = window.open.trailing_zeros() as usize;
             self.close(&mut window, slot);
         }
-        self.spread();
+        self.separate_neighbours();
     }
 
-    /// Puts blocks next to each other that share no grain, as far as they are found within [`REACH`].
-    fn spread(&mut self) {
-        let Self { blocks, grains, last, occupied } = self;
-        last.clear();
-        last.resize(occupied.len(), 0);
+    /// Puts blocks next to each other that share no grain, as far as they are found within [`MAX_SEARCHED_BLOCKS`].
+    fn separate_neighbours(&mut self) {
+        let Self { blocks, grains, last_block, open_blocks } = self;
+        last_block.clear();
+        last_block.resize(open_blocks.len(), 0);
         let of_block = |block: &[u32; LANES]| {
             // Padding is beyond the list.
             block
@@ -101,10 +102,10 @@ impl Packing {
                 .map(|&g| g as usize)
         };
         for (k, number) in (1..blocks.len()).zip(1_u32..) {
-            of_block(&blocks[k - 1]).for_each(|g| last[g] = number);
+            of_block(&blocks[k - 1]).for_each(|g| last_block[g] = number);
             let candidates = &mut blocks[k..];
-            let reach = candidates.len().min(REACH);
-            let is_apart = |block: &[u32; LANES]| of_block(block).all(|g| last[g] != number);
+            let reach = candidates.len().min(MAX_SEARCHED_BLOCKS);
+            let is_apart = |block: &[u32; LANES]| of_block(block).all(|g| last_block[g] != number);
             if let Some(next) = candidates[..reach].iter().position(is_apart) {
                 candidates[..=next].rotate_right(1);
             }
@@ -112,7 +113,7 @@ impl Packing {
     }
 
     /// The slot of `candidates` whose block was opened first: filling it first keeps blocks local.
-    fn oldest(&self, window: &Window, mut candidates: u64) -> usize {
+    fn oldest(&self, window: &OpenBlocks, mut candidates: u64) -> usize {
         let mut best = candidates.trailing_zeros() as usize;
         while candidates != 0 {
             let slot = candidates.trailing_zeros() as usize;
@@ -124,12 +125,12 @@ impl Packing {
         best
     }
 
-    fn close(&mut self, window: &mut Window, slot: usize) {
+    fn close(&mut self, window: &mut OpenBlocks, slot: usize) {
         let bit = 1_u64 << slot;
         for &i in &self.blocks[window.block[slot] as usize] {
             if i != PADDING {
                 for g in self.grains[i as usize] {
-                    self.occupied[g as usize] &= !bit;
+                    self.open_blocks[g as usize] &= !bit;
                 }
             }
         }
@@ -146,7 +147,7 @@ mod tests {
     fn check(count: usize, grains: usize, pairs: &[[u32; 2]]) -> (f64, f64) {
         let mut packing = Packing::default();
         packing.build(count, grains, |i| pairs[i]);
-        assert!(packing.occupied.iter().all(|&m| m == 0));
+        assert!(packing.open_blocks.iter().all(|&m| m == 0));
         let mut seen = vec![false; count];
         for block in &packing.blocks {
             let mut inside: Vec<u32> = Vec::new();

@@ -99,7 +99,7 @@ pub(super) fn run_with(
     let grains = model.grains.len();
     let partition = decomposition.partition_mut();
     if model.solver.schedule == Schedule::Sequential {
-        partition.whole(grains, contacts);
+        partition.assign_single_set(grains, contacts);
     } else {
         partition.divide(model.solver.partition, &motion.position[..grains], contacts);
     }

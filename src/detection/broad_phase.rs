@@ -6,10 +6,10 @@
 //! Contract: the list holds every pair that is within reach of each other, and its order is canonical. It may hold
 //! more, so what is found must not depend on pairs that are apart.
 
-use super::grid::Grid;
-use super::narrow_phase::PairMemory;
+use super::grid::CellGrid;
+use super::narrow_phase::PairCache;
 use super::range::{self, DetectionRange};
-use super::travel::{self, Travel};
+use super::travel::{self, TravelledDistance};
 use crate::geometry::{AxisBox, Polyhedron};
 use crate::math::{Pose, Quat, Vec3};
 use crate::model::{Model, Part};
@@ -24,7 +24,7 @@ pub(super) const CHUNK: usize = 64;
 const SKIN: f64 = 0.1;
 /// Steps for which the list should hold, however fast a body is: one stone that was flung would else have it rebuilt
 /// in every step.
-const LASTING: f64 = 4.0;
+const MAX_SKIN_LIFETIME_STEPS: f64 = 4.0;
 
 /// A part of a driven body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,36 +45,36 @@ pub(super) struct PairList {
     /// Antagonists, ascending for each grain `[np]`.
     pub antagonists: Vec<u32>,
     /// What the narrow phase remembers of each pair `[np]`.
-    pub memory: Vec<PairMemory>,
+    pub memory: Vec<PairCache>,
     /// All parts of driven bodies, by body.
     pub parts: Vec<PartRef>,
     /// Of all bodies, from configuration to configuration for which pairs were examined.
-    pub travel: Travel,
-    built: Built,
+    pub travel: TravelledDistance,
+    listed: ListedConfiguration,
     boxes: Vec<AxisBox>,
-    grid: Grid,
+    grid: CellGrid,
     /// Pairs that the grid does not find from grain to grain.
     extra: Vec<(u32, u32)>,
-    fresh: Vec<Fresh>,
+    chunk_pairs: Vec<ChunkPairs>,
 }
 
 /// The configuration for which the list was built.
 #[derive(Debug, Default)]
-struct Built {
+struct ListedConfiguration {
     position: Vec<Vec3>,
     orientation: Vec<Quat>,
     /// Largest distance of a point of a body from its origin `[nb]`, m.
-    extent: Vec<f64>,
+    bounding_radius: Vec<f64>,
     /// Shares in the distances up to which contacts are looked for `[nb]`, m.
-    share: Vec<f64>,
+    range: Vec<f64>,
     /// By how much a body may move, and its share grow, before the list is rebuilt `[nb]`, m.
     slack: Vec<f64>,
-    identity: Identity,
+    fingerprint: ModelFingerprint,
 }
 
 /// By which a model is known again: pairs' memory is about shapes.
 #[derive(Debug, Default)]
-struct Identity {
+struct ModelFingerprint {
     /// Of the grains.
     shape: Vec<u32>,
     /// Of each shape: how many corners, edges and faces.
@@ -88,8 +88,8 @@ fn counts(s: &Polyhedron) -> [usize; 3] {
     [s.vertices.len(), s.edges.len(), s.face_count()]
 }
 
-impl Identity {
-    fn note(&mut self, model: &Model) {
+impl ModelFingerprint {
+    fn record(&mut self, model: &Model) {
         self.shape.clone_from(&model.grains.shape);
         self.counts.clear();
         self.counts.extend(model.shapes.iter().map(counts));
@@ -99,7 +99,7 @@ impl Identity {
         self.parts.extend(model.driven.iter().map(|d| d.parts.clone()));
     }
 
-    fn is_of(&self, model: &Model) -> bool {
+    fn matches(&self, model: &Model) -> bool {
         let mut corners = &self.corners[..];
         let mut are_corners =
             |of: &[Vec3]| corners.split_off(..of.len()).is_some_and(|known| known == of);
@@ -117,46 +117,46 @@ impl Identity {
 
 /// Pairs of one chunk of grains in a new list.
 #[derive(Debug, Default)]
-struct Fresh {
+struct ChunkPairs {
     counts: Vec<usize>,
     antagonists: Vec<u32>,
-    memory: Vec<PairMemory>,
+    memory: Vec<PairCache>,
 }
 
 impl PairList {
     /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved, and its reach grown, by
     /// more than it was given. Pairs of another model are forgotten.
     pub fn update(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
-        let known = self.built.identity.is_of(model);
+        let known = self.listed.fingerprint.matches(model);
         if !known {
-            self.built.identity.note(model);
-            self.parts = parts_of(model);
+            self.listed.fingerprint.record(model);
+            self.parts = part_refs(model);
             self.starts.clear();
             self.starts.resize(model.grains.len() + 1, 0);
             self.antagonists.clear();
             self.memory.clear();
             self.travel.clear();
         }
-        if !known || !self.built.still_holds(motion, reach) {
+        if !known || !self.listed.is_valid(motion, reach) {
             self.rebuild(model, motion, reach);
         }
     }
 
     /// Adds to the bodies' travel their way to the configuration in which pairs will be examined.
     pub fn advance(&mut self, motion: &Motion) {
-        self.travel.update(motion, &self.built.extent);
+        self.travel.update(motion, &self.listed.bounding_radius);
     }
 
     fn rebuild(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let ng = model.grains.len();
-        self.built.note(model, motion, reach);
-        let built = &self.built;
+        self.listed.record(model, motion, reach);
+        let listed = &self.listed;
         (0..ng)
             .into_par_iter()
             .with_min_len(256)
             .map(|i| {
                 let shape = &model.shapes[model.grains.shape[i] as usize];
-                bounds(shape, &motion.pose(i), built.margin(i))
+                bounds(shape, &motion.pose(i), listed.margin(i))
             })
             .collect_into_vec(&mut self.boxes);
         self.grid.build(&self.boxes);
@@ -177,7 +177,7 @@ impl PairList {
             {
                 let shape = &model.shapes[*shape as usize];
                 let placed = motion.pose(ng + body).then(local);
-                let bounds = bounds(shape, &placed, self.built.margin(ng + body));
+                let bounds = bounds(shape, &placed, self.listed.margin(ng + body));
                 let mut found = |i| self.extra.push((i, (ng + k) as u32));
                 self.grid.for_each_meeting(&self.boxes, &bounds, &mut found);
             }
@@ -186,26 +186,26 @@ impl PairList {
 
     /// Collects all pairs by chunk, then joins them; pairs of the old list keep their memory.
     fn fill(&mut self, ng: usize) {
-        let Self { starts, antagonists, memory, grid, boxes, extra, fresh, .. } = self;
-        fresh.resize_with(ng.div_ceil(CHUNK), Fresh::default);
-        let meetings = Meetings { grid, boxes, extra, starts, antagonists };
-        by_chunk(starts, 0..ng, memory, fresh, &|grains, memory, chunk| {
+        let Self { starts, antagonists, memory, grid, boxes, extra, chunk_pairs, .. } = self;
+        chunk_pairs.resize_with(ng.div_ceil(CHUNK), ChunkPairs::default);
+        let meetings = BoxOverlaps { grid, boxes, extra, starts, antagonists };
+        for_each_chunk(starts, 0..ng, memory, chunk_pairs, &|grains, memory, chunk| {
             chunk.collect(&meetings, grains, memory);
         });
         starts.clear();
         starts.push(0);
-        for count in fresh.iter().flat_map(|chunk| &chunk.counts) {
+        for count in chunk_pairs.iter().flat_map(|chunk| &chunk.counts) {
             starts.push(starts[starts.len() - 1] + count);
         }
         antagonists.resize(starts[ng], 0);
-        memory.resize_with(starts[ng], PairMemory::default);
-        join(fresh, antagonists, memory);
+        memory.resize_with(starts[ng], PairCache::default);
+        join(chunk_pairs, antagonists, memory);
     }
 }
 
 /// Moves the chunks' pairs to their places, one after the other.
-fn join(fresh: &mut [Fresh], antagonists: &mut [u32], memory: &mut [PairMemory]) {
-    match fresh {
+fn join(chunk_pairs: &mut [ChunkPairs], antagonists: &mut [u32], memory: &mut [PairCache]) {
+    match chunk_pairs {
         [] => {}
         [chunk] => {
             antagonists.copy_from_slice(&chunk.antagonists);
@@ -214,7 +214,7 @@ fn join(fresh: &mut [Fresh], antagonists: &mut [u32], memory: &mut [PairMemory])
             chunk.memory.clear();
         }
         _ => {
-            let (left, right) = fresh.split_at_mut(fresh.len() / 2);
+            let (left, right) = chunk_pairs.split_at_mut(chunk_pairs.len() / 2);
             let pairs = left.iter().map(|chunk| chunk.memory.len()).sum();
             let (antagonists, antagonists_after) = antagonists.split_at_mut(pairs);
             let (memory, memory_after) = memory.split_at_mut(pairs);
@@ -227,12 +227,12 @@ fn join(fresh: &mut [Fresh], antagonists: &mut [u32], memory: &mut [PairMemory])
 }
 
 /// Does `work` for each chunk of `grains` with the memory of their pairs, in parallel.
-pub(super) fn by_chunk<C: Send>(
+pub(super) fn for_each_chunk<C: Send>(
     starts: &[usize],
     grains: Range<usize>,
-    memory: &mut [PairMemory],
+    memory: &mut [PairCache],
     chunks: &mut [C],
-    work: &(impl Fn(Range<usize>, &mut [PairMemory], &mut C) + Sync),
+    work: &(impl Fn(Range<usize>, &mut [PairCache], &mut C) + Sync),
 ) {
     match chunks {
         [] => {}
@@ -242,25 +242,25 @@ pub(super) fn by_chunk<C: Send>(
             let middle = grains.start + left.len() * CHUNK;
             let (before, after) = memory.split_at_mut(starts[middle] - starts[grains.start]);
             rayon::join(
-                || by_chunk(starts, grains.start..middle, before, left, work),
-                || by_chunk(starts, middle..grains.end, after, right, work),
+                || for_each_chunk(starts, grains.start..middle, before, left, work),
+                || for_each_chunk(starts, middle..grains.end, after, right, work),
             );
         }
     }
 }
 
 /// Where boxes meet, and the list so far.
-struct Meetings<'a> {
-    grid: &'a Grid,
+struct BoxOverlaps<'a> {
+    grid: &'a CellGrid,
     boxes: &'a [AxisBox],
     extra: &'a [(u32, u32)],
     starts: &'a [usize],
     antagonists: &'a [u32],
 }
 
-impl Fresh {
+impl ChunkPairs {
     /// Collects the pairs of these grains; `known` is the memory of those they had.
-    fn collect(&mut self, all: &Meetings, grains: Range<usize>, known: &mut [PairMemory]) {
+    fn collect(&mut self, all: &BoxOverlaps, grains: Range<usize>, known: &mut [PairCache]) {
         self.counts.clear();
         self.antagonists.clear();
         self.memory.clear();
@@ -285,53 +285,60 @@ impl Fresh {
             self.antagonists.truncate(kept);
             self.counts.push(kept - first);
             let old = all.starts[i]..all.starts[i + 1];
-            self.recall(first, &all.antagonists[old.clone()], &mut known[old.start - from..]);
+            self.restore_caches(
+                first,
+                &all.antagonists[old.clone()],
+                &mut known[old.start - from..],
+            );
         }
     }
 
     /// Takes the memory of the pairs from `first` on from that of the old ones of the same grain.
-    fn recall(&mut self, first: usize, old: &[u32], known: &mut [PairMemory]) {
+    fn restore_caches(&mut self, first: usize, old: &[u32], known: &mut [PairCache]) {
         let mut k = 0;
         for j in &self.antagonists[first..] {
             while k < old.len() && old[k] < *j {
                 k += 1;
             }
             let is_known = old.get(k) == Some(j);
-            self.memory.push(if is_known { take(&mut known[k]) } else { PairMemory::default() });
+            self.memory.push(if is_known { take(&mut known[k]) } else { PairCache::default() });
         }
     }
 }
 
-impl Built {
+impl ListedConfiguration {
     /// Notes the configuration of the list.
-    fn note(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
+    fn record(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let ng = model.grains.len();
         self.position.clone_from(&motion.position);
         self.orientation.clone_from(&motion.orientation);
         (0..model.body_count())
             .into_par_iter()
             .with_min_len(1024)
-            .map(|b| range::extent(model, b))
-            .collect_into_vec(&mut self.extent);
-        let mean = self.extent[..ng].iter().sum::<f64>() / ng.max(1) as f64;
-        self.share.clear();
-        self.share.extend((0..reach.body_count()).map(|b| reach.body_range(b)));
+            .map(|b| range::bounding_radius(model, b))
+            .collect_into_vec(&mut self.bounding_radius);
+        let mean = self.bounding_radius[..ng].iter().sum::<f64>() / ng.max(1) as f64;
+        self.range.clear();
+        self.range.extend((0..reach.body_count()).map(|b| reach.body_range(b)));
         self.slack.clear();
-        let slack = |b| (0.5 * SKIN * mean).max(LASTING * reach.free_displacement(b));
+        let slack =
+            |b| (0.5 * SKIN * mean).max(MAX_SKIN_LIFETIME_STEPS * reach.free_displacement(b));
         self.slack.extend((0..reach.body_count()).map(slack));
     }
 
     /// What the box of body `b` is wider than the body.
     fn margin(&self, b: usize) -> f64 {
-        self.share[b] + self.slack[b]
+        self.range[b] + self.slack[b]
     }
 
     /// Whether no body has used up its slack by moving or by a larger reach.
-    fn still_holds(&self, motion: &Motion, reach: &DetectionRange) -> bool {
+    fn is_valid(&self, motion: &Motion, reach: &DetectionRange) -> bool {
         let used_up = |b: usize| {
-            let turn = travel::turn(&motion.orientation[b], &self.orientation[b]);
-            let path = (motion.position[b] - self.position[b]).norm() + self.extent[b] * turn;
-            let used = path + (reach.body_range(b) - self.share[b]).max(0.0);
+            let rotation_bound =
+                travel::rotation_bound(&motion.orientation[b], &self.orientation[b]);
+            let path = (motion.position[b] - self.position[b]).norm()
+                + self.bounding_radius[b] * rotation_bound;
+            let used = path + (reach.body_range(b) - self.range[b]).max(0.0);
             used.is_nan() || used > self.slack[b]
         };
         self.position.len() == motion.position.len()
@@ -340,7 +347,7 @@ impl Built {
 }
 
 /// All parts of driven bodies, by body.
-fn parts_of(model: &Model) -> Vec<PartRef> {
+fn part_refs(model: &Model) -> Vec<PartRef> {
     let body = |(d, b): (usize, &crate::model::DrivenBody)| {
         let part = move |(p, part): (usize, &Part)| PartRef {
             driven: d as u32,

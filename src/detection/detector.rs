@@ -5,9 +5,9 @@
 //! Contract: contacts are a function of model, motion and reach; neither earlier steps nor the number of
 //! threads change a bit.
 
-use super::Contacts;
-use super::broad_phase::{CHUNK, PairList, PartRef, by_chunk};
-use super::narrow_phase::{self, PairMemory, Scratch, Solid};
+use super::broad_phase::{CHUNK, PairList, PartRef, for_each_chunk};
+use super::contacts::Contacts;
+use super::narrow_phase::{self, ConvexBody, PairCache, Scratch};
 use super::range::DetectionRange;
 use crate::geometry::HalfSpace;
 use crate::lanes;
@@ -16,26 +16,26 @@ use crate::model::{Model, Part};
 use crate::motion::Motion;
 
 /// How many pairs before its turn a pair's memory is fetched.
-const AHEAD: usize = 2;
+const PREFETCH_PAIRS: usize = 2;
 
 /// Finds contacts; keeps what makes the next step faster.
 #[derive(Debug, Default)]
 pub struct Detector {
     pairs: PairList,
-    placed: Vec<Placed>,
-    chunks: Vec<Chunk>,
+    placed: Vec<PartPose>,
+    chunks: Vec<ChunkContacts>,
 }
 
 /// A part of a driven body, placed in the world.
 #[derive(Debug, Clone, Copy)]
-enum Placed {
+enum PartPose {
     Convex { shape: u32, pose: Pose },
     HalfSpace(HalfSpace),
 }
 
 /// Buffers of one chunk of grains.
 #[derive(Debug, Default)]
-struct Chunk {
+struct ChunkContacts {
     /// Holds the chunk's contact points.
     scratch: Scratch,
     /// Candidate and antagonist of each point.
@@ -73,19 +73,28 @@ impl Detector {
         model: &Model,
         motion: &Motion,
         reach: &DetectionRange,
-        asked: impl Fn([usize; 2]) -> bool + Sync,
+        is_wanted: impl Fn([usize; 2]) -> bool + Sync,
         out: &mut Contacts,
     ) {
         self.pairs.advance(motion);
         let ng = model.grains.len();
-        place_parts(&self.pairs.parts, model, motion, &mut self.placed);
-        self.chunks.resize_with(ng.div_ceil(CHUNK), Chunk::default);
+        transform_parts(&self.pairs.parts, model, motion, &mut self.placed);
+        self.chunks.resize_with(ng.div_ceil(CHUNK), ChunkContacts::default);
         let PairList { starts, antagonists, memory, parts, travel, .. } = &mut self.pairs;
         let (starts, antagonists, placed) = (&*starts, &*antagonists, &*self.placed);
         let travel = &*travel.length;
-        let search =
-            Search { model, motion, reach, asked, starts, antagonists, parts, placed, travel };
-        by_chunk(starts, 0..ng, memory, &mut self.chunks, &|grains, memory, chunk| {
+        let search = PairSearch {
+            model,
+            motion,
+            reach,
+            is_wanted,
+            starts,
+            antagonists,
+            parts,
+            placed,
+            travel,
+        };
+        for_each_chunk(starts, 0..ng, memory, &mut self.chunks, &|grains, memory, chunk| {
             search.chunk(grains, memory, chunk);
         });
         join(&self.chunks, out);
@@ -93,57 +102,64 @@ impl Detector {
 }
 
 /// Where all parts of driven bodies are.
-fn place_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut Vec<Placed>) {
+fn transform_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut Vec<PartPose>) {
     placed.clear();
     placed.extend(parts.iter().map(|p| {
         let body = motion.pose(model.grains.len() + p.driven as usize);
         match &model.driven[p.driven as usize].parts[p.part as usize] {
-            Part::Convex { shape, pose } => Placed::Convex { shape: *shape, pose: body.then(pose) },
+            Part::Convex { shape, pose } => {
+                PartPose::Convex { shape: *shape, pose: body.then(pose) }
+            }
             Part::HalfSpace { normal, offset } => {
-                Placed::HalfSpace(HalfSpace { normal: *normal, offset: *offset }.at(&body))
+                PartPose::HalfSpace(HalfSpace { normal: *normal, offset: *offset }.at(&body))
             }
         }
     }));
 }
 
 /// What all chunks read.
-struct Search<'a, F> {
+struct PairSearch<'a, F> {
     model: &'a Model,
     motion: &'a Motion,
     reach: &'a DetectionRange,
     /// Whether contacts of two bodies are wanted.
-    asked: F,
+    is_wanted: F,
     starts: &'a [usize],
     antagonists: &'a [u32],
     parts: &'a [PartRef],
-    placed: &'a [Placed],
+    placed: &'a [PartPose],
     travel: &'a [f64],
 }
 
-impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
-    fn chunk(&self, grains: std::ops::Range<usize>, memory: &mut [PairMemory], out: &mut Chunk) {
+impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
+    fn chunk(
+        &self,
+        grains: std::ops::Range<usize>,
+        memory: &mut [PairCache],
+        out: &mut ChunkContacts,
+    ) {
         out.scratch.points.clear();
         out.bodies.clear();
         let first = self.starts[grains.start];
         let all = &self.antagonists[first..first + memory.len()];
         for i in grains.clone() {
             if i + 1 < grains.end {
-                self.expect_grain(i + 1);
+                self.prefetch_grain(i + 1);
             }
             let pairs = self.starts[i] - first..self.starts[i + 1] - first;
             let of_grains = all[pairs.clone()].partition_point(|j| self.is_grain(*j));
             let parts = pairs.start + of_grains;
             for k in pairs.start..parts {
-                if let Some(next) = all.get(k + AHEAD).filter(|j| self.is_grain(**j)) {
-                    self.expect(*next, &memory[k + AHEAD]);
+                if let Some(next) = all.get(k + PREFETCH_PAIRS).filter(|j| self.is_grain(**j)) {
+                    self.prefetch_pair(*next, &memory[k + PREFETCH_PAIRS]);
                 }
                 let j = all[k];
                 let b = || self.grain(j as usize);
-                if self.touch([i, j as usize], b, &mut memory[k], &mut out.scratch) {
-                    out.note([i as u32, j], 0);
+                if self.examine_pair([i, j as usize], b, &mut memory[k], &mut out.scratch) {
+                    out.label_points([i as u32, j], 0);
                 }
             }
-            self.parts_of(i, &all[parts..pairs.end], &mut memory[parts..pairs.end], out);
+            self.examine_parts(i, &all[parts..pairs.end], &mut memory[parts..pairs.end], out);
         }
     }
 
@@ -152,14 +168,14 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
     }
 
     /// Brings to the cache what a pair with grain `j` will read if it touches.
-    fn expect(&self, j: u32, memory: &PairMemory) {
-        if memory.expect() {
-            self.expect_grain(j as usize);
+    fn prefetch_pair(&self, j: u32, memory: &PairCache) {
+        if memory.prefetch() {
+            self.prefetch_grain(j as usize);
         }
     }
 
     /// Brings a grain's shape to the cache.
-    fn expect_grain(&self, i: usize) {
+    fn prefetch_grain(&self, i: usize) {
         let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
         lanes::prefetch(&*shape.vertices);
         lanes::prefetch(&*shape.face_normals);
@@ -168,79 +184,91 @@ impl<F: Fn([usize; 2]) -> bool + Sync> Search<'_, F> {
     }
 
     /// Contacts of grain `i` with all parts: the convex ones that are listed, and all half-spaces.
-    fn parts_of(&self, i: usize, listed: &[u32], memory: &mut [PairMemory], out: &mut Chunk) {
+    fn examine_parts(
+        &self,
+        i: usize,
+        listed: &[u32],
+        memory: &mut [PairCache],
+        out: &mut ChunkContacts,
+    ) {
         let ng = self.model.grains.len();
         let mut next = 0;
         for (k, (part, placed)) in self.parts.iter().zip(self.placed).enumerate() {
             let pair = [i, ng + part.driven as usize];
             match placed {
-                Placed::HalfSpace(HalfSpace { normal, offset }) => {
-                    if !(self.asked)(pair) {
+                PartPose::HalfSpace(HalfSpace { normal, offset }) => {
+                    if !(self.is_wanted)(pair) {
                         continue;
                     }
                     let a = self.grain(i);
                     let alert = self.reach.distance(self.motion, a.shape.radius, pair);
-                    narrow_phase::touch_half_space(a, normal, *offset, alert, &mut out.scratch);
+                    narrow_phase::generate_half_space_contacts(
+                        a,
+                        normal,
+                        *offset,
+                        alert,
+                        &mut out.scratch,
+                    );
                 }
-                Placed::Convex { shape, pose } => {
+                PartPose::Convex { shape, pose } => {
                     if listed.get(next) != Some(&((ng + k) as u32)) {
                         continue;
                     }
                     let shape = &self.model.shapes[*shape as usize];
                     let memory = &mut memory[next];
                     next += 1;
-                    let b = || Solid { shape, pose: *pose };
-                    if !self.touch(pair, b, memory, &mut out.scratch) {
+                    let b = || ConvexBody { shape, pose: *pose };
+                    if !self.examine_pair(pair, b, memory, &mut out.scratch) {
                         continue;
                     }
                 }
             }
-            out.note(pair.map(|b| b as u32), part.part as usize);
+            out.label_points(pair.map(|b| b as u32), part.part as usize);
         }
     }
 
     /// Finds the contacts of a grain with another body, `b` of it; whether the two had to be looked at.
-    fn touch<'s>(
+    fn examine_pair<'s>(
         &self,
         pair: [usize; 2],
-        b: impl Fn() -> Solid<'s>,
-        memory: &mut PairMemory,
+        b: impl Fn() -> ConvexBody<'s>,
+        memory: &mut PairCache,
         scratch: &mut Scratch,
     ) -> bool {
         let travel = pair.map(|b| self.travel[b]).iter().sum();
-        let at_most = self.reach.max_distance(pair);
-        if !(self.asked)(pair) || memory.sleeps(travel, at_most) {
+        let max_distance = self.reach.max_distance(pair);
+        if !(self.is_wanted)(pair) || memory.is_surely_separated(travel, max_distance) {
             return false;
         }
         let a = self.grain(pair[0]);
         // A body may have half-spaces beside this part: they are looked for further away.
-        let alert = self.reach.distance(self.motion, a.shape.radius, pair).min(at_most);
-        let looked = !memory.sleeps(travel, alert);
+        let alert = self.reach.distance(self.motion, a.shape.radius, pair).min(max_distance);
+        let looked = !memory.is_surely_separated(travel, alert);
         if looked {
-            narrow_phase::touch(a, b(), alert, travel, memory, scratch);
+            narrow_phase::generate_contacts(a, b(), alert, travel, memory, scratch);
         }
         looked
     }
 
-    fn grain(&self, i: usize) -> Solid<'_> {
+    fn grain(&self, i: usize) -> ConvexBody<'_> {
         let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
-        Solid { shape, pose: self.motion.pose(i) }
+        ConvexBody { shape, pose: self.motion.pose(i) }
     }
 }
 
-impl Chunk {
+impl ChunkContacts {
     /// Notes whose the points are that have been found last, and on which part of the antagonist.
-    fn note(&mut self, bodies: [u32; 2], part: usize) {
+    fn label_points(&mut self, bodies: [u32; 2], part: usize) {
         let points = &mut self.scratch.points;
         for p in &mut points[self.bodies.len()..] {
-            p.feature = narrow_phase::on_part(p.feature, part);
+            p.feature = narrow_phase::with_part(p.feature, part);
         }
         self.bodies.resize(points.len(), bodies);
     }
 }
 
 /// Copies the chunks' contacts to `out`, one after the other.
-fn join(chunks: &[Chunk], out: &mut Contacts) {
+fn join(chunks: &[ChunkContacts], out: &mut Contacts) {
     let count = points(chunks);
     out.bodies.resize(count, [0; 2]);
     out.feature.resize(count, 0);
@@ -248,15 +276,15 @@ fn join(chunks: &[Chunk], out: &mut Contacts) {
     out.normal.resize(count, Vec3::zeros());
     out.gap.resize(count, 0.0);
     let Contacts { bodies, feature, point, normal, gap } = out;
-    Places { bodies, feature, point, normal, gap }.fill(chunks);
+    ContactSlices { bodies, feature, point, normal, gap }.fill(chunks);
 }
 
-fn points(chunks: &[Chunk]) -> usize {
+fn points(chunks: &[ChunkContacts]) -> usize {
     chunks.iter().map(|chunk| chunk.bodies.len()).sum()
 }
 
 /// Where contacts of some chunks go.
-struct Places<'a> {
+struct ContactSlices<'a> {
     bodies: &'a mut [[u32; 2]],
     feature: &'a mut [u64],
     point: &'a mut [Vec3],
@@ -264,8 +292,8 @@ struct Places<'a> {
     gap: &'a mut [f64],
 }
 
-impl Places<'_> {
-    fn fill(self, chunks: &[Chunk]) {
+impl ContactSlices<'_> {
+    fn fill(self, chunks: &[ChunkContacts]) {
         match chunks {
             [] => {}
             [chunk] => self.copy(chunk),
@@ -277,7 +305,7 @@ impl Places<'_> {
         }
     }
 
-    fn copy(self, chunk: &Chunk) {
+    fn copy(self, chunk: &ChunkContacts) {
         let Self { bodies, feature, point, normal, gap } = self;
         bodies.copy_from_slice(&chunk.bodies);
         let places = feature.iter_mut().zip(point).zip(normal).zip(gap);

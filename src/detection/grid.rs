@@ -13,7 +13,7 @@ const CHUNK: usize = 1024;
 
 /// Boxes by cell.
 #[derive(Debug, Default)]
-pub(super) struct Grid {
+pub(super) struct CellGrid {
     cell: f64,
     /// Numbers of cells in a row and in a layer, modulo the number of buckets.
     strides: [i64; 2],
@@ -27,12 +27,12 @@ pub(super) struct Grid {
     large: Vec<u32>,
     is_large: Vec<bool>,
     bounds: [[i64; 3]; 2],
-    /// Buffers of [`Grid::build`]: sizes of boxes, and the bucket of each.
+    /// Buffers of [`CellGrid::build`]: sizes of boxes, and the bucket of each.
     sizes: Vec<f64>,
     bucket_of: Vec<u32>,
 }
 
-impl Grid {
+impl CellGrid {
     pub fn build(&mut self, boxes: &[AxisBox]) {
         let size = |b: &AxisBox| (b.high - b.low).max();
         refill_in_parallel(&mut self.sizes, boxes, size);
@@ -85,7 +85,8 @@ impl Grid {
     fn cell_of(&self, b: &AxisBox) -> [i64; 3] {
         // A cast saturates, and turns what is not a number into zero.
         let c = (b.low + b.high) * (0.5 / self.cell);
-        [c.x.floor() as i64, c.y.floor() as i64, c.z.floor() as i64].map(|k| k.clamp(-FAR, FAR))
+        [c.x.floor() as i64, c.y.floor() as i64, c.z.floor() as i64]
+            .map(|k| k.clamp(-MAX_CELL_INDEX, MAX_CELL_INDEX))
     }
 
     fn bucket(&self, c: &[i64; 3]) -> usize {
@@ -187,4 +188,4 @@ fn refill<T>(all: &mut Vec<T>, with: impl Iterator<Item = T>) {
 }
 
 /// Cells beyond this are one: sums of their numbers stay within i64.
-const FAR: i64 = 1 << 40;
+const MAX_CELL_INDEX: i64 = 1 << 40;

@@ -3,7 +3,7 @@
 //! Reads: motion, contacts, [`ContactMemory`]. Writes: starting impulses, the next memory.
 //! Cost: O(contacts). Contract: each old contact is used at most once; independent of threads.
 
-use super::Contacts;
+use super::contacts::Contacts;
 use crate::math::Vec3;
 use crate::model::Model;
 use crate::motion::Motion;
@@ -28,17 +28,17 @@ pub fn warm_start(
     impulse: &mut Vec<Vec3>,
 ) {
     impulse.resize(contacts.len(), Vec3::zeros());
-    Matching { model, motion, memory, contacts }.run(0, impulse);
+    ContactMatching { model, motion, memory, contacts }.run(0, impulse);
 }
 
-struct Matching<'a> {
+struct ContactMatching<'a> {
     model: &'a Model,
     motion: &'a Motion,
     memory: &'a ContactMemory,
     contacts: &'a Contacts,
 }
 
-impl Matching<'_> {
+impl ContactMatching<'_> {
     /// Matches the contacts `from..from + impulse.len()`, which are those of whole pairs.
     fn run(&self, from: usize, impulse: &mut [Vec3]) {
         match self.cut(from, impulse.len()) {

@@ -13,92 +13,93 @@ use crate::motion::Motion;
 use rayon::prelude::*;
 
 /// What is allowed for on looking again, over what the solve has just asked for.
-const AMPLE: f64 = 1.5;
+const MARGIN_GROWTH: f64 = 1.5;
 /// How many radii of the largest grain a solve may carry a body further before a half-space, which nothing is ever past: far
 /// more than any stone is flung in a step, and an end to looking again.
-const FLUNG: f64 = 64.0;
+const MAX_DISPLACEMENT_RADII: f64 = 64.0;
 
 /// Distances up to which contacts are looked for.
 #[derive(Debug, Clone, Default)]
 pub struct DetectionRange {
     h: f64,
     /// The alert distance: the least that is looked for, m.
-    least: f64,
+    min_distance: f64,
     /// How far the free velocity carries any point of a body in the step, m `[nb]`.
-    way: Vec<f64>,
-    /// How much further, or elsewhere, the solve may carry it, m `[nb]`; before half-spaces alone more than `most`.
-    allowance: Vec<f64>,
+    free_displacement: Vec<f64>,
+    /// How much further, or elsewhere, the solve may carry it, m `[nb]`; before half-spaces alone more than `max_displacement`.
+    margin: Vec<f64>,
     /// Allowances with which contacts were looked for last `[nb]`.
-    before: Vec<f64>,
+    searched_margin: Vec<f64>,
     /// The radius of the largest grain: what moves that far in a step is past all but half-spaces anyway, m.
-    most: f64,
-    /// What is allowed for where there are half-spaces, m; else `most`.
-    furthest: f64,
+    max_displacement: f64,
+    /// What is allowed for where there are half-spaces, m; else `max_displacement`.
+    max_half_space_displacement: f64,
     /// Whether the driven body has half-spaces `[nd]`. Beside them its convex parts are looked for up to [`DetectionRange::at_most`] only.
-    is_endless: Vec<bool>,
+    has_half_space: Vec<bool>,
 }
 
 impl DetectionRange {
     /// Allows a quarter of the alert distance to each body.
     pub fn new(model: &Model, motion: &Motion) -> Self {
-        let mut reach = Self::default();
-        reach.reset(model, motion);
-        reach
+        let mut range = Self::default();
+        range.reset(model, motion);
+        range
     }
 
     /// The same in place.
     pub fn reset(&mut self, model: &Model, motion: &Motion) {
-        let (h, least) = (model.stepping.h(), model.stepping.detection_distance);
-        let allowance = 0.25 * least;
+        let (h, min_distance) = (model.stepping.h(), model.stepping.detection_distance);
+        let margin = 0.25 * min_distance;
         let radii = (0..model.grains.len())
             .into_par_iter()
             .with_min_len(4096)
             .map(|i| model.grain_radius(i));
-        let most = radii.reduce(|| allowance, f64::max);
-        (self.h, self.least, self.most) = (h, least, most);
-        self.is_endless.clear();
-        self.is_endless.extend(model.driven.iter().map(is_endless));
-        let has_walls = self.is_endless.iter().any(|is_endless| *is_endless);
-        self.furthest = if has_walls { FLUNG * most } else { most };
+        let max_displacement = radii.reduce(|| margin, f64::max);
+        (self.h, self.min_distance, self.max_displacement) = (h, min_distance, max_displacement);
+        self.has_half_space.clear();
+        self.has_half_space.extend(model.driven.iter().map(has_half_space));
+        let has_walls = self.has_half_space.iter().any(|has_half_space| *has_half_space);
+        self.max_half_space_displacement =
+            if has_walls { MAX_DISPLACEMENT_RADII * max_displacement } else { max_displacement };
         (&motion.velocity, &motion.angular_velocity)
             .into_par_iter()
             .enumerate()
             .with_min_len(1024)
-            .map(|(b, (v, w))| round_up(h * max_point_speed(model, b, v, w)).min(most))
-            .collect_into_vec(&mut self.way);
-        self.allowance.clear();
-        self.allowance.resize(self.way.len(), allowance);
-        self.before.clone_from(&self.allowance);
+            .map(|(b, (v, w))| round_up(h * max_point_speed(model, b, v, w)).min(max_displacement))
+            .collect_into_vec(&mut self.free_displacement);
+        self.margin.clear();
+        self.margin.resize(self.free_displacement.len(), margin);
+        self.searched_margin.clone_from(&self.margin);
     }
 
     /// Raises the allowances of bodies that the solve has changed by more; whether any is above those with which contacts
     /// were looked for. `change` is the largest change of velocity of a body's points, m/s.
     pub fn enlarge(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
-        let (h, most) = (self.h, self.furthest);
-        let bodies = self.allowance.par_iter_mut().zip(&self.before).enumerate();
-        let raised = bodies.with_min_len(1024).map(|(b, (allowance, before))| {
+        let (h, max_displacement) = (self.h, self.max_half_space_displacement);
+        let bodies = self.margin.par_iter_mut().zip(&self.searched_margin).enumerate();
+        let raised = bodies.with_min_len(1024).map(|(b, (margin, searched_margin))| {
             let needed = h * change(b);
-            if *allowance < needed && *allowance < most {
-                *allowance = round_up(AMPLE * needed).min(most);
+            if *margin < needed && *margin < max_displacement {
+                *margin = round_up(MARGIN_GROWTH * needed).min(max_displacement);
             }
-            *allowance > *before
+            *margin > *searched_margin
         });
         raised.reduce(|| false, |a, b| a | b)
     }
 
     /// Takes note that contacts are looked for with the present allowances.
     pub fn mark_searched(&mut self) {
-        self.before.clone_from(&self.allowance);
+        self.searched_margin.clone_from(&self.margin);
     }
 
     /// Whether the allowance of body `b` was raised.
     pub fn is_enlarged(&self, b: usize) -> bool {
-        self.allowance[b] > self.before[b]
+        self.margin[b] > self.searched_margin[b]
     }
 
     /// Distance up to which contacts of a grain of this radius with another body are looked for, m.
     pub fn distance(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
-        self.with(&self.allowance, motion, radius, pair)
+        self.distance_with(&self.margin, motion, radius, pair)
     }
 
     /// Whether a grain of this radius and another body may close a gap in which no contact was looked for before
@@ -118,20 +119,26 @@ impl DetectionRange {
 
     /// [`DetectionRange::between`] before allowances were raised.
     pub fn searched_distance(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
-        self.with(&self.before, motion, radius, pair)
+        self.distance_with(&self.searched_margin, motion, radius, pair)
     }
 
     /// What the free velocities and these allowances make of the distance.
-    fn with(&self, allowance: &[f64], motion: &Motion, radius: f64, [a, b]: [usize; 2]) -> f64 {
+    fn distance_with(
+        &self,
+        margin: &[f64],
+        motion: &Motion,
+        radius: f64,
+        [a, b]: [usize; 2],
+    ) -> f64 {
         let free = |b: usize| (motion.velocity[b], motion.angular_velocity[b]);
         let approach = round_up(self.h * approach_speed(motion, radius, [a, b], free));
-        let driven = b.checked_sub(self.way.len() - self.is_endless.len());
-        if driven.is_some_and(|d| self.is_endless[d]) {
-            return self.least.max(approach + (allowance[a] + allowance[b]));
+        let driven = b.checked_sub(self.free_displacement.len() - self.has_half_space.len());
+        if driven.is_some_and(|d| self.has_half_space[d]) {
+            return self.min_distance.max(approach + (margin[a] + margin[b]));
         }
-        let approach = approach.min(self.way[a] + self.way[b]);
-        let allowed = |b: usize| allowance[b].min(self.most);
-        self.least.max(approach + (allowed(a) + allowed(b)))
+        let approach = approach.min(self.free_displacement[a] + self.free_displacement[b]);
+        let allowed = |b: usize| margin[b].min(self.max_displacement);
+        self.min_distance.max(approach + (allowed(a) + allowed(b)))
     }
 
     /// What no distance between two bodies without half-spaces that is asked for exceeds, m.
@@ -141,17 +148,18 @@ impl DetectionRange {
 
     /// The part of body `b` in this, m.
     pub(super) fn body_range(&self, b: usize) -> f64 {
-        (0.5 * self.least).max(self.way[b] + self.allowance[b].min(self.most))
+        (0.5 * self.min_distance)
+            .max(self.free_displacement[b] + self.margin[b].min(self.max_displacement))
     }
 
     /// How far the free velocity carries body `b` in the step, m; no more than the radius of the largest grain.
     pub(super) fn free_displacement(&self, b: usize) -> f64 {
-        self.way[b]
+        self.free_displacement[b]
     }
 
     /// Number of bodies.
     pub(super) fn body_count(&self) -> usize {
-        self.way.len()
+        self.free_displacement.len()
     }
 }
 
@@ -174,18 +182,18 @@ pub fn max_point_speed(model: &Model, b: usize, velocity: &Vec3, angular_velocit
         return velocity.norm();
     }
     match b.checked_sub(model.grains.len()) {
-        Some(d) if is_endless(&model.driven[d]) => f64::INFINITY,
-        _ => velocity.norm() + turning * extent(model, b),
+        Some(d) if has_half_space(&model.driven[d]) => f64::INFINITY,
+        _ => velocity.norm() + turning * bounding_radius(model, b),
     }
 }
 
 /// Whether a driven body has half-spaces.
-fn is_endless(body: &DrivenBody) -> bool {
+fn has_half_space(body: &DrivenBody) -> bool {
     body.parts.iter().any(|part| matches!(part, Part::HalfSpace { .. }))
 }
 
 /// Largest distance of a point of body `b` from its origin, half-spaces left out, m.
-pub(super) fn extent(model: &Model, b: usize) -> f64 {
+pub(super) fn bounding_radius(model: &Model, b: usize) -> f64 {
     let radius = |shape: u32| model.shapes[shape as usize].radius;
     let Some(d) = b.checked_sub(model.grains.len()) else { return model.grain_radius(b) };
     let parts = model.driven[d].parts.iter().map(|part| match part {
@@ -223,19 +231,28 @@ mod tests {
 
     #[test]
     fn only_bodies_that_change_by_more_than_allowed_are_raised() {
-        let allowance = vec![1e-4; 4];
-        let before = allowance.clone();
-        let (h, least, way, most, furthest) = (1e-3, 0.0, vec![0.0; 4], 0.02, 0.02);
-        let is_endless = vec![];
-        let mut reach =
-            DetectionRange { h, least, way, allowance, before, most, furthest, is_endless };
+        let margin = vec![1e-4; 4];
+        let searched_margin = margin.clone();
+        let (h, min_distance, free_displacement, max_displacement, max_half_space_displacement) =
+            (1e-3, 0.0, vec![0.0; 4], 0.02, 0.02);
+        let has_half_space = vec![];
+        let mut range = DetectionRange {
+            h,
+            min_distance,
+            free_displacement,
+            margin,
+            searched_margin,
+            max_displacement,
+            max_half_space_displacement,
+            has_half_space,
+        };
         let changes = [0.09, 0.11, 1.0, 1e9];
-        assert!(reach.enlarge(|b| changes[b]));
-        assert_eq!([0, 1, 2, 3].map(|b| reach.is_enlarged(b)), [false, true, true, true]);
-        assert!(reach.max_distance([1, 2]) >= 1e-3 * (changes[1] + changes[2]));
-        assert_eq!(reach.body_range(3), 0.02);
-        assert!(reach.enlarge(|_| 0.0), "not looked for yet");
-        reach.mark_searched();
-        assert!(!reach.enlarge(|b| changes[b]), "as far as asked for, or as far as may be");
+        assert!(range.enlarge(|b| changes[b]));
+        assert_eq!([0, 1, 2, 3].map(|b| range.is_enlarged(b)), [false, true, true, true]);
+        assert!(range.max_distance([1, 2]) >= 1e-3 * (changes[1] + changes[2]));
+        assert_eq!(range.body_range(3), 0.02);
+        assert!(range.enlarge(|_| 0.0), "not looked for yet");
+        range.mark_searched();
+        assert!(!range.enlarge(|b| changes[b]), "as far as asked for, or as far as may be");
     }
 }

@@ -1,7 +1,7 @@
 //! How far bodies have moved in all: pairs that are apart by some distance are not looked at again
 //! before both bodies together have moved that far.
 //!
-//! Reads: motion. Writes: [`Travel`]. Cost: two roots per body and step.
+//! Reads: motion. Writes: [`TravelledDistance`]. Cost: two roots per body and step.
 //! Contract: between two updates, the length of a body grows by at least what any of its points has
 //! moved; so does the difference of two later lengths, whatever rounding does.
 
@@ -11,13 +11,13 @@ use rayon::prelude::*;
 
 /// Length of the way of each body, m `[nb]`.
 #[derive(Debug, Default)]
-pub(super) struct Travel {
+pub(super) struct TravelledDistance {
     pub length: Vec<f64>,
     position: Vec<Vec3>,
     orientation: Vec<Quat>,
 }
 
-impl Travel {
+impl TravelledDistance {
     /// Starts again: lengths of before mean nothing any more.
     pub fn clear(&mut self) {
         self.length.clear();
@@ -39,7 +39,7 @@ impl Travel {
             .into_par_iter()
             .with_min_len(1024)
             .for_each(|(length, (x0, q0), x, q, reach)| {
-                let way = (x - *x0).norm() + reach * turn(q, q0);
+                let way = (x - *x0).norm() + reach * rotation_bound(q, q0);
                 // Two roundings, and those of `way`.
                 *length = (*length + way * (1.0 + 1e-12)) * (1.0 + 4.0 * f64::EPSILON);
                 *x0 = *x;
@@ -50,7 +50,7 @@ impl Travel {
 
 /// How far a turn from `q0` to `q` moves a point at distance 1, at most: a turn by θ moves it by
 /// 2 sin(θ/2) <= 2 · 2 sin(θ/4) = 2 |Δq|.
-pub(super) fn turn(q: &Quat, q0: &Quat) -> f64 {
+pub(super) fn rotation_bound(q: &Quat, q0: &Quat) -> f64 {
     let (q, q0) = (q.coords, q0.coords);
     2.0 * (q - q0).norm_squared().min((q + q0).norm_squared()).sqrt()
 }

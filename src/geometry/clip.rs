@@ -89,7 +89,7 @@ pub fn half_spaces_of(polyhedron: &Polyhedron, pose: &Pose) -> Vec<HalfSpace> {
 
 /// Polygons, counter-clockwise seen from outside.
 #[derive(Debug, Clone, Default)]
-struct Soup {
+struct PolygonSoup {
     corners: Vec<Vec3>,
     ends: Vec<usize>,
 }
@@ -97,8 +97,8 @@ struct Soup {
 /// Clips polyhedra; keeps its buffers from call to call.
 #[derive(Debug, Clone, Default)]
 pub struct Clipper {
-    surface: Soup,
-    clipped: Soup,
+    surface: PolygonSoup,
+    clipped: PolygonSoup,
     /// Where the clipped polygons left the half-space and came back `[cut polygons]`.
     cuts: Vec<[Vec3; 2]>,
     heights: Vec<f64>,
@@ -185,7 +185,7 @@ impl Clipper {
     }
 
     fn load(&mut self, polyhedron: &Polyhedron) {
-        let Soup { corners, ends } = &mut self.surface;
+        let PolygonSoup { corners, ends } = &mut self.surface;
         corners.clear();
         corners.extend(polyhedron.face_vertices.iter().map(|&v| polyhedron.vertices[v as usize]));
         ends.clear();
@@ -219,7 +219,12 @@ impl Clipper {
 
 /// Appends the part of a convex polygon below zero height, and where it leaves and comes back: more than once where it lies
 /// in the cut but for rounding.
-fn clip_polygon(polygon: &[Vec3], heights: &[f64], kept: &mut Soup, cuts: &mut Vec<[Vec3; 2]>) {
+fn clip_polygon(
+    polygon: &[Vec3],
+    heights: &[f64],
+    kept: &mut PolygonSoup,
+    cuts: &mut Vec<[Vec3; 2]>,
+) {
     let before = kept.corners.len();
     // Where it has left, and where it has come back from before the first corner.
     let (mut left, mut first) = (None, None);
@@ -251,7 +256,7 @@ fn clip_polygon(polygon: &[Vec3], heights: &[f64], kept: &mut Soup, cuts: &mut V
     }
 }
 
-impl Soup {
+impl PolygonSoup {
     /// Volume within the closed surface.
     fn volume(&self) -> f64 {
         let (mut volume, mut start) = (0.0, 0);

@@ -4,7 +4,7 @@
 //! Contract: points are scaled to a size of about 1; `tolerance` is a distance in that scale. A set
 //! of faces is returned only if it is a closed surface: each edge in two faces, V − E + F = 2.
 
-use super::plane::{self, Corner, cross};
+use super::plane::{self, PlanePoint, cross};
 use super::polyhedron::Edge;
 use crate::math::{Vec3, frame};
 use std::collections::BTreeMap;
@@ -122,7 +122,7 @@ fn face_through(points: &[Vec3], t: [u16; 3], tolerance: f64) -> Option<(Vec<u16
 
 /// Convex polygon around points in a plane, without corners that lie within `tolerance` of the line
 /// through their neighbours. Starts at its lowest index.
-fn polygon(mut flat: Vec<Corner<u16>>, tolerance: f64) -> Option<Vec<u16>> {
+fn polygon(mut flat: Vec<PlanePoint<u16>>, tolerance: f64) -> Option<Vec<u16>> {
     let mut chain = Vec::with_capacity(flat.len() + 1);
     plane::hull(&mut flat, &mut chain);
     while let Some(k) = (0..chain.len()).find(|&k| {

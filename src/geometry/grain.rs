@@ -35,17 +35,17 @@ impl Default for GrainShape {
 }
 
 /// Least angle between two corners seen from the centre, in units of the mean spacing √(4π/n).
-const SEPARATION: f64 = 0.4;
+const MIN_SEPARATION: f64 = 0.4;
 /// Weight of random directions at angularity 0.
 const DISORDER: f64 = 0.15;
 /// Least length of an edge, in grain sizes.
-const SHORTEST_EDGE: f64 = 0.03;
+const MIN_EDGE_LENGTH: f64 = 0.03;
 /// Least width of a face, in grain sizes.
-const NARROWEST_FACE: f64 = 0.02;
+const MIN_FACE_WIDTH: f64 = 0.02;
 /// Least angle between two faces at an edge, rad; below it the edge's normal cone is ill-defined.
-const FLATTEST_EDGE: f64 = 0.01;
+const MIN_EDGE_ANGLE: f64 = 0.01;
 /// Attempts at a grain; typical shapes need a few.
-const ATTEMPTS: usize = 2000;
+const MAX_ATTEMPTS: usize = 2000;
 /// More corners come too close for edges and faces of these widths: of 120 no attempt succeeds.
 const MAX_CORNERS: u32 = 100;
 /// Rounding of ratios that are sums of decimal numbers.
@@ -66,7 +66,7 @@ pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Po
     // Drawn once: drawing it anew after a rejection would favour few corners.
     let corners = rng.random_range(shape.vertices[0]..=shape.vertices[1]) as usize;
     let ratios = [around(rng, shape.elongation), around(rng, shape.flatness)];
-    for _ in 0..ATTEMPTS {
+    for _ in 0..MAX_ATTEMPTS {
         let directions = directions(rng, corners, shape.angularity);
         let Some(points) = nominal(&directions, ratios, size) else { continue };
         let Ok((grain, _)) = convex_hull(&points) else { continue };
@@ -76,7 +76,7 @@ pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Po
     }
     Err(Error::Geometry {
         expected: "ranges of shape that give well conditioned grains",
-        found: format!("{ATTEMPTS} degenerate grains of {corners} corners for {shape:?}"),
+        found: format!("{MAX_ATTEMPTS} degenerate grains of {corners} corners for {shape:?}"),
     })
 }
 
@@ -134,7 +134,7 @@ fn directions(rng: &mut Pcg64, count: usize, angularity: f64) -> Vec<Vec3> {
     let turn = random_rotation(rng);
     let (mut x, mut y) = (1.0, 0.0);
     let disorder = DISORDER + (1.0 - DISORDER) * angularity;
-    let apart = SEPARATION * (4.0 * std::f64::consts::PI / count as f64).sqrt();
+    let apart = MIN_SEPARATION * (4.0 * std::f64::consts::PI / count as f64).sqrt();
     let mut found: Vec<Vec3> = Vec::with_capacity(count);
     for k in 0..count {
         let z = 1.0 - (2 * k + 1) as f64 / count as f64;
@@ -205,11 +205,11 @@ fn is_well_conditioned(grain: &Polyhedron, size: f64) -> bool {
     let edges = grain.edges.iter().all(|e| {
         let [f, g] = e.faces.map(|f| grain.face_normals[f as usize]);
         // |f × g| is the sine of the angle; a sharp edge has f · g < 0.
-        let distinct = f.dot(&g) < 0.0 || f.cross(&g).norm() >= FLATTEST_EDGE;
-        let long = (corner(e.vertices[0]) - corner(e.vertices[1])).norm() >= SHORTEST_EDGE * size;
+        let distinct = f.dot(&g) < 0.0 || f.cross(&g).norm() >= MIN_EDGE_ANGLE;
+        let long = (corner(e.vertices[0]) - corner(e.vertices[1])).norm() >= MIN_EDGE_LENGTH * size;
         distinct && long
     });
-    edges && (0..grain.face_count()).all(|f| face_width(grain, f) >= NARROWEST_FACE * size)
+    edges && (0..grain.face_count()).all(|f| face_width(grain, f) >= MIN_FACE_WIDTH * size)
 }
 
 /// Least distance between an edge of a face and the parallel line through its farthest corner, m.

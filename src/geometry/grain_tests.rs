@@ -86,7 +86,7 @@ fn grains_are_well_conditioned_for_any_angularity() {
                     .map(|e| e.vertices.map(|v| g.vertices[v as usize]))
                     .map(|[a, b]| (a - b).norm())
                     .fold(f64::MAX, f64::min);
-                assert!(shortest >= SHORTEST_EDGE * 0.03);
+                assert!(shortest >= MIN_EDGE_LENGTH * 0.03);
             }
         }
     }

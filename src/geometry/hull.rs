@@ -24,11 +24,11 @@ const MAX_POINTS: usize = u16::MAX as usize;
 /// Checking that all points are under all faces is quadratic.
 const MAX_CORNERS: usize = 4096;
 /// Gift wrapping is cubic in the worst case: a fallback for bodies of ordinary size.
-const MAX_WRAPPED: usize = 512;
+const MAX_WRAPPED_POINTS: usize = 512;
 /// Volume, over the cube of the half size, below which points count as flat.
-const FLAT: f64 = 1e-7;
+const MIN_VOLUME: f64 = 1e-7;
 /// Half sizes (m) for which products of five lengths stay ordinary numbers.
-const HALF_SIZES: [f64; 2] = [1e-9, 1e9];
+const HALF_SIZE_RANGE: [f64; 2] = [1e-9, 1e9];
 
 /// Convex hull of `points` (m), and the pose of its principal frame in the frame of the points.
 ///
@@ -50,7 +50,7 @@ pub fn convex_hull(points: &[Vec3]) -> Result<(Polyhedron, Pose)> {
         });
         // Hulls of nearly coplanar points may lack a sliver: then wrap the points themselves.
         let found = merged.or_else(|| {
-            if scaled.len() > MAX_WRAPPED {
+            if scaled.len() > MAX_WRAPPED_POINTS {
                 return None;
             }
             let (corners, _) = fuse(&scaled, &[], tolerance);
@@ -117,7 +117,7 @@ fn extent(points: &[Vec3]) -> Result<(Vec3, f64)> {
     }
     let AxisBox { low, high } = AxisBox::around(points.iter().copied());
     let half = (high - low).norm() / 2.0;
-    if !(HALF_SIZES[0]..=HALF_SIZES[1]).contains(&half) {
+    if !(HALF_SIZE_RANGE[0]..=HALF_SIZE_RANGE[1]).contains(&half) {
         return Err(bad("a half size of 1e-9 to 1e9 m", format!("{half:e} m")));
     }
     // The exponent alone, without a logarithm that differs between platforms.
@@ -125,10 +125,10 @@ fn extent(points: &[Vec3]) -> Result<(Vec3, f64)> {
     Ok(((low + high) / 2.0, power_of_two))
 }
 
-type Triangulated = (Vec<Vec3>, Vec<[u16; 3]>);
+type Triangulation = (Vec<Vec3>, Vec<[u16; 3]>);
 
 /// Corners and triangles of the hull; `None` where the library finds no valid one.
-fn triangulate(points: &[Vec3]) -> Result<Option<Triangulated>> {
+fn triangulate(points: &[Vec3]) -> Result<Option<Triangulation>> {
     let input: Vec<Vector> = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let Ok((corners, triangles)) = try_convex_hull(&input) else { return Ok(None) };
     if corners.len() > MAX_CORNERS {
@@ -139,7 +139,7 @@ fn triangulate(points: &[Vec3]) -> Result<Option<Triangulated>> {
 }
 
 /// Makes one corner of corners closer than `tolerance`; triangles that collapse are dropped.
-fn fuse(points: &[Vec3], triangles: &[[u16; 3]], tolerance: f64) -> Triangulated {
+fn fuse(points: &[Vec3], triangles: &[[u16; 3]], tolerance: f64) -> Triangulation {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].x.total_cmp(&points[b].x));
     let mut same: Vec<usize> = (0..points.len()).collect();
@@ -177,7 +177,7 @@ fn finish(
     scale: f64,
 ) -> Option<(Polyhedron, Pose)> {
     let mass = mass_properties(&corners, surface.faces.iter().map(Vec::as_slice))?;
-    if mass.volume < FLAT {
+    if mass.volume < MIN_VOLUME {
         return None;
     }
     let normals: Vec<Vec3> =

@@ -1,7 +1,7 @@
 //! Convex hulls in a plane.
 
 /// A point of a plane, and the place it has among others; ties are decided by it.
-pub(crate) type Corner<I> = ([f64; 2], I);
+pub(crate) type PlanePoint<I> = ([f64; 2], I);
 
 /// Twice the area of a triangle, positive where it turns left.
 pub(crate) fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
@@ -9,7 +9,7 @@ pub(crate) fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 }
 
 /// Leaves the corners of the convex hull of `points` in `chain`, turning left (monotone chain).
-pub(crate) fn hull<I: Copy + Ord>(points: &mut [Corner<I>], chain: &mut Vec<Corner<I>>) {
+pub(crate) fn hull<I: Copy + Ord>(points: &mut [PlanePoint<I>], chain: &mut Vec<PlanePoint<I>>) {
     points.sort_unstable_by(|(a, i), (b, j)| {
         a[0].total_cmp(&b[0]).then_with(|| a[1].total_cmp(&b[1])).then_with(|| i.cmp(j))
     });

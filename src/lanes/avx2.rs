@@ -1,6 +1,7 @@
 //! Eight lanes in two registers of AVX2 with FMA.
 
-use super::{BodyVelocity, LANES, Lanes, each};
+use super::body_velocity::BodyVelocity;
+use super::operations::{LANES, Lanes, each};
 use core::arch::x86_64::*;
 
 /// Lanes 0 to 3 and 4 to 7.

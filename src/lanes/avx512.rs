@@ -1,6 +1,7 @@
 //! Eight lanes in one register of AVX-512F.
 
-use super::{BodyVelocity, LANES, Lanes, each};
+use super::body_velocity::BodyVelocity;
+use super::operations::{LANES, Lanes, each};
 use core::arch::x86_64::*;
 
 /// One 512-bit register.

@@ -14,12 +14,9 @@ mod operations;
 mod portable;
 
 pub use body_velocity::BodyVelocity;
-pub use operations::Lanes;
 pub(crate) use operations::each;
+pub use operations::{LANES, Lanes};
 pub use portable::Portable;
-
-/// How many.
-pub const LANES: usize = 8;
 
 /// What reads and writes lines by index, written once for all arithmetics.
 pub trait VelocityKernel {

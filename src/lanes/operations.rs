@@ -3,7 +3,10 @@
 //! Every operation is an IEEE operation rounded once (fused where it says fused), so all
 //! implementations give the same bits.
 
-use super::{BodyVelocity, LANES};
+use super::body_velocity::BodyVelocity;
+
+/// Number of lanes: numbers that one operation processes.
+pub const LANES: usize = 8;
 
 /// `[f(0), f(1), ...]` written out.
 ///

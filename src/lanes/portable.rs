@@ -1,6 +1,7 @@
 //! Eight lanes as an array, for any processor.
 
-use super::{BodyVelocity, LANES, Lanes};
+use super::body_velocity::BodyVelocity;
+use super::operations::{LANES, Lanes};
 
 /// Plain array of lanes.
 #[derive(Clone, Copy)]

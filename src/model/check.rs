@@ -7,9 +7,9 @@ use crate::error::{Error, Result};
 const FRICTION: &str = "at least 0, at most 1e30";
 /// Least and greatest mass of a grain, kg, or of a mount, and moment of inertia of one that turns, kg m²: kernels keep
 /// effective masses in f32.
-const MASSES: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
+const MASS_RANGE: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 /// Most parts of a driven body: their numbers are in the identity of contacts.
-const MOST_PARTS: usize = 4096;
+const MAX_PARTS: usize = 4096;
 
 fn is_friction(friction: f64) -> bool {
     (0.0..=1e30).contains(&friction)
@@ -139,7 +139,7 @@ impl Model {
             let place = || format!("grain {i}");
             let positive = |x: f64| x.is_finite() && x > 0.0;
             expect((shape as usize) < self.shapes.len(), &place(), "a shape of the model", shape)?;
-            expect(MASSES.contains(&mass), &place(), "a mass from 1e-30 to 1e30 kg", mass)?;
+            expect(MASS_RANGE.contains(&mass), &place(), "a mass from 1e-30 to 1e30 kg", mass)?;
             expect(
                 inertia.iter().all(|&j| positive(j)),
                 &place(),
@@ -170,8 +170,8 @@ impl Model {
                 mount.check(&place)?;
             }
             let parts = body.parts.len();
-            let expected = format!("1 to {MOST_PARTS} parts");
-            expect((1..=MOST_PARTS).contains(&parts), &place, &expected, parts)?;
+            let expected = format!("1 to {MAX_PARTS} parts");
+            expect((1..=MAX_PARTS).contains(&parts), &place, &expected, parts)?;
             for part in &body.parts {
                 let good = match part {
                     Part::Convex { shape, pose } => {
@@ -196,14 +196,19 @@ impl Model {
 impl Mount {
     fn check(&self, place: &str) -> Result<()> {
         let mass = self.mass;
-        expect(MASSES.contains(&mass), place, "a mount with a mass from 1e-30 to 1e30 kg", mass)?;
+        expect(
+            MASS_RANGE.contains(&mass),
+            place,
+            "a mount with a mass from 1e-30 to 1e30 kg",
+            mass,
+        )?;
         expect(
             self.inertia.iter().all(|j| j.is_finite() && *j >= 0.0),
             place,
             "finite moments of inertia of at least 0 kg m²",
             self.inertia,
         )?;
-        let known = !self.can_rotate() || self.inertia.iter().all(|j| MASSES.contains(j));
+        let known = !self.can_rotate() || self.inertia.iter().all(|j| MASS_RANGE.contains(j));
         let expected = "moments of inertia from 1e-30 to 1e30 kg m², as the mount can turn";
         expect(known, place, expected, self.inertia)?;
         let centre = self.centre.iter().all(|x| x.is_finite());

@@ -1,6 +1,6 @@
 //! Driven bodies that contacts can move: which degrees of freedom, against what (T-28).
 
-use super::Stepping;
+use super::stepping::Stepping;
 use crate::math::Vec3;
 
 /// How a driven body answers to its contacts.

@@ -3,10 +3,10 @@
 //!
 //! Reads: model, state, inputs. Writes: [`Motion`]. Cost: O(bodies).
 
-mod held;
+mod free_rotation;
 mod mounted;
+mod prescribed_rotation;
 mod response;
-mod tumbling;
 
 pub use response::MountResponse;
 
@@ -15,8 +15,8 @@ use crate::error::{Error, Result};
 use crate::math::{Pose, Quat, Vec3, rotation};
 use crate::model::{DofMode, Model};
 use crate::state::State;
+use free_rotation::FreeRotation;
 use rayon::prelude::*;
-use tumbling::Tumbling;
 
 /// Prediction of a step; arrays over all bodies, grains first `[nb]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -69,7 +69,7 @@ impl Motion {
         self.predict_driven(model, state, inputs)
     }
 
-    /// Velocity and spin of body `b` at the end of the step, m/s and rad/s; `velocity` and `angular_velocity` are the solved ones of the
+    /// Velocity and angular velocity of body `b` at the end of the step, m/s and rad/s; `velocity` and `angular velocity` are the solved ones of the
     /// mobile bodies.
     pub fn twist(&self, velocity: &[Vec3], angular_velocity: &[Vec3], b: usize) -> (Vec3, Vec3) {
         let solved = velocity.get(b).zip(angular_velocity.get(b));
@@ -77,7 +77,7 @@ impl Motion {
         (*v, *w)
     }
 
-    /// Velocity and spin with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
+    /// Velocity and angular velocity with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
     /// those of this step throughout (T-4, T-14). Where a held rotation begins or stops, the centre of mass goes on (T-28).
     pub fn initial_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
         let had = (state.velocity[b], state.angular_velocity[b]);
@@ -127,7 +127,7 @@ impl Motion {
                 *x = state.position[i] + state.velocity[i] * before;
                 *q = rotation::advance(&state.orientation[i], &(angular_velocity * before));
                 *v = state.velocity[i] + model.gravity * h;
-                *w = grain(model, state, i).free_spin(q, &model.stepping);
+                *w = grain(model, state, i).free_angular_velocity(q, &model.stepping);
             });
     }
 
@@ -140,7 +140,7 @@ impl Motion {
         solved: &Vec3,
         end: &Quat,
     ) -> Vec3 {
-        grain(model, state, i).spin_at_end(
+        grain(model, state, i).angular_velocity_at_end(
             &self.orientation[i],
             [&self.angular_velocity[i], solved],
             end,
@@ -177,7 +177,7 @@ impl Motion {
 }
 
 /// Grain `i` at the start of the step.
-fn grain<'a>(model: &'a Model, state: &'a State, i: usize) -> Tumbling<'a, Vec3> {
+fn grain<'a>(model: &'a Model, state: &'a State, i: usize) -> FreeRotation<'a, Vec3> {
     let (start, angular_velocity) = (&state.orientation[i], &state.angular_velocity[i]);
-    Tumbling { inertia: &model.grains.inertia[i], start, angular_velocity }
+    FreeRotation { inertia: &model.grains.inertia[i], start, angular_velocity }
 }

@@ -1,7 +1,7 @@
 //! Mounted bodies: where they are at configuration m, and where the step ends (T-28).
 
-use super::tumbling::{Tensor, Tumbling};
-use super::{Motion, held};
+use super::free_rotation::{FreeRotation, InertiaTensor};
+use super::{Motion, prescribed_rotation};
 use crate::drive::Load;
 use crate::error::{Error, Result};
 use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
@@ -9,10 +9,10 @@ use crate::model::{DofMode, Model, Mount, Stepping};
 use crate::state::State;
 
 /// Turn of a mount that counts as none, rad.
-const STILL: f64 = 1e-12;
+const MAX_NEGLECTED_ROTATION: f64 = 1e-12;
 
 /// A mounted body at the start of the step, and what acts on it during the step.
-pub(super) struct Body<'a> {
+pub(super) struct MountedBody<'a> {
     pub mount: &'a Mount,
     pub stepping: &'a Stepping,
     pub gravity: &'a Vec3,
@@ -37,7 +37,7 @@ impl Motion {
         load: Load,
     ) -> Result<()> {
         let b = model.grains.len() + d;
-        let body = Body::of(model, state, d, mount, target, load);
+        let body = MountedBody::of(model, state, d, mount, target, load);
         if !load.is_finite() {
             return Err(Error::Input {
                 place: format!("load on {:?}", model.driven[d].name),
@@ -47,20 +47,21 @@ impl Motion {
         }
         let turn = body.turn();
         let imposed = only(mount.rotations(), DofMode::is_prescribed, &turn);
-        let is_turned = imposed.norm() > STILL;
+        let is_turned = imposed.norm() > MAX_NEGLECTED_ROTATION;
         if is_turned && !mount.has_isotropic_translations() {
             return Err(Error::Input {
                 place: format!("target of {:?}", model.driven[d].name),
-                expected: "no turn of a held rotation: the mount has other freedoms than a grain"
-                    .into(),
+                expected:
+                    "no turn of a prescribed rotation: the mount has other freedoms than a grain"
+                        .into(),
                 found: format!("{imposed:?} rad"),
             });
         }
         let middle = body.middle(&(imposed / model.stepping.h()), is_turned);
         let response = match (mount.has_isotropic_translations(), mount.can_rotate() || is_turned) {
-            (true, false) => body.as_mass(&middle),
-            (true, true) => body.as_solid(&middle, &(turn / model.stepping.h())),
-            (false, _) => body.by_freedoms(&middle),
+            (true, false) => body.mass_response(&middle),
+            (true, true) => body.rigid_body_response(&middle, &(turn / model.stepping.h())),
+            (false, _) => body.dof_response(&middle),
         };
         let (velocity, angular_velocity) =
             response.twist(&response.velocity, &response.whitened_velocity);
@@ -72,7 +73,7 @@ impl Motion {
         Ok(())
     }
 
-    /// Where mounted body `d` is at the end of the step, and its velocity and spin there; `v` and `w` are the solved ones at
+    /// Where mounted body `d` is at the end of the step, and its velocity and angular velocity there; `v` and `w` are the solved ones at
     /// configuration m. What is held is where the target says: rounding must not add up over steps.
     pub fn mounted_end_state(
         &self,
@@ -84,7 +85,7 @@ impl Motion {
         [v, w]: [&Vec3; 2],
     ) -> (Pose, [Vec3; 2]) {
         let b = model.grains.len() + d;
-        let body = Body::of(model, state, d, mount, target, Load::zero());
+        let body = MountedBody::of(model, state, d, mount, target, Load::zero());
         body.end(&self.pose(b), &self.responses[d].free_angular_velocity, [v, w])
     }
 }
@@ -99,7 +100,7 @@ pub(super) fn free(modes: [DofMode; 3], v: &Vec3) -> Vec3 {
     only(modes, |m| !m.is_prescribed(), v)
 }
 
-impl<'a> Body<'a> {
+impl<'a> MountedBody<'a> {
     fn of(
         model: &'a Model,
         state: &State,
@@ -132,7 +133,7 @@ impl<'a> Body<'a> {
         only(self.mount.translations(), DofMode::is_prescribed, &velocity)
     }
 
-    /// Configuration m; `angular_velocity` is that of held rotations.
+    /// Configuration m; `angular velocity` is that of held rotations.
     fn middle(&self, angular_velocity: &Vec3, is_turned: bool) -> Pose {
         let (mount, start) = (self.mount, &self.start);
         let before = self.h() * (1.0 - self.stepping.theta);
@@ -141,7 +142,8 @@ impl<'a> Body<'a> {
             let angular_velocity =
                 free(mount.rotations(), &self.angular_velocity) + angular_velocity;
             orientation = rotation::advance(&orientation, &(angular_velocity * before));
-            orientation = held::put(mount, &self.target_at_middle(), &orientation);
+            orientation =
+                prescribed_rotation::project(mount, &self.target_at_middle(), &orientation);
         }
         if !mount.has_isotropic_translations() {
             let velocity = free(mount.translations(), &self.velocity) + self.held_velocity();
@@ -176,35 +178,51 @@ impl<'a> Body<'a> {
 
     /// Spin that the body would have at the end of the step without springs, loads and contacts; of one that is free to
     /// turn in all directions.
-    pub fn own_spin(&self, middle: &Quat) -> Option<Vec3> {
-        let free_spin = || self.tumbling(&own_inertia(self.mount)).free_spin(middle, self.stepping);
+    pub fn free_angular_velocity(&self, middle: &Quat) -> Option<Vec3> {
+        let free_spin = || {
+            self.free_rotation(&inertia_about_free_point(self.mount))
+                .free_angular_velocity(middle, self.stepping)
+        };
         self.mount.rotates_freely().then(free_spin)
     }
 
-    fn tumbling<'b>(&'b self, inertia: &'b Tensor) -> Tumbling<'b, Tensor> {
-        Tumbling {
+    fn free_rotation<'b>(&'b self, inertia: &'b InertiaTensor) -> FreeRotation<'b, InertiaTensor> {
+        FreeRotation {
             inertia,
             start: &self.start.orientation,
             angular_velocity: &self.angular_velocity,
         }
     }
 
-    /// Pose, velocity and spin where the step ends, from those that were solved at configuration m.
-    fn end(&self, middle: &Pose, own_spin: &Vec3, [v, w]: [&Vec3; 2]) -> (Pose, [Vec3; 2]) {
+    /// Pose, velocity and angular velocity where the step ends, from those that were solved at configuration m.
+    fn end(
+        &self,
+        middle: &Pose,
+        free_angular_velocity: &Vec3,
+        [v, w]: [&Vec3; 2],
+    ) -> (Pose, [Vec3; 2]) {
         let (mount, after) = (self.mount, self.h() * self.stepping.theta);
         let orientation = rotation::advance(&middle.orientation, &(w * after));
-        let orientation = held::put(mount, &self.target.orientation, &orientation);
+        let orientation =
+            prescribed_rotation::project(mount, &self.target.orientation, &orientation);
         let angular_velocity = if mount.rotates_freely() {
-            let inertia = own_inertia(mount);
-            self.tumbling(&inertia).spin_at_end(&middle.orientation, [own_spin, w], &orientation)
+            let inertia = inertia_about_free_point(mount);
+            self.free_rotation(&inertia).angular_velocity_at_end(
+                &middle.orientation,
+                [free_angular_velocity, w],
+                &orientation,
+            )
         } else {
             *w
         };
         if !mount.has_isotropic_translations() {
             let free = middle.position + v * after;
             let is_held = mount.translations().map(DofMode::is_prescribed);
-            let put = |k, _| if is_held[k] { self.target.position[k] } else { free[k] };
-            return (Pose { position: Vec3::from_fn(put), orientation }, [*v, angular_velocity]);
+            let project = |k, _| if is_held[k] { self.target.position[k] } else { free[k] };
+            return (
+                Pose { position: Vec3::from_fn(project), orientation },
+                [*v, angular_velocity],
+            );
         }
         let (d, d_end) = (middle.orientation * mount.centre, orientation * mount.centre);
         let of_centre = v + w.cross(&d);
@@ -218,15 +236,15 @@ impl<'a> Body<'a> {
 
 /// Inertia about the point that goes its own way: the centre of mass, or the reference point of a body that tumbles in its
 /// place.
-pub(super) fn own_inertia(mount: &Mount) -> Tensor {
+pub(super) fn inertia_about_free_point(mount: &Mount) -> InertiaTensor {
     let mut inertia = Mat3::from_diagonal(&mount.inertia);
     if mount.rotates_freely() && !mount.has_isotropic_translations() {
-        inertia += arm(&mount.centre) * mount.mass;
+        inertia += point_inertia(&mount.centre) * mount.mass;
     }
-    Tensor(inertia, inertia.try_inverse().unwrap_or_else(|| Mat3::repeat(f64::NAN)))
+    InertiaTensor(inertia, inertia.try_inverse().unwrap_or_else(|| Mat3::repeat(f64::NAN)))
 }
 
 /// `-[v]²`: the moments of inertia of a point mass at `v`, over the mass.
-pub(super) fn arm(v: &Vec3) -> Mat3 {
+pub(super) fn point_inertia(v: &Vec3) -> Mat3 {
     Mat3::from_diagonal_element(v.norm_squared()) - v * v.transpose()
 }

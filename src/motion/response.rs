@@ -2,20 +2,20 @@
 //!
 //! A body whose translations are alike stands in the contact problem like a grain: an effective mass, at
 //! a point that is not its centre of mass if springs hold it, and an effective inertia about that point.
-//! Any other one has up to three degrees of freedom, which take the place of the grain's whitened spin.
+//! Any other one has up to three degrees of freedom, which take the place of the grain's whitened angular velocity.
 
-use super::held;
-use super::mounted::{Body, arm, free, only, own_inertia};
-use super::tumbling::Inertia;
+use super::free_rotation::Inertia;
+use super::mounted::{MountedBody, free, inertia_about_free_point, only, point_inertia};
+use super::prescribed_rotation;
 use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
 use crate::model::DofMode;
 
 /// A held rotation that is imposed beside free ones is an inertia this many times the natural one.
-const HELD: f64 = 1e9;
+const PRESCRIBED_INERTIA_FACTOR: f64 = 1e9;
 
 /// How a mounted body moves without contacts, and how it answers to impulses.
 ///
-/// In whitened coordinates `ŵ`, whose inertia is the identity, the body's spin is `turn ŵ`, and its point
+/// In whitened coordinates `ŵ`, whose inertia is the identity, the body's angular velocity is `turn ŵ`, and its point
 /// at `centre` has the velocity `velocity + shift ŵ`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MountResponse {
@@ -34,7 +34,7 @@ pub struct MountResponse {
 }
 
 impl MountResponse {
-    /// Velocity of the reference point (m/s) and spin (rad/s).
+    /// Velocity of the reference point (m/s) and angular velocity (rad/s).
     pub fn twist(&self, velocity: &Vec3, whitened: &Vec3) -> (Vec3, Vec3) {
         let angular_velocity = self.angular_map * whitened;
         (
@@ -44,7 +44,7 @@ impl MountResponse {
     }
 }
 
-impl Body<'_> {
+impl MountedBody<'_> {
     /// Impulse (N s) of springs and dampers on translations, but for what the velocity of the end adds.
     fn pull(&self, position: &Vec3) -> Vec3 {
         let (h, shift) = (self.h(), self.target.position - self.from.position);
@@ -88,11 +88,11 @@ impl Body<'_> {
         let r = orientation.to_rotation_matrix().into_inner();
         let d = r * self.mount.centre;
         let about_centre = r * Mat3::from_diagonal(&self.mount.inertia) * r.transpose();
-        (d, about_centre + arm(&d) * self.mount.mass)
+        (d, about_centre + point_inertia(&d) * self.mount.mass)
     }
 
     /// A body that does not turn: a mass. One that turned until now keeps the momentum of its centre of mass.
-    pub fn as_mass(&self, middle: &Pose) -> MountResponse {
+    pub fn mass_response(&self, middle: &Pose) -> MountResponse {
         let mass = self.mount.mass + self.mount.added_inertia(0, self.stepping);
         let [load, _] = self.loads(&Vec3::zeros());
         let carried = self.velocity_of_centre() * self.mount.mass;
@@ -106,10 +106,10 @@ impl Body<'_> {
 
     /// What momentum and angular momentum about the reference point would be at the end of the step, but for
     /// what springs and dampers add by the velocity of the end; `d` is from there to the centre of mass.
-    fn momenta(&self, middle: &Pose, d: &Vec3, own_spin: Option<Vec3>) -> [Vec3; 2] {
+    fn momenta(&self, middle: &Pose, d: &Vec3, free_angular_velocity: Option<Vec3>) -> [Vec3; 2] {
         let (w, q, m) = (self.angular_velocity, &middle.orientation, self.mount.mass);
         let v = self.velocity - self.held_velocity();
-        let carried = match own_spin {
+        let carried = match free_angular_velocity {
             _ if self.mount.has_isotropic_translations() => self.velocity_of_centre() * m,
             // What goes round the reference point belongs to the inertia about it.
             Some(_) => v * m,
@@ -118,8 +118,8 @@ impl Body<'_> {
                 (v + around - w.cross(&around) * self.h()) * m
             }
         };
-        let inertia = own_inertia(self.mount);
-        let own = own_spin.map_or_else(
+        let inertia = inertia_about_free_point(self.mount);
+        let own = free_angular_velocity.map_or_else(
             || {
                 // What holds it takes the rest of the gyroscopic term.
                 let momentum = inertia.momentum_at(q, &w);
@@ -134,22 +134,22 @@ impl Body<'_> {
         ]
     }
 
-    /// A body that turns and moves alike in all directions; `target` is the spin of what held rotations follow.
-    pub fn as_solid(&self, middle: &Pose, target: &Vec3) -> MountResponse {
+    /// A body that turns and moves alike in all directions; `target` is the angular velocity of what held rotations follow.
+    pub fn rigid_body_response(&self, middle: &Pose, target: &Vec3) -> MountResponse {
         let mount = self.mount;
         let (d, inertia) = self.inertia(&middle.orientation);
         let m = mount.mass;
         let mass = m + mount.added_inertia(0, self.stepping);
-        let own_spin = self.own_spin(&middle.orientation);
-        let [momentum, mut angular] = self.momenta(middle, &d, own_spin);
+        let free_angular_velocity = self.free_angular_velocity(&middle.orientation);
+        let [momentum, mut angular] = self.momenta(middle, &d, free_angular_velocity);
         let added = Vec3::from_fn(|k, _| mount.added_inertia(3 + k, self.stepping));
         // The point where momentum and angular momentum part: there the mass counts with its springs.
         let centre = d * (m / mass);
-        let mut about = inertia + Mat3::from_diagonal(&added) - arm(&centre) * mass;
+        let mut about = inertia + Mat3::from_diagonal(&added) - point_inertia(&centre) * mass;
         // The mass counts at 1 m.
-        let stiff = HELD * (inertia.trace() + m);
+        let stiff = PRESCRIBED_INERTIA_FACTOR * (inertia.trace() + m);
         let turn = self.turn_from_target(&middle.orientation);
-        for (_, n) in held::conditions(mount, &turn) {
+        for (_, n) in prescribed_rotation::constraints(mount, &turn) {
             about += n * n.transpose() * stiff;
             angular += n * (n.dot(&(turn * target)) * stiff);
         }
@@ -160,20 +160,20 @@ impl Body<'_> {
             inverse_mass: 1.0 / mass,
             centre,
             angular_map: turn,
-            free_angular_velocity: own_spin.unwrap_or_default(),
+            free_angular_velocity: free_angular_velocity.unwrap_or_default(),
             ..MountResponse::default()
         }
     }
 
     /// Up to three degrees of freedom of any kind.
-    pub fn by_freedoms(&self, middle: &Pose) -> MountResponse {
+    pub fn dof_response(&self, middle: &Pose) -> MountResponse {
         let (mount, m) = (self.mount, self.mount.mass);
         let (d, inertia) = self.inertia(&middle.orientation);
-        let own_spin = self.own_spin(&middle.orientation);
-        let [momentum, angular] = self.momenta(middle, &d, own_spin);
+        let free_angular_velocity = self.free_angular_velocity(&middle.orientation);
+        let [momentum, angular] = self.momenta(middle, &d, free_angular_velocity);
         let turn = self.turn_from_target(&middle.orientation);
-        let conditions = held::conditions(mount, &turn);
-        // Unit twists of the degrees of freedom: velocity and spin. One that is not there has none, and
+        let constraints = prescribed_rotation::constraints(mount, &turn);
+        // Unit twists of the degrees of freedom: velocity and angular velocity. One that is not there has none, and
         // an inertia of 1.
         let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
         let mut added = Vec3::repeat(1.0);
@@ -182,7 +182,7 @@ impl Body<'_> {
             if k < 3 {
                 velocity[k] = 1.0
             } else {
-                *angular_velocity = held::beside(&conditions, k - 3);
+                *angular_velocity = prescribed_rotation::constrained_rotation(&constraints, k - 3);
             }
             added[column] = mount.added_inertia(k, self.stepping);
         }
@@ -198,7 +198,7 @@ impl Body<'_> {
             whitened_velocity: whitened,
             angular_map: Mat3::from_columns(&twists.map(|t| t.1)) * root,
             linear_map: Mat3::from_columns(&twists.map(|t| t.0)) * root,
-            free_angular_velocity: own_spin.unwrap_or_default(),
+            free_angular_velocity: free_angular_velocity.unwrap_or_default(),
             ..MountResponse::default()
         }
     }

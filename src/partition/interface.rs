@@ -1,6 +1,6 @@
 //! The interface: contacts between subdomains, grouped by pair and coloured.
 
-use super::Lists;
+use super::lists::Lists;
 
 /// Contacts between grains of different subdomains.
 ///
@@ -57,8 +57,8 @@ impl Interface {
             colours = colours.max(free + 1);
         }
         self.colours.fill(colours, colour.iter().copied());
-        let Self { pairs, colours, groups_by_subdomain: courses, .. } = self;
+        let Self { pairs, colours, groups_by_subdomain, .. } = self;
         let sides = |&g: &u32| pairs[g as usize].map(|s| (s, g));
-        courses.file(subdomains, colours.items.iter().flat_map(sides));
+        groups_by_subdomain.group_by_key(subdomains, colours.items.iter().flat_map(sides));
     }
 }

@@ -10,6 +10,7 @@
 mod boxes;
 mod compact;
 mod interface;
+mod lists;
 
 use crate::detection::Contacts;
 use crate::math::Vec3;
@@ -17,6 +18,7 @@ use crate::model::PartitionRule;
 use rayon::prelude::*;
 
 pub use interface::Interface;
+pub use lists::Lists;
 
 /// Who owns what in one step.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -28,76 +30,14 @@ pub struct Partition {
     /// Contacts of each subdomain, ascending.
     pub contacts: Lists,
     pub interface: Interface,
-    filed: Vec<Filed>,
+    sorted: Vec<SubdomainContacts>,
 }
 
 /// Contacts of the grains of one subdomain: its own, and by their two owners those with others.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct Filed {
-    own: Vec<u32>,
-    between: Vec<([u32; 2], u32)>,
-}
-
-/// Lists of numbers in one array: list `i` is `items[starts[i]..starts[i + 1]]`.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Lists {
-    pub starts: Vec<u32>,
-    pub items: Vec<u32>,
-}
-
-impl Lists {
-    /// Number of lists.
-    pub fn len(&self) -> usize {
-        self.starts.len().saturating_sub(1)
-    }
-
-    /// Whether there is no list.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// List `i`.
-    pub fn list(&self, i: usize) -> &[u32] {
-        &self.items[self.starts[i] as usize..self.starts[i + 1] as usize]
-    }
-
-    /// Files each item `0..keys.len()` under its key, below `lists`. Stable, so every list is ascending.
-    fn fill(&mut self, lists: usize, keys: impl Iterator<Item = u32> + Clone) {
-        self.file(lists, keys.zip(0..));
-    }
-
-    /// Leaves no list.
-    fn clear(&mut self) {
-        self.starts.clear();
-        self.starts.push(0);
-        self.items.clear();
-    }
-
-    /// Adds a list.
-    fn append(&mut self, list: &[u32]) {
-        self.items.extend_from_slice(list);
-        self.starts.push(self.items.len() as u32);
-    }
-
-    /// Files items under their keys, which are below `lists`, in the order in which they come.
-    fn file(&mut self, lists: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) {
-        self.starts.clear();
-        self.starts.resize(lists + 1, 0);
-        for (key, _) in entries.clone() {
-            self.starts[key as usize + 1] += 1;
-        }
-        for i in 0..lists {
-            self.starts[i + 1] += self.starts[i];
-        }
-        self.items.clear();
-        self.items.resize(self.starts[lists] as usize, 0);
-        let mut next = self.starts.clone();
-        for (key, item) in entries {
-            let place = &mut next[key as usize];
-            self.items[*place as usize] = item;
-            *place += 1;
-        }
-    }
+struct SubdomainContacts {
+    internal: Vec<u32>,
+    interface: Vec<([u32; 2], u32)>,
 }
 
 /// Grains for which one thread looks up their contacts in one go.
@@ -135,46 +75,46 @@ impl Partition {
             }
         };
         self.grains.fill(subdomains, self.owner.iter().copied());
-        self.file_contacts(contacts);
+        self.sort_contacts(contacts);
     }
 
     /// Gives each contact its place, subdomain by subdomain, as contacts come in the order of their candidates.
-    fn file_contacts(&mut self, contacts: &Contacts) {
-        let Self { owner, grains, contacts: own, interface, filed } = self;
+    fn sort_contacts(&mut self, contacts: &Contacts) {
+        let Self { owner, grains, contacts: internal, interface, sorted } = self;
         let starts = starts_of_candidates(owner.len(), contacts);
-        filed.resize_with(grains.len(), Filed::default);
-        filed.par_iter_mut().enumerate().for_each(|(s, filed)| {
+        sorted.resize_with(grains.len(), SubdomainContacts::default);
+        sorted.par_iter_mut().enumerate().for_each(|(s, part)| {
             let s = s as u32;
-            filed.own.clear();
-            filed.between.clear();
+            part.internal.clear();
+            part.interface.clear();
             for &grain in grains.list(s as usize) {
                 for c in starts[grain as usize]..starts[grain as usize + 1] {
                     match owner.get(contacts.bodies[c as usize][1] as usize) {
                         Some(&other) if other != s => {
-                            filed.between.push(([s.min(other), s.max(other)], c));
+                            part.interface.push(([s.min(other), s.max(other)], c));
                         }
-                        _ => filed.own.push(c),
+                        _ => part.internal.push(c),
                     }
                 }
             }
-            filed.between.sort_unstable();
+            part.interface.sort_unstable();
         });
-        own.clear();
-        filed.iter().for_each(|filed| own.append(&filed.own));
-        let mut between: Vec<_> = filed.iter().flat_map(|filed| &filed.between).copied().collect();
+        internal.clear();
+        sorted.iter().for_each(|part| internal.push_list(&part.internal));
+        let mut between: Vec<_> = sorted.iter().flat_map(|part| &part.interface).copied().collect();
         // Stable, because that makes use of what is in order.
         between.sort();
         interface.group(grains.len(), &between);
     }
 
     /// One set of all grains and contacts.
-    pub fn whole(&mut self, grains: usize, contacts: &Contacts) {
+    pub fn assign_single_set(&mut self, grains: usize, contacts: &Contacts) {
         self.owner.clear();
         self.owner.resize(grains, 0);
         self.grains.fill(1, self.owner.iter().copied());
         self.contacts.fill(1, contacts.bodies.iter().map(|_| 0));
         self.interface.group(1, &[]);
-        self.filed.clear();
+        self.sorted.clear();
     }
 
     fn assign_compact(&mut self, n: usize, position: &[Vec3], contacts: &Contacts) -> usize {

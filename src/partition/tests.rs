@@ -115,7 +115,7 @@ fn more_subdomains_than_grains_and_no_grains_at_all() {
 fn one_set_holds_all() {
     let (position, contacts) = lattice([4, 4, 4]);
     let mut partition = Partition::default();
-    partition.whole(position.len(), &contacts);
+    partition.assign_single_set(position.len(), &contacts);
     check(&partition, &position, &contacts);
     assert_eq!(partition.contacts.list(0).len(), contacts.len());
 }

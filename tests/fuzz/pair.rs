@@ -20,7 +20,7 @@ use libfuzzer_sys::fuzz_target;
 /// Some centimetres to a stone, in steps that make faces coplanar and edges parallel.
 const STEP: f64 = 1e-3;
 /// Stones have more corners; the oracle's work grows with the fourth power of them.
-const MOST: usize = 12;
+const MAX_POINTS: usize = 12;
 
 fn vector(c: &[u8]) -> Vec3 {
     Vec3::new(c[0] as i8 as f64, c[1] as i8 as f64, c[2] as i8 as f64)
@@ -49,7 +49,7 @@ fn turn(c: &[u8]) -> Quat {
 fuzz_target!(|data: &[u8]| {
     let Some((head, rest)) = data.split_first_chunk::<12>() else { return };
     let (first, second) = rest.split_at(rest.len() / 2);
-    let corners = |bytes: &[u8]| shape(&bytes[..bytes.len().min(3 * MOST)]);
+    let corners = |bytes: &[u8]| shape(&bytes[..bytes.len().min(3 * MAX_POINTS)]);
     let (Some(a), Some(b)) = (corners(first), corners(second)) else { return };
     let poses = [
         Pose { position: Vec3::zeros(), orientation: turn(&head[..4]) },

@@ -13,8 +13,7 @@
 //!
 //! So all edges with an end in a slab of `max(2 |s0|, reach - s0)` decide, usually a handful.
 
-use super::closest::{self, ClosestPoints};
-use super::pair::{Pair, smaller};
+use super::pair::{BodyPair, smaller};
 use crate::math::Vec3;
 
 /// An edge in the frame of A, with the outward normals of its two faces.
@@ -35,8 +34,8 @@ pub struct NearEdge {
 
 impl NearEdge {
     /// The edge, and a sphere around its part with heights up to 0, those of its ends given.
-    pub fn below(edge: LoneEdge, normals: [Vec3; 2], [h0, h1]: [f64; 2]) -> Self {
-        let LoneEdge { index, start, along } = edge;
+    pub fn below(edge: EdgeSegment, normals: [Vec3; 2], [h0, h1]: [f64; 2]) -> Self {
+        let EdgeSegment { index, start, along } = edge;
         let [left, right] = normals;
         let from = if h0 <= 0.0 { 0.0 } else { h0 / (h0 - h1) };
         let to = if h1 <= 0.0 { 1.0 } else { h0 / (h0 - h1) };
@@ -47,8 +46,8 @@ impl NearEdge {
     }
 
     /// Without its faces.
-    pub fn alone(&self) -> LoneEdge {
-        LoneEdge { index: self.index, start: self.start, along: self.along }
+    pub fn alone(&self) -> EdgeSegment {
+        EdgeSegment { index: self.index, start: self.start, along: self.along }
     }
 
     /// Whether the parts of both edges may be closer than `reach`.
@@ -81,7 +80,7 @@ impl NearEdge {
 
 /// An edge in the frame of A.
 #[derive(Debug, Clone, Copy)]
-pub struct LoneEdge {
+pub struct EdgeSegment {
     pub index: usize,
     pub start: Vec3,
     pub along: Vec3,
@@ -93,7 +92,7 @@ pub struct EdgeAxis {
     /// Numbers of the edges.
     pub edges: [usize; 2],
     /// The edges.
-    pub on: [LoneEdge; 2],
+    pub on: [EdgeSegment; 2],
     /// Unit vector from A to B.
     pub normal: Vec3,
     pub separation: f64,
@@ -103,7 +102,7 @@ impl EdgeAxis {
     /// Closest points of the edges.
     pub fn closest(&self) -> ClosestPoints {
         let [a, b] = &self.on;
-        closest::closest_on_segments(a, b)
+        closest_on_segments(a, b)
     }
 
     /// Whether this one is the better: of larger separation, or of lower numbers among equals.
@@ -122,7 +121,7 @@ impl EdgeAxis {
 /// is a strip of that relative width, so a neighbouring facet is as good. The winner's separation
 /// is measured with both supports, so it is true for its direction whatever the rounding.
 pub fn best_edge_axis(
-    pair: &Pair,
+    pair: &BodyPair,
     pairs: impl Iterator<Item = ([usize; 2], f64)>,
     known: Option<EdgeAxis>,
     floor: f64,
@@ -151,7 +150,7 @@ pub fn best_edge_axis(
 /// The axis perpendicular to two edges, if they make a facet of the Minkowski difference. It may be
 /// left out if it does not separate by `limit`; `crossing` if they are known to make one, `separation` is that of the bodies along an axis.
 pub fn axis_of(
-    pair: &Pair,
+    pair: &BodyPair,
     edges: [usize; 2],
     limit: f64,
     crossing: bool,
@@ -171,28 +170,28 @@ pub fn axis_of(
 }
 
 /// Edge `index` of A.
-pub fn edge_of_a(pair: &Pair, index: usize) -> LoneEdge {
+pub fn edge_of_a(pair: &BodyPair, index: usize) -> EdgeSegment {
     let [start, end] = pair.a.edges[index].vertices;
     let (start, end) = (pair.a.vertices[start as usize], pair.a.vertices[end as usize]);
-    LoneEdge { index, start, along: end - start }
+    EdgeSegment { index, start, along: end - start }
 }
 
 /// Edge `index` of B, in the frame of A.
-pub fn edge_of_b(pair: &Pair, index: usize) -> LoneEdge {
+pub fn edge_of_b(pair: &BodyPair, index: usize) -> EdgeSegment {
     let [start, end] = pair.b.edges[index].vertices;
     let (start, end) = (pair.corner_of_b(start as usize), pair.corner_of_b(end as usize));
-    LoneEdge { index, start, along: end - start }
+    EdgeSegment { index, start, along: end - start }
 }
 
 /// Whether the sine between two edges is below 1e-4.
-pub fn nearly_parallel(a: &LoneEdge, b: &LoneEdge) -> bool {
+pub fn nearly_parallel(a: &EdgeSegment, b: &EdgeSegment) -> bool {
     let c = a.along.cross(&b.along).norm_squared();
     c <= 1e-8 * a.along.norm_squared() * b.along.norm_squared()
 }
 
 /// Whether the arc of the normals of A's edge crosses that of the reversed normals of B's, also when the
 /// bodies have turned by up to `turn` against each other; `along` are the edges' directions in the frame of A.
-pub fn arcs_cross(pair: &Pair, edges: [usize; 2], [a, b]: [&Vec3; 2], turn: f64) -> bool {
+pub fn arcs_cross(pair: &BodyPair, edges: [usize; 2], [a, b]: [&Vec3; 2], turn: f64) -> bool {
     let along_b = |f: u16| pair.a.face_normals[usize::from(f)].dot(b);
     let [a_left, a_right] = pair.a.edges[edges[0]].faces.map(along_b);
     if a_left * a_right >= 0.0 {
@@ -209,7 +208,7 @@ pub fn arcs_cross(pair: &Pair, edges: [usize; 2], [a, b]: [&Vec3; 2], turn: f64)
 }
 
 /// Unit vector perpendicular to both edges, out of A.
-fn common_perpendicular(a: &LoneEdge, b: &LoneEdge) -> Option<Vec3> {
+fn common_perpendicular(a: &EdgeSegment, b: &EdgeSegment) -> Option<Vec3> {
     let c = a.along.cross(&b.along);
     let along_squared = a.along.norm_squared();
     if c.norm_squared() <= 1e-20 * along_squared * b.along.norm_squared() {
@@ -221,4 +220,69 @@ fn common_perpendicular(a: &LoneEdge, b: &LoneEdge) -> Option<Vec3> {
     let n = c / c.norm();
     // A's origin is inside A, so its support plane is on the outer side of it.
     Some(if n.dot(&a.start) < 0.0 { -n } else { n })
+}
+
+/// Closest points of two segments, and where on them: 0 at the start, 1 at the end.
+#[derive(Debug, Clone, Copy)]
+pub struct ClosestPoints {
+    /// Numbers of the edges.
+    pub edges: [usize; 2],
+    pub parameter: [f64; 2],
+    pub on_a: Vec3,
+    pub on_b: Vec3,
+    pub distance_squared: f64,
+}
+
+/// Closest points over all pairs of near edges, if any are within `reach` of each other; the first
+/// pair among equals.
+pub fn closest_points(
+    near_a: &[NearEdge],
+    near_b: &[NearEdge],
+    reach: f64,
+) -> Option<ClosestPoints> {
+    let mut best: Option<ClosestPoints> = None;
+    let mut reach = reach;
+    for a in near_a {
+        for b in near_b {
+            if !a.may_reach(b, reach) {
+                continue;
+            }
+            let found = closest_on_segments(&a.alone(), &b.alone());
+            if best.is_none_or(|c| found.distance_squared < c.distance_squared) {
+                // A little more than the distance: equal ones stay in, whatever rounding does.
+                reach = reach.min(found.distance_squared.sqrt() * (1.0 + 1e-6));
+                best = Some(found);
+            }
+        }
+    }
+    best
+}
+
+/// Closest points of two segments, by clamping the solution for lines.
+///
+/// Source: Ericson, *Real-time collision detection*, 2005, section 5.1.9.
+pub fn closest_on_segments(a: &EdgeSegment, b: &EdgeSegment) -> ClosestPoints {
+    let offset = a.start - b.start;
+    let (aa, bb) = (a.along.norm_squared(), b.along.norm_squared());
+    let ab = a.along.dot(&b.along);
+    let (ao, bo) = (a.along.dot(&offset), b.along.dot(&offset));
+    let determinant = aa * bb - ab * ab;
+    // Parallel: any point will do, the clamping of the other one finds its partner.
+    let mut s = if determinant > 1e-20 * aa * bb {
+        ((ab * bo - ao * bb) / determinant).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let mut t = (ab * s + bo) / bb;
+    if t < 0.0 {
+        t = 0.0;
+        s = (-ao / aa).clamp(0.0, 1.0);
+    } else if t > 1.0 {
+        t = 1.0;
+        s = ((ab - ao) / aa).clamp(0.0, 1.0);
+    }
+    let on_a = a.start + a.along * s;
+    let on_b = b.start + b.along * t;
+    let distance_squared = (on_b - on_a).norm_squared();
+    ClosestPoints { edges: [a.index, b.index], parameter: [s, t], on_a, on_b, distance_squared }
 }

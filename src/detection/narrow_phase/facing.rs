@@ -4,37 +4,20 @@
 //! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, if feet
 //! were in the slab. Where parts in the slab do not overlap, seen along the axis, there is no corner.
 
-use super::SLAB;
-use super::few::Few;
-use super::pair::{Pair, larger, smaller};
-use super::patch::{Axis, STEEP};
-use super::rim::Placed;
+use super::edge_cache::TransformedVertices;
+use super::frame::{AxisFrame, ContactAxis, DecidingFaces, MotionBound, ProjectedEdge, STEEP};
+use super::pair::{BodyPair, larger, smaller};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
-/// How far bodies may move where they face each other, m, how much they may turn against each other
-/// and how much the axis may turn in A.
-#[derive(Debug, Clone, Copy)]
-pub struct Slack {
-    pub path: f64,
-    pub turn: f64,
-}
-
-impl Slack {
-    /// For the present configuration alone: what rounding takes.
-    pub fn none(pair: &Pair) -> Self {
-        Self { path: SLAB * pair.size, turn: 1e-9 }
-    }
-}
-
 /// Buffers of the search, and what may meet.
 #[derive(Debug, Default)]
-pub struct Sides {
-    sides: [Side; 2],
+pub struct FacingFeatures {
+    sides: [FacingSurface; 2],
     /// Pairs of edges of A and B.
     pub pairs: Vec<[usize; 2]>,
     /// Corners of A and of B.
-    pub vertices: [Vec<Over>; 2],
+    pub vertices: [Vec<VertexOverFace>; 2],
     /// Whether it depends on the turn if something listed faces the other body.
     pub unsure: bool,
     /// Where the bodies face each other, in the frame of A.
@@ -42,12 +25,12 @@ pub struct Sides {
     /// Nothing that may meet is further from the middle, m.
     pub lever: f64,
     /// Of the listed edges of A and of B.
-    pub rims: [Placed; 2],
+    pub rims: [TransformedVertices; 2],
 }
 
-impl Sides {
+impl FacingFeatures {
     /// Lists what may meet.
-    pub fn list(&mut self, pair: &Pair, axis: &Axis, slab: f64, slack: Slack) {
+    pub fn list(&mut self, pair: &BodyPair, axis: &ContactAxis, slab: f64, slack: MotionBound) {
         let [frame_a, frame_b] = axis.frames(pair);
         let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, .. } = self;
         a.gather(pair.a, &frame_a, slab, 2.0 * slack.turn);
@@ -63,7 +46,7 @@ impl Sides {
         // turned, the other foot is beside it by the turn times their distance.
         let lever = 0.5 * near.diagonal() + slab + feet;
         self.lever = lever;
-        let slack = Slack { path: slack.path + slack.turn * lever, ..slack };
+        let slack = MotionBound { path: slack.path + slack.turn * lever, ..slack };
         let common = a.area.common(&b.area.widened(slack.path));
         let common = common.widened(slack.path);
         *unsure = a.trim(&common) | b.trim(&common);
@@ -84,137 +67,23 @@ impl Sides {
     }
 }
 
-/// Coordinates across and along the axis, for points of one body's frame.
-pub struct Frame {
-    /// Two across the axis, and the axis.
-    pub axes: [Vec3; 3],
-    /// Coordinates of the body's origin.
-    pub origin: [f64; 3],
-    /// Sign of the axis into the body, from the other one.
-    pub into: f64,
-}
-
-impl Frame {
-    #[inline]
-    pub fn place(&self, x: &Vec3) -> [f64; 3] {
-        let ([t, s, n], [o, p, q]) = (&self.axes, &self.origin);
-        [t.dot(x) + o, s.dot(x) + p, n.dot(x) + q]
-    }
-
-    /// Edge `index` in these coordinates.
-    #[inline]
-    pub fn segment(&self, shape: &Polyhedron, index: usize) -> Segment {
-        let [start, end] = shape.edges[index].vertices;
-        Segment::between(
-            self.place(&shape.vertices[start as usize]),
-            self.place(&shape.vertices[end as usize]),
-        )
-    }
-
-    /// Whether a face of edge `index` is towards the other body. An edge of the far side is never a
-    /// corner: the body's own surface is between it and the other one.
-    pub fn is_facing(&self, shape: &Polyhedron, index: usize) -> bool {
-        let into = self.axes[2] * self.into;
-        let [left, right] = shape.edges[index].faces;
-        let slope = |f: u16| shape.face_normals[usize::from(f)].dot(&into);
-        smaller(slope(left), slope(right)) < -STEEP
-    }
-
-    /// Whether an edge of corner `v` is facing.
-    pub fn has_facing_edge(&self, shape: &Polyhedron, v: usize) -> bool {
-        let mut edges = shape.edges.iter().enumerate();
-        edges.any(|(e, edge)| {
-            edge.vertices.iter().any(|w| usize::from(*w) == v) && self.is_facing(shape, e)
-        })
-    }
-
-    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
-    /// if the line passes by more than `tolerance` beside it. The faces `below` decide.
-    #[inline]
-    pub fn distance(
-        &self,
-        shape: &Polyhedron,
-        below: &Below,
-        x: &Vec3,
-        tolerance: f64,
-    ) -> Option<f64> {
-        if below.is_whole() {
-            distance_along(self.planes(shape, below.iter()), x, tolerance)
-        } else {
-            distance_along(self.planes(shape, 0..shape.face_count()), x, tolerance)
-        }
-    }
-
-    /// Planes of the body.
-    #[inline]
-    pub fn planes(
-        &self,
-        shape: &Polyhedron,
-        faces: impl Iterator<Item = usize>,
-    ) -> impl Iterator<Item = Plane> {
-        let into = self.axes[2] * self.into;
-        faces.map(move |f| {
-            let normal = shape.face_normals[f];
-            Plane { normal, offset: shape.face_offsets[f], slope: normal.dot(&into) }
-        })
-    }
-}
-
-/// A face's plane, and its slope along the axis into the body.
-#[derive(Debug, Clone, Copy)]
-pub struct Plane {
-    pub normal: Vec3,
-    pub offset: f64,
-    pub slope: f64,
-}
-
-impl Plane {
-    /// Of a point below the plane.
-    #[inline]
-    pub fn depth(&self, x: &Vec3) -> f64 {
-        let n = &self.normal;
-        self.offset - (n.x * x.x + n.y * x.y + n.z * x.z)
-    }
-}
-
-/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
-/// if the line passes by more than `tolerance` beside it.
-#[inline]
-fn distance_along(planes: impl Iterator<Item = Plane>, x: &Vec3, tolerance: f64) -> Option<f64> {
-    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
-    for plane in planes {
-        let depth = plane.depth(x);
-        if plane.slope < -STEEP {
-            enter = larger(depth / plane.slope, enter);
-        } else if plane.slope > STEEP {
-            leave = smaller((depth + tolerance) / plane.slope, leave);
-        } else if depth < -tolerance {
-            return None;
-        }
-    }
-    (enter <= leave + tolerance).then_some(enter)
-}
-
-/// The faces that decide where a line along the axis enters the body: some, or too many to list.
-pub type Below = Few<5>;
-
 /// A corner that may be over the other body.
 #[derive(Debug, Clone, Copy)]
-pub struct Over {
+pub struct VertexOverFace {
     pub vertex: usize,
     /// Faces of the other body that decide about it.
-    pub below: Below,
+    pub below: DecidingFaces,
 }
 
 /// A body's faces, their slopes along the axis into the body, and one over these.
 #[derive(Clone, Copy)]
-struct Relief<'a> {
+struct FaceSlopes<'a> {
     shape: &'a Polyhedron,
     slopes: &'a [f64],
     inverse: &'a [f64],
 }
 
-impl Relief<'_> {
+impl FaceSlopes<'_> {
     /// How far `x` is below each face's plane, with the slope and one over it.
     #[inline]
     fn depths(self, x: &Vec3) -> impl Iterator<Item = (f64, f64, f64)> {
@@ -230,7 +99,7 @@ impl Relief<'_> {
 ///
 /// All planes moved out by the slack hold a piece of the line. What is deeper than the slack below a
 /// plane on all of this piece stays below it.
-fn may_be_over(relief: Relief, x: &Vec3, alert: f64, slack: f64) -> Option<Below> {
+fn may_be_over(relief: FaceSlopes, x: &Vec3, alert: f64, slack: f64) -> Option<DecidingFaces> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, alert);
     for (depth, slope, inverse) in relief.depths(x) {
         let depth = depth + slack;
@@ -245,7 +114,7 @@ fn may_be_over(relief: Relief, x: &Vec3, alert: f64, slack: f64) -> Option<Below
     if enter > leave {
         return None;
     }
-    let mut below = Below::default();
+    let mut below = DecidingFaces::default();
     for (f, (depth, slope, _)) in relief.depths(x).enumerate() {
         let lowest = depth - slope * if slope < 0.0 { enter } else { leave };
         if lowest <= slack {
@@ -255,41 +124,21 @@ fn may_be_over(relief: Relief, x: &Vec3, alert: f64, slack: f64) -> Option<Below
     Some(below)
 }
 
-/// An edge; coordinates are two across the axis and one along it.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Segment {
-    pub start: [f64; 3],
-    pub along: [f64; 3],
-}
-
-impl Segment {
-    #[inline]
-    pub fn between(start: [f64; 3], end: [f64; 3]) -> Self {
-        Self { start, along: [end[0] - start[0], end[1] - start[1], end[2] - start[2]] }
-    }
-
-    #[inline]
-    pub fn at(&self, parameter: f64) -> [f64; 3] {
-        let Self { start: [x, y, z], along: [u, v, w] } = self;
-        [x + u * parameter, y + v * parameter, z + w * parameter]
-    }
-}
-
 /// A rectangle across the axis.
 #[derive(Debug, Clone, Copy)]
-struct Area {
+struct Rectangle {
     low: [f64; 2],
     high: [f64; 2],
 }
 
-impl Default for Area {
+impl Default for Rectangle {
     /// Nothing.
     fn default() -> Self {
         Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] }
     }
 }
 
-impl Area {
+impl Rectangle {
     fn around(p: &[f64; 3], q: &[f64; 3]) -> Self {
         Self {
             low: [smaller(p[0], q[0]), smaller(p[1], q[1])],
@@ -297,14 +146,14 @@ impl Area {
         }
     }
 
-    fn with(&self, other: &Area) -> Self {
+    fn with(&self, other: &Rectangle) -> Self {
         Self {
             low: [smaller(self.low[0], other.low[0]), smaller(self.low[1], other.low[1])],
             high: [larger(self.high[0], other.high[0]), larger(self.high[1], other.high[1])],
         }
     }
 
-    fn common(&self, other: &Area) -> Self {
+    fn common(&self, other: &Rectangle) -> Self {
         Self {
             low: [larger(self.low[0], other.low[0]), larger(self.low[1], other.low[1])],
             high: [smaller(self.high[0], other.high[0]), smaller(self.high[1], other.high[1])],
@@ -325,7 +174,7 @@ impl Area {
         (wide * wide + long * long).sqrt()
     }
 
-    fn meets(&self, other: &Area) -> bool {
+    fn meets(&self, other: &Rectangle) -> bool {
         (self.low[0] <= other.high[0])
             & (other.low[0] <= self.high[0])
             & (self.low[1] <= other.high[1])
@@ -333,24 +182,24 @@ impl Area {
     }
 
     fn holds(&self, p: &[f64; 3]) -> bool {
-        self.meets(&Area::around(p, p))
+        self.meets(&Rectangle::around(p, p))
     }
 }
 
 /// An edge of the facing surface: its part in the slab.
 #[derive(Debug, Clone, Copy)]
-struct Edge {
+struct SlabEdge {
     index: usize,
     vertices: [u16; 2],
     from: [f64; 3],
     to: [f64; 3],
-    area: Area,
+    area: Rectangle,
     unsure: bool,
 }
 
-impl Edge {
+impl SlabEdge {
     /// Whether the parts come within `reach` of each other, seen along the axis.
-    fn comes_near(&self, other: &Edge, reach: f64) -> bool {
+    fn comes_near(&self, other: &SlabEdge, reach: f64) -> bool {
         let (a, b, c, d) = (&self.from, &self.to, &other.from, &other.to);
         let side = |p: &[f64; 3], q: &[f64; 3], r: &[f64; 3]| {
             (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
@@ -376,15 +225,15 @@ fn near(p: &[f64; 3], q: &[f64; 3], x: &[f64; 3], reach: f64) -> bool {
 
 /// The facing surface of one body in the slab.
 #[derive(Debug, Default)]
-struct Side {
+struct FacingSurface {
     /// Corners in the coordinates of the axis.
     places: Vec<[f64; 3]>,
     /// Of the faces along the axis into the body, and one over them.
     slopes: Vec<f64>,
     inverse: Vec<f64>,
-    edges: Vec<Edge>,
+    edges: Vec<SlabEdge>,
     /// Around the edges' parts in the slab.
-    area: Area,
+    area: Rectangle,
     /// Whether a corner is on a listed edge.
     seen: Vec<bool>,
     vertices: Vec<usize>,
@@ -393,9 +242,9 @@ struct Side {
     into: f64,
 }
 
-impl Side {
+impl FacingSurface {
     /// Finds the edges in the slab that are facing, or may be once the axis has turned by `turn`.
-    fn gather(&mut self, shape: &Polyhedron, frame: &Frame, slab: f64, turn: f64) {
+    fn gather(&mut self, shape: &Polyhedron, frame: &AxisFrame, slab: f64, turn: f64) {
         self.into = frame.into;
         self.places.clear();
         self.places.extend(shape.vertices.iter().map(|v| frame.place(v)));
@@ -407,7 +256,7 @@ impl Side {
         self.inverse.clear();
         self.inverse.extend(self.slopes.iter().map(|slope| 1.0 / slope));
         self.edges.clear();
-        self.area = Area::default();
+        self.area = Rectangle::default();
         for (index, edge) in shape.edges.iter().enumerate() {
             let [start, end] = edge.vertices;
             let (start, end) = (&self.places[start as usize], &self.places[end as usize]);
@@ -421,18 +270,18 @@ impl Side {
             if slope >= -STEEP + turn {
                 continue;
             }
-            let segment = Segment::between(*start, *end);
+            let segment = ProjectedEdge::between(*start, *end);
             let from = if h0 <= 0.0 { *start } else { segment.at(h0 / (h0 - h1)) };
             let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
-            let area = Area::around(&from, &to);
+            let area = Rectangle::around(&from, &to);
             self.area = self.area.with(&area);
             let (vertices, unsure) = (edge.vertices, slope >= -STEEP - turn);
-            self.edges.push(Edge { index, vertices, from, to, area, unsure });
+            self.edges.push(SlabEdge { index, vertices, from, to, area, unsure });
         }
     }
 
     /// Drops edges beside `area`, and lists the vertices in it; whether any edge is unsure.
-    fn trim(&mut self, area: &Area) -> bool {
+    fn trim(&mut self, area: &Rectangle) -> bool {
         let Self { places, edges, vertices, seen, limit, into, .. } = self;
         edges.retain(|e| e.area.meets(area));
         seen.clear();
@@ -445,22 +294,22 @@ impl Side {
     }
 
     /// The faces of the body.
-    fn relief<'a>(&'a self, shape: &'a Polyhedron) -> Relief<'a> {
-        Relief { shape, slopes: &self.slopes, inverse: &self.inverse }
+    fn relief<'a>(&'a self, shape: &'a Polyhedron) -> FaceSlopes<'a> {
+        FaceSlopes { shape, slopes: &self.slopes, inverse: &self.inverse }
     }
 
     /// Those of the vertices that may be over the other body.
     fn over(
         &self,
         point: impl Fn(usize) -> Vec3,
-        other: Relief,
-        axis: &Axis,
-        slack: Slack,
-    ) -> impl Iterator<Item = Over> {
+        other: FaceSlopes,
+        axis: &ContactAxis,
+        slack: MotionBound,
+    ) -> impl Iterator<Item = VertexOverFace> {
         let (alert, path) = (axis.alert + slack.path, slack.path);
         self.vertices.iter().filter_map(move |v| {
             let below = may_be_over(other, &point(*v), alert, path)?;
-            Some(Over { vertex: *v, below })
+            Some(VertexOverFace { vertex: *v, below })
         })
     }
 }

@@ -38,6 +38,6 @@ pub fn vertex_of_b(v: usize) -> u64 {
 }
 
 /// The same feature on part `part` of a driven body.
-pub fn on_part(feature: u64, part: usize) -> u64 {
+pub fn with_part(feature: u64, part: usize) -> u64 {
     (part as u64) << PART_SHIFT | feature
 }

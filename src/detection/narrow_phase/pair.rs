@@ -1,11 +1,25 @@
 //! Two bodies seen from the frame of the first: places, directions, supports, separations.
 
-use super::Solid;
 use crate::geometry::Polyhedron;
 use crate::math::{Mat3, Pose, Quat, Vec3};
 
+/// Separations closer than this fraction of the bodies' radii count as equal: then faces of A are
+/// preferred to those of B, and faces to edges.
+pub const TIE: f64 = 2.5e-10;
+
+/// What is added to slabs and distances that only choose features, over the radii: faces are flat to
+/// 1e-7 only.
+pub const SLAB: f64 = 1e-6;
+
+/// A convex body of the configuration.
+#[derive(Debug, Clone, Copy)]
+pub struct ConvexBody<'a> {
+    pub shape: &'a Polyhedron,
+    pub pose: Pose,
+}
+
 /// Two bodies whose spheres come within the alert distance of each other.
-pub struct Pair<'a> {
+pub struct BodyPair<'a> {
     pub a: &'a Polyhedron,
     pub b: &'a Polyhedron,
     /// Of A.
@@ -23,12 +37,12 @@ pub struct Pair<'a> {
     pub alert: f64,
 }
 
-impl<'a> Pair<'a> {
+impl<'a> BodyPair<'a> {
     /// Both bodies, or how far their spheres are beyond the alert distance.
-    pub fn new(a: Solid<'a>, b: Solid<'a>, alert: f64) -> Result<Self, f64> {
+    pub fn new(a: ConvexBody<'a>, b: ConvexBody<'a>, alert: f64) -> Result<Self, f64> {
         let apart = b.pose.position - a.pose.position;
         let size = a.shape.radius + b.shape.radius;
-        let reach = size * (1.0 + super::TIE) + alert;
+        let reach = size * (1.0 + TIE) + alert;
         let distance_squared = apart.norm_squared();
         if distance_squared > reach * reach {
             return Err(distance_squared.sqrt() - reach);
@@ -64,26 +78,26 @@ impl<'a> Pair<'a> {
 
     /// How much an axis of length 1, to single precision, separates beyond the alert distance for certain, all rounding
     /// taken off.
-    pub fn apart_along(&self, n: &Vec3) -> Option<f64> {
+    pub fn separation_beyond_alert(&self, n: &Vec3) -> Option<f64> {
         let beyond = self.separation(n) / 1.000_001 - (self.alert + 1e-9 * self.size);
         (beyond > 0.0).then_some(beyond)
     }
 
     /// The faces of A and the corners of B.
-    pub fn faces_of_a(&self) -> Faces<'a> {
+    pub fn faces_of_a(&self) -> FaceAxes<'a> {
         let to_own = self.rotation;
-        Faces { own: self.a, other: self.b, to_own, offset: self.offset }
+        FaceAxes { own: self.a, other: self.b, to_own, offset: self.offset }
     }
 
     /// The faces of B and the corners of A.
-    pub fn faces_of_b(&self) -> Faces<'a> {
+    pub fn faces_of_b(&self) -> FaceAxes<'a> {
         let to_own = self.rotation.transpose();
-        Faces { own: self.b, other: self.a, to_own, offset: self.back }
+        FaceAxes { own: self.b, other: self.a, to_own, offset: self.back }
     }
 }
 
 /// The faces of one body as axes of separation from the other.
-pub struct Faces<'a> {
+pub struct FaceAxes<'a> {
     pub own: &'a Polyhedron,
     other: &'a Polyhedron,
     /// From the other body's frame.
@@ -92,7 +106,7 @@ pub struct Faces<'a> {
     offset: Vec3,
 }
 
-impl Faces<'_> {
+impl FaceAxes<'_> {
     /// Distance of the other body's lowest corner above face `f`; negative below.
     pub fn separation(&self, f: usize) -> f64 {
         self.separation_by(f, lowest)
@@ -173,4 +187,64 @@ pub fn smaller(a: f64, b: f64) -> f64 {
 #[inline]
 pub fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
+}
+
+/// Faces whose bound is this far below the best one, over the sum of the radii, cannot be better: well
+/// above rounding, so that the result does not depend on where the search begins.
+const SURE: f64 = 1e-6;
+
+/// A face normal as separating axis.
+#[derive(Debug, Clone, Copy)]
+pub struct FaceAxis {
+    pub face: usize,
+    /// Distance of the other body's nearest vertex above the face's plane, m; negative below.
+    pub separation: f64,
+}
+
+impl FaceAxis {
+    /// Whether this one is the better: of larger separation, or of lower number among equals.
+    pub fn beats(&self, other: &FaceAxis) -> bool {
+        self.separation > other.separation
+            || (self.separation == other.separation && self.face < other.face)
+    }
+}
+
+/// The face of largest separation, the lowest number among equals; `Err(face)` when a face separates
+/// by more than `alert`.
+///
+/// If no face reaches `floor`, the result is some face below it.
+///
+/// For any corner w of the other body, `n · w - d` bounds the separation of a face from above,
+/// because the separation is the minimum of that expression over all corners. With w deep
+/// in the body one product discards a face.
+pub fn best_face_axis(
+    faces: &FaceAxes,
+    start: usize,
+    floor: f64,
+    alert: f64,
+    size: f64,
+) -> Result<FaceAxis, usize> {
+    let mut best = FaceAxis { face: start, separation: faces.separation(start) };
+    if best.separation > alert {
+        return Err(start);
+    }
+    let mut witness = faces.lowest_corner(start);
+    let planes = faces.own.face_normals.iter().zip(&faces.own.face_offsets);
+    for (face, (n, d)) in planes.enumerate() {
+        let bound = (n.x * witness.x + n.y * witness.y + n.z * witness.z) - d;
+        if bound < best.separation.max(floor) - SURE * size || face == start {
+            continue;
+        }
+        let found = FaceAxis { face, separation: faces.separation(face) };
+        if found.separation > alert {
+            return Err(face);
+        }
+        if found.separation > best.separation {
+            witness = faces.lowest_corner(face);
+        }
+        if found.beats(&best) {
+            best = found;
+        }
+    }
+    Ok(best)
 }

@@ -1,10 +1,11 @@
 //! What is reported along the axis that was chosen.
 
-use super::closest::ClosestPoints;
-use super::edges::EdgeAxis;
-use super::pair::{self, Pair};
-use super::reduce::{self, Candidate};
-use super::{Point, SLAB, Scratch, TIE, Touching, feature, patch};
+use super::edges::{ClosestPoints, EdgeAxis};
+use super::feature;
+use super::frame::ContactAxis;
+use super::manifold::{self, ContactPoint, ManifoldPoint};
+use super::memory::{ContactCache, Scratch};
+use super::pair::{self, BodyPair, ConvexBody, SLAB, TIE};
 use crate::math::Vec3;
 
 /// Points of a patch closer than this, over the radii, count as one.
@@ -21,31 +22,31 @@ pub struct BestFace {
 
 impl BestFace {
     /// As the axis that was chosen.
-    pub fn chosen(&self) -> Chosen {
-        Chosen { normal: self.normal, separation: self.separation, edges: None }
+    pub fn chosen(&self) -> BestAxis {
+        BestAxis { normal: self.normal, separation: self.separation, edges: None }
     }
 }
 
 /// The axis that was chosen, for the next steps.
 #[derive(Debug, Clone, Copy)]
-pub struct Chosen {
+pub struct BestAxis {
     pub normal: Vec3,
     pub separation: f64,
     pub edges: Option<[usize; 2]>,
 }
 
-impl Pair<'_> {
+impl BodyPair<'_> {
     /// Reports the contact of two edges, `c` being their closest points, and remembers them.
     pub fn push_edges(
         &self,
         e: &EdgeAxis,
         c: &ClosestPoints,
-        memory: &mut Touching,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
-    ) -> Chosen {
+    ) -> BestAxis {
         memory.edges = e.edges.map(|e| e as u32 + 1);
         self.push_closest(c, &e.normal, e.separation, memory, scratch);
-        Chosen { normal: e.normal, separation: e.separation, edges: Some(e.edges) }
+        BestAxis { normal: e.normal, separation: e.separation, edges: Some(e.edges) }
     }
 
     /// Reports the contact of bodies whose closest points are `c`.
@@ -54,19 +55,19 @@ impl Pair<'_> {
         c: &ClosestPoints,
         normal: &Vec3,
         gap: f64,
-        memory: &mut Touching,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
     ) {
         let closest = || {
             let feature = feature::edges([self.a, self.b], c.edges, c.parameter);
-            Candidate { point: (c.on_a + c.on_b) * 0.5, gap, feature }
+            ManifoldPoint { point: (c.on_a + c.on_b) * 0.5, gap, feature }
         };
         self.find_patch(normal, gap, memory, scratch);
         self.push_patch(normal, gap, closest, scratch);
     }
 
     /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
-    pub fn push_face(&self, face: &BestFace, scratch: &mut Scratch) -> Chosen {
+    pub fn push_face(&self, face: &BestFace, scratch: &mut Scratch) -> BestAxis {
         let BestFace { of_b, normal, separation: gap } = face;
         let closest = || {
             let (vertex, feature, side) = if *of_b {
@@ -77,7 +78,7 @@ impl Pair<'_> {
                 (self.corner_of_b(v), feature::vertex_of_b(v), -1.0)
             };
             let point = vertex + normal * (0.5 * side * gap);
-            Candidate { point, gap: *gap, feature }
+            ManifoldPoint { point, gap: *gap, feature }
         };
         self.push_patch(normal, *gap, closest, scratch);
         face.chosen()
@@ -91,7 +92,7 @@ impl Pair<'_> {
         &self,
         normal: &Vec3,
         separation: f64,
-        closest: impl Fn() -> Candidate,
+        closest: impl Fn() -> ManifoldPoint,
         scratch: &mut Scratch,
     ) {
         let Scratch { candidates, hull, .. } = scratch;
@@ -100,7 +101,7 @@ impl Pair<'_> {
             candidates.retain(|c| c.feature != closest.feature);
             candidates.push(closest);
         }
-        reduce::keep_four(candidates, normal, self.alert, self.size, hull);
+        manifold::keep_four(candidates, normal, self.alert, self.size, hull);
         if let Some(d) = candidates.iter_mut().min_by(|c, d| c.gap.total_cmp(&d.gap)) {
             d.gap = separation;
         }
@@ -113,25 +114,25 @@ impl Pair<'_> {
         &self,
         n: &Vec3,
         separation: f64,
-        memory: &mut Touching,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
     ) {
-        let axis = patch::Axis {
+        let axis = ContactAxis {
             normal: *n,
             alert: self.alert,
             lowest: separation - LOOSE * self.size,
             slab: (self.alert - separation).max(0.0) + SLAB * self.size,
             tolerance: TIE * self.size,
         };
-        let Touching { patch, patch_worth, .. } = memory;
-        axis.corners(self, patch, patch_worth, &mut scratch.sides, &mut scratch.candidates);
+        let ContactCache { patch, patch_backoff, .. } = memory;
+        axis.corners(self, patch, patch_backoff, &mut scratch.sides, &mut scratch.candidates);
     }
 
     /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
     fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
         let pose = &self.pose;
         let normal = -(pose.orientation * normal);
-        scratch.points.extend(scratch.candidates.iter().map(|c| Point {
+        scratch.points.extend(scratch.candidates.iter().map(|c| ContactPoint {
             feature: c.feature,
             point: pose.point(&c.point),
             normal,
@@ -141,11 +142,43 @@ impl Pair<'_> {
 }
 
 /// The first of the candidates of lowest gap.
-pub fn deepest(candidates: &[Candidate]) -> Option<&Candidate> {
+pub fn deepest(candidates: &[ManifoldPoint]) -> Option<&ManifoldPoint> {
     candidates.iter().reduce(|d, c| if c.gap < d.gap { c } else { d })
 }
 
 /// The lowest gap, infinite if there are no candidates.
-pub fn lowest_gap(candidates: &[Candidate]) -> f64 {
+pub fn lowest_gap(candidates: &[ManifoldPoint]) -> f64 {
     deepest(candidates).map_or(f64::INFINITY, |c| c.gap)
+}
+
+/// Appends to `scratch.points` the vertices of `a` at most `alert` (m) above the plane
+/// `normal · x = offset` of the world: four at most, spanning the largest area, the deepest among
+/// them, sorted by feature.
+pub fn generate_half_space_contacts(
+    a: ConvexBody,
+    normal: &Vec3,
+    offset: f64,
+    alert: f64,
+    scratch: &mut Scratch,
+) {
+    let centre = normal.dot(&a.pose.position) - offset;
+    if centre > a.shape.radius * (1.0 + 1e-9) + alert {
+        return;
+    }
+    let n = a.pose.orientation.inverse() * normal;
+    let Scratch { candidates, hull, .. } = scratch;
+    candidates.clear();
+    for (v, vertex) in a.shape.vertices.iter().enumerate() {
+        let gap = n.dot(vertex) + centre;
+        if gap <= alert {
+            candidates.push(ManifoldPoint { point: *vertex, gap, feature: feature::vertex(v) });
+        }
+    }
+    manifold::keep_four(candidates, &n, alert, a.shape.radius, hull);
+    scratch.points.extend(scratch.candidates.iter().map(|c| ContactPoint {
+        feature: c.feature,
+        point: a.pose.point(&c.point) - normal * (0.5 * c.gap),
+        normal: *normal,
+        gap: c.gap,
+    }));
 }

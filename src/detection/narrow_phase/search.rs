@@ -1,14 +1,12 @@
 //! The axis of largest separation.
 
-use super::apart;
-use super::closest::{self, ClosestPoints};
-use super::contenders::Contenders;
-use super::edges::{self, EdgeAxis, NearEdge};
-use super::faces::{self, FaceAxis};
-use super::facing::Slack;
-use super::pair::{Faces, Pair};
-use super::report::{BestFace, Chosen, deepest, lowest_gap};
-use super::{SLAB, Scratch, TIE, Touching, pair};
+use super::candidate_axes::CandidateAxes;
+use super::edges::{self, ClosestPoints, EdgeAxis, NearEdge};
+use super::frame::MotionBound;
+use super::memory::{ContactCache, Scratch};
+use super::pair::{self, BodyPair, FaceAxes, FaceAxis, SLAB, TIE};
+use super::report::{BestAxis, BestFace, deepest, lowest_gap};
+use super::separation;
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
@@ -16,42 +14,47 @@ use crate::math::Vec3;
 const INTERIOR: f64 = 1e-6;
 
 /// `Err` holds a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
-type Found<T> = Result<T, Vec3>;
+type SearchResult<T> = Result<T, Vec3>;
 
-impl Pair<'_> {
+impl BodyPair<'_> {
     /// Finds the best axis and reports the contact points along it.
-    pub fn search(&self, memory: &mut Touching, scratch: &mut Scratch) -> Found<()> {
-        if let Some(found) = self.among_contenders(memory, scratch) {
-            memory.contenders_worth.used();
+    pub fn search(&self, memory: &mut ContactCache, scratch: &mut Scratch) -> SearchResult<()> {
+        if let Some(found) = self.search_candidates(memory, scratch) {
+            memory.axes_backoff.record_hit();
             return found;
         }
-        memory.contenders.clear();
-        let worth = memory.contenders_worth.ask();
+        memory.candidate_axes.clear();
+        let rebuilds = memory.axes_backoff.should_rebuild();
         scratch.edge_pairs.list.clear();
         scratch.edge_pairs.reach = None;
-        let slack = if worth { Contenders::slack(self) } else { Slack::none(self) };
-        let chosen = self.among_all(slack, memory, scratch)?;
-        if let (true, Some(Chosen { normal, separation, edges })) = (worth, chosen) {
+        let slack = if rebuilds { CandidateAxes::slack(self) } else { MotionBound::none(self) };
+        let chosen = self.search_all(slack, memory, scratch)?;
+        if let (true, Some(BestAxis { normal, separation, edges })) = (rebuilds, chosen) {
             let points = &scratch.candidates;
             let sum = points.iter().fold(Vec3::zeros(), |sum, c| sum + c.point);
             let middle = sum / points.len() as f64;
             let pairs = &scratch.edge_pairs;
-            memory.contenders.make(self, &normal, separation, &middle, edges, pairs);
+            memory.candidate_axes.make(self, &normal, separation, &middle, edges, pairs);
         }
         Ok(())
     }
 
     /// The same where one of the listed axes is the best for certain.
-    fn among_contenders(&self, memory: &mut Touching, scratch: &mut Scratch) -> Option<Found<()>> {
-        let others = memory.contenders.bounds(self)?;
-        let face = match self.best_listed_face(&memory.contenders, others.more) {
+    fn search_candidates(
+        &self,
+        memory: &mut ContactCache,
+        scratch: &mut Scratch,
+    ) -> Option<SearchResult<()>> {
+        let others = memory.candidate_axes.bounds(self)?;
+        let face = match self.best_listed_face(&memory.candidate_axes, others.more) {
             Ok(face) => face,
             Err(apart) => return Some(Err(apart)),
         };
         let floor = face.map_or(f64::NEG_INFINITY, |f| f.separation + TIE * self.size);
-        let pairs = memory.contenders.edges.iter().map(|(edges, most)| (edges, most + others.more));
-        let crossing = memory.contenders.crossing;
-        let supports = &memory.contenders.supports;
+        let pairs =
+            memory.candidate_axes.edges.iter().map(|(edges, most)| (edges, most + others.more));
+        let crossing = memory.candidate_axes.crossing;
+        let supports = &memory.candidate_axes.supports;
         let separation = |n: &Vec3| supports.separation(self, n);
         if let Some(e) = edges::best_edge_axis(self, pairs, None, floor, crossing, separation) {
             if e.separation > self.alert {
@@ -63,7 +66,8 @@ impl Pair<'_> {
             let sure = if e.separation > 0.0 {
                 self.are_closest(&e, &closest)
             } else {
-                closest.distance_squared <= memory.contenders.reach * memory.contenders.reach
+                closest.distance_squared
+                    <= memory.candidate_axes.reach * memory.candidate_axes.reach
             };
             if sure && e.separation > above {
                 self.push_edges(&e, &closest, memory, scratch);
@@ -76,9 +80,9 @@ impl Pair<'_> {
         let face = face.filter(|f| f.separation > others.faces)?;
         if face.separation > 0.0 {
             let chosen = self.points_of_face_apart(&face, memory, scratch);
-            if matches!(chosen, Ok(Chosen { edges: Some(_), .. })) {
+            if matches!(chosen, Ok(BestAxis { edges: Some(_), .. })) {
                 // Not on the list, and the best now.
-                memory.contenders.clear();
+                memory.candidate_axes.clear();
             }
             return Some(chosen.map(|_| ()));
         }
@@ -86,7 +90,7 @@ impl Pair<'_> {
             return None;
         }
         self.find_patch(&face.normal, face.separation, memory, scratch);
-        let reach = memory.contenders.reach;
+        let reach = memory.candidate_axes.reach;
         if deepest(&scratch.candidates).is_none_or(|c| c.gap.abs() > reach) {
             return None;
         }
@@ -95,12 +99,12 @@ impl Pair<'_> {
     }
 
     /// The same over all axes; `slack` is for the pairs of edges that are listed on the way.
-    fn among_all(
+    fn search_all(
         &self,
-        slack: Slack,
-        memory: &mut Touching,
+        slack: MotionBound,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
-    ) -> Found<Option<Chosen>> {
+    ) -> SearchResult<Option<BestAxis>> {
         let face = self.best_face(&mut memory.faces)?;
         let floor = face.separation + TIE * self.size;
         let known = self.known_edges(&memory.edges);
@@ -142,9 +146,9 @@ impl Pair<'_> {
     fn points_of_face_apart(
         &self,
         face: &BestFace,
-        memory: &mut Touching,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
-    ) -> Found<Chosen> {
+    ) -> SearchResult<BestAxis> {
         self.find_patch(&face.normal, face.separation, memory, scratch);
         // Points of both surfaces that are as close as the axis says: nothing is closer.
         if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
@@ -161,14 +165,14 @@ impl Pair<'_> {
         &self,
         normal: &Vec3,
         separation: f64,
-        memory: &mut Touching,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
-    ) -> Found<Option<Chosen>> {
+    ) -> SearchResult<Option<BestAxis>> {
         self.gather(normal, [self.alert - separation; 2], scratch);
         let (near_a, near_b) = (&scratch.near_a, &scratch.near_b);
-        let Some(c) = closest::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
+        let Some(c) = edges::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
             // Apart. The next step asks again unless this direction happens to tell.
-            let any = closest::closest_points(near_a, near_b, f64::INFINITY);
+            let any = edges::closest_points(near_a, near_b, f64::INFINITY);
             return Err(any.map_or(*normal, |c| (c.on_b - c.on_a).normalize()));
         };
         let distance = c.distance_squared.sqrt();
@@ -190,17 +194,17 @@ impl Pair<'_> {
     }
 
     /// The best of all faces; `hint` is one above those that were the best of A and of B, or zero.
-    fn best_face(&self, hint: &mut [u32; 2]) -> Found<BestFace> {
+    fn best_face(&self, hint: &mut [u32; 2]) -> SearchResult<BestFace> {
         let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
         let (alert, none) = (self.alert, f64::NEG_INFINITY);
-        let start = |faces: &Faces, hint: u32| {
+        let start = |faces: &FaceAxes, hint: u32| {
             let known = (hint as usize).checked_sub(1).filter(|f| *f < faces.own.face_count());
             known.unwrap_or_else(|| faces.most_aligned())
         };
-        let on_a = faces::best_of_all(&of_a, start(&of_a, hint[0]), none, alert, self.size)
+        let on_a = pair::best_face_axis(&of_a, start(&of_a, hint[0]), none, alert, self.size)
             .map_err(|f| self.face_of_a(f))?;
         let floor = on_a.separation;
-        let on_b = faces::best_of_all(&of_b, start(&of_b, hint[1]), floor, alert, self.size)
+        let on_b = pair::best_face_axis(&of_b, start(&of_b, hint[1]), floor, alert, self.size)
             .map_err(|f| self.face_of_b(f))?;
         *hint = [on_a.face, on_b.face].map(|f| f as u32 + 1);
         Ok(if on_b.separation > floor + TIE * self.size {
@@ -211,7 +215,7 @@ impl Pair<'_> {
     }
 
     /// The best of the listed faces, if there are any; none separates by `more` above its bound.
-    fn best_listed_face(&self, lists: &Contenders, more: f64) -> Found<Option<BestFace>> {
+    fn best_listed_face(&self, lists: &CandidateAxes, more: f64) -> SearchResult<Option<BestFace>> {
         let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
         let mut best: [Option<FaceAxis>; 2] = [None; 2];
         let mut most = f64::NEG_INFINITY;
@@ -302,10 +306,10 @@ impl Pair<'_> {
         &self,
         face: &BestFace,
         known: Option<EdgeAxis>,
-        slack: Slack,
-        memory: &mut Touching,
+        slack: MotionBound,
+        memory: &mut ContactCache,
         scratch: &mut Scratch,
-    ) -> Found<Option<EdgeAxis>> {
+    ) -> SearchResult<Option<EdgeAxis>> {
         let floor = face.separation + TIE * self.size;
         self.list_edge_pairs(face, slack, scratch);
         let best = edges::best_edge_axis(
@@ -327,7 +331,7 @@ impl Pair<'_> {
             return Ok(best);
         }
         // Neither a separating axis nor points of both that are near are at hand.
-        if let Some((apart, _)) = apart::direction(self, None) {
+        if let Some((apart, _)) = separation::direction(self, None) {
             return Err(apart);
         }
         scratch.edge_pairs.reach = None;
@@ -346,8 +350,8 @@ impl Pair<'_> {
     ///
     /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
     /// `path`; heights of A along it do not change, those of B by twice `path`.
-    fn list_edge_pairs(&self, face: &BestFace, slack: Slack, scratch: &mut Scratch) {
-        let Slack { path, turn } = slack;
+    fn list_edge_pairs(&self, face: &BestFace, slack: MotionBound, scratch: &mut Scratch) {
+        let MotionBound { path, turn } = slack;
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
         scratch.edge_pairs.reach = Some(reach);

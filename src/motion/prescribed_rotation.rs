@@ -1,4 +1,4 @@
-//! Held rotations beside free ones (T-28): which turns from its target's orientation they leave a body, and which spins.
+//! Held rotations beside free ones (T-28): which turns from its target's orientation they leave a body, and which angular velocities.
 //!
 //! Rotations are about the world's axes, so what is held is no component of a body's turn but a condition on the whole:
 //! with one free axis it turns about that axis, with two about any axis in their plane.
@@ -6,9 +6,9 @@
 use crate::math::{Quat, Vec3, rotation};
 use crate::model::Mount;
 
-/// The conditions `n · ω = n · R ω_target` of held rotations on the spin of a body that is turned by `R`, the rotation `turn`,
+/// The constraints `n · ω = n · R ω_target` of held rotations on the angular velocity of a body that is turned by `R`, the rotation `turn`,
 /// from its target: the held axes, and their unit vectors `n`.
-pub fn conditions(mount: &Mount, turn: &Quat) -> Vec<(usize, Vec3)> {
+pub fn constraints(mount: &Mount, turn: &Quat) -> Vec<(usize, Vec3)> {
     let (free, held) = axes(mount);
     let condition = |k: &usize| {
         let axis = Vec3::ith(*k, 1.0);
@@ -18,17 +18,17 @@ pub fn conditions(mount: &Mount, turn: &Quat) -> Vec<(usize, Vec3)> {
     held.iter().map(condition).collect()
 }
 
-/// The spin of a unit rate of the free rotation `k` that meets the conditions of a target that does not turn.
-pub fn beside(conditions: &[(usize, Vec3)], k: usize) -> Vec3 {
+/// The angular velocity of a unit rate of the free rotation `k` that meets the constraints of a target that does not turn.
+pub fn constrained_rotation(constraints: &[(usize, Vec3)], k: usize) -> Vec3 {
     let mut angular_velocity = Vec3::ith(k, 1.0);
-    for (held, n) in conditions {
+    for (held, n) in constraints {
         angular_velocity[*held] -= n[k] / n[*held];
     }
     angular_velocity
 }
 
 /// The orientation next to `q` that held rotations allow beside the target's. Rounding does not add up over steps.
-pub fn put(mount: &Mount, target: &Quat, q: &Quat) -> Quat {
+pub fn project(mount: &Mount, target: &Quat, q: &Quat) -> Quat {
     let turn = q * target.inverse();
     let about =
         |k: usize, share: f64| Vec3::ith(k, share * 2.0 * libm::atan2(turn.imag()[k], turn.w));

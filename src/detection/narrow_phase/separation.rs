@@ -3,7 +3,7 @@
 //! GJK of parry3d proposes it. What counts is what corners say of it, so no tolerance of the proposal enters the
 //! result: a pair for which there is none is searched as if nobody had asked.
 
-use super::pair::{self, Pair};
+use super::pair::{self, BodyPair};
 use crate::math::Vec3;
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
@@ -11,25 +11,37 @@ use parry3d_f64::shape::SupportMap;
 
 /// A direction (A to B, frame of A) and how much it separates beyond the alert distance, m; `start` is one to
 /// begin with.
-pub fn direction(pair: &Pair, start: Option<Vec3>) -> Option<(Vec3, f64)> {
+pub fn direction(pair: &BodyPair, start: Option<Vec3>) -> Option<(Vec3, f64)> {
     let start = start.unwrap_or(pair.offset);
     let mut simplex = VoronoiSimplex::new();
-    simplex.reset(CsoPoint::from_shapes(&Pose::IDENTITY, &OfA(pair), &OfB(pair), to_parry(&start)));
+    simplex.reset(CsoPoint::from_shapes(
+        &Pose::IDENTITY,
+        &ShapeA(pair),
+        &ShapeB(pair),
+        to_parry(&start),
+    ));
     // A little further than has to be shown.
     let reach = pair.alert * 1.000_01 + 1e-6 * pair.size;
-    match gjk::closest_points(&Pose::IDENTITY, &OfA(pair), &OfB(pair), reach, false, &mut simplex) {
+    match gjk::closest_points(
+        &Pose::IDENTITY,
+        &ShapeA(pair),
+        &ShapeB(pair),
+        reach,
+        false,
+        &mut simplex,
+    ) {
         GJKResult::NoIntersection(n) => {
             let n = from_parry(n);
-            pair.apart_along(&n).map(|beyond| (n, beyond))
+            pair.separation_beyond_alert(&n).map(|beyond| (n, beyond))
         }
         _ => None,
     }
 }
 
 /// Corners of A.
-struct OfA<'p, 's>(&'p Pair<'s>);
+struct ShapeA<'p, 's>(&'p BodyPair<'s>);
 
-impl SupportMap for OfA<'_, '_> {
+impl SupportMap for ShapeA<'_, '_> {
     fn local_support_point(&self, direction: Vector) -> Vector {
         let Self(pair) = self;
         let v = pair::first_lowest(&pair.a.vertices, &-from_parry(direction));
@@ -38,9 +50,9 @@ impl SupportMap for OfA<'_, '_> {
 }
 
 /// Corners of B in the frame of A.
-struct OfB<'p, 's>(&'p Pair<'s>);
+struct ShapeB<'p, 's>(&'p BodyPair<'s>);
 
-impl SupportMap for OfB<'_, '_> {
+impl SupportMap for ShapeB<'_, '_> {
     fn local_support_point(&self, direction: Vector) -> Vector {
         let Self(pair) = self;
         let v = pair::first_lowest(&pair.b.vertices, &-pair.in_b(&from_parry(direction)));
@@ -58,10 +70,10 @@ fn from_parry(x: Vector) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pair::ConvexBody;
     use super::*;
-    use crate::detection::narrow_phase::Solid;
     use crate::geometry::{GrainShape, random_grain, random_rotation};
-    use crate::math::Pose as Placed;
+    use crate::math::Pose as WorldPose;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
@@ -81,10 +93,12 @@ mod tests {
             // B stands off A along an axis by a little more or less than has to be shown.
             let off = ALERT * if i % 2 == 0 { 1.01 } else { rng.random_range(-5.0..0.99) };
             let touching = pair::highest(&a.vertices, &axis) - pair::lowest(&rotated, &axis);
-            let b =
-                Solid { shape: b, pose: Placed { position: axis * (touching + off), orientation } };
-            let a = Solid { shape: a, pose: Placed::identity() };
-            let Ok(pair) = Pair::new(a, b, ALERT) else { continue };
+            let b = ConvexBody {
+                shape: b,
+                pose: WorldPose { position: axis * (touching + off), orientation },
+            };
+            let a = ConvexBody { shape: a, pose: WorldPose::identity() };
+            let Ok(pair) = BodyPair::new(a, b, ALERT) else { continue };
             let found = direction(&pair, None);
             if i % 2 == 0 {
                 let (n, beyond) = found.unwrap_or_else(|| panic!("{i}: apart by {off}"));

@@ -4,12 +4,21 @@ use super::pair::smaller;
 use crate::geometry::plane::{self, cross};
 use crate::math::Vec3;
 
+/// A contact point in world coordinates; the normal points from B to A.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactPoint {
+    pub feature: u64,
+    pub point: Vec3,
+    pub normal: Vec3,
+    pub gap: f64,
+}
+
 /// Largest number of points kept per pair of convex parts.
 pub const MAX_POINTS: usize = 4;
 
 /// A candidate point of a manifold.
 #[derive(Debug, Clone, Copy)]
-pub struct Candidate {
+pub struct ManifoldPoint {
     pub point: Vec3,
     pub gap: f64,
     pub feature: u64,
@@ -28,7 +37,13 @@ const TIE: f64 = 2.5e-10;
 /// from the deepest point, one at the alert distance has moved all the way to it. What touches now
 /// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its
 /// side.
-pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, hull: &mut Hull) {
+pub fn keep_four(
+    points: &mut Vec<ManifoldPoint>,
+    n: &Vec3,
+    alert: f64,
+    size: f64,
+    hull: &mut HullBuffers,
+) {
     // As the patch lists them, but for a closest point at the end.
     if !points.is_sorted_by_key(|c| c.feature) {
         points.sort_unstable_by_key(|c| c.feature);
@@ -44,14 +59,14 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, h
     let deepest = points[place];
     let range = alert - deepest.gap.max(0.0);
     let (t, s) = crate::math::frame::tangents(n);
-    let flat = |c: &Candidate| {
+    let flat = |c: &ManifoldPoint| {
         let weight = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
         let p = (c.point - deepest.point) * weight;
         [t.dot(&p), s.dot(&p)]
     };
     hull.points.clear();
     hull.points.extend(points.iter().enumerate().map(|(k, c)| (flat(c), k)));
-    let Hull { points: all, chain: corners } = hull;
+    let HullBuffers { points: all, chain: corners } = hull;
     plane::hull(all, corners);
     let first = corners.iter().position(|(_, k)| *k == place);
     if let Some(first) = first {
@@ -79,7 +94,7 @@ pub fn keep_four(points: &mut Vec<Candidate>, n: &Vec3, alert: f64, size: f64, h
 }
 
 /// Whether some points stand in the same place.
-fn has_repeated(points: &[Candidate], apart: f64) -> bool {
+fn has_repeated(points: &[ManifoldPoint], apart: f64) -> bool {
     let mut least = f64::INFINITY;
     for (k, p) in points.iter().enumerate() {
         for q in &points[..k] {
@@ -91,14 +106,14 @@ fn has_repeated(points: &[Candidate], apart: f64) -> bool {
 
 /// Merges points that stand in the same place: the lowest number, for a lasting identity, at the
 /// deepest of them.
-fn merge_repeated(points: &mut Vec<Candidate>, apart: f64) {
+fn merge_repeated(points: &mut Vec<ManifoldPoint>, apart: f64) {
     let mut kept = 0;
     for k in 0..points.len() {
         let p = points[k];
-        let near = |c: &&mut Candidate| (c.point - p.point).norm_squared() <= apart * apart;
+        let near = |c: &&mut ManifoldPoint| (c.point - p.point).norm_squared() <= apart * apart;
         if let Some(c) = points[..kept].iter_mut().find(near) {
             if p.gap < c.gap {
-                *c = Candidate { feature: c.feature, ..p };
+                *c = ManifoldPoint { feature: c.feature, ..p };
             }
         } else {
             points[kept] = p;
@@ -109,13 +124,13 @@ fn merge_repeated(points: &mut Vec<Candidate>, apart: f64) {
 }
 
 /// A point of the plane, and the candidate's place in their order.
-type Corner = plane::Corner<usize>;
+type HullPoint = plane::PlanePoint<usize>;
 
 /// Points of the plane, and buffers for their convex hull.
 #[derive(Debug, Default)]
-pub struct Hull {
-    points: Vec<Corner>,
-    chain: Vec<Corner>,
+pub struct HullBuffers {
+    points: Vec<HullPoint>,
+    chain: Vec<HullPoint>,
 }
 
 /// Numbers of the first corner and the three that span the largest area with it; the first four
@@ -123,7 +138,7 @@ pub struct Hull {
 ///
 /// With D first in the order, the area of D b c e is that of D b c plus that of D c e: for each c
 /// the best b before it and the best e after it are independent, so O(p²) finds the largest area.
-fn widest_with_first(corners: &[Corner]) -> [usize; 4] {
+fn widest_with_first(corners: &[HullPoint]) -> [usize; 4] {
     let count = corners.len();
     let area = |i: usize, j: usize| cross(corners[0].0, corners[i].0, corners[j].0).abs();
     let widest = |range: std::ops::Range<usize>, c: usize| {
@@ -145,7 +160,7 @@ fn widest_with_first(corners: &[Corner]) -> [usize; 4] {
 
 /// Numbers of the three corners whose hull with the origin, which is inside the corners' hull, is
 /// largest; the first three numbers where there are no more.
-fn widest_around(corners: &[Corner]) -> [usize; 3] {
+fn widest_around(corners: &[HullPoint]) -> [usize; 3] {
     let count = corners.len();
     // Turning left around the origin; a triangle that turns right is no part of the hull.
     let area = |i: usize, j: usize| cross([0.0; 2], corners[i].0, corners[j].0).max(0.0);

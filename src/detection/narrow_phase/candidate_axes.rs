@@ -5,8 +5,8 @@
 //! Contract: where the best of the listed axes beats the bounds, the full search finds the same axis,
 //! to the bit. Where it does not, the full search is asked.
 //!
-//! Let the anchor's point be displaced by Δ and unit vectors by φ at most ([`Anchor`]); lists hold while
-//! Δ <= P and φ <= Φ, which is [`TURN`]. A corner w of B bounds the separation along a face of A from
+//! Let the anchor's point be displaced by Δ and unit vectors by φ at most ([`ReferencePose`]); lists hold while
+//! Δ <= P and φ <= Φ, which is [`MAX_ROTATION`]. A corner w of B bounds the separation along a face of A from
 //! above, and moves by at most Δ + φ l, l being its distance from the anchor's point. So with a
 //! common lever λ no separation that was bounded by s exceeds s + Δ + φ λ, if Φ (l - λ) is added to s
 //! where l > λ. The same holds for faces of B and corners of A.
@@ -16,18 +16,14 @@
 //! the part of d across n. Motion of the edges adds Δ + φ l. Only pairs of edges that may hold the
 //! deepest points have to be bounded ([`super::edges`]).
 
-use super::anchor::{Anchor, Moved};
-use super::closest;
-use super::edges::{self, LoneEdge};
-use super::facing::Slack;
-use super::few::Ranked;
-use super::pair::{self, Faces, Pair, larger, smaller};
-use super::supports::{Supports, TURN};
-use super::{SLAB, TIE};
-use crate::math::Vec3;
+use super::cache::{IndexList, RankedList, ReferencePose, RelativeMotion};
+use super::edges::{self, EdgeSegment};
+use super::frame::MotionBound;
+use super::pair::{self, BodyPair, FaceAxes, SLAB, TIE, larger, smaller};
+use crate::math::{Vec3, round, widen};
 
 /// P over the sum of the radii.
-const PATH: f64 = 4e-3;
+const MAX_DISPLACEMENT: f64 = 4e-3;
 /// λ over the sum of the radii.
 const LEVER: f64 = 0.2;
 /// Axes that separate by less than the best by this, over the sum of the radii, are not listed.
@@ -35,8 +31,8 @@ const NEAR: f64 = 1e-3;
 
 /// Lists of a pair, and where they were made.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Contenders {
-    anchor: Anchor,
+pub struct CandidateAxes {
+    anchor: ReferencePose,
     /// Alert distance that the pairs of edges were listed for, m.
     alert: f64,
     /// No face, no pair of edges that is not listed separated by more, m.
@@ -44,13 +40,13 @@ pub struct Contenders {
     /// Bodies at most this far apart have the best of all pairs of edges among the listed, m.
     pub reach: f64,
     /// Body, 0 or 1, and face, with what they separate by at most, m.
-    pub faces: Ranked<10>,
+    pub faces: RankedList<10>,
     /// Of A and of B, with the same.
-    pub edges: Ranked<6>,
+    pub edges: RankedList<6>,
     /// Whether all listed pairs of edges make an axis while the lists hold.
     pub crossing: bool,
     /// For axes near the best one.
-    pub supports: Supports,
+    pub supports: SupportCache,
 }
 
 /// Pairs of edges that may hold the deepest points.
@@ -64,7 +60,7 @@ pub struct EdgePairs {
 
 /// What no axis that is not listed exceeds by now, m; ties are counted in.
 #[derive(Debug, Clone, Copy)]
-pub struct Bounds {
+pub struct UnlistedBounds {
     pub faces: f64,
     /// Infinite if pairs of edges are not known.
     pub edges: f64,
@@ -72,35 +68,39 @@ pub struct Bounds {
     pub more: f64,
 }
 
-impl Contenders {
+impl CandidateAxes {
     /// Bounds on what is not listed, if the lists hold for `pair`.
-    pub fn bounds(&self, pair: &Pair) -> Option<Bounds> {
-        let Moved { at_point, turn } = self.anchor.moved(pair)?;
-        if at_point > PATH * pair.size || turn > TURN || pair.alert > self.alert {
+    pub fn bounds(&self, pair: &BodyPair) -> Option<UnlistedBounds> {
+        let RelativeMotion { at_point, turn } = self.anchor.moved(pair)?;
+        if at_point > MAX_DISPLACEMENT * pair.size || turn > MAX_ROTATION || pair.alert > self.alert
+        {
             return None;
         }
         let more = at_point + (LEVER * turn + SLAB + TIE) * pair.size;
         let [faces, edges] = self.bounds.map(|b| f64::from(b) + more);
-        Some(Bounds { faces, edges, more })
+        Some(UnlistedBounds { faces, edges, more })
     }
 
     /// Forgets all.
     pub fn clear(&mut self) {
-        self.anchor = Anchor::default();
+        self.anchor = ReferencePose::default();
     }
 
     /// How far bodies may have moved against each other, all of their points, where lists hold.
-    pub fn slack(pair: &Pair) -> Slack {
+    pub fn slack(pair: &BodyPair) -> MotionBound {
         // The anchor's point is less than the alert distance beside both bodies.
         let lever = 2.0 * pair.a.radius.max(pair.b.radius) + pair.alert;
-        Slack { path: (PATH + SLAB) * pair.size + TURN * lever, turn: TURN }
+        MotionBound {
+            path: (MAX_DISPLACEMENT + SLAB) * pair.size + MAX_ROTATION * lever,
+            turn: MAX_ROTATION,
+        }
     }
 
     /// Lists the axes that are near the best one, of separation `best` along `normal`; `c` is near both
     /// bodies, `known` are the edges of that axis.
     pub fn make(
         &mut self,
-        pair: &Pair,
+        pair: &BodyPair,
         normal: &Vec3,
         best: f64,
         c: &Vec3,
@@ -108,8 +108,8 @@ impl Contenders {
         pairs: &EdgePairs,
     ) {
         let limit = best - NEAR * pair.size;
-        let excess = TURN * LEVER * pair.size;
-        let excess = |x: &Vec3| larger(TURN * (x - c).norm() - excess, 0.0);
+        let excess = MAX_ROTATION * LEVER * pair.size;
+        let excess = |x: &Vec3| larger(MAX_ROTATION * (x - c).norm() - excess, 0.0);
         self.faces.clear();
         let excess_in_b = |x: &Vec3| excess(&(pair.rotation * x + pair.offset));
         let list = &mut |f, bound| self.faces.push([0, f], bound);
@@ -136,15 +136,15 @@ impl Contenders {
             self.edges.push(edges, f64::INFINITY);
         }
         self.bounds = [faces, bound].map(|b| b as f32);
-        let whole = self.faces.is_whole() && self.edges.is_whole();
+        let whole = self.faces.is_complete() && self.edges.is_complete();
         let crossing = self.edges.iter().all(|(edges, _)| {
             let [a, b] = [edges::edge_of_a(pair, edges[0]), edges::edge_of_b(pair, edges[1])];
-            edges::arcs_cross(pair, edges, [&a.along, &b.along], 1.001 * TURN)
+            edges::arcs_cross(pair, edges, [&a.along, &b.along], 1.001 * MAX_ROTATION)
         });
         self.crossing = crossing;
-        self.supports = Supports::new(pair, normal);
+        self.supports = SupportCache::new(pair, normal);
         self.alert = pair.alert;
-        self.anchor = if whole { Anchor::new(pair, c) } else { Anchor::default() };
+        self.anchor = if whole { ReferencePose::new(pair, c) } else { ReferencePose::default() };
     }
 }
 
@@ -152,7 +152,7 @@ impl Contenders {
 ///
 /// `normal` is the best axis, from `faces.own` to the other body; `excess` is for corners of the other body.
 fn list_faces(
-    faces: &Faces,
+    faces: &FaceAxes,
     normal: &Vec3,
     limit: f64,
     excess: impl Fn(&Vec3) -> f64,
@@ -183,7 +183,7 @@ fn list_faces(
 }
 
 /// What two edges separate by while lists hold, at most; `None` if that is too hard to tell.
-fn edges_bound(a: &LoneEdge, b: &LoneEdge, excess: impl Fn(&Vec3) -> f64) -> Option<f64> {
+fn edges_bound(a: &EdgeSegment, b: &EdgeSegment, excess: impl Fn(&Vec3) -> f64) -> Option<f64> {
     let cross = a.along.cross(&b.along);
     let lengths = a.along.norm_squared() * b.along.norm_squared();
     let cross_squared = cross.norm_squared();
@@ -197,11 +197,84 @@ fn edges_bound(a: &LoneEdge, b: &LoneEdge, excess: impl Fn(&Vec3) -> f64) -> Opt
     if out * out <= 1e-2 * a.start.norm_squared() {
         return None;
     }
-    let x = TURN * (lengths / cross_squared).sqrt();
-    let c = closest::closest_on_segments(a, b);
+    let x = MAX_ROTATION * (lengths / cross_squared).sqrt();
+    let c = edges::closest_on_segments(a, b);
     let between = c.on_b - c.on_a;
     let along = n.dot(&between);
     let beside = (between - n * along).norm();
     let separation = if out < 0.0 { -along } else { along };
     Some(separation + x * x * along.abs() + x * beside + excess(&c.on_b))
+}
+
+/// How far the axis may turn in A, and B against A besides.
+pub const MAX_ROTATION: f64 = 8e-3;
+
+/// Corners of a pair.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SupportCache {
+    /// From A to B, in the frame of A.
+    axis: [f32; 3],
+    /// Of A and of B, some of them repeated; `None` if there are too many.
+    corners: [Option<[u8; 6]>; 2],
+}
+
+impl SupportCache {
+    /// The corners for axes near `n`.
+    pub fn new(pair: &BodyPair, n: &Vec3) -> Self {
+        let corners =
+            [lowest_few(&pair.a.vertices, &-n), lowest_few(&pair.b.vertices, &pair.in_b(n))];
+        Self { axis: round(n), corners }
+    }
+
+    /// [`BodyPair::separation`], of bodies that have turned by at most [`MAX_ROTATION`] against each other.
+    #[inline]
+    pub fn separation(&self, pair: &BodyPair, n: &Vec3) -> f64 {
+        if !self.is_near(n) {
+            return pair.separation(n);
+        }
+        let low = self.lowest(1, &pair.b.vertices, &pair.in_b(n));
+        low + n.dot(&pair.offset) + self.lowest(0, &pair.a.vertices, &-n)
+    }
+
+    /// The smallest `n · v` of B's corners; `axis` is n in the frame of A.
+    #[inline]
+    pub fn lowest_of_b(&self, axis: &Vec3, points: &[Vec3], n: &Vec3) -> f64 {
+        if self.is_near(axis) { self.lowest(1, points, n) } else { pair::lowest(points, n) }
+    }
+
+    /// The smallest `n · v` of A's corners; `axis` is -n.
+    #[inline]
+    pub fn lowest_of_a(&self, axis: &Vec3, points: &[Vec3], n: &Vec3) -> f64 {
+        if self.is_near(axis) { self.lowest(0, points, n) } else { pair::lowest(points, n) }
+    }
+
+    fn is_near(&self, n: &Vec3) -> bool {
+        (widen(&self.axis) - n).norm_squared() <= MAX_ROTATION * MAX_ROTATION
+    }
+
+    #[inline]
+    fn lowest(&self, side: usize, points: &[Vec3], n: &Vec3) -> f64 {
+        let Some(corners) = &self.corners[side] else {
+            return pair::lowest(points, n);
+        };
+        corners
+            .iter()
+            .fold(f64::INFINITY, |low, v| smaller(pair::height(n, &points[usize::from(*v)]), low))
+    }
+}
+
+/// Corners that may be the lowest along an axis near `n`, the first of them as often as it takes to fill the list: how many
+/// there are is nothing that a processor could foresee.
+fn lowest_few<const N: usize>(points: &[Vec3], n: &Vec3) -> Option<[u8; N]> {
+    let mut list = IndexList::<N>::default();
+    let lowest = &points[pair::first_lowest(points, n)];
+    for (v, x) in points.iter().enumerate() {
+        let aside = x - lowest;
+        // The axis may turn by TURN, the body too; single precision takes less than a thousandth.
+        let fall = larger(n.dot(&aside), 0.0) / (2.001 * MAX_ROTATION);
+        if fall * fall <= aside.norm_squared() {
+            list.push(v);
+        }
+    }
+    list.is_complete().then(|| list.padded())
 }

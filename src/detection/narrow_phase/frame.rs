@@ -1,0 +1,196 @@
+//! Coordinates along a contact axis: frames, planes and edges of both bodies in them.
+
+use super::cache::IndexList;
+use super::pair::{BodyPair, SLAB, larger, smaller};
+use crate::geometry::Polyhedron;
+use crate::math::{Vec3, frame};
+
+/// Faces steeper than this along the axis count as its sides.
+pub const STEEP: f64 = 1e-9;
+
+/// The axis and the bounds of the search.
+#[derive(Debug, Clone, Copy)]
+pub struct ContactAxis {
+    /// From A to B, in the frame of A.
+    pub normal: Vec3,
+    /// Largest gap of interest, m.
+    pub alert: f64,
+    /// Separation along the axis less what rounding takes: no corner's gap is below it, m.
+    pub lowest: f64,
+    /// How far off the support planes the feet of a corner may be, m.
+    pub slab: f64,
+    /// How far beside a face a vertex may be and still count as over it, m.
+    pub tolerance: f64,
+}
+
+impl ContactAxis {
+    /// Largest distance between the feet of a corner, m.
+    pub fn reach(&self) -> f64 {
+        self.alert.max(self.slab - self.alert)
+    }
+
+    /// The coordinates of the axis for points of A and of B.
+    pub fn frames(&self, pair: &BodyPair) -> [AxisFrame; 2] {
+        let (t, s) = frame::tangents(&self.normal);
+        let axes = [t, s, self.normal];
+        let of_b = AxisFrame {
+            axes: [pair.in_b(&t), pair.in_b(&s), pair.in_b(&self.normal)],
+            origin: [t.dot(&pair.offset), s.dot(&pair.offset), self.normal.dot(&pair.offset)],
+            into: 1.0,
+        };
+        [AxisFrame { axes, origin: [0.0; 3], into: -1.0 }, of_b]
+    }
+}
+
+/// How far bodies may move where they face each other, m, how much they may turn against each other
+/// and how much the axis may turn in A.
+#[derive(Debug, Clone, Copy)]
+pub struct MotionBound {
+    pub path: f64,
+    pub turn: f64,
+}
+
+impl MotionBound {
+    /// For the present configuration alone: what rounding takes.
+    pub fn none(pair: &BodyPair) -> Self {
+        Self { path: SLAB * pair.size, turn: 1e-9 }
+    }
+}
+
+/// Coordinates across and along the axis, for points of one body's frame.
+pub struct AxisFrame {
+    /// Two across the axis, and the axis.
+    pub axes: [Vec3; 3],
+    /// Coordinates of the body's origin.
+    pub origin: [f64; 3],
+    /// Sign of the axis into the body, from the other one.
+    pub into: f64,
+}
+
+impl AxisFrame {
+    #[inline]
+    pub fn place(&self, x: &Vec3) -> [f64; 3] {
+        let ([t, s, n], [o, p, q]) = (&self.axes, &self.origin);
+        [t.dot(x) + o, s.dot(x) + p, n.dot(x) + q]
+    }
+
+    /// SlabEdge `index` in these coordinates.
+    #[inline]
+    pub fn segment(&self, shape: &Polyhedron, index: usize) -> ProjectedEdge {
+        let [start, end] = shape.edges[index].vertices;
+        ProjectedEdge::between(
+            self.place(&shape.vertices[start as usize]),
+            self.place(&shape.vertices[end as usize]),
+        )
+    }
+
+    /// Whether a face of edge `index` is towards the other body. An edge of the far side is never a
+    /// corner: the body's own surface is between it and the other one.
+    pub fn is_facing(&self, shape: &Polyhedron, index: usize) -> bool {
+        let into = self.axes[2] * self.into;
+        let [left, right] = shape.edges[index].faces;
+        let slope = |f: u16| shape.face_normals[usize::from(f)].dot(&into);
+        smaller(slope(left), slope(right)) < -STEEP
+    }
+
+    /// Whether an edge of corner `v` is facing.
+    pub fn has_facing_edge(&self, shape: &Polyhedron, v: usize) -> bool {
+        let mut edges = shape.edges.iter().enumerate();
+        edges.any(|(e, edge)| {
+            edge.vertices.iter().any(|w| usize::from(*w) == v) && self.is_facing(shape, e)
+        })
+    }
+
+    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+    /// if the line passes by more than `tolerance` beside it. The faces `below` decide.
+    #[inline]
+    pub fn distance(
+        &self,
+        shape: &Polyhedron,
+        below: &DecidingFaces,
+        x: &Vec3,
+        tolerance: f64,
+    ) -> Option<f64> {
+        if below.is_complete() {
+            distance_along(self.planes(shape, below.iter()), x, tolerance)
+        } else {
+            distance_along(self.planes(shape, 0..shape.face_count()), x, tolerance)
+        }
+    }
+
+    /// Planes of the body.
+    #[inline]
+    pub fn planes(
+        &self,
+        shape: &Polyhedron,
+        faces: impl Iterator<Item = usize>,
+    ) -> impl Iterator<Item = FacePlane> {
+        let into = self.axes[2] * self.into;
+        faces.map(move |f| {
+            let normal = shape.face_normals[f];
+            FacePlane { normal, offset: shape.face_offsets[f], slope: normal.dot(&into) }
+        })
+    }
+}
+
+/// A face's plane, and its slope along the axis into the body.
+#[derive(Debug, Clone, Copy)]
+pub struct FacePlane {
+    pub normal: Vec3,
+    pub offset: f64,
+    pub slope: f64,
+}
+
+impl FacePlane {
+    /// Of a point below the plane.
+    #[inline]
+    pub fn depth(&self, x: &Vec3) -> f64 {
+        let n = &self.normal;
+        self.offset - (n.x * x.x + n.y * x.y + n.z * x.z)
+    }
+}
+
+/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
+/// if the line passes by more than `tolerance` beside it.
+#[inline]
+fn distance_along(
+    planes: impl Iterator<Item = FacePlane>,
+    x: &Vec3,
+    tolerance: f64,
+) -> Option<f64> {
+    let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+    for plane in planes {
+        let depth = plane.depth(x);
+        if plane.slope < -STEEP {
+            enter = larger(depth / plane.slope, enter);
+        } else if plane.slope > STEEP {
+            leave = smaller((depth + tolerance) / plane.slope, leave);
+        } else if depth < -tolerance {
+            return None;
+        }
+    }
+    (enter <= leave + tolerance).then_some(enter)
+}
+
+/// The faces that decide where a line along the axis enters the body: some, or too many to list.
+pub type DecidingFaces = IndexList<5>;
+
+/// An edge; coordinates are two across the axis and one along it.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct ProjectedEdge {
+    pub start: [f64; 3],
+    pub along: [f64; 3],
+}
+
+impl ProjectedEdge {
+    #[inline]
+    pub fn between(start: [f64; 3], end: [f64; 3]) -> Self {
+        Self { start, along: [end[0] - start[0], end[1] - start[1], end[2] - start[2]] }
+    }
+
+    #[inline]
+    pub fn at(&self, parameter: f64) -> [f64; 3] {
+        let Self { start: [x, y, z], along: [u, v, w] } = self;
+        [x + u * parameter, y + v * parameter, z + w * parameter]
+    }
+}
