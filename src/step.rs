@@ -70,7 +70,7 @@ pub fn advance(
         observer.phase_finished(Phase::Predict);
         detect(model, state, ws, observer);
         let mut report = solve(model, state, next, inputs, ws, model.solver, observer)?;
-        while let Some(look) = contact_recheck::recheck(model, ws, report.attempts) {
+        while let Some(look) = contact_recheck::recheck(model, ws, report.solve_passes) {
             observer.phase_finished(Phase::NarrowPhase);
             let mut solver = model.solver;
             match look {
@@ -286,8 +286,8 @@ fn integrate_and_report(
         visits: outcome.visits,
         residuals: outcome.residuals,
         converged: outcome.converged,
-        guarded: outcome.guarded,
-        attempts: 1,
+        sync_fallback: outcome.sync_fallback,
+        solve_passes: 1,
         mean_penetration: balance.depth / balance.pressed.max(1) as f64,
         max_penetration: balance.deepest,
         reactions,
@@ -399,16 +399,16 @@ pub struct StepReport {
     pub interface_contacts: usize,
     /// Subdomains, with contacts or without.
     pub subdomains: usize,
-    /// DDM iterations, and contact visits over all sweeps, of all attempts.
+    /// DDM iterations, and contact visits over all sweeps, of all solve_passes.
     pub iterations: u32,
     pub visits: u64,
     pub residuals: Residuals,
     /// Whether the tolerance was reached, or none was asked for.
     pub converged: bool,
     /// Whether asynchronous iterations diverged and were repeated by the synchronous schedule.
-    pub guarded: bool,
+    pub sync_fallback: bool,
     /// How often the step was done: once, and again for each time that something was overlooked (T-35, T-36).
-    pub attempts: u32,
+    pub solve_passes: u32,
     /// Mean (over penetrating points) and largest penetration, m.
     pub mean_penetration: f64,
     pub max_penetration: f64,
@@ -420,10 +420,10 @@ impl StepReport {
     /// The last attempt's, with what the ones before have cost.
     fn after(self, before: Self) -> Self {
         Self {
-            attempts: self.attempts + before.attempts,
+            solve_passes: self.solve_passes + before.solve_passes,
             iterations: self.iterations + before.iterations,
             visits: self.visits + before.visits,
-            guarded: self.guarded || before.guarded,
+            sync_fallback: self.sync_fallback || before.sync_fallback,
             ..self
         }
     }

@@ -4,8 +4,8 @@ use super::roof::Rate;
 use super::sheet::Sheet;
 use ballast::lanes::InstructionSet;
 use ballast::model::PartitionRule;
-use ballast::nlgs::scenes::Scene;
-use ballast::nlgs::{ContactSet, Operations, Traffic};
+use ballast::nlgs::lattice_scene::LatticeScene;
+use ballast::nlgs::{ContactSet, MemoryTraffic, OperationCounts};
 use ballast::partition::Partition;
 use ballast_session::lock::enter;
 use rayon::ThreadPool;
@@ -26,8 +26,8 @@ pub struct Load {
     /// A copy per thread, or subdomains.
     pub sets: Vec<Mutex<ContactSet>>,
     pub contacts: usize,
-    pub traffic: Traffic,
-    pub operations: Operations,
+    pub traffic: MemoryTraffic,
+    pub operations: OperationCounts,
 }
 
 impl Load {
@@ -37,7 +37,7 @@ impl Load {
 
     fn new(lattice: String, divided: bool, sets: Vec<ContactSet>) -> Self {
         let counted = if divided { &sets[..] } else { &sets[..1] };
-        let (mut traffic, mut operations) = (Traffic::default(), Operations::default());
+        let (mut traffic, mut operations) = (MemoryTraffic::default(), OperationCounts::default());
         for set in counted {
             traffic += set.traffic();
             operations += set.operations(1.0);
@@ -89,11 +89,11 @@ pub fn loads(edge: usize, threads: usize, sheet: &mut Sheet) -> Vec<Load> {
     let name = |[x, y, z]: [usize; 3]| format!("{x} x {y} x {z} grains");
     let mut loads: Vec<Load> = below
         .map(|size| {
-            let set = whole(&Scene::grid(size, 1, 0.0, 13));
+            let set = whole(&LatticeScene::grid(size, 1, 0.0, 13));
             Load::new(name(size), false, vec![set; threads])
         })
         .collect();
-    let scene = Scene::grid(largest, 1, 0.0, 13);
+    let scene = LatticeScene::grid(largest, 1, 0.0, 13);
     loads.push(Load::new(name(largest), false, vec![whole(&scene)]));
     let sets = subdomains(&scene);
     let (number, all) = (sets.len(), scene.contacts.len());
@@ -110,14 +110,14 @@ pub fn loads(edge: usize, threads: usize, sheet: &mut Sheet) -> Vec<Load> {
 }
 
 /// All contacts of a scene as one set.
-fn whole(scene: &Scene) -> ContactSet {
+fn whole(scene: &LatticeScene) -> ContactSet {
     let contacts: Vec<u32> = (0..scene.problem.contacts.len() as u32).collect();
     let grains: Vec<u32> = (0..scene.problem.body_count() as u32).collect();
     packed(scene, &contacts, &grains, &grains)
 }
 
 /// The subdomains of a scene, without what lies between them.
-fn subdomains(scene: &Scene) -> Vec<ContactSet> {
+fn subdomains(scene: &LatticeScene) -> Vec<ContactSet> {
     let mut partition = Partition::default();
     let positions = &scene.state.position[..scene.model.grains.len()];
     partition.divide(PartitionRule::ContactsPer(PER_SUBDOMAIN), positions, &scene.contacts);
@@ -134,7 +134,7 @@ fn subdomains(scene: &Scene) -> Vec<ContactSet> {
 }
 
 /// A set that was swept a few times.
-fn packed(scene: &Scene, contacts: &[u32], grains: &[u32], line_of: &[u32]) -> ContactSet {
+fn packed(scene: &LatticeScene, contacts: &[u32], grains: &[u32], line_of: &[u32]) -> ContactSet {
     let mut set = ContactSet::default();
     set.pack(&scene.problem, contacts, grains.len(), |grain| line_of[grain as usize]);
     for (line, &grain) in set.lines.iter_mut().zip(grains) {

@@ -1,7 +1,7 @@
 //! What memory and arithmetic deliver at most on some threads: the roofline that sweeps are held against.
 
 use ballast::lanes::{BodyVelocity, InstructionSet};
-use ballast::nlgs::{Operations, Traffic};
+use ballast::nlgs::{OperationCounts, MemoryTraffic};
 use ballast_session::lock::enter;
 use ballast_session::profile::cpu_time;
 use rayon::ThreadPool;
@@ -114,8 +114,8 @@ impl Roofs {
     /// `visits` visits.
     pub fn least(
         &self,
-        traffic: &Traffic,
-        operations: &Operations,
+        traffic: &MemoryTraffic,
+        operations: &OperationCounts,
         visits: f64,
     ) -> (f64, &'static str) {
         let lanes = 8.0;
@@ -138,8 +138,8 @@ mod tests {
 
     #[test]
     fn the_lowest_roof_is_found_and_named() {
-        let traffic = Traffic { held: 1000, core: 400, streamed: 200 };
-        let operations = Operations { plain: 10, fused: 10, divisions: 1 };
+        let traffic = MemoryTraffic { held: 1000, core: 400, streamed: 200 };
+        let operations = OperationCounts { plain: 10, fused: 10, divisions: 1 };
         let roofs = Roofs { first_cache: 4000.0, set: 1000.0, fused: 16_000.0, divisions: 80.0 };
         assert_eq!(roofs.least(&traffic, &operations, 2.0), (10.0, "memory"));
         let roofs = Roofs { divisions: 8.0, ..roofs };

@@ -132,8 +132,8 @@ impl Trial {
         self.residual.take(report.residuals.qm16());
         self.visits += report.visits;
         self.not_converged += u64::from(!report.converged);
-        self.guarded += u64::from(report.guarded);
-        self.repeated += u64::from(report.attempts > 1);
+        self.guarded += u64::from(report.sync_fallback);
+        self.repeated += u64::from(report.solve_passes > 1);
         self.first.get_or_insert_with(|| report.clone());
         self.last = report;
     }

@@ -35,7 +35,7 @@ pub struct Outcome {
     /// Whether the tolerance was reached, or none was asked for.
     pub converged: bool,
     /// Whether the iterations diverged and were repeated by the synchronous schedule.
-    pub guarded: bool,
+    pub sync_fallback: bool,
 }
 
 /// Asked after each test whether the step is to be broken off.
@@ -65,7 +65,7 @@ pub fn solve(
     let relaxed = Solver { relaxation: solver.relaxation.min(1.0), ..*solver };
     let outcome = synchronous::iterate(decomposition, &relaxed, ask)?;
     let (iterations, visits) = (outcome.iterations + lost.iterations, outcome.visits + lost.visits);
-    Ok(Outcome { guarded: true, iterations, visits, ..outcome })
+    Ok(Outcome { sync_fallback: true, iterations, visits, ..outcome })
 }
 
 /// The first iteration after `done` that is a multiple of `period` after iteration `began`.

@@ -199,7 +199,7 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     };
     let (model, state, contacts) = wall(6, 5, overshoot);
     let solved = run(&model, &state, &contacts, 2);
-    assert!(solved.outcome.guarded, "{:?}", solved.outcome);
+    assert!(solved.outcome.sync_fallback, "{:?}", solved.outcome);
     assert!(solved.outcome.converged, "{:?}", solved.outcome);
     assert!(momentum_error(&model, &contacts, &solved) < 1e-12);
     // What diverged has cost something, too.
@@ -212,7 +212,7 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     let alone = run(&model, &state, &contacts, 2).outcome;
     assert!(solved.outcome.iterations > alone.iterations && solved.outcome.visits > alone.visits);
     let (model, state, contacts) = wall(6, 5, solver(Schedule::Asynchronous, 4));
-    assert!(!run(&model, &state, &contacts, 2).outcome.guarded);
+    assert!(!run(&model, &state, &contacts, 2).outcome.sync_fallback);
 }
 
 #[test]

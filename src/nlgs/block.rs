@@ -186,7 +186,7 @@ impl SingleBlock {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::nlgs::scenes::Scene;
+    use crate::nlgs::lattice_scene::LatticeScene;
     use std::mem::offset_of;
 
     #[test]
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn traces_are_those_of_the_delassus_blocks() {
-        let problem = Scene::grid([2, 2, 2], 2, 0.0, 5).problem;
+        let problem = LatticeScene::grid([2, 2, 2], 2, 0.0, 5).problem;
         for (i, contact) in problem.contacts.iter().enumerate() {
             let mut block = SingleBlock::empty(0);
             block.set(3, contact, 0);

@@ -5,7 +5,7 @@
 //! shares nothing with other sets, so sets may be swept in parallel.
 
 use super::block::{BlockMemory, PairBlock, Row64, SingleBlock};
-use super::kernel::{Blocks, Chosen, Operations};
+use super::kernel::{Blocks, Chosen, OperationCounts};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
 use crate::lanes::{self, BodyVelocity, InstructionSet, LANES};
@@ -15,7 +15,7 @@ use std::ops::AddAssign;
 
 /// Bytes of a sweep over a set, padding included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Traffic {
+pub struct MemoryTraffic {
     /// Blocks and lines: what the set takes in a cache.
     pub held: usize,
     /// Loads and stores of the visits: between the processor and its first cache.
@@ -25,7 +25,7 @@ pub struct Traffic {
     pub streamed: usize,
 }
 
-impl AddAssign for Traffic {
+impl AddAssign for MemoryTraffic {
     fn add_assign(&mut self, other: Self) {
         self.held += other.held;
         self.core += other.core;
@@ -175,13 +175,13 @@ impl ContactSet {
         self.contact_count as f64 / self.order.len().max(1) as f64
     }
 
-    /// Operations on lanes that the next sweep would do; nothing is changed.
-    pub fn operations(&self, relaxation: f64) -> Operations {
+    /// OperationCounts on lanes that the next sweep would do; nothing is changed.
+    pub fn operations(&self, relaxation: f64) -> OperationCounts {
         self.blocks.count(&self.lines, relaxation)
     }
 
     /// Bytes that a sweep moves, counted from the layout.
-    pub fn traffic(&self) -> Traffic {
+    pub fn traffic(&self) -> MemoryTraffic {
         let (singles, pairs) = (self.blocks.singles().len(), self.blocks.pairs().len());
         let blocks = singles * size_of::<SingleBlock>() + pairs * size_of::<PairBlock>();
         let lines = self.lines.len() * size_of::<BodyVelocity>();
@@ -189,7 +189,7 @@ impl ContactSet {
         let written = LANES * (3 * size_of::<f64>() + size_of::<f32>());
         let gathered = LANES * (singles + 2 * pairs) * size_of::<BodyVelocity>();
         let dirty = 4 * size_of::<BodyVelocity>();
-        Traffic {
+        MemoryTraffic {
             held: blocks + lines,
             core: blocks + (singles + pairs) * written + 2 * gathered,
             streamed: blocks + (singles + pairs) * dirty + 2 * lines,

@@ -2,23 +2,23 @@
 //!
 //! [`ContactSet`] is what runs: blocks of eight independent contacts, body velocities as the running
 //! state, one arithmetic for every processor. [`mod@reference`] is what it is checked with: the same
-//! method written plainly. [`solution`] solves problems given by their Delassus operator ([`assembled`]).
+//! method written plainly. [`solution`] solves problems given by their Delassus operator ([`assembled_problem`]).
 
 pub mod acceleration;
-pub mod assembled;
+pub mod assembled_problem;
 pub mod block;
 pub mod contact_law;
 pub mod contact_set;
-pub mod global_form;
+pub mod global_problem;
 mod kernel;
+pub mod lattice_scene;
 pub mod reference;
 pub mod residual;
-pub mod scenes;
 pub mod solution;
 #[cfg(test)]
 mod tests;
 mod visit;
 
-pub use contact_set::{ContactSet, Traffic};
-pub use kernel::{Chosen, Operations};
+pub use contact_set::{ContactSet, MemoryTraffic};
+pub use kernel::{Chosen, OperationCounts};
 pub use residual::{NaturalMapSums, Residuals, VisitNorms};

@@ -1,7 +1,7 @@
 //! The method written plainly, contact by contact: what the kernel is checked with.
 //!
 //! Reads: a [`LocalProblem`]. Cost: plain; nothing here is tuned. What it knows of contacts is also what
-//! [`super::assembled`] assembles their operator from.
+//! [`super::assembled_problem`] assembles their operator from.
 
 use super::contact_law;
 use crate::lanes::BodyVelocity;

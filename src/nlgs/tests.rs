@@ -1,8 +1,8 @@
 //! The kernel against the plain method, and properties of a sweep.
 
-use super::assembled::Assembled;
+use super::assembled_problem::AssembledProblem;
+use super::lattice_scene::LatticeScene;
 use super::reference::MatrixFree;
-use super::scenes::Scene;
 use super::{Chosen, ContactSet};
 use crate::lanes::InstructionSet;
 use crate::local_problem::LocalProblem;
@@ -25,10 +25,10 @@ fn largest(x: impl IntoIterator<Item = Vec3>) -> f64 {
 #[test]
 fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
     for (seed, restitution, relaxation) in [(1, 0.0, 1.0), (2, 0.3, 0.7)] {
-        let scene = Scene::grid([5, 4, 3], 2, restitution, seed);
+        let scene = LatticeScene::grid([5, 4, 3], 2, restitution, seed);
         let mut set = whole(&scene.problem);
         let mut plain = MatrixFree::new(&scene.problem);
-        let assembled = Assembled::from_problem(&scene.problem);
+        let assembled = AssembledProblem::from_problem(&scene.problem);
         let mut r = plain.impulse.clone();
         let order: Vec<u32> = set.order().collect();
         for _ in 0..20 {
@@ -52,7 +52,7 @@ fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
 
 #[test]
 fn a_relaxed_sweep_leaves_nothing_on_what_has_opened() {
-    let scene = Scene::grid([5, 4, 3], 2, 0.0, 2);
+    let scene = LatticeScene::grid([5, 4, 3], 2, 0.0, 2);
     let mut set = whole(&scene.problem);
     (0..200).for_each(|_| set.sweep(0.5));
     let impulses: Vec<Vec3> = set.impulses().map(|(_, r)| r).collect();
@@ -65,7 +65,7 @@ fn a_relaxed_sweep_leaves_nothing_on_what_has_opened() {
 
 #[test]
 fn sweeps_converge_to_a_solution_by_every_measure() {
-    let scene = Scene::grid([4, 4, 3], 1, 0.0, 5);
+    let scene = LatticeScene::grid([4, 4, 3], 1, 0.0, 5);
     let mut set = whole(&scene.problem);
     let before = set.natural_map().residual();
     let mut norms = set.measured_sweep(1.0);
@@ -75,7 +75,7 @@ fn sweeps_converge_to_a_solution_by_every_measure() {
     let after = set.natural_map().residual();
     assert!(before > 1e-2 && after < 1e-8, "{before:e} {after:e}");
     assert!(norms.residuals().qm16() < 1e-8, "{norms:?}");
-    let assembled = Assembled::from_problem(&scene.problem);
+    let assembled = AssembledProblem::from_problem(&scene.problem);
     let mut r = vec![Vec3::zeros(); assembled.contact_count()];
     for (i, impulse) in set.impulses() {
         r[i as usize] = impulse;
@@ -86,7 +86,7 @@ fn sweeps_converge_to_a_solution_by_every_measure() {
 
 #[test]
 fn measured_sweeps_have_the_same_bits() {
-    let scene = Scene::grid([6, 5, 4], 2, 0.0, 7);
+    let scene = LatticeScene::grid([6, 5, 4], 2, 0.0, 7);
     let (mut a, mut b) = (whole(&scene.problem), whole(&scene.problem));
     for _ in 0..5 {
         a.sweep(1.0);
@@ -98,7 +98,7 @@ fn measured_sweeps_have_the_same_bits() {
 
 #[test]
 fn contacts_between_grains_keep_momentum() {
-    let mut scene = Scene::grid([6, 6, 4], 2, 0.0, 9);
+    let mut scene = LatticeScene::grid([6, 6, 4], 2, 0.0, 9);
     scene.model.driven.clear();
     let ng = scene.model.grains.len() as u32;
     let pairs: Vec<u32> = (0..scene.contacts.len() as u32)
@@ -140,7 +140,7 @@ fn awake(set: &mut ContactSet) -> Chosen {
 
 #[test]
 fn every_arithmetic_gives_the_same_bits() {
-    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let scene = LatticeScene::grid([6, 5, 4], 3, 0.2, 11);
     let run = |arithmetic| {
         let mut set = whole(&scene.problem);
         set.set_arithmetic(arithmetic);
@@ -167,7 +167,7 @@ fn every_arithmetic_gives_the_same_bits() {
 
 #[test]
 fn momentum_goes_on_as_its_definition_says() {
-    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let scene = LatticeScene::grid([6, 5, 4], 3, 0.2, 11);
     let begin = |arithmetic| {
         let mut set = whole(&scene.problem);
         set.set_arithmetic(arithmetic);
@@ -208,7 +208,7 @@ fn momentum_goes_on_as_its_definition_says() {
 
 #[test]
 fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
-    let scene = Scene::grid([6, 5, 4], 3, 0.2, 11);
+    let scene = LatticeScene::grid([6, 5, 4], 3, 0.2, 11);
     let mut set = whole(&scene.problem);
     set.sweep(1.0);
     let chosen = awake(&mut set);
@@ -229,7 +229,7 @@ fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
 ///
 /// Free velocity (along x, upwards) and the result, m/s; mass 0.02 kg, friction 0.4.
 fn single_grain(free: [f64; 2], gap: f64, restitution: f64) -> (Vec3, Vec3, Vec3) {
-    let mut scene = Scene::grid([1, 1, 1], 1, restitution, 3);
+    let mut scene = LatticeScene::grid([1, 1, 1], 1, restitution, 3);
     scene.model.grains.mass[0] = 0.02;
     scene.model.grains.inertia[0] = Vec3::repeat(8e-7);
     scene.state.velocity[0] = Vec3::new(free[0], 0.0, free[1]);
@@ -281,7 +281,7 @@ fn a_single_grain_on_a_floor_follows_the_closed_form() {
 
 #[test]
 fn any_split_of_the_contacts_reaches_the_same_velocities() {
-    let scene = Scene::grid([3, 3, 3], 1, 0.0, 21);
+    let scene = LatticeScene::grid([3, 3, 3], 1, 0.0, 21);
     let mut set = whole(&scene.problem);
     let reversed: Vec<u32> = (0..scene.problem.contacts.len() as u32).rev().collect();
     // Lines in another order, too.

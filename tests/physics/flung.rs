@@ -38,7 +38,7 @@ fn a_flung_cube_does_not_enter_what_was_out_of_its_reach() {
             scene.model.solver.schedule = schedule;
             for step in 0..10 {
                 let report = scene.step();
-                assert!(step > 0 || report.attempts == 2, "{report:?}");
+                assert!(step > 0 || report.solve_passes == 2, "{report:?}");
                 let deep = report.max_penetration;
                 assert!(deep < 1e-9, "{schedule:?}, {space} m, step {step}: {deep} m");
             }
@@ -54,7 +54,7 @@ fn a_row_is_held_to_its_last_cube() {
     let mut scene = row(5, 4e-4);
     for step in 0..10 {
         let report = scene.step();
-        assert!(step > 0 || report.attempts > 2, "{report:?}");
+        assert!(step > 0 || report.solve_passes > 2, "{report:?}");
         assert!(report.max_penetration < 1e-9, "step {step}: {} m", report.max_penetration);
     }
     let ends: Vec<f64> = (0..5).map(|k| scene.state.position[k].x).collect();
@@ -133,7 +133,7 @@ fn nothing_closes_unseen_after_contacts_were_added() {
         let above = y + edge + 0.0002 + 0.0008 * random.next();
         scene.grain(cube, Pose::at(Vec3::new(x - 0.006, above, 0.0)));
         let report = scene.step();
-        looked_again += usize::from(report.attempts > 2);
+        looked_again += usize::from(report.solve_passes > 2);
         let (motion, state) = (&scene.workspace.motion, &scene.state);
         let mut wide = scene.model.clone();
         wide.stepping.detection_distance = 0.03;

@@ -39,7 +39,7 @@ fn growth(schedule: Schedule) -> (Vec<f64>, usize) {
         for _ in 0..25 {
             let report = scene.step();
             growth.push(report.max_penetration - before);
-            again += usize::from(report.attempts > 1);
+            again += usize::from(report.solve_passes > 1);
             before = report.max_penetration;
         }
     }
@@ -73,7 +73,7 @@ fn looking_at_the_end_is_repeatable() {
             if forget {
                 scene.workspace = Default::default();
             }
-            attempts = scene.step().attempts.max(attempts);
+            attempts = scene.step().solve_passes.max(attempts);
         }
         assert!(attempts > 1);
         scene.state

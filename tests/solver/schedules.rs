@@ -108,7 +108,7 @@ fn a_step_that_opens_every_contact_is_solved_and_not_taken_for_divergence() {
             scene.targets[0].position.z = floor - 1e-3;
             let before = scene.state.velocity[0].z;
             let report = scene.step();
-            assert!(report.converged && !report.guarded, "{schedule:?}: {report:?}");
+            assert!(report.converged && !report.sync_fallback, "{schedule:?}: {report:?}");
             let map = report.residuals.natural_map;
             assert!(map < 1e-4, "{schedule:?}, {norm:?}, {seed}: natural map {map}");
             let left: f64 = scene.workspace.impulse.iter().map(|f| f.norm()).sum();

@@ -6,7 +6,7 @@
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::create_folder;
-use ballast::nlgs::assembled::Assembled;
+use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
 use std::path::PathBuf;
@@ -36,7 +36,7 @@ impl Dump {
         if !wanted || !state.step.is_multiple_of(self.every) || problem.contacts.is_empty() {
             return Ok(());
         }
-        let assembled = Assembled::from_problem(problem);
+        let assembled = AssembledProblem::from_problem(problem);
         let contacts = assembled.contact_count();
         let file = format!("{name}-{}-i{:06}-{contacts}.hdf5", phase.name(), state.step);
         let path = self.folder.join(file);

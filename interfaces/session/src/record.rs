@@ -49,8 +49,8 @@ columns! {
         Weighted: "weighted", "", |s| s.report.residuals.weighted;
         NaturalMap: "natural_map", "", |s| s.report.residuals.natural_map;
         Converged: "converged", "", |s| s.report.converged.into();
-        Guarded: "guarded", "", |s| s.report.guarded.into();
-        Attempts: "attempts", "", |s| s.report.attempts.into();
+        Guarded: "guarded", "", |s| s.report.sync_fallback.into();
+        Attempts: "attempts", "", |s| s.report.solve_passes.into();
         MeanPenetration: "mean_penetration", "m", |s| s.report.mean_penetration;
         MaxPenetration: "max_penetration", "m", |s| s.report.max_penetration;
         Coordination: "coordination", "", |s| s.coordination.mean_neighbours[0];
@@ -229,8 +229,8 @@ mod tests {
                 natural_map: 0.03125,
             },
             converged: true,
-            guarded: false,
-            attempts: 12,
+            sync_fallback: false,
+            solve_passes: 12,
             mean_penetration: 1e-6,
             max_penetration: 1e-5,
             reactions: vec![
@@ -302,7 +302,7 @@ mod tests {
         assert_eq!(taken.qm16(), 0.25);
         assert_eq!(taken.force(0), [0.2 / 2e-4, 0.3 / 2e-4, -0.4 / 2e-4]);
         assert_eq!((taken.work(0), taken.place(0)), (0.75, [0.1, 0.2, 0.3]));
-        (report.converged, report.guarded) = (false, true);
+        (report.converged, report.sync_fallback) = (false, true);
         let taken = row(&report);
         assert_eq!([Column::Converged, Column::Guarded].map(|c| taken.get(c)), [0.0, 1.0]);
     }

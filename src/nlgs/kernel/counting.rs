@@ -6,9 +6,9 @@ use crate::lanes::{BodyVelocity, LANES, Lanes, Portable};
 use std::cell::Cell;
 use std::ops::AddAssign;
 
-/// Operations on rows of eight f64; comparisons, selections and conversions are not counted.
+/// OperationCounts on rows of eight f64; comparisons, selections and conversions are not counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Operations {
+pub struct OperationCounts {
     /// Additions, subtractions and multiplications.
     pub plain: u64,
     /// Products with a sum, rounded once.
@@ -17,7 +17,7 @@ pub struct Operations {
     pub divisions: u64,
 }
 
-impl AddAssign for Operations {
+impl AddAssign for OperationCounts {
     fn add_assign(&mut self, other: Self) {
         self.plain += other.plain;
         self.fused += other.fused;
@@ -25,20 +25,20 @@ impl AddAssign for Operations {
     }
 }
 
-impl Operations {
-    /// Operations on single f64: a fused one is two, a division or root is one.
+impl OperationCounts {
+    /// OperationCounts on single f64: a fused one is two, a division or root is one.
     pub fn flops(&self) -> u64 {
         LANES as u64 * (self.plain + 2 * self.fused + self.divisions)
     }
 }
 
 thread_local! {
-    static DONE: Cell<Operations> = const { Cell::new(Operations { plain: 0, fused: 0, divisions: 0 }) };
+    static DONE: Cell<OperationCounts> = const { Cell::new(OperationCounts { plain: 0, fused: 0, divisions: 0 }) };
 }
 
 /// What `work` does on this thread with [`Counting`] lanes.
-pub fn counted(work: impl FnOnce()) -> Operations {
-    DONE.set(Operations::default());
+pub fn counted(work: impl FnOnce()) -> OperationCounts {
+    DONE.set(OperationCounts::default());
     work();
     DONE.get()
 }
@@ -48,17 +48,17 @@ pub fn counted(work: impl FnOnce()) -> Operations {
 pub struct Counting(Portable);
 
 fn plain(result: Portable) -> Counting {
-    DONE.set(Operations { plain: DONE.get().plain + 1, ..DONE.get() });
+    DONE.set(OperationCounts { plain: DONE.get().plain + 1, ..DONE.get() });
     Counting(result)
 }
 
 fn fused(result: Portable) -> Counting {
-    DONE.set(Operations { fused: DONE.get().fused + 1, ..DONE.get() });
+    DONE.set(OperationCounts { fused: DONE.get().fused + 1, ..DONE.get() });
     Counting(result)
 }
 
 fn divided(result: Portable) -> Counting {
-    DONE.set(Operations { divisions: DONE.get().divisions + 1, ..DONE.get() });
+    DONE.set(OperationCounts { divisions: DONE.get().divisions + 1, ..DONE.get() });
     Counting(result)
 }
 
@@ -141,11 +141,11 @@ impl Lanes for Counting {
 #[cfg(test)]
 mod tests {
     use crate::nlgs::ContactSet;
-    use crate::nlgs::scenes::Scene;
+    use crate::nlgs::lattice_scene::LatticeScene;
 
     #[test]
     fn a_visit_is_some_hundred_operations_and_counting_changes_nothing() {
-        let scene = Scene::grid([5, 4, 3], 2, 0.0, 3);
+        let scene = LatticeScene::grid([5, 4, 3], 2, 0.0, 3);
         let problem = &scene.problem;
         let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
         let mut set = ContactSet::default();

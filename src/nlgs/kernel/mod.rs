@@ -12,7 +12,7 @@ mod coupling;
 mod passes;
 mod roofline;
 
-pub use counting::Operations;
+pub use counting::OperationCounts;
 
 use super::block::{BlockMemory, LawRows, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
@@ -201,7 +201,7 @@ impl Blocks {
     }
 
     /// A sweep that counts its operations on lanes, on copies: nothing is changed.
-    pub fn count(&self, lines: &[BodyVelocity], relaxation: f64) -> Operations {
+    pub fn count(&self, lines: &[BodyVelocity], relaxation: f64) -> OperationCounts {
         let (mut blocks, mut lines) = (self.clone(), lines.to_vec());
         let pass = PlainSweep(blocks.as_sweep(&mut lines, relaxation));
         // SAFETY: indices were checked by `push_*`, lines by `as_sweep`; the type needs no instructions of its own.
@@ -313,11 +313,11 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     use crate::nlgs::ContactSet;
-    use crate::nlgs::scenes::Scene;
+    use crate::nlgs::lattice_scene::LatticeScene;
 
     #[test]
     fn blocks_that_are_visited_at_once_share_no_grain() {
-        let problem = Scene::grid([6, 5, 4], 3, 0.2, 11).problem;
+        let problem = LatticeScene::grid([6, 5, 4], 3, 0.2, 11).problem;
         let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
         let mut set = ContactSet::default();
         set.pack(&problem, &contacts, problem.body_count(), |grain| grain);

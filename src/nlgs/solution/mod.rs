@@ -1,6 +1,6 @@
 //! Solving an assembled friction-contact problem to a tolerance (T-31).
 //!
-//! Reads: [`Assembled`]. Writes: impulses and how they were found. Cost: sweeps, tests that cost an
+//! Reads: [`AssembledProblem`]. Writes: impulses and how they were found. Cost: sweeps, tests that cost an
 //! eighth of them at most, and, where sweeps do not get on, dense systems of linear equations whose
 //! work is kept about equal to that of the sweeps. Contract: the best impulses that any test saw come
 //! back, with the errors of the whole problem; the same problem gives the same bytes.
@@ -8,7 +8,7 @@
 mod newton;
 mod search;
 
-use super::assembled::{Assembled, NaturalMapErrors};
+use super::assembled_problem::{AssembledProblem, NaturalMapErrors};
 use crate::math::Vec3;
 use search::Search;
 
@@ -27,7 +27,7 @@ pub enum Method {
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct SolutionSettings {
     pub method: Method,
     /// Upper bound of the error of Acary, Brémond and Huber, [`NaturalMapErrors::abh`].
     pub tolerance: f64,
@@ -55,7 +55,11 @@ const PLAIN_SWEEPS: u64 = 50;
 const FEWEST_BETWEEN: u64 = 100;
 
 /// Solves a problem, starting from the impulses `start` `[nc]`, or from none.
-pub fn solve(problem: &Assembled, start: Option<&[Vec3]>, settings: &Settings) -> Solution {
+pub fn solve(
+    problem: &AssembledProblem,
+    start: Option<&[Vec3]>,
+    settings: &SolutionSettings,
+) -> Solution {
     let nothing = vec![Vec3::zeros(); problem.contact_count()];
     let impulse = start.map_or(nothing, <[Vec3]>::to_vec);
     let mut search = Search::new(problem, impulse, settings);

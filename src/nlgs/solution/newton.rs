@@ -1,7 +1,7 @@
 //! Semismooth Newton method for the function of Alart and Curnier (T-33), regularised.
 
 use crate::math::{Mat3, Vec3};
-use crate::nlgs::assembled::Assembled;
+use crate::nlgs::assembled_problem::AssembledProblem;
 use nalgebra::{DMatrix, DVector};
 
 /// Most unknowns of a dense system: larger ones take minutes.
@@ -23,7 +23,7 @@ enum Status {
 
 /// The linear system of one step, for the contacts that are closed.
 pub(super) struct System<'a> {
-    problem: &'a Assembled,
+    problem: &'a AssembledProblem,
     impulse: &'a [Vec3],
     velocity: Vec<Vec3>,
     status: Vec<Status>,
@@ -33,7 +33,7 @@ pub(super) struct System<'a> {
 }
 
 impl<'a> System<'a> {
-    pub fn new(problem: &'a Assembled, impulse: &'a [Vec3]) -> Self {
+    pub fn new(problem: &'a AssembledProblem, impulse: &'a [Vec3]) -> Self {
         let nc = impulse.len();
         let velocity: Vec<Vec3> = (0..nc).map(|c| problem.relative_velocity(c, impulse)).collect();
         let status: Vec<Status> =
@@ -119,7 +119,7 @@ impl<'a> System<'a> {
     }
 }
 
-fn status(problem: &Assembled, c: usize, r: &Vec3, u: &Vec3) -> Status {
+fn status(problem: &AssembledProblem, c: usize, r: &Vec3, u: &Vec3) -> Status {
     let x = r - u * (3.0 / problem.diagonal[c].trace());
     let (mu, length) = (problem.friction[c], x.yz().norm());
     if x.x <= 0.0 {

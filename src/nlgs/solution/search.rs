@@ -1,9 +1,9 @@
 //! The course of a solution: sweeps, accelerated sweeps, Newton steps, and tests of the error.
 
-use super::{Settings, Solution, newton};
+use super::{Solution, SolutionSettings, newton};
 use crate::math::{Mat3, Vec3, cone};
 use crate::nlgs::acceleration::{Guard, History, Mixing, PERIOD, Verdict};
-use crate::nlgs::assembled::Assembled;
+use crate::nlgs::assembled_problem::AssembledProblem;
 
 /// Least share of a Newton step that is tried.
 const SHORTEST: f64 = 0.1;
@@ -12,8 +12,8 @@ const SOFTEST: f64 = 1e-14;
 const STIFFEST: f64 = 1.0;
 
 pub(super) struct Search<'a> {
-    problem: &'a Assembled,
-    settings: &'a Settings,
+    problem: &'a AssembledProblem,
+    settings: &'a SolutionSettings,
     impulse: Vec<Vec3>,
     best: Vec<Vec3>,
     best_error: f64,
@@ -25,7 +25,11 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub fn new(problem: &'a Assembled, impulse: Vec<Vec3>, settings: &'a Settings) -> Self {
+    pub fn new(
+        problem: &'a AssembledProblem,
+        impulse: Vec<Vec3>,
+        settings: &'a SolutionSettings,
+    ) -> Self {
         Self {
             problem,
             settings,

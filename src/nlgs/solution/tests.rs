@@ -5,17 +5,17 @@ use crate::math::Mat3;
 
 const METHODS: [Method; 4] = [Method::Auto, Method::Nlgs, Method::Anderson, Method::Newton];
 
-fn settings(method: Method) -> Settings {
-    Settings { method, tolerance: 1e-12, max_sweeps: 20_000 }
+fn settings(method: Method) -> SolutionSettings {
+    SolutionSettings { method, tolerance: 1e-12, max_sweeps: 20_000 }
 }
 
 /// Contacts that do not feel each other, with the same own block.
-fn apart(block: Mat3, q: Vec<Vec3>, mu: f64) -> Assembled {
+fn apart(block: Mat3, q: Vec<Vec3>, mu: f64) -> AssembledProblem {
     let entry = |c: usize, k: usize, l: usize| (3 * c + k, 3 * c + l, block[(k, l)]);
     let places = (0..q.len()).flat_map(|c| (0..9).map(move |p| (c, p / 3, p % 3)));
     let entries: Vec<_> = places.map(|(c, k, l)| entry(c, k, l)).collect();
     let friction = vec![mu; q.len()];
-    Assembled::from_entries(entries, q, friction).unwrap()
+    AssembledProblem::from_entries(entries, q, friction).unwrap()
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn open_sticking_and_slipping_contacts_are_what_they_must_be() {
 
 /// A block on `n` contact points in a row, pushed down and along: the sum of the impulses is known,
 /// the single ones are not, and `W` is of rank 2.
-fn block_on_points(n: usize, push: f64) -> Assembled {
+fn block_on_points(n: usize, push: f64) -> AssembledProblem {
     let mut entries = Vec::new();
     for (a, b) in (0..n).flat_map(|a| (0..n).map(move |b| (a, b))) {
         let levers = [a, b].map(|k| k as f64 - 0.5 * (n as f64 - 1.0));
@@ -44,7 +44,7 @@ fn block_on_points(n: usize, push: f64) -> Assembled {
         entries.extend((1..3).map(|k| (3 * a + k, 3 * b + k, 1.0)));
     }
     let q = vec![Vec3::new(-1.0, push, 0.0); n];
-    Assembled::from_entries(entries, q, vec![0.4; n]).unwrap()
+    AssembledProblem::from_entries(entries, q, vec![0.4; n]).unwrap()
 }
 
 #[test]
@@ -61,7 +61,7 @@ fn impulses_that_are_not_unique_have_the_right_sums() {
 }
 
 /// A tower of `n` blocks, each on two points: sweeps need about n² of them.
-fn tower(n: usize) -> Assembled {
+fn tower(n: usize) -> AssembledProblem {
     let mut entries = Vec::new();
     // Block k rests with the points 2k and 2k + 1 on block k - 1, block 0 on the ground.
     let touching = |k: usize| {
@@ -81,14 +81,15 @@ fn tower(n: usize) -> Assembled {
     }
     let falling = |c: usize| Vec3::new(if c < 2 { -1.0 } else { 0.0 }, 0.0, 0.0);
     let q = (0..2 * n).map(falling).collect();
-    Assembled::from_entries(entries, q, vec![0.3; 2 * n]).unwrap()
+    AssembledProblem::from_entries(entries, q, vec![0.3; 2 * n]).unwrap()
 }
 
 #[test]
 fn what_sweeps_solve_slowly_the_other_methods_solve_with_fewer() {
     let problem = tower(40);
     let sweeps = |method| {
-        let solution = solve(&problem, None, &Settings { tolerance: 1e-8, ..settings(method) });
+        let solution =
+            solve(&problem, None, &SolutionSettings { tolerance: 1e-8, ..settings(method) });
         assert!(solution.converged, "{method:?}: {:?}", solution.errors);
         // The ground carries all blocks, each of momentum 1.
         let carried = solution.impulse[0].x + solution.impulse[1].x;
@@ -106,7 +107,7 @@ fn what_sweeps_solve_slowly_the_other_methods_solve_with_fewer() {
 fn sweeps_end_at_their_number_with_the_best_impulses() {
     let problem = tower(40);
     for method in METHODS {
-        let cap = Settings { max_sweeps: 7, ..settings(method) };
+        let cap = SolutionSettings { max_sweeps: 7, ..settings(method) };
         let solution = solve(&problem, None, &cap);
         assert!(!solution.converged && solution.sweeps == 7, "{method:?}: {}", solution.sweeps);
         assert_eq!(solution.errors, problem.natural_map(&solution.impulse));
@@ -121,7 +122,7 @@ fn sweeps_end_at_their_number_with_the_best_impulses() {
 #[test]
 fn problems_too_large_for_newton_are_left_to_the_sweeps() {
     let problem = tower(800);
-    let cap = Settings { max_sweeps: 400, ..settings(Method::Auto) };
+    let cap = SolutionSettings { max_sweeps: 400, ..settings(Method::Auto) };
     let solution = solve(&problem, None, &cap);
     assert_eq!((solution.sweeps, solution.newton_steps), (400, 0));
 }
@@ -140,7 +141,7 @@ fn a_matrix_that_is_not_symmetric_is_taken_as_it_is() {
 
 #[test]
 fn empty_and_resting_problems_are_solved_at_once() {
-    let nothing = Assembled::from_entries([], vec![], vec![]).unwrap();
+    let nothing = AssembledProblem::from_entries([], vec![], vec![]).unwrap();
     let rest = apart(Mat3::identity(), vec![Vec3::zeros(); 2], 0.5);
     for problem in [nothing, rest] {
         let solution = solve(&problem, None, &settings(Method::Auto));

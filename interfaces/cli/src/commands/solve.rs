@@ -8,7 +8,7 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{expect_apart, may_replace, replace_text};
 use crate::profile::cpu_time;
-use ballast::nlgs::solution::{self, Settings};
+use ballast::nlgs::solution::{self, SolutionSettings};
 use ballast_hdf5::fclib;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -110,7 +110,7 @@ fn solve_file(
     for &tolerance in tolerances {
         for &method in &args.method {
             let settings =
-                Settings { method: method.into(), tolerance, max_sweeps: args.max_sweeps };
+                SolutionSettings { method: method.into(), tolerance, max_sweeps: args.max_sweeps };
             let start = cpu_time();
             let solution = solution::solve(&problem.local, None, &settings);
             let seconds = cpu_time().saturating_sub(start).as_secs_f64();

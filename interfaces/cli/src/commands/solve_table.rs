@@ -219,7 +219,7 @@ fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ballast::nlgs::assembled::NaturalMapErrors;
+    use ballast::nlgs::assembled_problem::NaturalMapErrors;
 
     fn row(problem: &str, method: &str, seconds: f64, converged: bool) -> Row {
         let errors = NaturalMapErrors { abh: 5e-7, siconos: 4e-7, fclib: 3e-7, unit_free: 2e-7 };

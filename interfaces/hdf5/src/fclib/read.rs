@@ -6,17 +6,17 @@ use crate::image::{self, Source};
 use crate::seal;
 use ballast::Error as CoreError;
 use ballast::math::Vec3;
-use ballast::nlgs::assembled::Assembled;
-use ballast::nlgs::global_form::{Given, GlobalForm};
+use ballast::nlgs::assembled_problem::AssembledProblem;
+use ballast::nlgs::global_problem::{FactorisedGlobalProblem, GlobalProblem};
 use std::path::Path;
 
 /// A friction-contact problem, and where its file says that a solution is or may be.
 #[derive(Debug, Clone)]
 pub struct Problem {
     /// The problem in impulses alone.
-    pub local: Assembled,
+    pub local: AssembledProblem,
     /// The problem with the bodies' velocities, where the file gives that.
-    pub global: Option<GlobalForm>,
+    pub global: Option<FactorisedGlobalProblem>,
     /// Impulses `[nc]` of the solution that the file holds; they may be all zero.
     pub solution: Option<Vec<Vec3>>,
     /// Impulses `[nc]` of the first guess that the file holds.
@@ -60,26 +60,28 @@ pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
     })
 }
 
-fn local(source: &Source) -> Result<Assembled> {
+fn local(source: &Source) -> Result<AssembledProblem> {
     refuse_joints(source, &["fclib_local/V", "fclib_local/R", "fclib_local/vectors/s"])?;
     let q = vectors(source, "fclib_local/vectors/q", None)?;
     let friction = source.reals("fclib_local/vectors/mu", Some(q.len()), 1)?;
     let entries = matrix::read(source, "fclib_local/W", 3 * q.len(), 3 * q.len())?;
-    Assembled::from_entries(entries, q, friction).map_err(|e| refused(source, "fclib_local", e))
+    AssembledProblem::from_entries(entries, q, friction)
+        .map_err(|e| refused(source, "fclib_local", e))
 }
 
-fn global(source: &Source) -> Result<(Assembled, GlobalForm)> {
+fn global(source: &Source) -> Result<(AssembledProblem, FactorisedGlobalProblem)> {
     refuse_joints(source, &["fclib_global/G", "fclib_global/vectors/b"])?;
     let f = source.reals("fclib_global/vectors/f", None, 1)?;
     let w = vectors(source, "fclib_global/vectors/w", None)?;
-    let given = Given {
+    let given = GlobalProblem {
         mass: matrix::read(source, "fclib_global/M", f.len(), f.len())?,
         h: matrix::read(source, "fclib_global/H", f.len(), 3 * w.len())?,
         friction: source.reals("fclib_global/vectors/mu", Some(w.len()), 1)?,
         f,
         w,
     };
-    let form = GlobalForm::new(given).map_err(|e| refused(source, "fclib_global", e))?;
+    let form =
+        FactorisedGlobalProblem::new(given).map_err(|e| refused(source, "fclib_global", e))?;
     let local = form.assembled().map_err(|e| refused(source, "fclib_global", e))?;
     Ok((local, form))
 }

@@ -5,7 +5,7 @@ use super::read::Problem;
 use crate::error::{Result, hdf5 as hdf5_error, io};
 use crate::{image, replace};
 use ballast::math::Vec3;
-use ballast::nlgs::assembled::Assembled;
+use ballast::nlgs::assembled_problem::AssembledProblem;
 use hdf5::{File, H5Type};
 use std::path::Path;
 
@@ -23,7 +23,11 @@ pub enum Storage {
 /// Writes a problem to `path` in the local form, whole or not at all.
 ///
 /// Errors: [`crate::Error::Io`] and [`crate::Error::Hdf5`].
-pub fn write_local(path: impl AsRef<Path>, problem: &Assembled, storage: Storage) -> Result<()> {
+pub fn write_local(
+    path: impl AsRef<Path>,
+    problem: &AssembledProblem,
+    storage: Storage,
+) -> Result<()> {
     let path = path.as_ref();
     let file = image::new_image(path)?;
     let put = || -> hdf5::Result<()> {
@@ -80,7 +84,7 @@ fn flat(vectors: &[Vec3]) -> Vec<f64> {
 }
 
 /// Scalar entries that are not zero, row by row.
-fn entries(problem: &Assembled) -> Entries {
+fn entries(problem: &AssembledProblem) -> Entries {
     let mut entries = Vec::new();
     for contact in 0..problem.contact_count() {
         let blocks = problem.row_starts[contact]..problem.row_starts[contact + 1];

@@ -2,8 +2,8 @@
 
 use crate::left_out;
 use ballast::math::Vec3;
-use ballast::nlgs::assembled::Assembled;
-use ballast::nlgs::solution::{Method, Settings, Solution, solve};
+use ballast::nlgs::assembled_problem::AssembledProblem;
+use ballast::nlgs::solution::{Method, Solution, SolutionSettings, solve};
 use ballast_hdf5::fclib::{Storage, read, write_local, write_solution};
 use hdf5::File;
 use std::path::{Path, PathBuf};
@@ -11,19 +11,20 @@ use std::path::{Path, PathBuf};
 const STORAGES: [Storage; 3] = [Storage::Rows, Storage::Columns, Storage::Triplets];
 
 /// Two contacts, `W` not symmetric and without the block (1, 0).
-pub fn small() -> Assembled {
+pub fn small() -> AssembledProblem {
     let mut entries: Vec<_> = (0..6).map(|i| (i, i, 2.0 + i as f64)).collect();
     entries.extend([(0, 3, 0.5), (0, 4, -0.25), (2, 5, 0.125), (1, 0, 0.1)]);
     let q = vec![Vec3::new(-1.0, 0.4, 0.0), Vec3::new(-0.5, 0.0, 2.0)];
-    Assembled::from_entries(entries, q, vec![0.3, 0.5]).unwrap()
+    AssembledProblem::from_entries(entries, q, vec![0.3, 0.5]).unwrap()
 }
 
 pub fn grain_pile() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/GrainPile500-nc818.hdf5")
 }
 
-fn solved(problem: &Assembled, method: Method, tolerance: f64) -> Solution {
-    let solution = solve(problem, None, &Settings { method, tolerance, max_sweeps: 50_000 });
+fn solved(problem: &AssembledProblem, method: Method, tolerance: f64) -> Solution {
+    let solution =
+        solve(problem, None, &SolutionSettings { method, tolerance, max_sweeps: 50_000 });
     assert!(solution.converged, "{method:?} {tolerance:e}: {:?}", solution.errors);
     assert!(solution.errors.abh <= tolerance);
     solution
@@ -237,7 +238,7 @@ fn problems_of_the_collections_are_solved() {
         let problem = read(folder.join(name).with_extension("hdf5")).unwrap().local;
         assert_eq!(problem.contact_count(), contacts, "{name}");
         for tolerance in [1e-4, 1e-6] {
-            let settings = Settings { method: Method::Auto, tolerance, max_sweeps: 20_000 };
+            let settings = SolutionSettings { method: Method::Auto, tolerance, max_sweeps: 20_000 };
             let solution = solve(&problem, None, &settings);
             assert!(solution.converged, "{name} to {tolerance:e}: {:?}", solution.errors);
         }

@@ -40,7 +40,7 @@ fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
             step(&model, &mut state, &inputs, &mut workspace, &mut ()).expect("a good step");
         assert_eq!(difference(&workspace.contacts, &fresh.contacts), None, "step {}", state.step);
         assert!(state == scratch, "step {}: other states", state.step);
-        repeated += report.attempts - 1;
+        repeated += report.solve_passes - 1;
         let mut memory = std::mem::take(&mut state.drive);
         cycle.observe(&model, &report, &state, &mut memory);
         state.drive = memory;

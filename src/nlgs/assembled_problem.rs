@@ -13,7 +13,7 @@ use std::ops::RangeInclusive;
 
 /// `u = W r + q` with Coulomb friction, `W` in rows of 3 x 3 blocks (FCLIB's local problem).
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Assembled {
+pub struct AssembledProblem {
     /// Where each block row starts `[nc + 1]`.
     pub row_starts: Vec<usize>,
     /// Block columns, increasing in each row.
@@ -29,7 +29,7 @@ pub struct Assembled {
 }
 
 /// Largest μ of a problem, as of a case: beyond, what the errors compare is lost in rounding.
-pub const MOST_FRICTION: f64 = 1000.0;
+pub const MAX_FRICTION: f64 = 1000.0;
 
 /// Largest component of `q`, m/s, unless it is zero: beyond, squares of what the errors compare are none, or infinite.
 const SIZES: RangeInclusive<f64> = 1e-100..=1e100;
@@ -47,11 +47,11 @@ pub struct NaturalMapErrors {
     pub unit_free: f64,
 }
 
-impl Assembled {
+impl AssembledProblem {
     /// From scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
     ///
     /// Entries of the same place are added up. Refuses indices out of range, values that are not
-    /// finite, friction that is negative or above [`MOST_FRICTION`], contacts whose own `W_nn` is not above zero, and
+    /// finite, friction that is negative or above [`MAX_FRICTION`], contacts whose own `W_nn` is not above zero, and
     /// `q` whose squares are none or infinite.
     pub fn from_entries(
         entries: impl IntoIterator<Item = (usize, usize, f64)>,
@@ -63,11 +63,11 @@ impl Assembled {
             return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
         }
         let usable = |c: usize| {
-            q[c].iter().all(|x| x.is_finite()) && (0.0..=MOST_FRICTION).contains(&friction[c])
+            q[c].iter().all(|x| x.is_finite()) && (0.0..=MAX_FRICTION).contains(&friction[c])
         };
         if let Some(c) = (0..nc).find(|&c| !usable(c)) {
             let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
-            let expected = format!("finite q, mu from 0 to {MOST_FRICTION}");
+            let expected = format!("finite q, mu from 0 to {MAX_FRICTION}");
             return Err(unusable("q and mu", expected, found));
         }
         let largest = (0..nc).max_by(|&a, &b| q[a].amax().total_cmp(&q[b].amax()));
@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn a_problem_given_by_entries_is_solved() {
         let q = vec![Vec3::new(-1.0, 0.4, 0.0), Vec3::new(-0.5, 0.0, 2.0)];
-        let problem = Assembled::from_entries(entries(), q.clone(), vec![0.3, 0.5]).unwrap();
+        let problem = AssembledProblem::from_entries(entries(), q.clone(), vec![0.3, 0.5]).unwrap();
         assert_eq!((problem.blocks.len(), problem.columns.as_slice()), (4, &[0, 1, 0, 1][..]));
         assert_eq!(problem.blocks[2][(0, 0)], 0.375);
         assert_eq!(problem.diagonal[0][(1, 0)], 0.1);
@@ -260,7 +260,7 @@ mod tests {
     fn unusable_problems_are_refused_with_their_place() {
         let q = vec![Vec3::zeros(); 2];
         let refused = |entries: Vec<(usize, usize, f64)>, mu: Vec<f64>| {
-            Assembled::from_entries(entries, q.clone(), mu).unwrap_err().to_string()
+            AssembledProblem::from_entries(entries, q.clone(), mu).unwrap_err().to_string()
         };
         let with = |entry| [entries(), vec![entry]].concat();
         let mu = vec![0.3; 2];
@@ -277,7 +277,7 @@ mod tests {
     fn velocities_whose_squares_are_no_numbers_are_refused() {
         let of = |size: f64| {
             let q = vec![Vec3::zeros(), Vec3::new(-size, 1e-3 * size, 0.0)];
-            Assembled::from_entries(entries(), q, vec![0.3; 2])
+            AssembledProblem::from_entries(entries(), q, vec![0.3; 2])
         };
         for size in [1e-200, 1e-101, 1e101, 1e200] {
             let said = of(size).unwrap_err().to_string();

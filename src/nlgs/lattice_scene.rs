@@ -15,7 +15,7 @@ use rand_pcg::Pcg64;
 
 /// A problem and what it was built from.
 #[derive(Debug)]
-pub struct Scene {
+pub struct LatticeScene {
     /// Grains without shapes, and a floor without parts.
     pub model: Model,
     pub state: State,
@@ -62,7 +62,7 @@ fn empty_model(restitution: f64) -> Model {
     }
 }
 
-impl Scene {
+impl LatticeScene {
     /// `size[0] * size[1] * size[2]` grains of 2 cm in a cubic lattice, each a neighbour of up to ten
     /// others, the lowest ones of the floor too; `points` contact points per neighbour pair.
     pub fn grid(size: [usize; 3], points: usize, restitution: f64, seed: u64) -> Self {

@@ -1,10 +1,10 @@
 //! Friction-contact problems with the bodies' velocities kept: `M v = H r + f`, `u = Hᵀ v + w`.
 //!
-//! Reads: entries of `M` and `H`. Writes: the problem in impulses alone, [`Assembled`]. Cost: one dense
+//! Reads: entries of `M` and `H`. Writes: the problem in impulses alone, [`AssembledProblem`]. Cost: one dense
 //! inverse per set of coupled degrees of freedom (a rigid body: six), one product per pair of contacts
 //! on the same body. Contract: refuses, before it allocates, what claims more than `MOST_ENTRIES`.
 
-use super::assembled::{Assembled, unusable};
+use super::assembled_problem::{AssembledProblem, unusable};
 use crate::error::Result;
 use crate::math::Vec3;
 use nalgebra::{DMatrix, DVector};
@@ -16,7 +16,7 @@ const MOST_ENTRIES: usize = 1 << 25;
 
 /// What a global problem is given by; `H` is `[ndof, 3 nc]`.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Given {
+pub struct GlobalProblem {
     /// Entries (row, column, value) of `M` `[ndof, ndof]`; those of the same place add up.
     pub mass: Vec<(usize, usize, f64)>,
     /// Entries of `H`; column `3 contact + (n, t, s)`.
@@ -31,9 +31,9 @@ pub struct Given {
 
 /// A global problem, its mass matrix inverted.
 #[derive(Debug, Clone)]
-pub struct GlobalForm {
+pub struct FactorisedGlobalProblem {
     bodies: Vec<Body>,
-    given: Given,
+    given: GlobalProblem,
 }
 
 /// Degrees of freedom that the mass matrix couples.
@@ -45,12 +45,12 @@ struct Body {
     columns: Vec<(usize, DVector<f64>)>,
 }
 
-impl GlobalForm {
+impl FactorisedGlobalProblem {
     /// Inverts the mass matrix, body by body.
     ///
     /// Refuses indices out of range, values that are not finite, and a mass matrix that is singular or
     /// couples more than 600 degrees of freedom.
-    pub fn new(given: Given) -> Result<Self> {
+    pub fn new(given: GlobalProblem) -> Result<Self> {
         let (ndof, columns) = (given.f.len(), 3 * given.w.len());
         in_range("M", &given.mass, ndof, ndof)?;
         in_range("H", &given.h, ndof, columns)?;
@@ -75,7 +75,7 @@ impl GlobalForm {
     }
 
     /// `W = Hᵀ M⁻¹ H`, `q = Hᵀ M⁻¹ f + w` (T-30).
-    pub fn assembled(&self) -> Result<Assembled> {
+    pub fn assembled(&self) -> Result<AssembledProblem> {
         let count: usize = self.bodies.iter().map(|b| b.columns.len().pow(2)).sum();
         if count > MOST_ENTRIES {
             let expected = format!("at most {MOST_ENTRIES} entries");
@@ -92,7 +92,7 @@ impl GlobalForm {
             }
         }
         let q = q.as_chunks::<3>().0.iter().map(|c| Vec3::from(*c)).collect();
-        Assembled::from_entries(entries, q, self.given.friction.clone())
+        AssembledProblem::from_entries(entries, q, self.given.friction.clone())
     }
 
     /// Velocities of the bodies `v = M⁻¹ (H r + f)` `[ndof]`.
@@ -149,7 +149,7 @@ fn expect_few(touching: &[&(usize, usize, f64)], bodies: &[Body], place: &[Place
 }
 
 /// Splits the degrees of freedom by the coupling of `M`; for each of them its body and place there.
-fn bodies(given: &Given) -> Result<(Vec<Body>, Vec<Place>)> {
+fn bodies(given: &GlobalProblem) -> Result<(Vec<Body>, Vec<Place>)> {
     let ndof = given.f.len();
     let mut parent: Vec<usize> = (0..ndof).collect();
     for &(i, j, _) in given.mass.iter().filter(|e| e.2 != 0.0) {
@@ -204,8 +204,8 @@ mod tests {
     use super::*;
 
     /// Two masses of one degree of freedom each, coupled, and one alone; one contact between them.
-    fn given() -> Given {
-        Given {
+    fn given() -> GlobalProblem {
+        GlobalProblem {
             mass: vec![(0, 0, 2.0), (1, 1, 1.0), (0, 1, 0.5), (1, 0, 0.5), (2, 2, 4.0)],
             h: vec![(0, 0, 1.0), (2, 0, -1.0), (1, 1, 1.0), (2, 2, 1.0), (2, 2, 1.0)],
             f: vec![-1.0, 0.0, 2.0],
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn the_local_problem_is_the_schur_complement() {
-        let form = GlobalForm::new(given()).unwrap();
+        let form = FactorisedGlobalProblem::new(given()).unwrap();
         let local = form.assembled().unwrap();
         // Inverse of [[2, 0.5], [0.5, 1]] is [[1, -0.5], [-0.5, 2]] / 1.75.
         let w = local.blocks[0];
@@ -232,10 +232,10 @@ mod tests {
 
     #[test]
     fn unusable_bodies_are_refused_with_their_place() {
-        let told = |change: fn(&mut Given)| {
+        let told = |change: fn(&mut GlobalProblem)| {
             let mut bad = given();
             change(&mut bad);
-            GlobalForm::new(bad).unwrap_err().to_string()
+            FactorisedGlobalProblem::new(bad).unwrap_err().to_string()
         };
         assert!(told(|g| g.mass.truncate(4)).contains("singular one at 2"));
         assert!(told(|g| g.h.push((3, 0, 1.0))).contains("1 at (3, 0)"));
