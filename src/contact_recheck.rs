@@ -77,7 +77,7 @@ impl SolvedMotion<'_> {
             position,
             orientation,
             velocity,
-            angular_velocity: angular_velocity,
+            angular_velocity,
             responses,
         } = end;
         position.clone_from(&self.motion.position);
