@@ -25,24 +25,24 @@ import ballast
 def finish(sim: ballast.Simulation, steps: int) -> str:
     """The hash after that many steps of one window each."""
     for _ in range(steps):
-        sim.step_by_machine()
+        sim.step_tamping_cycle()
     return sim.save().hash
 
 
 def redone(sim: ballast.Simulation, steps: int) -> str:
     for _ in range(steps):
         before = sim.save()
-        sim.step_by_machine()
+        sim.step_tamping_cycle()
         after = sim.save()
         # What the machine asked for in this window, told as motions: a body that it has left alone is still at rest.
-        told = {name: between(before, after, name) for name in sim.bodies if after.target_twist(name) is None}
+        told = {name: between(before, after, name) for name in sim.bodies if after.commanded_twist(name) is None}
         for _ in range(3):
             sim.redo(told)
     return sim.save().hash
 
 
 def between(before: ballast.State, after: ballast.State, name: str) -> ballast.Motion:
-    ends = [state.target(name) for state in (before, after)]
+    ends = [state.commanded_pose(name) for state in (before, after)]
     times = [before.time_ns, after.time_ns]
     return ballast.Motion(times, [end[0] for end in ends], [end[1] for end in ends])
 
@@ -55,10 +55,10 @@ def elsewhere(case: str, state: Path, steps: int) -> str:
 def compare(args: argparse.Namespace) -> bool:
     half = args.steps // 2
     rest = args.steps - half
-    with ballast.open(args.case, beds=args.beds, threads=1) as sim:
+    with ballast.open(args.case, bed_cache=args.beds, threads=1) as sim:
         start = sim.save()
         expected = finish(sim, args.steps)
-        print(f"{args.case}: {args.steps} steps of {sim.grains} grains: {expected}")
+        print(f"{args.case}: {args.steps} steps of {sim.grain_count} grains: {expected}")
 
         sim.restore(start)
         finish(sim, half)

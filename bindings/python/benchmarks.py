@@ -46,7 +46,7 @@ def measure(threads):
     """Times of one number of threads, s."""
     with ballast.open(CASE, threads=threads) as sim:
         sim.advance_to(10 * sim.step_ns)
-        print(f"{sim.grains} grains, {len(sim.save().contact_bodies)} contact points, {threads} thread(s)")
+        print(f"{sim.grain_count} grains, {len(sim.save().contact_bodies)} contact points, {threads} thread(s)")
         whole, more, beside, call, others = [], [], [], [], []
         for _ in range(ROUNDS):
             begin, start = sim.save(), sim.now_ns
@@ -60,14 +60,14 @@ def measure(threads):
                 out = sim.advance_to(start + k * sim.step_ns)
                 took = time.perf_counter() - t
                 apart += took / STEPS
-                beside.append(took - out.wall_s)
+                beside.append(took - out.wall_time_s)
                 others.append(other())
             more.append(apart - whole[-1])
             t = time.perf_counter()
             for _ in range(1000):
                 try:
                     sim.advance_to(sim.step_ns + 1)
-                except ballast.Refused:
+                except ballast.RequestError:
                     pass
             call.append((time.perf_counter() - t) / 1000)
         state = sim.save()

@@ -28,17 +28,17 @@ with ballast.open(sys.argv[1] if len(sys.argv) > 1 else "examples/first.toml") a
     if not sim.tines:
         sys.exit(f"{sim.case.name} has no tines that tamp: it needs tines and [tamping]")
     window = max(1, round(WINDOW_S * 1e9 / sim.step_ns)) * sim.step_ns
-    while all(sim.save().body(tine.name)[0][2] > tine.deep for tine in sim.tines):
+    while all(sim.save().body(tine.name)[0][2] > tine.full_depth_z for tine in sim.tines):
         t0, t1 = sim.now_ns, sim.now_ns + window
         times = np.arange(t0, t1 + 1, sim.step_ns)
-        tools = {}
+        motions = {}
         for tine in sim.tines:
             x, v = zip(*(position(tine, t * 1e-9) for t in times))
-            tools[tine.name] = ballast.Motion(times.tolist(), x, velocities=v)
-        out = sim.advance_to(t1, tools)
+            motions[tine.name] = ballast.Motion(times.tolist(), x, velocities=v)
+        out = sim.advance_to(t1, motions)
         if out.status not in ("ok", "warn"):
             # The same window again would end in the same way.
-            print(f"{out.t1_ns * 1e-9:.3f} s  {out.status}  {out.code}: {out.trouble}")
+            print(f"{out.t1_ns * 1e-9:.3f} s  {out.status}  {out.code}: {out.error_message}")
             break
-        forces = ", ".join(f"{np.linalg.norm(out[name].moving_force):6.0f} N" for name in tools)
+        forces = ", ".join(f"{np.linalg.norm(out[name].moving_average_force):6.0f} N" for name in motions)
         print(f"{t1 * 1e-9:.3f} s  {out.status}  {forces}")

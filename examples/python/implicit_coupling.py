@@ -37,10 +37,10 @@ with ballast.open(sys.argv[1] if len(sys.argv) > 1 else "examples/first.toml") a
                 [tine.start + [0, 0, z], tine.start + [0, 0, guess]],
                 velocities=[[0, 0, v], [0, 0, rate]],
             )
-            tools = {tine.name: motion}
-            out = sim.advance_to(times[1], tools) if n == 1 else sim.redo(tools)
+            motions = {tine.name: motion}
+            out = sim.advance_to(times[1], motions) if n == 1 else sim.redo(motions)
             if out.status not in ("ok", "warn"):
-                sys.exit(f"{times[1] * 1e-9:.4f} s  {out.status}  {out.code}: {out.trouble}")  # nothing has moved
+                sys.exit(f"{times[1] * 1e-9:.4f} s  {out.status}  {out.code}: {out.error_message}")  # nothing has moved
             force = out[tine.name].mean_force[2]
             # Machine over the window, by the implicit midpoint rule, with the force of the ballast.
             a = MASS / h + DAMPING / 2 + STIFFNESS * h / 4

@@ -13,7 +13,7 @@ FILE = sys.argv[2] if len(sys.argv) > 2 else "runs/recorded.mcap"
 with ballast.open(CASE) as sim:
     sim.record(FILE)
     for _ in range(40):
-        sim.step_by_machine()
+        sim.step_tamping_cycle()
     sim.stop_recording()
     recorded = sim.save().hash
 
@@ -21,7 +21,7 @@ recording = ballast.read(FILE)
 with ballast.open(recording.case) as sim:
     windows = 0
     for window in recording:
-        sim.advance_to(window["t1_ns"], window["tools"], window["loads"])
+        sim.advance_to(window["t1_ns"], window["motions"], window["loads"])
         assert sim.save().hash == window["hash"]
         windows += 1
     replayed = sim.save().hash

@@ -42,7 +42,7 @@ class Tally:
 
     def add(self, phase, out):
         if out.status not in ("ok", "warn"):
-            sys.exit(f"the window up to {out.t1_ns} ns ended {out.status}: {out.trouble}")
+            sys.exit(f"the window up to {out.t1_ns} ns ended {out.status}: {out.error_message}")
         row = self.phases.setdefault(phase, [0.0] * len(FIGURES))
         for name, direction in self.closing.items():
             # The ballast's impulse on the tine is against its way.
@@ -72,7 +72,7 @@ def place_of(case, folder):
 
 def begin(case, seed, folder):
     chosen = study.apply(ballast.Case.load(case), {"seed": seed})
-    return chosen, ballast.open(chosen, beds=str(folder.parent / "beds"), threads=1, progress=False)
+    return chosen, ballast.open(chosen, bed_cache=str(folder.parent / "beds"), threads=1, progress=False)
 
 
 def tamp(case, seed, folder):
@@ -81,14 +81,14 @@ def tamp(case, seed, folder):
     with sim:
         steps = chosen.duration_ns // chosen.step_ns
         tally, phases, times = Tally(sim, steps, f"seed {seed}, machine"), [], [sim.now_ns]
-        ways = {name: [np.hstack(sim.save().target(name))] for name in sim.bodies}
+        ways = {name: [np.hstack(sim.save().commanded_pose(name))] for name in sim.bodies}
         for _ in range(steps):
             phases.append(sim.phase)
-            tally.add(phases[-1], sim.step_by_machine())
+            tally.add(phases[-1], sim.step_tamping_cycle())
             times.append(sim.now_ns)
             state = sim.save()
             for name, way in ways.items():
-                way.append(np.hstack(state.target(name)))
+                way.append(np.hstack(state.commanded_pose(name)))
         moved = {name: np.array(way).tolist() for name, way in ways.items() if np.ptp(way, axis=0).any()}
         keep(folder / f"motion_{seed}.json", {"times_ns": times, "phases": phases, **moved})
         return tally.result(sim)
@@ -108,13 +108,13 @@ def replay(case, seed, folder, kind, n):
             b = next((i for i in range(a + 1, a + n) if phases[i : i + 1] != [phases[a]]), a + n)
             ends = [a] if kind == "hold" else [a, b]
             # The first cubic begins with the speed of its curve, where a body was at rest.
-            tools = {
+            motions = {
                 name: ballast.Motion([times[i] for i in ends], way[ends, :3], way[ends, 3:],
                                      velocities=speeds[name][ends] if kind == "hermite" else None,
-                                     interpolation=kind, rebase=kind == "hold" or a == 0)
+                                     interpolation=kind, allow_jump=kind == "hold" or a == 0)
                 for name, way in ways.items()
             }  # fmt: skip
-            tally.add(phases[a], sim.advance_to(times[b], tools))
+            tally.add(phases[a], sim.advance_to(times[b], motions))
             a = b
         return tally.result(sim)
 

@@ -1,7 +1,6 @@
-//! Numbers of the core as numpy arrays: read-only, and without a copy where they belong to a state.
+//! Read-only numpy arrays of the core's numbers; arrays of a state are views without a copy.
 //!
-//! The one place of this package with `unsafe`: an array that looks at memory of a state keeps that state,
-//! which nobody writes to any more, alive.
+//! The only module of this package with `unsafe`: a view keeps its state alive, and shared states are never written to.
 
 use ballast::math::{Quat, Vec3};
 use ballast::state;
@@ -10,14 +9,16 @@ use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use std::sync::Arc;
 
+/// One-dimensional array.
 pub type Vector<'py, T = f64> = Bound<'py, PyArray1<T>>;
+/// Two-dimensional array.
 pub type Matrix<'py, T = f64> = Bound<'py, PyArray2<T>>;
 
-/// What the arrays that look at a state hold on to.
-#[pyclass(frozen, module = "ballast")]
-pub struct Held(#[allow(dead_code, reason = "it is there to stay alive")] Arc<state::State>);
+/// Owner of the memory of views: keeps a state alive.
+#[pyclass(frozen, module = "ballast", name = "_StateOwner")]
+pub struct StateOwner(#[allow(dead_code, reason = "keeps the state alive")] Arc<state::State>);
 
-/// Plain numbers side by side, `W` to an item.
+/// A type that consists of `WIDTH` numbers without padding.
 ///
 /// # Safety
 /// `Self` is laid out as `[Number; WIDTH]`.
@@ -44,35 +45,35 @@ unsafe impl Packed for [u32; 2] {
 
 const _: () = assert!(size_of::<Vec3>() == 24 && size_of::<Quat>() == 32);
 
-/// Rows of a state, without a copy `[n, width]`; `pick` names the part of the state.
+/// Returns a view of a part of a state `[n, width]`.
 pub fn rows<'py, T: Packed>(
     py: Python<'py>,
     state: &Arc<state::State>,
     pick: impl FnOnce(&state::State) -> &[T],
 ) -> PyResult<Matrix<'py, T::Number>> {
     let items = pick(state);
-    let held = Bound::new(py, Held(Arc::clone(state)))?;
-    // SAFETY: `Packed` says how an item is laid out; `held` keeps the items alive and in place: a state that
-    // is shared is never written to.
+    let owner = Bound::new(py, StateOwner(Arc::clone(state)))?;
+    // SAFETY: `Packed` guarantees the layout of an item; `owner` keeps the items alive and in place: a shared state is
+    // never written to.
     let array = unsafe {
         let numbers =
             std::slice::from_raw_parts(items.as_ptr().cast::<T::Number>(), items.len() * T::WIDTH);
         let view = ArrayView2::from_shape((items.len(), T::WIDTH), numbers)
-            .expect("as many numbers as rows say");
-        PyArray2::borrow_from_array(&view, held.into_any())
+            .expect("n times width numbers");
+        PyArray2::borrow_from_array(&view, owner.into_any())
     };
     array.readwrite().make_nonwriteable();
     Ok(array)
 }
 
-/// A column of numbers of its own `[n]`.
+/// Returns a copy of numbers as an array `[n]`.
 pub fn column<'py, T: Element + Copy>(py: Python<'py>, numbers: &[T]) -> Vector<'py, T> {
     let array = PyArray1::from_array(py, &ArrayView1::from(numbers));
     array.readwrite().make_nonwriteable();
     array
 }
 
-/// A table of its own `[n, width]`; `numbers` row by row.
+/// Returns a copy of numbers as an array `[n, width]`, row by row.
 pub fn table<'py, T: Element + Copy>(
     py: Python<'py>,
     numbers: &[T],
@@ -86,11 +87,12 @@ pub fn table<'py, T: Element + Copy>(
     array
 }
 
+/// Returns a vector as an array `[3]`.
 pub fn vector<'py>(py: Python<'py>, v: &Vec3) -> Vector<'py> {
     column(py, v.as_slice())
 }
 
-/// x, y, z, w.
+/// Returns a quaternion as an array `[4]`: x, y, z, w.
 pub fn quaternion<'py>(py: Python<'py>, q: &Quat) -> Vector<'py> {
     column(py, q.coords.as_slice())
 }

@@ -1,4 +1,4 @@
-//! Driven bodies: what they are, what holds them, what they are made of, and how tines move in a tamping cycle.
+//! Driven bodies: roles, mounts, convex parts, and the paths of tines in a tamping cycle.
 
 use crate::arrays::{self, Matrix, Vector};
 use ballast::geometry::Polyhedron;
@@ -8,80 +8,82 @@ use ballast::track::TinePath;
 use ballast_protocol::description;
 use pyo3::prelude::*;
 
-/// What is known of a driven body, wherever it is.
-pub struct About {
+/// Role and mount of a driven body of any backend.
+pub struct BodyInfo {
     pub role: String,
-    /// Of one that loads can move.
-    pub mount: Option<Mount>,
+    /// Mount of a body that loads can move.
+    pub mount: Option<PyMount>,
 }
 
-impl From<&DrivenBody> for About {
+impl From<&DrivenBody> for BodyInfo {
     fn from(body: &DrivenBody) -> Self {
-        let mount = body.mount.map(|mount| Mount {
+        let mount = body.mount.map(|mount| PyMount {
             mass: mount.mass,
-            freedoms: mount.dof_modes.map(|freedom| freedom.name().into()),
-            stiffness: mount.dof_modes.map(|freedom| freedom.spring()[0]),
-            damping: mount.dof_modes.map(|freedom| freedom.spring()[1]),
+            dof_modes: mount.dof_modes.map(|mode| mode.name().into()),
+            stiffness: mount.dof_modes.map(|mode| mode.spring()[0]),
+            damping: mount.dof_modes.map(|mode| mode.spring()[1]),
         });
         Self { role: body.role.name().into(), mount }
     }
 }
 
-impl From<description::Body> for About {
+impl From<description::Body> for BodyInfo {
     fn from(body: description::Body) -> Self {
-        let description::Body { role, freedoms, stiffness, damping, .. } = body;
-        let mount = body.mass_kg.map(|mass| Mount { mass, freedoms, stiffness, damping });
+        let description::Body { role, freedoms: dof_modes, stiffness, damping, .. } = body;
+        let mount = body.mass_kg.map(|mass| PyMount { mass, dof_modes, stiffness, damping });
         Self { role, mount }
     }
 }
 
-/// What holds a body that loads can move: by direction, the motion that is asked of the body, springs that follow it, or
-/// nothing.
-#[pyclass(frozen, module = "ballast")]
+/// Mount of a driven body that loads can move.
+///
+/// In each direction the body follows its commanded motion, a spring that follows it, or only loads and contacts.
+#[pyclass(frozen, module = "ballast", name = "Mount")]
 #[derive(Clone)]
-pub struct Mount {
+pub struct PyMount {
     mass: f64,
-    freedoms: [String; 6],
+    dof_modes: [String; 6],
     stiffness: [f64; 6],
     damping: [f64; 6],
 }
 
 #[pymethods]
-impl Mount {
-    /// That moves with the body, kg.
+impl PyMount {
+    /// Mass that moves with the body, kg.
     #[getter]
     fn mass(&self) -> f64 {
         self.mass
     }
 
-    /// Of x, y, z, and of the rotations about them: "prescribed", "spring" or "free".
+    /// Mode of each degree of freedom x, y, z, rx, ry, rz: "prescribed", "spring" or "free".
     #[getter]
-    fn freedoms(&self) -> (&str, &str, &str, &str, &str, &str) {
-        let [x, y, z, a, b, c] = self.freedoms.each_ref().map(|freedom| &freedom[..]);
-        (x, y, z, a, b, c)
+    fn dof_modes(&self) -> (&str, &str, &str, &str, &str, &str) {
+        let [x, y, z, rx, ry, rz] = self.dof_modes.each_ref().map(|mode| &mode[..]);
+        (x, y, z, rx, ry, rz)
     }
 
-    /// (6,) where it is sprung, in the same order: N/m, of rotations N m/rad; elsewhere 0.
+    /// Spring stiffness of each degree of freedom (6,), N/m and N m/rad; 0 without a spring.
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::column(py, &self.stiffness)
     }
 
-    /// (6,) where it is sprung, in the same order: N s/m, of rotations N m s/rad; elsewhere 0.
+    /// Spring damping of each degree of freedom (6,), N s/m and N m s/rad; 0 without a spring.
     #[getter]
     fn damping<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::column(py, &self.damping)
     }
 
     fn __repr__(&self) -> String {
-        format!("Mount({} kg, {})", self.mass, self.freedoms.join(", "))
+        format!("Mount({} kg, {})", self.mass, self.dof_modes.join(", "))
     }
 }
 
-/// Corners and faces.
-pub type Solid<'py> = (Matrix<'py>, Vec<Vec<u16>>);
+/// Corners `[n, 3]`, m, and faces as lists of corner indices.
+pub type SolidArrays<'py> = (Matrix<'py>, Vec<Vec<u16>>);
 
-pub fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> Solid<'py> {
+/// Returns a shape, moved by `pose`, as arrays.
+pub fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> SolidArrays<'py> {
     let corners = shape.vertices.iter().map(|corner| pose.point(corner));
     let corners: Vec<f64> = corners.flat_map(<[f64; 3]>::from).collect();
     let ends = shape.face_starts.windows(2);
@@ -89,8 +91,8 @@ pub fn solid<'py>(py: Python<'py>, shape: &Polyhedron, pose: &Pose) -> Solid<'py
     (arrays::table(py, &corners, 3), faces)
 }
 
-/// The solids of a driven body.
-pub fn parts<'py>(py: Python<'py>, model: &Model, body: &DrivenBody) -> Vec<Solid<'py>> {
+/// Returns the convex parts of a driven body, in its frame.
+pub fn parts<'py>(py: Python<'py>, model: &Model, body: &DrivenBody) -> Vec<SolidArrays<'py>> {
     let solids = body.parts.iter().filter_map(|part| match part {
         Part::Convex { shape, pose } => Some(solid(py, &model.shapes[*shape as usize], pose)),
         Part::HalfSpace { .. } => None,
@@ -98,47 +100,47 @@ pub fn parts<'py>(py: Python<'py>, model: &Model, body: &DrivenBody) -> Vec<Soli
     solids.collect()
 }
 
-/// The way of a tine through the tamping cycle of its case.
-#[pyclass(frozen, module = "ballast")]
-pub struct Tine {
+/// Path of a tine in the tamping cycle of its case.
+#[pyclass(frozen, module = "ballast", name = "Tine")]
+pub struct PyTine {
     pub name: String,
     pub pair: u32,
     pub path: TinePath,
 }
 
 #[pymethods]
-impl Tine {
-    /// Its body's.
+impl PyTine {
+    /// Name of the tine's body.
     #[getter]
     fn name(&self) -> &str {
         &self.name
     }
 
-    /// Number of its pair in the case: its squeezes are those of "pair_NUMBER".
+    /// Number of the tine's pair in the case; its squeezes are those of "pair_NUMBER".
     #[getter]
     fn pair(&self) -> u32 {
         self.pair
     }
 
-    /// Of its squeeze along x: 1 or -1.
+    /// Direction of the squeeze along x: 1 or -1.
     #[getter]
     fn direction(&self) -> f64 {
         self.path.direction
     }
 
-    /// (3,) where its reference point is before the cycle, m.
+    /// Position of the reference point before the cycle (3,), m.
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::vector(py, &self.path.start)
     }
 
-    /// Height of its reference point at full depth, m.
+    /// Height of the reference point at full depth, m.
     #[getter]
-    fn deep(&self) -> f64 {
+    fn full_depth_z(&self) -> f64 {
         self.path.deep
     }
 
-    /// How far it closes, m.
+    /// Closing of the tine in the squeeze, m.
     #[getter]
     fn stroke(&self) -> f64 {
         self.path.stroke

@@ -1,45 +1,50 @@
-//! Cases: read, changed, checked, written; their beds.
+//! Cases: reading, changing, writing and pickling.
 
-use crate::compute::{Crew, compute};
-use crate::errors::{self, CaseError};
-use crate::inputs::{refused, whole};
-use crate::machine::Machine;
-use crate::simulation::Simulation;
-use crate::state::Snapshot;
-use ballast::component::Limits;
-use ballast_beds::{Beds, Pace};
+use crate::errors;
+use crate::inputs::{out_of_range, whole};
+use crate::toml_values;
 use ballast_scenario::{Choices, LONGEST_CASE, NoText, read_text, sweep};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyMapping, PyTuple};
 use std::borrow::Cow;
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use toml::{Table, Value};
 
-/// A case that was read and found sound.
+/// A validated case: the description of a bed, its machine and a run.
 ///
-/// `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError. Cases that were read
-/// from the same text and have the same seed and schedule are equal; they can be copied and pickled.
-#[pyclass(frozen, module = "ballast", from_py_object)]
+/// Cases with the same text, seed and schedule are equal. They can be copied and pickled.
+///
+/// Args:
+///     text: the case (TOML).
+///     name: name of the text in error messages.
+///
+/// Raises:
+///     CaseError: the text is not a valid case.
+#[pyclass(frozen, module = "ballast", name = "Case", from_py_object)]
 #[derive(Clone)]
-pub struct Case(pub Arc<ballast_beds::Case>);
+pub struct PyCase(pub Arc<ballast_beds::Case>);
 
-/// Reads a case from its text.
+/// Reads a case from its text; `name` is the text's name in messages.
+///
+/// # Errors
+/// `CaseError` with diagnostics.
 pub fn read(py: Python<'_>, text: String, name: &str) -> PyResult<ballast_beds::Case> {
     ballast_beds::Case::read(text, name).map_err(|faults| {
-        let error = errors::error::<CaseError>(py, "case", &faults);
-        let told = faults.errors.iter().map(|fault| as_dict(py, fault));
-        let told = told.collect::<PyResult<Vec<_>>>().and_then(|all| PyTuple::new(py, all));
-        match told.and_then(|all| error.value(py).setattr("diagnostics", all)) {
+        let error = errors::case(py, &faults);
+        let diagnostics = faults.errors.iter().map(|fault| to_dict(py, fault));
+        let diagnostics = diagnostics.collect::<PyResult<Vec<_>>>();
+        let diagnostics = diagnostics.and_then(|all| PyTuple::new(py, all));
+        match diagnostics.and_then(|all| error.value(py).setattr("diagnostics", all)) {
             Ok(()) => error,
             Err(other) => other,
         }
     })
 }
 
-impl Case {
+impl PyCase {
     fn read(py: Python<'_>, text: String, name: &str) -> PyResult<Self> {
         Ok(Self(Arc::new(read(py, text, name)?)))
     }
@@ -48,50 +53,52 @@ impl Case {
         Self(Arc::new(ballast_beds::Case::clone(&self.0).chosen(choices)))
     }
 
-    /// What tells it from others.
+    /// Returns what equality and hash compare.
     fn identity(&self) -> (&str, u64, &'static str) {
         (&self.0.text, self.seed(), self.schedule())
     }
 
-    /// The text, in which what was chosen otherwise is said, too.
-    fn told(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
+    /// Returns the text with the chosen seed and schedule.
+    fn chosen_text(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
         let ballast_beds::Case { plan, text, choices, .. } = &*self.0;
         if *choices == Choices::default() {
             return Ok(Cow::Borrowed(text));
         }
-        let read = read(py, text.clone(), &plan.name)?.plan;
-        let mut point = sweep::Point::new();
+        let original = read(py, text.clone(), &plan.name)?.plan;
+        let mut changes = sweep::Point::new();
         let seed = plan.bed.seed;
-        if seed != read.bed.seed {
-            let held = i64::try_from(seed).map_err(|_| {
-                let expected = format!("one up to {}, as a text (TOML) holds no greater", i64::MAX);
-                let wrong = format!("bed.seed: expected {expected}, found {seed}");
-                errors::error::<CaseError>(py, "case", wrong)
+        if seed != original.bed.seed {
+            let value = i64::try_from(seed).map_err(|_| {
+                let expected = format!("at most {} (the largest integer of TOML)", i64::MAX);
+                errors::case(py, format!("bed.seed: expected {expected}, found {seed}"))
             })?;
-            point.push(("bed.seed".into(), held.into()));
+            changes.push(("bed.seed".into(), value.into()));
         }
         let schedule = plan.run.solver.schedule;
-        if schedule != read.run.solver.schedule {
-            point.push(("solver.schedule".into(), schedule.name().into()));
+        if schedule != original.run.solver.schedule {
+            changes.push(("solver.schedule".into(), schedule.name().into()));
         }
-        if point.is_empty() {
+        if changes.is_empty() {
             return Ok(Cow::Borrowed(text));
         }
-        let told = sweep::with_values(text, &point, &plan.name);
-        told.map(Cow::Owned).map_err(|e| errors::error::<CaseError>(py, "case", e))
+        let changed = sweep::with_values(text, &changes, &plan.name);
+        changed.map(Cow::Owned).map_err(|e| errors::case(py, e))
     }
 }
 
 #[pymethods]
-impl Case {
-    /// Reads a case from its text; `name` stands for it in messages.
+impl PyCase {
     #[new]
     #[pyo3(signature = (text, name="case"))]
     fn new(py: Python<'_>, text: String, name: &str) -> PyResult<Self> {
         Self::read(py, text, name)
     }
 
-    /// Reads a case file. Raises CaseError with every fault and its line, FileError.
+    /// Reads a case file (TOML).
+    ///
+    /// Raises:
+    ///     CaseError: the file is not a valid case; `diagnostics` has every error with its line.
+    ///     FileError: the file cannot be read.
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = path.display().to_string();
@@ -102,44 +109,66 @@ impl Case {
         Self::read(py, text, &name)
     }
 
-    /// A case from nested dictionaries. Raises CaseError.
+    /// Returns the case that nested dictionaries describe; numpy scalars and arrays are accepted as values.
+    ///
+    /// Raises:
+    ///     CaseError: the values are not a valid case.
+    ///     TypeError: TOML cannot hold a value.
     #[staticmethod]
     fn from_dict(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let text = toml::to_string_pretty(&table(py, values)?)
-            .map_err(|e| errors::error::<CaseError>(py, "case", format!("no case: {e}")))?;
+        let table = toml_values::to_table(values.as_mapping(), "")?;
+        let text = toml::to_string_pretty(&table).map_err(|e| errors::case(py, e))?;
         Self::read(py, text, "case")
     }
 
-    /// The text's values as nested dictionaries; what the text leaves to defaults is not in them.
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        values(py, &self.told(py)?)
+    /// Returns the values of the case's text as nested dictionaries. Defaults that the text omits are not included.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        _parse_toml(py, &self.chosen_text(py)?)
     }
 
-    /// Writes the case's text to a file. Of what lies there only a text in TOML is replaced. Raises FileError.
+    /// Writes the case's text to a file. An existing file is replaced only if it is TOML.
+    ///
+    /// Raises:
+    ///     FileError: the file cannot be written, or `path` is a file of another kind.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let text = self.told(py)?;
+        let text = self.chosen_text(py)?;
         write_toml(py, &path, "a case", &text, |_| true)
     }
 
-    /// The same case with other values: paths of keys joined by points, and what they become, such as
-    /// `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError.
+    /// Returns a copy of the case with changed values.
+    ///
+    /// Args:
+    ///     values: new values by dotted key path, such as `{"tamping.vibration.frequency_Hz": 40.0}`.
+    ///
+    /// Raises:
+    ///     CaseError: the changed case is not valid.
+    ///     TypeError: TOML cannot hold a value.
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let point: sweep::Point = table(py, values)?.into_iter().collect();
-        let text = sweep::with_values(&self.0.text, &point, &self.0.plan.name)
-            .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
-        // What is said last holds.
-        let is_said = |table: &str, key: &str| {
+        let table = toml_values::to_table(values.as_mapping(), "")?;
+        let changes: sweep::Point = table.into_iter().collect();
+        let text = sweep::with_values(&self.0.text, &changes, &self.0.plan.name)
+            .map_err(|e| errors::case(py, e))?;
+        // The last choice wins, made by `choose` or by this call.
+        let is_set = |table: &str, key: &str| {
             let path = format!("{table}.{key}");
-            point.iter().any(|(p, value)| *p == path || p == table && value.get(key).is_some())
+            changes.iter().any(|(p, value)| *p == path || p == table && value.get(key).is_some())
         };
         let choices = Choices {
-            seed: self.0.choices.seed.filter(|_| !is_said("bed", "seed")),
-            schedule: self.0.choices.schedule.filter(|_| !is_said("solver", "schedule")),
+            seed: self.0.choices.seed.filter(|_| !is_set("bed", "seed")),
+            schedule: self.0.choices.schedule.filter(|_| !is_set("solver", "schedule")),
         };
         Ok(Self::read(py, text, "case")?.chosen(choices))
     }
 
-    /// The same case with another seed of the bed, or another schedule of the solver.
+    /// Returns a copy of the case with another seed of the bed or another schedule of the solver.
+    ///
+    /// Args:
+    ///     seed: seed of the bed, 0 to 2^64 - 1.
+    ///     schedule: "sequential", "synchronous" or "asynchronous".
+    ///
+    /// Raises:
+    ///     CaseError: the schedule is unknown.
+    ///     RequestError: the seed is out of range.
     #[pyo3(signature = (*, seed=None, schedule=None))]
     fn choose(
         &self,
@@ -148,57 +177,58 @@ impl Case {
         schedule: Option<&str>,
     ) -> PyResult<Self> {
         let kind = "a whole number";
-        let whole = |seed| whole(seed, kind, "seed", "one from 0 to 2^64 - 1", refused);
-        let seed = seed.map(whole).transpose()?;
-        let choices = Choices::named(seed, schedule)
-            .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
+        let seed = seed.map(|seed| whole(seed, kind, "seed", "0 to 2^64 - 1", out_of_range));
+        let choices =
+            Choices::named(seed.transpose()?, schedule).map_err(|e| errors::case(py, e))?;
         Ok(self.chosen(choices))
     }
 
-    /// As the case calls itself.
+    /// Name of the case, from its text.
     #[getter]
     fn name(&self) -> &str {
         &self.0.plan.name
     }
 
-    /// TOML, as it was read; where `choose` has changed the seed or the schedule, with these. Raises CaseError where
-    /// TOML cannot hold the seed (above 2^63 - 1).
+    /// Text of the case (TOML), including a seed or schedule set by `choose`.
+    ///
+    /// Raises:
+    ///     CaseError: TOML cannot hold the seed (above 2^63 - 1).
     #[getter]
     fn text(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
-        self.told(py)
+        self.chosen_text(py)
     }
 
-    /// Of the bed: the case's, or that of `choose`.
+    /// Seed of the bed.
     #[getter]
     fn seed(&self) -> u64 {
         self.0.plan.bed.seed
     }
 
-    /// Of the solver: "sequential", "synchronous" or "asynchronous".
+    /// Schedule of the solver: "sequential", "synchronous" or "asynchronous".
     #[getter]
     fn schedule(&self) -> &'static str {
         self.0.plan.run.solver.schedule.name()
     }
 
-    /// Length of a step, ns.
+    /// Length of a time step, ns.
     #[getter]
     fn step_ns(&self) -> u64 {
         self.0.plan.run.stepping.step_ns
     }
 
-    /// Length of the run that the case describes, ns.
+    /// Duration of the case's run, ns.
     #[getter]
     fn duration_ns(&self) -> u64 {
         self.0.plan.run.duration_ns
     }
 
-    /// What is allowed but looks like a slip.
+    /// Warnings about valid but implausible values.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.0.warnings.iter().map(ToString::to_string).collect()
     }
 
-    /// What the prepared bed depends on, as a short text.
+    /// Key of the prepared bed: a hash of all values that its preparation depends on.
     #[getter]
     fn bed_key(&self) -> String {
         self.0.bed_key()
@@ -218,164 +248,79 @@ impl Case {
         hasher.finish()
     }
 
-    /// The text alone could not hold every seed, and has comments that a changed one loses.
+    /// Pickles the original text and the choices: TOML cannot hold every seed, and a changed text has lost its comments.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PickledCase)> {
         let Choices { seed, schedule } = self.0.choices;
-        let again = py.import("ballast._ballast")?.getattr("case_again")?;
-        Ok((again, (self.0.text.clone(), seed, schedule.map(|s| s.name().to_string()))))
+        let unpickle = py.import("ballast._ballast")?.getattr("_unpickle_case")?;
+        Ok((unpickle, (self.0.text.clone(), seed, schedule.map(|s| s.name().to_string()))))
     }
 }
 
-/// Text, and what was chosen: seed and schedule.
+/// Text, chosen seed and chosen schedule.
 type PickledCase = (String, Option<u64>, Option<String>);
 
-/// The values of a text in TOML as nested dictionaries.
+/// Returns the values of a TOML text as nested dictionaries.
 ///
-/// Written anew before Python reads it: `tomllib` takes no text of TOML 1.1, and none that begins with a mark of its order
-/// of bytes, as cases may.
+/// Accepts what cases accept, such as TOML 1.1 and a byte order mark, which `tomllib` refuses.
 #[pyfunction]
-pub fn values<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyAny>> {
-    let wrong = |e: &dyn std::fmt::Display| errors::error::<CaseError>(py, "case", e.to_string());
-    let table: toml::Table = text.parse().map_err(|e: toml::de::Error| wrong(&e))?;
-    let plain = toml::to_string(&table).map_err(|e| wrong(&e))?;
-    py.import("tomllib")?.call_method1("loads", (plain,))
+pub fn _parse_toml<'py>(py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyDict>> {
+    let table: Table = text.parse().map_err(|e: toml::de::Error| errors::case(py, e))?;
+    toml_values::to_dict(py, table)
 }
 
-/// A case that was copied or pickled.
+/// Returns a pickled case.
 #[pyfunction]
-pub fn case_again(
+pub fn _unpickle_case(
     py: Python<'_>,
     text: String,
     seed: Option<u64>,
     schedule: Option<&str>,
-) -> PyResult<Case> {
-    let choices =
-        Choices::named(seed, schedule).map_err(|e| errors::error::<CaseError>(py, "case", e))?;
-    Ok(Case::read(py, text, "case")?.chosen(choices))
+) -> PyResult<PyCase> {
+    let choices = Choices::named(seed, schedule).map_err(|e| errors::case(py, e))?;
+    Ok(PyCase::read(py, text, "case")?.chosen(choices))
 }
 
-/// Prepares the bed of a case unless it is there, and tells where it is kept. `progress(share, text)` is
-/// called a few times a second.
+/// Writes a plan of `ballast sweep`; an existing file is replaced only if it is one.
 #[pyfunction]
-#[pyo3(signature = (case, beds, threads=None, progress=None, again=false))]
-pub fn prepare(
+pub fn _write_sweep_plan(
     py: Python<'_>,
-    case: &Case,
-    beds: PathBuf,
-    threads: Option<&Bound<'_, PyAny>>,
-    progress: Option<Py<PyAny>>,
-    again: bool,
-) -> PyResult<PathBuf> {
-    let beds = Beds::in_folder(beds);
-    let path = beds.path(&case.0.plan);
-    let kept = py.detach(|| beds.find(&case.0.plan)).map_err(|e| errors::beds(py, e));
-    if again || kept?.is_none() {
-        make(py, case, &beds, threads, progress)?;
-    }
-    Ok(path)
-}
-
-fn make(
-    py: Python<'_>,
-    case: &Case,
-    beds: &Beds,
-    threads: Option<&Bound<'_, PyAny>>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<ballast::track::Bed> {
-    let crew = Crew::new(py, threads)?;
-    let done = compute(py, &crew, progress.as_ref(), |turn| {
-        let mut pace = Pace::default();
-        beds.prepare(&case.0, &mut |at| {
-            turn.tell(pace.share(at), || at.stage.name().to_string());
-            if turn.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
-    });
-    match done? {
-        (_, Some(raised)) => Err(raised),
-        (Ok(Some(bed)), None) => Ok(bed),
-        (Ok(None), None) => Err(pyo3::exceptions::PyKeyboardInterrupt::new_err(())),
-        (Err(failure), None) => Err(errors::beds(py, failure)),
-    }
-}
-
-/// A simulation of a case at its start; its bed is prepared if it is not in the folder `beds`.
-#[pyfunction]
-#[pyo3(signature = (case, beds, threads=None, progress=None, max_penetration=None, keep_early=false))]
-pub fn begin(
-    py: Python<'_>,
-    case: &Case,
-    beds: PathBuf,
-    threads: Option<&Bound<'_, PyAny>>,
-    progress: Option<Py<PyAny>>,
-    max_penetration: Option<f64>,
-    keep_early: bool,
-) -> PyResult<Simulation> {
-    let limits = limits(py, max_penetration, keep_early)?;
-    let beds = Beds::in_folder(beds);
-    let kept = py.detach(|| beds.find(&case.0.plan)).map_err(|e| errors::beds(py, e))?;
-    let bed = match kept {
-        Some(bed) => bed,
-        None => make(py, case, &beds, threads, progress)?,
-    };
-    let scene = py.detach(|| ballast_beds::scene(&case.0.plan, bed));
-    let (model, state) = scene.map_err(|e| errors::beds(py, e))?;
-    let machine = Machine::new(&case.0.plan, &model)
-        .map_err(|e| errors::error::<CaseError>(py, "case", e))?;
-    let start = Snapshot {
-        model: Arc::new(model),
-        state: Arc::new(state),
-        case: Arc::clone(&case.0),
-        machine,
-        penetration: None,
-    };
-    let crew = Crew::new(py, threads)?;
-    Simulation::here(py, &start, limits, crew)
-}
-
-pub fn limits(py: Python<'_>, max_penetration: Option<f64>, keep_early: bool) -> PyResult<Limits> {
-    let penetration = max_penetration.unwrap_or(f64::INFINITY);
-    if penetration.is_nan() || penetration <= 0.0 {
-        return Err(errors::invalid(py, "max_penetration", "a length above 0 m", penetration));
-    }
-    Ok(Limits { penetration, keep_partial_window: keep_early, ..Limits::default() })
-}
-
-/// A dictionary as a table of TOML.
-fn table(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
-    let text: String = py.import("ballast._toml")?.call_method1("dumps", (values,))?.extract()?;
-    text.parse().map_err(|e: toml::de::Error| {
-        errors::error::<CaseError>(py, "case", format!("values: {}", e.to_string().trim()))
-    })
-}
-
-/// Writes a plan of `ballast sweep`. Of what lies there only another one is replaced. Raises FileError.
-#[pyfunction]
-pub fn write_plan(py: Python<'_>, path: PathBuf, text: &str) -> PyResult<()> {
-    let is_plan = |table: &toml::Table| {
+    case: &str,
+    points: Vec<Bound<'_, PyMapping>>,
+    path: PathBuf,
+) -> PyResult<()> {
+    let points = points.iter().enumerate();
+    let points = points.map(|(i, point)| toml_values::to_table(point, &format!("points[{i}].")));
+    let points = points.map(|table| table.map(Value::Table)).collect::<PyResult<Vec<_>>>()?;
+    let plan = Table::from_iter([
+        ("case".to_string(), Value::from(case)),
+        ("points".to_string(), Value::Array(points)),
+    ]);
+    let text = toml::to_string(&plan).map_err(|e| errors::case(py, e))?;
+    let is_plan = |table: &Table| {
         table.contains_key("case") && ["points", "grid"].iter().any(|key| table.contains_key(*key))
     };
-    write_toml(py, &path, "a plan", text, is_plan)
+    write_toml(py, &path, "a plan", &text, is_plan)
 }
 
-/// Writes a text in TOML where nothing lies, or another one that `is_its_kind`: `kind`, in words.
+/// Writes a TOML text; an existing file is replaced only if `is_same_kind`, which `kind` names.
 fn write_toml(
     py: Python<'_>,
     path: &Path,
     kind: &str,
     text: &str,
-    is_its_kind: impl FnOnce(&toml::Table) -> bool,
+    is_same_kind: impl FnOnce(&Table) -> bool,
 ) -> PyResult<()> {
     let is_ours = |file| {
         let found = read_text(file, LONGEST_CASE).ok().and_then(|found| found.parse().ok());
-        found.is_some_and(|table| is_its_kind(&table))
+        found.is_some_and(|table| is_same_kind(&table))
     };
     ballast_hdf5::expect_ours(path, kind, is_ours)
         .and_then(|()| ballast_hdf5::replace(path, &[text.as_bytes()]))
         .map_err(|e| errors::file(py, e))
 }
 
-/// What serialises as an object, as a dictionary.
-pub fn as_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
+/// Converts a value that serialises as an object to a Python dictionary.
+pub fn to_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyAny>> {
     let json = serde_json::to_string(value)
         .map_err(|e| pyo3::exceptions::PyValueError::new_err(e.to_string()))?;
     py.import("json")?.call_method1("loads", (json,))

@@ -1,4 +1,4 @@
-//! Exceptions. Each says where, what was expected, what was found; `code` is that of the interface contract.
+//! Python exceptions. Each message names the argument, the expected and the found value; `code` is that of the protocol.
 
 use ballast::component::Refusal;
 use ballast_protocol::lockstep::{Code, Fault, Finding};
@@ -12,41 +12,51 @@ create_exception!(
     ballast,
     Error,
     PyException,
-    "Anything that goes wrong in Ballast; `code` names it."
+    "Base class of all Ballast errors; `code` identifies the error.\n\n\
+     Codes of this class itself: \"busy\" (another thread is stepping the simulation, or a signal handler tries to compute\n\
+     with the threads that it interrupts), \"closed\" (the simulation was closed), \"threads\" (the threads cannot be started)."
 );
 create_exception!(
     ballast,
     CaseError,
     Error,
-    "A case that describes no run; `diagnostics` lists every fault with its line."
+    "Error in a case; `diagnostics` lists every error with its key and line. The code is \"case\"."
 );
 create_exception!(
     ballast,
-    Refused,
+    RequestError,
     Error,
-    "A request that makes no sense; nothing has changed. Where the message has parts, `place` (a field, or the body whose \
-     input it is), `expected` and `found` are they, and `nearest_ns` the times at which a window may end. `code`: time_grid, input_gap, input_jump, \
-     input_invalid, unknown_body, nothing_to_redo, state_invalid, parameter_invalid, recording, elsewhere; of a component \
-     elsewhere also busy, unknown_state, too_many_states, and others of the control plane."
-);
-create_exception!(ballast, FileError, Error, "A file that cannot be read or written.");
-create_exception!(
-    ballast,
-    Lost,
-    Error,
-    "The program failed inside, and the simulation with it. `restore` of a saved state goes on."
+    "Invalid request; the simulation has not changed.\n\n\
+     Where the message has parts, they are also attributes: `place` (an argument, or the body that an input is for),\n\
+     `expected`, `found`, and for \"time_grid\" `nearest_ns` (the neighbouring times at which a window may end, ns).\n\n\
+     code: \"time_grid\", \"input_gap\", \"input_jump\", \"input_invalid\", \"unknown_body\", \"nothing_to_redo\", \"state_invalid\",\n\
+     \"parameter_invalid\", \"recording\", \"forked_process\" (the operation needs the process that created the object),\n\
+     \"remote_unsupported\" (only a simulation of this process supports the operation). Remote components also refuse with\n\
+     \"busy\", \"unknown_state\", \"too_many_states\" and other codes of their control plane."
 );
 create_exception!(
     ballast,
-    Unreachable,
+    RemoteError,
     Error,
-    "A component that another process computes has not answered as it should. The same call may be made again:\n\
-     a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.\n\n\
-     `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this\n\
-     simulation; link, how to reach it; answer, what it says cannot be read; abandoned, `stop` or `close` has ended the wait."
+    "A remote component did not answer correctly. Repeating the same call is safe: windows are computed once.\n\n\
+     code: \"invalid_name\", \"timeout\" (alive, no reply), \"disconnected\", \"diverged\" (another client changed the run;\n\
+     only `restore` helps), \"transport\", \"bad_reply\", \"cancelled\" (by `stop` or `close`)."
+);
+create_exception!(
+    ballast,
+    FileError,
+    Error,
+    "A file cannot be read or written. The code is \"file\"."
+);
+create_exception!(
+    ballast,
+    InternalError,
+    Error,
+    "A bug in Ballast (a Rust panic). Only `restore` of a saved state makes the simulation usable again.\n\n\
+     The code is \"internal\"."
 );
 
-/// An exception of class `T` with the attribute `code`.
+/// Returns an exception of class `T` with the attribute `code`.
 pub fn error<T: pyo3::PyTypeInfo>(py: Python<'_>, code: &str, text: impl Display) -> PyErr {
     let error = PyErr::new::<T, _>(text.to_string());
     match error.value(py).setattr("code", code) {
@@ -55,43 +65,57 @@ pub fn error<T: pyo3::PyTypeInfo>(py: Python<'_>, code: &str, text: impl Display
     }
 }
 
-/// What goes wrong with files.
-pub fn file(py: Python<'_>, what: impl Display) -> PyErr {
-    error::<FileError>(py, "file", what)
+/// Returns a `FileError`.
+pub fn file(py: Python<'_>, text: impl Display) -> PyErr {
+    error::<FileError>(py, "file", text)
 }
 
-/// Tells, as a RuntimeWarning, what is no reason to end a call; who makes errors of warnings gets one.
+/// Returns a `CaseError` without diagnostics.
+pub fn case(py: Python<'_>, text: impl Display) -> PyErr {
+    error::<CaseError>(py, "case", text)
+}
+
+/// Returns an `InternalError`.
+pub fn internal(py: Python<'_>, text: impl Display) -> PyErr {
+    error::<InternalError>(py, "internal", text)
+}
+
+/// Issues a RuntimeWarning.
+///
+/// # Errors
+/// The warning, if Python's filters turn it into an exception.
 pub fn warn(py: Python<'_>, text: String) -> PyResult<()> {
     let text = CString::new(text).unwrap_or_default();
     PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
 }
 
-/// A request that makes no sense, in parts.
-pub fn refused(
+/// Returns a `RequestError` with a code of this package.
+pub fn request(
     py: Python<'_>,
     code: &str,
     place: &str,
     expected: impl Display,
     found: impl Display,
 ) -> PyErr {
-    let [expected, found] = [expected.to_string(), found.to_string()];
+    let expected = expected.to_string();
+    let found = found.to_string();
     let message = format!("{place}: expected {expected}, found {found}");
     let finding = Finding { place: place.into(), expected, found, nearest_ns: None };
-    in_parts(py, code, &message, Some(&finding))
+    with_parts(py, code, &message, Some(&finding))
 }
 
-/// An input that cannot be used.
+/// Returns a `RequestError` with the code "input_invalid".
 pub fn invalid(py: Python<'_>, place: &str, expected: impl Display, found: impl Display) -> PyErr {
     fault(py, &Fault::expected(Code::InputInvalid, place, expected, found))
 }
 
-/// The same with a code of the contract.
+/// Returns the `RequestError` for an error of the protocol.
 pub fn fault(py: Python<'_>, fault: &Fault) -> PyErr {
-    in_parts(py, &fault.code.to_string(), &fault.message, fault.finding.as_deref())
+    with_parts(py, &fault.code.to_string(), &fault.message, fault.finding.as_deref())
 }
 
-fn in_parts(py: Python<'_>, code: &str, message: &str, finding: Option<&Finding>) -> PyErr {
-    let error = error::<Refused>(py, code, message);
+fn with_parts(py: Python<'_>, code: &str, message: &str, finding: Option<&Finding>) -> PyErr {
+    let error = error::<RequestError>(py, code, message);
     let Some(finding) = finding else { return error };
     let value = error.value(py);
     let set = value
@@ -105,42 +129,44 @@ fn in_parts(py: Python<'_>, code: &str, message: &str, finding: Option<&Finding>
     }
 }
 
-/// What a component of this process refuses.
+/// Returns the `RequestError` for a request that the component of this process has refused.
 pub fn refusal(py: Python<'_>, refusal: Refusal) -> PyErr {
     fault(py, &refusal.into())
 }
 
-/// What only a simulation, or a state, of this process has.
-pub fn elsewhere(py: Python<'_>, what: &str) -> PyErr {
+/// Returns the `RequestError` for an operation that remote simulations and their states do not support.
+pub fn remote_unsupported(py: Python<'_>, operation: &str) -> PyErr {
     let expected = "a simulation of this process";
-    refused(py, "elsewhere", what, expected, "one that another computes")
+    request(py, "remote_unsupported", operation, expected, "a remote one")
 }
 
-pub fn beds(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {
-    use ballast_beds::Error as Beds;
+/// Returns the exception for a failed preparation of a bed.
+pub fn bed(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {
+    use ballast_beds::Error as BedError;
     match failure {
-        Beds::Scene { .. } | Beds::Preparation { .. } => error::<CaseError>(py, "case", failure),
-        Beds::Kept(_) | Beds::AnotherBed { .. } => {
-            let way_out =
-                "prepare it again with `ballast.prepare(case, again=True)`, or delete the file";
-            file(py, format!("{failure}; {way_out}"))
+        BedError::Scene { .. } | BedError::Preparation { .. } => case(py, failure),
+        BedError::Kept(_) | BedError::AnotherBed { .. } => {
+            let hint =
+                "prepare it again with `ballast.prepare(case, rebuild=True)`, or delete the file";
+            file(py, format!("{failure}; {hint}"))
         }
         _ => file(py, failure),
     }
 }
 
+/// Adds the exceptions to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
-    // The attributes that stubs promise, also where nobody has set them.
+    // Class attributes, so that every instance has the attributes that the stub declares.
     py.get_type::<Error>().setattr("code", "failed")?;
     py.get_type::<CaseError>().setattr("diagnostics", pyo3::types::PyTuple::empty(py))?;
     for part in ["place", "expected", "found", "nearest_ns"] {
-        py.get_type::<Refused>().setattr(part, py.None())?;
+        py.get_type::<RequestError>().setattr(part, py.None())?;
     }
     module.add("Error", py.get_type::<Error>())?;
     module.add("CaseError", py.get_type::<CaseError>())?;
-    module.add("Refused", py.get_type::<Refused>())?;
+    module.add("RequestError", py.get_type::<RequestError>())?;
     module.add("FileError", py.get_type::<FileError>())?;
-    module.add("Lost", py.get_type::<Lost>())?;
-    module.add("Unreachable", py.get_type::<Unreachable>())
+    module.add("InternalError", py.get_type::<InternalError>())?;
+    module.add("RemoteError", py.get_type::<RemoteError>())
 }

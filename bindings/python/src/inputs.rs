@@ -1,4 +1,4 @@
-//! Motions and loads that a window is asked with.
+//! Motions and loads of a window, and checked conversion of Python numbers and arrays.
 
 use crate::arrays::{self, Matrix};
 use crate::errors;
@@ -15,59 +15,61 @@ use pyo3::exceptions::{PyIndexError, PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping, PyTuple};
 
-/// Anything that numpy makes an array of.
-type Rows<'a, 'py> = &'a Bound<'py, PyAny>;
-type Array<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
+/// Any object that numpy can convert to an array.
+type ArrayLike<'a, 'py> = &'a Bound<'py, PyAny>;
+type FloatArray<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 
-/// Orientations that differ by less are the same, rad: as round-off leaves them.
-const SAME_TURN: f64 = 1e-9;
+/// Angle below which two orientations are equal, rad: round-off.
+const ORIENTATION_TOLERANCE: f64 = 1e-9;
 
-/// Motion of a driven body, or of the mount of one, through a window.
-///
-/// Knots of a motion; nothing is extrapolated beyond them.
+/// Motion of a driven body, or of its mount, through a window: knots that are interpolated but never extrapolated.
 ///
 /// Args:
-///     times_ns: (n,) in order, from the window's start or before to its end or later.
-///     positions: (n, 3) of the body's reference point, m.
-///     orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
-///     velocities: (n, 3) of the reference point, m/s.
-///     spins: (n, 3) rad/s, world axes; needed with hermite where orientations differ, else 0 unless given.
-///     interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
-///         given), "linear" (the default without them) or "hold".
-///     rebase: the motion need not begin where the body is.
-#[pyclass(frozen, module = "ballast")]
-pub struct Motion {
+///     times_ns: (n,) times of the knots in ascending order, ns. The first is at or before the start of the window, the
+///         last at or after its end.
+///     positions: (n, 3) positions of the body's reference point, m.
+///     orientations: (n, 4) unit quaternions x, y, z, w; default: identity.
+///     velocities: (n, 3) velocities of the reference point, m/s.
+///     angular_velocities: (n, 3) angular velocities, world axes, rad/s; default: zero. Required with "hermite" if the
+///         orientations differ.
+///     interpolation: "hermite" (cubic through poses and velocities; default with velocities), "linear" (default without
+///         velocities) or "hold" (piecewise constant).
+///     allow_jump: allow the motion to start at another pose or velocity than the last commanded one.
+///
+/// Raises:
+///     RequestError: an array has the wrong shape, or a value is not a finite real number.
+#[pyclass(frozen, module = "ballast", name = "Motion")]
+pub struct PyMotion {
     pub waveform: Waveform,
-    pub rebase: bool,
+    pub allow_jump: bool,
 }
 
 #[pymethods]
-impl Motion {
+impl PyMotion {
     #[new]
-    #[pyo3(signature = (times_ns, positions, orientations=None, *, velocities=None, spins=None,
-                        interpolation=None, rebase=false))]
-    #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
+    #[pyo3(signature = (times_ns, positions, orientations=None, *, velocities=None, angular_velocities=None,
+                        interpolation=None, allow_jump=false))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
     fn new(
         py: Python<'_>,
         times_ns: Vec<Bound<'_, PyAny>>,
-        positions: Rows<'_, '_>,
-        orientations: Option<Rows<'_, '_>>,
-        velocities: Option<Rows<'_, '_>>,
-        spins: Option<Rows<'_, '_>>,
+        positions: ArrayLike<'_, '_>,
+        orientations: Option<ArrayLike<'_, '_>>,
+        velocities: Option<ArrayLike<'_, '_>>,
+        angular_velocities: Option<ArrayLike<'_, '_>>,
         interpolation: Option<&str>,
-        rebase: bool,
+        allow_jump: bool,
     ) -> PyResult<Self> {
         let n = times_ns.len();
         let interpolation = match interpolation {
-            // Without velocities there is no telling the slope at a knot.
             None if velocities.is_some() => Interpolation::Hermite,
-            None if spins.is_some() && velocities.is_none() && n > 1 => {
-                let expected = "one per knot beside the spins";
+            None if angular_velocities.is_some() && n > 1 => {
+                let expected = "one per knot with angular velocities";
                 return Err(errors::invalid(py, "velocities", expected, "none"));
             }
             None => Interpolation::Linear,
             Some("hermite") if velocities.is_none() && n > 1 => {
-                let expected = "one per knot, as hermite needs them";
+                let expected = "one per knot with interpolation \"hermite\"";
                 return Err(errors::invalid(py, "velocities", expected, "none"));
             }
             Some("hermite") => Interpolation::Hermite,
@@ -84,45 +86,48 @@ impl Motion {
             None => vec![Quat::identity(); n],
             Some(rows) => quaternions(py, rows, n)?,
         };
-        let turn = |q: &Quat| q != &orientations[0] && q.angle_to(&orientations[0]) > SAME_TURN;
-        let needs_spins = interpolation == Interpolation::Hermite && orientations.iter().any(turn);
-        if needs_spins && spins.is_none() {
-            let expected = "one per knot where orientations differ, as hermite needs them";
-            return Err(errors::invalid(py, "spins", expected, "none"));
+        let differs = |q: &Quat| {
+            q != &orientations[0] && q.angle_to(&orientations[0]) > ORIENTATION_TOLERANCE
+        };
+        let rotates = interpolation == Interpolation::Hermite && orientations.iter().any(differs);
+        if rotates && angular_velocities.is_none() {
+            let expected = "one per knot where orientations differ with interpolation \"hermite\"";
+            return Err(errors::invalid(py, "angular_velocities", expected, "none"));
         }
-        let rates = |name: &str, rows: Option<Rows<'_, '_>>| match rows {
+        let rates = |name: &str, rows: Option<ArrayLike<'_, '_>>| match rows {
             None => Ok(vec![Vec3::zeros(); n]),
             Some(rows) => vectors(py, name, rows, n),
         };
-        let (velocities, spins) = (rates("velocities", velocities)?, rates("spins", spins)?);
+        let velocities = rates("velocities", velocities)?;
+        let angular_velocities = rates("angular_velocities", angular_velocities)?;
         let knot = |i: usize| Knot {
             time_ns: times[i],
             pose: Pose { position: positions[i], orientation: orientations[i] },
             velocity: velocities[i],
-            angular_velocity: spins[i],
+            angular_velocity: angular_velocities[i],
         };
         let waveform = Waveform { interpolation, knots: (0..n).map(knot).collect() };
-        Ok(Self { waveform, rebase })
+        Ok(Self { waveform, allow_jump })
     }
 
-    /// Pickled and copied as what it was made of.
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+    /// Returns the constructor's arguments, for pickling and copying.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<ConstructorArgs<'py>> {
         let Waveform { interpolation, knots } = &self.waveform;
-        let rows = |of: fn(&Knot) -> Vec3| vectors_of(py, knots.iter().map(of));
-        let turns = knots.iter().flat_map(|k| <[f64; 4]>::from(k.pose.orientation.coords));
+        let rows = |of: fn(&Knot) -> Vec3| vector_rows(py, knots.iter().map(of));
+        let orientations = knots.iter().flat_map(|k| <[f64; 4]>::from(k.pose.orientation.coords));
         let named = PyDict::new(py);
         named.set_item("velocities", rows(|k| k.velocity))?;
-        named.set_item("spins", rows(|k| k.angular_velocity))?;
-        named.set_item("interpolation", word(*interpolation))?;
-        named.set_item("rebase", self.rebase)?;
+        named.set_item("angular_velocities", rows(|k| k.angular_velocity))?;
+        named.set_item("interpolation", interpolation_name(*interpolation))?;
+        named.set_item("allow_jump", self.allow_jump)?;
         let times: Vec<u64> = knots.iter().map(|k| k.time_ns).collect();
-        let turns = arrays::table(py, &turns.collect::<Vec<_>>(), 4);
-        Ok(((times, rows(|k| k.pose.position), turns).into_pyobject(py)?, named))
+        let orientations = arrays::table(py, &orientations.collect::<Vec<_>>(), 4);
+        Ok(((times, rows(|k| k.pose.position), orientations).into_pyobject(py)?, named))
     }
 
     fn __repr__(&self) -> String {
         let Waveform { interpolation, knots } = &self.waveform;
-        let kind = word(*interpolation);
+        let kind = interpolation_name(*interpolation);
         let ends = match (knots.first(), knots.last()) {
             (Some(first), Some(last)) => format!("{} to {} ns", first.time_ns, last.time_ns),
             _ => "empty".into(),
@@ -131,28 +136,41 @@ impl Motion {
     }
 }
 
-/// Load on a mounted body through a window, beside its weight along directions that are loaded; along sprung ones the
-/// spring carries that already.
+/// Load on a mounted body through a window, in addition to its weight; spring directions already carry the weight.
 ///
-/// Knots of forces (n, 3) in N and torques (n, 3) about the reference point in N m, linear between them or held from each
-/// one on; `times_ns` (n,) are in order.
-#[pyclass(frozen, module = "ballast")]
-pub struct Load {
+/// Args:
+///     times_ns: (n,) times of the knots in ascending order, ns.
+///     forces: (n, 3) forces, world axes, N.
+///     torques: (n, 3) torques about the body's reference point, world axes, N m; default: zero.
+///     interpolation: "linear" or "hold" (each value holds from its knot on).
+///
+/// Raises:
+///     RequestError: an array has the wrong shape, or a value is not a finite real number.
+#[pyclass(frozen, module = "ballast", name = "Load")]
+pub struct PyLoad {
     pub waveform: LoadWaveform,
 }
 
 #[pymethods]
-impl Load {
+impl PyLoad {
     #[new]
-    #[pyo3(signature = (times_ns, forces, torques=None, *, held=false))]
+    #[pyo3(signature = (times_ns, forces, torques=None, *, interpolation="linear"))]
     fn new(
         py: Python<'_>,
         times_ns: Vec<Bound<'_, PyAny>>,
-        forces: Rows<'_, '_>,
-        torques: Option<Rows<'_, '_>>,
-        held: bool,
+        forces: ArrayLike<'_, '_>,
+        torques: Option<ArrayLike<'_, '_>>,
+        interpolation: &str,
     ) -> PyResult<Self> {
         let n = times_ns.len();
+        let is_held = match interpolation {
+            "linear" => false,
+            "hold" => true,
+            other => {
+                let expected = "\"linear\" or \"hold\"";
+                return Err(errors::invalid(py, "interpolation", expected, format!("{other:?}")));
+            }
+        };
         let times = times(&times_ns)?;
         let forces = vectors(py, "forces", forces, n)?;
         let torques = match torques {
@@ -163,15 +181,15 @@ impl Load {
             time_ns: times[i],
             load: CoreLoad { force: forces[i], torque: torques[i] },
         };
-        Ok(Self { waveform: LoadWaveform { is_held: held, knots: (0..n).map(knot).collect() } })
+        Ok(Self { waveform: LoadWaveform { is_held, knots: (0..n).map(knot).collect() } })
     }
 
-    /// Pickled and copied as what it was made of.
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Again<'py>> {
+    /// Returns the constructor's arguments, for pickling and copying.
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<ConstructorArgs<'py>> {
         let LoadWaveform { is_held, knots } = &self.waveform;
-        let rows = |of: fn(&LoadKnot) -> Vec3| vectors_of(py, knots.iter().map(of));
+        let rows = |of: fn(&LoadKnot) -> Vec3| vector_rows(py, knots.iter().map(of));
         let named = PyDict::new(py);
-        named.set_item("held", is_held)?;
+        named.set_item("interpolation", if *is_held { "hold" } else { "linear" })?;
         let times: Vec<u64> = knots.iter().map(|k| k.time_ns).collect();
         let forces = rows(|k| k.load.force);
         Ok(((times, forces, rows(|k| k.load.torque)).into_pyobject(py)?, named))
@@ -182,10 +200,10 @@ impl Load {
     }
 }
 
-/// Arguments of a class, by place and by name.
-type Again<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
+/// Positional and keyword arguments of a constructor.
+type ConstructorArgs<'py> = (Bound<'py, PyTuple>, Bound<'py, PyDict>);
 
-fn word(interpolation: Interpolation) -> &'static str {
+fn interpolation_name(interpolation: Interpolation) -> &'static str {
     match interpolation {
         Interpolation::Hermite => "hermite",
         Interpolation::Linear => "linear",
@@ -193,48 +211,58 @@ fn word(interpolation: Interpolation) -> &'static str {
     }
 }
 
-fn vectors_of<'py>(py: Python<'py>, rows: impl Iterator<Item = Vec3>) -> Matrix<'py> {
+fn vector_rows<'py>(py: Python<'py>, rows: impl Iterator<Item = Vec3>) -> Matrix<'py> {
     arrays::table(py, &rows.flat_map(<[f64; 3]>::from).collect::<Vec<_>>(), 3)
 }
 
-/// A time, ns since the start of the run.
+/// Converts a time, ns since the start of the run; `place` names it in errors.
 pub fn time(number: &Bound<'_, PyAny>, place: impl FnOnce() -> String) -> PyResult<u64> {
     let expected = "ns since the start of the run, from 0 to 2^64 - 1";
-    whole(number, "a whole number of ns", &place(), expected, refused)
+    whole(number, "a whole number of ns", &place(), expected, out_of_range)
 }
 
-/// A request that makes no sense, as an error of [`whole`].
-pub fn refused(py: Python<'_>, place: &str, expected: &str, found: &Bound<'_, PyAny>) -> PyErr {
+/// Returns the `RequestError` for a number out of range, for [`whole`].
+pub fn out_of_range(
+    py: Python<'_>,
+    place: &str,
+    expected: &str,
+    found: &Bound<'_, PyAny>,
+) -> PyErr {
     errors::invalid(py, place, expected, found)
 }
 
-/// A whole number from 0 to 2^64 - 1, `kind` in words; `beyond` is the error for one that is not: interpreter, place, what is
-/// `expected`, found.
+/// Converts a whole number from 0 to 2^64 - 1.
+///
+/// # Errors
+/// `TypeError` with `kind` if it is no whole number, and what `out_of_range(py, place, expected, found)` returns.
 pub fn whole(
     number: &Bound<'_, PyAny>,
     kind: &str,
     place: &str,
     expected: &str,
-    beyond: impl FnOnce(Python<'_>, &str, &str, &Bound<'_, PyAny>) -> PyErr,
+    out_of_range: impl FnOnce(Python<'_>, &str, &str, &Bound<'_, PyAny>) -> PyErr,
 ) -> PyResult<u64> {
     number.extract().map_err(|e: PyErr| {
         if e.is_instance_of::<PyOverflowError>(number.py()) {
-            return beyond(number.py(), place, expected, number);
+            return out_of_range(number.py(), place, expected, number);
         }
         PyTypeError::new_err(format!("{place}: expected {kind}, found {number:?}"))
     })
 }
 
-/// The place of one of `n` items; negative ones count from the end, as they do in Python.
+/// Converts an index of `n` items; negative indices count from the end, as in Python.
+///
+/// # Errors
+/// `IndexError`.
 pub fn index(number: &Bound<'_, PyAny>, place: &str, n: usize) -> PyResult<usize> {
-    let asked = match number.extract::<isize>() {
+    let signed = match number.extract::<isize>() {
         Err(e) if e.is_instance_of::<PyOverflowError>(number.py()) => isize::MAX,
-        asked => asked?,
+        result => result?,
     };
-    let at = if asked < 0 { asked.checked_add_unsigned(n) } else { Some(asked) };
+    let at = if signed < 0 { signed.checked_add_unsigned(n) } else { Some(signed) };
     at.and_then(|i| usize::try_from(i).ok()).filter(|i| *i < n).ok_or_else(|| {
         let expected = match n {
-            0 => "none, as there are none".into(),
+            0 => "no index (there are no items)".into(),
             n => format!("-{n} to {}", n - 1),
         };
         PyIndexError::new_err(format!("{place}: expected {expected}, found {number}"))
@@ -245,15 +273,18 @@ fn times(times_ns: &[Bound<'_, PyAny>]) -> PyResult<Vec<u64>> {
     times_ns.iter().enumerate().map(|(i, t)| time(t, || format!("times_ns[{i}]"))).collect()
 }
 
-/// What is asked of bodies by name.
-pub fn named<C: PyTypeInfo, T>(
+/// Converts a mapping from body names to objects of class `C`.
+///
+/// # Errors
+/// `TypeError`.
+pub fn by_body<C: PyTypeInfo, T>(
     place: &str,
     inputs: Option<&Bound<'_, PyAny>>,
     input: impl Fn(String, &Bound<'_, C>) -> T,
 ) -> PyResult<Vec<T>> {
     let Some(inputs) = inputs else { return Ok(Vec::new()) };
     let py = inputs.py();
-    let wrong = |place: &str, expected: &str, found: &Bound<'_, PyAny>| {
+    let wrong_type = |place: &str, expected: &str, found: &Bound<'_, PyAny>| {
         let text = format!("{place}: expected {expected}, found {}", found.get_type());
         PyTypeError::new_err(text)
     };
@@ -261,53 +292,56 @@ pub fn named<C: PyTypeInfo, T>(
         Ok(dict) => dict.clone(),
         Err(_) => match inputs.cast::<PyMapping>() {
             Ok(mapping) => PyDict::from_sequence(mapping.items()?.as_any())?,
-            Err(_) => return Err(wrong(place, "a mapping from names of bodies", inputs)),
+            Err(_) => return Err(wrong_type(place, "a mapping from names of bodies", inputs)),
         },
     };
-    let of = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+    let convert = |(name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
         let Ok(body) = name.extract() else {
-            return Err(wrong(&format!("{place}: key {name:?}"), "the name of a body", &name));
+            return Err(wrong_type(&format!("{place}: key {name:?}"), "the name of a body", &name));
         };
         let Ok(value) = value.cast::<C>() else {
             let expected = C::type_object(py).to_string();
-            return Err(wrong(&format!("{place}[{name:?}]"), &expected, &value));
+            return Err(wrong_type(&format!("{place}[{name:?}]"), &expected, &value));
         };
         Ok(input(body, value))
     };
-    dict.iter().map(of).collect()
+    dict.iter().map(convert).collect()
 }
 
-/// Rows as an array of real numbers, or what they are instead: numpy would take dates for numbers, leave out imaginary
-/// parts, and show what a mask hides.
-fn array<'py>(rows: Rows<'_, 'py>) -> Result<Array<'py>, String> {
-    let none = |_| match rows.get_type().name() {
+/// Converts rows to an array of real numbers, or returns a description of what they are.
+///
+/// numpy alone would accept dates as numbers, drop imaginary parts and show masked values.
+fn array<'py>(rows: ArrayLike<'_, 'py>) -> Result<FloatArray<'py>, String> {
+    let not_numbers = |_| match rows.get_type().name() {
         Ok(kind) => format!("no array of numbers ({kind})"),
         Err(_) => "no array of numbers".into(),
     };
-    // The usual ones are looked at no further.
+    // Fast path.
     let is_plain = rows.is_exact_instance_of::<PyUntypedArray>();
     if is_plain && let Ok(doubles) = rows.cast::<PyArrayDyn<f64>>() {
-        return even(doubles).map_err(none);
+        return aligned(doubles).map_err(not_numbers);
     }
     let array = get_array_module(rows.py()).and_then(|np| np.call_method1("asanyarray", (rows,)));
-    let array = array.map_err(none)?.cast_into::<PyUntypedArray>().map_err(|e| none(e.into()))?;
+    let array = array.map_err(not_numbers)?;
+    let array = array.cast_into::<PyUntypedArray>().map_err(|e| not_numbers(e.into()))?;
     let dtype = array.dtype();
     if !b"biufO".contains(&dtype.kind()) {
         return Err(format!("no real numbers ({dtype})"));
     }
-    let mask = array.getattr_opt("mask").map_err(none)?;
-    if mask.map_or(Ok(false), |m| m.call_method0("any")?.is_truthy()).map_err(none)? {
+    let mask = array.getattr_opt("mask").map_err(not_numbers)?;
+    let is_masked = mask.map_or(Ok(false), |m| m.call_method0("any")?.is_truthy());
+    if is_masked.map_err(not_numbers)? {
         return Err("masked numbers".into());
     }
     match array.cast::<PyArrayDyn<f64>>() {
-        Ok(doubles) => even(doubles).map_err(none),
-        Err(_) => array.extract().map_err(none),
+        Ok(doubles) => aligned(doubles).map_err(not_numbers),
+        Err(_) => array.extract().map_err(not_numbers),
     }
 }
 
-/// These numbers, copied if they do not lie as doubles do: strides that are no multiples of their size, as of a field of
-/// packed records, would be rounded down.
-fn even<'py>(doubles: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<Array<'py>> {
+/// Returns the array, copied if it is unaligned: strides that are no multiples of the item size, as of a field of packed
+/// records, would be rounded down.
+fn aligned<'py>(doubles: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<FloatArray<'py>> {
     let size = size_of::<f64>() as isize;
     if doubles.data().is_aligned() && doubles.strides().iter().all(|stride| stride % size == 0) {
         return doubles.extract();
@@ -315,10 +349,11 @@ fn even<'py>(doubles: &Bound<'py, PyArrayDyn<f64>>) -> PyResult<Array<'py>> {
     doubles.call_method0("copy")?.extract()
 }
 
+/// Converts rows to `n` times `width` finite numbers.
 fn shaped(
     py: Python<'_>,
     name: &str,
-    rows: Rows<'_, '_>,
+    rows: ArrayLike<'_, '_>,
     n: usize,
     width: usize,
 ) -> PyResult<Vec<f64>> {
@@ -343,12 +378,12 @@ fn shaped(
     }
 }
 
-fn vectors(py: Python<'_>, name: &str, rows: Rows<'_, '_>, n: usize) -> PyResult<Vec<Vec3>> {
+fn vectors(py: Python<'_>, name: &str, rows: ArrayLike<'_, '_>, n: usize) -> PyResult<Vec<Vec3>> {
     let numbers = shaped(py, name, rows, n, 3)?;
     Ok(numbers.as_chunks().0.iter().map(|[x, y, z]| Vec3::new(*x, *y, *z)).collect())
 }
 
-fn quaternions(py: Python<'_>, rows: Rows<'_, '_>, n: usize) -> PyResult<Vec<Quat>> {
+fn quaternions(py: Python<'_>, rows: ArrayLike<'_, '_>, n: usize) -> PyResult<Vec<Quat>> {
     let numbers = shaped(py, "orientations", rows, n, 4)?;
     let quaternion = |(i, &[x, y, z, w]): (usize, &[f64; 4])| {
         Quat::try_from(Quaternion { x, y, z, w }).map_err(|e| {

@@ -1,54 +1,43 @@
-//! The ballast model as a Python package: what `import ballast` is made of.
+//! The compiled module `ballast._ballast` of the Python package.
 //!
-//! Contract: the same inputs give the same bytes as on every other face. The interpreter is released while
-//! steps are computed; a failure inside is an exception. Types are in `python/ballast/_ballast.pyi`; what `help` says of
-//! classes and their members is what is said there, word by word.
+//! Contract: equal inputs give the same bytes as in the program and over the network. The interpreter is released while
+//! steps are computed. A panic becomes an exception. Docstrings equal those of `python/ballast/_ballast.pyi`.
+//!
+//! Layers: `case` <- `state` <- `backend` <- `local`, `remote` <- `simulation` <- `factory`.
 
 mod arrays;
+mod backend;
 mod bodies;
+mod calls;
 mod case;
-mod compute;
 mod errors;
-mod here;
+mod factory;
 mod inputs;
+mod local;
 mod lock;
 mod machine;
-mod outcome;
 mod recorder;
 mod recording;
+mod remote;
+mod result;
 mod results;
 mod simulation;
 mod state;
-mod there;
-mod work;
+mod threads;
+mod toml_values;
 
 use pyo3::prelude::*;
+use pyo3::types::PyCFunction;
 
-/// A simulation that goes on from a saved state.
-#[pyfunction]
-#[pyo3(signature = (state, threads=None, max_penetration=None, keep_early=false))]
-fn resume(
-    py: Python<'_>,
-    state: &state::State,
-    threads: Option<&Bound<'_, PyAny>>,
-    max_penetration: Option<f64>,
-    keep_early: bool,
-) -> PyResult<simulation::Simulation> {
-    let start = state.here(py, "resume")?;
-    let limits = case::limits(py, max_penetration.or(start.penetration), keep_early)?;
-    let crew = compute::Crew::new(py, threads)?;
-    simulation::Simulation::here(py, start, limits, crew)
-}
-
-/// The JSON Schema of case files.
+/// Returns the JSON Schema of case files.
 #[pyfunction]
 fn schema(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
-    case::as_dict(py, &ballast_scenario::schema())
+    case::to_dict(py, &ballast_scenario::schema())
 }
 
-/// Replaces a file by a text, at once or not at all.
+/// Replaces the content of a file atomically.
 #[pyfunction]
-fn replace(py: Python<'_>, path: std::path::PathBuf, text: &str) -> PyResult<()> {
+fn _replace_file(py: Python<'_>, path: std::path::PathBuf, text: &str) -> PyResult<()> {
     ballast_hdf5::replace(&path, &[text.as_bytes()]).map_err(|e| errors::file(py, e))
 }
 
@@ -56,30 +45,40 @@ fn replace(py: Python<'_>, path: std::path::PathBuf, text: &str) -> PyResult<()>
 fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     errors::register(module)?;
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    module.add_class::<bodies::Mount>()?;
-    module.add_class::<bodies::Tine>()?;
-    module.add_class::<case::Case>()?;
-    module.add_class::<inputs::Load>()?;
-    module.add_class::<inputs::Motion>()?;
-    module.add_class::<outcome::Body>()?;
-    module.add_class::<outcome::Energy>()?;
-    module.add_class::<outcome::Outcome>()?;
-    module.add_class::<outcome::Series>()?;
-    module.add_class::<outcome::Solver>()?;
-    module.add_class::<outcome::Squeeze>()?;
-    module.add_class::<outcome::ZoneMeasure>()?;
-    module.add_class::<recording::Recording>()?;
-    module.add_class::<results::Results>()?;
-    module.add_class::<simulation::Simulation>()?;
-    module.add_class::<state::State>()?;
-    module.add_function(wrap_pyfunction!(case::begin, module)?)?;
-    module.add_function(wrap_pyfunction!(case::case_again, module)?)?;
-    module.add_function(wrap_pyfunction!(case::prepare, module)?)?;
-    module.add_function(wrap_pyfunction!(case::values, module)?)?;
-    module.add_function(wrap_pyfunction!(case::write_plan, module)?)?;
-    module.add_function(wrap_pyfunction!(state::state_again, module)?)?;
-    module.add_function(wrap_pyfunction!(there::attach, module)?)?;
-    module.add_function(wrap_pyfunction!(replace, module)?)?;
-    module.add_function(wrap_pyfunction!(resume, module)?)?;
-    module.add_function(wrap_pyfunction!(schema, module)?)
+    module.add_class::<bodies::PyMount>()?;
+    module.add_class::<bodies::PyTine>()?;
+    module.add_class::<case::PyCase>()?;
+    module.add_class::<inputs::PyLoad>()?;
+    module.add_class::<inputs::PyMotion>()?;
+    module.add_class::<result::PyBodyResult>()?;
+    module.add_class::<result::PyEnergyLedger>()?;
+    module.add_class::<result::PySolverResult>()?;
+    module.add_class::<result::PySqueeze>()?;
+    module.add_class::<result::PyStepSeries>()?;
+    module.add_class::<result::PyWindowResult>()?;
+    module.add_class::<result::PyZoneResult>()?;
+    module.add_class::<recording::PyRecording>()?;
+    module.add_class::<results::PyResults>()?;
+    module.add_class::<simulation::PySimulation>()?;
+    module.add_class::<state::PyState>()?;
+    module.add_function(wrap_pyfunction!(schema, module)?)?;
+    // Not in `__all__`: the package and `pickle` call these.
+    let private: [Bound<'_, PyCFunction>; 12] = [
+        wrap_pyfunction!(_replace_file, module)?,
+        wrap_pyfunction!(case::_parse_toml, module)?,
+        wrap_pyfunction!(case::_unpickle_case, module)?,
+        wrap_pyfunction!(case::_write_sweep_plan, module)?,
+        wrap_pyfunction!(factory::_attach, module)?,
+        wrap_pyfunction!(factory::_open, module)?,
+        wrap_pyfunction!(factory::_prepare, module)?,
+        wrap_pyfunction!(factory::_resume, module)?,
+        wrap_pyfunction!(result::_unpickle_part, module)?,
+        wrap_pyfunction!(result::_unpickle_step_series, module)?,
+        wrap_pyfunction!(result::_unpickle_window_result, module)?,
+        wrap_pyfunction!(state::_unpickle_state, module)?,
+    ];
+    private.into_iter().try_for_each(|function| {
+        let name: String = function.getattr("__name__")?.extract()?;
+        module.setattr(name, function)
+    })
 }

@@ -1,23 +1,22 @@
-//! Locks. What a panic elsewhere has left is as good as before: nothing behind them is half written.
+//! Mutex access that ignores poisoning: the guarded data is consistent even after a panic.
 
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-/// Takes a lock.
-pub fn enter<T>(lock: &Mutex<T>) -> MutexGuard<'_, T> {
-    lock.lock().unwrap_or_else(PoisonError::into_inner)
+/// Locks a mutex.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes one that another thread may hold for long. It is waited for with the interpreter released: that thread may
-/// need it to get done.
-pub fn enter_patiently<'a, T>(py: Python<'_>, lock: &'a Mutex<T>) -> MutexGuard<'a, T> {
-    lock.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+/// Locks a mutex that another thread may hold for long, with the interpreter released while waiting.
+pub fn lock_detached<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a, T> {
+    mutex.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes one that no other thread holds.
-pub fn enter_if_free<T>(lock: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
-    match lock.try_lock() {
+/// Locks a mutex if no other thread holds it.
+pub fn try_lock<T>(mutex: &Mutex<T>) -> Option<MutexGuard<'_, T>> {
+    match mutex.try_lock() {
         Ok(guard) => Some(guard),
         Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
         Err(TryLockError::WouldBlock) => None,

@@ -1,4 +1,4 @@
-//! The machine of the case: what moves tines and sleepers where no partner does.
+//! Tamping cycle of the case, which moves tines and sleepers.
 
 use ballast::component::{Interpolation, Knot, MotionInput, Waveform};
 use ballast::math::{Pose, Vec3};
@@ -9,47 +9,50 @@ use ballast::track::plan::Plan;
 use ballast::track::{TampingCycle, TampingPhase};
 use std::sync::Arc;
 
-/// The machine, and what it remembers: forces of the last vibration period, how far it has lowered and closed.
+/// Tamping cycle and its memory: forces of the last vibration period, progress of lowering and closing.
 #[derive(Clone)]
 pub struct Machine {
     cycle: Arc<TampingCycle>,
-    /// Shared until it changes: windows that others move keep it.
+    /// Copied on write: windows with other motions share it.
     memory: Arc<Vec<f64>>,
 }
 
 impl Machine {
-    /// The machine of `plan` as it is at the start of a run.
+    /// Returns the cycle of `plan` at the start of a run.
     pub fn new(plan: &Plan, model: &Model) -> Result<Self, ballast::Error> {
         let cycle = Arc::new(TampingCycle::new(plan, model)?);
         Ok(Self { cycle, memory: Arc::default() })
     }
 
-    /// The same machine with another memory.
+    /// Returns the cycle with another memory.
     ///
     /// # Errors
-    /// A memory that is not one of its own.
+    /// The memory does not belong to this cycle.
     pub fn with_memory(self, memory: Vec<f64>) -> Result<Self, ballast::Error> {
         self.cycle.check_memory(&memory)?;
         Ok(Self { memory: Arc::new(memory), ..self })
     }
 
-    /// What it remembers.
+    /// Returns the memory.
     pub fn memory(&self) -> &[f64] {
         &self.memory
     }
 
+    /// Returns the phase at a time, s.
     pub fn phase(&self, time_s: f64) -> TampingPhase {
         self.cycle.phase(time_s)
     }
 
+    /// Returns the cycle.
     pub fn cycle(&self) -> &TampingCycle {
         &self.cycle
     }
 
-    /// The motions of the step after `state`.
+    /// Returns the motions of the step after `state`.
     pub fn motions(&self, model: &Model, state: &State) -> Vec<MotionInput> {
         let mut motions = Vec::new();
-        let (now, end) = (state.time_ns, state.time_ns + model.stepping.step_ns);
+        let now = state.time_ns;
+        let end = now + model.stepping.step_ns;
         self.cycle.place(model, now, &self.memory, |d, position| {
             let from = state.imposed(model, d);
             let knot = |time_ns, pose| Knot {
@@ -69,7 +72,7 @@ impl Machine {
         motions
     }
 
-    /// Takes the step that has led to `state`.
+    /// Updates the memory with the step that led to `state`.
     pub fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {
         self.cycle.observe(model, report, state, Arc::make_mut(&mut self.memory));
     }

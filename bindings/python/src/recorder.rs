@@ -1,4 +1,4 @@
-//! The recording of a simulation: windows that stand.
+//! Recording of a simulation's windows.
 
 use crate::errors;
 use ballast::component::{Component, WindowInputsRef, WindowResult};
@@ -14,44 +14,46 @@ use std::path::PathBuf;
 /// An open recording.
 pub struct Recorder {
     windows: Redoable,
-    /// Simulated time at its beginning.
-    begins_ns: u64,
+    /// Simulated time at which the recording starts, ns.
+    start_ns: u64,
 }
 
 impl Recorder {
+    /// Creates the file and writes the start of the recording.
     pub fn create(path: PathBuf, case: &Case, component: &Component) -> ballast_mcap::Result<Self> {
-        let (model, state) = (component.model(), component.state());
+        let model = component.model();
+        let state = component.state();
         let hash = ballast_hdf5::state_hash(model, state).into();
         let meta = Meta::of(case.names(), case.choices.notes(), model, Drive::Inputs, hash);
         let start = || checkpoint::to_bytes(&path, &case.checkpoint(model, state, BTreeMap::new()));
         let tape = Tape::begin(&path, &case.plan, &meta, model, state, start)?;
         let windows = Redoable::new(tape, case.plan.run.output_ns, model, state)?;
-        Ok(Self { windows, begins_ns: state.time_ns })
+        Ok(Self { windows, start_ns: state.time_ns })
     }
 
-    /// Refuses a process that was forked from the one that records.
+    /// Checks that this process started the recording.
     pub fn check_process(&self, py: Python<'_>, place: &str) -> PyResult<()> {
         if self.windows.is_of_this_process() {
             return Ok(());
         }
         let expected =
-            "the process that began the recording; open the case, or a saved state, anew";
-        Err(errors::refused(py, "recording", place, expected, "a fork of it"))
+            "the process that started the recording; open the case or a saved state again";
+        Err(errors::request(py, "recording", place, expected, "a fork of it"))
     }
 
-    /// Refuses a redo of a window that stands in no file.
+    /// Checks that the recording contains the window that a redo replaces.
     pub fn check_redo(&self, py: Python<'_>, component: &Component) -> PyResult<()> {
         match component.last_window() {
-            Some([t0, _]) if t0 < self.begins_ns => {
-                let begin = self.begins_ns;
-                let expected = format!("a window of the recording, which begins at {begin} ns");
-                Err(errors::refused(py, "recording", "redo", expected, format!("one from {t0} ns")))
+            Some([t0, _]) if t0 < self.start_ns => {
+                let start = self.start_ns;
+                let expected = format!("a window of the recording, which starts at {start} ns");
+                Err(errors::request(py, "recording", "redo", expected, format!("one from {t0} ns")))
             }
             _ => Ok(()),
         }
     }
 
-    /// Takes a window that `component` is at the end of.
+    /// Records a window, at whose end `component` is.
     pub fn window(
         &mut self,
         component: &Component,
@@ -59,9 +61,10 @@ impl Recorder {
         window: &WindowInputsRef,
         outcome: &WindowResult,
     ) -> ballast_mcap::Result<()> {
-        let (windows, model) = (&mut self.windows, component.model());
+        let windows = &mut self.windows;
+        let model = component.model();
         if kind == WindowKind::Advance {
-            // Windows are numbered on from the last one that is written.
+            // Writes the previous window, which can no longer be redone; numbering continues from it.
             windows.settle()?;
         }
         let motions = window.motions.iter().map(Into::into).collect();
@@ -72,6 +75,7 @@ impl Recorder {
         windows.window(component.shared_model(), kind, &request, &reply, component.save())
     }
 
+    /// Writes the last window and the end of the file.
     pub fn finish(self) -> ballast_mcap::Result<()> {
         self.windows.finish()
     }

@@ -1,11 +1,11 @@
-//! Recordings: what was asked, window by window, as it can be asked again, and what was answered.
+//! Recordings: the windows of a run with their inputs and results.
 
-use crate::case::{self, Case, as_dict};
+use crate::case::{self, PyCase};
 use crate::errors;
-use crate::inputs::{Load, Motion};
-use crate::lock::enter;
-use crate::outcome::Outcome;
-use crate::state::{Saved, Snapshot, State};
+use crate::inputs::{PyLoad, PyMotion};
+use crate::lock::lock;
+use crate::result::PyWindowResult;
+use crate::state::{LocalState, PyState, StateStorage};
 use ballast_mcap::recording::{Window, Windows};
 use ballast_protocol::messages::{
     AdvanceReply, Asked, Compactness, EnergyLedger, Message, Parameters, SolverStats, Squeeze,
@@ -20,87 +20,88 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-/// (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, the
-/// `parameters` that were set before (empty where none were), what the window did (`outcome`), and the `hash` of the state
-/// and the `reply_digest` that it led to.
+/// Recording of a run (MCAP): an iterator over its windows.
 ///
-/// Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
-/// there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
+/// Each window is a dictionary:
 ///
-/// Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a
-/// RuntimeWarning, once, where the file is cut short, as after a kill, and raises FileError, once, where it is
-/// damaged. `lost` says it, too.
-#[pyclass(frozen, module = "ballast")]
-pub struct Recording {
+/// * `seq`, `t0_ns`, `t1_ns`: number, start and end of the window, ns.
+/// * `request`: the request as a message; `motions` and `loads`: its inputs by body, as arguments for `advance_to`.
+/// * `parameters`: arguments for `set_parameters` that were set before the window; empty if none were.
+/// * `result`: the `WindowResult`, except for values that are not recorded: `wall_time_s` is nan,
+///   `max_knot_spacing_ns` is 0, `step_series` is None, and a window that ended early has the status "ok" or "warn".
+/// * `hash`, `reply_digest`: hashes of the state after the window and of the reply.
+///
+/// An incomplete file yields its valid windows first. Then the iterator issues a RuntimeWarning once if the file is cut
+/// short, as after a kill, or raises FileError once if it is damaged. See `truncation`.
+///
+/// Raises:
+///     FileError: the file cannot be read.
+#[pyclass(frozen, module = "ballast", name = "Recording")]
+pub struct PyRecording {
     path: PathBuf,
     windows: Mutex<Windows>,
-    /// Whether it was told that reading ended early.
-    is_told: AtomicBool,
+    /// The truncation was reported by a warning or an exception.
+    is_reported: AtomicBool,
 }
 
 #[pymethods]
-impl Recording {
+impl PyRecording {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let windows = py.detach(|| Windows::open(&path)).map_err(|e| errors::file(py, e))?;
-        Ok(Self { path, windows: Mutex::new(windows), is_told: AtomicBool::new(false) })
+        Ok(Self { path, windows: Mutex::new(windows), is_reported: AtomicBool::new(false) })
     }
 
-    /// What it is a recording of, with the seed and the schedule that were chosen.
+    /// Recorded case, with its seed and schedule.
     #[getter]
-    fn case(&self, py: Python<'_>) -> PyResult<Case> {
-        let meta = py.detach(|| enter(&self.windows).meta().clone());
-        let choices = Choices::from_notes(&meta.choices).map_err(|e| self.wrong(py, e))?;
+    fn case(&self, py: Python<'_>) -> PyResult<PyCase> {
+        let meta = py.detach(|| lock(&self.windows).meta().clone());
+        let choices = Choices::from_notes(&meta.choices).map_err(|e| self.file_error(py, e))?;
         let name = format!("{}, its case", self.path.display());
-        Ok(Case(Arc::new(case::read(py, meta.case_text, &name)?.chosen(choices))))
+        Ok(PyCase(Arc::new(case::read(py, meta.case_text, &name)?.chosen(choices))))
     }
 
-    /// The state that it begins with; None where that is the beginning of its case.
+    /// State at the start of the recording; None if it is the start of the case.
     #[getter]
-    fn start(&self, py: Python<'_>) -> PyResult<Option<State>> {
-        let start = py.detach(|| enter(&self.windows).start().map(<[u8]>::to_vec));
+    fn start(&self, py: Python<'_>) -> PyResult<Option<PyState>> {
+        let bytes = py.detach(|| lock(&self.windows).start().map(<[u8]>::to_vec));
         let name = self.path.display().to_string();
-        let read = |bytes: Vec<u8>| Snapshot::from_bytes(py, &bytes, &name);
-        Ok(start.map(read).transpose()?.map(|snapshot| State(Saved::Here(snapshot))))
+        let state = bytes.map(|bytes| LocalState::from_bytes(py, &bytes, &name)).transpose()?;
+        Ok(state.map(|state| PyState(StateStorage::Local(state))))
     }
 
     fn __iter__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
         this
     }
 
-    /// The record of the next window: what was asked, and what was answered.
+    /// Returns the next window.
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let read = || {
-            let mut windows = enter(&self.windows);
+            let mut windows = lock(&self.windows);
             windows.next().map(|next| next.map(|window| (window, windows.meta().step_ns)))
         };
         let next = py.detach(read).map_err(|e| errors::file(py, e))?;
-        let Some((window, step_ns)) = next else { return self.tell_lost(py).map(|()| None) };
-        let record = &window.record;
-        let malformed = |e: Malformed| self.wrong(py, format!("window {}: {e}", record.seq));
-        let asked = record.request.inputs().map_err(malformed)?;
-        let reply = reply(&window, step_ns).map_err(malformed)?;
-        let outcome = Outcome {
-            inner: reply.outcome().map_err(malformed)?,
-            trouble: None,
-            wall_s: f64::NAN,
-            names: reply.bodies.into_iter().map(|body| body.body).collect(),
-            series: None,
+        let Some((window, step_ns)) = next else {
+            return self.report_truncation(py).map(|()| None);
         };
-        let told = as_dict(py, record)?;
-        let (tools, loads) = inputs(py, asked)?;
-        told.set_item("tools", tools)?;
-        told.set_item("loads", loads)?;
-        told.set_item("parameters", parameters(py, window.parameters.as_ref())?)?;
-        told.set_item("outcome", outcome)?;
-        Ok(Some(told))
+        let record = &window.record;
+        let malformed = |e: Malformed| self.file_error(py, format!("window {}: {e}", record.seq));
+        let (motions, loads) = inputs(py, record.request.inputs().map_err(malformed)?)?;
+        let reply = reply(&window, step_ns).map_err(malformed)?;
+        reply.outcome().map_err(malformed)?;
+        let names = reply.bodies.iter().map(|body| body.body.clone()).collect();
+        let entries = case::to_dict(py, record)?;
+        entries.set_item("motions", motions)?;
+        entries.set_item("loads", loads)?;
+        entries.set_item("parameters", parameters(py, window.parameters.as_ref())?)?;
+        entries.set_item("result", PyWindowResult::new(py, reply, names, f64::NAN, false)?)?;
+        Ok(Some(entries))
     }
 
-    /// Why reading ended early, where it did.
+    /// Reason why reading ended before the end of the recording, or None.
     #[getter]
-    fn lost(&self, py: Python<'_>) -> Option<String> {
-        py.detach(|| enter(&self.windows).lost().map(ToString::to_string))
+    fn truncation(&self, py: Python<'_>) -> Option<String> {
+        py.detach(|| lock(&self.windows).lost().map(ToString::to_string))
     }
 
     fn __repr__(&self) -> String {
@@ -108,52 +109,56 @@ impl Recording {
     }
 }
 
-impl Recording {
-    /// Says, once, that reading ended early, where it did: who only counts windows would take the file for whole.
-    fn tell_lost(&self, py: Python<'_>) -> PyResult<()> {
-        let lost = || enter(&self.windows).lost().map(|lost| (lost.is_cut, lost.to_string()));
-        let Some((is_cut, lost)) = py.detach(lost) else { return Ok(()) };
-        if self.is_told.swap(true, Ordering::Relaxed) {
+impl PyRecording {
+    /// Reports once that the file is incomplete: by a warning if it is cut short, by an exception if it is damaged.
+    fn report_truncation(&self, py: Python<'_>) -> PyResult<()> {
+        let read = || lock(&self.windows).lost().map(|lost| (lost.is_cut, lost.to_string()));
+        let Some((is_cut, truncation)) = py.detach(read) else { return Ok(()) };
+        if self.is_reported.swap(true, Ordering::Relaxed) {
             return Ok(());
         }
         if !is_cut {
-            return Err(self.wrong(py, format!("it is damaged: {lost}")));
+            return Err(self.file_error(py, format!("damaged: {truncation}")));
         }
-        errors::warn(py, format!("{}: {lost}", self.path.display()))
+        errors::warn(py, format!("{}: {truncation}", self.path.display()))
     }
 
-    fn wrong(&self, py: Python<'_>, what: impl Display) -> PyErr {
-        errors::file(py, format!("{}: {what}", self.path.display()))
+    fn file_error(&self, py: Python<'_>, text: impl Display) -> PyErr {
+        errors::file(py, format!("{}: {text}", self.path.display()))
     }
 }
 
-/// What was asked, by the names of bodies.
+/// Returns the motions and loads of a request by body.
 fn inputs<'py>(
     py: Python<'py>,
-    asked: Asked,
+    request: Asked,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
-    let (tools, loads) = (PyDict::new(py), PyDict::new(py));
-    for input in asked.motions {
-        tools
-            .set_item(input.body, Motion { waveform: input.waveform, rebase: input.allow_jump })?;
+    let motions = PyDict::new(py);
+    for input in request.motions {
+        let motion = PyMotion { waveform: input.waveform, allow_jump: input.allow_jump };
+        motions.set_item(input.body, motion)?;
     }
-    for input in asked.loads {
-        loads.set_item(input.body, Load { waveform: input.waveform })?;
+    let loads = PyDict::new(py);
+    for input in request.loads {
+        loads.set_item(input.body, PyLoad { waveform: input.waveform })?;
     }
-    Ok((tools, loads))
+    Ok((motions, loads))
 }
 
-/// What was set before a window, as `Simulation.set_parameters` takes it.
-fn parameters<'py>(py: Python<'py>, set: Option<&Parameters>) -> PyResult<Bound<'py, PyDict>> {
-    let told = PyDict::new(py);
-    if let Some(Parameters { iterations, tolerance, .. }) = set {
-        told.set_item("iterations", iterations)?;
-        told.set_item("tolerance", tolerance)?;
+/// Returns the parameters set before a window, as arguments of `Simulation.set_parameters`.
+fn parameters<'py>(
+    py: Python<'py>,
+    parameters: Option<&Parameters>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let arguments = PyDict::new(py);
+    if let Some(Parameters { iterations, tolerance, .. }) = parameters {
+        arguments.set_item("iterations", iterations)?;
+        arguments.set_item("tolerance", tolerance)?;
     }
-    Ok(told)
+    Ok(arguments)
 }
 
-/// The reply to a window, of the messages that it has left: of one that stands.
+/// Returns the reply to a window, from the messages that it recorded.
 fn reply(window: &Window, step_ns: u64) -> Result<AdvanceReply, Malformed> {
     let record = &window.record;
     let length = u64::try_from(record.t1_ns - record.t0_ns).unwrap_or(0);
@@ -166,17 +171,17 @@ fn reply(window: &Window, step_ns: u64) -> Result<AdvanceReply, Malformed> {
         ..AdvanceReply::default()
     };
     for message in &window.messages {
-        let of = |e: Malformed| Malformed {
+        let in_topic = |e: Malformed| Malformed {
             place: format!("{}, {}", message.channel.topic, e.place),
             ..e
         };
         let data = &message.data;
         match &message.channel.schema[..] {
-            WrenchImpulse::NAME => reply.bodies.push(from_cdr(data).map_err(of)?),
-            Compactness::NAME => reply.zones.push(from_cdr(data).map_err(of)?),
-            Squeeze::NAME => reply.squeezes.push(from_cdr(data).map_err(of)?),
-            SolverStats::NAME => reply.solver = from_cdr(data).map_err(of)?,
-            EnergyLedger::NAME => reply.energy = from_cdr(data).map_err(of)?,
+            WrenchImpulse::NAME => reply.bodies.push(from_cdr(data).map_err(in_topic)?),
+            Compactness::NAME => reply.zones.push(from_cdr(data).map_err(in_topic)?),
+            Squeeze::NAME => reply.squeezes.push(from_cdr(data).map_err(in_topic)?),
+            SolverStats::NAME => reply.solver = from_cdr(data).map_err(in_topic)?,
+            EnergyLedger::NAME => reply.energy = from_cdr(data).map_err(in_topic)?,
             _ => {}
         }
     }

@@ -1,9 +1,9 @@
-//! What runs have left: results, as arrays.
+//! Results files of runs, as arrays.
 
 use crate::arrays::{self, Matrix, Vector};
 use crate::errors;
 use crate::inputs;
-use crate::lock::enter;
+use crate::lock::lock;
 use ballast_hdf5::results::{Reader, Table};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -11,23 +11,29 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-/// A results file of `ballast run`.
-#[pyclass(frozen, module = "ballast")]
-pub struct Results {
+/// Results file of a run (`.vtkhdf`).
+///
+/// Raises:
+///     FileError: the file cannot be read.
+#[pyclass(frozen, module = "ballast", name = "Results")]
+pub struct PyResults {
     reader: Mutex<Reader>,
 }
 
-impl Results {
+impl PyResults {
     fn read<T: Send>(
         &self,
         py: Python<'_>,
-        ask: impl FnOnce(&Reader) -> ballast_hdf5::Result<T> + Send,
+        read: impl FnOnce(&Reader) -> ballast_hdf5::Result<T> + Send,
     ) -> PyResult<T> {
-        py.detach(|| ask(&enter(&self.reader))).map_err(|e| errors::file(py, e))
+        py.detach(|| read(&lock(&self.reader))).map_err(|e| errors::file(py, e))
     }
 
-    /// The table of this name, where there is one.
-    fn named(&self, py: Python<'_>, name: &str) -> PyResult<Table> {
+    /// Returns a table.
+    ///
+    /// # Errors
+    /// `KeyError` if there is none of this name.
+    fn read_table(&self, py: Python<'_>, name: &str) -> PyResult<Table> {
         let read = |r: &Reader| {
             let names = r.series_names()?;
             let table = names.iter().any(|known| known == name).then(|| r.series(name));
@@ -42,59 +48,71 @@ impl Results {
 }
 
 #[pymethods]
-impl Results {
+impl PyResults {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let reader = py.detach(|| Reader::open(path)).map_err(|e| errors::file(py, e))?;
         Ok(Self { reader: Mutex::new(reader) })
     }
 
-    /// Whether the run has closed its results, at its end or where it was told to stop; not while it is going on, nor
-    /// where it was killed.
+    /// True if the run has ended and closed the file; false while it is running, or if it was killed.
     #[getter]
     fn is_closed(&self) -> bool {
-        enter(&self.reader).is_closed()
+        lock(&self.reader).is_closed()
     }
 
-    /// As the case calls itself.
+    /// Name of the case.
     #[getter]
     fn case_name(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |r| r.about("case_name"))
     }
 
-    /// Of the case file, TOML.
+    /// Text of the case file (TOML).
     #[getter]
     fn case_text(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |r| r.about("case_text"))
     }
 
-    /// Number of grains, and names of the driven bodies after them.
+    /// Number of grains, ng.
     #[getter]
-    fn bodies(&self, py: Python<'_>) -> PyResult<(u64, Vec<String>)> {
-        self.read(py, Reader::bodies)
+    fn grain_count(&self, py: Python<'_>) -> PyResult<u64> {
+        Ok(self.read(py, Reader::bodies)?.0)
     }
 
-    /// What each of the driven bodies is: "boundary", "sleeper" or "tine".
+    /// Names of the driven bodies, in the order of `poses` after the grains.
     #[getter]
-    fn roles(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        self.read(py, Reader::roles)
+    fn bodies(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        Ok(self.read(py, Reader::bodies)?.1)
     }
 
-    /// (n,) step of each frame.
+    /// Role of each driven body by name: "boundary", "sleeper" or "tine".
+    #[getter]
+    fn roles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let roles = PyDict::new(py);
+        for (name, role) in self.bodies(py)?.iter().zip(self.read(py, Reader::roles)?) {
+            roles.set_item(name, role)?;
+        }
+        Ok(roles)
+    }
+
+    /// Step number of each frame (n,).
     #[getter]
     fn steps<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u64>> {
         let steps = self.read(py, |r| Ok(r.steps().to_vec()))?;
         Ok(arrays::column(py, &steps))
     }
 
-    /// (n,) time of each frame, s.
+    /// Time of each frame (n,), s.
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
         let times = self.read(py, Reader::times)?;
         Ok(arrays::column(py, &times))
     }
 
-    /// Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first.
+    /// Returns positions (n, 3) in m and orientations (n, 4) of all bodies in a frame: grains, then driven bodies.
+    ///
+    /// Raises:
+    ///     IndexError: the file has no such frame.
     fn poses<'py>(
         &self,
         py: Python<'py>,
@@ -103,10 +121,11 @@ impl Results {
         let frames = self.read(py, |r| Ok(r.steps().len()))?;
         let frame = inputs::index(frame, "frame", frames)?;
         let poses = self.read(py, |r| r.poses(frame))?;
-        let positions: Vec<f64> = poses.iter().flat_map(|p| <[f64; 3]>::from(p.position)).collect();
-        let turns = poses.iter().flat_map(|p| <[f64; 4]>::from(p.orientation.coords));
-        let turns: Vec<f64> = turns.collect();
-        Ok((arrays::table(py, &positions, 3), arrays::table(py, &turns, 4)))
+        let positions = poses.iter().flat_map(|p| <[f64; 3]>::from(p.position));
+        let positions: Vec<f64> = positions.collect();
+        let orientations = poses.iter().flat_map(|p| <[f64; 4]>::from(p.orientation.coords));
+        let orientations: Vec<f64> = orientations.collect();
+        Ok((arrays::table(py, &positions, 3), arrays::table(py, &orientations, 4)))
     }
 
     /// Names of the tables.
@@ -115,9 +134,12 @@ impl Results {
         self.read(py, Reader::series_names)
     }
 
-    /// Columns of a table by name, and `step`; units in `units(name)`.
+    /// Returns the columns of a table by name, and `step`; `units` has their units.
+    ///
+    /// Raises:
+    ///     KeyError: the file has no such table.
     fn table<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
-        let table = self.named(py, name)?;
+        let table = self.read_table(py, name)?;
         let columns = PyDict::new(py);
         columns.set_item("step", arrays::column(py, &table.steps))?;
         for (i, (column, _)) in table.columns.iter().enumerate() {
@@ -128,9 +150,12 @@ impl Results {
         Ok(columns)
     }
 
-    /// Units of the columns of a table, by name.
+    /// Returns the units of the columns of a table by name.
+    ///
+    /// Raises:
+    ///     KeyError: the file has no such table.
     fn units<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
-        let table = self.named(py, name)?;
+        let table = self.read_table(py, name)?;
         let units = PyDict::new(py);
         for (column, unit) in &table.columns {
             units.set_item(column, unit)?;

@@ -1,175 +1,225 @@
-//! A state that was saved: looked at without a copy, restored, written to a file.
+//! Saved states: views of their arrays, files and pickling.
 
 use crate::arrays::{self, Matrix, Packed, Vector};
 use crate::case;
 use crate::errors;
+use crate::lock::lock;
 use crate::machine::Machine;
-use crate::there::Kept;
 use ballast::component::{Twist, left_twist};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state;
 use ballast_beds::Case;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_protocol::lockstep::Place;
 use ballast_scenario::Choices;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
-/// A state that was saved. Arrays are read-only and not copied; they keep their values while the
-/// simulation goes on, and stay valid as long as somebody holds them. It can be copied, which takes nothing, and pickled.
+/// A saved state. It can be copied without cost, pickled, and written to a file.
 ///
-/// A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-/// `time_ns`, `hash`, `target` and `target_twist`, `restore` takes it, and it cannot be pickled.
-#[pyclass(frozen, module = "ballast")]
-pub struct State(pub Saved);
+/// Arrays are read-only views of the state's own memory. They keep their values while the simulation advances, and stay
+/// valid for as long as they are referenced.
+///
+/// A state of a remote simulation stays on the server for as long as it is referenced here. It has `time_ns`, `hash`,
+/// `commanded_pose` and `commanded_twist`, can be restored, and cannot be pickled.
+#[pyclass(frozen, module = "ballast", name = "State")]
+pub struct PyState(pub StateStorage);
 
-/// Position and orientation, or velocity and spin.
-type Two<'py> = (Vector<'py>, Vector<'py>);
+/// Position and orientation, or linear and angular velocity.
+type VectorPair<'py> = (Vector<'py>, Vector<'py>);
 
-/// Position, orientation, velocity and spin.
-type Body<'py> = (Vector<'py>, Vector<'py>, Vector<'py>, Vector<'py>);
+/// Position, orientation, velocity and angular velocity.
+type BodyMotion<'py> = (Vector<'py>, Vector<'py>, Vector<'py>, Vector<'py>);
 
-/// Where a state is.
-pub enum Saved {
-    Here(Snapshot),
-    There(Kept),
+/// Location of a state's data.
+pub enum StateStorage {
+    Local(LocalState),
+    Remote(RemoteState),
 }
 
-/// A state of this process.
-pub struct Snapshot {
+/// A state of a simulation of this process.
+pub struct LocalState {
     pub model: Arc<Model>,
     pub state: Arc<state::State>,
     pub case: Arc<Case>,
     pub machine: Machine,
-    /// Limit of the penetration, m, where a simulation of this process has saved it; files have none.
-    pub penetration: Option<f64>,
+    /// Penetration limit of the simulation that saved the state, m; files of `ballast run` have none.
+    pub max_penetration: Option<f64>,
 }
 
-/// The note of a checkpoint that holds what the machine remembers: numbers as text that reads back to the
-/// same bits.
-const MACHINE: &str = "machine";
-/// Note of how deep a step may press bodies into each other, m; infinite: any.
-const LIMIT: &str = "max_penetration";
+/// Commanded pose of each driven body `[nd]`, and its commanded twist if the next motion must continue it.
+pub type CommandedMotion = Arc<[(Pose, Option<Twist>)]>;
 
-impl Snapshot {
+/// A state that a remote component stores; it is released there when the last reference is dropped.
+pub struct RemoteState {
+    pub component: String,
+    pub place: Place,
+    /// Name of the state at the component.
+    pub name: String,
+    /// Names of the driven bodies `[nd]`.
+    pub bodies: Arc<[String]>,
+    pub commanded: CommandedMotion,
+    /// Names of the states that the component may release.
+    pub released: Arc<Mutex<Vec<String>>>,
+}
+
+impl Drop for RemoteState {
+    fn drop(&mut self) {
+        let name = std::mem::take(&mut self.name);
+        lock(&self.released).push(name);
+    }
+}
+
+/// Checkpoint note with the memory of the tamping cycle: numbers whose text converts back to the same bits.
+const MACHINE_NOTE: &str = "machine";
+/// Checkpoint note with the penetration limit, m; infinite: no limit.
+const PENETRATION_NOTE: &str = "max_penetration";
+
+impl LocalState {
     fn read(py: Python<'_>, path: &Path) -> PyResult<Self> {
-        let kept = py.detach(|| checkpoint::read(path)).map_err(|e| errors::file(py, e))?;
-        Self::of(py, kept, &path.display().to_string())
+        let checkpoint = py.detach(|| checkpoint::read(path)).map_err(|e| errors::file(py, e))?;
+        Self::from_checkpoint(py, checkpoint, &path.display().to_string())
     }
 
-    /// Of the bytes of such a file; `name` is what they are part of.
+    /// Reads the bytes of a checkpoint; `name` is their name in messages.
     pub fn from_bytes(py: Python<'_>, bytes: &[u8], name: &str) -> PyResult<Self> {
-        let kept = py.detach(|| checkpoint::from_bytes(bytes));
-        Self::of(py, kept.map_err(|e| errors::file(py, format!("{name}: {e}")))?, name)
+        let checkpoint = py.detach(|| checkpoint::from_bytes(bytes));
+        let checkpoint = checkpoint.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
+        Self::from_checkpoint(py, checkpoint, name)
     }
 
-    fn of(py: Python<'_>, kept: Checkpoint, name: &str) -> PyResult<Self> {
-        if kept.kind != Kind::Run {
+    fn from_checkpoint(py: Python<'_>, checkpoint: Checkpoint, name: &str) -> PyResult<Self> {
+        if checkpoint.kind != Kind::Run {
+            let kind = checkpoint.kind.name();
             let text = format!(
-                "{name}: it is a {}, not the state of a run; `ballast.open` starts a case from its bed",
-                kept.kind.name()
+                "{name}: expected the state of a run, found a {kind}; `ballast.open` starts a case from its bed"
             );
             return Err(errors::file(py, text));
         }
-        let choices = Choices::from_notes(&kept.extra)
+        let choices = Choices::from_notes(&checkpoint.extra)
             .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
-        let case = case::read(py, kept.case_text, name)?.chosen(choices);
-        let machine = match kept.extra.get(MACHINE) {
-            None => Machine::new(&case.plan, &kept.model).map(|machine| {
-                // `ballast run` keeps the memory in the state; what others keep there is none of the machine's.
-                machine.clone().with_memory(kept.state.drive.clone()).unwrap_or(machine)
+        let case = case::read(py, checkpoint.case_text, name)?.chosen(choices);
+        let machine = match checkpoint.extra.get(MACHINE_NOTE) {
+            None => Machine::new(&case.plan, &checkpoint.model).map(|machine| {
+                // `ballast run` stores this memory in the state; other programs store something else there.
+                machine.clone().with_memory(checkpoint.state.drive.clone()).unwrap_or(machine)
             }),
             Some(text) => {
                 let memory = serde_json::from_str(text)
-                    .map_err(|e| errors::file(py, format!("{name}: note {MACHINE:?}: {e}")))?;
-                Machine::new(&case.plan, &kept.model).and_then(|m| m.with_memory(memory))
+                    .map_err(|e| errors::file(py, format!("{name}: note {MACHINE_NOTE:?}: {e}")))?;
+                Machine::new(&case.plan, &checkpoint.model).and_then(|m| m.with_memory(memory))
             }
         };
         let machine = machine.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         let limit = |text: &String| match text.parse() {
-            Ok(most) if most > 0.0 => Ok(most),
-            _ => Err(errors::file(
-                py,
-                format!("{name}: note {LIMIT:?}: expected a length above 0 m, found {text}"),
-            )),
+            Ok(limit) if limit > 0.0 => Ok(limit),
+            _ => {
+                let place = format!("{name}: note {PENETRATION_NOTE:?}");
+                let text = format!("{place}: expected a length above 0 m, found {text}");
+                Err(errors::file(py, text))
+            }
         };
-        let penetration = kept.extra.get(LIMIT).map(limit).transpose()?;
-        let (model, state) = (Arc::new(kept.model), Arc::new(kept.state));
-        Ok(Self { model, state, case: Arc::new(case), machine, penetration })
+        Ok(Self {
+            max_penetration: checkpoint.extra.get(PENETRATION_NOTE).map(limit).transpose()?,
+            model: Arc::new(checkpoint.model),
+            state: Arc::new(checkpoint.state),
+            case: Arc::new(case),
+            machine,
+        })
     }
 
-    /// Writes what it is as a file by `put`.
-    fn put<T: Send>(
+    /// Calls `write` with the state as a checkpoint.
+    fn write_with<T: Send>(
         &self,
         py: Python<'_>,
-        put: impl FnOnce(&Checkpoint) -> ballast_hdf5::Result<T> + Send,
+        write: impl FnOnce(&Checkpoint) -> ballast_hdf5::Result<T> + Send,
     ) -> PyResult<T> {
         let memory = serde_json::to_string(self.machine.memory());
-        let memory = memory.map_err(|e| errors::file(py, format!("note {MACHINE:?}: {e}")))?;
-        let limit = self.penetration.map(|most| (LIMIT.into(), format!("{most:e}")));
-        let notes = [(MACHINE.into(), memory)].into_iter().chain(limit).collect();
-        let put = || put(&self.case.checkpoint(&self.model, &self.state, notes));
-        py.detach(put).map_err(|e| errors::file(py, e))
+        let memory = memory.map_err(|e| errors::file(py, format!("note {MACHINE_NOTE:?}: {e}")))?;
+        let limit =
+            self.max_penetration.map(|limit| (PENETRATION_NOTE.into(), format!("{limit:e}")));
+        let notes = [(MACHINE_NOTE.into(), memory)].into_iter().chain(limit).collect();
+        let write = || write(&self.case.checkpoint(&self.model, &self.state, notes));
+        py.detach(write).map_err(|e| errors::file(py, e))
     }
 
-    /// Rows of the grains `[ng]`.
-    fn of_grains<'py, T: Packed>(
+    /// Returns rows of the grains `[ng]`.
+    fn grain_rows<'py, T: Packed>(
         &self,
         py: Python<'py>,
         pick: impl FnOnce(&state::State) -> &[T],
     ) -> PyResult<Matrix<'py, T::Number>> {
         arrays::rows(py, &self.state, |s| &pick(s)[..self.model.grains.len()])
     }
+
+    /// Returns the index of a driven body.
+    fn driven(&self, py: Python<'_>, name: &str) -> PyResult<usize> {
+        body_index(py, self.model.driven.iter().map(|d| &d.name), name)
+    }
 }
 
-impl State {
-    /// The state, of this process.
-    pub fn here(&self, py: Python<'_>, what: &str) -> PyResult<&Snapshot> {
+impl PyState {
+    /// Returns the data of a local state.
+    ///
+    /// # Errors
+    /// `RequestError` with the code "remote_unsupported".
+    pub fn local(&self, py: Python<'_>, operation: &str) -> PyResult<&LocalState> {
         match &self.0 {
-            Saved::Here(snapshot) => Ok(snapshot),
-            Saved::There(_) => Err(errors::elsewhere(py, what)),
+            StateStorage::Local(state) => Ok(state),
+            StateStorage::Remote(_) => Err(errors::remote_unsupported(py, operation)),
         }
     }
 
-    /// Where the next motion of a driven body begins, and with which twist, if that is not free.
-    fn goal(&self, py: Python<'_>, name: &str) -> PyResult<(Pose, Option<Twist>)> {
+    /// Returns the commanded motion of a driven body.
+    fn commanded(&self, py: Python<'_>, name: &str) -> PyResult<(Pose, Option<Twist>)> {
         match &self.0 {
-            Saved::Here(Snapshot { model, state, .. }) => {
-                let d = driven(py, model.driven.iter().map(|d| &d.name), name)?;
-                Ok((state.imposed(model, d), left_twist(state, d)))
+            StateStorage::Local(local) => {
+                let d = local.driven(py, name)?;
+                Ok((local.state.imposed(&local.model, d), left_twist(&local.state, d)))
             }
-            Saved::There(kept) => Ok(kept.targets[driven(py, kept.names.iter(), name)?]),
+            StateStorage::Remote(remote) => {
+                Ok(remote.commanded[body_index(py, remote.bodies.iter(), name)?])
+            }
         }
     }
 }
 
 #[pymethods]
-impl State {
-    /// Reads what `write` has written, or a checkpoint of `ballast run`. Raises FileError.
+impl PyState {
+    /// Reads a file of `write`, or a checkpoint of `ballast run`.
+    ///
+    /// Raises:
+    ///     FileError: the file cannot be read, or is not the state of a run.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        Ok(Self(Saved::Here(Snapshot::read(py, &path)?)))
+        Ok(Self(StateStorage::Local(LocalState::read(py, &path)?)))
     }
 
-    /// Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there
-    /// only such a file, a bed or a checkpoint is replaced. Raises FileError.
+    /// Writes the state to a file, from which another process continues bit for bit.
+    ///
+    /// An existing file is replaced only if it is a state, a bed or a checkpoint.
+    ///
+    /// Raises:
+    ///     FileError: the file cannot be written, or `path` is a file of another kind.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        self.here(py, "write")?.put(py, |kept| {
+        self.local(py, "write")?.write_with(py, |state| {
             checkpoint::may_become_a_checkpoint(&path)?;
-            checkpoint::write(path, kept)
+            checkpoint::write(path, state)
         })
     }
 
-    /// Pickled as the bytes of the file that `write` would leave.
+    /// Pickles the state as the bytes of the file that `write` creates.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<PickledState<'py>> {
-        let bytes = self.here(py, "pickle")?.put(py, |kept| checkpoint::to_bytes(PICKLED, kept))?;
-        let again = py.import("ballast._ballast")?.getattr("state_again")?;
-        Ok((again, (PyBytes::new(py, &bytes),)))
+        let state = self.local(py, "pickle")?;
+        let bytes = state.write_with(py, |state| checkpoint::to_bytes(PICKLE_NAME, state))?;
+        let unpickle = py.import("ballast._ballast")?.getattr("_unpickle_state")?;
+        Ok((unpickle, (PyBytes::new(py, &bytes),)))
     }
 
-    /// Nothing changes a state.
+    /// Returns the state itself, which is immutable.
     fn __copy__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
         this
     }
@@ -182,85 +232,86 @@ impl State {
     #[getter]
     fn time_ns(&self) -> u64 {
         match &self.0 {
-            Saved::Here(snapshot) => snapshot.state.time_ns,
-            Saved::There(kept) => kept.place.now_ns,
+            StateStorage::Local(local) => local.state.time_ns,
+            StateStorage::Remote(remote) => remote.place.now_ns,
         }
     }
 
-    /// Steps since the start of the run.
+    /// Number of steps since the start of the run.
     #[getter]
     fn step(&self, py: Python<'_>) -> PyResult<u64> {
-        Ok(self.here(py, "step")?.state.step)
+        Ok(self.local(py, "step")?.state.step)
     }
 
-    /// 128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings
-    /// of either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its
-    /// files and recordings, too.
+    /// Hash of the state: 128 bits as 32 hexadecimal digits, comparable with those of `ballast serve` and recordings.
+    ///
+    /// States of `ballast run` also cover the memory of its machine, so their hashes differ for equal bodies.
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {
-            Saved::Here(Snapshot { model, state, .. }) => {
+            StateStorage::Local(LocalState { model, state, .. }) => {
                 py.detach(|| format!("{:032x}", ballast_hdf5::state_hash(model, state)))
             }
-            Saved::There(kept) => kept.place.hash.clone(),
+            StateStorage::Remote(remote) => remote.place.hash.clone(),
         }
     }
 
-    /// (ng, 3) of the grains, m.
+    /// Positions of the grains (ng, 3), m.
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        self.here(py, "positions")?.of_grains(py, |s| &s.position)
+        self.local(py, "positions")?.grain_rows(py, |s| &s.position)
     }
 
-    /// (ng, 4) of the grains, x, y, z, w.
+    /// Orientations of the grains (ng, 4), x, y, z, w.
     #[getter]
     fn orientations<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        self.here(py, "orientations")?.of_grains(py, |s| &s.orientation)
+        self.local(py, "orientations")?.grain_rows(py, |s| &s.orientation)
     }
 
-    /// (ng, 3) of the grains, m/s.
+    /// Velocities of the grains (ng, 3), m/s.
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        self.here(py, "velocities")?.of_grains(py, |s| &s.velocity)
+        self.local(py, "velocities")?.grain_rows(py, |s| &s.velocity)
     }
 
-    /// (ng, 3) of the grains, rad/s.
+    /// Angular velocities of the grains (ng, 3), world axes, rad/s.
     #[getter]
-    fn spins<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        self.here(py, "spins")?.of_grains(py, |s| &s.angular_velocity)
+    fn angular_velocities<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
+        self.local(py, "angular_velocities")?.grain_rows(py, |s| &s.angular_velocity)
     }
 
-    /// (nc, 2) bodies of each contact point; driven bodies are numbered after the grains.
+    /// Indices of the two bodies of each contact point (nc, 2); driven bodies are numbered after the grains.
     #[getter]
     fn contact_bodies<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py, u32>> {
-        arrays::rows(py, &self.here(py, "contact_bodies")?.state, |s| &s.contacts.bodies)
+        arrays::rows(py, &self.local(py, "contact_bodies")?.state, |s| &s.contacts.bodies)
     }
 
-    /// (nc, 3) impulse of the last step on the first body, N s.
+    /// Impulses of the last step on the first body of each contact point (nc, 3), N s.
     #[getter]
     fn contact_impulses<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        arrays::rows(py, &self.here(py, "contact_impulses")?.state, |s| &s.contacts.impulse)
+        arrays::rows(py, &self.local(py, "contact_impulses")?.state, |s| &s.contacts.impulse)
     }
 
-    /// (nc, 3) where the contacts are, m; a copy.
+    /// Positions of the contact points (nc, 3), m; a copy.
     #[getter]
     fn contact_points<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
-        let state = &self.here(py, "contact_points")?.state;
+        let state = &self.local(py, "contact_points")?.state;
         let contacts = &state.contacts;
-        let point = |(pair, local)| state.pose(<[u32; 2]>::clone(pair)[0] as usize).point(local);
-        let points: Vec<f64> = contacts
-            .bodies
-            .iter()
-            .zip(&contacts.local_point)
-            .flat_map(|at| <[f64; 3]>::from(point(at)))
-            .collect();
+        let mut points = Vec::with_capacity(3 * contacts.bodies.len());
+        for ([body, _], local_point) in contacts.bodies.iter().zip(&contacts.local_point) {
+            points.extend(<[f64; 3]>::from(state.pose(*body as usize).point(local_point)));
+        }
         Ok(arrays::table(py, &points, 3))
     }
 
-    /// Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body.
-    fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Body<'py>> {
-        let Snapshot { model, state, .. } = self.here(py, "body")?;
-        let b = model.grains.len() + driven(py, model.driven.iter().map(|d| &d.name), name)?;
+    /// Returns position (m), orientation (x, y, z, w), velocity (m/s) and angular velocity (rad/s) of a driven body.
+    ///
+    /// Raises:
+    ///     RequestError: no driven body has this name.
+    fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<BodyMotion<'py>> {
+        let local = self.local(py, "body")?;
+        let state = &local.state;
+        let b = local.model.grains.len() + local.driven(py, name)?;
         Ok((
             arrays::vector(py, &state.position[b]),
             arrays::quaternion(py, &state.orientation[b]),
@@ -269,17 +320,30 @@ impl State {
         ))
     }
 
-    /// Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
-    /// holds it: where its next motion has to begin.
-    fn target<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Two<'py>> {
-        let (pose, _) = self.goal(py, name)?;
+    /// Returns the position (m) and orientation (x, y, z, w) at which the next motion of a driven body must start.
+    ///
+    /// It is the end of the last commanded motion of the body or of its mount.
+    ///
+    /// Raises:
+    ///     RequestError: no driven body has this name.
+    fn commanded_pose<'py>(&self, py: Python<'py>, name: &str) -> PyResult<VectorPair<'py>> {
+        let (pose, _) = self.commanded(py, name)?;
         Ok((arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)))
     }
 
-    /// Velocity (m/s) and spin (rad/s) with which the next cubic motion of a driven body, or of the mount that holds
-    /// it, begins: as the last one ended, or zero where the body had no motion. None, any, after a held or linear one.
-    fn target_twist<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Two<'py>>> {
-        let (_, twist) = self.goal(py, name)?;
+    /// Returns the linear (m/s) and angular velocity (rad/s) at the end of the last commanded motion of a driven body.
+    ///
+    /// The next cubic motion must continue them. They are zero for a body without motion, and `None` after a linear or
+    /// held motion, when any velocity is accepted.
+    ///
+    /// Raises:
+    ///     RequestError: no driven body has this name.
+    fn commanded_twist<'py>(
+        &self,
+        py: Python<'py>,
+        name: &str,
+    ) -> PyResult<Option<VectorPair<'py>>> {
+        let (_, twist) = self.commanded(py, name)?;
         let vectors =
             |t: Twist| (arrays::vector(py, &t.velocity), arrays::vector(py, &t.angular_velocity));
         Ok(twist.map(vectors))
@@ -287,42 +351,39 @@ impl State {
 
     fn __repr__(&self) -> String {
         match &self.0 {
-            Saved::Here(Snapshot { case, state, .. }) => {
+            StateStorage::Local(LocalState { case, state, .. }) => {
                 format!("State({:?}, step {}, {} ns)", case.plan.name, state.step, state.time_ns)
             }
-            Saved::There(kept) => {
-                format!("State(\"zenoh:{}\", {} ns)", kept.component, kept.place.now_ns)
+            StateStorage::Remote(remote) => {
+                format!("State(\"zenoh:{}\", {} ns)", remote.component, remote.place.now_ns)
             }
         }
     }
 }
 
-/// What makes a state of bytes, and these.
+/// Unpickling function and the bytes of a checkpoint.
 type PickledState<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
 
-/// What messages call a state that was pickled.
-const PICKLED: &str = "a pickled state";
+/// Name of pickled bytes in messages.
+const PICKLE_NAME: &str = "a pickled state";
 
-/// A state that was pickled.
+/// Returns a pickled state.
 #[pyfunction]
-pub fn state_again(py: Python<'_>, bytes: &[u8]) -> PyResult<State> {
-    Ok(State(Saved::Here(Snapshot::from_bytes(py, bytes, PICKLED)?)))
+pub fn _unpickle_state(py: Python<'_>, bytes: &[u8]) -> PyResult<PyState> {
+    Ok(PyState(StateStorage::Local(LocalState::from_bytes(py, bytes, PICKLE_NAME)?)))
 }
 
-/// The number of a driven body.
-fn driven<'a>(
+/// Returns the index of a driven body in a list of names.
+///
+/// # Errors
+/// `RequestError` with the code "unknown_body".
+fn body_index<'a>(
     py: Python<'_>,
     names: impl Iterator<Item = &'a String> + Clone,
     name: &str,
 ) -> PyResult<usize> {
     names.clone().position(|known| known == name).ok_or_else(|| {
-        let known: Vec<_> = names.collect();
-        errors::refused(
-            py,
-            "unknown_body",
-            "body",
-            format!("one of {known:?}"),
-            format!("{name:?}"),
-        )
+        let expected = format!("one of {:?}", names.collect::<Vec<_>>());
+        errors::request(py, "unknown_body", "body", expected, format!("{name:?}"))
     })
 }

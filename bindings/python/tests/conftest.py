@@ -23,13 +23,13 @@ def case() -> ballast.Case:
 @pytest.fixture(scope="session")
 def beds(case: ballast.Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("beds")
-    ballast.prepare(case, beds=folder, threads=1, progress=False)
+    ballast.prepare(case, bed_cache=folder, threads=1, progress=False)
     return folder
 
 
 @pytest.fixture
 def sim(case: ballast.Case, beds: Path) -> Iterator[ballast.Simulation]:
-    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+    with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
         yield sim
 
 
@@ -55,6 +55,6 @@ def lowered(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ball
     times = [now, now + steps * sim.step_ns]
     motions = {}
     for tine in sim.tines:
-        x, q = sim.save().target(tine.name)
+        x, q = sim.save().commanded_pose(tine.name)
         motions[tine.name] = ballast.Motion(times, [x, x - [0.0, 0.0, depth]], [q, q])
     return motions

@@ -61,7 +61,7 @@ def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
 def test_whatever_is_a_case_has_values(case: ballast.Case) -> None:
     # A mark of the order of bytes, and lines within a table, which Python's own reader of TOML does not take.
     text = "\ufeff" + case.text + "\n[[sleeper]]\nblocks = [{\n    size_m = [1.0, 1.0, 1.0],\n}]\n"
-    assert _ballast.values(text)["sleeper"][0]["blocks"] == [{"size_m": [1.0, 1.0, 1.0]}]
+    assert _ballast._parse_toml(text)["sleeper"][0]["blocks"] == [{"size_m": [1.0, 1.0, 1.0]}]
     marked = ballast.Case("\ufeff" + case.text)
     assert marked.to_dict() == case.to_dict()
     assert marked.with_values({"bed.seed": 9}).seed == 9
@@ -104,7 +104,7 @@ def test_what_is_written_is_what_was_chosen(case: ballast.Case, tmp_path: Path) 
     greatest = case.choose(seed=2**64 - 1)
     assert greatest.seed == 2**64 - 1
     for ask in (lambda: greatest.text, greatest.to_dict, lambda: greatest.write(tmp_path / "greatest.toml")):
-        with pytest.raises(ballast.CaseError, match=f"bed.seed: expected one up to {2**63 - 1}, .* found {2**64 - 1}") as wrong:
+        with pytest.raises(ballast.CaseError, match=f"bed.seed: expected at most {2**63 - 1}, .* found {2**64 - 1}") as wrong:
             ask()
         assert wrong.value.code == "case"
     assert [path.name for path in tmp_path.iterdir()] == ["chosen.toml"]
@@ -129,7 +129,7 @@ def test_what_is_chosen_or_said_last_holds(case: ballast.Case) -> None:
     with pytest.raises(ballast.CaseError, match="expected one of"):
         case.choose(schedule="random")
     for seed in (-1, 2**70):
-        with pytest.raises(ballast.Refused, match="seed: expected one from 0 to 2"):
+        with pytest.raises(ballast.RequestError, match="seed: expected 0 to 2"):
             case.choose(seed=seed)
     assert case.choose(seed=5).with_values({"bed.seed": 2}).seed == 2
     assert case.choose(seed=5).with_values({"bed": {**case.to_dict()["bed"], "seed": 2}}).seed == 2
@@ -153,18 +153,18 @@ def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
         ballast.read(tmp_path / "nothing.mcap")
     (tmp_path / "file").write_text("")
     with pytest.raises(ballast.FileError, match="cannot keep beds"):
-        ballast.prepare(case, beds=tmp_path / "file" / "beds", progress=False)
+        ballast.prepare(case, bed_cache=tmp_path / "file" / "beds", progress=False)
 
 
 def test_a_preparation_tells_how_far_it_is(case: ballast.Case, tmp_path: Path) -> None:
     told: list[tuple[float, str]] = []
     path = ballast.prepare(
-        case, beds=tmp_path, threads=1, progress=lambda share, text: told.append((share, text))
+        case, bed_cache=tmp_path, threads=1, progress=lambda share, text: told.append((share, text))
     )
     assert Path(path).exists()
     assert all(0.0 <= share <= 1.0 and text for share, text in told)
     stamp = Path(path).stat().st_mtime_ns
-    assert ballast.prepare(case, beds=tmp_path, progress=False) == path
+    assert ballast.prepare(case, bed_cache=tmp_path, progress=False) == path
     assert Path(path).stat().st_mtime_ns == stamp, "it was there"
 
 
@@ -175,10 +175,10 @@ def test_a_damaged_bed_is_told_with_the_way_out(case: ballast.Case, beds: Path, 
         path = tmp_path / f"{of.bed_key}.h5"
         path.write_bytes(damaged)
         for use in (ballast.open, ballast.prepare):
-            with pytest.raises(ballast.FileError, match=r"prepare it again with `ballast.prepare\(case, again=True\)`, or delete"):
-                use(of, beds=tmp_path, progress=False)  # type: ignore[operator]
-    ballast.prepare(case, beds=tmp_path, threads=1, progress=False, again=True)
-    ballast.open(case, beds=tmp_path, threads=1, progress=False).close()
+            with pytest.raises(ballast.FileError, match=r"prepare it again with `ballast.prepare\(case, rebuild=True\)`, or delete"):
+                use(of, bed_cache=tmp_path, progress=False)  # type: ignore[operator]
+    ballast.prepare(case, bed_cache=tmp_path, threads=1, progress=False, rebuild=True)
+    ballast.open(case, bed_cache=tmp_path, threads=1, progress=False).close()
 
 
 def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> None:
@@ -186,17 +186,17 @@ def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> No
         raise RuntimeError("enough")
 
     with pytest.raises(RuntimeError, match="enough"):
-        ballast.prepare(ROOT / "examples/laptop.toml", beds=tmp_path, progress=listen)
+        ballast.prepare(ROOT / "examples/laptop.toml", bed_cache=tmp_path, progress=listen)
     assert not list(tmp_path.glob("*.h5"))
 
 
 def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast.Case) -> None:
     with pytest.raises(ballast.CaseError, match="frequency_Hz"):
         case.with_values({"tamping.vibration.frequency_Hz": math.nan})
-    with pytest.raises(TypeError, match="tamping.vibration.frequency_Hz: expected texts, numbers, .* found None"):
+    with pytest.raises(TypeError, match="tamping.vibration.frequency_Hz: expected a string, number, .* found None"):
         case.with_values({"tamping.vibration.frequency_Hz": None})
     for no_list in ({0.3, 0.1}, frozenset([1.0]), b"text", bytearray(3)):
-        with pytest.raises(TypeError, match="bed.size_m: expected texts, numbers, .* lists .* found"):
+        with pytest.raises(TypeError, match="bed.size_m: expected a string, number, boolean, list or dictionary, found"):
             case.with_values({"bed.size_m": no_list})
     with pytest.raises(ballast.CaseError, match="seed"):
         case.with_values({"bed.seed": 2**63})
@@ -214,18 +214,18 @@ def test_inputs_are_real_numbers_of_any_kind() -> None:
     hidden = [np.ma.masked_equal(down.astype(kind), -1) for kind in (float, int)]
     for rows, found in [*((rows, "no real numbers") for rows in others), *((rows, "masked numbers") for rows in hidden)]:
         for of, place in [(ballast.Motion, "positions"), (ballast.Load, "forces")]:
-            with pytest.raises(ballast.Refused, match=f"expected an array of 2 rows of 3, .* found {found}") as refused:
+            with pytest.raises(ballast.RequestError, match=f"expected an array of 2 rows of 3, .* found {found}") as refused:
                 of([0, 1], rows)
             assert (refused.value.code, refused.value.place) == ("input_invalid", place)
 
 
 def test_what_turns_on_a_cubic_needs_spins() -> None:
     still, turned = np.zeros((2, 3)), [[0, 0, 0, 1], [0, 0, 0.6, 0.8]]
-    with pytest.raises(ballast.Refused, match="spins: expected one per knot where orientations differ") as refused:
+    with pytest.raises(ballast.RequestError, match="angular_velocities: expected one per knot where orientations differ") as refused:
         ballast.Motion([0, 1], still, turned, velocities=still)
-    assert (refused.value.code, refused.value.place) == ("input_invalid", "spins")
+    assert (refused.value.code, refused.value.place) == ("input_invalid", "angular_velocities")
     assert repr(ballast.Motion([0, 1], still, turned)) == "Motion(2 knots, 0 to 1 ns, linear)"
     # The other sign of a quaternion is the same orientation.
     for orientations, spins in [(turned, still), ([[0, 0, 0, 1], [0, 0, 0, -1]], None)]:
-        motion = ballast.Motion([0, 1], still, orientations, velocities=still, spins=spins)
+        motion = ballast.Motion([0, 1], still, orientations, velocities=still, angular_velocities=spins)
         assert repr(motion) == "Motion(2 knots, 0 to 1 ns, hermite)"

@@ -79,8 +79,8 @@ class Stuck:
     def __getattr__(self, name):
         return getattr(self.sim, name)
 
-    def step_by_machine(self):
-        return types.SimpleNamespace(status="discard", code="over_speed", trouble="a stone is too fast", t1_ns=1000000)
+    def step_tamping_cycle(self):
+        return types.SimpleNamespace(status="discard", code="over_speed", error_message="a stone is too fast", t1_ns=1000000)
 
 begin = ballast.open
 ballast.open = lambda case: Stuck(begin(case))

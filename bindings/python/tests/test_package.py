@@ -30,7 +30,7 @@ def test_only_numpy_comes_with_it() -> None:
 def test_names_are_those_of_the_package() -> None:
     assert all(hasattr(ballast, name) for name in ballast.__all__)
     assert repr(ballast.Motion([0], [[0, 0, 0]])) == "Motion(1 knots, 0 to 0 ns, linear)"
-    assert issubclass(ballast.Lost, ballast.Error)
+    assert issubclass(ballast.InternalError, ballast.Error)
 
 
 def test_help_says_what_the_stubs_say() -> None:
@@ -65,10 +65,10 @@ def test_help_says_what_the_stubs_say() -> None:
         ("zenoh:test/bed", {"schedule": ""}),
         ("zenoh:test/bed", {"threads": 0}),
         ("zenoh:test/bed", {"max_penetration": 0.0}),
-        ("zenoh:test/bed", {"keep_early": True}),
+        ("zenoh:test/bed", {"keep_partial_window": True}),
         ("zenoh:test/bed", {"connect": ""}),
         ("zenoh:test/bed", {"listen": 0}),
-        ("zenoh:test/bed", {"beds": "elsewhere"}),
+        ("zenoh:test/bed", {"bed_cache": "elsewhere"}),
         ("zenoh:test/bed", {"config": 0}),
     ],
 )
@@ -78,9 +78,9 @@ def test_options_that_would_be_ignored_are_a_mistake(case: str, options: dict[st
 
 
 def test_a_configuration_that_is_not_there_is_told() -> None:
-    with pytest.raises(ballast.Unreachable) as unreachable:
+    with pytest.raises(ballast.RemoteError) as unreachable:
         ballast.open("zenoh:test/bed", config="")
-    assert unreachable.value.code == "link"
+    assert unreachable.value.code == "transport"
 
 
 SETTINGS = str(ROOT / "bindings/python/pyproject.toml")
@@ -120,14 +120,14 @@ import numpy as np
 import numpy.typing as npt
 from ballast import study
 
-def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64]) -> ballast.Outcome:
+def use(sim: ballast.Simulation, case: ballast.Case, seeds: npt.NDArray[np.int64]) -> ballast.WindowResult:
     times = np.linspace(sim.now_ns, sim.now_ns + 5 * sim.step_ns, 3).astype(int)
     rows = np.zeros((3, 3))
     ballast.Load([0, np.int32(5), np.uint64(7)], rows)
     ballast.Motion(range(3), rows)
     for seed in seeds:
         case = case.choose(seed=seed)
-    out: Mapping[str, ballast.BodyOutcome] = dict(sim.advance_to(times[0]))
+    out: Mapping[str, ballast.BodyResult] = dict(sim.advance_to(times[0]))
     assert list(out) == sim.bodies
     return sim.advance_to(times[-1], {"tine_1": ballast.Motion(times, rows)}, {"sleeper_1": ballast.Load(times, rows)})
 
@@ -137,7 +137,7 @@ def whole(case: ballast.Case, beds: str) -> dict[str, int]:
 def some(case: ballast.Case, beds: str) -> dict[str, float | None]:
     return {"seed": None}
 
-MEASURES: list[study.Measure] = [whole, some, study.tamp]
+MEASURES: list[study.Measure] = [whole, some, study.run_tamping_cycle]
 """
 
 

@@ -45,7 +45,7 @@ class Run:
 
     path: Path
     start: ballast.State
-    windows: list[tuple[ballast.Outcome, ballast.State]]
+    windows: list[tuple[ballast.WindowResult, ballast.State]]
     # Of each grain, in its own frame.
     corners: list[Floats]
 
@@ -63,8 +63,8 @@ class Seen:
 def played(case: ballast.Case, beds: Path, path: Path, *, is_tried: bool = True) -> Run:
     """Tines go down, then close, up to the tenth output, with which polyhedra stand; `is_tried`: the second
     window, at whose end an output is due, is computed otherwise first."""
-    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
-        corners = [sim.shape(shape)[0] for shape in sim.shape_of]
+    with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
+        corners = [sim.shape(shape)[0] for shape in sim.shape_indices]
         run = Run(path, sim.save(), [], corners)
         sim.record(path)
         for i in range(12):
@@ -91,7 +91,7 @@ def closed(sim: ballast.Simulation, way: float, steps: int) -> dict[str, ballast
     times = [sim.now_ns, sim.now_ns + steps * sim.step_ns]
     motions = {}
     for tine in sim.tines:
-        x, q = sim.save().target(tine.name)
+        x, q = sim.save().commanded_pose(tine.name)
         motions[tine.name] = ballast.Motion(times, [x, x + [tine.direction * way, 0.0, 0.0]], [q, q])
     return motions
 
@@ -180,7 +180,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
             "impulse": named(body.impulse),
             "angular_impulse": named(body.angular_impulse),
             "mean": mean,
-            "moving_mean": {"force": named(body.moving_force), "torque": named(body.moving_torque)},
+            "moving_mean": {"force": named(body.moving_average_force), "torque": named(body.moving_average_torque)},
             "peak_force": named(body.peak_force),
             "peak_torque": named(body.peak_torque),
             "peak_time_ns": body.peak_time_ns,
@@ -217,7 +217,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
     )
     told["/ballast/energy"] = fields(
         out.energy,
-        "initial_kinetic initial_potential kinetic potential work_in dissipated balance_error",
+        "initial_kinetic initial_potential kinetic potential external_work dissipated balance_error",
     )
     told["/ballast/hash"] = {"bytes": bytes.fromhex(state.hash)}
     window = {"seq": i + 1, "t0_ns": out.t0_ns, "t1_ns": out.t1_ns}
@@ -279,7 +279,7 @@ def test_points_are_the_grains(case: ballast.Case, run: Run, seen: list[Seen]) -
         assert np.array_equal(points["grain"].ravel(), np.arange(len(x)))
 
 
-def is_output_due(case: ballast.Case, out: ballast.Outcome) -> bool:
+def is_output_due(case: ballast.Case, out: ballast.WindowResult) -> bool:
     every_ns: int = round(case.to_dict()["run"]["output_interval_s"] * 1e9)
     return out.t1_ns // every_ns > out.t0_ns // every_ns
 
@@ -320,7 +320,7 @@ def test_polyhedra_and_arrows_are_where_the_bodies_are(run: Run, seen: list[Seen
         if time_ns == 0:
             assert not any(e.arrows for e in entities.values())
             continue
-        forces = {name: last[name].moving_force for name in tools(run)}
+        forces = {name: last[name].moving_average_force for name in tools(run)}
         pushed = {name: force for name, force in forces.items() if force.any()}
         assert pushed.keys() == {e.id for e in entities.values() if e.arrows}
         assert pushed

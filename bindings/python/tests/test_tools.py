@@ -35,7 +35,7 @@ def test_the_environment_is_one_of_gymnasium(case: ballast.Case, beds: Path) -> 
 
     from ballast.gym import TampingEnv
 
-    env = TampingEnv(case, beds=beds)
+    env = TampingEnv(case, bed_cache=beds)
     assert isinstance(env, gymnasium.Env)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -47,7 +47,7 @@ def test_seeds_reproduce_an_episode(case: ballast.Case, beds: Path) -> None:
     from ballast.gym import TampingEnv
 
     def episode(threads: int) -> list[object]:
-        env = TampingEnv(case, beds=beds, threads=threads)
+        env = TampingEnv(case, bed_cache=beds, threads=threads)
         observation, _ = env.reset(seed=3)
         env.action_space.seed(3)
         seen: list[object] = [observation.tolist()]
@@ -55,7 +55,7 @@ def test_seeds_reproduce_an_episode(case: ballast.Case, beds: Path) -> None:
         while not ended:
             squeeze = np.array([1.0, env.action_space.sample()[1], 1.0])
             observation, reward, terminated, truncated, info = env.step(squeeze)
-            assert "trouble" not in info, info
+            assert "error_message" not in info, info
             seen += [observation.tolist(), reward]
             ended = terminated or truncated
         assert observation[0] > 0.5 and observation[1] > 0.5, "the tines went down and closed"
@@ -72,7 +72,7 @@ def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> No
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
-    env = TampingEnv(case, beds=beds)
+    env = TampingEnv(case, bed_cache=beds)
     with pytest.raises(ballast.Error, match="found none; reset first"):
         env.step(np.zeros(3))
     before, _ = env.reset(seed=1)
@@ -99,7 +99,7 @@ def test_cases_without_what_is_observed_are_refused(case: ballast.Case, beds: Pa
     untamped = ballast.Case.from_dict(values)
     for other, said in ((without_tines, "a case with tines"), (untamped, "a case with ballast under a tamped sleeper")):
         with pytest.raises(ballast.Error, match=re.escape(f'Case("tiny"): expected {said}, found none')):
-            TampingEnv(other, beds=beds)
+            TampingEnv(other, bed_cache=beds)
 
 
 class Stuck:
@@ -117,10 +117,10 @@ class Stuck:
     def __getattr__(self, name: str) -> object:
         return getattr(self.sim, name)
 
-    def step_by_machine(self) -> object:
+    def step_tamping_cycle(self) -> object:
         self.left -= 1
         assert self.left >= 0, "the same step is asked for again and again"
-        return SimpleNamespace(status="discard" if self.left == 0 else "ok", trouble="a stone is too fast")
+        return SimpleNamespace(status="discard" if self.left == 0 else "ok", error_message="a stone is too fast")
 
 
 def test_a_lift_that_cannot_be_computed_is_told(
@@ -132,7 +132,7 @@ def test_a_lift_that_cannot_be_computed_is_told(
     begin = ballast.open
     monkeypatch.setattr(ballast, "open", lambda case, **options: Stuck(begin(case, **options)))
     with pytest.raises(ballast.Error, match="status='discard'.*: a stone is too fast"):
-        TampingEnv(case, beds=beds)
+        TampingEnv(case, bed_cache=beds)
 
 
 class Measured:
@@ -147,17 +147,17 @@ class Measured:
     def zones(self) -> dict[str, object]:
         return measured({"under/a": 0.5, "under/b": 0.25, "under/c": None, "crib": 0.9})
 
-    def advance_to(self, t1_ns: int, tools: dict[str, ballast.Motion], *, zones: bool) -> object:
-        out = self.sim.advance_to(t1_ns, tools)
-        return MeasuredOutcome(out)
+    def advance_to(self, t1_ns: int, motions: dict[str, ballast.Motion], *, zones: bool) -> object:
+        out = self.sim.advance_to(t1_ns, motions)
+        return MeasuredResult(out)
 
 
-class MeasuredOutcome:
-    def __init__(self, out: ballast.Outcome) -> None:
+class MeasuredResult:
+    def __init__(self, out: ballast.WindowResult) -> None:
         self.out, self.status = out, out.status
         self.zones = measured({"under/a": None, "under/b": 0.35, "under/c": 0.9, "crib": 0.9})
 
-    def __getitem__(self, name: str) -> ballast.BodyOutcome:
+    def __getitem__(self, name: str) -> ballast.BodyResult:
         return self.out[name]
 
 
@@ -171,7 +171,7 @@ def test_compactness_is_a_mean_over_the_same_zones(
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
-    env = TampingEnv(case, beds=beds)
+    env = TampingEnv(case, bed_cache=beds)
     begin = env._start
     monkeypatch.setattr(env, "_start", lambda bed: Measured(begin(bed)))
     before, _ = env.reset(seed=1)
@@ -192,13 +192,13 @@ def test_no_blade_is_lowered_faster_than_it_may(case: ballast.Case, beds: Path) 
     values = renamed(case).to_dict()
     # The upper edges of both end at the same depth, so the second one has farther to go.
     values["tine"][1]["blade_size_m"][2] += 0.01
-    env = TampingEnv(ballast.Case.from_dict(values), beds=beds, insertion_speed=0.6)
+    env = TampingEnv(ballast.Case.from_dict(values), bed_cache=beds, insertion_speed=0.6)
     env.reset(seed=1)
     assert env._sim is not None
     begun = env._sim.save()
     env.step(np.array([-1.0, 0.0, 1.0]))
     ended = env._sim.save()
-    ways = [float(begun.target(tine.name)[0][2] - ended.target(tine.name)[0][2]) for tine in env._tines]
+    ways = [float(begun.commanded_pose(tine.name)[0][2] - ended.commanded_pose(tine.name)[0][2]) for tine in env._tines]
     assert max(ways) == pytest.approx(0.6 * 0.02) and min(ways) < 0.9 * max(ways)
 
 
@@ -206,11 +206,11 @@ def test_what_cannot_be_computed_is_told_in_whole(case: ballast.Case, beds: Path
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
-    env = TampingEnv(case, beds=beds, interval_s=1e-3, squeeze_speed=1e5)
+    env = TampingEnv(case, bed_cache=beds, interval_s=1e-3, squeeze_speed=1e5)
     before, _ = env.reset(seed=1)
     after, reward, terminated, truncated, info = env.step(np.array([1.0, 0.0, 0.0]))
     assert (reward, terminated, truncated) == (0.0, False, True) and after.tolist() == before.tolist()
-    assert info.pop("trouble").startswith("step at t = ")
+    assert info.pop("error_message").startswith("step at t = ")
     assert info == {"gain_percent": 0.0, "work_J": 0.0, "code": "over_speed"}
 
 
@@ -220,14 +220,14 @@ def test_seeds_of_beds_are_whole_numbers(case: ballast.Case, beds: Path) -> None
 
     for seeds in (3, [1.5], ["1"]):
         with pytest.raises(TypeError, match=f"seeds: expected a list of whole numbers, found {re.escape(repr(seeds))}"):
-            TampingEnv(case, seeds=seeds, beds=beds)  # type: ignore[arg-type]
+            TampingEnv(case, seeds=seeds, bed_cache=beds)  # type: ignore[arg-type]
 
 
 def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
-    env = TampingEnv(case, beds=beds)
+    env = TampingEnv(case, bed_cache=beds)
     before, _ = env.reset(seed=1)
     assert before[-3:].tolist() == [0.0, 1.0, 0.0]
     # 35 Hz from the start, then gliding to 50: the angle is that of 35 and of 42.5 Hz, for 0.02 s each.
@@ -244,10 +244,10 @@ def test_an_episode_begins_where_the_lift_has_left_the_tines(case: ballast.Case,
     # The step that ends this lift goes on into the insertion.
     half = 0.5e-9 * case.step_ns
     lift = case.to_dict()["tamping"]["lift"]["duration_s"]
-    env = TampingEnv(case.with_values({"tamping.lift.duration_s": lift + half}), beds=beds)
+    env = TampingEnv(case.with_values({"tamping.lift.duration_s": lift + half}), bed_cache=beds)
     env.reset(seed=1)
     _, _, _, truncated, info = env.step(np.array([0.0, 0.0, 1.0]))
-    assert not truncated and "trouble" not in info
+    assert not truncated and "error_message" not in info
 
 
 @pytest.mark.parametrize("interval_s", [0.07, 1.0, 1e6])
@@ -255,12 +255,12 @@ def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
-    env = TampingEnv(case, beds=beds, interval_s=interval_s)
+    env = TampingEnv(case, bed_cache=beds, interval_s=interval_s)
     env.reset(seed=1)
     times, is_over = [], False
     while not is_over:
         seen, _, closed, is_over, info = env.step(np.array([-1.0, 0.0, -1.0]))
-        assert not closed and "trouble" not in info, info
+        assert not closed and "error_message" not in info, info
         times.append(seen[3])
     assert times[-1] == 1.0 and times == sorted(set(times)) and len(times) == (3 if interval_s == 0.07 else 1)
 
@@ -272,7 +272,7 @@ def test_a_step_of_an_episode_is_whole_steps(case: ballast.Case, beds: Path) -> 
     for interval_s, nearest in ((0.0205, "0.02 or 0.021"), (4e-4, "0.001"), (1e-10, "0.001"), (0.001000001, "0.001 or 0.002")):
         said = f"interval_s: expected a whole number of steps of 0.001 s, such as {nearest}, found {interval_s}"
         with pytest.raises(ValueError, match=re.escape(said)):
-            TampingEnv(case, beds=beds, interval_s=interval_s)
+            TampingEnv(case, bed_cache=beds, interval_s=interval_s)
 
 
 def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -> None:
@@ -286,7 +286,7 @@ def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -
             seen += [observation.tolist(), *more]
         return seen
 
-    env = TampingEnv(case, beds=beds)
+    env = TampingEnv(case, bed_cache=beds)
     with pytest.raises(ballast.Error, match="save: expected an episode, found none"):
         env.save()
     env.reset(seed=1)
@@ -297,9 +297,9 @@ def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -
     assert again[0].tolist() == before.tolist() and kept == kept and again[1] != kept and len({kept, again[1]}) == 2
     told = rest(env)
     assert env.restore(kept).tolist() == before.tolist() and rest(env) == told
-    other = TampingEnv(case, beds=beds)
+    other = TampingEnv(case, bed_cache=beds)
     assert other.restore(pickle.loads(pickle.dumps(kept))).tolist() == before.tolist() and rest(other) == told
-    slower = TampingEnv(case.with_values({"tamping.vibration.frequency_Hz": 20.0}), beds=beds)
+    slower = TampingEnv(case.with_values({"tamping.vibration.frequency_Hz": 20.0}), bed_cache=beds)
     with pytest.raises(ballast.Error, match="restore: expected an episode of"):
         slower.restore(kept)
 
@@ -308,8 +308,8 @@ def test_an_environment_keeps_few_states(case: ballast.Case, beds: Path, monkeyp
     pytest.importorskip("gymnasium")
     from ballast import gym
 
-    monkeypatch.setattr(gym, "BEGUN", 2)
-    env = gym.TampingEnv(case, seeds=[case.seed, 12], beds=beds)
+    monkeypatch.setattr(gym, "MAX_CACHED_STATES", 2)
+    env = gym.TampingEnv(case, seeds=[case.seed, 12], bed_cache=beds)
     for bed in (12, case.seed, 99, case.seed, 12):
         env._start(bed)
     assert list(env._begun) == [case.seed, 12]
@@ -324,8 +324,8 @@ class Interrupted:
     def __getattr__(self, name: str) -> object:
         return getattr(self.sim, name)
 
-    def advance_to(self, t1_ns: int, tools: dict[str, ballast.Motion], *, zones: bool) -> None:
-        self.sim.advance_to(self.sim.now_ns + self.sim.step_ns, tools, zones=zones)
+    def advance_to(self, t1_ns: int, motions: dict[str, ballast.Motion], *, zones: bool) -> None:
+        self.sim.advance_to(self.sim.now_ns + self.sim.step_ns, motions, zones=zones)
         raise KeyboardInterrupt
 
 
@@ -334,7 +334,7 @@ def test_a_step_that_ctrl_c_ends_can_be_made_again(case: ballast.Case, beds: Pat
     from ballast.gym import TampingEnv
 
     def second(interrupted: bool) -> list[float]:
-        env = TampingEnv(case, beds=beds)
+        env = TampingEnv(case, bed_cache=beds)
         env.reset(seed=1)
         env.step(np.array([0.0, 0.0, 1.0]))
         if interrupted:
@@ -354,14 +354,14 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     from ballast import study
 
     points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 60.0], "seed": [case.seed]})
-    first = study.run(case, points[:1], tmp_path / "study", jobs=1, beds=beds, progress=False)
+    first = study.run(case, points[:1], tmp_path / "study", jobs=1, bed_cache=beds, progress=False)
     assert first["error"].isna().all()
     file = next((tmp_path / "study").glob("*.json"))
     stamp = file.stat().st_mtime_ns
     bad = {"tamping.vibration.frequency_Hz": 30.0, "seed": 1, "solver.max_iterations": 1}
     # Points may come one by one.
     generated = (point for point in [*points, bad])
-    table = study.run(case, generated, tmp_path / "study", jobs=2, beds=beds, progress=False)
+    table = study.run(case, generated, tmp_path / "study", jobs=2, bed_cache=beds, progress=False)
     assert file.stat().st_mtime_ns == stamp, "what is done is not done again"
     assert len(table) == 3 and list(table["seed"]) == [case.seed, case.seed, 1]
     pd.testing.assert_frame_equal(first, table.loc[:0, first.columns])
@@ -390,7 +390,7 @@ def test_figures_are_numbers(case: ballast.Case, beds: Path, tmp_path: Path) -> 
     from ballast import study
 
     with ThreadPoolExecutor(1) as pool:
-        ask = {"executor": pool, "beds": beds, "progress": False}
+        ask = {"executor": pool, "bed_cache": beds, "progress": False}
         table = study.run(case, [{}], tmp_path, measure=says_numbers_of_numpy, **ask)
         assert table.iloc[0].to_dict() == {"real": 0.5, "whole": 3, "is": True, "none": None, "error": None}
         table = study.run(case, [{}], tmp_path, measure=says_text_of_numpy, **ask)
@@ -407,7 +407,7 @@ def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Pa
 
     greatest = 2**64 - 1
     for base, point in ((case, {"seed": greatest}), (case.choose(seed=greatest), {})):
-        table = study.run(base, [point], tmp_path / "study", measure=the_seed, jobs=1, beds=tmp_path / "beds", progress=False)
+        table = study.run(base, [point], tmp_path / "study", measure=the_seed, jobs=1, bed_cache=tmp_path / "beds", progress=False)
         assert table["error"].isna().all() and table["figure"].tolist() == [greatest], table["error"].tolist()
 
 
@@ -418,7 +418,7 @@ def test_figures_say_what_they_are_of(case: ballast.Case, beds: Path, tmp_path: 
     # As of a program that prepares another bed from the same case.
     assert _identity.key(case, "one", {}, the_seed) != _identity.key(case, "another", {}, the_seed)
     measure = functools.partial(the_seed)
-    study.run(case, [{"seed": np.int64(case.seed)}], tmp_path, measure=measure, jobs=1, beds=beds, progress=False)
+    study.run(case, [{"seed": np.int64(case.seed)}], tmp_path, measure=measure, jobs=1, bed_cache=beds, progress=False)
     [file] = tmp_path.iterdir()
     told = json.loads(file.read_text())
     assert (told["case"], told["seed"], told["bed"]) == ("tiny", case.seed, case.bed_key)
@@ -436,7 +436,7 @@ def test_files_of_a_study_are_json_for_every_reader(case: ballast.Case, beds: Pa
     pytest.importorskip("pandas")
     from ballast import study
 
-    ask = {"measure": no_finite_numbers, "jobs": 1, "beds": beds, "progress": False}
+    ask = {"measure": no_finite_numbers, "jobs": 1, "bed_cache": beds, "progress": False}
     for _ in range(2):
         table = study.run(case, [{"tamping.squeeze.force_limit_N": math.inf}], tmp_path, **ask)  # type: ignore[arg-type]
         assert table["more"][0] == math.inf and math.isnan(table["not"][0])
@@ -455,9 +455,9 @@ def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Pat
     points += [{"bed.size_m": size} for size in ((0.5, 1), [0.5, 1.0], np.array([0.5, 1]))]
     keys = [_identity.key(case, case.bed_key, point, the_seed) for point in points]
     assert [keys.count(key) for key in keys] == [4] * 4 + [1] + [3] * 3
-    table = study.run(case, points[:4], tmp_path, measure=the_seed, jobs=2, beds=beds, progress=False)
+    table = study.run(case, points[:4], tmp_path, measure=the_seed, jobs=2, bed_cache=beds, progress=False)
     assert table["figure"].tolist() == [case.seed] * 4 and len([*tmp_path.iterdir()]) == 1
-    table = study.run(case, points[:2], tmp_path, measure=fails, jobs=2, beds=beds, progress=False)
+    table = study.run(case, points[:2], tmp_path, measure=fails, jobs=2, bed_cache=beds, progress=False)
     assert table["error"].notna().all(), "all are told of what one of them has failed with"
 
 
@@ -504,7 +504,7 @@ def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> Non
         (40, "points: expected a list of points, .*, found 40"),
         ([{}, "a"], r"points\[1\]: expected a dictionary from paths of keys to values, found 'a'"),
     ):
-        for ask in (lambda p: study.run(case, p, tmp_path / "study"), lambda p: study.plan("a.toml", p, tmp_path / "p.toml")):
+        for ask in (lambda p: study.run(case, p, tmp_path / "study"), lambda p: study.write_sweep_plan("a.toml", p, tmp_path / "p.toml")):
             with pytest.raises(TypeError, match=said):
                 ask(points)
     for jobs in (0, -1, 1.5, "2"):
@@ -537,25 +537,25 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
         "c": -math.inf,
         "seed": np.int64(3),
     }
-    study.plan("case \U0001f600.toml", [point], tmp_path / "plan.toml")
+    study.write_sweep_plan("case \U0001f600.toml", [point], tmp_path / "plan.toml")
     told = tomllib.loads((tmp_path / "plan.toml").read_text(encoding="utf-8"))
     assert told["case"] == "case \U0001f600.toml"
     assert told["points"] == [{**{k: v for k, v in point.items() if k != "seed"}, "bed.seed": 3}]
-    study.plan("case.toml", [], tmp_path / "empty.toml")
+    study.write_sweep_plan("case.toml", [], tmp_path / "empty.toml")
     for name in ("plan.toml", "own.toml", "words"):
         case.write(tmp_path / "own.toml")
         (tmp_path / "words").write_text("some words")
         before = (tmp_path / name).read_bytes()
         if name == "plan.toml":
-            study.plan("case \U0001f600.toml", [point], tmp_path / name)
+            study.write_sweep_plan("case \U0001f600.toml", [point], tmp_path / name)
         else:
             with pytest.raises(ballast.FileError, match="a new file, or a plan to replace, found another file"):
-                study.plan("case.toml", [point], tmp_path / name)
+                study.write_sweep_plan("case.toml", [point], tmp_path / name)
         assert (tmp_path / name).read_bytes() == before
-    with pytest.raises(TypeError, match="point {'a': None}: a: expected texts, numbers, .* found None"):
-        study.plan("case.toml", [{"a": 1}, {"a": None}], tmp_path / "plan.toml")
+    with pytest.raises(TypeError, match=r"points\[1\].a: expected a string, number, .* found None"):
+        study.write_sweep_plan("case.toml", [{"a": 1}, {"a": None}], tmp_path / "plan.toml")
     # Only one of them could be obeyed.
-    for ask in (lambda point: study.plan("case.toml", [point], tmp_path / "plan.toml"), lambda point: study.apply(case, point)):
+    for ask in (lambda point: study.write_sweep_plan("case.toml", [point], tmp_path / "plan.toml"), lambda point: study.apply(case, point)):
         with pytest.raises(ballast.CaseError, match="expected one seed of the bed, .* found 1 and 2") as wrong:
             ask({"seed": 1, "bed.seed": 2})
         assert wrong.value.code == "case"
@@ -572,7 +572,7 @@ def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Pa
     case.write(tmp_path / "tiny.toml")
     axes = {"tamping.vibration.frequency_Hz": np.array([30.0]), "seed": np.array([case.seed])}
     points = study.grid(axes)
-    study.plan("tiny.toml", points, tmp_path / "plan.toml")
+    study.write_sweep_plan("tiny.toml", points, tmp_path / "plan.toml")
     called = [program, "sweep", tmp_path / "plan.toml", "--beds", beds]
     done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -580,7 +580,7 @@ def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Pa
     names, values = (row.split(",") for row in rows)
     row = dict(zip(names, values, strict=True))
     assert float(row["tamping.vibration.frequency_Hz"]) == 30.0
-    figures = study.tamp(study.apply(case, points[0]), str(beds))
+    figures = study.run_tamping_cycle(study.apply(case, points[0]), str(beds))
     after = float(row["compactness.under/sleeper_1.after"])
     assert figures["under/sleeper_1: after"] == pytest.approx(after, abs=1e-12)
 
@@ -610,7 +610,7 @@ def test_figures_are_those_of_the_measure(
         folder = tmp_path / "study"
         with ThreadPoolExecutor(1) as pool:
             table = study.run(
-                case, points, folder, measure=measure, executor=pool, beds=beds, progress=False
+                case, points, folder, measure=measure, executor=pool, bed_cache=beds, progress=False
             )
         assert table["error"].isna().all(), table["error"]
         return float(table["figure"].iloc[0] / case.seed)
@@ -629,14 +629,14 @@ def test_figures_are_those_of_the_measure(
     importlib.reload(module)
     assert figure() == 7.0
     file.write_text(MEASURES)
-    ask = {"measure": module.seed_times, "jobs": 1, "beds": beds, "progress": False}
+    ask = {"measure": module.seed_times, "jobs": 1, "bed_cache": beds, "progress": False}
     table = study.run(case, [{}], tmp_path / "elsewhere", **ask)
     assert "as the study was begun with, found another one of this name" in table["error"].iloc[0]
 
     def told(measure: study.Measure) -> float:
         with ThreadPoolExecutor(1) as pool:
             table = study.run(
-                case, [{}], tmp_path / "taken", measure=measure, executor=pool, beds=beds, progress=False
+                case, [{}], tmp_path / "taken", measure=measure, executor=pool, bed_cache=beds, progress=False
             )
         return float(table["figure"].iloc[0] - case.seed)
 
@@ -701,7 +701,7 @@ def test_a_measure_that_fails_is_told_and_tried_again(
     for _ in range(2):
         with ThreadPoolExecutor(1) as pool:
             table = study.run(
-                case, [{"seed": case.seed}], tmp_path / "study", measure=measure, executor=pool, beds=beds, progress=False
+                case, [{"seed": case.seed}], tmp_path / "study", measure=measure, executor=pool, bed_cache=beds, progress=False
             )
         assert re.search(said, table["error"].iloc[0]), table["error"].iloc[0]
         assert table["seed"].tolist() == [case.seed]
@@ -714,18 +714,18 @@ def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Ca
 
     wrong = {"tamping.vibration.frequency_Hz": -1.0}
     with pytest.raises(ballast.CaseError, match=r"point \{'tamping.vibration.frequency_Hz': -1.0\}: "):
-        study.run(case, [{}, wrong], tmp_path / "study", beds=beds, progress=False)
+        study.run(case, [{}, wrong], tmp_path / "study", bed_cache=beds, progress=False)
     for point, said in (
         ({"seed": "7"}, "seed: expected a whole number, found '7'"),
-        ({"run.step_s": None}, "run.step_s: expected texts, numbers, .* found None"),
+        ({"run.step_s": None}, "run.step_s: expected a string, number, .* found None"),
     ):
         with pytest.raises(TypeError, match=f"{re.escape(f'point {point}: ')}{said}"):
-            study.run(case, [{}, point], tmp_path / "study", beds=beds, progress=False)
+            study.run(case, [{}, point], tmp_path / "study", bed_cache=beds, progress=False)
     key = _identity.key(case, case.bed_key, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
     with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point") as damaged:
-        study.run(case, [{}], tmp_path / "study", measure=fails, beds=beds, progress=False)
+        study.run(case, [{}], tmp_path / "study", measure=fails, bed_cache=beds, progress=False)
     assert damaged.value.code == "file"
 
 
@@ -738,7 +738,7 @@ def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: P
     from ballast import study
 
     table = study.run(
-        case, [{"seed": case.seed}], tmp_path, measure=fails, jobs=1, beds=beds, progress=False
+        case, [{"seed": case.seed}], tmp_path, measure=fails, jobs=1, bed_cache=beds, progress=False
     )
     [said] = table["error"]
     assert re.fullmatch(r"ValueError: no figures of tiny \(test_tools.py:\d+, in fails\)", said)
@@ -776,7 +776,7 @@ def test_what_no_other_process_can_read_is_told_as_it_is(
     points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 40.0, 50.0, 60.0]})
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         by = {"jobs": 2} if processes else {"executor": pool}
-        table = study.run(case, points, tmp_path, measure=is_odd, beds=beds, progress=False, **by)  # type: ignore[arg-type]
+        table = study.run(case, points, tmp_path, measure=is_odd, bed_cache=beds, progress=False, **by)  # type: ignore[arg-type]
     odd, no_number = table["error"].iloc[:2]
     assert re.fullmatch(r"Odd: no figures at 30 Hz \(test_tools.py:\d+, in is_odd\)", odd)
     assert no_number.startswith("TypeError: measure: expected a dictionary from names to numbers, found 'figure': <function")
@@ -795,7 +795,7 @@ def test_only_the_point_whose_process_is_killed_fails(case: ballast.Case, beds: 
     from ballast import study
 
     points = study.grid({"tamping.vibration.frequency_Hz": [30.0, 60.0, 40.0, 50.0]})
-    table = study.run(case, points, tmp_path, measure=is_killed_at_60, jobs=2, beds=beds, progress=False)
+    table = study.run(case, points, tmp_path, measure=is_killed_at_60, jobs=2, bed_cache=beds, progress=False)
     assert table["figure"].fillna(0.0).tolist() == [30.0, 0.0, 40.0, 50.0]
     assert table["error"].isna().tolist() == [True, False, True, True]
     assert re.search("BrokenProcessPool: its process was killed", table["error"].iloc[1])
@@ -809,7 +809,7 @@ def test_a_script_that_begins_its_study_again_is_told_so(case: ballast.Case, bed
         "from ballast import study\n"
         "print('begun', flush=True)\n"
         "points = study.grid({'seed': range(8)})\n"
-        f"print(*study.run('tiny.toml', points, 'study', jobs=1, beds={str(beds)!r}).error.unique())\n"
+        f"print(*study.run('tiny.toml', points, 'study', jobs=1, bed_cache={str(beds)!r}).error.unique())\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, check=True)
     # By this process, the first of its pool, and the one that was to tell why that has ended.
@@ -822,7 +822,7 @@ def test_a_measure_that_processes_cannot_find_is_told(case: ballast.Case, tmp_pa
     from ballast import study
 
     with pytest.raises(TypeError, match="can be sent to other processes, found <function .*<lambda>.*; put it in a module, or pass"):
-        study.run(case, [{}], tmp_path / "study", measure=lambda case, beds: {}, beds=tmp_path / "beds", progress=False)
+        study.run(case, [{}], tmp_path / "study", measure=lambda case, beds: {}, bed_cache=tmp_path / "beds", progress=False)
     # As in the cell of a notebook, whose text Python knows though no file has it.
     case.write(tmp_path / "tiny.toml")
     cell = (
@@ -863,7 +863,7 @@ def slow(case, beds):
 
 if __name__ == "__main__":
     points = study.grid({"tamping.vibration.frequency_Hz": [1.0, 30.0, 40.0, 50.0]})
-    study.run("tiny.toml", points, "study", measure=slow, jobs=2, beds=BEDS)
+    study.run("tiny.toml", points, "study", measure=slow, jobs=2, bed_cache=BEDS)
 """
 
 
@@ -942,7 +942,7 @@ def test_ctrl_c_takes_back_what_an_executor_has_not_begun(case: ballast.Case, be
 
     points = study.grid({"tamping.vibration.frequency_Hz": range(20, 60)})
     with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
-        study.run(case, points, tmp_path, measure=interrupts, executor=pool, beds=beds, progress=False)
+        study.run(case, points, tmp_path, measure=interrupts, executor=pool, bed_cache=beds, progress=False)
     assert 1 <= len(INTERRUPTED) < len(points)
 
 
@@ -955,7 +955,7 @@ def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) ->
         n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
     ) as cluster, distributed.Client(cluster) as client:
         table = study.run(
-            case, [{"seed": case.seed}], tmp_path, executor=client, beds=beds, progress=False
+            case, [{"seed": case.seed}], tmp_path, executor=client, bed_cache=beds, progress=False
         )
     assert table["error"].isna().all() and table["work J"].iloc[0] > 0.0
 
@@ -978,9 +978,9 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert set(plot.tines(results)) == {t.name for t in sim.tines}
     assert plot.tines(tmp_path / "run") == plot.tines(results)
     positions, orientations = results.poses(0)
-    assert positions.shape == (results.bodies[0] + len(results.bodies[1]), 3)
+    assert positions.shape == (results.grain_count + len(results.bodies), 3)
     assert np.allclose(np.linalg.norm(orientations, axis=1), 1.0)
-    assert np.array_equal(positions[: sim.grains], sim.save().positions)
+    assert np.array_equal(positions[: sim.grain_count], sim.save().positions)
     for backwards, beyond in ((-1, len(results.steps)), (-len(results.steps), -len(results.steps) - 1)):
         assert np.array_equal(results.poses(backwards)[0], results.poses(backwards + len(results.steps))[0])
         with pytest.raises(IndexError, match=f"frame: expected -{len(results.steps)} to .*, found {beyond}"):
@@ -1011,7 +1011,7 @@ def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
                 draw(results, window_s=window_s)
     # The machine of Python is that of the program.
     for _ in range(180):
-        sim.step_by_machine()
+        sim.step_tamping_cycle()
     checkpoint = ballast.read(tmp_path / "run/checkpoint.h5")
     assert isinstance(checkpoint, ballast.State)
     # The folder stands for its files.
@@ -1069,20 +1069,20 @@ def test_a_recording_that_ends_early_says_so_once(sim: ballast.Simulation, tmp_p
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         recording = ballast.Recording(tmp_path / "whole.mcap")
-        assert len(list(recording)) == 4 and recording.lost is None
+        assert len(list(recording)) == 4 and recording.truncation is None
         # Within what was asked and answered, as a kill may leave it, or a bad disk.
         at = len(whole) // 2
         (tmp_path / "cut.mcap").write_bytes(whole[:at])
         (tmp_path / "damaged.mcap").write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
         damaged = ballast.Recording(tmp_path / "damaged.mcap")
         seen: list[object] = []
-        with pytest.raises(ballast.FileError, match="damaged.mcap: it is damaged: "):
+        with pytest.raises(ballast.FileError, match="damaged.mcap: damaged: "):
             seen.extend(damaged)
-        assert len(seen) < 4 and damaged.lost and list(damaged) == []
+        assert len(seen) < 4 and damaged.truncation and list(damaged) == []
     cut = ballast.Recording(tmp_path / "cut.mcap")
     with pytest.warns(RuntimeWarning, match="cut.mcap: ") as told:
         assert len(list(cut)) < 4
-    assert len(told) == 1 and cut.lost and str(told[0].message).endswith(cut.lost)
+    assert len(told) == 1 and cut.truncation and str(told[0].message).endswith(cut.truncation)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert list(cut) == []
@@ -1132,7 +1132,7 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
     assert plot.tines(results) == ["left", "right"]
     assert [line.get_label() for line in plot.forces(results).lines] == ["left", "right"]
     steps = results.table("steps")
-    squeeze = steps["phase"] == plot.SQUEEZE
+    squeeze = steps["phase"] == plot.SQUEEZE_PHASE
     for line, inwards in zip(plot.loops(results).lines, (1.0, -1.0), strict=True):
         x = steps[f"{line.get_label()}_x"][squeeze]
         assert np.allclose(line.get_xdata(), 1e3 * inwards * (x - x[0]))
@@ -1179,7 +1179,7 @@ def test_a_picture_that_cannot_be_written_leaves_nothing_open(
 
     monkeypatch.setattr(view, "scene", lambda sim, **options: Plotter())
     with pytest.raises(FileNotFoundError):
-        view.picture(sim, "nowhere/bed.png")
+        view.save_picture(sim, "nowhere/bed.png")
     assert closed == [True]
 
 
@@ -1192,9 +1192,9 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     grains = (surface.extract_cells(surface["grain"] == g) for g in (0, 1))
     volume = sum(grain.extract_surface(algorithm="dataset_surface").volume for grain in grains)
     assert volume == pytest.approx(sim.masses[:2].sum() / 2700.0, rel=0.05)
-    assert view.chains(sim).n_cells > 0
+    assert view.force_chains(sim).n_cells > 0
     assert sim.parts("sleeper_1") and not sim.parts("floor")
-    low, high = np.reshape(view.tools(sim).bounds, (3, 2)).T
+    low, high = np.reshape(view.driven_bodies(sim).bounds, (3, 2)).T
     tine = sim.tines[0]
     assert np.all(low < tine.start) and np.all(tine.start < high)
     with pytest.raises(KeyError, match="tine_1"):
@@ -1204,8 +1204,8 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     drawing = (
         "import sys, ballast, ballast.view as view\n"
         "sim = ballast.resume(sys.argv[1], threads=1)\n"
-        "view.picture(sim, sys.argv[2])\n"
-        "view.picture(sim, sys.argv[3], forces=True)"
+        "view.save_picture(sim, sys.argv[2])\n"
+        "view.save_picture(sim, sys.argv[3], forces=True)"
     )
     state, speeds, forces = (tmp_path / name for name in ("state.h5", "speeds.png", "forces.png"))
     sim.save().write(state)

@@ -52,14 +52,14 @@ impl Error {
     /// Short name of the kind, as codes of refusals are.
     pub fn code(&self) -> String {
         match self {
-            Self::Name { .. } => "name".into(),
-            Self::Link { .. } => "link".into(),
+            Self::Name { .. } => "invalid_name".into(),
+            Self::Link { .. } => "transport".into(),
             Self::Refused(fault) => fault.code.to_string(),
-            Self::Slow { .. } => "slow".into(),
-            Self::PeerLost { .. } => "peer_lost".into(),
-            Self::Abandoned { .. } => "abandoned".into(),
+            Self::Slow { .. } => "timeout".into(),
+            Self::PeerLost { .. } => "disconnected".into(),
+            Self::Abandoned { .. } => "cancelled".into(),
             Self::Diverged { .. } => "diverged".into(),
-            Self::Answer { .. } => "answer".into(),
+            Self::Answer { .. } => "bad_reply".into(),
         }
     }
 

@@ -1,13 +1,13 @@
-"""The ballast model that a machine or track model can be coupled to.
+"""Ballast simulation to which a machine or track model can be coupled.
 
     import ballast
 
     with ballast.open("examples/first.toml") as sim:
-        out = sim.advance_to(10 * sim.step_ns)
-        print(out["tine_1_minus"].mean_force)      # N, by the ballast on the tine
+        result = sim.advance_to(10 * sim.step_ns)
+        print(result["tine_1_minus"].mean_force)      # N, ballast on tine
 
-SI units throughout. World frame right-handed, z up. Quaternions are x, y, z, w. Times are whole
-nanoseconds since the start of the run. Forces and impulses are those of the ballast on a body.
+SI units. World frame right-handed, z up. Quaternions are x, y, z, w. Times are whole nanoseconds since the start of
+the run. Forces and impulses are those of the ballast on a body.
 """
 
 from __future__ import annotations
@@ -20,58 +20,58 @@ from typing import SupportsIndex
 
 from . import _ballast
 from ._ballast import (
-    BodyOutcome,
+    BodyResult,
     Case,
     CaseError,
     EnergyLedger,
     Error,
     FileError,
+    InternalError,
     Load,
-    Lost,
     Motion,
     Mount,
-    Outcome,
     Recording,
-    Refused,
+    RemoteError,
+    RequestError,
     Results,
-    Series,
     Simulation,
-    SolverOutcome,
+    SolverResult,
     Squeeze,
     State,
+    StepSeries,
     Tine,
-    Unreachable,
-    ZoneOutcome,
+    WindowResult,
+    ZoneResult,
     __version__,
     schema,
 )
-from ._progress import Progress
+from ._progress import ProgressCallback, progress_callback
 
-Mapping.register(Outcome)
+Mapping.register(WindowResult)
 
 __all__ = [
-    "BodyOutcome",
+    "BodyResult",
     "Case",
     "CaseError",
     "EnergyLedger",
     "Error",
     "FileError",
+    "InternalError",
     "Load",
-    "Lost",
     "Motion",
     "Mount",
-    "Outcome",
     "Recording",
-    "Refused",
+    "RemoteError",
+    "RequestError",
     "Results",
-    "Series",
     "Simulation",
-    "SolverOutcome",
+    "SolverResult",
     "Squeeze",
     "State",
+    "StepSeries",
     "Tine",
-    "Unreachable",
-    "ZoneOutcome",
+    "WindowResult",
+    "ZoneResult",
     "__version__",
     "open",
     "prepare",
@@ -81,20 +81,20 @@ __all__ = [
 ]
 
 Path = str | os.PathLike[str]
-#: Called with a share from 0 to 1 and a few words.
-OnProgress = Callable[[float, str], object]
+#: Default folder of prepared beds.
+DEFAULT_BED_CACHE = "runs/beds"
 
 
-def _case(case: Case | Path, seed: SupportsIndex | None, schedule: str | None) -> Case:
+def _chosen_case(case: Case | Path, seed: SupportsIndex | None, schedule: str | None) -> Case:
     loaded = case if isinstance(case, Case) else Case.load(case)
     return loaded.choose(seed=seed, schedule=schedule)
 
 
-def _unused(options: Mapping[str, object], why: str) -> None:
-    """Options that would be ignored are a mistake."""
+def _refuse_options(options: Mapping[str, object], reason: str) -> None:
+    """Raises TypeError for options that would have no effect."""
     given = [name for name, value in options.items() if value is not None]
     if given:
-        raise TypeError(f"open: {', '.join(given)}: {why}")
+        raise TypeError(f"open: {', '.join(given)}: {reason}")
 
 
 def open(
@@ -103,54 +103,56 @@ def open(
     seed: SupportsIndex | None = None,
     schedule: str | None = None,
     threads: int | None = None,
-    beds: Path = "runs/beds",
-    progress: bool | OnProgress = True,
+    bed_cache: Path = DEFAULT_BED_CACHE,
+    progress: bool | ProgressCallback = True,
     max_penetration: float | None = None,
-    keep_early: bool = False,
+    keep_partial_window: bool = False,
     connect: str | Sequence[str] | None = None,
     listen: str | Sequence[str] | None = None,
     config: Path | None = None,
 ) -> Simulation:
-    """Opens a case at the start of its run; its bed is prepared if it is not in the folder `beds`.
+    """Returns a simulation at the start of a case, or of a remote component.
 
-    `open("zenoh:SITE/ID")` drives the component of this name instead, which `ballast serve` computes, from where
-    its run stands: the same windows give the same outcomes and hashes.
+    The bed of a case is prepared unless the cache has it. `open("zenoh:SITE/ID")` drives a component that `ballast serve`
+    computes, from the current time of its run. Equal windows give equal results and hashes in both.
 
     Args:
         case: a `Case`, the path of a case file (TOML), or "zenoh:SITE/ID".
-        seed: of the bed, instead of the case's.
-        schedule: "sequential", "synchronous" or "asynchronous", instead of the case's.
-        threads: workers of this simulation; by default one per processor.
-        beds: folder of prepared beds, found again by content; `ballast run` uses the same.
-        progress: show how far a preparation is, or a function that is told.
-        max_penetration: m; above 0; a step that goes deeper ends its window. None: any depth.
-        keep_early: what a window that cannot be computed to its end leaves: the state of the last
-            sound step (status "early") rather than that of its beginning ("discard").
-        connect: "zenoh:" only: an endpoint to connect to, or several; by default tcp/127.0.0.1:7447, where `ballast serve`
-            listens.
-        listen: "zenoh:" only: an endpoint to listen on, or several.
-        config: "zenoh:" only: a configuration file of Zenoh (JSON5): TLS, users, routers.
+        seed: seed of the bed; default: the case's.
+        schedule: "sequential", "synchronous" or "asynchronous"; default: the case's.
+        threads: number of computing threads; default: one per processor.
+        bed_cache: folder of prepared beds, shared with `ballast run`.
+        progress: show the progress of a preparation, or a callback `progress(fraction, text)`.
+        max_penetration: penetration that ends a window, m, above 0; None: no limit.
+        keep_partial_window: if a window fails, keep the state of its last valid step (status "early") instead of returning
+            to its start ("discard").
+        connect: endpoint or endpoints to connect to ("zenoh:" only); default: tcp/127.0.0.1:7447.
+        listen: endpoint or endpoints to listen on ("zenoh:" only).
+        config: Zenoh configuration file (JSON5) with TLS, users and routers ("zenoh:" only).
 
     Raises:
-        CaseError: the case describes no run.
+        CaseError: the case is not valid.
         FileError: a file cannot be read or written.
-        Refused: another client drives the component.
-        Unreachable: the component does not answer.
+        RequestError: an argument is out of range, or another client owns the component.
+        RemoteError: the component does not answer.
+        TypeError: an option has no effect for this kind of case.
     """
     network = {"connect": connect, "listen": listen, "config": config}
     if isinstance(case, str) and case.startswith("zenoh:"):
         choices = {"seed": seed, "schedule": schedule, "threads": threads, "max_penetration": max_penetration}
-        others = {"keep_early": keep_early or None, "beds": None if os.fspath(beds) == "runs/beds" else beds}
-        _unused({**choices, **others}, f"{case}: whoever serves the case chooses it")
-        endpoints = (_several("connect", connect), _several("listen", listen))
-        return _ballast.attach(case.removeprefix("zenoh:"), *endpoints, config)
-    _unused(network, 'how to reach a component is for "zenoh:SITE/ID"')
-    chosen = _case(case, seed, schedule)
-    with Progress.of(progress, f"bed of {chosen.name}") as tell:
-        return _ballast.begin(chosen, beds, threads, tell, max_penetration, keep_early)
+        beds = None if os.fspath(bed_cache) == DEFAULT_BED_CACHE else bed_cache
+        others = {"keep_partial_window": keep_partial_window or None, "bed_cache": beds}
+        _refuse_options({**choices, **others}, f"{case}: set by the server of the component")
+        return _ballast._attach(
+            case.removeprefix("zenoh:"), _endpoints("connect", connect), _endpoints("listen", listen), config
+        )
+    _refuse_options(network, 'only for "zenoh:SITE/ID"')
+    chosen = _chosen_case(case, seed, schedule)
+    with progress_callback(progress, f"bed of {chosen.name}") as callback:
+        return _ballast._open(chosen, bed_cache, threads, callback, max_penetration, keep_partial_window)
 
 
-def _several(name: str, endpoints: str | Sequence[str] | None) -> Sequence[str] | None:
+def _endpoints(name: str, endpoints: str | Sequence[str] | None) -> Sequence[str] | None:
     if endpoints == "":
         raise TypeError(f"{name}: expected an endpoint, such as tcp/127.0.0.1:7447, or several, found ''")
     return [endpoints] if isinstance(endpoints, str) else endpoints
@@ -161,14 +163,23 @@ def resume(
     *,
     threads: int | None = None,
     max_penetration: float | None = None,
-    keep_early: bool = False,
+    keep_partial_window: bool = False,
 ) -> Simulation:
-    """A simulation that goes on from a saved state, or from a file: of `State.write`, or a checkpoint of
-    `ballast run`, of which the folder may be given. It goes on to the same bytes as one that was never interrupted.
+    """Returns a simulation that continues from a saved state, bit for bit as without the interruption.
 
-    Without `max_penetration` the limit is that of the simulation that saved the state; `math.inf`: any depth."""
-    saved = state if isinstance(state, State) else State.read(_in_run(state, "checkpoint.h5"))
-    return _ballast.resume(saved, threads, max_penetration, keep_early)
+    Args:
+        state: a `State`, a file of `State.write`, a checkpoint of `ballast run`, or the folder of a run.
+        threads: number of computing threads; default: one per processor.
+        max_penetration: penetration that ends a window, m; default: the limit of the simulation that saved the state;
+            `math.inf`: no limit.
+        keep_partial_window: see `open`.
+
+    Raises:
+        FileError: the file cannot be read.
+        RequestError: an argument is out of range, or the state belongs to a remote simulation.
+    """
+    saved = state if isinstance(state, State) else State.read(_run_file(state, "checkpoint.h5"))
+    return _ballast._resume(saved, threads, max_penetration, keep_partial_window)
 
 
 def prepare(
@@ -176,34 +187,51 @@ def prepare(
     *,
     seed: SupportsIndex | None = None,
     threads: int | None = None,
-    beds: Path = "runs/beds",
-    progress: bool | OnProgress = True,
-    again: bool = False,
+    bed_cache: Path = DEFAULT_BED_CACHE,
+    progress: bool | ProgressCallback = True,
+    rebuild: bool = False,
 ) -> str:
-    """Prepares the bed of a case unless it is there; returns the path of its file."""
-    chosen = _case(case, seed, None)
-    with Progress.of(progress, f"bed of {chosen.name}") as tell:
-        return str(_ballast.prepare(chosen, beds, threads, tell, again))
+    """Prepares the bed of a case unless the cache has it; returns the path of its file.
+
+    Args:
+        case: a `Case` or the path of a case file (TOML).
+        seed: seed of the bed; default: the case's.
+        threads: number of computing threads; default: one per processor.
+        bed_cache: folder of prepared beds.
+        progress: show the progress, or a callback `progress(fraction, text)`.
+        rebuild: prepare the bed even if the cache has it.
+
+    Raises:
+        CaseError: the case is not valid.
+        FileError: a file cannot be read or written.
+    """
+    chosen = _chosen_case(case, seed, None)
+    with progress_callback(progress, f"bed of {chosen.name}") as callback:
+        return str(_ballast._prepare(chosen, bed_cache, threads, callback, rebuild))
 
 
-def _in_run(path: Path, name: str) -> Path:
-    """A file of a run whose folder may be given instead, as to the program."""
+def _run_file(path: Path, name: str) -> Path:
+    """Returns the file `name` if `path` is the folder of a run, else `path`."""
     return os.path.join(path, name) if os.path.isdir(path) else path
 
 
 def read(path: Path) -> Results | Recording | State:
-    """Reads what a run has left: results (`.vtkhdf`), a recording (`.mcap`) or a checkpoint (`.h5`), told by its first bytes,
-    whatever the file is called. Of the folder of a run, its results."""
-    path = _in_run(path, "results.vtkhdf")
+    """Reads results (`.vtkhdf`), a recording (`.mcap`) or a checkpoint (`.h5`) of a run.
+
+    The first bytes decide, whatever the file's name. The folder of a run stands for its results.
+
+    Raises:
+        FileError: the file cannot be read, or is of another kind.
+    """
+    path = _run_file(path, "results.vtkhdf")
     start = b""
-    # A pipe would be waited for. What cannot be read, its reader tells of.
+    # Reading from a pipe would block. The reader reports files that cannot be read.
     if os.path.isfile(path):
         with suppress(OSError), io.open(path, "rb") as file:
             start = file.read(64)
     suffix = os.path.splitext(os.fspath(path))[1].lower()
     readers: dict[str, Callable[[Path], Results | Recording | State]] = {".mcap": Recording, ".h5": State.read}
-    reader = readers.get(suffix, Results)
-    for begins, own in ((b"\x89MCAP0", ".mcap"), (b"ballast-checkpoint", ".h5"), (b"\x89HDF", ".vtkhdf")):
-        if start.startswith(begins):
-            reader = readers.get(own, Results)
-    return reader(path)
+    for magic, own_suffix in ((b"\x89MCAP0", ".mcap"), (b"ballast-checkpoint", ".h5"), (b"\x89HDF", ".vtkhdf")):
+        if start.startswith(magic):
+            suffix = own_suffix
+    return readers.get(suffix, Results)(path)

@@ -1,4 +1,7 @@
-"""The compiled part of `ballast`. SI units; world axes, z up; quaternions x, y, z, w; times in ns."""
+"""Compiled part of `ballast`. SI units; world axes, z up; quaternions x, y, z, w; times in ns.
+
+Array shapes use ng for grains, nd for driven bodies, nc for contact points and n for knots, steps or rows.
+"""
 
 import os
 from collections.abc import Callable, ItemsView, Iterator, KeysView, Mapping, Sequence, ValuesView
@@ -10,146 +13,184 @@ from numpy.typing import ArrayLike, NDArray
 _Path = str | os.PathLike[str]
 _Floats = NDArray[np.float64]
 _Times = Sequence[SupportsIndex] | NDArray[np.integer[Any]]
-_Else = TypeVar("_Else")
+_Default = TypeVar("_Default")
 
 __all__ = [
-    "BodyOutcome",
+    "BodyResult",
     "Case",
     "CaseError",
     "EnergyLedger",
     "Error",
     "FileError",
+    "InternalError",
     "Load",
-    "Lost",
     "Motion",
     "Mount",
-    "Outcome",
     "Recording",
-    "Refused",
+    "RemoteError",
+    "RequestError",
     "Results",
-    "Series",
     "Simulation",
-    "SolverOutcome",
+    "SolverResult",
     "Squeeze",
     "State",
+    "StepSeries",
     "Tine",
-    "Unreachable",
-    "ZoneOutcome",
+    "WindowResult",
+    "ZoneResult",
     "__version__",
-    "attach",
-    "begin",
-    "case_again",
-    "prepare",
-    "replace",
-    "resume",
     "schema",
-    "state_again",
-    "values",
-    "write_plan",
 ]
 __version__: str
 
 class Error(Exception):
-    """Anything that goes wrong in Ballast; `code` names it."""
+    """Base class of all Ballast errors; `code` identifies the error.
+
+    Codes of this class itself: "busy" (another thread is stepping the simulation, or a signal handler tries to compute
+    with the threads that it interrupts), "closed" (the simulation was closed), "threads" (the threads cannot be started).
+    """
 
     code: str
 
 class CaseError(Error):
-    """A case that describes no run; `diagnostics` lists every fault with its line."""
+    """Error in a case; `diagnostics` lists every error with its key and line. The code is "case"."""
 
     diagnostics: tuple[dict[str, Any], ...]
 
-class Refused(Error):
-    """A request that makes no sense; nothing has changed.
+class RequestError(Error):
+    """Invalid request; the simulation has not changed.
 
-    `code`: time_grid, input_gap, input_jump, input_invalid, unknown_body, nothing_to_redo,
-    state_invalid, parameter_invalid, recording; elsewhere: only a simulation of this process can do it. A
-    component that another process computes also refuses with busy, unknown_state, too_many_states and other codes
-    of its control plane.
+    Where the message has parts, they are also attributes: `place` (an argument, or the body that an input is for),
+    `expected`, `found`, and for "time_grid" `nearest_ns` (the neighbouring times at which a window may end, ns).
+
+    code: "time_grid", "input_gap", "input_jump", "input_invalid", "unknown_body", "nothing_to_redo", "state_invalid",
+    "parameter_invalid", "recording", "forked_process" (the operation needs the process that created the object),
+    "remote_unsupported" (only a simulation of this process supports the operation). Remote components also refuse with
+    "busy", "unknown_state", "too_many_states" and other codes of their control plane.
     """
 
     place: str | None
-    """Where the message has parts: a field, or the body whose input it is."""
     expected: str | None
     found: str | None
     nearest_ns: tuple[int, int] | None
-    """For time_grid: the times next to it at which a window may end."""
 
-class Unreachable(Error):
-    """A component that another process computes has not answered as it should. The same call may be made again:
-    a window counts once, however often it is asked for. Only after `diverged` nothing but `restore` goes on.
+class RemoteError(Error):
+    """A remote component did not answer correctly. Repeating the same call is safe: windows are computed once.
 
-    `code`: name, it cannot be one; slow, it is there; peer_lost, it is not; diverged, its run went on without this
-    simulation; link, how to reach it; answer, what it says cannot be read; abandoned, `stop` or `close` has ended the wait.
+    code: "invalid_name", "timeout" (alive, no reply), "disconnected", "diverged" (another client changed the run;
+    only `restore` helps), "transport", "bad_reply", "cancelled" (by `stop` or `close`).
     """
 
 class FileError(Error):
-    """A file that cannot be read or written."""
+    """A file cannot be read or written. The code is "file"."""
 
-class Lost(Error):
-    """The program failed inside, and the simulation with it. `restore` of a saved state goes on."""
+class InternalError(Error):
+    """A bug in Ballast (a Rust panic). Only `restore` of a saved state makes the simulation usable again.
+
+    The code is "internal".
+    """
 
 @final
 class Case:
-    """A case that was read and found sound.
+    """A validated case: the description of a bed, its machine and a run.
 
-    `Case(text)` reads it from its text (TOML); `name` stands for it in messages. Raises CaseError. Cases that were read
-    from the same text and have the same seed and schedule are equal; they can be copied and pickled."""
+    Cases with the same text, seed and schedule are equal. They can be copied and pickled.
+
+    Args:
+        text: the case (TOML).
+        name: name of the text in error messages.
+
+    Raises:
+        CaseError: the text is not a valid case.
+    """
 
     def __new__(cls, text: str, name: str = "case") -> Case: ...
     @staticmethod
     def load(path: _Path) -> Case:
-        """Reads a case file. Raises CaseError with every fault and its line, FileError."""
+        """Reads a case file (TOML).
+
+        Raises:
+            CaseError: the file is not a valid case; `diagnostics` has every error with its line.
+            FileError: the file cannot be read.
+        """
 
     @staticmethod
     def from_dict(values: dict[str, Any]) -> Case:
-        """A case from nested dictionaries. Raises CaseError."""
+        """Returns the case that nested dictionaries describe; numpy scalars and arrays are accepted as values.
+
+        Raises:
+            CaseError: the values are not a valid case.
+            TypeError: TOML cannot hold a value.
+        """
 
     def to_dict(self) -> dict[str, Any]:
-        """The text's values as nested dictionaries; what the text leaves to defaults is not in them."""
+        """Returns the values of the case's text as nested dictionaries. Defaults that the text omits are not included."""
 
     def write(self, path: _Path) -> None:
-        """Writes the case's text to a file. Of what lies there only a text in TOML is replaced. Raises FileError."""
+        """Writes the case's text to a file. An existing file is replaced only if it is TOML.
+
+        Raises:
+            FileError: the file cannot be written, or `path` is a file of another kind.
+        """
 
     def with_values(self, values: dict[str, Any]) -> Case:
-        """The same case with other values: paths of keys joined by points, and what they become, such as
-        `{"tamping.vibration.frequency_Hz": 40.0}`. Raises CaseError."""
+        """Returns a copy of the case with changed values.
+
+        Args:
+            values: new values by dotted key path, such as `{"tamping.vibration.frequency_Hz": 40.0}`.
+
+        Raises:
+            CaseError: the changed case is not valid.
+            TypeError: TOML cannot hold a value.
+        """
 
     def choose(self, *, seed: SupportsIndex | None = None, schedule: str | None = None) -> Case:
-        """The same case with another seed of the bed, or another schedule of the solver."""
+        """Returns a copy of the case with another seed of the bed or another schedule of the solver.
+
+        Args:
+            seed: seed of the bed, 0 to 2^64 - 1.
+            schedule: "sequential", "synchronous" or "asynchronous".
+
+        Raises:
+            CaseError: the schedule is unknown.
+            RequestError: the seed is out of range.
+        """
 
     @property
     def name(self) -> str:
-        """As the case calls itself."""
+        """Name of the case, from its text."""
 
     @property
     def text(self) -> str:
-        """TOML, as it was read; where `choose` has changed the seed or the schedule, with these. Raises CaseError where
-        TOML cannot hold the seed (above 2^63 - 1)."""
+        """Text of the case (TOML), including a seed or schedule set by `choose`.
+
+        Raises:
+            CaseError: TOML cannot hold the seed (above 2^63 - 1).
+        """
 
     @property
     def seed(self) -> int:
-        """Of the bed: the case's, or that of `choose`."""
+        """Seed of the bed."""
 
     @property
     def schedule(self) -> str:
-        """Of the solver: "sequential", "synchronous" or "asynchronous"."""
+        """Schedule of the solver: "sequential", "synchronous" or "asynchronous"."""
 
     @property
     def step_ns(self) -> int:
-        """Length of a step, ns."""
+        """Length of a time step, ns."""
 
     @property
     def duration_ns(self) -> int:
-        """Length of the run that the case describes, ns."""
+        """Duration of the case's run, ns."""
 
     @property
     def warnings(self) -> list[str]:
-        """What is allowed but looks like a slip."""
+        """Warnings about valid but implausible values."""
 
     @property
     def bed_key(self) -> str:
-        """What the prepared bed depends on, as a short text."""
+        """Key of the prepared bed: a hash of all values that its preparation depends on."""
 
     def __eq__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
@@ -157,19 +198,22 @@ class Case:
 
 @final
 class Motion:
-    """Motion of a driven body, or of the mount of one, through a window.
-
-    Knots of a motion; nothing is extrapolated beyond them.
+    """Motion of a driven body, or of its mount, through a window: knots that are interpolated but never extrapolated.
 
     Args:
-        times_ns: (n,) in order, from the window's start or before to its end or later.
-        positions: (n, 3) of the body's reference point, m.
-        orientations: (n, 4) unit quaternions x, y, z, w; upright unless given.
-        velocities: (n, 3) of the reference point, m/s.
-        spins: (n, 3) rad/s, world axes; needed with hermite where orientations differ, else 0 unless given.
-        interpolation: "hermite" (cubic through poses and velocities; the default where velocities are
-            given), "linear" (the default without them) or "hold".
-        rebase: the motion need not begin where the body is.
+        times_ns: (n,) times of the knots in ascending order, ns. The first is at or before the start of the window, the
+            last at or after its end.
+        positions: (n, 3) positions of the body's reference point, m.
+        orientations: (n, 4) unit quaternions x, y, z, w; default: identity.
+        velocities: (n, 3) velocities of the reference point, m/s.
+        angular_velocities: (n, 3) angular velocities, world axes, rad/s; default: zero. Required with "hermite" if the
+            orientations differ.
+        interpolation: "hermite" (cubic through poses and velocities; default with velocities), "linear" (default without
+            velocities) or "hold" (piecewise constant).
+        allow_jump: allow the motion to start at another pose or velocity than the last commanded one.
+
+    Raises:
+        RequestError: an array has the wrong shape, or a value is not a finite real number.
     """
 
     def __new__(
@@ -179,20 +223,26 @@ class Motion:
         orientations: ArrayLike | None = None,
         *,
         velocities: ArrayLike | None = None,
-        spins: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
         interpolation: str | None = None,
-        rebase: bool = False,
+        allow_jump: bool = False,
     ) -> Motion: ...
     def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        """Pickled and copied as what it was made of."""
+        """Returns the constructor's arguments, for pickling and copying."""
 
 @final
 class Load:
-    """Load on a mounted body through a window, beside its weight along directions that are loaded; along sprung ones the
-    spring carries that already.
+    """Load on a mounted body through a window, in addition to its weight; spring directions already carry the weight.
 
-    Knots of forces (n, 3) in N and torques (n, 3) about the reference point in N m, linear between them or held from each
-    one on; `times_ns` (n,) are in order."""
+    Args:
+        times_ns: (n,) times of the knots in ascending order, ns.
+        forces: (n, 3) forces, world axes, N.
+        torques: (n, 3) torques about the body's reference point, world axes, N m; default: zero.
+        interpolation: "linear" or "hold" (each value holds from its knot on).
+
+    Raises:
+        RequestError: an array has the wrong shape, or a value is not a finite real number.
+    """
 
     def __new__(
         cls,
@@ -200,23 +250,24 @@ class Load:
         forces: ArrayLike,
         torques: ArrayLike | None = None,
         *,
-        held: bool = False,
+        interpolation: str = "linear",
     ) -> Load: ...
     def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        """Pickled and copied as what it was made of."""
+        """Returns the constructor's arguments, for pickling and copying."""
 
 @final
 class Simulation:
-    """A model that is stepped in windows: of `ballast.open` and `ballast.resume`.
+    """A ballast model advanced in windows. Created by `ballast.open` or `ballast.resume`.
 
-    Computing releases the interpreter; Ctrl-C ends a window within a step, which is then not done, in a valid state:
-    `last` tells what it has come to. Python tells Ctrl-C to its main thread alone: a window of another thread ends by
-    `stop` or `close`, and so with `with`. One that another process computes (`ballast.open("zenoh:SITE/ID")`) goes on
-    there: the same call made again gives its outcome, any other one waits for its end first. Of that one, `advance_to`,
-    `redo`, `last`, `save`, `restore`, `set_parameters`, `stop`, `close` and what says of itself here are there; the rest
-    is refused with the code "elsewhere".
-    Only one thread at a time may step a simulation (another one gets `Error` with the code "busy");
-    simulations of their own run side by side.
+    Threads: `advance_to` releases the GIL. One thread at a time may step a simulation; a second one gets
+    `Error(code="busy")`. Different simulations run in parallel.
+
+    Interrupting: Ctrl-C (main thread), `stop()` or `close()` cancel the running step. Completed steps are kept; see `last`.
+
+    Remote components (`ballast.open("zenoh:SITE/ID")`): a cancelled window continues on the server, and repeating the
+    call returns its result. Available: `advance_to`, `redo`, `last`, `save`, `restore`, `set_parameters`, `stop`,
+    `close`, `now_ns`, `step_ns`, `schedule`, `bodies`, `grain_count`, `roles`, `mounts`, `has_failed`, `is_closed`.
+    Other methods raise `RequestError(code="remote_unsupported")`.
     """
 
     def __enter__(self) -> Simulation: ...
@@ -224,103 +275,134 @@ class Simulation:
     def advance_to(
         self,
         t1_ns: SupportsIndex,
-        tools: Mapping[str, Motion] | None = None,
+        motions: Mapping[str, Motion] | None = None,
         loads: Mapping[str, Load] | None = None,
         *,
-        series: bool = False,
+        record_steps: bool = False,
         zones: bool = False,
-    ) -> Outcome:
-        """Advances to `t1_ns`, a whole number of steps from now.
+    ) -> WindowResult:
+        """Advances the simulation to `t1_ns`.
 
         Args:
-            t1_ns: end of the window, ns since the start of the run.
-            tools: motions of driven bodies by name; the others stay where they are. One that a cubic motion has left
-                moving needs another one: that goes on so, or has `rebase`.
-            loads: loads on mounted bodies by name; the others have none.
-            series: keep the impulses of every step, see `Outcome.series`.
-            zones: measure the case's zones at the end, see `Outcome.zones`; it takes longer than a coupling's
-                own work, so it is not done unasked.
+            t1_ns: end of the window, ns since the start of the run; a whole number of steps after `now_ns`.
+            motions: motions of driven bodies by name. Other bodies keep their commanded pose; a body that its last cubic
+                motion left moving needs a motion that continues it, or one with `allow_jump=True`.
+            loads: loads on mounted bodies by name; other mounted bodies have none.
+            record_steps: record the impulses of every step, see `WindowResult.step_series`.
+            zones: measure the case's zones at the end of the window, see `WindowResult.zones`. This takes longer than
+                the rest of a coupling step.
 
         Raises:
-            Refused: the request makes no sense; nothing has changed.
-            Lost: the program failed inside.
+            RequestError: the request is invalid; the simulation has not changed.
+            InternalError: a bug in Ballast; only `restore` makes the simulation usable again.
         """
 
     def redo(
         self,
-        tools: Mapping[str, Motion] | None = None,
+        motions: Mapping[str, Motion] | None = None,
         loads: Mapping[str, Load] | None = None,
         *,
-        series: bool = False,
+        record_steps: bool = False,
         zones: bool = False,
-    ) -> Outcome:
-        """Computes the last window again from its beginning, with other inputs: for implicit coupling. It is computed as it was
-        asked for, also where Ctrl-C, `stop` or trouble (status "early") had ended it before its end."""
+    ) -> WindowResult:
+        """Computes the last window again from its start with other inputs, for implicit coupling.
 
-    def step_by_machine(self, *, series: bool = False, zones: bool = False) -> Outcome:
-        """A window of one step, in which the machine of the case moves tines and sleepers, as `ballast run`
-        does: with the force limits of the case, from what it remembers of its own steps."""
+        The window ends at the requested time, even if Ctrl-C, `stop` or an error ended it earlier the first time.
+        Arguments and errors are those of `advance_to`.
+        """
+
+    def step_tamping_cycle(self, *, record_steps: bool = False, zones: bool = False) -> WindowResult:
+        """Advances one step, in which the case's tamping cycle moves tines and sleepers.
+
+        The motion is that of `ballast run`, including the force limits of the case.
+        """
 
     def stop(self) -> None:
-        """Ends the window that another thread is computing, within a step, which is then not done: its outcome has the
-        code "stopped" and the status "early", or "discard" where it was the first step. One that another process
-        computes goes on there, and its caller gets `Unreachable` with the code "abandoned". Windows that are begun later
-        are not ended."""
+        """Cancels the window that another thread is computing; later windows are not affected.
+
+        The running step is dropped. The window's result has the code "stopped" and the status "early", or "discard" if
+        no step was complete. A remote window continues on the server, and its caller gets
+        `RemoteError(code="cancelled")`.
+        """
 
     def save(self) -> State:
-        """Everything that the next window depends on; shared, not copied."""
+        """Returns the current state, with everything that the next window depends on. The data is shared, not copied."""
 
     def restore(self, state: State) -> None:
-        """Goes back, or on, to a saved state of the same case."""
+        """Restores a saved state of the same case.
+
+        Raises:
+            RequestError: the state belongs to another case, or a recording is open.
+        """
 
     def set_parameters(
         self, *, iterations: int | None = None, tolerance: float | None = None, max_penetration: float | None = None
     ) -> None:
-        """Sets how steps are solved from now on, also in a redo of the last window; what is not given stays.
+        """Sets solver parameters for all later windows and for a redo of the last one. Omitted parameters keep their value.
 
         Args:
-            iterations: most iterations of a step, at least 1.
-            tolerance: a step is solved when its residual is below; 0: always all iterations.
-            max_penetration: how deep a step may press bodies into each other, m, before its window is taken back;
-                infinite: any.
+            iterations: maximum number of iterations per step, at least 1.
+            tolerance: residual below which a step counts as solved; 0: always use all iterations.
+            max_penetration: penetration that ends a window, m; infinite: no limit.
 
         Raises:
-            Refused: a number that makes no sense; nothing has changed.
+            RequestError: a value is out of range; nothing has changed.
         """
 
     def fork(self) -> Simulation:
-        """Another simulation that goes on from here on its own."""
+        """Returns an independent simulation that starts from the current state."""
 
     def record(self, path: _Path) -> None:
-        """Records the windows from now on in an MCAP file, which is replaced. Where the file cannot be written any
-        more, a RuntimeWarning says so, and the simulation goes on unrecorded."""
+        """Starts recording all later windows in an MCAP file, which is replaced.
+
+        If the file cannot be written later, a RuntimeWarning is issued and the simulation continues without recording.
+
+        Raises:
+            FileError: the file cannot be created.
+            RequestError: a recording is open already.
+        """
 
     def stop_recording(self) -> None:
-        """Ends the recording, if there is one. Raises FileError, also where its file could not be written to the end."""
+        """Ends the recording, if one is open.
+
+        Raises:
+            FileError: the recording is incomplete.
+        """
 
     def close(self) -> None:
-        """Ends the simulation, and its recording as `stop_recording` does; states and arrays that it gave away stay. A window
-        that another thread is computing is ended as by `stop`, and waited for."""
+        """Ends the simulation and its recording. Saved states and arrays stay valid.
 
-    def zones(self) -> dict[str, ZoneOutcome]:
-        """The case's zones, measured now."""
+        A window that another thread is computing is cancelled as by `stop`, and waited for.
+
+        Raises:
+            FileError: the recording is incomplete.
+        """
+
+    def zones(self) -> dict[str, ZoneResult]:
+        """Measures the case's zones now; returns the results by name."""
 
     def shape(self, index: SupportsIndex) -> tuple[_Floats, list[list[int]]]:
-        """Corners (n, 3) of a shape in its own frame, m, and its faces as numbers of corners,
-        counter-clockwise from outside."""
+        """Returns the corners (n, 3) of a shape in its own frame, m, and its faces.
+
+        Each face is a list of corner indices, counter-clockwise seen from outside.
+        """
 
     def parts(self, name: str) -> list[tuple[_Floats, list[list[int]]]]:
-        """The solids that a driven body is made of, each as corners (n, 3) in the body's frame, m, and faces as those of
-        `shape`. A wall without end has none."""
+        """Returns the convex parts of a driven body: corners (n, 3) in the body's frame, m, and faces as in `shape`.
+
+        Infinite walls have no parts.
+
+        Raises:
+            KeyError: no driven body has this name.
+        """
 
     @property
-    def last(self) -> Outcome | None:
-        """The outcome of the last window as far as it was computed, also where Ctrl-C or another exception came instead of
-        it; None before the first window and after `restore`."""
+    def last(self) -> WindowResult | None:
+        """Result of the last window, even if its call raised an exception; None before the first and after `restore`."""
 
     @property
     def case(self) -> Case:
-        """What it is a simulation of."""
+        """Case of the simulation."""
 
     @property
     def now_ns(self) -> int:
@@ -328,141 +410,169 @@ class Simulation:
 
     @property
     def step_ns(self) -> int:
-        """Length of a step, ns."""
+        """Length of a time step, ns."""
 
     @property
     def schedule(self) -> str:
-        """Of the solver: "sequential", "synchronous" or "asynchronous"."""
+        """Schedule of the solver: "sequential", "synchronous" or "asynchronous"."""
 
     @property
     def threads(self) -> int:
-        """How many threads compute, the calling one among them."""
+        """Number of computing threads, including the calling one."""
 
     @property
     def bodies(self) -> list[str]:
-        """Names of the driven bodies: tines, boundaries, sleepers."""
+        """Names of the driven bodies: tines, boundaries and sleepers."""
 
     @property
     def roles(self) -> dict[str, str]:
-        """What each driven body is, by name: "boundary", "sleeper" or "tine"."""
+        """Role of each driven body by name: "boundary", "sleeper" or "tine"."""
 
     @property
     def mounts(self) -> dict[str, Mount]:
-        """What holds the driven bodies that loads can move, by name. The motion of the others is imposed."""
+        """Mounts by name of the driven bodies that loads can move. All other driven bodies have prescribed motion."""
 
     @property
     def tines(self) -> list[Tine]:
-        """The ways of the tines through the case's tamping cycle; none without tamping."""
+        """Paths of the tines in the case's tamping cycle; empty without tamping."""
 
     @property
     def phase(self) -> str:
-        """Of the case's tamping cycle at this time: waiting, lift, insertion, squeeze, hold, withdrawal
-        or done."""
+        """Current phase of the tamping cycle: waiting, lift, insertion, squeeze, hold, withdrawal or done."""
 
     @property
-    def grains(self) -> int:
-        """Number of grains."""
+    def grain_count(self) -> int:
+        """Number of grains, ng."""
 
     @property
-    def shape_of(self) -> NDArray[np.uint32]:
-        """(ng,) which shape each grain has."""
+    def shape_indices(self) -> NDArray[np.uint32]:
+        """Shape index of each grain (ng,), for `shape`."""
 
     @property
     def masses(self) -> _Floats:
-        """(ng,) kg."""
+        """Masses of the grains (ng,), kg."""
 
     @property
-    def is_lost(self) -> bool:
-        """Whether the program failed inside; `restore` of a saved state goes on."""
+    def has_failed(self) -> bool:
+        """True after an `InternalError`, until a saved state is restored."""
 
     @property
     def is_closed(self) -> bool:
-        """Whether `close` was called."""
+        """True after `close`."""
 
     def _fail_next(self) -> None: ...
 
 @final
 class Mount:
-    """What holds a body that loads can move: by direction, the motion that is asked of the body, springs that follow it, or
-    nothing."""
+    """Mount of a driven body that loads can move.
+
+    In each direction the body follows its commanded motion, a spring that follows it, or only loads and contacts.
+    """
 
     @property
     def mass(self) -> float:
-        """That moves with the body, kg."""
+        """Mass that moves with the body, kg."""
 
     @property
-    def freedoms(self) -> tuple[str, str, str, str, str, str]:
-        """Of x, y, z, and of the rotations about them: "prescribed", "spring" or "free"."""
+    def dof_modes(self) -> tuple[str, str, str, str, str, str]:
+        """Mode of each degree of freedom x, y, z, rx, ry, rz: "prescribed", "spring" or "free"."""
 
     @property
     def stiffness(self) -> _Floats:
-        """(6,) where it is sprung, in the same order: N/m, of rotations N m/rad; elsewhere 0."""
+        """Spring stiffness of each degree of freedom (6,), N/m and N m/rad; 0 without a spring."""
 
     @property
     def damping(self) -> _Floats:
-        """(6,) where it is sprung, in the same order: N s/m, of rotations N m s/rad; elsewhere 0."""
+        """Spring damping of each degree of freedom (6,), N s/m and N m s/rad; 0 without a spring."""
 
 @final
 class Tine:
-    """The way of a tine through the tamping cycle of its case."""
+    """Path of a tine in the tamping cycle of its case."""
 
     @property
     def name(self) -> str:
-        """Its body's."""
+        """Name of the tine's body."""
 
     @property
     def pair(self) -> int:
-        """Number of its pair in the case: its squeezes are those of "pair_NUMBER"."""
+        """Number of the tine's pair in the case; its squeezes are those of "pair_NUMBER"."""
 
     @property
     def direction(self) -> float:
-        """Of its squeeze along x: 1 or -1."""
+        """Direction of the squeeze along x: 1 or -1."""
 
     @property
     def start(self) -> _Floats:
-        """(3,) where its reference point is before the cycle, m."""
+        """Position of the reference point before the cycle (3,), m."""
 
     @property
-    def deep(self) -> float:
-        """Height of its reference point at full depth, m."""
+    def full_depth_z(self) -> float:
+        """Height of the reference point at full depth, m."""
 
     @property
     def stroke(self) -> float:
-        """How far it closes, m."""
+        """Closing of the tine in the squeeze, m."""
 
 @final
 class State:
-    """A state that was saved. Arrays are read-only and not copied; they keep their values while the
-    simulation goes on, and stay valid as long as somebody holds them. It can be copied, which takes nothing, and pickled.
+    """A saved state. It can be copied without cost, pickled, and written to a file.
 
-    A state of a simulation that another process computes is kept there until nobody here holds it any more: it has
-    `time_ns`, `hash`, `target` and `target_twist`, `restore` takes it, and it cannot be pickled."""
+    Arrays are read-only views of the state's own memory. They keep their values while the simulation advances, and stay
+    valid for as long as they are referenced.
+
+    A state of a remote simulation stays on the server for as long as it is referenced here. It has `time_ns`, `hash`,
+    `commanded_pose` and `commanded_twist`, can be restored, and cannot be pickled.
+    """
 
     @staticmethod
     def read(path: _Path) -> State:
-        """Reads what `write` has written, or a checkpoint of `ballast run`. Raises FileError."""
+        """Reads a file of `write`, or a checkpoint of `ballast run`.
+
+        Raises:
+            FileError: the file cannot be read, or is not the state of a run.
+        """
 
     def write(self, path: _Path) -> None:
-        """Writes the state to a file from which it goes on to the same bytes, also in another process. Of what lies there
-        only such a file, a bed or a checkpoint is replaced. Raises FileError."""
+        """Writes the state to a file, from which another process continues bit for bit.
+
+        An existing file is replaced only if it is a state, a bed or a checkpoint.
+
+        Raises:
+            FileError: the file cannot be written, or `path` is a file of another kind.
+        """
 
     def __reduce__(self) -> tuple[Callable[..., State], tuple[bytes]]:
-        """Pickled as the bytes of the file that `write` would leave."""
+        """Pickles the state as the bytes of the file that `write` creates."""
 
     def __copy__(self) -> State:
-        """Nothing changes a state."""
+        """Returns the state itself, which is immutable."""
 
     def __deepcopy__(self, _memo: object) -> State: ...
     def body(self, name: str) -> tuple[_Floats, _Floats, _Floats, _Floats]:
-        """Position (m), orientation (x, y, z, w), velocity (m/s) and spin (rad/s) of a driven body."""
+        """Returns position (m), orientation (x, y, z, w), velocity (m/s) and angular velocity (rad/s) of a driven body.
 
-    def target(self, name: str) -> tuple[_Floats, _Floats]:
-        """Position (m) and orientation (x, y, z, w) that were last asked of a driven body, or of the mount that
-        holds it: where its next motion has to begin."""
+        Raises:
+            RequestError: no driven body has this name.
+        """
 
-    def target_twist(self, name: str) -> tuple[_Floats, _Floats] | None:
-        """Velocity (m/s) and spin (rad/s) with which the next cubic motion of a driven body, or of the mount that holds
-        it, begins: as the last one ended, or zero where the body had no motion. None, any, after a held or linear one."""
+    def commanded_pose(self, name: str) -> tuple[_Floats, _Floats]:
+        """Returns the position (m) and orientation (x, y, z, w) at which the next motion of a driven body must start.
+
+        It is the end of the last commanded motion of the body or of its mount.
+
+        Raises:
+            RequestError: no driven body has this name.
+        """
+
+    def commanded_twist(self, name: str) -> tuple[_Floats, _Floats] | None:
+        """Returns the linear (m/s) and angular velocity (rad/s) at the end of the last commanded motion of a driven body.
+
+        The next cubic motion must continue them. They are zero for a body without motion, and `None` after a linear or
+        held motion, when any velocity is accepted.
+
+        Raises:
+            RequestError: no driven body has this name.
+        """
 
     @property
     def time_ns(self) -> int:
@@ -470,398 +580,427 @@ class State:
 
     @property
     def step(self) -> int:
-        """Steps since the start of the run."""
+        """Number of steps since the start of the run."""
 
     @property
     def hash(self) -> str:
-        """128 bits that tell states apart, as 32 hexadecimal digits: `ballast serve` has the same, and so have recordings
-        of either. `ballast run`, which remembers its machine instead of windows, has others of the same bodies, in its
-        files and recordings, too."""
+        """Hash of the state: 128 bits as 32 hexadecimal digits, comparable with those of `ballast serve` and recordings.
+
+        States of `ballast run` also cover the memory of its machine, so their hashes differ for equal bodies.
+        """
 
     @property
     def positions(self) -> _Floats:
-        """(ng, 3) of the grains, m."""
+        """Positions of the grains (ng, 3), m."""
 
     @property
     def orientations(self) -> _Floats:
-        """(ng, 4) of the grains, x, y, z, w."""
+        """Orientations of the grains (ng, 4), x, y, z, w."""
 
     @property
     def velocities(self) -> _Floats:
-        """(ng, 3) of the grains, m/s."""
+        """Velocities of the grains (ng, 3), m/s."""
 
     @property
-    def spins(self) -> _Floats:
-        """(ng, 3) of the grains, rad/s."""
+    def angular_velocities(self) -> _Floats:
+        """Angular velocities of the grains (ng, 3), world axes, rad/s."""
 
     @property
     def contact_bodies(self) -> NDArray[np.uint32]:
-        """(nc, 2) bodies of each contact point; driven bodies are numbered after the grains."""
+        """Indices of the two bodies of each contact point (nc, 2); driven bodies are numbered after the grains."""
 
     @property
     def contact_impulses(self) -> _Floats:
-        """(nc, 3) impulse of the last step on the first body, N s."""
+        """Impulses of the last step on the first body of each contact point (nc, 3), N s."""
 
     @property
     def contact_points(self) -> _Floats:
-        """(nc, 3) where the contacts are, m; a copy."""
+        """Positions of the contact points (nc, 3), m; a copy."""
 
 @final
-class Outcome:
-    """The result of a window, a mapping: `outcome[name]` is what the ballast did to a body."""
+class WindowResult:
+    """Result of a window: a mapping from the names of driven bodies to `BodyResult`. It can be copied and pickled."""
 
     def __iter__(self) -> Iterator[str]: ...
     def __len__(self) -> int: ...
-    def __getitem__(self, name: str, /) -> BodyOutcome: ...
+    def __getitem__(self, name: str, /) -> BodyResult: ...
     def __contains__(self, name: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Callable[..., WindowResult], tuple[Any, ...]]: ...
     @overload
-    def get(self, name: str, default: None = None) -> BodyOutcome | None:
-        """What the ballast did to a body, or `default` where there is none of this name."""
+    def get(self, name: str, default: None = None) -> BodyResult | None:
+        """Returns the result of a body, or `default` if no driven body has this name."""
 
     @overload
-    def get(self, name: str, default: _Else) -> BodyOutcome | _Else:
-        """What the ballast did to a body, or `default` where there is none of this name."""
+    def get(self, name: str, default: _Default) -> BodyResult | _Default:
+        """Returns the result of a body, or `default` if no driven body has this name."""
 
     def keys(self) -> KeysView[str]:
-        """Names of the bodies, as those of `bodies`."""
+        """Returns the names of the bodies."""
 
-    def values(self) -> ValuesView[BodyOutcome]:
-        """What the ballast did to each, as those of `bodies`."""
+    def values(self) -> ValuesView[BodyResult]:
+        """Returns the results of the bodies."""
 
-    def items(self) -> ItemsView[str, BodyOutcome]:
-        """Both, as those of `bodies`."""
+    def items(self) -> ItemsView[str, BodyResult]:
+        """Returns pairs of name and result of the bodies."""
 
     @property
     def status(self) -> str:
-        """"ok"; "warn": a step stopped at its cap of iterations; "early": ended before its end, in a valid
-        state; "discard": nothing was kept."""
+        """Status: "ok", "warn" (a step stopped at its iteration cap), "early" (ended early, valid state) or "discard" (rolled back)."""
 
     @property
     def code(self) -> str | None:
-        """What ended the window, for programs: "over_speed", "penetration", "not_finite", "step_failed", or "stopped": by
-        `stop`, `close` or Ctrl-C."""
+        """Code of the error that ended the window, or None.
+
+        One of "over_speed", "penetration", "not_finite", "step_failed" and "stopped" (by `stop`, `close` or Ctrl-C).
+        """
 
     @property
-    def trouble(self) -> str | None:
-        """What ended the window, where something did."""
+    def error_message(self) -> str | None:
+        """Message of the error that ended the window, or None."""
 
     @property
     def t0_ns(self) -> int:
-        """Where it began, ns since the start of the run."""
+        """Start of the window, ns since the start of the run."""
 
     @property
     def t1_ns(self) -> int:
-        """As far as it was computed, ns."""
+        """End of the window as far as it was computed, ns since the start of the run."""
 
     @property
     def steps(self) -> int:
-        """How many were computed."""
+        """Number of computed steps."""
 
     @property
-    def bodies(self) -> dict[str, BodyOutcome]:
-        """What the ballast did to each driven body, by name."""
+    def bodies(self) -> dict[str, BodyResult]:
+        """Results of the driven bodies by name."""
 
     @property
-    def zones(self) -> dict[str, ZoneOutcome]:
-        """At the end of the window, where `zones=True` asked for them."""
+    def zones(self) -> dict[str, ZoneResult]:
+        """Results of the zones by name at the end of the window; empty unless requested with `zones=True`."""
 
     @property
     def squeezes(self) -> dict[str, Squeeze]:
-        """Squeezes that were in progress, by pair of tines ("pair_0"); of two of a pair the later one. How they are told
-        apart: docs/src/coupling/concepts.md."""
+        """Squeezes in progress during the window, by pair of tines ("pair_0"); the later one if a pair had two.
+
+        docs/src/coupling/concepts.md defines when a squeeze starts and ends.
+        """
 
     @property
-    def solver(self) -> SolverOutcome:
-        """How it was solved."""
+    def solver(self) -> SolverResult:
+        """Result of the contact solver."""
 
     @property
     def energy(self) -> EnergyLedger:
-        """Since the start of the run."""
+        """Energies since the start of the run."""
 
     @property
-    def hint_max_step_ns(self) -> int:
-        """How far apart knots may be for no body to move too far between them at its speed now, ns;
-        0 where nothing moves, and of a recording."""
+    def max_knot_spacing_ns(self) -> int:
+        """Largest sensible spacing of motion knots at the bodies' current speed, ns; 0 if nothing moves or in a recording."""
 
     @property
-    def wall_s(self) -> float:
-        """How long the window took to compute, s of wall time; elsewhere: until it was answered; nan of a recording."""
+    def wall_time_s(self) -> float:
+        """Wall time of the window, s: computing, or waiting for a remote reply; nan in a recording."""
 
     @property
-    def series(self) -> Series | None:
-        """Step by step, where `series=True` asked for it."""
+    def step_series(self) -> StepSeries | None:
+        """Values of every step; None unless requested with `record_steps=True`."""
 
 @final
-class BodyOutcome:
-    """What the ballast did to a driven body during a window, about its reference point."""
+class BodyResult:
+    """Action of the ballast on a driven body during a window, about its reference point, world axes."""
 
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str, bytes]]: ...
     @property
     def impulse(self) -> _Floats:
-        """(3,) over the window, N s."""
+        """Impulse of the ballast on the body over the window (3,), N s."""
 
     @property
     def angular_impulse(self) -> _Floats:
-        """(3,) over the window, N m s."""
+        """Angular impulse of the ballast on the body over the window (3,), N m s."""
 
     @property
     def mean_force(self) -> _Floats:
-        """(3,) impulse over the length of the window, N."""
+        """Mean force over the window (3,), N: the impulse divided by the length of the window."""
 
     @property
     def mean_torque(self) -> _Floats:
-        """(3,) angular impulse over the length of the window, N m."""
+        """Mean torque over the window (3,), N m."""
 
     @property
-    def moving_force(self) -> _Floats:
-        """(3,) mean over as many whole steps as 4 ms hold, one at least; may have begun before the window, N."""
+    def moving_average_force(self) -> _Floats:
+        """Mean force over the last 4 ms in whole steps, at least one (3,), N; may include steps before the window."""
 
     @property
-    def moving_torque(self) -> _Floats:
-        """(3,) mean over the same steps, N m."""
+    def moving_average_torque(self) -> _Floats:
+        """Mean torque over the last 4 ms in whole steps, at least one (3,), N m; may include steps before the window."""
 
     @property
     def peak_force(self) -> _Floats:
-        """(3,) largest mean force of a step, N."""
+        """Largest mean force of a single step (3,), N."""
 
     @property
     def peak_torque(self) -> _Floats:
-        """(3,) mean torque of that step, N m."""
+        """Mean torque of the step with the peak force (3,), N m."""
 
     @property
     def peak_time_ns(self) -> int:
-        """End of that step, ns since the start of the run; the beginning of the window where no force acted."""
+        """End of the step with the peak force, ns since the start of the run; the window's start if no force acted."""
 
     @property
     def work(self) -> float:
-        """Of the body on the ballast, J."""
+        """Work of the body on the ballast, J."""
 
     @property
     def contacts(self) -> int:
-        """Contact points that carried an impulse in the last step."""
+        """Number of contact points with an impulse in the last step."""
 
     @property
     def position(self) -> _Floats:
-        """(3,) at the end of the window, m."""
+        """Position at the end of the window (3,), m."""
 
     @property
     def orientation(self) -> _Floats:
-        """(4,) at the end of the window, x, y, z, w."""
+        """Orientation at the end of the window (4,), x, y, z, w."""
 
     @property
     def velocity(self) -> _Floats:
-        """(3,) at the end of the window, m/s."""
+        """Velocity at the end of the window (3,), m/s."""
 
     @property
-    def spin(self) -> _Floats:
-        """(3,) at the end of the window, rad/s."""
+    def angular_velocity(self) -> _Floats:
+        """Angular velocity at the end of the window (3,), rad/s."""
 
 @final
-class ZoneOutcome:
-    """A zone at the end of a window; what cannot be measured there is None."""
+class ZoneResult:
+    """Measurements of a zone at the end of a window; values that cannot be measured are None."""
 
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str, bytes]]: ...
     @property
     def low(self) -> _Floats:
-        """(3,) lowest corner, m."""
+        """Lowest corner of the zone (3,), m."""
 
     @property
     def high(self) -> _Floats:
-        """(3,) highest corner, m."""
+        """Highest corner of the zone (3,), m."""
 
     @property
     def compactness(self) -> float | None:
-        """Solid over accessible volume, 0 to 1."""
+        """Compactness: solid volume divided by accessible volume, 0 to 1."""
 
     @property
     def coordination(self) -> float | None:
-        """Mean number of touching neighbours."""
+        """Mean number of touching neighbours per grain."""
 
     @property
     def inertial_number(self) -> float | None:
-        """How fast it flows for its pressure and size of grains (T-22), without unit."""
+        """Inertial number of the granular flow (T-22), dimensionless."""
 
     @property
     def pressure(self) -> float:
-        """Mean over the last step, Pa."""
+        """Mean pressure in the last step, Pa."""
 
 @final
 class Squeeze:
-    """What a pair of facing tines has done in a squeeze, up to the last whole vibration period."""
+    """Squeeze of a pair of facing tines, measured up to the last complete vibration period."""
 
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str, bytes]]: ...
     @property
     def number(self) -> int:
-        """Of the pair, from 1 on."""
+        """Number of the squeeze for its pair, from 1."""
 
     @property
-    def is_over(self) -> bool:
-        """The pair has opened again."""
+    def is_finished(self) -> bool:
+        """True when the pair has opened again."""
 
     @property
-    def began_ns(self) -> int:
-        """When the pair was at its widest, ns; closings are counted from there."""
+    def start_ns(self) -> int:
+        """Time of the pair's widest opening, ns since the start of the run; closings are measured from there."""
 
     @property
     def onset_ns(self) -> int | None:
-        """End of the period since which the ballast resists, or did so last, ns."""
+        """Time at which ballast resistance starts: end of the first vibration period with sustained force, ns; `None` before."""
 
     @property
     def closing(self) -> float:
-        """Of a side, mean over the last period, m."""
+        """Closing of one side, averaged over the last vibration period, m."""
 
     @property
     def peak_force(self) -> float:
-        """Largest mean force of a side over a period, N."""
+        """Largest force of one side, averaged over a vibration period, N."""
 
     @property
     def peak_step_force(self) -> float:
-        """Largest force of a single step, N."""
+        """Largest force of one side in a single step, N."""
 
     @property
     def work(self) -> float:
-        """Of the pair's tines on the ballast since it had closed by 2 mm, vibration included, J."""
+        """Work of both tines on the ballast after the first 2 mm of closing, including vibration, J."""
 
     @property
     def compaction_energy(self) -> float:
-        """Work of the mean force along the closing as far as it came, both sides, J."""
+        """Work of the period-averaged force along the largest closing, both sides, J."""
 
     @property
     def loop(self) -> _Floats:
-        """(n, 2) closing (m) and mean force (N) of a side, one row per period or per few of them."""
+        """Force-displacement loop (n, 2): closing (m) and period-averaged force (N) of one side."""
 
 @final
-class SolverOutcome:
-    """How a window was solved."""
+class SolverResult:
+    """Result of the contact solver in a window."""
 
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str, bytes]]: ...
     @property
     def iterations(self) -> int:
-        """Over all steps."""
+        """Number of iterations over all steps."""
 
     @property
     def visits(self) -> int:
-        """Of contacts, over all steps."""
+        """Number of local contact solves over all steps."""
 
     @property
     def steps_not_converged(self) -> int:
-        """Steps that stopped at their cap of iterations above the tolerance; 0 where none is asked for."""
+        """Number of steps that stopped at their iteration cap above the tolerance; 0 without a tolerance."""
 
     @property
     def residual_qm16(self) -> float:
-        """Largest of a step, without unit."""
+        """Largest QM/16 residual of a step, dimensionless."""
 
     @property
     def residual_natural_map(self) -> float:
-        """Largest of a step, without unit."""
+        """Largest natural-map residual of a step, dimensionless."""
 
     @property
     def contacts(self) -> int:
-        """In the last step."""
+        """Number of contacts in the last step."""
 
     @property
     def active_contacts(self) -> int:
-        """Those that carry, in the last step."""
+        """Number of active contacts in the last step."""
 
     @property
     def mean_penetration(self) -> float:
-        """Of the last step, m."""
+        """Mean penetration in the last step, m."""
 
     @property
     def max_penetration(self) -> float:
-        """Largest of all steps, m."""
+        """Largest penetration of all steps, m."""
 
 @final
 class EnergyLedger:
     """Energies of the grains since the start of the run, J."""
 
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[str, bytes]]: ...
     @property
     def initial_kinetic(self) -> float:
-        """At the start of the run, J."""
+        """Kinetic energy at the start of the run, J."""
 
     @property
     def initial_potential(self) -> float:
-        """At the start of the run, J."""
+        """Potential energy at the start of the run, J."""
 
     @property
     def kinetic(self) -> float:
-        """Now, J."""
+        """Current kinetic energy, J."""
 
     @property
     def potential(self) -> float:
-        """Now, J."""
+        """Current potential energy, J."""
 
     @property
-    def work_in(self) -> float:
-        """Work of driven bodies on the grains, J."""
+    def external_work(self) -> float:
+        """Work of the driven bodies on the grains, J."""
 
     @property
     def dissipated(self) -> float:
-        """By friction and in impacts, J."""
+        """Energy dissipated by friction and impacts, J."""
 
     @property
     def balance_error(self) -> float:
-        """What the ledger cannot account for, J."""
+        """Energy that the ledger cannot account for, J."""
 
 @final
-class Series:
-    """A window step by step."""
+class StepSeries:
+    """Values of every step of a window."""
 
     def __len__(self) -> int: ...
+    def __reduce__(self) -> tuple[Callable[..., StepSeries], tuple[bytes, list[str]]]: ...
     @property
     def time_ns(self) -> NDArray[np.uint64]:
-        """(n,) end of each step, ns."""
+        """End of each step (n,), ns since the start of the run."""
 
     @property
     def iterations(self) -> NDArray[np.uint32]:
-        """(n,) of each step."""
+        """Number of iterations of each step (n,)."""
 
     @property
     def residual_qm16(self) -> _Floats:
-        """(n,) at the end of each step, without unit."""
+        """QM/16 residual at the end of each step (n,), dimensionless."""
 
     @property
     def impulses(self) -> dict[str, _Floats]:
-        """(n, 6) per body: impulse (N s) and angular impulse (N m s) of each step."""
+        """Impulse (N s) and angular impulse (N m s) of each step by driven body (n, 6)."""
 
 @final
 class Results:
-    """A results file of `ballast run`."""
+    """Results file of a run (`.vtkhdf`).
+
+    Raises:
+        FileError: the file cannot be read.
+    """
 
     def __new__(cls, path: _Path) -> Results: ...
     def poses(self, frame: SupportsIndex) -> tuple[_Floats, _Floats]:
-        """Positions (n, 3) in m and orientations (n, 4) of all bodies in a frame, grains first."""
+        """Returns positions (n, 3) in m and orientations (n, 4) of all bodies in a frame: grains, then driven bodies.
+
+        Raises:
+            IndexError: the file has no such frame.
+        """
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
-        """Columns of a table by name, and `step`; units in `units(name)`."""
+        """Returns the columns of a table by name, and `step`; `units` has their units.
+
+        Raises:
+            KeyError: the file has no such table.
+        """
 
     def units(self, name: str) -> dict[str, str]:
-        """Units of the columns of a table, by name."""
+        """Returns the units of the columns of a table by name.
+
+        Raises:
+            KeyError: the file has no such table.
+        """
 
     @property
     def case_name(self) -> str:
-        """As the case calls itself."""
+        """Name of the case."""
 
     @property
     def case_text(self) -> str:
-        """Of the case file, TOML."""
+        """Text of the case file (TOML)."""
 
     @property
-    def bodies(self) -> tuple[int, list[str]]:
-        """Number of grains, and names of the driven bodies after them."""
+    def grain_count(self) -> int:
+        """Number of grains, ng."""
 
     @property
-    def roles(self) -> list[str]:
-        """What each of the driven bodies is: "boundary", "sleeper" or "tine"."""
+    def bodies(self) -> list[str]:
+        """Names of the driven bodies, in the order of `poses` after the grains."""
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Role of each driven body by name: "boundary", "sleeper" or "tine"."""
 
     @property
     def is_closed(self) -> bool:
-        """Whether the run has closed its results, at its end or where it was told to stop; not while it is going on, nor
-        where it was killed."""
+        """True if the run has ended and closed the file; false while it is running, or if it was killed."""
 
     @property
     def steps(self) -> NDArray[np.uint64]:
-        """(n,) step of each frame."""
+        """Step number of each frame (n,)."""
 
     @property
     def times(self) -> _Floats:
-        """(n,) time of each frame, s."""
+        """Time of each frame (n,), s."""
 
     @property
     def tables(self) -> list[str]:
@@ -869,73 +1008,72 @@ class Results:
 
 @final
 class Recording:
-    """A recording (MCAP): an iterator over its windows, each a dictionary with `seq`, `t0_ns`, `t1_ns`, what was asked
-    (`request`), also as motions and loads by the names of their bodies (`tools`, `loads`) to be asked again, the
-    `parameters` that were set before (empty where none were), what the window did (`outcome`), and the `hash` of the state
-    and the `reply_digest` that it led to.
+    """Recording of a run (MCAP): an iterator over its windows.
 
-    Such an outcome is what `advance_to` gave, but for what is not recorded: `wall_s` is nan, `hint_max_step_ns` is 0,
-    there is no `series`, and one that was ended early is as "ok", or "warn", as the shorter window that it was.
+    Each window is a dictionary:
 
-    Of a file that does not go on to its end the iterator gives what is sound. At the end of that it gives a
-    RuntimeWarning, once, where the file is cut short, as after a kill, and raises FileError, once, where it is
-    damaged. `lost` says it, too."""
+    * `seq`, `t0_ns`, `t1_ns`: number, start and end of the window, ns.
+    * `request`: the request as a message; `motions` and `loads`: its inputs by body, as arguments for `advance_to`.
+    * `parameters`: arguments for `set_parameters` that were set before the window; empty if none were.
+    * `result`: the `WindowResult`, except for values that are not recorded: `wall_time_s` is nan,
+      `max_knot_spacing_ns` is 0, `step_series` is None, and a window that ended early has the status "ok" or "warn".
+    * `hash`, `reply_digest`: hashes of the state after the window and of the reply.
+
+    An incomplete file yields its valid windows first. Then the iterator issues a RuntimeWarning once if the file is cut
+    short, as after a kill, or raises FileError once if it is damaged. See `truncation`.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
 
     def __new__(cls, path: _Path) -> Recording: ...
     def __iter__(self) -> Recording: ...
     def __next__(self) -> dict[str, Any]: ...
     @property
     def case(self) -> Case:
-        """What it is a recording of, with the seed and the schedule that were chosen."""
+        """Recorded case, with its seed and schedule."""
 
     @property
     def start(self) -> State | None:
-        """The state that it begins with; None where that is the beginning of its case."""
+        """State at the start of the recording; None if it is the start of the case."""
 
     @property
-    def lost(self) -> str | None:
-        """Why reading ended early, where it did."""
+    def truncation(self) -> str | None:
+        """Reason why reading ended before the end of the recording, or None."""
 
-def attach(
+def _attach(
     component: str, connect: Sequence[str] | None, listen: Sequence[str] | None, config: _Path | None
 ) -> Simulation: ...
-def begin(
+def _open(
     case: Case,
-    beds: _Path,
+    bed_cache: _Path,
     threads: int | None = None,
     progress: Callable[[float, str], object] | None = None,
     max_penetration: float | None = None,
-    keep_early: bool = False,
+    keep_partial_window: bool = False,
 ) -> Simulation: ...
-def case_again(text: str, seed: int | None, schedule: str | None) -> Case:
-    """A case that was copied or pickled."""
-
-def prepare(
+def _prepare(
     case: Case,
-    beds: _Path,
+    bed_cache: _Path,
     threads: int | None = None,
     progress: Callable[[float, str], object] | None = None,
-    again: bool = False,
+    rebuild: bool = False,
 ) -> os.PathLike[str]: ...
-def replace(path: _Path, text: str) -> None:
-    """Replaces a file by a text, at once or not at all."""
-def resume(
+def _resume(
     state: State,
     threads: int | None = None,
     max_penetration: float | None = None,
-    keep_early: bool = False,
+    keep_partial_window: bool = False,
 ) -> Simulation: ...
+def _replace_file(path: _Path, text: str) -> None: ...
+def _parse_toml(text: str) -> dict[str, Any]: ...
+def _write_sweep_plan(case: str, points: Sequence[Mapping[str, Any]], path: _Path) -> None: ...
+def _unpickle_case(text: str, seed: int | None, schedule: str | None) -> Case: ...
+def _unpickle_state(bytes: bytes) -> State: ...
+def _unpickle_part(kind: str, bytes: bytes) -> Any: ...
+def _unpickle_step_series(bytes: bytes, names: Sequence[str]) -> StepSeries: ...
+def _unpickle_window_result(
+    bytes: bytes, names: Sequence[str], wall_time_s: float, has_step_series: bool
+) -> WindowResult: ...
 def schema() -> dict[str, Any]:
-    """The JSON Schema of case files."""
-
-def state_again(bytes: bytes) -> State:
-    """A state that was pickled."""
-def values(text: str) -> dict[str, Any]:
-    """The values of a text in TOML as nested dictionaries.
-
-    Written anew before Python reads it: `tomllib` takes no text of TOML 1.1, and none that begins with a mark of its order
-    of bytes, as cases may.
-    """
-
-def write_plan(path: _Path, text: str) -> None:
-    """Writes a plan of `ballast sweep`. Of what lies there only another one is replaced. Raises FileError."""
+    """Returns the JSON Schema of case files."""

@@ -29,7 +29,7 @@ FORCE = 1e4
 #: Range of the frequency, Hz.
 FREQUENCIES = (20.0, 50.0)
 #: States after the lift that are kept: those of the beds that were asked for last.
-BEGUN = 8
+MAX_CACHED_STATES = 8
 
 
 # As of themselves: arrays are compared number by number, and have no hash.
@@ -75,7 +75,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     tines in J. `info` has both, and `compaction_per_kJ` since the start of the episode.
 
     An episode ends when the tines are closed for good, is truncated when the time of the case is over, and is
-    truncated with `info["trouble"]` and its `info["code"]` where the motion that was asked for cannot be computed:
+    truncated with `info["error_message"]` and its `info["code"]` where the motion that was asked for cannot be computed:
     nothing has moved then, and gain and work are 0. A step after its end is refused until `reset`, and so is an action
     that is no three numbers; numbers beyond -1 and 1 count as these.
     A step that ends with an exception, such as that of Ctrl-C, has not been: it can be made again.
@@ -94,7 +94,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         energy_price: float = 1e-3,
         seeds: Sequence[int] | None = None,
         threads: int | None = 1,
-        beds: str | os.PathLike[str] = "runs/beds",
+        bed_cache: str | os.PathLike[str] = ballast.DEFAULT_BED_CACHE,
         render_mode: None = None,
     ) -> None:
         """
@@ -121,7 +121,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             raise TypeError(f"seeds: expected a list of whole numbers, found {seeds!r}") from None
         self._steps = _steps(interval_s, self._case.step_ns)
         self._limits = (squeeze_speed, insertion_speed, energy_price)
-        self._threads, self._beds = threads, beds
+        self._threads, self._bed_cache = threads, bed_cache
         self._amplitude = float(
             self._case.to_dict().get("tamping", {}).get("vibration", {}).get("amplitude_m", 0.005)
         )
@@ -143,12 +143,12 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         self._tines = self._sim.tines
         # Where they hang; a step that ended the lift may have begun to lower them.
         begun = self._sim.save()
-        self._homes = {tine.name: begun.target(tine.name)[0] for tine in self._tines}
+        self._homes = {tine.name: begun.commanded_pose(tine.name)[0] for tine in self._tines}
         self._depth = self._closing = self._angle = self._omega = self._work = 0.0
         self._zones = _under(self._sim.zones())
         self._compactness = self._first = _mean(self._zones)
         self._forces = np.zeros((len(self._tines), 3))
-        return self._observe(), {"seed_of_bed": bed}
+        return self._observe(), {"bed_seed": bed}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         if self._sim is None or self._is_over:
@@ -175,13 +175,13 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             # What a window has come to before it was stopped is not kept: the tines would stand amid their ways.
             sim.restore(begun)
             self._is_over = True
-            return self._observe(), 0.0, False, True, self._info(0.0, 0.0, trouble=out.trouble, code=out.code)
+            return self._observe(), 0.0, False, True, self._info(0.0, 0.0, error_message=out.error_message, code=out.code)
         self._depth, self._closing, self._angle, self._omega = after
         # A zone that cannot be measured now keeps its value, or the mean would jump without any stone's moving.
         now = _under(out.zones)
         self._zones = {name: now.get(name, last) for name, last in self._zones.items()}
         self._compactness = _mean(self._zones)
-        self._forces = np.array([out[t.name].moving_force for t in self._tines])
+        self._forces = np.array([out[t.name].moving_average_force for t in self._tines])
         work = sum(out[t.name].work for t in self._tines)
         self._work += work
         gain = 100.0 * (self._compactness - was)
@@ -218,15 +218,15 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         begun = self._begun.pop(bed, None)
         if begun is None:
             with ballast.open(
-                self._case, seed=bed, threads=self._threads, beds=self._beds, progress=False
+                self._case, seed=bed, threads=self._threads, bed_cache=self._bed_cache, progress=False
             ) as sim:
                 if not sim.tines:
                     raise ballast.Error(f"{self._case!r}: expected a case with tines, found none")
                 while sim.phase in ("waiting", "lift"):
-                    out = sim.step_by_machine()
+                    out = sim.step_tamping_cycle()
                     if out.status not in ("ok", "warn"):
                         # The same step again would end in the same way.
-                        raise ballast.Error(f"{out!r}: {out.trouble}")
+                        raise ballast.Error(f"{out!r}: {out.error_message}")
                 if not _under(sim.zones()):
                     found = "expected a case with ballast under a tamped sleeper, found none"
                     raise ballast.Error(f"{self._case!r}: {found}")
@@ -234,7 +234,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
                 begun = sim.save()
         # The last one that was asked for is the last one.
         self._begun[bed] = begun
-        if len(self._begun) > BEGUN:
+        if len(self._begun) > MAX_CACHED_STATES:
             del self._begun[next(iter(self._begun))]
         return ballast.resume(begun, threads=self._threads)
 
@@ -252,7 +252,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         frequency = FREQUENCIES[0] + float(share[1]) * (FREQUENCIES[1] - FREQUENCIES[0])
         seconds = n * self._sim.step_ns * 1e-9
         # Blades of other heights have other ways; none goes faster than it may.
-        way = max(float(self._homes[tine.name][2] - tine.deep) for tine in self._tines)
+        way = max(float(self._homes[tine.name][2] - tine.full_depth_z) for tine in self._tines)
         most = lowering * seconds / way if way > 0.0 else 1.0
         depth = self._depth + float(np.clip(share[2] - self._depth, -most, most))
         closing = min(1.0, self._closing + float(share[0]) * speed * seconds / max(self._tines[0].stroke, 1e-9))
@@ -276,17 +276,17 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             home = self._homes[tine.name]
             x[:, 0] = home[0] + tine.direction * (tine.stroke * closed + shake)
             x[:, 1] = home[1]
-            x[:, 2] = home[2] + (tine.deep - home[2]) * down
+            x[:, 2] = home[2] + (tine.full_depth_z - home[2]) * down
             v[:, 0] = tine.direction * (tine.stroke * (closing - self._closing) * rate + shaking)
-            v[:, 2] = (tine.deep - home[2]) * (depth - self._depth) * rate
+            v[:, 2] = (tine.full_depth_z - home[2]) * (depth - self._depth) * rate
             tools[tine.name] = ballast.Motion(times, x, velocities=v)
         return tools, (depth, closing, float(angle[-1]) % math.tau, to)
 
-    def _info(self, gain: float, work: float, **trouble: str | None) -> dict[str, Any]:
+    def _info(self, gain: float, work: float, **failure: str | None) -> dict[str, Any]:
         info: dict[str, Any] = {"gain_percent": gain, "work_J": work}
         if self._work > 0.0:
             info["compaction_per_kJ"] = (self._compactness - self._first) / (self._work * 1e-3)
-        return info | trouble
+        return info | failure
 
     def _observe(self) -> Array:
         assert self._sim is not None
@@ -296,7 +296,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         return np.concatenate([head, (self._forces / FORCE).ravel(), shaking])
 
 
-def _under(zones: dict[str, ballast.ZoneOutcome]) -> dict[str, float]:
+def _under(zones: dict[str, ballast.ZoneResult]) -> dict[str, float]:
     """Compactness of the zones under tamped sleepers, of those that can be measured."""
     under = {name: zone.compactness for name, zone in zones.items() if name.startswith("under/")}
     return {name: value for name, value in under.items() if value is not None}

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 Run = ballast.Results | str | os.PathLike[str]
 
 #: The number of the squeeze in the table of steps.
-SQUEEZE = 3
+SQUEEZE_PHASE = 3
 
 
 def _results(run: Run) -> ballast.Results:
-    return run if isinstance(run, ballast.Results) else ballast.Results(ballast._in_run(run, "results.vtkhdf"))
+    return run if isinstance(run, ballast.Results) else ballast.Results(ballast._run_file(run, "results.vtkhdf"))
 
 
 def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:
@@ -43,15 +43,15 @@ def _legend(ax: Axes) -> None:
 def tines(run: Run) -> list[str]:
     """Names of the tines that a results file follows."""
     results = _results(run)
-    return [name for name, role in zip(results.bodies[1], results.roles, strict=True) if role == "tine"]
+    return [name for name, role in results.roles.items() if role == "tine"]
 
 
 def _directions(results: ballast.Results) -> dict[str, float]:
-    """Where each tine squeezes along x, 1 or -1, as its case says: its blade vibrates, and may be jammed."""
-    single = _ballast.values(results.case_text).get("tine", [])
-    direction = {tine["name"]: tine["squeeze_direction"] for tine in single}
-    # Those of rows have it in their names.
-    plus = [name for name in tines(results) if direction.get(name, name).endswith(("+x", "_plus"))]
+    """Direction of each tine's squeeze along x, 1 or -1, from the case: vibration or jamming may reverse a blade's motion."""
+    single = _ballast._parse_toml(results.case_text).get("tine", [])
+    directions = {tine["name"]: tine["squeeze_direction"] for tine in single}
+    # Tines of rows have the direction in their name.
+    plus = [name for name in tines(results) if directions.get(name, name).endswith(("+x", "_plus"))]
     return {name: 1.0 if name in plus else -1.0 for name in tines(results)}
 
 
@@ -81,12 +81,12 @@ def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes
 
 def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
     """Force over closing of each tine during the squeeze: the area under a loop is work of compaction. Where a partner has
-    moved the tines there are no phases, and so no loops: `Outcome.squeezes` has those that were found."""
+    moved the tines there are no phases, and so no loops: `WindowResult.squeezes` has those that were found."""
     results = _results(run)
     table = results.table("steps")
     n, over = _window(table["time"], window_s)
     ax = _axes(ax, "Squeeze", "closing, mm", f"force against the motion, {over}, kN")
-    squeeze = table["phase"] == SQUEEZE
+    squeeze = table["phase"] == SQUEEZE_PHASE
     if not squeeze.any():
         ax.text(0.5, 0.5, "no step in the phase squeeze", ha="center", va="center", transform=ax.transAxes)
     for name, inwards in _directions(results).items() if squeeze.any() else ():

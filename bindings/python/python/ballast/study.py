@@ -19,7 +19,6 @@ import json
 import math
 import numbers
 import os
-import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -27,8 +26,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 import ballast
-from ballast import _ballast, _identity, _toml, _workers
+from ballast import _ballast, _identity, _workers
 from ballast._json import dumps, strict
+from ballast._progress import show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -156,7 +156,7 @@ def _applied(case: ballast.Case, point: Point) -> ballast.Case:
         return apply(case, point)
 
 
-def tamp(case: ballast.Case, beds: str) -> Figures:
+def run_tamping_cycle(case: ballast.Case, beds: str) -> Figures:
     """One whole cycle of the case's machine on one thread, in figures:
 
     compactness of each zone before and after, the mean and the largest size of the force on each tine in the squeeze (N;
@@ -165,7 +165,7 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
     `compaction_per_kJ`: what the zones under sleepers have gained in the mean, per kJ of work.
     """
     has_tolerance = case.to_dict().get("solver", {}).get("tolerance") != 0
-    with ballast.open(case, beds=beds, threads=1, progress=False) as sim:
+    with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
         tines = [tine.name for tine in sim.tines]
         before = {name: zone.compactness for name, zone in sim.zones().items()}
         squeezed: dict[str, list[float]] = {name: [] for name in tines}
@@ -173,15 +173,15 @@ def tamp(case: ballast.Case, beds: str) -> Figures:
         steps = case.duration_ns // case.step_ns
         for _ in range(steps):
             phase = sim.phase
-            out = sim.step_by_machine()
+            out = sim.step_tamping_cycle()
             if out.status not in ("ok", "warn"):
-                raise ballast.Error(f"{out!r}: {out.trouble}")
+                raise ballast.Error(f"{out!r}: {out.error_message}")
             work += sum(out[name].work for name in tines)
             capped += out.solver.steps_not_converged
             deepest = max(deepest, out.solver.max_penetration)
             if phase == "squeeze":
                 for name in tines:
-                    force = out[name].moving_force
+                    force = out[name].moving_average_force
                     squeezed[name].append(float((force @ force) ** 0.5))
         after = {name: zone.compactness for name, zone in sim.zones().items()}
     figures: dict[str, float] = {}
@@ -211,10 +211,10 @@ def run(
     points: Iterable[Point],
     folder: str | os.PathLike[str],
     *,
-    measure: Measure = tamp,
+    measure: Measure = run_tamping_cycle,
     jobs: int | None = None,
     executor: Executor | None = None,
-    beds: str | os.PathLike[str] = "runs/beds",
+    bed_cache: str | os.PathLike[str] = ballast.DEFAULT_BED_CACHE,
     progress: bool = True,
 ) -> pd.DataFrame:
     """Runs every point that the folder does not hold yet, and returns the table of all.
@@ -235,9 +235,9 @@ def run(
             taken from around it, all points are run again; what it calls, and what its module holds, is not looked at.
             Code is what it was compiled to, not what its file says by now: another Python runs its points again. Where the
             measure that a process has read is another one than here, its points fail.
-        jobs: processes; by default one per processor. Refused beside `executor`.
+        jobs: processes; by default one per processor. RequestError beside `executor`.
         executor: what runs the points instead of processes of this machine, such as a `dask` client.
-        beds: folder of prepared beds.
+        bed_cache: folder of prepared beds.
         progress: a line per point on stderr.
     """
     if jobs is not None and not (isinstance(jobs, numbers.Integral) and jobs > 0):
@@ -260,7 +260,7 @@ def run(
 
     def say(what: str) -> None:
         if progress:
-            print(f"study: {what}", file=sys.stderr, flush=True)
+            show(f"study: {what}")
 
     def fail(i: int, error: str) -> None:
         errors[files[i]] = error
@@ -271,7 +271,7 @@ def run(
         of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key}
         by = {"measure": _identity.name(measure), "version": ballast.__version__}
         told = {**of, **by, "point": dict(points[i]), "figures": json.loads(figures)}
-        _ballast.replace(files[i], dumps(strict(told), indent=1))
+        _ballast._replace_file(files[i], dumps(strict(told), indent=1))
         say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
 
     def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
@@ -284,34 +284,33 @@ def run(
         _workers.check(measure)
     # Beds first, each once: points that share one would all prepare it.
     shared = {cases[i].bed_key: i for i in missing}
-    every({i: (_bed, cases[i], str(beds)) for i in shared.values()}, lambda i, bed: None)
+    every({i: (_bed, cases[i], str(bed_cache)) for i in shared.values()}, lambda i, bed: None)
     for i in missing:
         without_bed = errors.get(files[shared[cases[i].bed_key]])
         if without_bed is not None and files[i] not in errors:
             fail(i, without_bed)
     named = {i: tuple(points[i]) for i in missing if files[i] not in errors}
     code = _identity.code(measure)
-    every({i: (_point, cases[i], str(beds), measure, code, names) for i, names in named.items()}, keep)
+    every({i: (_point, cases[i], str(bed_cache), measure, code, names) for i, names in named.items()}, keep)
     return _table(points, files, errors)
 
 
-def plan(
+def write_sweep_plan(
     case: str | os.PathLike[str], points: Iterable[Point], path: str | os.PathLike[str]
 ) -> None:
     """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
     each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan. Of what lies at
     `path` only another plan is replaced. Raises FileError."""
-    text = _toml.dumps({"case": os.fspath(case)})
+    named = []
     for point in _points(points):
         with _naming(point):
             values = _with_one_seed(point).items()
-            named = {"bed.seed" if key == "seed" else key: value for key, value in values}
-            text += f"\n[[points]]\n{_toml.dumps(named)}"
-    _ballast.write_plan(path, text)
+        named.append({"bed.seed" if key == "seed" else key: value for key, value in values})
+    _ballast._write_sweep_plan(os.fspath(case), named, path)
 
 
 def _bed(case: ballast.Case, beds: str) -> None:
-    ballast.prepare(case, beds=beds, threads=1, progress=False)
+    ballast.prepare(case, bed_cache=beds, threads=1, progress=False)
 
 
 def _point(case: ballast.Case, beds: str, measure: Measure, code: str, names: Collection[str]) -> str:

@@ -1,7 +1,7 @@
 """Pictures of a simulation (pyvista), on screen or off.
 
     import ballast.view
-    ballast.view.picture(sim, "bed.png")
+    ballast.view.save_picture(sim, "bed.png")
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def bed(sim: ballast.Simulation) -> Any:
     state, shapes = sim.save(), {}
     speed = np.linalg.norm(state.velocities, axis=1)
     solids, owner = [], []
-    for grain, index in enumerate(sim.shape_of):
+    for grain, index in enumerate(sim.shape_indices):
         if index not in shapes:
             shapes[index] = sim.shape(int(index))
         corners, polygons = shapes[index]
@@ -34,7 +34,7 @@ def bed(sim: ballast.Simulation) -> Any:
     return surface
 
 
-def tools(sim: ballast.Simulation) -> Any:
+def driven_bodies(sim: ballast.Simulation) -> Any:
     """Tines and sleepers, and every other driven body that has an end, as one surface."""
     state, solids = sim.save(), []
     for name in sim.bodies:
@@ -57,21 +57,21 @@ def _surface(solids: list[tuple[Any, list[list[int]]]]) -> Any:
     return pv.PolyData(np.vstack([corners for corners, _ in solids]), np.concatenate(faces))
 
 
-def chains(sim: ballast.Simulation, *, least: float = 1.0) -> Any:
-    """The contacts that carry at least `least` times the mean, as lines between the centres of two grains,
+def force_chains(sim: ballast.Simulation, *, threshold: float = 1.0) -> Any:
+    """The contacts that carry at least `threshold` times the mean, as lines between the centres of two grains,
     or from a grain's centre to where it touches a driven body, with the force (N) on each."""
     import pyvista as pv
 
     state = sim.save()
     force = np.linalg.norm(state.contact_impulses, axis=1) / (sim.step_ns * 1e-9)
     carrying = force[force > 0.0]
-    strong = force > least * (carrying.mean() if len(carrying) else 0.0)
+    strong = force > threshold * (carrying.mean() if len(carrying) else 0.0)
     if not strong.any():
         return pv.PolyData()
     ends = state.contact_points[strong]
     starts = state.positions[state.contact_bodies[strong, 0]]
     pairs = state.contact_bodies[strong, 1]
-    between_grains = pairs < sim.grains
+    between_grains = pairs < sim.grain_count
     ends = ends.copy()
     ends[between_grains] = state.positions[pairs[between_grains]]
     n = len(starts)
@@ -92,7 +92,7 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
     if forces:
         # Some twenty stones lie one behind the other: together they must leave the chains to be seen.
         plotter.add_mesh(surface, color="grey", opacity=0.03)
-        network = chains(sim)
+        network = force_chains(sim)
         if network.n_cells:
             plotter.add_mesh(
                 network,
@@ -111,7 +111,7 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
             clim=[0.0, max(float(surface[name].max()), 1e-6)],
             scalar_bar_args=_bar(name, "%.3g"),
         )
-    machine = tools(sim)
+    machine = driven_bodies(sim)
     if machine.n_cells:
         plotter.add_mesh(machine, color="steelblue", opacity=0.15 if forces else 0.5)
     plotter.view_vector((0.4, -1.0, 0.35), viewup=(0.0, 0.0, 1.0))
@@ -123,7 +123,7 @@ def _bar(title: str, form: str) -> dict[str, Any]:
     return {"title": f"{title}\n", "fmt": form, "position_x": 0.2, "width": 0.6}
 
 
-def picture(
+def save_picture(
     sim: ballast.Simulation, path: str | os.PathLike[str], *, forces: bool = False
 ) -> None:
     """Writes a picture of the scene; needs no screen."""

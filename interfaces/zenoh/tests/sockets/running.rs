@@ -150,7 +150,7 @@ fn who_sends_samples_is_told_when_nobody_heeds_them() {
     client.run_freely(&slowly()).unwrap();
     shake(&client, 0, 150);
     served.stop();
-    told(&client, "peer_lost");
+    told(&client, "disconnected");
     // Another one in its place does not know of this client.
     let _served = Served::at(&Link::listening(endpoint), lockstep());
     told(&client, "not_owner");

@@ -1,0 +1,437 @@
+//! Remote backend: drives a component of another process (`ballast serve`) over Zenoh.
+//!
+//! Contract: equal windows give the results and state hashes of the local backend. A window without a received reply is
+//! requested again before anything else; the component computes it once.
+
+use crate::backend::{Backend, LastResult, WindowSpec};
+use crate::calls::CallState;
+use crate::errors::{self, Error, RemoteError};
+use crate::lock::lock;
+use crate::result::PyWindowResult;
+use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage};
+use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
+use ballast::component::Twist;
+use ballast::math::Pose;
+use ballast_protocol::Malformed;
+use ballast_protocol::description::Body;
+use ballast_protocol::lockstep::{SetParameters, Verb, WindowKind};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
+use ballast_zenoh::{Client, Description, Link, Patience};
+use pyo3::prelude::*;
+use std::collections::BTreeSet;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Instant;
+
+/// First process that opened a session. All sessions of a process share Zenoh's threads, which a fork does not have: there
+/// no request would ever be answered.
+static SESSION_PROCESS: OnceLock<u32> = OnceLock::new();
+
+/// Panic message for a use after `close`, which consumes the backend.
+const ATTACHED: &str = "an attached client";
+
+/// A client and the process that has the threads of its session.
+struct RemoteClient {
+    process: u32,
+    /// `None` after it has detached.
+    client: Option<Client>,
+    /// One worker, which waits for replies while the calling thread handles signals.
+    threads: ThreadPoolHandle,
+}
+
+impl RemoteClient {
+    fn attach(
+        py: Python<'_>,
+        name: &str,
+        link: &Link,
+        cancelled: Arc<AtomicBool>,
+    ) -> PyResult<(Self, Description)> {
+        let process = std::process::id();
+        check_process(py, *SESSION_PROCESS.get_or_init(|| process))?;
+        let threads = ThreadPoolHandle::dedicated();
+        let control = TaskControl::with_flag(Arc::clone(&cancelled));
+        let (attached, raised) = run_controlled(py, &threads, &control, |_| {
+            let timeouts = Patience::default();
+            let client = Client::attach_until(name, link, "python", None, timeouts, cancelled)?;
+            let description = client.describe()?;
+            Ok((client, description))
+        })?;
+        if let Some(raised) = raised {
+            py.detach(|| drop(attached));
+            return Err(raised);
+        }
+        let (client, description) = attached.map_err(|e| failed(py, e))?;
+        Ok((Self { process, client: Some(client), threads }, description))
+    }
+
+    fn client(&self) -> &Client {
+        self.client.as_ref().expect(ATTACHED)
+    }
+
+    /// Runs `work` with the client; returns its result and the exception that was raised meanwhile, such as by Ctrl-C.
+    fn run<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Client) -> T + Send,
+    ) -> PyResult<(T, Option<PyErr>)> {
+        check_process(py, self.process)?;
+        let control = TaskControl::with_flag(Arc::clone(&self.client().line().is_given_up));
+        let Self { client, threads, .. } = self;
+        run_controlled(py, threads, &control, |_| work(client.as_mut().expect(ATTACHED)))
+    }
+
+    /// Runs `work` whose result is not needed if an exception was raised meanwhile.
+    fn request<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Client) -> Result<T, ballast_zenoh::Error> + Send,
+    ) -> PyResult<T> {
+        match self.run(py, work)? {
+            (_, Some(raised)) => Err(raised),
+            (result, None) => result.map_err(|e| failed(py, e)),
+        }
+    }
+
+    /// Releases stored states and detaches. A component that does not receive this notices the loss of its owner.
+    fn detach(&mut self, py: Python<'_>, states: &BTreeSet<String>) -> PyResult<()> {
+        let is_of_this_process = self.process == std::process::id();
+        let Some(mut client) = self.client.take_if(|_| is_of_this_process) else { return Ok(()) };
+        let control = TaskControl::with_flag(Arc::clone(&client.line().is_given_up));
+        // A computing component would not reply before the end of its window.
+        let is_idle = !client.is_waiting();
+        let ((), raised) = run_controlled(py, &self.threads, &control, |_| {
+            let is_answered = |name: &String| match client.drop_state(name) {
+                Ok(_) => true,
+                Err(error) => error.fault().is_some(),
+            };
+            if is_idle && states.iter().all(is_answered) {
+                let _ = client.detach();
+            }
+        })?;
+        raised.map_or(Ok(()), Err)
+    }
+}
+
+impl Drop for RemoteClient {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // Closing a session waits for threads that this process does not have.
+            std::mem::forget(self.client.take());
+        }
+    }
+}
+
+/// Checks that `process` is this one.
+fn check_process(py: Python<'_>, process: u32) -> PyResult<()> {
+    if process == std::process::id() {
+        return Ok(());
+    }
+    let expected = "the process that opened the first remote simulation, or one that was not forked from it \
+                    (multiprocessing's \"spawn\" or \"forkserver\")";
+    Err(errors::request(py, "forked_process", "zenoh", expected, "a fork of it"))
+}
+
+/// A remote component that this process owns.
+pub struct RemoteBackend {
+    client: RemoteClient,
+    /// Names of the driven bodies `[nd]`.
+    names: Arc<[String]>,
+    commanded: CommandedMotion,
+    /// Start and end of the last window, ns, and the commanded motion at its start.
+    last_window: Option<([u64; 2], CommandedMotion)>,
+    pending: Option<PendingWindow>,
+    calls: Arc<CallState>,
+    last_result: LastResult,
+    /// The component has failed.
+    has_failed: bool,
+    /// Number of states saved so far.
+    state_count: u64,
+    /// States that the component stores for this simulation.
+    stored: BTreeSet<String>,
+    /// States without a reference in this process, which the component may release.
+    released: Arc<Mutex<Vec<String>>>,
+}
+
+/// A requested window without a received reply.
+#[derive(Clone)]
+struct PendingWindow {
+    kind: WindowKind,
+    request: Arc<AdvanceRequest>,
+    /// The request includes zones.
+    zones: bool,
+}
+
+impl RemoteBackend {
+    /// Becomes the owner of the component `site/id`.
+    pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
+        let calls = Arc::<CallState>::default();
+        let cancelled = Arc::clone(&calls.cancelled);
+        let (client, description) = RemoteClient::attach(py, name, &link, cancelled)?;
+        let commanded = |body: &Body| {
+            let orientation = body.orientation.try_into()?;
+            let pose = Pose { position: body.position.into(), orientation };
+            Ok((pose, body.twist.map(Into::into)))
+        };
+        let commanded: Result<_, Malformed> = description.bodies.iter().map(commanded).collect();
+        let backend = Self {
+            client,
+            names: description.bodies.iter().map(|b| b.name.clone()).collect(),
+            commanded: commanded.map_err(|e| bad_reply(py, "describe", &e))?,
+            last_window: None,
+            pending: None,
+            calls,
+            last_result: LastResult::default(),
+            has_failed: false,
+            state_count: 0,
+            stored: BTreeSet::new(),
+            released: Arc::default(),
+        };
+        Ok((backend, description))
+    }
+
+    pub fn calls(&self) -> &Arc<CallState> {
+        &self.calls
+    }
+
+    pub fn last_result(&self) -> &LastResult {
+        &self.last_result
+    }
+
+    fn request(
+        &self,
+        py: Python<'_>,
+        kind: WindowKind,
+        spec: &WindowSpec,
+    ) -> PyResult<AdvanceRequest> {
+        let mut request = match (kind, spec.t1_ns, &self.last_window) {
+            (WindowKind::Advance, Some(t1_ns), _) => self.client.client().next(t1_ns),
+            (WindowKind::Redo, None, Some((ends, _))) => self.client.client().again(*ends),
+            _ => {
+                let expected = "a window before this one";
+                return Err(errors::request(py, "nothing_to_redo", "redo", expected, "none"));
+            }
+        };
+        check_times(py, spec)?;
+        request.motions = spec.motions.iter().map(Into::into).collect();
+        request.loads = spec.loads.iter().map(Into::into).collect();
+        request.series = spec.record_steps;
+        Ok(request)
+    }
+
+    /// Waits for the reply to the pending window, if there is one, and ignores its result.
+    fn settle(&mut self, py: Python<'_>) -> PyResult<()> {
+        if self.pending.is_none() {
+            return Ok(());
+        }
+        match self.finish_pending(py) {
+            // A refused window has changed nothing.
+            Err(error) if self.pending.is_some() || !error.is_instance_of::<Error>(py) => {
+                Err(error)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Requests the pending window until its reply arrives, and follows its effect.
+    fn finish_pending(&mut self, py: Python<'_>) -> PyResult<Py<PyWindowResult>> {
+        let Some(PendingWindow { kind, request, zones }) = self.pending.clone() else {
+            return Err(errors::error::<Error>(py, "failed", "no window is pending"));
+        };
+        let begin = Instant::now();
+        let send = |client: &mut Client| client.send(kind, Arc::clone(&request));
+        let (result, raised) = self.client.run(py, send)?;
+        let mut reply = match result {
+            Ok(reply) => reply,
+            Err(error) => {
+                // A refused window was not computed; one of a diverged run will never be answered.
+                if !self.client.client().is_waiting() {
+                    self.pending = None;
+                }
+                return Err(raised.unwrap_or_else(|| failed(py, error)));
+            }
+        };
+        self.pending = None;
+        *lock(&self.last_result) = None;
+        self.follow(py, kind, &request, &reply)?;
+        // Checks the values of the reply.
+        reply.outcome().map_err(|e| bad_reply(py, Verb::Window(kind).word(), &e))?;
+        if !zones {
+            reply.zones.clear();
+        }
+        let names = Arc::clone(&self.names);
+        let wall_time_s = begin.elapsed().as_secs_f64();
+        let result = PyWindowResult::new(py, reply, names, wall_time_s, request.series)?;
+        let result = Py::new(py, result)?;
+        *lock(&self.last_result) = Some(result.clone_ref(py));
+        raised.map_or(Ok(result), Err)
+    }
+
+    /// Updates the commanded motion with an answered window.
+    fn follow(
+        &mut self,
+        py: Python<'_>,
+        kind: WindowKind,
+        request: &AdvanceRequest,
+        reply: &AdvanceReply,
+    ) -> PyResult<()> {
+        if matches!(reply.status, Status::Error | Status::Fatal) {
+            self.has_failed = true;
+            return Err(errors::internal(py, format!("{}; restore a saved state", reply.message)));
+        }
+        let inputs = request.inputs().map_err(|e| errors::fault(py, &e.into()))?;
+        let before = match (kind, &self.last_window) {
+            (WindowKind::Redo, Some((_, before))) => Arc::clone(before),
+            _ => Arc::clone(&self.commanded),
+        };
+        let mut commanded = before.to_vec();
+        if reply.status != Status::Discard {
+            let end = core_ns(reply.t1_ns);
+            for (name, commanded) in self.names.iter().zip(&mut commanded) {
+                let motion = inputs.motions.iter().find(|input| input.body == *name);
+                *commanded = match motion {
+                    Some(input) => (input.waveform.pose(end), input.waveform.twist(end)),
+                    None => (commanded.0, Some(Twist::default())),
+                };
+            }
+        }
+        let start = core_ns(request.t0_ns);
+        self.commanded = commanded.into();
+        self.last_window = Some(([start, inputs.t1_ns], before));
+        Ok(())
+    }
+
+    /// Releases states at the component that have no reference in this process any more.
+    fn release_states(&mut self, py: Python<'_>) -> PyResult<()> {
+        let mut names = std::mem::take(&mut *lock(&self.released));
+        let stored = &mut self.stored;
+        let result = self.client.request(py, |client| {
+            while let Some(name) = names.last() {
+                match client.drop_state(name) {
+                    // A restarted component has none of them and refuses.
+                    Err(error) if error.fault().is_none() => return Err(error),
+                    _ => stored.remove(name),
+                };
+                names.pop();
+            }
+            Ok(())
+        });
+        // The rest is released next time.
+        lock(&self.released).append(&mut names);
+        result
+    }
+}
+
+impl Backend for RemoteBackend {
+    fn window(&mut self, py: Python<'_>, spec: &WindowSpec) -> PyResult<Py<PyWindowResult>> {
+        if let Some(PendingWindow { kind, request, .. }) = &self.pending {
+            // A repeated call collects the reply; any other call waits for it first.
+            let repeated = self.request(py, *kind, spec);
+            if !repeated.is_ok_and(|repeated| repeated == **request) {
+                self.settle(py)?;
+            }
+        }
+        let request = match self.pending.take() {
+            Some(PendingWindow { request, .. }) => request,
+            None => self.request(py, spec.kind(), spec)?.into(),
+        };
+        self.pending = Some(PendingWindow { kind: spec.kind(), request, zones: spec.zones });
+        self.finish_pending(py)
+    }
+
+    fn save(&mut self, py: Python<'_>) -> PyResult<PyState> {
+        self.settle(py)?;
+        self.release_states(py)?;
+        self.state_count += 1;
+        let name = format!("{}-{}", self.client.client().id(), self.state_count);
+        self.stored.insert(name.clone());
+        let place = self.client.request(py, |client| client.save(&name).cloned())?;
+        Ok(PyState(StateStorage::Remote(RemoteState {
+            component: self.client.client().line().keys().name().into(),
+            place,
+            name,
+            bodies: Arc::clone(&self.names),
+            commanded: Arc::clone(&self.commanded),
+            released: Arc::clone(&self.released),
+        })))
+    }
+
+    fn restore(&mut self, py: Python<'_>, state: &PyState) -> PyResult<()> {
+        let invalid = |expected: String, found: String| {
+            Err(errors::request(py, "state_invalid", "state", expected, found))
+        };
+        let state = match &state.0 {
+            StateStorage::Remote(state) => state,
+            StateStorage::Local(_) => {
+                let component = self.client.client().line().keys().name();
+                let expected = format!("a state of the remote component {component}");
+                return invalid(expected, "one of this process".into());
+            }
+        };
+        self.settle(py)?;
+        if !Arc::ptr_eq(&self.released, &state.released) {
+            let expected = "one that this simulation has saved".into();
+            return invalid(expected, format!("one saved at {}", state.component));
+        }
+        let restore = |client: &mut Client| client.restore(&state.name).map(|_| ());
+        let (restored, raised) = self.client.run(py, restore)?;
+        if let Err(error) = restored {
+            return Err(raised.unwrap_or_else(|| failed(py, error)));
+        }
+        self.commanded = Arc::clone(&state.commanded);
+        self.last_window = None;
+        self.has_failed = false;
+        *lock(&self.last_result) = None;
+        raised.map_or(Ok(()), Err)
+    }
+
+    fn set_parameters(&mut self, py: Python<'_>, parameters: &SetParameters) -> PyResult<()> {
+        self.settle(py)?;
+        self.client.request(py, |client| client.set_parameters(parameters).map(|_| ()))
+    }
+
+    fn now_ns(&self) -> u64 {
+        self.client.client().place().now_ns
+    }
+
+    fn has_failed(&self) -> bool {
+        self.has_failed
+    }
+
+    fn stop_recording(&mut self, _py: Python<'_>) -> PyResult<()> {
+        Ok(())
+    }
+
+    /// Detaches. The run stays where it is; the states that the component stores for this simulation are released.
+    fn close(mut self: Box<Self>, py: Python<'_>) -> PyResult<()> {
+        self.client.detach(py, &self.stored)
+    }
+}
+
+/// Checks that messages can hold all times of a request.
+fn check_times(py: Python<'_>, spec: &WindowSpec) -> PyResult<()> {
+    let motions = spec.motions.iter().flat_map(|input| &input.waveform.knots).map(|k| k.time_ns);
+    let loads = spec.loads.iter().flat_map(|input| &input.waveform.knots).map(|k| k.time_ns);
+    let times = motions.chain(loads).map(|time_ns| ("times_ns", time_ns));
+    let mut times = spec.t1_ns.map(|time_ns| ("t1_ns", time_ns)).into_iter().chain(times);
+    let expected =
+        "ns since the start of the run, from 0 to 2^63 - 1 (the largest time of a message)";
+    match times.find(|(_, time_ns)| i64::try_from(*time_ns).is_err()) {
+        Some((place, time_ns)) => Err(errors::invalid(py, place, expected, time_ns)),
+        None => Ok(()),
+    }
+}
+
+/// Returns the exception for a refusal of a component or a missing reply.
+fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
+    let code = error.code();
+    match error.fault() {
+        Some(fault) if code == "in_error" => errors::internal(py, fault),
+        Some(fault) => errors::fault(py, fault),
+        None => errors::error::<RemoteError>(py, &code, error),
+    }
+}
+
+/// Returns the exception for a reply that cannot be used.
+fn bad_reply(py: Python<'_>, request: &str, fault: &Malformed) -> PyErr {
+    failed(py, ballast_zenoh::Error::answer(request, fault))
+}

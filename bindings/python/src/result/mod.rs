@@ -1,0 +1,243 @@
+//! Results of windows. They wrap the protocol's messages, so that remote and recorded results are the same objects.
+
+mod parts;
+mod series;
+
+pub use parts::{
+    _unpickle_part, PyBodyResult, PyEnergyLedger, PySolverResult, PySqueeze, PyZoneResult, zones,
+};
+pub use series::{_unpickle_step_series, PyStepSeries};
+
+use ballast::component::WindowResult;
+use ballast::model::Model;
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, StateHash, StepSeries};
+use ballast_protocol::{Malformed, from_cdr, to_cdr};
+use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyIterator};
+use std::sync::Arc;
+
+/// Return value of `__reduce__`: a private function of the module and its arguments.
+type Reduced<'py, Args> = (Bound<'py, PyAny>, Args);
+
+/// Returns a private function of the module, for pickling.
+fn private_function<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    py.import("ballast._ballast")?.getattr(name)
+}
+
+fn malformed(error: Malformed) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// Result of a window: a mapping from the names of driven bodies to `BodyResult`. It can be copied and pickled.
+#[pyclass(frozen, module = "ballast", name = "WindowResult")]
+pub struct PyWindowResult {
+    /// Reply to the window, without its series.
+    reply: AdvanceReply,
+    wall_time_s: f64,
+    /// Names of the driven bodies `[nd]`.
+    names: Arc<[String]>,
+    step_series: Option<Py<PyStepSeries>>,
+}
+
+impl PyWindowResult {
+    /// Returns the result of a reply; the reply's series is kept if `has_step_series`.
+    pub fn new(
+        py: Python<'_>,
+        mut reply: AdvanceReply,
+        names: Arc<[String]>,
+        wall_time_s: f64,
+        has_step_series: bool,
+    ) -> PyResult<Self> {
+        let steps = std::mem::take(&mut reply.series);
+        let series = has_step_series.then(|| Py::new(py, PyStepSeries::new(steps, &names)));
+        Ok(Self { reply, wall_time_s, names, step_series: series.transpose()? })
+    }
+
+    /// Returns the reply to a window that this process has computed.
+    pub fn reply(model: &Model, outcome: &WindowResult, series: StepSeries) -> AdvanceReply {
+        let reply =
+            AdvanceReply::of(&AdvanceRequest::default(), model, outcome, StateHash::default());
+        AdvanceReply { series, ..reply }
+    }
+
+    fn body(&self, name: &str) -> Option<PyBodyResult> {
+        let index = self.names.iter().position(|known| known == name)?;
+        self.reply.bodies.get(index).cloned().map(PyBodyResult)
+    }
+}
+
+#[pymethods]
+impl PyWindowResult {
+    /// Status: "ok", "warn" (a step stopped at its iteration cap), "early" (ended early, valid state) or "discard" (rolled back).
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.reply.status.word()
+    }
+
+    /// Message of the error that ended the window, or None.
+    #[getter]
+    fn error_message(&self) -> Option<&str> {
+        let message = &self.reply.message;
+        (!message.is_empty()).then_some(message)
+    }
+
+    /// Code of the error that ended the window, or None.
+    ///
+    /// One of "over_speed", "penetration", "not_finite", "step_failed" and "stopped" (by `stop`, `close` or Ctrl-C).
+    #[getter]
+    fn code(&self) -> Option<&str> {
+        let code = &self.reply.code;
+        (!code.is_empty()).then_some(code)
+    }
+
+    /// Start of the window, ns since the start of the run.
+    #[getter]
+    fn t0_ns(&self) -> i64 {
+        self.reply.t0_ns
+    }
+
+    /// End of the window as far as it was computed, ns since the start of the run.
+    #[getter]
+    fn t1_ns(&self) -> i64 {
+        self.reply.t1_ns
+    }
+
+    /// Number of computed steps.
+    #[getter]
+    fn steps(&self) -> u64 {
+        self.reply.steps
+    }
+
+    /// Results of the driven bodies by name.
+    #[getter]
+    fn bodies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let bodies = PyDict::new(py);
+        for (name, body) in self.names.iter().zip(&self.reply.bodies) {
+            bodies.set_item(name, PyBodyResult(body.clone()))?;
+        }
+        Ok(bodies)
+    }
+
+    /// Results of the zones by name at the end of the window; empty unless requested with `zones=True`.
+    #[getter]
+    fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        zones(py, self.reply.zones.iter().cloned())
+    }
+
+    /// Squeezes in progress during the window, by pair of tines ("pair_0"); the later one if a pair had two.
+    ///
+    /// docs/src/coupling/concepts.md defines when a squeeze starts and ends.
+    #[getter]
+    fn squeezes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let squeezes = PyDict::new(py);
+        for squeeze in &self.reply.squeezes {
+            squeezes.set_item(&squeeze.pair, PySqueeze(squeeze.clone()))?;
+        }
+        Ok(squeezes)
+    }
+
+    /// Result of the contact solver.
+    #[getter]
+    fn solver(&self) -> PySolverResult {
+        PySolverResult(self.reply.solver)
+    }
+
+    /// Energies since the start of the run.
+    #[getter]
+    fn energy(&self) -> PyEnergyLedger {
+        PyEnergyLedger(self.reply.energy)
+    }
+
+    /// Largest sensible spacing of motion knots at the bodies' current speed, ns; 0 if nothing moves or in a recording.
+    #[getter]
+    fn max_knot_spacing_ns(&self) -> u64 {
+        self.reply.hint_max_step_ns
+    }
+
+    /// Wall time of the window, s: computing, or waiting for a remote reply; nan in a recording.
+    #[getter]
+    fn wall_time_s(&self) -> f64 {
+        self.wall_time_s
+    }
+
+    /// Values of every step; None unless requested with `record_steps=True`.
+    #[getter]
+    fn step_series(&self, py: Python<'_>) -> Option<Py<PyStepSeries>> {
+        self.step_series.as_ref().map(|series| series.clone_ref(py))
+    }
+
+    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyIterator>> {
+        self.bodies(py)?.try_iter()
+    }
+
+    fn __len__(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Returns the names of the bodies.
+    fn keys<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.bodies(py)?.call_method0("keys")
+    }
+
+    /// Returns the results of the bodies.
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.bodies(py)?.call_method0("values")
+    }
+
+    /// Returns pairs of name and result of the bodies.
+    fn items<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.bodies(py)?.call_method0("items")
+    }
+
+    fn __getitem__(&self, name: &str) -> PyResult<PyBodyResult> {
+        // Python quotes the text of a KeyError, including quotes in it.
+        self.body(name).ok_or_else(|| {
+            let known = self.names.join(", ");
+            PyKeyError::new_err(format!("body: expected one of {known}, found {name}"))
+        })
+    }
+
+    /// Returns the result of a body, or `default` if no driven body has this name.
+    #[pyo3(signature = (name, default=None))]
+    fn get(&self, py: Python<'_>, name: &str, default: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
+        match self.body(name) {
+            Some(body) => Ok(Py::new(py, body)?.into_any()),
+            None => Ok(default.unwrap_or_else(|| py.None())),
+        }
+    }
+
+    fn __contains__(&self, name: &Bound<'_, PyAny>) -> bool {
+        name.extract().is_ok_and(|name: &str| self.names.iter().any(|known| known == name))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py, PickledWindow<'py>>> {
+        let series = self.step_series.as_ref().map(|series| series.get().steps().clone());
+        let has_step_series = series.is_some();
+        let series = series.unwrap_or_default();
+        let bytes = to_cdr(&AdvanceReply { series, ..self.reply.clone() }).map_err(malformed)?;
+        let arguments =
+            (PyBytes::new(py, &bytes), self.names.to_vec(), self.wall_time_s, has_step_series);
+        Ok((private_function(py, "_unpickle_window_result")?, arguments))
+    }
+
+    fn __repr__(&self) -> String {
+        let AdvanceReply { t0_ns, t1_ns, steps, .. } = self.reply;
+        format!("WindowResult({}, {t0_ns} to {t1_ns} ns, {steps} steps)", self.status())
+    }
+}
+
+type PickledWindow<'py> = (Bound<'py, PyBytes>, Vec<String>, f64, bool);
+
+/// Returns a pickled result of a window.
+#[pyfunction]
+pub fn _unpickle_window_result(
+    py: Python<'_>,
+    bytes: &[u8],
+    names: Vec<String>,
+    wall_time_s: f64,
+    has_step_series: bool,
+) -> PyResult<PyWindowResult> {
+    let reply = from_cdr(bytes).map_err(malformed)?;
+    PyWindowResult::new(py, reply, names.into(), wall_time_s, has_step_series)
+}
