@@ -1,9 +1,11 @@
-//! What a solved step has overlooked, and is to be done again with (T-35, T-36).
+//! A-posteriori check of a solved step for contacts that collision detection missed (T-35, T-36).
 //!
-//! Reads: model, the solved step. Writes: reach and foreseen contacts of the workspace. Cost: a norm per body; where bodies
-//! were changed much or turn fast, a search among their pairs.
-//! Contract: a function of the step alone, so bytes do not depend on threads; asked again and again about one step, it
-//! comes to an end.
+//! Two causes: a body moved further than the detection range allowed for, or a fast-rotating grain penetrates at the
+//! end of the step although its linearised gaps did not predict it. In both cases the step is solved again.
+//!
+//! Reads: model, the solved step. Writes: detection range and added contacts of the workspace. Cost: a norm per body;
+//! where velocities changed much or bodies rotate fast, a search among their pairs. Contract: a function of the step
+//! alone, so results do not depend on threads; repeated checks of one step terminate.
 
 use crate::detection::{Contacts, max_point_speed};
 use crate::math::{Vec3, rotation};
@@ -12,23 +14,23 @@ use crate::motion::Motion;
 use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
 
-/// Grains that turn by more than this in a step, rad, are looked at where they end.
+/// Minimum rotation of a grain in a step, rad, for which its end-of-step configuration is checked.
 const MIN_RECHECKED_ROTATION: f64 = 0.03;
-/// Penetration at the end that the contacts of a step did not foretell, over the candidate's radius, that is let pass.
+/// Tolerated unpredicted penetration at the end of a step, over the candidate's radius.
 const PENETRATION_TOLERANCE: f64 = 0.005;
-/// How often a step is done before what is found at its end is let pass.
+/// Maximum number of solves of a step that end-of-step penetration may cause.
 const MAX_PASSES: u32 = 6;
 
-/// Why a step is done again.
+/// Reason to solve a step again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RecheckReason {
-    /// Contacts are to be looked for further away.
+    /// A gap outside the detection range closed; the range has been enlarged (T-35).
     RangeTooSmall,
-    /// Contacts were added.
+    /// Contacts at the end-of-step configuration were added (T-36).
     EndOfStepPenetration,
 }
 
-/// Whether the step is to be done again; `passes` is how often it has been done.
+/// Returns why the step must be solved again, or `None` if it stands. `passes` counts the solves made so far.
 pub fn recheck(model: &Model, ws: &mut Workspace, passes: u32) -> Option<RecheckReason> {
     if has_missed_contacts(model, ws) {
         return Some(RecheckReason::RangeTooSmall);
@@ -37,7 +39,7 @@ pub fn recheck(model: &Model, ws: &mut Workspace, passes: u32) -> Option<Recheck
     added.then_some(RecheckReason::EndOfStepPenetration)
 }
 
-/// Velocities of all bodies over a solved step: those of the next state, and what penetration correction adds for this step only.
+/// Velocities of all bodies over a solved step, including the penetration correction of this step only.
 #[derive(Clone, Copy)]
 struct SolvedMotion<'a> {
     motion: &'a Motion,
@@ -47,7 +49,7 @@ struct SolvedMotion<'a> {
 }
 
 impl SolvedMotion<'_> {
-    /// Velocity and angular velocity of body `b`, m/s and rad/s.
+    /// Returns velocity (m/s) and angular velocity (rad/s) of body `b`.
     fn twist(&self, b: usize) -> (Vec3, Vec3) {
         let (v, w) = self.motion.twist(self.velocity, self.angular_velocity, b);
         let recovered =
@@ -55,31 +57,25 @@ impl SolvedMotion<'_> {
         recovered.map_or((v, w), |(dv, dw)| (v + dv, w + dw))
     }
 
-    /// How fast contact `i` opens, m/s.
+    /// Returns the opening speed of contact `i`, m/s.
     fn opening(&self, contacts: &Contacts, i: usize) -> f64 {
         contacts.opening_speed(i, self.motion, |b| self.twist(b))
     }
 
-    /// Gap of contact `i` in `h` seconds, m.
+    /// Returns the gap of contact `i` in `h` seconds, m.
     fn gap_ahead(&self, contacts: &Contacts, i: usize, h: f64) -> f64 {
         contacts.gap[i] + h * self.opening(contacts, i)
     }
 
-    /// How deep two bodies are in each other, or will be in `h` seconds as their contacts have it, m.
+    /// Returns the present or linearly predicted depth of two bodies, whichever is larger, m.
     fn predicted_depth(&self, contacts: &Contacts, bodies: [u32; 2], h: f64) -> f64 {
         let depth = |i: usize| -contacts.gap[i].min(self.gap_ahead(contacts, i, h));
         contacts.pair_range(bodies).map(depth).fold(0.0, f64::max)
     }
 
-    /// Configuration m of the next step, `h` seconds later.
+    /// Fills `end` with configuration m of the next step, `h` seconds later.
     fn end(&self, h: f64, end: &mut Motion) {
-        let Motion {
-            position,
-            orientation,
-            velocity,
-            angular_velocity,
-            responses,
-        } = end;
+        let Motion { position, orientation, velocity, angular_velocity, responses } = end;
         position.clone_from(&self.motion.position);
         orientation.clone_from(&self.motion.orientation);
         velocity.clone_from(&self.motion.velocity);
@@ -93,14 +89,15 @@ impl SolvedMotion<'_> {
     }
 }
 
-/// How deep bodies that the step presses further than `limit` into each other will be, m; 0 where there are none. By
-/// configurations m of this step and the next, as the contacts of this one have it: what the next step's penetration will
-/// be but for turns and new contacts (T-26). Bodies that are deeper already count where they go further.
+/// Returns the largest predicted depth of pairs that the step pushes beyond `limit`, m; 0 without any.
+///
+/// Compares configurations m of this step and the next by the linearised gaps; the next step's penetration differs by
+/// rotations and new contacts only (T-26). Pairs that are already deeper count if their depth grows.
 pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
     let Workspace { motion, contacts, velocity, angular_velocity, correction, .. } = ws;
     let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let h = model.stepping.h();
-    // What rests there is not still to the last digit.
+    // A pair at rest at the limit still moves in the last digits.
     let slack = 1e-5 * limit;
     let depth = |i: usize| {
         let ahead = -solved.gap_ahead(contacts, i, h);
@@ -112,8 +109,7 @@ pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
     (0..contacts.len()).into_par_iter().with_min_len(1024).map(depth).reduce(|| 0.0, f64::max)
 }
 
-/// Whether the solve has changed the motion of a body so much that it closed a gap in which no contact was looked for
-/// (T-35); more is allowed for such bodies then.
+/// Returns true if the solve closed a gap outside the detection range, which it then enlarges (T-35).
 fn has_missed_contacts(model: &Model, ws: &mut Workspace) -> bool {
     let Workspace {
         motion, velocity, angular_velocity, correction, detection_range: reach, ..
@@ -140,8 +136,9 @@ fn has_missed_contacts(model: &Model, ws: &mut Workspace) -> bool {
     })
 }
 
-/// Whether grains that turn fast end the step deeper in others than any contact of the step foretold (T-36); contacts of
-/// where they end are added then.
+/// Adds contacts at the end-of-step configuration where fast-rotating grains penetrate more than predicted (T-36).
+///
+/// Returns true if any was added.
 fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
     let h = model.stepping.h();
     let Workspace { motion, velocity, angular_velocity, correction, .. } = ws;
@@ -152,7 +149,7 @@ fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
         return false;
     }
     solved.end(h, &mut ws.end);
-    // The list of pairs holds there, too: reach is as far as the step can carry bodies.
+    // The pair list is valid there as well: the range covers the displacement of the step.
     let asked = |[a, b]: [usize; 2]| turns(a) || turns(b);
     ws.detector.narrow_phase_where(model, &ws.end, &ws.detection_range, asked, &mut ws.fresh);
     ws.foreseen.clear();
@@ -164,7 +161,7 @@ fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
         }
         let excess = found.gap[i] + solved.predicted_depth(&ws.contacts, bodies, h);
         if -excess > tolerance {
-            // One point for both bodies, or they would gain spin from nothing: as seen from midway between them.
+            // One point for both bodies, midway between them, because two points would create angular momentum.
             let point = found.point[i] - 0.5 * (way(bodies[0]) + way(bodies[1]));
             let k = ws.foreseen.len();
             ws.foreseen.push(bodies, found.feature[i], point, found.normal[i], 0.0);

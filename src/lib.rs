@@ -1,9 +1,8 @@
-//! Non-smooth contact dynamics of railway ballast, as a stepping component.
+//! Nonsmooth contact dynamics of railway ballast, as a stepping component.
 //!
-//! Rigid convex polyhedra, Signorini-Coulomb contact, Moreau-Jean time stepping, solved by
-//! non-linear Gauss-Seidel with a primal domain decomposition on shared memory.
-//! The modules are listed in the order in which data flows through one step; a module uses only
-//! modules above it. Equations `(T-n)` are those of `docs/src/theory.md`.
+//! Rigid convex polyhedra, Signorini-Coulomb contact and Moreau-Jean time stepping, solved by nonlinear Gauss-Seidel
+//! with a primal domain decomposition on shared memory. Modules are listed in the order of the data flow through one
+//! step; a module uses only modules above it. Equations `(T-n)` are those of `docs/src/theory.md`.
 //!
 //! The crate is pure: no files, no clock, no environment, no async, no logging.
 

@@ -1,10 +1,9 @@
-//! Pairs of bodies that may touch before anything has moved by more than its box allows for: half a skin, or some steps of
-//! its speed.
+//! List of body pairs that may touch until a body has moved by more than the margin of its box.
 //!
-//! Reads: model, motion, reach. Writes: [`PairList`]. Cost: a comparison per body and step; when a body has
-//! moved too far, bounding boxes, a counting sort into cells and O(pairs).
-//! Contract: the list holds every pair that is within reach of each other, and its order is canonical. It may hold
-//! more, so what is found must not depend on pairs that are apart.
+//! The margin is half a skin, or the displacement at its speed in some steps. Reads: model, motion, detection range.
+//! Writes: [`PairList`]. Cost: a comparison per body and step; after a large motion, bounding boxes, a counting sort
+//! into cells and O(pairs). Contract: the list contains every pair within its detection distance, in canonical order.
+//! It may contain more, so results must not depend on separated pairs.
 
 use super::grid::CellGrid;
 use super::narrow_phase::PairCache;
@@ -22,64 +21,66 @@ use std::ops::Range;
 pub(super) const CHUNK: usize = 64;
 /// Skin over the mean radius of the grains.
 const SKIN: f64 = 0.1;
-/// Steps for which the list should hold, however fast a body is: one stone that was flung would else have it rebuilt
-/// in every step.
+/// Minimum lifetime of the list in steps, however fast a body is.
+///
+/// Without it, one fast grain would force a rebuild in every step.
 const MAX_SKIN_LIFETIME_STEPS: f64 = 4.0;
 
-/// A part of a driven body.
+/// Part of a driven body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PartRef {
-    /// Among the driven bodies.
+    /// Number among the driven bodies.
     pub driven: u32,
-    /// Among the body's parts.
+    /// Number among the body's parts.
     pub part: u32,
     pub half_space: bool,
 }
 
-/// Candidate pairs, by grain. An antagonist below the number of grains is a grain; above, it is
-/// that number plus the index of a part in `parts`.
+/// Candidate pairs, by grain.
+///
+/// An antagonist below the number of grains is a grain; above, it is that number plus an index into `parts`.
 #[derive(Debug, Default)]
 pub(super) struct PairList {
-    /// Where each grain's pairs start `[ng + 1]`.
+    /// Start of each grain's pairs `[ng + 1]`.
     pub starts: Vec<usize>,
     /// Antagonists, ascending for each grain `[np]`.
     pub antagonists: Vec<u32>,
-    /// What the narrow phase remembers of each pair `[np]`.
+    /// Caches of the narrow phase for each pair `[np]`.
     pub memory: Vec<PairCache>,
-    /// All parts of driven bodies, by body.
+    /// Parts of all driven bodies, by body.
     pub parts: Vec<PartRef>,
-    /// Of all bodies, from configuration to configuration for which pairs were examined.
+    /// Path lengths of all bodies between configurations in which pairs were examined.
     pub travel: TravelledDistance,
     listed: ListedConfiguration,
     boxes: Vec<AxisBox>,
     grid: CellGrid,
-    /// Pairs that the grid does not find from grain to grain.
+    /// Pairs of large boxes and of parts, which the grid does not list by grain.
     extra: Vec<(u32, u32)>,
     chunk_pairs: Vec<ChunkPairs>,
 }
 
-/// The configuration for which the list was built.
+/// Configuration for which the list was built.
 #[derive(Debug, Default)]
 struct ListedConfiguration {
     position: Vec<Vec3>,
     orientation: Vec<Quat>,
     /// Largest distance of a point of a body from its origin `[nb]`, m.
     bounding_radius: Vec<f64>,
-    /// Shares in the distances up to which contacts are looked for `[nb]`, m.
+    /// Contributions of bodies to detection distances `[nb]`, m.
     range: Vec<f64>,
-    /// By how much a body may move, and its share grow, before the list is rebuilt `[nb]`, m.
+    /// Sum of displacement and growth of range that a body may reach before a rebuild `[nb]`, m.
     slack: Vec<f64>,
     fingerprint: ModelFingerprint,
 }
 
-/// By which a model is known again: pairs' memory is about shapes.
+/// Identity of a model. Caches of pairs refer to shapes.
 #[derive(Debug, Default)]
 struct ModelFingerprint {
-    /// Of the grains.
+    /// Shapes of the grains.
     shape: Vec<u32>,
-    /// Of each shape: how many corners, edges and faces.
+    /// Numbers of vertices, edges and faces of each shape.
     counts: Vec<[usize; 3]>,
-    /// Of all shapes, one after the other: of a turned or mirrored one nothing else differs.
+    /// Vertices of all shapes in order; only they distinguish a rotated or mirrored shape.
     corners: Vec<Vec3>,
     parts: Vec<Vec<Part>>,
 }
@@ -124,8 +125,10 @@ struct ChunkPairs {
 }
 
 impl PairList {
-    /// Brings the list up to date: rebuilt if the model is another one, or if a body has moved, and its reach grown, by
-    /// more than it was given. Pairs of another model are forgotten.
+    /// Updates the list: rebuilds it for another model, or if a body has moved or its range has grown by more than
+    /// its slack.
+    ///
+    /// Pairs of another model are dropped.
     pub fn update(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let known = self.listed.fingerprint.matches(model);
         if !known {
@@ -142,7 +145,7 @@ impl PairList {
         }
     }
 
-    /// Adds to the bodies' travel their way to the configuration in which pairs will be examined.
+    /// Adds the displacement to the configuration in which pairs will be examined to the bodies' path lengths.
     pub fn advance(&mut self, motion: &Motion) {
         self.travel.update(motion, &self.listed.bounding_radius);
     }
@@ -184,7 +187,7 @@ impl PairList {
         }
     }
 
-    /// Collects all pairs by chunk, then joins them; pairs of the old list keep their memory.
+    /// Collects all pairs by chunk, then concatenates them; pairs of the old list keep their caches.
     fn fill(&mut self, ng: usize) {
         let Self { starts, antagonists, memory, grid, boxes, extra, chunk_pairs, .. } = self;
         chunk_pairs.resize_with(ng.div_ceil(CHUNK), ChunkPairs::default);
@@ -203,14 +206,14 @@ impl PairList {
     }
 }
 
-/// Moves the chunks' pairs to their places, one after the other.
+/// Moves the chunks' pairs to their positions in the list.
 fn join(chunk_pairs: &mut [ChunkPairs], antagonists: &mut [u32], memory: &mut [PairCache]) {
     match chunk_pairs {
         [] => {}
         [chunk] => {
             antagonists.copy_from_slice(&chunk.antagonists);
             memory.swap_with_slice(&mut chunk.memory);
-            // Of pairs that are listed no more.
+            // Caches of pairs that are no longer listed.
             chunk.memory.clear();
         }
         _ => {
@@ -226,7 +229,7 @@ fn join(chunk_pairs: &mut [ChunkPairs], antagonists: &mut [u32], memory: &mut [P
     }
 }
 
-/// Does `work` for each chunk of `grains` with the memory of their pairs, in parallel.
+/// Calls `work` for each chunk of `grains` with the caches of their pairs, in parallel.
 pub(super) fn for_each_chunk<C: Send>(
     starts: &[usize],
     grains: Range<usize>,
@@ -249,7 +252,7 @@ pub(super) fn for_each_chunk<C: Send>(
     }
 }
 
-/// Where boxes meet, and the list so far.
+/// Overlapping boxes, and the previous list.
 struct BoxOverlaps<'a> {
     grid: &'a CellGrid,
     boxes: &'a [AxisBox],
@@ -259,7 +262,7 @@ struct BoxOverlaps<'a> {
 }
 
 impl ChunkPairs {
-    /// Collects the pairs of these grains; `known` is the memory of those they had.
+    /// Collects the pairs of these grains; `known` are the caches of their previous pairs.
     fn collect(&mut self, all: &BoxOverlaps, grains: Range<usize>, known: &mut [PairCache]) {
         self.counts.clear();
         self.antagonists.clear();
@@ -293,7 +296,7 @@ impl ChunkPairs {
         }
     }
 
-    /// Takes the memory of the pairs from `first` on from that of the old ones of the same grain.
+    /// Moves the caches of previous pairs of the same grain to the pairs from `first` on.
     fn restore_caches(&mut self, first: usize, old: &[u32], known: &mut [PairCache]) {
         let mut k = 0;
         for j in &self.antagonists[first..] {
@@ -307,7 +310,7 @@ impl ChunkPairs {
 }
 
 impl ListedConfiguration {
-    /// Notes the configuration of the list.
+    /// Stores the configuration of the list.
     fn record(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         let ng = model.grains.len();
         self.position.clone_from(&motion.position);
@@ -326,12 +329,12 @@ impl ListedConfiguration {
         self.slack.extend((0..reach.body_count()).map(slack));
     }
 
-    /// What the box of body `b` is wider than the body.
+    /// Returns the margin of the box of body `b`, m.
     fn margin(&self, b: usize) -> f64 {
         self.range[b] + self.slack[b]
     }
 
-    /// Whether no body has used up its slack by moving or by a larger reach.
+    /// True if no body has used up its slack by displacement or growth of range.
     fn is_valid(&self, motion: &Motion, reach: &DetectionRange) -> bool {
         let used_up = |b: usize| {
             let rotation_bound =
@@ -346,7 +349,7 @@ impl ListedConfiguration {
     }
 }
 
-/// All parts of driven bodies, by body.
+/// Returns the parts of all driven bodies, by body.
 fn part_refs(model: &Model) -> Vec<PartRef> {
     let body = |(d, b): (usize, &crate::model::DrivenBody)| {
         let part = move |(p, part): (usize, &Part)| PartRef {
@@ -359,7 +362,7 @@ fn part_refs(model: &Model) -> Vec<PartRef> {
     model.driven.iter().enumerate().flat_map(body).collect()
 }
 
-/// The box around a placed shape and a margin.
+/// Returns the bounding box of a shape at `pose`, enlarged by a margin.
 fn bounds(shape: &Polyhedron, pose: &Pose, margin: f64) -> AxisBox {
     let r = pose.orientation.to_rotation_matrix().into_inner();
     let AxisBox { low, high } = AxisBox::around(shape.vertices.iter().map(|v| r * v));

@@ -4,15 +4,15 @@ use crate::math::Vec3;
 use crate::motion::Motion;
 use std::ops::Range;
 
-/// Contact points of one configuration, sorted by bodies, then feature. Structure of arrays.
+/// Contact points of one configuration as structure of arrays, sorted by bodies, then feature.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Contacts {
-    /// Candidate and antagonist `[nc]`. The candidate is a grain; the antagonist is a grain of
-    /// higher number or a driven body.
+    /// Candidate and antagonist `[nc]`. The candidate is a grain; the antagonist is a grain of higher number or a
+    /// driven body.
     pub bodies: Vec<[u32; 2]>,
     /// Identity of the point inside its pair: parts and features `[nc]`.
     pub feature: Vec<u64>,
-    /// Middle between the two surfaces, world `[nc]`, m.
+    /// Midpoint between the two surfaces, world `[nc]`, m.
     pub point: Vec<Vec3>,
     /// Unit normal from antagonist to candidate, world `[nc]`.
     pub normal: Vec<Vec3>,
@@ -21,17 +21,17 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Number of contact points.
+    /// Returns the number of contact points.
     pub fn len(&self) -> usize {
         self.bodies.len()
     }
 
-    /// Whether there is none.
+    /// True if there is no contact.
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Forgets all contacts, keeps the memory.
+    /// Removes all contacts and keeps the allocations.
     pub fn clear(&mut self) {
         self.bodies.clear();
         self.feature.clear();
@@ -48,13 +48,13 @@ impl Contacts {
         self.normal.push(normal);
         self.gap.push(gap);
     }
-    /// The contacts of two bodies.
+    /// Returns the range of the contacts of two bodies.
     pub fn pair_range(&self, bodies: [u32; 2]) -> Range<usize> {
         let start = self.bodies.partition_point(|b| *b < bodies);
         start..start + self.bodies[start..].partition_point(|b| *b == bodies)
     }
 
-    /// How fast contact `i` opens when body `b` has velocity and spin `twist(b)`, m/s.
+    /// Returns the opening speed of contact `i`, m/s, where `twist(b)` are velocity and angular velocity of body `b`.
     pub fn opening_speed(
         &self,
         i: usize,
@@ -69,8 +69,9 @@ impl Contacts {
         self.normal[i].dot(&(surface(c) - surface(a)))
     }
 
-    /// Takes over a few contacts, in place of those of the same bodies and feature; what penetrates keeps its gap. `impulse`
-    /// goes with the contacts: new ones have none.
+    /// Inserts contacts, or replaces point and normal of those with the same bodies and feature.
+    ///
+    /// A known contact keeps its gap if it penetrates. `impulse` stays aligned with the contacts; new ones have none.
     pub fn merge(&mut self, others: &Contacts, impulse: &mut Vec<Vec3>) {
         for k in 0..others.len() {
             let (bodies, feature) = (others.bodies[k], others.feature[k]);

@@ -1,9 +1,8 @@
 //! Detection of a step: pair list, then contact points of each pair, in parallel over fixed chunks.
 //!
-//! Reads: model, motion, reach. Writes: [`Contacts`]. Cost: two to four microseconds per grain
-//! of a settled bed that creeps.
-//! Contract: contacts are a function of model, motion and reach; neither earlier steps nor the number of
-//! threads change a bit.
+//! Reads: model, motion, detection range. Writes: [`Contacts`]. Cost: two to four microseconds per grain of a slowly
+//! creeping settled bed. Contract: contacts are a function of model, motion and detection range; neither earlier
+//! steps nor the number of threads change a bit.
 
 use super::broad_phase::{CHUNK, PairList, PartRef, for_each_chunk};
 use super::contacts::Contacts;
@@ -15,10 +14,10 @@ use crate::math::{Pose, Vec3};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
 
-/// How many pairs before its turn a pair's memory is fetched.
+/// Number of pairs by which prefetching of caches runs ahead.
 const PREFETCH_PAIRS: usize = 2;
 
-/// Finds contacts; keeps what makes the next step faster.
+/// Contact detector with its caches.
 #[derive(Debug, Default)]
 pub struct Detector {
     pairs: PairList,
@@ -26,37 +25,37 @@ pub struct Detector {
     chunks: Vec<ChunkContacts>,
 }
 
-/// A part of a driven body, placed in the world.
+/// Part of a driven body at its pose in the world.
 #[derive(Debug, Clone, Copy)]
 enum PartPose {
     Convex { shape: u32, pose: Pose },
     HalfSpace(HalfSpace),
 }
 
-/// Buffers of one chunk of grains.
+/// Contacts of one chunk of grains, and buffers.
 #[derive(Debug, Default)]
 struct ChunkContacts {
-    /// Holds the chunk's contact points.
+    /// Buffers of the search; hold the chunk's contact points.
     scratch: Scratch,
     /// Candidate and antagonist of each point.
     bodies: Vec<[u32; 2]>,
 }
 
 impl Detector {
-    /// Brings the list of candidate pairs up to date.
+    /// Updates the list of candidate pairs.
     ///
-    /// The list holds for all configurations in which no point of a body has moved by more than its box allows for; it is
-    /// rebuilt only when one has, or when the number of bodies, their shapes' numbers or their reach have changed.
+    /// The list is valid for all configurations in which no point of a body has moved by more than the margin of its
+    /// box. It is rebuilt only if one has, or if bodies, shapes or detection range have changed.
     pub fn broad_phase(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
         self.pairs.update(model, motion, reach);
     }
 
-    /// Number of candidate pairs of grains with grains and convex parts.
+    /// Returns the number of candidate pairs of grains with grains and convex parts.
     pub fn pair_count(&self) -> usize {
         self.pairs.antagonists.len()
     }
 
-    /// Fills `out` with all contacts of the configuration, after [`Detector::broad_phase`] for it.
+    /// Fills `out` with all contacts of the configuration; requires a preceding [`Detector::broad_phase`] for it.
     pub fn narrow_phase(
         &mut self,
         model: &Model,
@@ -67,7 +66,7 @@ impl Detector {
         self.narrow_phase_where(model, motion, reach, |_| true, out);
     }
 
-    /// The same with the contacts of those pairs only that are asked for.
+    /// Fills `out` with the contacts of the pairs that `is_wanted` selects; requires [`Detector::broad_phase`].
     pub fn narrow_phase_where(
         &mut self,
         model: &Model,
@@ -101,7 +100,7 @@ impl Detector {
     }
 }
 
-/// Where all parts of driven bodies are.
+/// Transforms all parts of driven bodies to the world.
 fn transform_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut Vec<PartPose>) {
     placed.clear();
     placed.extend(parts.iter().map(|p| {
@@ -117,7 +116,7 @@ fn transform_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &m
     }));
 }
 
-/// What all chunks read.
+/// Inputs of a search that all chunks share.
 struct PairSearch<'a, F> {
     model: &'a Model,
     motion: &'a Motion,
@@ -167,14 +166,14 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
         (body as usize) < self.model.grains.len()
     }
 
-    /// Brings to the cache what a pair with grain `j` will read if it touches.
+    /// Prefetches the data that a pair with grain `j` reads if it touches.
     fn prefetch_pair(&self, j: u32, memory: &PairCache) {
         if memory.prefetch() {
             self.prefetch_grain(j as usize);
         }
     }
 
-    /// Brings a grain's shape to the cache.
+    /// Prefetches a grain's shape.
     fn prefetch_grain(&self, i: usize) {
         let shape = &self.model.shapes[self.model.grains.shape[i] as usize];
         lanes::prefetch(&*shape.vertices);
@@ -183,7 +182,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
         lanes::prefetch(&*shape.edges);
     }
 
-    /// Contacts of grain `i` with all parts: the convex ones that are listed, and all half-spaces.
+    /// Finds the contacts of grain `i` with all parts: the listed convex ones, and all half-spaces.
     fn examine_parts(
         &self,
         i: usize,
@@ -227,7 +226,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
         }
     }
 
-    /// Finds the contacts of a grain with another body, `b` of it; whether the two had to be looked at.
+    /// Finds the contacts of a grain with another body, `b`. Returns false if the cache rules them out.
     fn examine_pair<'s>(
         &self,
         pair: [usize; 2],
@@ -241,7 +240,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
             return false;
         }
         let a = self.grain(pair[0]);
-        // A body may have half-spaces beside this part: they are looked for further away.
+        // A body may have half-spaces in addition to this part; their detection distance is larger.
         let alert = self.reach.distance(self.motion, a.shape.radius, pair).min(max_distance);
         let looked = !memory.is_surely_separated(travel, alert);
         if looked {
@@ -257,7 +256,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
 }
 
 impl ChunkContacts {
-    /// Notes whose the points are that have been found last, and on which part of the antagonist.
+    /// Stores the bodies of the last points, and the antagonist's part in their features.
     fn label_points(&mut self, bodies: [u32; 2], part: usize) {
         let points = &mut self.scratch.points;
         for p in &mut points[self.bodies.len()..] {
@@ -267,7 +266,7 @@ impl ChunkContacts {
     }
 }
 
-/// Copies the chunks' contacts to `out`, one after the other.
+/// Concatenates the chunks' contacts in `out`.
 fn join(chunks: &[ChunkContacts], out: &mut Contacts) {
     let count = points(chunks);
     out.bodies.resize(count, [0; 2]);
@@ -283,7 +282,7 @@ fn points(chunks: &[ChunkContacts]) -> usize {
     chunks.iter().map(|chunk| chunk.bodies.len()).sum()
 }
 
-/// Where contacts of some chunks go.
+/// Slices of the output for the contacts of some chunks.
 struct ContactSlices<'a> {
     bodies: &'a mut [[u32; 2]],
     feature: &'a mut [u64],

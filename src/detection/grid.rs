@@ -1,29 +1,29 @@
 //! Boxes sorted into cells by their centres.
 //!
-//! Reads: boxes. Writes: nothing outside. Cost: O(boxes) to build, O(neighbours) to ask.
-//! Contract: cells are as large as all but the largest hundredth of the boxes, so that a box meets
-//! only boxes of its own cell and the 26 around it; the largest hundredth is compared with each other
-//! one by one. Cells are numbered modulo the number of buckets: a body far off costs no memory.
+//! Reads: boxes. Writes: only its own buffers. Cost: O(boxes) to build, O(neighbours) per query. Contract: cells are
+//! as large as all but the largest hundredth of the boxes, so that a box overlaps only boxes of its cell and the 26
+//! around it. The largest hundredth is tested separately. Cells are numbered modulo the number of buckets: a distant
+//! body costs no memory.
 
 use crate::geometry::AxisBox;
 use rayon::prelude::*;
 
-/// Boxes that a thread looks at in one go.
+/// Boxes per unit of parallel work.
 const CHUNK: usize = 1024;
 
 /// Boxes by cell.
 #[derive(Debug, Default)]
 pub(super) struct CellGrid {
     cell: f64,
-    /// Numbers of cells in a row and in a layer, modulo the number of buckets.
+    /// Cells in a row and in a layer, modulo the number of buckets.
     strides: [i64; 2],
-    /// Number of buckets less one; a power of two less one.
+    /// Number of buckets minus one; one less than a power of two.
     mask: i64,
-    /// Where each bucket starts in `members`.
+    /// Start of each bucket in `members`.
     starts: Vec<u32>,
-    /// Boxes by bucket, ascending, the large ones left out.
+    /// Boxes by bucket, ascending, without the large ones.
     members: Vec<u32>,
-    /// The largest boxes, ascending.
+    /// Largest boxes, ascending.
     large: Vec<u32>,
     is_large: Vec<bool>,
     bounds: [[i64; 3]; 2],
@@ -58,7 +58,7 @@ impl CellGrid {
         self.bounds = bounds.reduce(|| [[i64::MAX; 3], [i64::MIN; 3]], join);
         let buckets = (2 * boxes.len().max(1)).next_power_of_two();
         self.mask = buckets as i64 - 1;
-        // One spare cell on each side, so that neighbours in the next row are told apart.
+        // One spare cell on each side distinguishes neighbours in the next row.
         let width =
             |k: usize| self.bounds[1][k].saturating_sub(self.bounds[0][k]).clamp(0, self.mask) + 3;
         let strides = [width(0) & self.mask, width(0).wrapping_mul(width(1)) & self.mask];
@@ -72,7 +72,7 @@ impl CellGrid {
         for k in 0..buckets {
             self.starts[k + 1] += self.starts[k];
         }
-        // From the ends of the buckets backwards to their starts.
+        // Fills the buckets from their ends backwards to their starts.
         self.members.resize(self.starts[buckets] as usize, 0);
         for i in (0..boxes.len()).rev().filter(|i| !self.is_large[*i]) {
             let slot = &mut self.starts[bucket[i] as usize];
@@ -83,7 +83,7 @@ impl CellGrid {
     }
 
     fn cell_of(&self, b: &AxisBox) -> [i64; 3] {
-        // A cast saturates, and turns what is not a number into zero.
+        // A cast saturates, and maps NaN to zero.
         let c = (b.low + b.high) * (0.5 / self.cell);
         [c.x.floor() as i64, c.y.floor() as i64, c.z.floor() as i64]
             .map(|k| k.clamp(-MAX_CELL_INDEX, MAX_CELL_INDEX))
@@ -99,8 +99,7 @@ impl CellGrid {
         &self.members[self.starts[bucket] as usize..self.starts[bucket + 1] as usize]
     }
 
-    /// Calls `found` for the boxes above number `i` that meet it, neither of them large; a box may be
-    /// reported more than once.
+    /// Calls `found` for the boxes above number `i` that overlap it, neither of them large; may repeat a box.
     pub fn for_each_above(&self, boxes: &[AxisBox], i: u32, mut found: impl FnMut(u32)) {
         if self.is_large[i as usize] {
             return;
@@ -120,7 +119,7 @@ impl CellGrid {
         }
     }
 
-    /// Calls `found` for all boxes that meet `bounds`; a box may be reported more than once.
+    /// Calls `found` for all boxes that overlap `bounds`; may repeat a box.
     pub fn for_each_meeting(
         &self,
         boxes: &[AxisBox],
@@ -133,7 +132,7 @@ impl CellGrid {
             }
         };
         self.large.iter().for_each(|&i| check(i));
-        // Centres of boxes that meet `bounds` are at most half a cell outside.
+        // Centres of boxes that overlap `bounds` are at most half a cell outside.
         let half = crate::math::Vec3::repeat(0.5 * self.cell);
         let corner = |p| self.cell_of(&AxisBox { low: p, high: p });
         let (low, high) = (corner(bounds.low - half), corner(bounds.high + half));
@@ -156,7 +155,7 @@ impl CellGrid {
         }
     }
 
-    /// Adds the pairs with at least one large box, lower number first.
+    /// Appends the pairs with at least one large box, lower number first.
     pub fn large_pairs(&self, boxes: &[AxisBox], pairs: &mut Vec<(u32, u32)>) {
         for &l in &self.large {
             self.for_each_meeting(boxes, &boxes[l as usize], |j| {
@@ -168,7 +167,7 @@ impl CellGrid {
     }
 }
 
-/// Bounds of what is in either.
+/// Returns the bounds of both ranges.
 fn join(a: [[i64; 3]; 2], b: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
     let each = |side: usize, of: fn(i64, i64) -> i64| [0, 1, 2].map(|k| of(a[side][k], b[side][k]));
     [each(0, i64::min), each(1, i64::max)]
@@ -187,5 +186,5 @@ fn refill<T>(all: &mut Vec<T>, with: impl Iterator<Item = T>) {
     all.extend(with);
 }
 
-/// Cells beyond this are one: sums of their numbers stay within i64.
+/// Maximum absolute cell number, so that sums of cell numbers stay within i64.
 const MAX_CELL_INDEX: i64 = 1 << 40;

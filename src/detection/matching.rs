@@ -1,7 +1,7 @@
-//! Which contact of the last step is which contact of this one.
+//! Matching of this step's contacts with those of the last step.
 //!
-//! Reads: motion, contacts, [`ContactMemory`]. Writes: starting impulses, the next memory.
-//! Cost: O(contacts). Contract: each old contact is used at most once; independent of threads.
+//! Reads: motion, contacts, [`ContactMemory`]. Writes: initial impulses, the next memory. Cost: O(contacts).
+//! Contract: each old contact is used at most once; independent of threads.
 
 use super::contacts::Contacts;
 use crate::math::Vec3;
@@ -10,16 +10,16 @@ use crate::motion::Motion;
 use crate::state::ContactMemory;
 use rayon::prelude::*;
 
-/// Contacts per unit of parallel work, at most, but for one pair: pairs are not cut.
+/// Maximum number of contacts per unit of parallel work; pairs are not split.
 const CHUNK: usize = 1024;
-/// How far, over the candidate's radius, a contact point may have moved in its body to be the same.
+/// Maximum displacement of a matched contact point in its body, over the candidate's radius.
 const TOLERANCE: f64 = 0.2;
 
-/// Starting impulse of each contact `[nc]`, world axes, N s: the model's share of that of the same
-/// contact in `memory`, or zero if there is none (T-20).
+/// Fills `impulse` with the initial impulse of each contact `[nc]`, world axes, N s (T-20).
 ///
-/// In a pair of bodies, contacts with equal features are the same. Of the others, the nearest
-/// points in the candidate's frame are matched first, up to a fifth of its radius.
+/// It is the warm start factor times the impulse of the same contact in `memory`, or zero without one. In a pair of
+/// bodies, contacts with equal features are the same. Of the others, the nearest points in the candidate's frame are
+/// matched first, up to a fifth of its radius.
 pub fn warm_start(
     model: &Model,
     motion: &Motion,
@@ -50,7 +50,7 @@ impl ContactMatching<'_> {
         }
     }
 
-    /// How many of `n` contacts from `from` on are matched beside the others, where they are many.
+    /// Returns the number of contacts after which `n` contacts from `from` on are split; `None` if they are few.
     fn cut(&self, from: usize, n: usize) -> Option<usize> {
         let bodies = &self.contacts.bodies[from..from + n];
         let starts_pair = |k: &usize| bodies[*k] != bodies[*k - 1];
@@ -108,7 +108,7 @@ impl ContactMatching<'_> {
         let pose = self.motion.pose(candidate);
         let shape = self.model.grains.shape[candidate] as usize;
         let reach = TOLERANCE * self.model.shapes[shape].radius;
-        // Nearest first; among equals the first in the order of contacts.
+        // The nearest pair is first; among equals the first in the order of contacts.
         loop {
             let mut best = (reach * reach, None);
             for n in new.clone().filter(|n| !new_used[n - new.start]) {
@@ -128,14 +128,13 @@ impl ContactMatching<'_> {
     }
 }
 
-/// End of the run of equal bodies that starts at `start`.
+/// Returns the end of the run of equal bodies that starts at `start`.
 fn run_end(bodies: &[[u32; 2]], start: usize) -> usize {
     let same = bodies[start..].iter().take_while(|b| **b == bodies[start]).count();
     start + same
 }
 
-/// Stores this step's contacts and impulses (`[nc]`, world axes, N s) for the next step's
-/// [`warm_start`].
+/// Stores this step's contacts and impulses (`[nc]`, world axes, N s) for the next [`warm_start`].
 pub fn store_contacts(
     motion: &Motion,
     contacts: &Contacts,
@@ -152,7 +151,7 @@ pub fn store_contacts(
         .collect_into_vec(&mut memory.local_point);
 }
 
-/// Tens of megabytes in a large bed: as fast as all threads can.
+/// Copies in parallel; large beds have tens of megabytes.
 fn copy<T: Copy + Send + Sync>(from: &[T], to: &mut Vec<T>) {
     from.par_iter().copied().with_min_len(8192).collect_into_vec(to);
 }

@@ -1,7 +1,7 @@
-//! Contacts of a configuration: broad phase, narrow phase, identity from step to step.
+//! Collision detection: broad phase, narrow phase, identity of contacts from step to step.
 //!
-//! Contacts are a function of the configuration and of how far they are looked for (T-35): pair lists and separating axes
-//! that are kept from earlier steps make it faster, never different.
+//! Contacts are a function of the configuration and of the detection range (T-35). Pair lists and separating axes
+//! cached from earlier steps affect cost only, never results.
 
 mod broad_phase;
 mod contacts;

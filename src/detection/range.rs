@@ -1,52 +1,55 @@
-//! How far around a body a step looks for contacts: as far as the step can close a gap (T-35).
+//! Detection range: distance around a body within which the step can close a gap (T-35).
 //!
-//! Reads: model, motion, solved velocities. Writes: [`DetectionRange`]. Cost: a root per body and step, two per pair.
-//! Contract: a gap in which no contact was looked for stays open as long as the solve changes the velocities of both bodies
-//! by no more than was allowed for; [`DetectionRange::raise`] tells where it does.
+//! Reads: model, motion, solved velocities. Writes: [`DetectionRange`]. Cost: a square root per body and step, two
+//! per pair. Contract: a gap outside the range stays open as long as the solve changes the velocities of both bodies
+//! by no more than the margin; [`DetectionRange::enlarge`] finds the bodies with larger changes.
 //!
-//! How two bodies approach each other without contacts is known beforehand. By how much contacts change that is known
-//! after the solve: each body is allowed some change, and where it was more, its surroundings are looked at again.
+//! The approach of two bodies without contacts is known before the solve, its change by contacts only after it. Each
+//! body has a margin for that change; where the margin was too small, detection is repeated.
 
 use crate::math::Vec3;
 use crate::model::{DrivenBody, Model, Part};
 use crate::motion::Motion;
 use rayon::prelude::*;
 
-/// What is allowed for on looking again, over what the solve has just asked for.
+/// Factor of an enlarged margin over the margin that the last solve needed.
 const MARGIN_GROWTH: f64 = 1.5;
-/// How many radii of the largest grain a solve may carry a body further before a half-space, which nothing is ever past: far
-/// more than any stone is flung in a step, and an end to looking again.
+/// Maximum margin before half-spaces, in radii of the largest grain.
+///
+/// Far more than any displacement in a step; ensures that repeated detection ends.
 const MAX_DISPLACEMENT_RADII: f64 = 64.0;
 
-/// Distances up to which contacts are looked for.
+/// Distances up to which contacts are detected.
 #[derive(Debug, Clone, Default)]
 pub struct DetectionRange {
     h: f64,
-    /// The alert distance: the least that is looked for, m.
+    /// Minimum detection distance, m.
     min_distance: f64,
-    /// How far the free velocity carries any point of a body in the step, m `[nb]`.
+    /// Displacement of the fastest point of a body by the free velocity in the step, m `[nb]`.
     free_displacement: Vec<f64>,
-    /// How much further, or elsewhere, the solve may carry it, m `[nb]`; before half-spaces alone more than `max_displacement`.
+    /// Margin for the change of this displacement by the solve, m `[nb]`; exceeds `max_displacement` before
+    /// half-spaces only.
     margin: Vec<f64>,
-    /// Allowances with which contacts were looked for last `[nb]`.
+    /// Margins of the last detection, m `[nb]`.
     searched_margin: Vec<f64>,
-    /// The radius of the largest grain: what moves that far in a step is past all but half-spaces anyway, m.
+    /// Radius of the largest grain, m; a larger displacement in a step passes any body without half-spaces.
     max_displacement: f64,
-    /// What is allowed for where there are half-spaces, m; else `max_displacement`.
+    /// Maximum margin, m; larger than `max_displacement` if the model has half-spaces.
     max_half_space_displacement: f64,
-    /// Whether the driven body has half-spaces `[nd]`. Beside them its convex parts are looked for up to [`DetectionRange::at_most`] only.
+    /// True if the driven body has half-spaces `[nd]`. Its convex parts are detected up to
+    /// [`DetectionRange::max_distance`] only.
     has_half_space: Vec<bool>,
 }
 
 impl DetectionRange {
-    /// Allows a quarter of the alert distance to each body.
+    /// Returns the range before the solve, with a quarter of the minimum distance as margin of each body.
     pub fn new(model: &Model, motion: &Motion) -> Self {
         let mut range = Self::default();
         range.reset(model, motion);
         range
     }
 
-    /// The same in place.
+    /// Resets the range to that of [`DetectionRange::new`].
     pub fn reset(&mut self, model: &Model, motion: &Motion) {
         let (h, min_distance) = (model.stepping.h(), model.stepping.detection_distance);
         let margin = 0.25 * min_distance;
@@ -72,8 +75,10 @@ impl DetectionRange {
         self.searched_margin.clone_from(&self.margin);
     }
 
-    /// Raises the allowances of bodies that the solve has changed by more; whether any is above those with which contacts
-    /// were looked for. `change` is the largest change of velocity of a body's points, m/s.
+    /// Enlarges the margins of bodies whose motion the solve has changed by more.
+    ///
+    /// `change` is the largest change of velocity of a body's points, m/s. Returns true if a margin exceeds that of
+    /// the last detection.
     pub fn enlarge(&mut self, change: impl Fn(usize) -> f64 + Sync) -> bool {
         let (h, max_displacement) = (self.h, self.max_half_space_displacement);
         let bodies = self.margin.par_iter_mut().zip(&self.searched_margin).enumerate();
@@ -87,23 +92,24 @@ impl DetectionRange {
         raised.reduce(|| false, |a, b| a | b)
     }
 
-    /// Takes note that contacts are looked for with the present allowances.
+    /// Records that contacts were detected with the present margins.
     pub fn mark_searched(&mut self) {
         self.searched_margin.clone_from(&self.margin);
     }
 
-    /// Whether the allowance of body `b` was raised.
+    /// True if the margin of body `b` exceeds that of the last detection.
     pub fn is_enlarged(&self, b: usize) -> bool {
         self.margin[b] > self.searched_margin[b]
     }
 
-    /// Distance up to which contacts of a grain of this radius with another body are looked for, m.
+    /// Returns the detection distance of a grain of this radius and another body, m.
     pub fn distance(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
         self.distance_with(&self.margin, motion, radius, pair)
     }
 
-    /// Whether a grain of this radius and another body may close a gap in which no contact was looked for before
-    /// allowances were raised; `twist` are the bodies' velocities and spins, m/s and rad/s.
+    /// True if a grain of this radius and another body may close a gap outside the last detection distance.
+    ///
+    /// `twist` are the bodies' velocities (m/s) and angular velocities (rad/s).
     pub fn may_have_missed_contact(
         &self,
         motion: &Motion,
@@ -117,12 +123,12 @@ impl DetectionRange {
                 > self.searched_distance(motion, radius, pair)
     }
 
-    /// [`DetectionRange::between`] before allowances were raised.
+    /// Returns the detection distance with the margins of the last detection, m.
     pub fn searched_distance(&self, motion: &Motion, radius: f64, pair: [usize; 2]) -> f64 {
         self.distance_with(&self.searched_margin, motion, radius, pair)
     }
 
-    /// What the free velocities and these allowances make of the distance.
+    /// Returns the detection distance with these margins, m.
     fn distance_with(
         &self,
         margin: &[f64],
@@ -141,29 +147,30 @@ impl DetectionRange {
         self.min_distance.max(approach + (allowed(a) + allowed(b)))
     }
 
-    /// What no distance between two bodies without half-spaces that is asked for exceeds, m.
+    /// Returns the maximum detection distance of two bodies without half-spaces, m.
     pub(super) fn max_distance(&self, [a, b]: [usize; 2]) -> f64 {
         self.body_range(a) + self.body_range(b)
     }
 
-    /// The part of body `b` in this, m.
+    /// Returns the contribution of body `b` to the maximum detection distance, m.
     pub(super) fn body_range(&self, b: usize) -> f64 {
         (0.5 * self.min_distance)
             .max(self.free_displacement[b] + self.margin[b].min(self.max_displacement))
     }
 
-    /// How far the free velocity carries body `b` in the step, m; no more than the radius of the largest grain.
+    /// Returns the displacement of body `b` by its free velocity in the step, at most the radius of the largest
+    /// grain, m.
     pub(super) fn free_displacement(&self, b: usize) -> f64 {
         self.free_displacement[b]
     }
 
-    /// Number of bodies.
+    /// Returns the number of bodies.
     pub(super) fn body_count(&self) -> usize {
         self.free_displacement.len()
     }
 }
 
-/// No point of the grain, of this radius, moves faster against the other body, m/s.
+/// Returns an upper bound of the speed of points of a grain of this radius relative to another body, m/s.
 fn approach_speed(
     motion: &Motion,
     radius: f64,
@@ -175,7 +182,7 @@ fn approach_speed(
     (v - v_other - w_other.cross(&lever)).norm() + radius * (w - w_other).norm()
 }
 
-/// No point of a body with this velocity and spin is faster, m/s.
+/// Returns an upper bound of the speed of the points of a body with this twist, m/s.
 pub fn max_point_speed(model: &Model, b: usize, velocity: &Vec3, angular_velocity: &Vec3) -> f64 {
     let turning = angular_velocity.norm();
     if turning == 0.0 {
@@ -187,12 +194,12 @@ pub fn max_point_speed(model: &Model, b: usize, velocity: &Vec3, angular_velocit
     }
 }
 
-/// Whether a driven body has half-spaces.
+/// True if a driven body has half-spaces.
 fn has_half_space(body: &DrivenBody) -> bool {
     body.parts.iter().any(|part| matches!(part, Part::HalfSpace { .. }))
 }
 
-/// Largest distance of a point of body `b` from its origin, half-spaces left out, m.
+/// Returns the largest distance of a point of body `b` from its origin, without half-spaces, m.
 pub(super) fn bounding_radius(model: &Model, b: usize) -> f64 {
     let radius = |shape: u32| model.shapes[shape as usize].radius;
     let Some(d) = b.checked_sub(model.grains.len()) else { return model.grain_radius(b) };
@@ -203,7 +210,7 @@ pub(super) fn bounding_radius(model: &Model, b: usize) -> f64 {
     parts.fold(0.0, f64::max)
 }
 
-/// The next of 1, 1.5, 2, 3, 4, 6 ... so that what is looked for does not change with every small change of a speed.
+/// Rounds up to 1, 1.5, 2, 3, 4, 6 ..., so that small changes of a speed do not change the range.
 fn round_up(x: f64) -> f64 {
     const BELOW_THE_FIRST_DIGIT: u64 = (1 << 51) - 1;
     f64::from_bits((x.to_bits() + BELOW_THE_FIRST_DIGIT) & !BELOW_THE_FIRST_DIGIT)

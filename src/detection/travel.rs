@@ -1,15 +1,14 @@
-//! How far bodies have moved in all: pairs that are apart by some distance are not looked at again
-//! before both bodies together have moved that far.
+//! Path lengths of bodies: separated pairs are skipped until both bodies have travelled their distance.
 //!
-//! Reads: motion. Writes: [`TravelledDistance`]. Cost: two roots per body and step.
-//! Contract: between two updates, the length of a body grows by at least what any of its points has
-//! moved; so does the difference of two later lengths, whatever rounding does.
+//! Reads: motion. Writes: [`TravelledDistance`]. Cost: two square roots per body and step. Contract: between two
+//! updates, the length of a body grows by at least the displacement of any of its points; so does the difference of
+//! two later lengths, whatever the rounding.
 
 use crate::math::{Quat, Vec3};
 use crate::motion::Motion;
 use rayon::prelude::*;
 
-/// Length of the way of each body, m `[nb]`.
+/// Path length of each body, m `[nb]`.
 #[derive(Debug, Default)]
 pub(super) struct TravelledDistance {
     pub length: Vec<f64>,
@@ -18,13 +17,14 @@ pub(super) struct TravelledDistance {
 }
 
 impl TravelledDistance {
-    /// Starts again: lengths of before mean nothing any more.
+    /// Resets the lengths; earlier values become meaningless.
     pub fn clear(&mut self) {
         self.length.clear();
     }
 
-    /// Adds the way from the last configuration to this one; `reach` is the largest distance of a
-    /// point of each body from its origin `[nb]`, m.
+    /// Adds the displacement since the last configuration.
+    ///
+    /// `reach` is the largest distance of a point of each body from its origin `[nb]`, m.
     pub fn update(&mut self, motion: &Motion, reach: &[f64]) {
         let count = motion.position.len();
         if self.length.len() != count {
@@ -48,8 +48,9 @@ impl TravelledDistance {
     }
 }
 
-/// How far a turn from `q0` to `q` moves a point at distance 1, at most: a turn by θ moves it by
-/// 2 sin(θ/2) <= 2 · 2 sin(θ/4) = 2 |Δq|.
+/// Returns an upper bound of the displacement of a point at distance 1 by the rotation from `q0` to `q`.
+///
+/// A rotation by θ moves it by 2 sin(θ/2) <= 2 · 2 sin(θ/4) = 2 |Δq|.
 pub(super) fn rotation_bound(q: &Quat, q0: &Quat) -> f64 {
     let (q, q0) = (q.coords, q0.coords);
     2.0 * (q - q0).norm_squared().min((q + q0).norm_squared()).sqrt()

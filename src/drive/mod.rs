@@ -1,4 +1,4 @@
-//! Imposed motion and loads: what a step is told about the driven bodies.
+//! Inputs of a step: imposed motion and loads of the driven bodies.
 
 mod speed_limit;
 
@@ -14,12 +14,12 @@ pub struct Load {
 }
 
 impl Load {
-    /// No load.
+    /// Returns zero force and torque.
     pub fn zero() -> Self {
         Self { force: Vec3::zeros(), torque: Vec3::zeros() }
     }
 
-    /// Whether every component is a number.
+    /// True if every component is finite.
     pub fn is_finite(&self) -> bool {
         self.force.iter().chain(&self.torque).all(|x| x.is_finite())
     }
@@ -28,22 +28,20 @@ impl Load {
 /// Inputs of one step.
 #[derive(Debug, Clone, Copy)]
 pub struct StepInputs<'a> {
-    /// Pose of each driven body at the end of the step `[nd]`.
+    /// Pose of each driven body at the end of the step `[nd]`; for a mounted body the pose of its mount.
     ///
-    /// Its velocity during the step is the constant one that ends exactly there (T-4), so imposed
-    /// motion never drifts.
-    ///
-    /// Of a mounted body: the pose of its mount; degrees of freedom that are loaded do not mind it.
+    /// The velocity during the step is the constant one that ends exactly there (T-4), so imposed motion never
+    /// drifts. Free degrees of freedom of a mount ignore it.
     pub targets: &'a [Pose],
-    /// Load on each mounted body, besides gravity `[nm]`; empty: none. It moves the degrees of freedom
-    /// that are not held.
+    /// Load on each mounted body, in addition to gravity `[nm]`; empty for none. It acts on the degrees of freedom
+    /// that are not prescribed.
     pub loads: &'a [Load],
-    /// How far a body may be led, or moved by its loads, in the step; `None`: any distance.
+    /// Limit of the displacement of a driven body in the step; `None` for no limit.
     pub speed_limit: Option<&'a SpeedLimit>,
 }
 
 impl<'a> StepInputs<'a> {
-    /// These targets, without loads and at any speed.
+    /// Returns these targets without loads and without a speed limit.
     pub fn from_targets(targets: &'a [Pose]) -> Self {
         Self { targets, loads: &[], speed_limit: None }
     }

@@ -1,20 +1,21 @@
-//! How fast driven bodies may be led: a faster tool would pass through grains unseen.
+//! Limit of the displacement of driven bodies per step: a faster tool would pass through grains undetected.
 
 use crate::error::{Cause, Error, Result};
 use crate::math::{Pose, Vec3, rotation};
 use crate::model::{Model, Part};
 use crate::state::State;
 
-/// The farthest that a point of a driven body may be led in a step.
+/// Maximum displacement of a point of a driven body in a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpeedLimit {
-    /// Half of the smallest grain, m; infinite without grains.
+    /// Half of the smallest grain's nominal diameter, m; infinite without grains.
     pub way: f64,
     /// Largest distance of a point of each driven body from its reference point `[nd]`, m; infinite with half-spaces.
     reach: Vec<f64>,
 }
 
 impl SpeedLimit {
+    /// Returns the limit of a model.
     pub fn of(model: &Model) -> Self {
         let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
         let smallest = model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min);
@@ -22,7 +23,9 @@ impl SpeedLimit {
         Self { way: 0.5 * smallest, reach }
     }
 
-    /// In which time body `d` is led so far at this velocity (m/s) and angular velocity (rad/s), s; infinite at rest.
+    /// Returns the time in which body `d` reaches the limit at this velocity (m/s) and angular velocity (rad/s), s.
+    ///
+    /// Infinite at rest.
     pub fn time(
         &self,
         model: &Model,
@@ -36,7 +39,7 @@ impl SpeedLimit {
         self.way / (velocity.norm() + turning * lever)
     }
 
-    /// How far from its reference point body `d`, which turns by `turn`, can be met by grains, m.
+    /// Returns the largest distance from its reference point at which grains can touch body `d`, m; 0 if `turn` is 0.
     fn lever(&self, model: &Model, state: &State, d: usize, turn: f64) -> f64 {
         if turn == 0.0 {
             return 0.0;
@@ -44,13 +47,13 @@ impl SpeedLimit {
         if self.reach[d].is_finite() {
             return self.reach[d];
         }
-        // A wall has no end, but it is met where grains are.
+        // A wall is infinite, but grains touch it only where they are.
         let centre = state.imposed(model, d).position;
         let far = |i: usize| (state.position[i] - centre).norm() + model.grain_radius(i);
         (0..model.grains.len()).map(far).fold(0.0, f64::max)
     }
 
-    /// Refuses targets (`[nd]`) that lead a body too far in the step from `state`.
+    /// Refuses targets (`[nd]`) that move a body too far in the step from `state`.
     ///
     /// # Errors
     /// [`Error::Step`] with the first such body.
@@ -60,11 +63,10 @@ impl SpeedLimit {
         })
     }
 
-    /// Refuses a step from `state` to `next` in which a mounted body was moved too far, by loads or a spring that are
-    /// out of all proportion.
+    /// Refuses a step from `state` to `next` in which excessive loads or springs moved a mounted body too far.
     ///
     /// # Errors
-    /// As for [`Self::check`].
+    /// [`Error::Step`] with the first such body.
     pub fn check_moved(&self, model: &Model, state: &State, next: &State) -> Result<()> {
         let ng = model.grains.len();
         (0..model.mounted_count()).try_for_each(|d| {
@@ -72,7 +74,7 @@ impl SpeedLimit {
         })
     }
 
-    /// Refuses the way of body `d` from one pose to another, if it is too far for a step.
+    /// Refuses the displacement of body `d` from one pose to another if it is too large for a step.
     fn check_way(
         &self,
         model: &Model,
@@ -101,7 +103,7 @@ impl SpeedLimit {
     }
 }
 
-/// Largest distance of a point of a body's parts from its origin, m.
+/// Returns the largest distance of a point of a body's parts from its origin, m.
 fn reach(model: &Model, parts: &[Part]) -> f64 {
     let corners = parts.iter().flat_map(|part| match part {
         Part::Convex { shape, pose } => {

@@ -3,20 +3,23 @@
 use super::pair::BodyPair;
 use crate::math::{Vec3, round, widen};
 
-/// What single precision takes from a distance, over the sum of the radii.
+/// Rounding error of a distance in single precision, over the sum of the radii.
 const ROUNDING: f64 = 2e-6;
 
-/// A configuration of two bodies to be compared with later ones.
+/// Relative configuration of two bodies for comparison with later ones.
+///
+/// Let c be any point, displaced by Δc, and let a rotation move unit vectors by at most φ. Then no point of B has
+/// moved by more than |Δc| + φ l in the frame of A, nor a point of A in that of B, l being its distance from c.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ReferencePose {
     set: bool,
-    /// The point c in the frames of A and B.
+    /// Point c in the frames of A and B, m.
     point: [[f32; 3]; 2],
-    /// From B to A.
+    /// Quaternion from B to A.
     turn: [f32; 4],
 }
 
-/// Bounds on a motion: of the anchor's point (Δc) in m, and of unit vectors (φ).
+/// Bounds on a relative motion: displacement of the reference point (Δc), m, and of unit vectors (φ).
 #[derive(Debug, Clone, Copy)]
 pub struct RelativeMotion {
     pub at_point: f64,
@@ -24,7 +27,7 @@ pub struct RelativeMotion {
 }
 
 impl ReferencePose {
-    /// The configuration of `pair`; `c` is in the frame of A, best a point near both bodies.
+    /// Returns the configuration of `pair`; `c` is in the frame of A, ideally near both bodies.
     pub fn new(pair: &BodyPair, c: &Vec3) -> Self {
         let point = [*c, pair.point_in_b(c)].map(|x| round(&x));
         let q = pair.turn.coords;
@@ -32,7 +35,7 @@ impl ReferencePose {
         Self { set: true, point, turn }
     }
 
-    /// How far the bodies have moved, if a configuration is known.
+    /// Returns the motion of the bodies since the reference, or `None` without one.
     pub fn moved(&self, pair: &BodyPair) -> Option<RelativeMotion> {
         if !self.set {
             return None;
@@ -48,27 +51,29 @@ impl ReferencePose {
     }
 }
 
-/// What became of a pair's lists.
+/// Exponential back-off for a feature cache of a pair. Affects cost only, never results.
+///
+/// Fast relative motion invalidates a cache before its first use; building it is then wasted work.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CacheBackoff {
-    /// Whether the list that was last wanted has never been used; it may not have come about.
+    /// True if the last cache has not been used yet; it may not have been built.
     pending: bool,
-    /// How many in a row were never used, at most [`MAX_FAILURES`].
+    /// Caches in a row that were never used, at most [`MAX_FAILURES`].
     failures: u8,
-    /// How often to do without before the next trial.
+    /// Invalidations to skip before the next rebuild.
     cooldown: u8,
 }
 
-/// With each list that was made in vain pauses double, up to this many times.
+/// Maximum number of times that the cooldown doubles.
 const MAX_FAILURES: u8 = 4;
 
 impl CacheBackoff {
-    /// The list served.
+    /// Records that the cache was used.
     pub fn record_hit(&mut self) {
         *self = Self::default();
     }
 
-    /// The list that there was, if any, does not hold any more; whether to make another.
+    /// Decides whether to rebuild the cache after it was invalidated.
     pub fn should_rebuild(&mut self) -> bool {
         if std::mem::take(&mut self.pending) {
             self.failures = MAX_FAILURES.min(self.failures + 1);
@@ -80,10 +85,10 @@ impl CacheBackoff {
     }
 }
 
-/// At most `N` numbers below 256, or the note that they were too many.
+/// List of at most `N` numbers below 256, or a mark that they were too many.
 #[derive(Debug, Clone, Copy)]
 pub struct IndexList<const N: usize> {
-    /// Above N: too many.
+    /// Number of items; above N after an overflow.
     count: u8,
     items: [u8; N],
 }
@@ -99,12 +104,12 @@ impl<const N: usize> IndexList<N> {
         self.count = 0;
     }
 
-    /// The note alone.
+    /// Returns an overflowed list.
     pub fn overflowed() -> Self {
         Self { count: u8::MAX, items: [0; N] }
     }
 
-    /// Notes that there are more than the list can hold.
+    /// Marks that there are more numbers than the list can hold.
     pub fn overflow(&mut self) {
         self.count = u8::MAX;
     }
@@ -119,18 +124,18 @@ impl<const N: usize> IndexList<N> {
         }
     }
 
-    /// The `k`-th.
+    /// Returns item `k`.
     #[inline]
     pub fn item(&self, k: usize) -> usize {
         usize::from(self.items[k])
     }
 
-    /// How many items are here.
+    /// Returns the number of stored items.
     pub fn len(&self) -> usize {
         usize::from(self.count).min(N)
     }
 
-    /// Where an item is, which is pushed if it is new; any place if there are too many.
+    /// Returns the position of an item and appends it if it is new; any position after an overflow.
     pub fn position_or_push(&mut self, item: usize) -> usize {
         let known = self.iter().position(|i| i == item);
         known.unwrap_or_else(|| {
@@ -139,28 +144,28 @@ impl<const N: usize> IndexList<N> {
         })
     }
 
-    /// What was pushed, in order, and the first of it over and over; of nothing, zeros.
+    /// Returns the items in order, padded with the first one; zeros if there is none.
     pub fn padded(mut self) -> [u8; N] {
         let (first, count) = (self.items[0], self.len());
         self.items[count..].fill(first);
         self.items
     }
 
-    /// Whether all that were pushed are here.
+    /// True if the list has not overflowed.
     pub fn is_complete(&self) -> bool {
         usize::from(self.count) <= N
     }
 
-    /// What was pushed, in order; of a list that is not whole, some.
+    /// Iterates over the items in order; after an overflow over some of them.
     pub fn iter(&self) -> impl Iterator<Item = usize> + Clone {
         self.items.iter().take(usize::from(self.count)).map(|i| usize::from(*i))
     }
 }
 
-/// At most `N` pairs of numbers below 256, those of the largest bound first, or the note that they were too many.
+/// List of at most `N` pairs of numbers below 256 by descending bound, or a mark that they were too many.
 #[derive(Debug, Clone, Copy)]
 pub struct RankedList<const N: usize> {
-    /// Above N: too many.
+    /// Number of items; above N after an overflow.
     count: u8,
     items: [[u8; 2]; N],
     bounds: [f32; N],
@@ -191,12 +196,12 @@ impl<const N: usize> RankedList<N> {
         self.count += 1;
     }
 
-    /// Whether all that were pushed are here.
+    /// True if the list has not overflowed.
     pub fn is_complete(&self) -> bool {
         usize::from(self.count) <= N
     }
 
-    /// What was pushed and its bound, to single precision; of a list that is not whole, some.
+    /// Iterates over the items and their bounds, in single precision; after an overflow over some of them.
     pub fn iter(&self) -> impl Iterator<Item = ([usize; 2], f64)> {
         let bounds = self.bounds.iter().map(|b| f64::from(*b));
         let items = self.items.iter().map(|item| item.map(usize::from));
@@ -208,7 +213,7 @@ impl<const N: usize> RankedList<N> {
 mod tests {
     use super::*;
 
-    /// Which of so many steps make a list, if those at the given steps would be used in the next one.
+    /// Steps that build a list, if a list built at step k is useful in the next step when `serves(k)`.
     fn steps_that_make(count: usize, serves: impl Fn(usize) -> bool) -> Vec<usize> {
         let mut backoff = CacheBackoff::default();
         let mut list = None;

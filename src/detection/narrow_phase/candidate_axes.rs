@@ -1,20 +1,19 @@
-//! Which axes can separate a pair best until the bodies have moved against each other.
+//! Cached axes that may separate a pair best, valid while the bodies move little against each other.
 //!
-//! Reads: pairs. Writes: lists of feature numbers and bounds on all that is not listed. Cost: bytes per
-//! pair; two roots to ask whether they hold.
-//! Contract: where the best of the listed axes beats the bounds, the full search finds the same axis,
-//! to the bit. Where it does not, the full search is asked.
+//! Reads: pairs. Writes: lists of feature numbers, and bounds on all features that are not listed. Cost: bytes per
+//! pair; two square roots per validity check. Contract: where the best listed axis exceeds the bounds, the full
+//! search finds the same axis, to the bit. Otherwise the full search runs.
 //!
-//! Let the anchor's point be displaced by Δ and unit vectors by φ at most ([`ReferencePose`]); lists hold while
-//! Δ <= P and φ <= Φ, which is [`MAX_ROTATION`]. A corner w of B bounds the separation along a face of A from
-//! above, and moves by at most Δ + φ l, l being its distance from the anchor's point. So with a
-//! common lever λ no separation that was bounded by s exceeds s + Δ + φ λ, if Φ (l - λ) is added to s
-//! where l > λ. The same holds for faces of B and corners of A.
+//! Let the reference point be displaced by Δ and unit vectors by φ at most ([`ReferencePose`]); lists are valid while
+//! Δ <= P and φ <= Φ, which is [`MAX_ROTATION`]. A vertex w of B bounds the separation along a face of A from above,
+//! and moves by at most Δ + φ l, l being its distance from the reference point. So with a common lever λ no
+//! separation that was bounded by s exceeds s + Δ + φ λ, if Φ (l - λ) is added to s where l > λ. Faces of B and
+//! vertices of A are treated alike.
 //!
-//! For two edges at an angle θ let d join their closest points. Their axis n turns by an angle with a sine
-//! of at most x = Φ / sin θ, which takes at most x² |n · d| from n · d and adds at most x times
-//! the part of d across n. Motion of the edges adds Δ + φ l. Only pairs of edges that may hold the
-//! deepest points have to be bounded ([`super::edges`]).
+//! For two edges at an angle θ let d join their closest points. Their axis n turns by an angle with a sine of at most
+//! x = Φ / sin θ, which takes at most x² |n · d| from n · d and adds at most x times the part of d across n. Motion
+//! of the edges adds Δ + φ l. Only pairs of edges that may contain the deepest points must be bounded
+//! ([`super::edges`]).
 
 use super::cache::{IndexList, RankedList, ReferencePose, RelativeMotion};
 use super::edges::{self, EdgeSegment};
@@ -22,54 +21,54 @@ use super::frame::MotionBound;
 use super::pair::{self, BodyPair, FaceAxes, SLAB, TIE, larger, smaller};
 use crate::math::{Vec3, round, widen};
 
-/// P over the sum of the radii.
+/// Maximum displacement P of the reference point, over the sum of the radii.
 const MAX_DISPLACEMENT: f64 = 4e-3;
-/// λ over the sum of the radii.
+/// Common lever λ, over the sum of the radii.
 const LEVER: f64 = 0.2;
-/// Axes that separate by less than the best by this, over the sum of the radii, are not listed.
+/// Margin below the best separation within which axes are listed, over the sum of the radii.
 const NEAR: f64 = 1e-3;
 
-/// Lists of a pair, and where they were made.
+/// Listed axes of a pair, and the configuration for which they were listed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CandidateAxes {
     anchor: ReferencePose,
-    /// Alert distance that the pairs of edges were listed for, m.
+    /// Alert distance for which the pairs of edges were listed, m.
     alert: f64,
-    /// No face, no pair of edges that is not listed separated by more, m.
+    /// Maximum separations along unlisted faces and along unlisted pairs of edges, m.
     bounds: [f32; 2],
-    /// Bodies at most this far apart have the best of all pairs of edges among the listed, m.
+    /// Distance of the bodies up to which the best pair of edges is among the listed, m.
     pub reach: f64,
-    /// Body, 0 or 1, and face, with what they separate by at most, m.
+    /// Body (0 or 1) and face, with an upper bound of the separation, m.
     pub faces: RankedList<10>,
-    /// Of A and of B, with the same.
+    /// Edges of A and of B, with an upper bound of the separation, m.
     pub edges: RankedList<6>,
-    /// Whether all listed pairs of edges make an axis while the lists hold.
+    /// True if all listed pairs of edges make an axis while the lists are valid.
     pub crossing: bool,
-    /// For axes near the best one.
+    /// Support vertices for axes near the best one.
     pub supports: SupportCache,
 }
 
-/// Pairs of edges that may hold the deepest points.
+/// Pairs of edges that may contain the deepest points.
 #[derive(Debug, Default)]
 pub struct EdgePairs {
     pub list: Vec<[usize; 2]>,
-    /// If they are known: bodies at most this far apart have the best of all pairs among them while lists
-    /// hold, m.
+    /// Distance of the bodies up to which the best of all pairs is in the list while it is valid, m; `None` if
+    /// unknown.
     pub reach: Option<f64>,
 }
 
-/// What no axis that is not listed exceeds by now, m; ties are counted in.
+/// Upper bounds on the separation along unlisted axes in the present configuration, m; ties are included.
 #[derive(Debug, Clone, Copy)]
 pub struct UnlistedBounds {
     pub faces: f64,
-    /// Infinite if pairs of edges are not known.
+    /// Bound over pairs of edges; infinite if unknown.
     pub edges: f64,
-    /// What is listed does not exceed its bound by more.
+    /// Amount by which listed axes may exceed their bounds, m.
     pub more: f64,
 }
 
 impl CandidateAxes {
-    /// Bounds on what is not listed, if the lists hold for `pair`.
+    /// Returns bounds on unlisted axes, or `None` if the lists are not valid for `pair`.
     pub fn bounds(&self, pair: &BodyPair) -> Option<UnlistedBounds> {
         let RelativeMotion { at_point, turn } = self.anchor.moved(pair)?;
         if at_point > MAX_DISPLACEMENT * pair.size || turn > MAX_ROTATION || pair.alert > self.alert
@@ -81,12 +80,12 @@ impl CandidateAxes {
         Some(UnlistedBounds { faces, edges, more })
     }
 
-    /// Forgets all.
+    /// Invalidates the lists.
     pub fn clear(&mut self) {
         self.anchor = ReferencePose::default();
     }
 
-    /// How far bodies may have moved against each other, all of their points, where lists hold.
+    /// Returns the bound on the relative motion of all points of the bodies within which lists are valid.
     pub fn slack(pair: &BodyPair) -> MotionBound {
         // The anchor's point is less than the alert distance beside both bodies.
         let lever = 2.0 * pair.a.radius.max(pair.b.radius) + pair.alert;
@@ -96,8 +95,9 @@ impl CandidateAxes {
         }
     }
 
-    /// Lists the axes that are near the best one, of separation `best` along `normal`; `c` is near both
-    /// bodies, `known` are the edges of that axis.
+    /// Lists the axes near the best one, of separation `best` along `normal`.
+    ///
+    /// `c` is near both bodies, `known` are the edges of the best axis.
     pub fn make(
         &mut self,
         pair: &BodyPair,
@@ -148,9 +148,9 @@ impl CandidateAxes {
     }
 }
 
-/// Lists the faces that may separate by `limit`, with what they separate by at most; what the others do.
+/// Lists the faces that may separate by `limit`, with upper bounds; returns the largest bound of the others.
 ///
-/// `normal` is the best axis, from `faces.own` to the other body; `excess` is for corners of the other body.
+/// `normal` is the best axis, from `faces.own` to the other body; `excess` applies to vertices of the other body.
 fn list_faces(
     faces: &FaceAxes,
     normal: &Vec3,
@@ -182,7 +182,7 @@ fn list_faces(
     bound
 }
 
-/// What two edges separate by while lists hold, at most; `None` if that is too hard to tell.
+/// Returns an upper bound of the separation of two edges while lists are valid; `None` if no useful bound exists.
 fn edges_bound(a: &EdgeSegment, b: &EdgeSegment, excess: impl Fn(&Vec3) -> f64) -> Option<f64> {
     let cross = a.along.cross(&b.along);
     let lengths = a.along.norm_squared() * b.along.norm_squared();
@@ -206,27 +206,30 @@ fn edges_bound(a: &EdgeSegment, b: &EdgeSegment, excess: impl Fn(&Vec3) -> f64) 
     Some(separation + x * x * along.abs() + x * beside + excess(&c.on_b))
 }
 
-/// How far the axis may turn in A, and B against A besides.
+/// Maximum rotation of the axis in A, and of B against A, rad.
 pub const MAX_ROTATION: f64 = 8e-3;
 
-/// Corners of a pair.
+/// Vertices that can be the outermost ones along an axis near a known one.
+///
+/// Along an axis that is near enough, the outermost listed vertices are the outermost of all. Let unit vectors turn
+/// by at most φ against a body: a vertex v at a height h above the lowest one w stays above it if h > φ |v - w|.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SupportCache {
-    /// From A to B, in the frame of A.
+    /// Axis from A to B, in the frame of A.
     axis: [f32; 3],
-    /// Of A and of B, some of them repeated; `None` if there are too many.
+    /// Vertices of A and of B, some repeated; `None` if there are too many.
     corners: [Option<[u8; 6]>; 2],
 }
 
 impl SupportCache {
-    /// The corners for axes near `n`.
+    /// Returns the support vertices for axes near `n`.
     pub fn new(pair: &BodyPair, n: &Vec3) -> Self {
         let corners =
             [lowest_few(&pair.a.vertices, &-n), lowest_few(&pair.b.vertices, &pair.in_b(n))];
         Self { axis: round(n), corners }
     }
 
-    /// [`BodyPair::separation`], of bodies that have turned by at most [`MAX_ROTATION`] against each other.
+    /// Returns [`BodyPair::separation`] of bodies that have turned by at most [`MAX_ROTATION`] against each other.
     #[inline]
     pub fn separation(&self, pair: &BodyPair, n: &Vec3) -> f64 {
         if !self.is_near(n) {
@@ -236,13 +239,13 @@ impl SupportCache {
         low + n.dot(&pair.offset) + self.lowest(0, &pair.a.vertices, &-n)
     }
 
-    /// The smallest `n · v` of B's corners; `axis` is n in the frame of A.
+    /// Returns the smallest `n · v` of B's vertices; `axis` is n in the frame of A.
     #[inline]
     pub fn lowest_of_b(&self, axis: &Vec3, points: &[Vec3], n: &Vec3) -> f64 {
         if self.is_near(axis) { self.lowest(1, points, n) } else { pair::lowest(points, n) }
     }
 
-    /// The smallest `n · v` of A's corners; `axis` is -n.
+    /// Returns the smallest `n · v` of A's vertices; `axis` is -n.
     #[inline]
     pub fn lowest_of_a(&self, axis: &Vec3, points: &[Vec3], n: &Vec3) -> f64 {
         if self.is_near(axis) { self.lowest(0, points, n) } else { pair::lowest(points, n) }
@@ -263,8 +266,9 @@ impl SupportCache {
     }
 }
 
-/// Corners that may be the lowest along an axis near `n`, the first of them as often as it takes to fill the list: how many
-/// there are is nothing that a processor could foresee.
+/// Returns the vertices that may be the lowest along an axis near `n`, padded with the first one.
+///
+/// A fixed number keeps the loop free of branches that a processor cannot predict.
 fn lowest_few<const N: usize>(points: &[Vec3], n: &Vec3) -> Option<[u8; N]> {
     let mut list = IndexList::<N>::default();
     let lowest = &points[pair::first_lowest(points, n)];

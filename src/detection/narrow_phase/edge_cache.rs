@@ -1,15 +1,15 @@
-//! Edges of a body that may make corners of the gap, by the corners that they need.
+//! Cached edges of a body that may make corners of the gap, with the vertices that they need.
 
 use super::cache::IndexList;
 use super::frame::{AxisFrame, ProjectedEdge};
 use crate::geometry::Polyhedron;
 
-/// How many edges are kept in mind.
+/// Maximum number of cached edges.
 pub const MAX_EDGES: usize = 16;
-/// How many of their ends.
+/// Maximum number of their end vertices.
 const MAX_END_VERTICES: usize = 20;
 
-/// Edges, and their ends by place in the list of corners.
+/// Edges, and their ends as positions in the list of vertices.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct EdgeCache {
     corners: IndexList<MAX_END_VERTICES>,
@@ -27,7 +27,7 @@ impl EdgeCache {
         self.corners.is_complete() && self.edges.is_complete()
     }
 
-    /// Place of an edge in the list, to which it is appended if it is new.
+    /// Returns the position of an edge in the list and appends it if it is new.
     pub fn add(&mut self, shape: &Polyhedron, index: usize) -> usize {
         let place = self.edges.position_or_push(index);
         self.ends[place] = shape.edges[index]
@@ -36,7 +36,7 @@ impl EdgeCache {
         place
     }
 
-    /// Places the corners.
+    /// Transforms the vertices to the coordinates of the axis.
     #[inline]
     pub fn place(
         &self,
@@ -49,7 +49,7 @@ impl EdgeCache {
         }
     }
 
-    /// The edge at a place in the list, its corners being placed.
+    /// Returns the edge at a position in the list, given its transformed vertices.
     #[inline]
     pub fn segment(
         &self,
@@ -61,6 +61,6 @@ impl EdgeCache {
     }
 }
 
-/// Corners of a rim in the coordinates of the axis.
+/// Vertices of an edge cache in the coordinates of the axis.
 #[derive(Debug, Default)]
 pub struct TransformedVertices([[f64; 3]; MAX_END_VERTICES]);

@@ -1,39 +1,37 @@
 //! Axes perpendicular to an edge of each body, and closest points of edges.
 //!
-//! Which edges matter. Let `n0` (A to B) be an axis of separation `s0 = min_B n0·x - max_A n0·x`.
+//! Relevant edges: let `n0` (A to B) be an axis of separation `s0 = min_B n0·x - max_A n0·x`.
 //!
-//! * Bodies that overlap, least depth δ along `n`: the Minkowski difference holds the origin, and the
-//!   foot of the origin on its nearest facet lies in that facet. So there are p on the edge of A
-//!   and q on the edge of B with p - q = δ n, and δ <= -s0. As q is in B, n0·q >= max_A + s0, hence
-//!   n0·p >= max_A + s0 - δ >= max_A - 2 |s0|: the edge of A has an end at most 2 |s0| below A's
-//!   support plane along n0. Likewise for B.
-//! * Bodies apart, closest points p and q at a distance D <= reach: n0·p >= n0·q - D >= max_A + s0 - D,
-//!   so the edges (or the edges of the vertices) that hold p and q have an end at most D - s0 off
-//!   the support planes.
+//! * Overlapping bodies, least depth δ along `n`: the Minkowski difference contains the origin, and the foot of the
+//!   origin on its nearest facet lies in that facet. So there are p on the edge of A and q on the edge of B with p -
+//!   q = δ n, and δ <= -s0. As q is in B, n0·q >= max_A + s0, hence n0·p >= max_A + s0 - δ >= max_A - 2 |s0|: the
+//!   edge of A has an end at most 2 |s0| below A's support plane along n0. The same applies to B.
+//! * Separated bodies, closest points p and q at a distance D <= reach: n0·p >= n0·q - D >= max_A + s0 - D, so the
+//!   edges (or the edges of the vertices) that contain p and q have an end at most D - s0 off the support planes.
 //!
-//! So all edges with an end in a slab of `max(2 |s0|, reach - s0)` decide, usually a handful.
+//! Hence all edges with an end in a slab of `max(2 |s0|, reach - s0)` decide, usually a handful.
 
 use super::pair::{BodyPair, smaller};
 use crate::math::Vec3;
 
-/// An edge in the frame of A, with the outward normals of its two faces.
+/// Edge in the frame of A, with the outward normals of its two faces.
 #[derive(Debug, Clone, Copy)]
 pub struct NearEdge {
     pub index: usize,
     pub start: Vec3,
     pub along: Vec3,
-    /// `along` is parallel to `left × right`.
+    /// Outward normal of the first face; `along` is parallel to `left × right`.
     left: Vec3,
     right: Vec3,
-    /// A sphere around the part of the edge that is in the slab.
+    /// Centre of a sphere around the part of the edge in the slab.
     centre: Vec3,
     radius: f64,
-    /// Length of `along`.
+    /// Length of `along`, m.
     length: f64,
 }
 
 impl NearEdge {
-    /// The edge, and a sphere around its part with heights up to 0, those of its ends given.
+    /// Returns the edge with a sphere around its part at heights up to 0; `h0`, `h1` are the heights of its ends.
     pub fn below(edge: EdgeSegment, normals: [Vec3; 2], [h0, h1]: [f64; 2]) -> Self {
         let EdgeSegment { index, start, along } = edge;
         let [left, right] = normals;
@@ -45,20 +43,21 @@ impl NearEdge {
         Self { index, start, along, left, right, centre, radius, length }
     }
 
-    /// Without its faces.
+    /// Returns the edge without its faces.
     pub fn alone(&self) -> EdgeSegment {
         EdgeSegment { index: self.index, start: self.start, along: self.along }
     }
 
-    /// Whether the parts of both edges may be closer than `reach`.
+    /// True if the parts of both edges may be closer than `reach` (m).
     #[inline]
     pub fn may_reach(&self, other: &NearEdge, reach: f64) -> bool {
         let r = self.radius + other.radius + reach;
         (self.centre - other.centre).norm_squared() <= r * r
     }
 
-    /// Whether the arc of this edge's normals may cross that of `other`'s reversed normals after the
-    /// bodies have turned by `turn` (rad) against each other.
+    /// True if the arc of this edge's normals may cross that of `other`'s reversed normals.
+    ///
+    /// Holds for all relative rotations of the bodies by up to `turn` (rad).
     #[inline]
     pub fn may_cross(&self, other: &NearEdge, turn: f64) -> bool {
         let (slack, other_slack) = (turn * self.length, turn * other.length);
@@ -78,7 +77,7 @@ impl NearEdge {
     }
 }
 
-/// An edge in the frame of A.
+/// Edge in the frame of A.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeSegment {
     pub index: usize,
@@ -86,12 +85,12 @@ pub struct EdgeSegment {
     pub along: Vec3,
 }
 
-/// An axis perpendicular to an edge of A and an edge of B.
+/// Axis perpendicular to an edge of A and an edge of B.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeAxis {
     /// Numbers of the edges.
     pub edges: [usize; 2],
-    /// The edges.
+    /// Edges of A and of B.
     pub on: [EdgeSegment; 2],
     /// Unit vector from A to B.
     pub normal: Vec3,
@@ -99,27 +98,29 @@ pub struct EdgeAxis {
 }
 
 impl EdgeAxis {
-    /// Closest points of the edges.
+    /// Returns the closest points of the edges.
     pub fn closest(&self) -> ClosestPoints {
         let [a, b] = &self.on;
         closest_on_segments(a, b)
     }
 
-    /// Whether this one is the better: of larger separation, or of lower numbers among equals.
+    /// True if this axis has the larger separation, or the lower numbers among equals.
     fn beats(&self, other: &EdgeAxis) -> bool {
         self.separation > other.separation
             || (self.separation == other.separation && self.edges < other.edges)
     }
 }
 
-/// The axis of largest separation above `floor` over the given pairs of edges, that of the lowest
-/// numbers among equals; `known` is one of them. No pair and none after it separates by more than what it comes
-/// with. The rest is as for [`axis_of`].
+/// Returns the axis of largest separation above `floor` over the given pairs of edges, that of the lowest numbers
+/// among equals.
 ///
-/// A pair makes a facet of the Minkowski difference when the arcs of its faces' normals cross on
-/// the sphere (those of B reversed). Edges that are parallel to 1e-10 are left out: their facet
-/// is a strip of that relative width, so a neighbouring facet is as good. The winner's separation
-/// is measured with both supports, so it is true for its direction whatever the rounding.
+/// `known` is one of the axes. Each pair comes with an upper bound for itself and all later pairs. The other
+/// arguments are those of [`axis_of`].
+///
+/// A pair makes a facet of the Minkowski difference if the arcs of its faces' normals cross on the sphere (those of B
+/// reversed). Edges that are parallel to 1e-10 are left out: their facet is a strip of that relative width, so a
+/// neighbouring facet is as good. The winner's separation is measured with both supports, so it is true for its
+/// direction whatever the rounding.
 pub fn best_edge_axis(
     pair: &BodyPair,
     pairs: impl Iterator<Item = ([usize; 2], f64)>,
@@ -147,8 +148,10 @@ pub fn best_edge_axis(
     best
 }
 
-/// The axis perpendicular to two edges, if they make a facet of the Minkowski difference. It may be
-/// left out if it does not separate by `limit`; `crossing` if they are known to make one, `separation` is that of the bodies along an axis.
+/// Returns the axis perpendicular to two edges, if they make a facet of the Minkowski difference.
+///
+/// May return `None` if the axis separates by less than `limit`. `crossing` says that the edges are known to make a
+/// facet, `separation` returns the separation of the bodies along an axis.
 pub fn axis_of(
     pair: &BodyPair,
     edges: [usize; 2],
@@ -169,28 +172,30 @@ pub fn axis_of(
     Some(EdgeAxis { edges, on: [a, b], normal, separation })
 }
 
-/// Edge `index` of A.
+/// Returns edge `index` of A.
 pub fn edge_of_a(pair: &BodyPair, index: usize) -> EdgeSegment {
     let [start, end] = pair.a.edges[index].vertices;
     let (start, end) = (pair.a.vertices[start as usize], pair.a.vertices[end as usize]);
     EdgeSegment { index, start, along: end - start }
 }
 
-/// Edge `index` of B, in the frame of A.
+/// Returns edge `index` of B, in the frame of A.
 pub fn edge_of_b(pair: &BodyPair, index: usize) -> EdgeSegment {
     let [start, end] = pair.b.edges[index].vertices;
     let (start, end) = (pair.corner_of_b(start as usize), pair.corner_of_b(end as usize));
     EdgeSegment { index, start, along: end - start }
 }
 
-/// Whether the sine between two edges is below 1e-4.
+/// True if the sine between two edges is below 1e-4.
 pub fn nearly_parallel(a: &EdgeSegment, b: &EdgeSegment) -> bool {
     let c = a.along.cross(&b.along).norm_squared();
     c <= 1e-8 * a.along.norm_squared() * b.along.norm_squared()
 }
 
-/// Whether the arc of the normals of A's edge crosses that of the reversed normals of B's, also when the
-/// bodies have turned by up to `turn` against each other; `along` are the edges' directions in the frame of A.
+/// True if the arc of the normals of A's edge crosses that of the reversed normals of B's edge.
+///
+/// Holds for all relative rotations of the bodies by up to `turn` (rad). `along` are the edges' directions in the
+/// frame of A.
 pub fn arcs_cross(pair: &BodyPair, edges: [usize; 2], [a, b]: [&Vec3; 2], turn: f64) -> bool {
     let along_b = |f: u16| pair.a.face_normals[usize::from(f)].dot(b);
     let [a_left, a_right] = pair.a.edges[edges[0]].faces.map(along_b);
@@ -207,7 +212,7 @@ pub fn arcs_cross(pair: &BodyPair, edges: [usize; 2], [a, b]: [&Vec3; 2], turn: 
     cross && (turn == 0.0 || (clear(a_left, a_right, b) && clear(left, right, a)))
 }
 
-/// Unit vector perpendicular to both edges, out of A.
+/// Returns the unit vector perpendicular to both edges, out of A.
 fn common_perpendicular(a: &EdgeSegment, b: &EdgeSegment) -> Option<Vec3> {
     let c = a.along.cross(&b.along);
     let along_squared = a.along.norm_squared();
@@ -222,7 +227,7 @@ fn common_perpendicular(a: &EdgeSegment, b: &EdgeSegment) -> Option<Vec3> {
     Some(if n.dot(&a.start) < 0.0 { -n } else { n })
 }
 
-/// Closest points of two segments, and where on them: 0 at the start, 1 at the end.
+/// Closest points of two segments, and their parameters: 0 at the start, 1 at the end.
 #[derive(Debug, Clone, Copy)]
 pub struct ClosestPoints {
     /// Numbers of the edges.
@@ -233,8 +238,8 @@ pub struct ClosestPoints {
     pub distance_squared: f64,
 }
 
-/// Closest points over all pairs of near edges, if any are within `reach` of each other; the first
-/// pair among equals.
+/// Returns the closest points over all pairs of near edges, if any are within `reach` (m); the first pair among
+/// equals.
 pub fn closest_points(
     near_a: &[NearEdge],
     near_b: &[NearEdge],
@@ -258,7 +263,7 @@ pub fn closest_points(
     best
 }
 
-/// Closest points of two segments, by clamping the solution for lines.
+/// Returns the closest points of two segments, by clamping the solution for lines.
 ///
 /// Source: Ericson, *Real-time collision detection*, 2005, section 5.1.9.
 pub fn closest_on_segments(a: &EdgeSegment, b: &EdgeSegment) -> ClosestPoints {

@@ -1,8 +1,8 @@
-//! The facing surfaces of two bodies in a slab along an axis: which corners and edges may meet.
+//! Facing surfaces of two bodies in a slab along an axis: vertices and edges that may meet.
 //!
-//! Contract: with a slack, all that may meet after the bodies have moved against each other by `path`
-//! at their [middle](Sides::middle) and turned by `turn`, and the axis has turned by `turn` in A, if feet
-//! were in the slab. Where parts in the slab do not overlap, seen along the axis, there is no corner.
+//! Contract: with a motion bound, all features that may meet after a relative motion by `path` at the
+//! [middle](FacingFeatures::middle) and a rotation by `turn`, with the axis turned by `turn` in A, provided that
+//! their feet were in the slab. Parts in the slab that do not overlap, seen along the axis, make no corner.
 
 use super::edge_cache::TransformedVertices;
 use super::frame::{AxisFrame, ContactAxis, DecidingFaces, MotionBound, ProjectedEdge, STEEP};
@@ -10,26 +10,26 @@ use super::pair::{BodyPair, larger, smaller};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
-/// Buffers of the search, and what may meet.
+/// Features that may meet, and buffers of their search.
 #[derive(Debug, Default)]
 pub struct FacingFeatures {
     sides: [FacingSurface; 2],
     /// Pairs of edges of A and B.
     pub pairs: Vec<[usize; 2]>,
-    /// Corners of A and of B.
+    /// Vertices of A and of B.
     pub vertices: [Vec<VertexOverFace>; 2],
-    /// Whether it depends on the turn if something listed faces the other body.
+    /// True if the rotation decides whether some listed feature faces the other body.
     pub unsure: bool,
-    /// Where the bodies face each other, in the frame of A.
+    /// Centre of the facing region, in the frame of A, m.
     pub middle: Vec3,
-    /// Nothing that may meet is further from the middle, m.
+    /// Maximum distance of listed features from the middle, m.
     pub lever: f64,
-    /// Of the listed edges of A and of B.
+    /// Transformed vertices of the listed edges of A and of B.
     pub rims: [TransformedVertices; 2],
 }
 
 impl FacingFeatures {
-    /// Lists what may meet.
+    /// Lists the features that may meet.
     pub fn list(&mut self, pair: &BodyPair, axis: &ContactAxis, slab: f64, slack: MotionBound) {
         let [frame_a, frame_b] = axis.frames(pair);
         let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, .. } = self;
@@ -67,15 +67,15 @@ impl FacingFeatures {
     }
 }
 
-/// A corner that may be over the other body.
+/// Vertex that may lie over the other body.
 #[derive(Debug, Clone, Copy)]
 pub struct VertexOverFace {
     pub vertex: usize,
-    /// Faces of the other body that decide about it.
+    /// Faces of the other body that decide whether it does.
     pub below: DecidingFaces,
 }
 
-/// A body's faces, their slopes along the axis into the body, and one over these.
+/// Faces of a body, their slopes along the axis into the body, and the inverse slopes.
 #[derive(Clone, Copy)]
 struct FaceSlopes<'a> {
     shape: &'a Polyhedron,
@@ -84,7 +84,7 @@ struct FaceSlopes<'a> {
 }
 
 impl FaceSlopes<'_> {
-    /// How far `x` is below each face's plane, with the slope and one over it.
+    /// Iterates over the depth of `x` below each face's plane, the slope and the inverse slope.
     #[inline]
     fn depths(self, x: &Vec3) -> impl Iterator<Item = (f64, f64, f64)> {
         let Self { shape, slopes, inverse } = self;
@@ -94,11 +94,10 @@ impl FaceSlopes<'_> {
     }
 }
 
-/// The faces that decide about `x` while the line along the axis moves by up to `slack` where it meets the
-/// body at a gap up to `alert`; `None` if it stays beside the body.
+/// Returns the faces that decide about `x`, or `None` if the line along the axis passes beside the body.
 ///
-/// All planes moved out by the slack hold a piece of the line. What is deeper than the slack below a
-/// plane on all of this piece stays below it.
+/// The line may move by up to `slack` where it meets the body at a gap up to `alert`. All planes moved out by the
+/// slack bound a piece of the line. A point deeper than the slack below a plane on all of this piece stays below it.
 fn may_be_over(relief: FaceSlopes, x: &Vec3, alert: f64, slack: f64) -> Option<DecidingFaces> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, alert);
     for (depth, slope, inverse) in relief.depths(x) {
@@ -124,7 +123,7 @@ fn may_be_over(relief: FaceSlopes, x: &Vec3, alert: f64, slack: f64) -> Option<D
     Some(below)
 }
 
-/// A rectangle across the axis.
+/// Rectangle across the axis.
 #[derive(Debug, Clone, Copy)]
 struct Rectangle {
     low: [f64; 2],
@@ -132,7 +131,7 @@ struct Rectangle {
 }
 
 impl Default for Rectangle {
-    /// Nothing.
+    /// Returns the empty rectangle.
     fn default() -> Self {
         Self { low: [f64::INFINITY; 2], high: [f64::NEG_INFINITY; 2] }
     }
@@ -186,7 +185,7 @@ impl Rectangle {
     }
 }
 
-/// An edge of the facing surface: its part in the slab.
+/// Edge of the facing surface, cut to the slab.
 #[derive(Debug, Clone, Copy)]
 struct SlabEdge {
     index: usize,
@@ -198,7 +197,7 @@ struct SlabEdge {
 }
 
 impl SlabEdge {
-    /// Whether the parts come within `reach` of each other, seen along the axis.
+    /// True if the parts come within `reach` (m) of each other, seen along the axis.
     fn comes_near(&self, other: &SlabEdge, reach: f64) -> bool {
         let (a, b, c, d) = (&self.from, &self.to, &other.from, &other.to);
         let side = |p: &[f64; 3], q: &[f64; 3], r: &[f64; 3]| {
@@ -212,7 +211,7 @@ impl SlabEdge {
     }
 }
 
-/// Whether `x` is within `reach` of the segment from `p` to `q`, seen along the axis.
+/// True if `x` is within `reach` (m) of the segment from `p` to `q`, seen along the axis.
 fn near(p: &[f64; 3], q: &[f64; 3], x: &[f64; 3], reach: f64) -> bool {
     let along = [q[0] - p[0], q[1] - p[1]];
     let to = [x[0] - p[0], x[1] - p[1]];
@@ -223,27 +222,27 @@ fn near(p: &[f64; 3], q: &[f64; 3], x: &[f64; 3], reach: f64) -> bool {
     off[0] * off[0] + off[1] * off[1] <= reach * reach
 }
 
-/// The facing surface of one body in the slab.
+/// Facing surface of one body in the slab.
 #[derive(Debug, Default)]
 struct FacingSurface {
-    /// Corners in the coordinates of the axis.
+    /// Vertices in the coordinates of the axis.
     places: Vec<[f64; 3]>,
-    /// Of the faces along the axis into the body, and one over them.
+    /// Slopes of the faces along the axis into the body, and the inverse slopes.
     slopes: Vec<f64>,
     inverse: Vec<f64>,
     edges: Vec<SlabEdge>,
-    /// Around the edges' parts in the slab.
+    /// Bounding rectangle of the edges' parts in the slab.
     area: Rectangle,
-    /// Whether a corner is on a listed edge.
+    /// True for vertices on a listed edge.
     seen: Vec<bool>,
     vertices: Vec<usize>,
-    /// Up to where a coordinate along the axis into the body is in the slab.
+    /// Largest coordinate along the axis into the body that is in the slab, m.
     limit: f64,
     into: f64,
 }
 
 impl FacingSurface {
-    /// Finds the edges in the slab that are facing, or may be once the axis has turned by `turn`.
+    /// Finds the edges in the slab that face the other body, or may once the axis has turned by `turn`.
     fn gather(&mut self, shape: &Polyhedron, frame: &AxisFrame, slab: f64, turn: f64) {
         self.into = frame.into;
         self.places.clear();
@@ -280,7 +279,7 @@ impl FacingSurface {
         }
     }
 
-    /// Drops edges beside `area`, and lists the vertices in it; whether any edge is unsure.
+    /// Drops edges outside `area` and lists the vertices in it. Returns true if an edge may turn away.
     fn trim(&mut self, area: &Rectangle) -> bool {
         let Self { places, edges, vertices, seen, limit, into, .. } = self;
         edges.retain(|e| e.area.meets(area));
@@ -293,12 +292,12 @@ impl FacingSurface {
         edges.iter().any(|e| e.unsure)
     }
 
-    /// The faces of the body.
+    /// Returns the faces of the body with their slopes.
     fn relief<'a>(&'a self, shape: &'a Polyhedron) -> FaceSlopes<'a> {
         FaceSlopes { shape, slopes: &self.slopes, inverse: &self.inverse }
     }
 
-    /// Those of the vertices that may be over the other body.
+    /// Iterates over the listed vertices that may lie over the other body.
     fn over(
         &self,
         point: impl Fn(usize) -> Vec3,

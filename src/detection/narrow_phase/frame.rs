@@ -5,31 +5,31 @@ use super::pair::{BodyPair, SLAB, larger, smaller};
 use crate::geometry::Polyhedron;
 use crate::math::{Vec3, frame};
 
-/// Faces steeper than this along the axis count as its sides.
+/// Maximum slope along the axis of a face that counts as a side of the body.
 pub const STEEP: f64 = 1e-9;
 
-/// The axis and the bounds of the search.
+/// Axis and bounds of a search for corners of the gap.
 #[derive(Debug, Clone, Copy)]
 pub struct ContactAxis {
-    /// From A to B, in the frame of A.
+    /// Unit vector from A to B, in the frame of A.
     pub normal: Vec3,
     /// Largest gap of interest, m.
     pub alert: f64,
-    /// Separation along the axis less what rounding takes: no corner's gap is below it, m.
+    /// Separation along the axis minus rounding, m; no corner's gap is below it.
     pub lowest: f64,
-    /// How far off the support planes the feet of a corner may be, m.
+    /// Maximum distance of the feet of a corner from the support planes, m.
     pub slab: f64,
-    /// How far beside a face a vertex may be and still count as over it, m.
+    /// Maximum distance beside a face at which a vertex still counts as over it, m.
     pub tolerance: f64,
 }
 
 impl ContactAxis {
-    /// Largest distance between the feet of a corner, m.
+    /// Returns the largest distance between the feet of a corner, m.
     pub fn reach(&self) -> f64 {
         self.alert.max(self.slab - self.alert)
     }
 
-    /// The coordinates of the axis for points of A and of B.
+    /// Returns the coordinates of the axis for points of A and of B.
     pub fn frames(&self, pair: &BodyPair) -> [AxisFrame; 2] {
         let (t, s) = frame::tangents(&self.normal);
         let axes = [t, s, self.normal];
@@ -42,8 +42,9 @@ impl ContactAxis {
     }
 }
 
-/// How far bodies may move where they face each other, m, how much they may turn against each other
-/// and how much the axis may turn in A.
+/// Bound on the relative motion of two bodies: displacement where they face each other (m) and rotation (rad).
+///
+/// The rotation bounds both that of the bodies and that of the axis in A.
 #[derive(Debug, Clone, Copy)]
 pub struct MotionBound {
     pub path: f64,
@@ -51,7 +52,7 @@ pub struct MotionBound {
 }
 
 impl MotionBound {
-    /// For the present configuration alone: what rounding takes.
+    /// Returns the bound for the present configuration alone, which covers rounding.
     pub fn none(pair: &BodyPair) -> Self {
         Self { path: SLAB * pair.size, turn: 1e-9 }
     }
@@ -59,11 +60,11 @@ impl MotionBound {
 
 /// Coordinates across and along the axis, for points of one body's frame.
 pub struct AxisFrame {
-    /// Two across the axis, and the axis.
+    /// Two directions across the axis, and the axis.
     pub axes: [Vec3; 3],
-    /// Coordinates of the body's origin.
+    /// Coordinates of the body's origin, m.
     pub origin: [f64; 3],
-    /// Sign of the axis into the body, from the other one.
+    /// Sign of the axis direction that leads from the other body into this one.
     pub into: f64,
 }
 
@@ -74,7 +75,7 @@ impl AxisFrame {
         [t.dot(x) + o, s.dot(x) + p, n.dot(x) + q]
     }
 
-    /// SlabEdge `index` in these coordinates.
+    /// Returns edge `index` in these coordinates.
     #[inline]
     pub fn segment(&self, shape: &Polyhedron, index: usize) -> ProjectedEdge {
         let [start, end] = shape.edges[index].vertices;
@@ -84,8 +85,9 @@ impl AxisFrame {
         )
     }
 
-    /// Whether a face of edge `index` is towards the other body. An edge of the far side is never a
-    /// corner: the body's own surface is between it and the other one.
+    /// True if a face of edge `index` is towards the other body.
+    ///
+    /// An edge of the far side is never a corner: the body's own surface is between it and the other one.
     pub fn is_facing(&self, shape: &Polyhedron, index: usize) -> bool {
         let into = self.axes[2] * self.into;
         let [left, right] = shape.edges[index].faces;
@@ -93,7 +95,7 @@ impl AxisFrame {
         smaller(slope(left), slope(right)) < -STEEP
     }
 
-    /// Whether an edge of corner `v` is facing.
+    /// True if an edge of vertex `v` faces the other body.
     pub fn has_facing_edge(&self, shape: &Polyhedron, v: usize) -> bool {
         let mut edges = shape.edges.iter().enumerate();
         edges.any(|(e, edge)| {
@@ -101,8 +103,9 @@ impl AxisFrame {
         })
     }
 
-    /// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
-    /// if the line passes by more than `tolerance` beside it. The faces `below` decide.
+    /// Returns the distance from `x` along the axis to the point where the line enters the body, negative behind `x`.
+    ///
+    /// `None` if the line passes by more than `tolerance` beside the body. The faces `below` decide.
     #[inline]
     pub fn distance(
         &self,
@@ -118,7 +121,7 @@ impl AxisFrame {
         }
     }
 
-    /// Planes of the body.
+    /// Iterates over planes of the body.
     #[inline]
     pub fn planes(
         &self,
@@ -133,7 +136,7 @@ impl AxisFrame {
     }
 }
 
-/// A face's plane, and its slope along the axis into the body.
+/// Plane of a face, and its slope along the axis into the body.
 #[derive(Debug, Clone, Copy)]
 pub struct FacePlane {
     pub normal: Vec3,
@@ -142,7 +145,7 @@ pub struct FacePlane {
 }
 
 impl FacePlane {
-    /// Of a point below the plane.
+    /// Returns the depth of a point below the plane, m.
     #[inline]
     pub fn depth(&self, x: &Vec3) -> f64 {
         let n = &self.normal;
@@ -150,8 +153,9 @@ impl FacePlane {
     }
 }
 
-/// Distance from `x` along the axis to where the line enters the body, negative behind `x`; `None`
-/// if the line passes by more than `tolerance` beside it.
+/// Returns the distance from `x` along the axis to the point where the line enters the body, negative behind `x`.
+///
+/// `None` if the line passes by more than `tolerance` beside the body.
 #[inline]
 fn distance_along(
     planes: impl Iterator<Item = FacePlane>,
@@ -172,10 +176,10 @@ fn distance_along(
     (enter <= leave + tolerance).then_some(enter)
 }
 
-/// The faces that decide where a line along the axis enters the body: some, or too many to list.
+/// Faces that decide where a line along the axis enters the body, or a mark that they were too many.
 pub type DecidingFaces = IndexList<5>;
 
-/// An edge; coordinates are two across the axis and one along it.
+/// Edge with two coordinates across the axis and one along it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ProjectedEdge {
     pub start: [f64; 3],

@@ -1,10 +1,10 @@
-//! The four points of a manifold that span the largest area, the deepest always among them.
+//! Reduction of a contact manifold to four points of largest area, always including the deepest.
 
 use super::pair::smaller;
 use crate::geometry::plane::{self, cross};
 use crate::math::Vec3;
 
-/// A contact point in world coordinates; the normal points from B to A.
+/// Contact point in world coordinates; the normal points from B to A.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactPoint {
     pub feature: u64,
@@ -13,10 +13,10 @@ pub struct ContactPoint {
     pub gap: f64,
 }
 
-/// Largest number of points kept per pair of convex parts.
+/// Maximum number of points per pair of convex parts.
 pub const MAX_POINTS: usize = 4;
 
-/// A candidate point of a manifold.
+/// Candidate point of a manifold.
 #[derive(Debug, Clone, Copy)]
 pub struct ManifoldPoint {
     pub point: Vec3,
@@ -24,19 +24,20 @@ pub struct ManifoldPoint {
     pub feature: u64,
 }
 
-/// Points closer than this, over the bodies' size, count as one.
+/// Maximum distance of points that count as one, over the bodies' size.
 const APART: f64 = 1e-7;
-/// Gaps closer than this, over the bodies' size, count as equally deep; areas, over themselves, as
-/// equally wide. Rounding then does not change the choice from step to step.
+/// Relative tolerance of gaps (over the bodies' size) and of areas.
+///
+/// Rounding then does not change the selection from step to step.
 const TIE: f64 = 2.5e-10;
 
-/// Keeps at most [`MAX_POINTS`] of `points`, the deepest among them, and leaves them sorted by feature;
-/// `n` is the contact's normal, `alert` the largest gap and `size` the length that tolerances refer to.
+/// Keeps at most [`MAX_POINTS`] of `points`, including the deepest, and leaves them sorted by feature.
 ///
-/// The four whose hull is largest, where a point counts the less the wider its gap is: seen
-/// from the deepest point, one at the alert distance has moved all the way to it. What touches now
-/// holds the bodies now, and a point that may touch soon is kept when nothing nearer stands on its
-/// side.
+/// `n` is the contact normal, `alert` the largest gap and `size` the length that tolerances refer to.
+///
+/// Selects the four whose hull is largest, where a point has less weight the wider its gap is: seen from the deepest
+/// point, a point at the alert distance moves all the way to it. Points that touch now take precedence; a point that
+/// may touch soon is kept if no nearer one lies on its side.
 pub fn keep_four(
     points: &mut Vec<ManifoldPoint>,
     n: &Vec3,
@@ -93,7 +94,7 @@ pub fn keep_four(
     points.truncate(count);
 }
 
-/// Whether some points stand in the same place.
+/// True if some points have the same position.
 fn has_repeated(points: &[ManifoldPoint], apart: f64) -> bool {
     let mut least = f64::INFINITY;
     for (k, p) in points.iter().enumerate() {
@@ -104,8 +105,7 @@ fn has_repeated(points: &[ManifoldPoint], apart: f64) -> bool {
     least <= apart * apart
 }
 
-/// Merges points that stand in the same place: the lowest number, for a lasting identity, at the
-/// deepest of them.
+/// Merges points of the same position: the lowest feature, for a lasting identity, with the deepest gap.
 fn merge_repeated(points: &mut Vec<ManifoldPoint>, apart: f64) {
     let mut kept = 0;
     for k in 0..points.len() {
@@ -123,7 +123,7 @@ fn merge_repeated(points: &mut Vec<ManifoldPoint>, apart: f64) {
     points.truncate(kept);
 }
 
-/// A point of the plane, and the candidate's place in their order.
+/// Point of the plane, and the candidate's position in the list.
 type HullPoint = plane::PlanePoint<usize>;
 
 /// Points of the plane, and buffers for their convex hull.
@@ -133,11 +133,11 @@ pub struct HullBuffers {
     chain: Vec<HullPoint>,
 }
 
-/// Numbers of the first corner and the three that span the largest area with it; the first four
-/// numbers where there are no more.
+/// Returns the numbers of the first hull vertex and the three that span the largest area with it.
 ///
-/// With D first in the order, the area of D b c e is that of D b c plus that of D c e: for each c
-/// the best b before it and the best e after it are independent, so O(p²) finds the largest area.
+/// With at most four vertices it returns the first four numbers. With D first in the order, the area of D b c e is
+/// that of D b c plus that of D c e. For each c the best b before it and the best e after it are independent, so
+/// O(p²) finds the largest area.
 fn widest_with_first(corners: &[HullPoint]) -> [usize; 4] {
     let count = corners.len();
     let area = |i: usize, j: usize| cross(corners[0].0, corners[i].0, corners[j].0).abs();
@@ -158,8 +158,9 @@ fn widest_with_first(corners: &[HullPoint]) -> [usize; 4] {
     best.1
 }
 
-/// Numbers of the three corners whose hull with the origin, which is inside the corners' hull, is
-/// largest; the first three numbers where there are no more.
+/// Returns the numbers of the three hull vertices whose hull with the origin is largest.
+///
+/// The origin is inside the hull. With at most three vertices it returns the first three numbers.
 fn widest_around(corners: &[HullPoint]) -> [usize; 3] {
     let count = corners.len();
     // Turning left around the origin; a triangle that turns right is no part of the hull.

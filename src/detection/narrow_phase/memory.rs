@@ -1,4 +1,4 @@
-//! What the narrow phase keeps: caches of a pair from step to step, and buffers of a search.
+//! Caches of a pair from step to step, and buffers of a search.
 
 use super::cache::CacheBackoff;
 use super::candidate_axes::{CandidateAxes, EdgePairs};
@@ -9,24 +9,23 @@ use super::patch::PatchCache;
 use crate::lanes;
 use crate::math::{Vec3, widen};
 
-/// What earlier steps' searches tell the next one about a pair of shapes; it changes the cost, never
-/// the result.
+/// Results of earlier searches for a pair of shapes. Affects cost only, never results.
 #[derive(Debug, Clone, Default)]
 pub struct PairCache {
-    /// An axis from A to B, in the frame of A, that separated the pair; zero if none.
+    /// Axis from A to B, in the frame of A, that separated the pair; zero if none.
     pub axis: [f32; 3],
-    /// The bodies' distance is at least this less what they have travelled together, m.
+    /// Lower bound of the distance plus the travel of both bodies when it was found, m.
     pub separated_until: f64,
-    /// Elsewhere, as most pairs that are listed do not touch.
+    /// Cache of a touching pair. Boxed, because most listed pairs do not touch.
     pub touching: Option<Box<ContactCache>>,
 }
 
-/// The same about bodies that touch.
+/// Results of earlier searches for a pair that touches.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct ContactCache {
-    /// One above the edges of A and of B that were closest; zero if none.
+    /// Numbers plus one of the edges of A and of B that were closest; zero if none.
     pub edges: [u32; 2],
-    /// One above the best faces of A and of B; zero if none.
+    /// Numbers plus one of the best faces of A and of B; zero if none.
     pub faces: [u32; 2],
     pub candidate_axes: CandidateAxes,
     pub axes_backoff: CacheBackoff,
@@ -35,22 +34,22 @@ pub struct ContactCache {
 }
 
 impl PairCache {
-    /// An axis that separated the pair, if there is one.
+    /// Returns the axis that separated the pair, if any.
     pub fn axis(&self) -> Option<Vec3> {
         (self.axis != [0.0; 3]).then(|| widen(&self.axis))
     }
 
-    /// Whether bodies that have travelled this far together, m, are certainly more than `alert` apart.
+    /// True if bodies with this sum of travel, m, are certainly more than `alert` (m) apart.
     pub fn is_surely_separated(&self, travel: f64, alert: f64) -> bool {
         travel + alert < self.separated_until
     }
 
-    /// Brings to the cache what is remembered of bodies that touch; whether there is anything.
+    /// Prefetches the cache of a touching pair. Returns true if there is one.
     pub fn prefetch(&self) -> bool {
         self.touching.as_deref().map(lanes::prefetch).is_some()
     }
 
-    /// Notes that bodies that have travelled this far together are at least `apart` from each other.
+    /// Records that bodies with this sum of travel, m, are at least `apart` (m) from each other.
     pub fn record_separation(&mut self, travel: f64, apart: f64) {
         // A sum this large has lost too many digits to be compared.
         self.separated_until = travel + (apart - 1e-12 * (travel + apart));
@@ -60,16 +59,16 @@ impl PairCache {
 /// Buffers of the search.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// What searches have found so far; points of a pair are sorted by feature.
+    /// Points found so far; those of a pair are sorted by feature.
     pub points: Vec<ContactPoint>,
     pub near_a: Vec<NearEdge>,
     pub near_b: Vec<NearEdge>,
-    /// Heights of vertices over the slab.
+    /// Heights of the vertices over the slab, m.
     pub heights: Vec<f64>,
     pub edge_pairs: EdgePairs,
     pub sides: FacingFeatures,
     pub candidates: Vec<ManifoldPoint>,
     pub hull: HullBuffers,
-    /// For the next pair that may touch, as most of those that come near each other do not.
+    /// Unused cache for the next pair that may touch.
     pub spare: Option<Box<ContactCache>>,
 }

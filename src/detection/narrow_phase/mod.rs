@@ -1,26 +1,24 @@
 //! Contact points of two convex polyhedra.
 //!
 //! Reads: two shapes and their poses. Writes: at most four points. Cost: a little more than a microsecond per
-//! touching pair of ballast grains that hardly move, nothing for a pair that is still apart for certain.
+//! touching pair of ballast grains that hardly move, nothing for a pair that is surely separated.
 //!
-//! 1. An axis that separated the pair before rejects it, if it still does.
-//! 2. Face normals of both bodies ([`faces`]), then axes perpendicular to two edges ([`edges`]):
-//!    the axis of largest separation over all of them. For bodies that overlap this is
-//!    the axis of least depth.
-//! 3. Bodies apart whose closest points are at vertices have as axis the line between them.
-//! 4. Along the axis, the patch: all corners of the gap up to the alert distance ([`patch`]), of
-//!    which the four that best stand for it are reported ([`reduce`]). The patch of a face's axis
-//!    also tells where the bodies are closest or overlap, and so which edges step 2 has to ask.
+//! 1. A cached axis that separated the pair in an earlier step rejects it if it still separates ([`memory`]). Without
+//!    a cache, GJK proposes a separating axis ([`separation`]).
+//! 2. Face normals of both bodies ([`pair`]), then axes perpendicular to two edges ([`edges`]): the search returns
+//!    the axis of largest separation ([`search`]). For overlapping bodies it is the axis of least depth.
+//! 3. For separated bodies whose closest points are vertices, the axis is the line between them.
+//! 4. Along the axis, the patch contains all corners of the gap up to the alert distance ([`patch`]). Four of them
+//!    are reported ([`report`], [`manifold`]). The patch along a face normal also bounds the edges that step 2 must
+//!    examine.
 //!
-//! Stages 2 and 4 ask lists of those features that can matter, kept from earlier steps while they hold
-//! ([`contenders`], [`patch`]), for bodies that move slowly enough ([`worth`]). Bodies of which nothing is kept are
-//! first asked for a direction that shows them apart ([`mod@apart`]).
+//! Steps 2 and 4 use cached lists of features while these are valid ([`candidate_axes`], [`patch`]). Lists are built
+//! only for bodies that move slowly relative to each other ([`cache`]).
 //!
-//! Contract: the result depends on shapes and poses alone, not on [`PairCache`]. Two bodies at a
-//! distance of at most `alert` have a contact, others have none; the lowest gap is that distance or,
-//! for bodies that overlap, minus the least depth. The points' feet, half a gap to either side along
-//! the common normal, are on the surfaces that face each other; feet of wide gaps may be a
-//! little beside the overlap.
+//! Contract: the result depends on shapes and poses alone, not on [`PairCache`]. Two bodies at a distance of at most
+//! `alert` have a contact, others have none. The lowest gap is that distance or, for overlapping bodies, minus the
+//! least depth. The feet of a point, half a gap to either side along the common normal, lie on the facing surfaces;
+//! feet of wide gaps may lie slightly outside the overlap.
 
 mod cache;
 mod candidate_axes;
@@ -46,8 +44,9 @@ pub use memory::{PairCache, Scratch};
 pub use pair::ConvexBody;
 pub use report::generate_half_space_contacts;
 
-/// Finds the contact points of A and B with gaps up to `alert` (m) and appends them to
-/// `scratch.points`; `travel` is how far both have travelled, m.
+/// Appends the contact points of A and B with gaps up to `alert` (m) to `scratch.points`.
+///
+/// `travel` is the sum of the distances that both bodies have travelled, m.
 pub fn generate_contacts(
     a: ConvexBody,
     b: ConvexBody,

@@ -1,24 +1,22 @@
-//! Where two bodies are near each other along an axis: all corners of the gap between them.
+//! Contact patch: all corners of the gap between two bodies along an axis.
 //!
-//! Seen along the axis, the gap between the facing surfaces of two convex bodies is a convex
-//! function, linear over pieces whose corners are vertices of A, vertices of B, and crossings of an
-//! edge of A with an edge of B. Corners with a gap up to the alert distance are all that can touch
-//! next. A body that rolls over a vertex or rocks over an edge is held by the neighbouring corner
-//! before it gets there; the closest features alone would let it in.
+//! Seen along the axis, the gap between the facing surfaces of two convex bodies is a convex function, linear over
+//! pieces whose corners are vertices of A, vertices of B, and crossings of an edge of A with an edge of B. Corners
+//! with a gap up to the alert distance are all that can touch next. A body that rolls over a vertex or rocks over an
+//! edge is held by the neighbouring corner before it gets there; the closest features alone would let it penetrate.
 //!
-//! A corner with gap g <= alert has its feet on A and B at most `alert - s` off the support planes,
-//! s being the separation along the axis. So the edges with an end in that slab decide, and of
-//! them the parts in the slab ([`facing`](super::facing)).
+//! A corner with gap g <= alert has its feet on A and B at most `alert - s` off the support planes, s being the
+//! separation along the axis. So the edges with an end in that slab decide, and of them the parts in the slab
+//! ([`facing`](super::facing)).
 //!
-//! Which corners of the bodies and which pairs of edges may make corners of the gap changes little
-//! from step to step: they are listed with a margin, and the list serves while the bodies and the axis
-//! have moved by less. What a list holds too much makes no corner, so results do not depend on it.
+//! Vertices and pairs of edges that may make corners change little from step to step. They are listed with a margin,
+//! and the list is used while the bodies and the axis have moved by less. Superfluous entries make no corner, so
+//! results do not depend on the list.
 //!
-//! Only what is near the contact has to be bounded. The feet of a corner are at most r = max(alert, -s)
-//! apart, whatever the axis is. Where the list was made they were less than r + Δ + φ l apart, Δ and φ
-//! being the bodies' motion since ([`ReferencePose`]) and l a foot's distance from the anchor's point. So there they
-//! were in a slab of r + Δ + φ l - s0, s0 being the separation then, and l is no more than the lever of
-//! what faces the other body in the list's slab.
+//! Only features near the contact must be bounded. The feet of a corner are at most r = max(alert, -s) apart,
+//! whatever the axis. When the list was made they were less than r + Δ + φ l apart, Δ and φ being the bodies' motion
+//! since ([`ReferencePose`]) and l a foot's distance from the reference point. So they were in a slab of r + Δ + φ l
+//! - s0, s0 being the separation then, and l is no more than the lever of the facing features in the list's slab.
 
 use super::cache::{CacheBackoff, IndexList, ReferencePose};
 use super::edge_cache::{EdgeCache, MAX_EDGES};
@@ -30,37 +28,37 @@ use super::pair::{BodyPair, SLAB};
 use crate::geometry::Polyhedron;
 use crate::math::{Vec3, round, widen};
 
-/// How far bodies may move against each other before a list is made again, over the radii.
+/// Maximum relative displacement of the bodies while a list is valid, over the radii.
 const MAX_DISPLACEMENT: f64 = 3e-3;
-/// How far the axis may turn in the frame of A before that.
+/// Maximum rotation of the axis in the frame of A while a list is valid, rad.
 const MAX_ROTATION: f64 = 8e-3;
-/// How much thicker than asked for the slab of a list is, over the radii.
+/// Additional thickness of the slab of a list, over the radii.
 const THICKER: f64 = 6e-3;
-/// Features of both bodies that may make corners of the gap, and for which configurations.
+/// Features of both bodies that may make corners of the gap, and the configuration for which they were listed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PatchCache {
     anchor: ReferencePose,
     axis: [f32; 3],
-    /// Alert distance that it was made for, m.
+    /// Alert distance for which it was made, m.
     alert: f64,
-    /// How far feet may have moved apart, and their distance, m.
+    /// Maximum distance of feet including their motion, m.
     reach: f32,
-    /// No foot is further from the anchor's point, m.
+    /// Maximum distance of a foot from the reference point, m.
     lever: f32,
-    /// Whether some of the edges may turn away from the other body.
+    /// True if some of the edges may turn away from the other body.
     unsure: bool,
-    /// Corners of A and of B that may be over the other body.
+    /// Vertices of A and of B that may lie over the other body.
     vertices: [IndexList<8>; 2],
-    /// Faces of the other body that decide about each of them.
+    /// Faces of the other body that decide about each vertex.
     below: [[DecidingFaces; 8]; 2],
     /// Edges of A and of B that may cross.
     rims: [EdgeCache; 2],
-    /// Pairs of them, by their places on the rims: that of A times [`MAX_EDGES`] plus that of B.
+    /// Pairs of edges by their positions in the edge caches: that of A times [`MAX_EDGES`] plus that of B.
     pairs: IndexList<32>,
 }
 
 impl PatchCache {
-    /// Whether the list has all that `axis` can find.
+    /// True if the list contains all features that `axis` can find.
     fn holds(&self, pair: &BodyPair, axis: &ContactAxis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
         let turn = (widen(&self.axis) - axis.normal).norm() + 1e-6;
@@ -72,7 +70,7 @@ impl PatchCache {
             && axis.alert <= self.alert
     }
 
-    /// Makes the list for `axis` and its neighbours; `false` if it has to be made again in each step.
+    /// Builds the list for `axis` and its neighbours. Returns false if it does not fit.
     fn make(&mut self, pair: &BodyPair, axis: &ContactAxis, sides: &mut FacingFeatures) -> bool {
         let slab = axis.slab + THICKER * pair.size;
         let slack = MotionBound { path: (MAX_DISPLACEMENT + SLAB) * pair.size, turn: MAX_ROTATION };
@@ -158,9 +156,10 @@ impl ContactAxis {
         }
     }
 
-    /// Gap at the vertex at `x`, in the other body's coordinates. The faces `below` it decide, but not far behind:
-    /// once one of them has turned steep, the line may seem to enter the body where a face that is not listed
-    /// keeps it out, below all corners of the gap.
+    /// Returns the gap at the vertex at `x`, in the other body's coordinates.
+    ///
+    /// The faces `below` it decide, except far behind them: once one of them has turned steep, the line may seem to
+    /// enter the body where an unlisted face excludes it, below all corners of the gap.
     #[inline]
     fn gap_at(
         &self,
@@ -250,7 +249,7 @@ impl ContactAxis {
     }
 }
 
-/// Where two edges cross, seen along the axis: positions on both, strictly between their ends.
+/// Returns the parameters at which two edges cross, seen along the axis, strictly between their ends.
 fn crossing(a: &ProjectedEdge, b: &ProjectedEdge) -> Option<[f64; 2]> {
     let beside = |d: &[f64; 3], x: [f64; 2]| d[0] * x[1] - d[1] * x[0];
     let between = [b.start[0] - a.start[0], b.start[1] - a.start[1]];

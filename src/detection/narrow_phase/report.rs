@@ -1,4 +1,4 @@
-//! What is reported along the axis that was chosen.
+//! Reports the contact points along the selected axis, and those with half-spaces.
 
 use super::edges::{ClosestPoints, EdgeAxis};
 use super::feature;
@@ -8,26 +8,26 @@ use super::memory::{ContactCache, Scratch};
 use super::pair::{self, BodyPair, ConvexBody, SLAB, TIE};
 use crate::math::Vec3;
 
-/// Points of a patch closer than this, over the radii, count as one.
+/// Tolerance of a patch's lowest gap, over the radii.
 const LOOSE: f64 = 1e-7;
 
-/// The best face of either body.
+/// Best face of either body.
 #[derive(Debug, Clone, Copy)]
 pub struct BestFace {
     pub of_b: bool,
-    /// From A to B, in the frame of A.
+    /// Unit vector from A to B, in the frame of A.
     pub normal: Vec3,
     pub separation: f64,
 }
 
 impl BestFace {
-    /// As the axis that was chosen.
+    /// Returns the face normal as the selected axis.
     pub fn chosen(&self) -> BestAxis {
         BestAxis { normal: self.normal, separation: self.separation, edges: None }
     }
 }
 
-/// The axis that was chosen, for the next steps.
+/// Axis selected by a search, input of the candidate axes of the next steps.
 #[derive(Debug, Clone, Copy)]
 pub struct BestAxis {
     pub normal: Vec3,
@@ -36,7 +36,7 @@ pub struct BestAxis {
 }
 
 impl BodyPair<'_> {
-    /// Reports the contact of two edges, `c` being their closest points, and remembers them.
+    /// Reports the contact of two edges with closest points `c`, and caches them.
     pub fn push_edges(
         &self,
         e: &EdgeAxis,
@@ -49,7 +49,7 @@ impl BodyPair<'_> {
         BestAxis { normal: e.normal, separation: e.separation, edges: Some(e.edges) }
     }
 
-    /// Reports the contact of bodies whose closest points are `c`.
+    /// Reports the contact of bodies with closest points `c`.
     pub fn push_closest(
         &self,
         c: &ClosestPoints,
@@ -66,7 +66,7 @@ impl BodyPair<'_> {
         self.push_patch(normal, gap, closest, scratch);
     }
 
-    /// Reports the contact along a face's normal, its patch in `scratch.candidates`.
+    /// Reports the contact along a face normal, whose patch is in `scratch.candidates`.
     pub fn push_face(&self, face: &BestFace, scratch: &mut Scratch) -> BestAxis {
         let BestFace { of_b, normal, separation: gap } = face;
         let closest = || {
@@ -84,10 +84,10 @@ impl BodyPair<'_> {
         face.chosen()
     }
 
-    /// Reports the four of `scratch.candidates`, the patch along `normal`, that best stand for it.
+    /// Reports the four points of `scratch.candidates`, the patch along `normal`, that represent it best.
     ///
-    /// `closest` is where the gap is the axis's separation, which no corner's is below but for
-    /// rounding; it is reported if rounding hides it from the patch.
+    /// `closest` returns the point at which the gap equals the axis's separation; no corner's gap is below that
+    /// except for rounding. It is reported if rounding hides it from the patch.
     fn push_patch(
         &self,
         normal: &Vec3,
@@ -128,7 +128,7 @@ impl BodyPair<'_> {
         axis.corners(self, patch, patch_backoff, &mut scratch.sides, &mut scratch.candidates);
     }
 
-    /// Turns the candidates, at most four and in the frame of A, into contact points of the world.
+    /// Appends the candidates, at most four and in the frame of A, as contact points of the world.
     fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
         let pose = &self.pose;
         let normal = -(pose.orientation * normal);
@@ -141,19 +141,20 @@ impl BodyPair<'_> {
     }
 }
 
-/// The first of the candidates of lowest gap.
+/// Returns the first of the candidates of lowest gap.
 pub fn deepest(candidates: &[ManifoldPoint]) -> Option<&ManifoldPoint> {
     candidates.iter().reduce(|d, c| if c.gap < d.gap { c } else { d })
 }
 
-/// The lowest gap, infinite if there are no candidates.
+/// Returns the lowest gap, infinite without candidates.
 pub fn lowest_gap(candidates: &[ManifoldPoint]) -> f64 {
     deepest(candidates).map_or(f64::INFINITY, |c| c.gap)
 }
 
-/// Appends to `scratch.points` the vertices of `a` at most `alert` (m) above the plane
-/// `normal · x = offset` of the world: four at most, spanning the largest area, the deepest among
-/// them, sorted by feature.
+/// Appends the vertices of `a` at most `alert` (m) above the plane `normal · x = offset` of the world to
+/// `scratch.points`.
+///
+/// At most four points, of largest area, including the deepest, sorted by feature.
 pub fn generate_half_space_contacts(
     a: ConvexBody,
     normal: &Vec3,

@@ -1,4 +1,4 @@
-//! The axis of largest separation.
+//! Search for the axis of largest separation.
 
 use super::candidate_axes::CandidateAxes;
 use super::edges::{self, ClosestPoints, EdgeAxis, NearEdge};
@@ -10,10 +10,10 @@ use super::separation;
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
-/// How far from both ends of its edges, over their lengths, a closest point is safely unique.
+/// Minimum distance of a unique closest point from both ends of its edge, over the edge's length.
 const INTERIOR: f64 = 1e-6;
 
-/// `Err` holds a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
+/// Result of a search. `Err` is a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
 type SearchResult<T> = Result<T, Vec3>;
 
 impl BodyPair<'_> {
@@ -39,7 +39,7 @@ impl BodyPair<'_> {
         Ok(())
     }
 
-    /// The same where one of the listed axes is the best for certain.
+    /// Searches the cached candidate axes. Returns `None` if none of them is certainly the best.
     fn search_candidates(
         &self,
         memory: &mut ContactCache,
@@ -98,7 +98,7 @@ impl BodyPair<'_> {
         Some(Ok(()))
     }
 
-    /// The same over all axes; `slack` is for the pairs of edges that are listed on the way.
+    /// Searches all axes; `slack` bounds the motion for which pairs of edges are listed.
     fn search_all(
         &self,
         slack: MotionBound,
@@ -142,7 +142,7 @@ impl BodyPair<'_> {
         }
     }
 
-    /// Contact points of bodies that a face separates by no more than the alert distance.
+    /// Reports the contact of bodies that a face separates by no more than the alert distance.
     fn points_of_face_apart(
         &self,
         face: &BestFace,
@@ -158,9 +158,9 @@ impl BodyPair<'_> {
         Ok(chosen.unwrap_or(face.chosen()))
     }
 
-    /// The contact of bodies that are further apart than the best axis shows: edges or vertices are
-    /// closest. `normal` and `separation` are those of the best axis; that of two edges is told if it is
-    /// better.
+    /// Reports the contact of bodies that are further apart than the best axis shows: edges or vertices are closest.
+    ///
+    /// `normal` and `separation` are those of the best axis. Returns the axis of two edges if it is better.
     fn closest_points(
         &self,
         normal: &Vec3,
@@ -193,7 +193,8 @@ impl BodyPair<'_> {
         Ok(None)
     }
 
-    /// The best of all faces; `hint` is one above those that were the best of A and of B, or zero.
+    /// Returns the best of all faces; `hint` holds the numbers plus one of the last best faces of A and of B, or
+    /// zero.
     fn best_face(&self, hint: &mut [u32; 2]) -> SearchResult<BestFace> {
         let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
         let (alert, none) = (self.alert, f64::NEG_INFINITY);
@@ -214,7 +215,7 @@ impl BodyPair<'_> {
         })
     }
 
-    /// The best of the listed faces, if there are any; none separates by `more` above its bound.
+    /// Returns the best of the listed faces, if any; no separation exceeds its bound by `more`.
     fn best_listed_face(&self, lists: &CandidateAxes, more: f64) -> SearchResult<Option<BestFace>> {
         let (of_a, of_b) = (self.faces_of_a(), self.faces_of_b());
         let mut best: [Option<FaceAxis>; 2] = [None; 2];
@@ -249,17 +250,17 @@ impl BodyPair<'_> {
         Ok(best.map(|(of_b, normal, separation)| BestFace { of_b, normal, separation }))
     }
 
-    /// Normal of face `f` of A.
+    /// Returns the normal of face `f` of A.
     fn face_of_a(&self, f: usize) -> Vec3 {
         self.a.face_normals[f]
     }
 
-    /// Normal of face `f` of B, into B.
+    /// Returns the normal of face `f` of B, into B.
     fn face_of_b(&self, f: usize) -> Vec3 {
         -(self.rotation * self.b.face_normals[f])
     }
 
-    /// Fills the lists of edges with an end at most `slabs` off the support planes along `n`.
+    /// Lists the edges with an end at most `slabs` (m) off the support planes along `n`.
     fn gather(&self, n: &Vec3, slabs: [f64; 2], scratch: &mut Scratch) {
         // Finite, so that heights are numbers when all edges are asked for.
         let [slab_a, slab_b] = slabs.map(|s| (s + SLAB * self.size).min(10.0 * self.size));
@@ -278,7 +279,7 @@ impl BodyPair<'_> {
         });
     }
 
-    /// The axis of the edges that were closest before, if they still make one.
+    /// Returns the axis of the edges that were closest in an earlier step, if they still make one.
     fn known_edges(&self, edges: &[u32; 2]) -> Option<EdgeAxis> {
         let [ea, eb] = edges.map(|e| e as usize);
         if ea == 0 || eb == 0 || ea > self.a.edges.len() || eb > self.b.edges.len() {
@@ -287,8 +288,9 @@ impl BodyPair<'_> {
         edges::axis_of(self, [ea - 1, eb - 1], f64::NEG_INFINITY, false, |n| self.separation(n))
     }
 
-    /// Whether `c`, the closest points of two edges, are strictly inside both and as far apart as their
-    /// axis says: then they are the closest points of the bodies, and there are no others.
+    /// True if the closest points `c` of two edges are those of the bodies.
+    ///
+    /// They are if they lie strictly inside both edges at a distance equal to the separation of their axis.
     fn are_closest(&self, e: &EdgeAxis, c: &ClosestPoints) -> bool {
         let [a, b] = &e.on;
         c.parameter.iter().all(|t| *t > INTERIOR && *t < 1.0 - INTERIOR)
@@ -296,12 +298,12 @@ impl BodyPair<'_> {
             && c.distance_squared.sqrt() <= e.separation + TIE * self.size
     }
 
-    /// The axis perpendicular to two edges that is better than the best face of bodies that no face
-    /// separates. `known` is a better axis, if one is known.
+    /// Returns the best axis perpendicular to two edges, if it is better than the best face of bodies that no face
+    /// separates.
     ///
-    /// The edges near the face decide ([`edges`]) as soon as the bodies are known to overlap or to be
-    /// at most `reach` apart, the larger of the depth and the alert distance. Bodies that far
-    /// apart show it: of the facets that hold the closest point, one separates, and it is no face's.
+    /// `known` is such an axis, if one is known. The edges near the face decide ([`edges`]) as soon as the bodies are
+    /// known to overlap or to be at most `reach` apart, the larger of the depth and the alert distance. Otherwise the
+    /// bodies are separated by a facet that is no face.
     fn best_edges(
         &self,
         face: &BestFace,
@@ -338,7 +340,7 @@ impl BodyPair<'_> {
         Ok(self.best_of_all_edges(known, floor))
     }
 
-    /// The best axis over all pairs of edges.
+    /// Returns the best axis over all pairs of edges.
     fn best_of_all_edges(&self, known: Option<EdgeAxis>, floor: f64) -> Option<EdgeAxis> {
         let of_b = 0..self.b.edges.len();
         let pairs = (0..self.a.edges.len())
@@ -348,8 +350,8 @@ impl BodyPair<'_> {
 
     /// Lists the pairs of edges that may be the best axis while the bodies move within `slack`.
     ///
-    /// In such a configuration the face's axis, fixed in A, shows a depth of at most that of now plus
-    /// `path`; heights of A along it do not change, those of B by twice `path`.
+    /// In such a configuration the face's axis, fixed in A, shows a depth of at most the present one plus `path`.
+    /// Heights of A along it do not change, those of B change by at most twice `path`.
     fn list_edge_pairs(&self, face: &BestFace, slack: MotionBound, scratch: &mut Scratch) {
         let MotionBound { path, turn } = slack;
         let depth = path - face.separation;
@@ -365,14 +367,14 @@ impl BodyPair<'_> {
     }
 }
 
-/// Height of each corner over the plane `slab` above the lowest one along `n`.
+/// Fills `heights` with the height of each vertex over the plane `slab` above the lowest one along `n`.
 fn heights_over(shape: &Polyhedron, n: &Vec3, slab: f64, heights: &mut Vec<f64>) {
     let limit = pair::lowest(&shape.vertices, n) + slab;
     heights.clear();
     heights.extend(shape.vertices.iter().map(|v| n.x * v.x + n.y * v.y + n.z * v.z - limit));
 }
 
-/// Fills `out` with the edges that have an end where `heights <= 0`.
+/// Fills `out` with the edges that have an end with `heights <= 0`.
 fn near_edges(
     shape: &Polyhedron,
     heights: &[f64],

@@ -1,7 +1,7 @@
-//! A direction along which two bodies are apart for certain.
+//! Separating axis by GJK for pairs without a cache.
 //!
-//! GJK of parry3d proposes it. What counts is what corners say of it, so no tolerance of the proposal enters the
-//! result: a pair for which there is none is searched as if nobody had asked.
+//! GJK of parry3d proposes the axis; the vertices decide. Hence no tolerance of the proposal enters the result: a
+//! pair without a proposed axis is searched in full.
 
 use super::pair::{self, BodyPair};
 use crate::math::Vec3;
@@ -9,8 +9,9 @@ use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::SupportMap;
 
-/// A direction (A to B, frame of A) and how much it separates beyond the alert distance, m; `start` is one to
-/// begin with.
+/// Returns a separating axis (A to B, frame of A) and its separation beyond the alert distance, m.
+///
+/// `start` is the initial direction of the search.
 pub fn direction(pair: &BodyPair, start: Option<Vec3>) -> Option<(Vec3, f64)> {
     let start = start.unwrap_or(pair.offset);
     let mut simplex = VoronoiSimplex::new();
@@ -38,7 +39,7 @@ pub fn direction(pair: &BodyPair, start: Option<Vec3>) -> Option<(Vec3, f64)> {
     }
 }
 
-/// Corners of A.
+/// Support function of A.
 struct ShapeA<'p, 's>(&'p BodyPair<'s>);
 
 impl SupportMap for ShapeA<'_, '_> {
@@ -49,7 +50,7 @@ impl SupportMap for ShapeA<'_, '_> {
     }
 }
 
-/// Corners of B in the frame of A.
+/// Support function of B in the frame of A.
 struct ShapeB<'p, 's>(&'p BodyPair<'s>);
 
 impl SupportMap for ShapeB<'_, '_> {
