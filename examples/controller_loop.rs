@@ -7,10 +7,11 @@
 //! of their horizontal forces over the last 4 ms has reached the preset one.
 
 use ballast_protocol::messages::{
-    AdvanceReply, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Status, Twist, Vector3,
+    AdvanceReply, BodyMotion, InterpolationMode, MotionKnot, Point, Pose, Quaternion, ReplyStatus,
+    Twist, Vector3,
 };
 use ballast_zenoh::link::DEFAULT_ENDPOINT;
-use ballast_zenoh::{Client, Link, Patience};
+use ballast_zenoh::{Client, SessionConfig, Timeouts};
 use std::error::Error;
 
 /// How fast down, m/s; how far and how fast to each other at most.
@@ -29,9 +30,9 @@ struct Tine {
 }
 
 impl Tine {
-    /// Changes its velocity towards `target` and moves on: its motion through the window. With `rebase` it may begin with
+    /// Changes its velocity towards `target` and moves on: its motion through the window. With `allow_jump` it may begin with
     /// another velocity than the last window ended with.
-    fn steer(&mut self, target: Vector3, t0_ns: u64, t1_ns: u64, rebase: bool) -> BodyInput {
+    fn steer(&mut self, target: Vector3, t0_ns: u64, t1_ns: u64, allow_jump: bool) -> BodyMotion {
         let dt = (t1_ns - t0_ns) as f64 * 1e-9;
         let before = self.knot(t0_ns);
         let most = ACCELERATION * dt;
@@ -44,13 +45,18 @@ impl Tine {
             *v += faster;
         }
         let knots = vec![before, self.knot(t1_ns)];
-        BodyInput { body: self.name.clone(), interpolation: Interpolation::Hermite, rebase, knots }
+        BodyMotion {
+            body: self.name.clone(),
+            interpolation: InterpolationMode::Hermite,
+            allow_jump,
+            knots,
+        }
     }
 
-    fn knot(&self, time_ns: u64) -> Knot {
+    fn knot(&self, time_ns: u64) -> MotionKnot {
         let pose = Pose { position: self.position, orientation: self.orientation };
         let twist = Twist { linear: self.velocity, ..Twist::default() };
-        Knot { time_ns: time_ns as i64, pose, twist }
+        MotionKnot { time_ns: time_ns as i64, pose, twist }
     }
 }
 
@@ -95,7 +101,7 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
         if is_done && tines.iter().all(|t| t.velocity == Vector3::default()) {
             return Ok(squeezed);
         }
-        let (t0, t1) = (client.place().now_ns, client.place().now_ns + window);
+        let (t0, t1) = (client.position().now_ns, client.position().now_ns + window);
         let motions = tines.iter_mut().map(|tine| {
             let x = if is_down && !is_done { tine.inward * CLOSE[1] } else { 0.0 };
             let z = if is_down { 0.0 } else { -DOWN };
@@ -103,7 +109,7 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
         });
         let reply = client.advance_to(t1, motions.collect(), vec![])?;
         is_first = false;
-        if !matches!(reply.status, Status::Ok | Status::Warn) {
+        if !matches!(reply.status, ReplyStatus::Ok | ReplyStatus::Warn) {
             return Err(
                 format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into()
             );
@@ -118,7 +124,7 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
 fn horizontal(reply: &AdvanceReply, tines: &[Tine]) -> f64 {
     let outward = |tine: &Tine| {
         let body = reply.bodies.iter().find(|b| b.body == tine.name);
-        body.map_or(0.0, |b| -tine.inward * b.moving_mean.force.x)
+        body.map_or(0.0, |b| -tine.inward * b.moving_average.force.x)
     };
     tines.iter().map(outward).sum::<f64>() / tines.len().max(1) as f64
 }
@@ -129,8 +135,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: controller_loop SITE/ID FORCE_N DEPTH_M [ENDPOINT]".into());
     };
     let endpoint = rest.first().map_or(DEFAULT_ENDPOINT, |e| e);
-    let link = Link::to(endpoint);
-    let mut client = Client::attach(key, &link, "controller", None, Patience::default())?;
+    let link = SessionConfig::connect_to(endpoint);
+    let mut client = Client::attach(key, &link, "controller", None, Timeouts::default())?;
     let done = squeeze(&mut client, force.parse()?, depth.parse()?)?;
     println!(
         "{:.1} N after closing {:.1} mm, at {:.3} s; state {}",

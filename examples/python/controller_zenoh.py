@@ -53,11 +53,11 @@ while True:
             t["position"][axis] += (t["v"][axis] + 0.5 * faster) * dt
             t["v"][axis] += faster
         # the first window stops what an owner that is gone left moving
-        motions.append({"body": t["name"], "knots": [first, knot(t, now)], "rebase": seq == run["seq"] + 1})
+        motions.append({"body": t["name"], "knots": [first, knot(t, now)], "allow_jump": seq == run["seq"] + 1})
     reply = ask("ctl/advance", {"run_id": run["run_id"], "seq": seq, "t0_ns": t0, "t1_ns": now, "motions": motions})
     if reply["status"] not in ("ok", "warn"):
         sys.exit(f"window {seq}: {reply['status']}, {reply['message']}")
-    forces = {b["body"]: b["moving_mean"]["force"]["x"] for b in reply["bodies"]}
+    forces = {b["body"]: b["moving_average"]["force"]["x"] for b in reply["bodies"]}
     felt = sum(-t["in"] * forces[t["name"]] for t in tines) / len(tines)
 print(f"{felt:.1f} N after closing {1e3 * closing:.1f} mm, at {now * 1e-9:.3f} s; state {reply['hash']}")
 ask("ctl/detach", {})

@@ -1,4 +1,4 @@
-"""An operator who cannot be stepped: the tines follow a stick while time runs by itself. Stock eclipse-zenoh.
+"""An operator who cannot be stepped: the tines follow a stick in real-time mode. Stock eclipse-zenoh.
 
     ballast serve examples/first.toml --key demo/bed
     pip install eclipse-zenoh && python examples/python/operator_freely.py demo/bed 0.02 0.1
@@ -35,8 +35,8 @@ felt = {t["name"]: session.declare_subscriber(f"{base}/out/{t['name']}/wrench", 
         for t in tines}
 forces = dict.fromkeys(felt, 0.0)
 window = max(1_000_000 // about["step_ns"], 1) * about["step_ns"]
-ask("ctl/param", {"free_running": {"factor": factor, "window_ns": window, "latency_ns": 5 * window, "max_age_ms": 500,
-                                   "bodies": [t["name"] for t in tines]}})
+ask("ctl/param", {"real_time": {"real_time_factor": factor, "window_ns": window, "latency_ns": 5 * window,
+                                "max_sample_age_ms": 500, "bodies": [t["name"] for t in tines]}})
 
 def stick(t):
     """How deep it is, m, and how fast, m/s, after t seconds of the run: a smooth way within 0.5 s."""
@@ -51,19 +51,19 @@ while (t := factor * (time.monotonic() - begin)) < 0.55:
         knot = {"time_ns": int(1e9 * t),
                 "pose": {"position": {**at, "z": at["z"] - way}, "orientation": tine["orientation"]},
                 "twist": {"linear": {"x": 0.0, "y": 0.0, "z": -speed}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}}
-        session.put(f"{base}/in/{tine['name']}/kin", json.dumps(knot), encoding="application/json", attachment=ticket)
+        session.put(f"{base}/in/{tine['name']}/motion", json.dumps(knot), encoding="application/json", attachment=ticket)
     if time.monotonic() - told >= 2.0:
         told, status = time.monotonic(), ask("ctl/status", {})
         for name, sample in [(name, wrenches.try_recv()) for name, wrenches in felt.items()]:
             if sample:  # geometry_msgs/WrenchStamped as CDR: force and torque come last
                 forces[name] = round(struct.unpack("<6d", sample.payload.to_bytes()[-48:])[2])
-        print(f"{status['activity']}, {way:.3f} m deep, force upward in N: {forces}", flush=True)
+        print(f"{status['state']}, {way:.3f} m deep, force upward in N: {forces}", flush=True)
     time.sleep(0.02)
 status = ask("ctl/status", {})
-ask("ctl/param", {"free_running": None})
-run, now = status["free_running"], {body["name"]: body["position"]["z"] for body in ask("describe", {})["bodies"]}
+ask("ctl/param", {"real_time": None})
+run, now = status["real_time"], {body["name"]: body["position"]["z"] for body in ask("describe", {})["bodies"]}
 deep = sum(t["position"]["z"] - now[t["name"]] for t in tines) / len(tines)
 print(f"{deep:.4f} m deep, the stick {way:.4f}, after {status['seq']} windows; "
-      f"{run['slips']} slips, {run['dropped']} samples of no use")
+      f"{run['overruns']} overruns, {run['dropped_samples']} samples dropped")
 ask("ctl/detach", {})
 session.close()

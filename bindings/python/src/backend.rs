@@ -4,7 +4,7 @@ use crate::inputs::{self, PyLoad, PyMotion};
 use crate::result::PyWindowResult;
 use crate::state::PyState;
 use ballast::component::{LoadInput, MotionInput, WindowInputsRef};
-use ballast_protocol::lockstep::{SetParameters, WindowKind};
+use ballast_protocol::lockstep::{ParameterUpdate, WindowKind};
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex};
 
@@ -23,7 +23,7 @@ pub trait Backend {
     fn restore(&mut self, py: Python<'_>, state: &PyState) -> PyResult<()>;
 
     /// Sets parameters for all later windows and for a redo of the last one.
-    fn set_parameters(&mut self, py: Python<'_>, parameters: &SetParameters) -> PyResult<()>;
+    fn set_parameters(&mut self, py: Python<'_>, parameters: &ParameterUpdate) -> PyResult<()>;
 
     /// Returns the simulated time, ns since the start of the run.
     fn now_ns(&self) -> u64;

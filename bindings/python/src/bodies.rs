@@ -27,9 +27,9 @@ impl From<&DrivenBody> for BodyInfo {
     }
 }
 
-impl From<description::Body> for BodyInfo {
-    fn from(body: description::Body) -> Self {
-        let description::Body { role, freedoms: dof_modes, stiffness, damping, .. } = body;
+impl From<description::BodyDescription> for BodyInfo {
+    fn from(body: description::BodyDescription) -> Self {
+        let description::BodyDescription { role, dof_modes, stiffness, damping, .. } = body;
         let mount = body.mass_kg.map(|mass| PyMount { mass, dof_modes, stiffness, damping });
         Self { role, mount }
     }

@@ -1,7 +1,7 @@
 //! Python exceptions. Each message names the argument, the expected and the found value; `code` is that of the protocol.
 
 use ballast::component::Refusal;
-use ballast_protocol::lockstep::{Code, Fault, Finding};
+use ballast_protocol::lockstep::{self, ErrorCode, ErrorDetails};
 use pyo3::create_exception;
 use pyo3::exceptions::{PyException, PyRuntimeWarning};
 use pyo3::prelude::*;
@@ -100,21 +100,21 @@ pub fn request(
     let expected = expected.to_string();
     let found = found.to_string();
     let message = format!("{place}: expected {expected}, found {found}");
-    let finding = Finding { place: place.into(), expected, found, nearest_ns: None };
+    let finding = ErrorDetails { place: place.into(), expected, found, nearest_ns: None };
     with_parts(py, code, &message, Some(&finding))
 }
 
 /// Returns a `RequestError` with the code "input_invalid".
 pub fn invalid(py: Python<'_>, place: &str, expected: impl Display, found: impl Display) -> PyErr {
-    fault(py, &Fault::expected(Code::InputInvalid, place, expected, found))
+    fault(py, &lockstep::RequestError::expected(ErrorCode::InputInvalid, place, expected, found))
 }
 
 /// Returns the `RequestError` for an error of the protocol.
-pub fn fault(py: Python<'_>, fault: &Fault) -> PyErr {
-    with_parts(py, &fault.code.to_string(), &fault.message, fault.finding.as_deref())
+pub fn fault(py: Python<'_>, fault: &lockstep::RequestError) -> PyErr {
+    with_parts(py, &fault.code.to_string(), &fault.message, fault.details.as_deref())
 }
 
-fn with_parts(py: Python<'_>, code: &str, message: &str, finding: Option<&Finding>) -> PyErr {
+fn with_parts(py: Python<'_>, code: &str, message: &str, finding: Option<&ErrorDetails>) -> PyErr {
     let error = error::<RequestError>(py, code, message);
     let Some(finding) = finding else { return error };
     let value = error.value(py);

@@ -10,7 +10,7 @@ use crate::state::{LocalState, PyState};
 use crate::threads::{ThreadPoolHandle, run_interruptible};
 use ballast::component::Limits;
 use ballast_beds::{Beds, Pace};
-use ballast_zenoh::Link;
+use ballast_zenoh::SessionConfig;
 use pyo3::prelude::*;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -119,7 +119,8 @@ pub fn _attach(
 ) -> PyResult<PySimulation> {
     let connect = connect.unwrap_or_default();
     let listen = listen.unwrap_or_default();
-    let link = Link { config, listen, connect, ..Link::default() }.or_connecting();
+    let link = SessionConfig { config, listen, connect, ..SessionConfig::default() }
+        .or_connect_to_default();
     let (backend, description) = RemoteBackend::attach(py, component, link)?;
     Ok(PySimulation::remote(backend, description))
 }

@@ -19,7 +19,7 @@ use ballast::step::{StepObserver, StepReport};
 use ballast::track;
 use ballast::track::plan::TampingPlan;
 use ballast_beds::Case;
-use ballast_protocol::lockstep::SetParameters;
+use ballast_protocol::lockstep::ParameterUpdate;
 use ballast_protocol::messages::StepSeries;
 use pyo3::prelude::*;
 use std::ops::ControlFlow;
@@ -349,7 +349,7 @@ impl Backend for LocalBackend {
         Ok(())
     }
 
-    fn set_parameters(&mut self, py: Python<'_>, parameters: &SetParameters) -> PyResult<()> {
+    fn set_parameters(&mut self, py: Python<'_>, parameters: &ParameterUpdate) -> PyResult<()> {
         self.check_usable(py)?;
         parameters.apply(&mut self.component).map(drop).map_err(|fault| errors::fault(py, &fault))
     }

@@ -8,10 +8,10 @@ use crate::result::PyWindowResult;
 use crate::state::{LocalState, PyState, StateStorage};
 use ballast_mcap::recording::{Window, Windows};
 use ballast_protocol::messages::{
-    AdvanceReply, Asked, Compactness, EnergyLedger, Message, Parameters, SolverStats, Squeeze,
-    Status, WrenchImpulse,
+    AdvanceInputs, AdvanceReply, EnergyBalance, Message, ReplyStatus, SolverParameters,
+    SolverStats, SqueezeReport, WrenchImpulse, ZoneMeasurement,
 };
-use ballast_protocol::{Malformed, from_cdr};
+use ballast_protocol::{MessageError, from_cdr};
 use ballast_scenario::Choices;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -85,7 +85,8 @@ impl PyRecording {
             return self.report_truncation(py).map(|()| None);
         };
         let record = &window.record;
-        let malformed = |e: Malformed| self.file_error(py, format!("window {}: {e}", record.seq));
+        let malformed =
+            |e: MessageError| self.file_error(py, format!("window {}: {e}", record.seq));
         let (motions, loads) = inputs(py, record.request.inputs().map_err(malformed)?)?;
         let reply = reply(&window, step_ns).map_err(malformed)?;
         reply.outcome().map_err(malformed)?;
@@ -131,7 +132,7 @@ impl PyRecording {
 /// Returns the motions and loads of a request by body.
 fn inputs<'py>(
     py: Python<'py>,
-    request: Asked,
+    request: AdvanceInputs,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
     let motions = PyDict::new(py);
     for input in request.motions {
@@ -148,10 +149,10 @@ fn inputs<'py>(
 /// Returns the parameters set before a window, as arguments of `Simulation.set_parameters`.
 fn parameters<'py>(
     py: Python<'py>,
-    parameters: Option<&Parameters>,
+    parameters: Option<&SolverParameters>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arguments = PyDict::new(py);
-    if let Some(Parameters { iterations, tolerance, .. }) = parameters {
+    if let Some(SolverParameters { max_iterations: iterations, tolerance, .. }) = parameters {
         arguments.set_item("iterations", iterations)?;
         arguments.set_item("tolerance", tolerance)?;
     }
@@ -159,7 +160,7 @@ fn parameters<'py>(
 }
 
 /// Returns the reply to a window, from the messages that it recorded.
-fn reply(window: &Window, step_ns: u64) -> Result<AdvanceReply, Malformed> {
+fn reply(window: &Window, step_ns: u64) -> Result<AdvanceReply, MessageError> {
     let record = &window.record;
     let length = u64::try_from(record.t1_ns - record.t0_ns).unwrap_or(0);
     let mut reply = AdvanceReply {
@@ -171,22 +172,22 @@ fn reply(window: &Window, step_ns: u64) -> Result<AdvanceReply, Malformed> {
         ..AdvanceReply::default()
     };
     for message in &window.messages {
-        let in_topic = |e: Malformed| Malformed {
+        let in_topic = |e: MessageError| MessageError {
             place: format!("{}, {}", message.channel.topic, e.place),
             ..e
         };
         let data = &message.data;
         match &message.channel.schema[..] {
             WrenchImpulse::NAME => reply.bodies.push(from_cdr(data).map_err(in_topic)?),
-            Compactness::NAME => reply.zones.push(from_cdr(data).map_err(in_topic)?),
-            Squeeze::NAME => reply.squeezes.push(from_cdr(data).map_err(in_topic)?),
+            ZoneMeasurement::NAME => reply.zones.push(from_cdr(data).map_err(in_topic)?),
+            SqueezeReport::NAME => reply.squeezes.push(from_cdr(data).map_err(in_topic)?),
             SolverStats::NAME => reply.solver = from_cdr(data).map_err(in_topic)?,
-            EnergyLedger::NAME => reply.energy = from_cdr(data).map_err(in_topic)?,
+            EnergyBalance::NAME => reply.energy = from_cdr(data).map_err(in_topic)?,
             _ => {}
         }
     }
     if reply.solver.steps_not_converged > 0 {
-        reply.status = Status::Warn;
+        reply.status = ReplyStatus::Warn;
     }
     Ok(reply)
 }

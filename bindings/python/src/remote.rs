@@ -12,11 +12,11 @@ use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage};
 use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
 use ballast::component::Twist;
 use ballast::math::Pose;
-use ballast_protocol::Malformed;
-use ballast_protocol::description::Body;
-use ballast_protocol::lockstep::{SetParameters, Verb, WindowKind};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Status, core_ns};
-use ballast_zenoh::{Client, Description, Link, Patience};
+use ballast_protocol::MessageError;
+use ballast_protocol::description::BodyDescription;
+use ballast_protocol::lockstep::{ParameterUpdate, RequestKind, WindowKind};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, ReplyStatus, core_ns};
+use ballast_zenoh::{Client, ComponentDescription, SessionConfig, Timeouts};
 use pyo3::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
@@ -43,16 +43,17 @@ impl RemoteClient {
     fn attach(
         py: Python<'_>,
         name: &str,
-        link: &Link,
+        link: &SessionConfig,
         cancelled: Arc<AtomicBool>,
-    ) -> PyResult<(Self, Description)> {
+    ) -> PyResult<(Self, ComponentDescription)> {
         let process = std::process::id();
         check_process(py, *SESSION_PROCESS.get_or_init(|| process))?;
         let threads = ThreadPoolHandle::dedicated();
         let control = TaskControl::with_flag(Arc::clone(&cancelled));
         let (attached, raised) = run_controlled(py, &threads, &control, |_| {
-            let timeouts = Patience::default();
-            let client = Client::attach_until(name, link, "python", None, timeouts, cancelled)?;
+            let timeouts = Timeouts::default();
+            let client =
+                Client::attach_cancellable(name, link, "python", None, timeouts, cancelled)?;
             let description = client.describe()?;
             Ok((client, description))
         })?;
@@ -75,7 +76,7 @@ impl RemoteClient {
         work: impl FnOnce(&mut Client) -> T + Send,
     ) -> PyResult<(T, Option<PyErr>)> {
         check_process(py, self.process)?;
-        let control = TaskControl::with_flag(Arc::clone(&self.client().line().is_given_up));
+        let control = TaskControl::with_flag(Arc::clone(&self.client().connection().cancelled));
         let Self { client, threads, .. } = self;
         run_controlled(py, threads, &control, |_| work(client.as_mut().expect(ATTACHED)))
     }
@@ -96,13 +97,13 @@ impl RemoteClient {
     fn detach(&mut self, py: Python<'_>, states: &BTreeSet<String>) -> PyResult<()> {
         let is_of_this_process = self.process == std::process::id();
         let Some(mut client) = self.client.take_if(|_| is_of_this_process) else { return Ok(()) };
-        let control = TaskControl::with_flag(Arc::clone(&client.line().is_given_up));
+        let control = TaskControl::with_flag(Arc::clone(&client.connection().cancelled));
         // A computing component would not reply before the end of its window.
         let is_idle = !client.is_waiting();
         let ((), raised) = run_controlled(py, &self.threads, &control, |_| {
             let is_answered = |name: &String| match client.drop_state(name) {
                 Ok(_) => true,
-                Err(error) => error.fault().is_some(),
+                Err(error) => error.request_error().is_some(),
             };
             if is_idle && states.iter().all(is_answered) {
                 let _ = client.detach();
@@ -163,16 +164,20 @@ struct PendingWindow {
 
 impl RemoteBackend {
     /// Becomes the owner of the component `site/id`.
-    pub fn attach(py: Python<'_>, name: &str, link: Link) -> PyResult<(Self, Description)> {
+    pub fn attach(
+        py: Python<'_>,
+        name: &str,
+        link: SessionConfig,
+    ) -> PyResult<(Self, ComponentDescription)> {
         let calls = Arc::<CallState>::default();
         let cancelled = Arc::clone(&calls.cancelled);
         let (client, description) = RemoteClient::attach(py, name, &link, cancelled)?;
-        let commanded = |body: &Body| {
+        let commanded = |body: &BodyDescription| {
             let orientation = body.orientation.try_into()?;
             let pose = Pose { position: body.position.into(), orientation };
             Ok((pose, body.twist.map(Into::into)))
         };
-        let commanded: Result<_, Malformed> = description.bodies.iter().map(commanded).collect();
+        let commanded: Result<_, MessageError> = description.bodies.iter().map(commanded).collect();
         let backend = Self {
             client,
             names: description.bodies.iter().map(|b| b.name.clone()).collect(),
@@ -214,7 +219,7 @@ impl RemoteBackend {
         check_times(py, spec)?;
         request.motions = spec.motions.iter().map(Into::into).collect();
         request.loads = spec.loads.iter().map(Into::into).collect();
-        request.series = spec.record_steps;
+        request.record_steps = spec.record_steps;
         Ok(request)
     }
 
@@ -254,13 +259,13 @@ impl RemoteBackend {
         *lock(&self.last_result) = None;
         self.follow(py, kind, &request, &reply)?;
         // Checks the values of the reply.
-        reply.outcome().map_err(|e| bad_reply(py, Verb::Window(kind).word(), &e))?;
+        reply.outcome().map_err(|e| bad_reply(py, RequestKind::Window(kind).word(), &e))?;
         if !zones {
             reply.zones.clear();
         }
         let names = Arc::clone(&self.names);
         let wall_time_s = begin.elapsed().as_secs_f64();
-        let result = PyWindowResult::new(py, reply, names, wall_time_s, request.series)?;
+        let result = PyWindowResult::new(py, reply, names, wall_time_s, request.record_steps)?;
         let result = Py::new(py, result)?;
         *lock(&self.last_result) = Some(result.clone_ref(py));
         raised.map_or(Ok(result), Err)
@@ -274,7 +279,7 @@ impl RemoteBackend {
         request: &AdvanceRequest,
         reply: &AdvanceReply,
     ) -> PyResult<()> {
-        if matches!(reply.status, Status::Error | Status::Fatal) {
+        if matches!(reply.status, ReplyStatus::Error | ReplyStatus::Fatal) {
             self.has_failed = true;
             return Err(errors::internal(py, format!("{}; restore a saved state", reply.message)));
         }
@@ -284,7 +289,7 @@ impl RemoteBackend {
             _ => Arc::clone(&self.commanded),
         };
         let mut commanded = before.to_vec();
-        if reply.status != Status::Discard {
+        if reply.status != ReplyStatus::Discard {
             let end = core_ns(reply.t1_ns);
             for (name, commanded) in self.names.iter().zip(&mut commanded) {
                 let motion = inputs.motions.iter().find(|input| input.body == *name);
@@ -308,7 +313,7 @@ impl RemoteBackend {
             while let Some(name) = names.last() {
                 match client.drop_state(name) {
                     // A restarted component has none of them and refuses.
-                    Err(error) if error.fault().is_none() => return Err(error),
+                    Err(error) if error.request_error().is_none() => return Err(error),
                     _ => stored.remove(name),
                 };
                 names.pop();
@@ -346,7 +351,7 @@ impl Backend for RemoteBackend {
         self.stored.insert(name.clone());
         let place = self.client.request(py, |client| client.save(&name).cloned())?;
         Ok(PyState(StateStorage::Remote(RemoteState {
-            component: self.client.client().line().keys().name().into(),
+            component: self.client.client().connection().keys().name().into(),
             place,
             name,
             bodies: Arc::clone(&self.names),
@@ -362,7 +367,7 @@ impl Backend for RemoteBackend {
         let state = match &state.0 {
             StateStorage::Remote(state) => state,
             StateStorage::Local(_) => {
-                let component = self.client.client().line().keys().name();
+                let component = self.client.client().connection().keys().name();
                 let expected = format!("a state of the remote component {component}");
                 return invalid(expected, "one of this process".into());
             }
@@ -384,13 +389,13 @@ impl Backend for RemoteBackend {
         raised.map_or(Ok(()), Err)
     }
 
-    fn set_parameters(&mut self, py: Python<'_>, parameters: &SetParameters) -> PyResult<()> {
+    fn set_parameters(&mut self, py: Python<'_>, parameters: &ParameterUpdate) -> PyResult<()> {
         self.settle(py)?;
         self.client.request(py, |client| client.set_parameters(parameters).map(|_| ()))
     }
 
     fn now_ns(&self) -> u64 {
-        self.client.client().place().now_ns
+        self.client.client().position().now_ns
     }
 
     fn has_failed(&self) -> bool {
@@ -424,14 +429,14 @@ fn check_times(py: Python<'_>, spec: &WindowSpec) -> PyResult<()> {
 /// Returns the exception for a refusal of a component or a missing reply.
 fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
     let code = error.code();
-    match error.fault() {
-        Some(fault) if code == "in_error" => errors::internal(py, fault),
+    match error.request_error() {
+        Some(fault) if code == "error_state" => errors::internal(py, fault),
         Some(fault) => errors::fault(py, fault),
         None => errors::error::<RemoteError>(py, &code, error),
     }
 }
 
 /// Returns the exception for a reply that cannot be used.
-fn bad_reply(py: Python<'_>, request: &str, fault: &Malformed) -> PyErr {
+fn bad_reply(py: Python<'_>, request: &str, fault: &MessageError) -> PyErr {
     failed(py, ballast_zenoh::Error::answer(request, fault))
 }

@@ -14,9 +14,9 @@ use crate::result::{self, PyWindowResult};
 use crate::state::PyState;
 use ballast::math::Pose;
 use ballast::track::TinePath;
-use ballast_protocol::lockstep::SetParameters;
-use ballast_protocol::messages::Compactness;
-use ballast_zenoh::Description;
+use ballast_protocol::lockstep::ParameterUpdate;
+use ballast_protocol::messages::ZoneMeasurement;
+use ballast_zenoh::ComponentDescription;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
@@ -94,7 +94,7 @@ impl PySimulation {
     }
 
     /// Returns a simulation of a remote component.
-    pub fn remote(remote: RemoteBackend, description: Description) -> Self {
+    pub fn remote(remote: RemoteBackend, description: ComponentDescription) -> Self {
         let schedule = description.parameters.get("schedule").and_then(|s| s.as_str());
         let info = SimulationInfo {
             name: format!("zenoh:{}", description.key),
@@ -312,8 +312,12 @@ impl PySimulation {
             Some(f64::INFINITY) => Some(0.0),
             limit => limit,
         };
-        let parameters =
-            SetParameters { iterations, tolerance, penetration, ..SetParameters::default() };
+        let parameters = ParameterUpdate {
+            max_iterations: iterations,
+            tolerance,
+            max_penetration: penetration,
+            ..ParameterUpdate::default()
+        };
         parameters.check().map_err(|fault| errors::fault(py, &fault))?;
         self.with(py, |backend| backend.set_parameters(py, &parameters))
     }
@@ -462,7 +466,7 @@ impl PySimulation {
     /// Measures the case's zones now; returns the results by name.
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let measured = self.with_local(py, "zones", |local| local.zones(py))?;
-        result::zones(py, measured.iter().map(|zone| Compactness::of(0, zone)))
+        result::zones(py, measured.iter().map(|zone| ZoneMeasurement::of(0, zone)))
     }
 
     /// Shape index of each grain (ng,), for `shape`.

@@ -11,7 +11,7 @@ use ballast::model::Model;
 use ballast::state;
 use ballast_beds::Case;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
-use ballast_protocol::lockstep::Place;
+use ballast_protocol::lockstep::RunPosition;
 use ballast_scenario::Choices;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -56,7 +56,7 @@ pub type CommandedMotion = Arc<[(Pose, Option<Twist>)]>;
 /// A state that a remote component stores; it is released there when the last reference is dropped.
 pub struct RemoteState {
     pub component: String,
-    pub place: Place,
+    pub place: RunPosition,
     /// Name of the state at the component.
     pub name: String,
     /// Names of the driven bodies `[nd]`.

@@ -4,7 +4,7 @@ use crate::errors;
 use crate::inputs::whole;
 use crate::lock::{lock, try_lock};
 use ballast::step::MAX_THREADS;
-use ballast_protocol::lockstep::said;
+use ballast_protocol::lockstep::panic_message;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::cell::{Cell, OnceCell};
@@ -267,7 +267,7 @@ pub fn run_controlled<R: Send>(
     });
     match result.map_err(|e| thread_error(py, &e))? {
         Ok(result) => Ok((result, lock(&control.raised).take())),
-        Err(panic) => Err(errors::internal(py, said(panic.as_ref()))),
+        Err(panic) => Err(errors::internal(py, panic_message(panic.as_ref()))),
     }
 }
 

@@ -180,7 +180,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
             "impulse": named(body.impulse),
             "angular_impulse": named(body.angular_impulse),
             "mean": mean,
-            "moving_mean": {"force": named(body.moving_average_force), "torque": named(body.moving_average_torque)},
+            "moving_average": {"force": named(body.moving_average_force), "torque": named(body.moving_average_torque)},
             "peak_force": named(body.peak_force),
             "peak_torque": named(body.peak_torque),
             "peak_time_ns": body.peak_time_ns,
@@ -201,7 +201,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
             "high": named(zone.high),
         }
     for name, squeeze in out.squeezes.items():
-        same = "number is_over began_ns closing peak_force peak_step_force work compaction_energy"
+        same = "number is_finished start_ns closing peak_force peak_step_force work compaction_energy"
         told[f"/ballast/squeeze/{part(name)}"] = {
             "header": head,
             "pair": name,

@@ -6,7 +6,7 @@ use ballast_mcap::Drive;
 use ballast_mcap::messages::Lost;
 use ballast_mcap::motion::Motion;
 use ballast_mcap::recording::Windows;
-use ballast_protocol::messages::{Asked, Parameters};
+use ballast_protocol::messages::{AdvanceInputs, SolverParameters};
 use std::path::{Path, PathBuf};
 
 /// A recording that moves bodies.
@@ -22,9 +22,9 @@ enum Script {
     Windows {
         windows: Box<Windows>,
         end_ns: u64,
-        asked: Asked,
+        asked: AdvanceInputs,
         /// Set before the window at hand, and not asked for yet.
-        parameters: Option<Parameters>,
+        parameters: Option<SolverParameters>,
     },
     /// Poses from any file.
     Motion(Motion),
@@ -35,7 +35,7 @@ impl Playback {
     pub fn of_windows(windows: Windows) -> Self {
         let path = windows.path().to_path_buf();
         let windows = Box::new(windows);
-        let (end_ns, asked, parameters) = (0, Asked::default(), None);
+        let (end_ns, asked, parameters) = (0, AdvanceInputs::default(), None);
         Self { path, script: Script::Windows { windows, end_ns, asked, parameters }, is_new: false }
     }
 
@@ -140,7 +140,7 @@ impl Playback {
     }
 
     /// What the recording has set before the step at hand, once.
-    pub fn parameters(&mut self) -> Option<Parameters> {
+    pub fn parameters(&mut self) -> Option<SolverParameters> {
         match &mut self.script {
             Script::Windows { parameters, .. } => parameters.take(),
             Script::Motion(_) => None,

@@ -12,7 +12,9 @@ use ballast::observe::{SqueezeMeter, Zone};
 use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint;
 use ballast_mcap::{Drive, Meta, Tape, scene};
-use ballast_protocol::messages::{AdvanceReply, BodyInput, Interpolation, Knot, Twist, ns};
+use ballast_protocol::messages::{
+    AdvanceReply, BodyMotion, InterpolationMode, MotionKnot, Twist, ns,
+};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -110,7 +112,7 @@ impl Taping {
 
 /// The motions of a step as inputs: where a recording is replayed what was given, as it was; otherwise those of tines and
 /// sleepers always, of other bodies where they move.
-fn motions(engine: &Engine, stepped: &Stepped, given: &[MotionInput]) -> Vec<BodyInput> {
+fn motions(engine: &Engine, stepped: &Stepped, given: &[MotionInput]) -> Vec<BodyMotion> {
     let times = [stepped.t0_ns, engine.state().time_ns];
     let input = |body: &DrivenBody, poses: &[Pose; 2]| {
         if let Some(input) = given.iter().find(|input| input.body == body.name) {
@@ -120,15 +122,15 @@ fn motions(engine: &Engine, stepped: &Stepped, given: &[MotionInput]) -> Vec<Bod
         if engine.playback().is_some() {
             return None;
         }
-        let knot = |i: usize| Knot {
+        let knot = |i: usize| MotionKnot {
             time_ns: ns(times[i]),
             pose: poses[i].into(),
             twist: Twist::default(),
         };
-        (body.role != Role::Boundary || poses[0] != poses[1]).then(|| BodyInput {
+        (body.role != Role::Boundary || poses[0] != poses[1]).then(|| BodyMotion {
             body: body.name.clone(),
-            interpolation: Interpolation::Linear,
-            rebase: false,
+            interpolation: InterpolationMode::Linear,
+            allow_jump: false,
             knots: vec![knot(0), knot(1)],
         })
     };

@@ -1,7 +1,7 @@
 //! A message with its topic and time, ready to be written or compared.
 
 use ballast_protocol::messages::{Message, schema};
-use ballast_protocol::{Malformed, to_cdr};
+use ballast_protocol::{MessageError, to_cdr};
 
 /// A message of a recording.
 #[derive(Debug, Clone)]
@@ -26,7 +26,7 @@ impl Entry {
         topic: impl Into<String>,
         time_ns: u64,
         message: &T,
-    ) -> Result<Self, Malformed> {
+    ) -> Result<Self, MessageError> {
         let bytes = to_cdr(message)?;
         Ok(Self { topic: topic.into(), time_ns, kind: T::NAME, bytes, schema: schema::<T> })
     }

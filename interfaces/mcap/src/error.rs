@@ -1,6 +1,6 @@
 //! What can go wrong with a recording: which file, where in it, what was expected and what was found.
 
-use ballast_protocol::Malformed;
+use ballast_protocol::MessageError;
 use std::path::{Path, PathBuf};
 
 /// Errors of this crate.
@@ -20,7 +20,7 @@ pub enum Error {
     Version { path: PathBuf, expected: String, found: String },
     /// What was to be written makes no sense.
     #[error("{path}: not written: {0}", path = .1.display())]
-    Refused(Malformed, PathBuf),
+    Refused(MessageError, PathBuf),
     /// There is no checkpoint of what the recording begins with; it says why itself.
     #[error("{0}")]
     Start(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -58,7 +58,7 @@ impl Error {
     }
 
     /// A message of the file that cannot be used.
-    pub(crate) fn message(path: &Path, topic: &str, time_ns: u64, fault: Malformed) -> Self {
+    pub(crate) fn message(path: &Path, topic: &str, time_ns: u64, fault: MessageError) -> Self {
         let place = format!("{topic} at {time_ns} ns, {}", fault.place);
         Self::damaged(path, place, fault.expected, fault.found)
     }

@@ -45,7 +45,7 @@ pub struct Lost {
     /// What was found instead of more.
     pub reason: String,
     /// The file only ends too early, as one does whose writer was killed: in a record, and without the mark that
-    /// closes it. Otherwise it is damaged.
+    /// closes it. DefaultEndpoint it is damaged.
     pub is_cut: bool,
     /// Messages before it.
     pub kept: u64,

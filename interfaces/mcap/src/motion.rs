@@ -19,7 +19,7 @@ use crate::messages::{Lost, Message, Messages};
 use assign::{Assignment, Source};
 use ballast::component::MotionInput;
 use ballast_protocol::messages::{PoseStamped, TFMessage, Twist, TwistStamped};
-use ballast_protocol::{Malformed, from_cdr, messages};
+use ballast_protocol::{MessageError, from_cdr, messages};
 use knots::Track;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -104,9 +104,9 @@ fn few(names: &BTreeSet<String>) -> String {
 }
 
 /// A stamp as ns; one with a second and more beside its seconds is none.
-fn whole(stamp: messages::Time) -> std::result::Result<i64, Malformed> {
+fn whole(stamp: messages::Time) -> std::result::Result<i64, MessageError> {
     let rest = stamp.nanosec;
-    let wrong = || Malformed::new("header.stamp.nanosec", "less than a second", rest);
+    let wrong = || MessageError::new("header.stamp.nanosec", "less than a second", rest);
     (rest < 1_000_000_000).then(|| stamp.ns()).ok_or_else(wrong)
 }
 
@@ -129,10 +129,10 @@ impl Found {
         assignment: &Assignment,
         message: &Message,
         clock: TimeOf,
-    ) -> std::result::Result<(), Malformed> {
+    ) -> std::result::Result<(), MessageError> {
         let at = |stamp: Option<i64>| match (clock, stamp) {
             (TimeOf::Stamp, Some(ns)) => u64::try_from(ns)
-                .map_err(|_| Malformed::new("header.stamp", "a time from 0 on", ns)),
+                .map_err(|_| MessageError::new("header.stamp", "a time from 0 on", ns)),
             _ => Ok(message.log_time),
         };
         let mut more = knots::note(&mut self.topics, &message.channel.topic);
@@ -196,11 +196,11 @@ impl Found {
     }
 
     /// Notes that so many bytes more are kept: at most those of a chunk.
-    fn hold(&mut self, more: usize) -> std::result::Result<(), Malformed> {
+    fn hold(&mut self, more: usize) -> std::result::Result<(), MessageError> {
         self.held += more as u64;
         if self.held > LARGEST {
             let expected = format!("at most {LARGEST} bytes of poses, twists and names up to here");
-            return Err(Malformed::new("motion", expected, "more"));
+            return Err(MessageError::new("motion", expected, "more"));
         }
         Ok(())
     }
@@ -213,7 +213,7 @@ impl Found {
         what: &'static str,
         body: &str,
         source: &str,
-    ) -> std::result::Result<(), Malformed> {
+    ) -> std::result::Result<(), MessageError> {
         if assignment.is_default() {
             return Ok(());
         }
@@ -222,7 +222,7 @@ impl Found {
             return Ok(());
         }
         let expected = format!("one source of the {what} of {body:?}");
-        Err(Malformed::new("map", expected, format!("{first} and {source}")))
+        Err(MessageError::new("map", expected, format!("{first} and {source}")))
     }
 
     fn track(&mut self, body: &str) -> &mut Track {

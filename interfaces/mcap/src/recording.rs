@@ -7,7 +7,7 @@ use crate::meta::{self, Meta};
 use crate::told;
 use crate::window::{PARAMETERS, STEP};
 use ballast_protocol::from_cdr;
-use ballast_protocol::messages::{Parameters, StepRecord};
+use ballast_protocol::messages::{SolverParameters, WindowRecord};
 use std::path::Path;
 
 /// What is told beside the numbers: nobody computes it again, and pictures are large.
@@ -20,8 +20,8 @@ pub(crate) const START: &str = "start.h5";
 #[derive(Debug, Clone)]
 pub struct Window {
     /// Set before this window.
-    pub parameters: Option<Parameters>,
-    pub record: StepRecord,
+    pub parameters: Option<SolverParameters>,
+    pub record: WindowRecord,
     /// The messages of the window's end, in order, without pictures and log; the record itself comes last.
     pub messages: Vec<Message>,
     /// Those before it that are of another time: of the recording's start.
@@ -36,7 +36,7 @@ pub struct Windows {
     open: Vec<Message>,
     /// Memory that they take.
     open_bytes: u64,
-    parameters: Option<Parameters>,
+    parameters: Option<SolverParameters>,
     /// Whether a window was given.
     is_begun: bool,
 }
@@ -118,7 +118,7 @@ impl Windows {
                 self.open.push(message);
                 continue;
             }
-            let record: StepRecord = from_cdr(&message.data)
+            let record: WindowRecord = from_cdr(&message.data)
                 .map_err(|e| Error::message(path, STEP, message.log_time, e))?;
             let end = u64::try_from(record.t1_ns).ok();
             if end != Some(message.log_time) || record.t0_ns > record.t1_ns {

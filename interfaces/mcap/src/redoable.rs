@@ -101,7 +101,7 @@ impl Redoable {
         let frame = |time_ns: i64| u64::try_from(time_ns).ok()?.checked_div(self.picture_ns);
         if frame(reply.t1_ns) > frame(reply.t0_ns) {
             let forces: Vec<Vec3> =
-                reply.bodies.iter().map(|body| body.moving_mean.force.into()).collect();
+                reply.bodies.iter().map(|body| body.moving_average.force.into()).collect();
             self.picture(&model, &state, &forces)?;
         }
         Ok(())

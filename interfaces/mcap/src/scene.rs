@@ -4,13 +4,13 @@ use crate::entry::Entry;
 use ballast::math::Vec3;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast_protocol::{Malformed, pictures};
+use ballast_protocol::{MessageError, pictures};
 
 /// Points, see [`pictures::stones`].
 ///
 /// # Errors
 /// None for a state of any sensible size.
-fn stones(model: &Model, state: &State) -> Result<Entry, Malformed> {
+fn stones(model: &Model, state: &State) -> Result<Entry, MessageError> {
     Entry::of("/stones", state.time_ns, &pictures::stones(model, state))
 }
 
@@ -18,7 +18,7 @@ fn stones(model: &Model, state: &State) -> Result<Entry, Malformed> {
 ///
 /// # Errors
 /// None for a state of any sensible size.
-fn scene(model: &Model, state: &State, forces: &[Vec3]) -> Result<Entry, Malformed> {
+fn scene(model: &Model, state: &State, forces: &[Vec3]) -> Result<Entry, MessageError> {
     Entry::of("/scene", state.time_ns, &pictures::scene(model, state, forces))
 }
 
@@ -31,7 +31,7 @@ pub fn pictures(
     state: &State,
     forces: &[Vec3],
     whole: bool,
-) -> Result<Vec<Entry>, Malformed> {
+) -> Result<Vec<Entry>, MessageError> {
     let mut entries = vec![stones(model, state)?];
     if whole {
         entries.push(scene(model, state, forces)?);

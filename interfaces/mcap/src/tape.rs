@@ -10,9 +10,10 @@ use ballast::component;
 use ballast::model::{Model, Solver};
 use ballast::state::State;
 use ballast::track::plan::Plan;
-use ballast_protocol::Malformed;
+use ballast_protocol::MessageError;
 use ballast_protocol::messages::{
-    AdvanceReply, AdvanceRequest, BodyInput, Log, Parameters, Status, StepSeries, core_ns,
+    AdvanceReply, AdvanceRequest, BodyMotion, Log, ReplyStatus, SolverParameters, StepSeries,
+    core_ns,
 };
 use std::fs::File;
 use std::io::Read;
@@ -26,11 +27,11 @@ pub struct Tape {
     /// Number of the last window.
     seq: u64,
     /// What was said last of how steps are solved.
-    parameters: Parameters,
+    parameters: SolverParameters,
 }
 
 /// What decides how the steps of a model are solved; limits only decide what is kept, and what is kept is recorded.
-fn parameters(model: &Model) -> Parameters {
+fn parameters(model: &Model) -> SolverParameters {
     let solver = &model.solver;
     component::Parameters {
         iterations: solver.max_iterations,
@@ -112,7 +113,7 @@ impl Tape {
     }
 
     /// The request of the window that comes next.
-    pub fn request(&self, t0_ns: u64, t1_ns: u64, motions: Vec<BodyInput>) -> AdvanceRequest {
+    pub fn request(&self, t0_ns: u64, t1_ns: u64, motions: Vec<BodyMotion>) -> AdvanceRequest {
         let bare = AdvanceRequest::of(&self.run_id, self.seq + 1, [t0_ns, t1_ns]);
         AdvanceRequest { motions, ..bare }
     }
@@ -130,21 +131,21 @@ impl Tape {
             deadline_ms: 0,
             deadline_policy: Default::default(),
             // A way of telling; what was computed does not depend on it.
-            series: false,
+            record_steps: false,
             ..request.clone()
         };
         let status = match reply.status {
-            Status::Early if reply.solver.steps_not_converged > 0 => Status::Warn,
-            Status::Early => Status::Ok,
+            ReplyStatus::Early if reply.solver.steps_not_converged > 0 => ReplyStatus::Warn,
+            ReplyStatus::Early => ReplyStatus::Ok,
             other => other,
         };
-        let (run_id, series) = (self.run_id.clone(), StepSeries::default());
+        let (run_id, step_series) = (self.run_id.clone(), StepSeries::default());
         // As far as it came, nothing was wrong.
         let (code, message) = match reply.status {
-            Status::Early => Default::default(),
+            ReplyStatus::Early => Default::default(),
             _ => (reply.code.clone(), reply.message.clone()),
         };
-        (request, AdvanceReply { run_id, status, code, message, series, ..reply.clone() })
+        (request, AdvanceReply { run_id, status, code, message, step_series, ..reply.clone() })
     }
 
     /// Adds a window that has led to `state`.
@@ -182,7 +183,10 @@ impl Tape {
     ///
     /// # Errors
     /// The system refuses; messages that cannot be written.
-    pub fn write_all(&mut self, entries: std::result::Result<Vec<Entry>, Malformed>) -> Result<()> {
+    pub fn write_all(
+        &mut self,
+        entries: std::result::Result<Vec<Entry>, MessageError>,
+    ) -> Result<()> {
         let entries = entries.map_err(|e| Error::Refused(e, self.path.clone()))?;
         entries.iter().try_for_each(|entry| self.writer.write(entry))
     }

@@ -3,10 +3,10 @@
 use crate::entry::{Entry, topic_part};
 use ballast::model::{Model, Role};
 use ballast::state::State;
-use ballast_protocol::Malformed;
+use ballast_protocol::MessageError;
 use ballast_protocol::messages::{
-    AdvanceReply, AdvanceRequest, Clock, Header, PoseStamped, StepRecord, TFMessage, Time,
-    Transform, TransformStamped, Twist, TwistStamped, WORLD, WrenchStamped,
+    AdvanceReply, AdvanceRequest, Clock, Header, PoseStamped, TFMessage, Time, Transform,
+    TransformStamped, Twist, TwistStamped, WORLD, WindowRecord, WrenchStamped,
 };
 
 /// Topic of the records of windows.
@@ -23,19 +23,19 @@ pub(crate) fn zone_topic(zone: &str) -> String {
 pub(crate) const STATIC: &str = "/tf_static";
 
 /// What a recording begins with.
-pub(crate) fn start(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+pub(crate) fn start(model: &Model, state: &State) -> Result<Vec<Entry>, MessageError> {
     Ok([statics(model, state)?, configuration(model, state)?].concat())
 }
 
 /// Frames of floor and walls, once.
-fn statics(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+fn statics(model: &Model, state: &State) -> Result<Vec<Entry>, MessageError> {
     let fixed = (0..model.driven.len()).filter(|d| model.driven[*d].role == Role::Boundary);
     let transforms = fixed.map(|d| transform(model, state, d)).collect();
     Ok(vec![Entry::of(STATIC, state.time_ns, &TFMessage { transforms })?])
 }
 
 /// Where the tools and sleepers are: clock, transforms, poses, twists.
-fn configuration(model: &Model, state: &State) -> Result<Vec<Entry>, Malformed> {
+fn configuration(model: &Model, state: &State) -> Result<Vec<Entry>, MessageError> {
     let time = state.time_ns;
     let tools: Vec<usize> =
         (0..model.driven.len()).filter(|d| model.driven[*d].role != Role::Boundary).collect();
@@ -70,13 +70,13 @@ fn transform(model: &Model, state: &State, d: usize) -> TransformStamped {
     }
 }
 
-/// Everything that a window leaves; its [`StepRecord`] comes last and closes it.
+/// Everything that a window leaves; its [`WindowRecord`] comes last and closes it.
 pub(crate) fn entries(
     model: &Model,
     state: &State,
     request: &AdvanceRequest,
     reply: &AdvanceReply,
-) -> Result<Vec<Entry>, Malformed> {
+) -> Result<Vec<Entry>, MessageError> {
     let time = state.time_ns;
     let mut entries = configuration(model, state)?;
     for body in &reply.bodies {
@@ -98,6 +98,6 @@ pub(crate) fn entries(
     entries.push(Entry::of("/ballast/solver", time, &reply.solver)?);
     entries.push(Entry::of("/ballast/energy", time, &reply.energy)?);
     entries.push(Entry::of("/ballast/hash", time, &reply.hash)?);
-    entries.push(Entry::of(STEP, time, &StepRecord::of(request.clone(), reply)?)?);
+    entries.push(Entry::of(STEP, time, &WindowRecord::of(request.clone(), reply)?)?);
     Ok(entries)
 }

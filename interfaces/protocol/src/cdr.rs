@@ -8,7 +8,7 @@
 mod read;
 mod write;
 
-use crate::Malformed;
+use crate::MessageError;
 use crate::messages::Message;
 
 /// Encapsulation headers: plain CDR, big and little endian.
@@ -19,7 +19,7 @@ const LITTLE: [u8; 2] = [0, 1];
 ///
 /// # Errors
 /// A text with a zero inside, or a list with more than 2³² entries: neither can be expressed.
-pub fn to_cdr<T: Message>(message: &T) -> Result<Vec<u8>, Malformed> {
+pub fn to_cdr<T: Message>(message: &T) -> Result<Vec<u8>, MessageError> {
     let mut writer = write::Writer::new();
     message.serialize(&mut writer).map_err(|e| e.inside(T::NAME))?;
     Ok(writer.finish())
@@ -32,21 +32,25 @@ pub fn to_cdr<T: Message>(message: &T) -> Result<Vec<u8>, Malformed> {
 /// # Errors
 /// Bytes that are no message of this type: another encapsulation, an end too early or too late, text
 /// that is not UTF-8, a value that the type does not know. With the field and its byte.
-pub fn from_cdr<T: Message>(bytes: &[u8]) -> Result<T, Malformed> {
+pub fn from_cdr<T: Message>(bytes: &[u8]) -> Result<T, MessageError> {
     read(bytes).map_err(|e| e.inside(T::NAME))
 }
 
-fn read<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, Malformed> {
+fn read<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, MessageError> {
     let Some((header, body)) = bytes.split_first_chunk::<4>() else {
         let found = format!("{} bytes", bytes.len());
-        return Err(Malformed::new("", "an encapsulation header of 4 bytes", found));
+        return Err(MessageError::new("", "an encapsulation header of 4 bytes", found));
     };
     let little = match [header[0], header[1]] {
         LITTLE => true,
         BIG => false,
         other => {
             let expected = "the header of plain CDR, 00 00 or 00 01";
-            return Err(Malformed::new("", expected, format!("{:02x} {:02x}", other[0], other[1])));
+            return Err(MessageError::new(
+                "",
+                expected,
+                format!("{:02x} {:02x}", other[0], other[1]),
+            ));
         }
     };
     let mut reader = read::Reader::new(body, little);

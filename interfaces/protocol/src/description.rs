@@ -1,7 +1,7 @@
 //! What a component says of itself.
 
 use crate::lockstep::Lockstep;
-use crate::messages::{Parameters, Point, Quaternion, Twist};
+use crate::messages::{Point, Quaternion, SolverParameters, Twist};
 use ballast::component::Component;
 use ballast::model::{DofMode, Model, Schedule};
 use schemars::JsonSchema;
@@ -9,38 +9,38 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Major version of the messages.
-pub const WIRE: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 1;
 
 /// Everything a partner has to know before the first window.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Description {
+pub struct ComponentDescription {
     /// `site/id`.
     pub key: String,
     /// Of the program.
     pub version: String,
     /// Major version of the messages.
-    pub wire: u32,
+    pub protocol_version: u32,
     /// Windows are whole numbers of these, ns.
     pub step_ns: u64,
     pub grains: usize,
-    pub bodies: Vec<Body>,
+    pub bodies: Vec<BodyDescription>,
     /// How closely a window has to join the one before it.
-    pub join: Join,
+    pub continuity: ContinuityTolerance,
     /// What the same inputs give.
     pub determinism: String,
     pub units: String,
     pub frame: String,
-    pub wrench: String,
+    pub wrench_convention: String,
     /// Where pictures are sent from, endpoints.
     #[serde(default)]
-    pub pictures: Vec<String>,
+    pub viewer_endpoints: Vec<String>,
     /// What is set now; 0: no tolerance, no limit of the penetration (m), as `param` takes them.
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
 /// How far apart two windows may be where they join.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Join {
+pub struct ContinuityTolerance {
     pub distance_m: f64,
     pub angle_rad: f64,
     #[serde(rename = "speed_m_per_s")]
@@ -51,12 +51,12 @@ pub struct Join {
 
 /// A driven body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Body {
+pub struct BodyDescription {
     pub name: String,
     /// `tine`, `sleeper`, `boundary`.
     pub role: String,
     /// Modes of x, y, z and of the rotations about them: `prescribed`, `free` or `spring`.
-    pub freedoms: [String; 6],
+    pub dof_modes: [String; 6],
     /// Stiffness of the springs, in the same order: N/m, N s/m, of rotations N m/rad, N m s/rad; elsewhere 0.
     pub stiffness: [f64; 6],
     pub damping: [f64; 6],
@@ -72,20 +72,20 @@ pub struct Body {
     pub twist: Option<Twist>,
 }
 
-impl Description {
+impl ComponentDescription {
     /// Of the component `site/id` as it is now.
     pub fn of(key: &str, lockstep: &Lockstep) -> Self {
         let component = lockstep.component();
         let model = component.model();
         let limits = component.limits();
         let body = |body: &ballast::model::DrivenBody| {
-            let freedoms = body.mount.map_or([DofMode::Prescribed; 6], |m| m.dof_modes);
-            Body {
+            let dof_modes = body.mount.map_or([DofMode::Prescribed; 6], |m| m.dof_modes);
+            BodyDescription {
                 name: body.name.clone(),
                 role: body.role.name().into(),
-                freedoms: freedoms.map(|f| f.name().into()),
-                stiffness: freedoms.map(|f| f.spring()[0]),
-                damping: freedoms.map(|f| f.spring()[1]),
+                dof_modes: dof_modes.map(|f| f.name().into()),
+                stiffness: dof_modes.map(|f| f.spring()[0]),
+                damping: dof_modes.map(|f| f.spring()[1]),
                 mass_kg: body.mount.map(|m| m.mass),
                 position: Point::default(),
                 orientation: Quaternion::default(),
@@ -95,11 +95,11 @@ impl Description {
         let mut this = Self {
             key: key.into(),
             version: env!("CARGO_PKG_VERSION").into(),
-            wire: WIRE,
+            protocol_version: PROTOCOL_VERSION,
             step_ns: model.stepping.step_ns,
             grains: model.grains.len(),
             bodies: model.driven.iter().map(body).collect(),
-            join: Join {
+            continuity: ContinuityTolerance {
                 distance_m: limits.join_distance,
                 angle_rad: limits.join_angle,
                 speed: limits.join_speed,
@@ -108,9 +108,9 @@ impl Description {
             determinism: determinism(model).into(),
             units: "SI: m, s, kg, N, N s, rad".into(),
             frame: "world, right-handed, z up; quaternions x, y, z, w, body to world".into(),
-            wrench: "by the ballast on the body, world axes, about the body's reference point"
-                .into(),
-            pictures: Vec::new(),
+            wrench_convention:
+                "by the ballast on the body, world axes, about the body's reference point".into(),
+            viewer_endpoints: Vec::new(),
             parameters: parameters(component),
         };
         this.follow(lockstep);
@@ -133,13 +133,14 @@ impl Description {
 fn parameters(component: &Component) -> BTreeMap<String, serde_json::Value> {
     let model = component.model();
     // As they are set: 0 is none.
-    let Parameters { iterations, tolerance, penetration } = component.parameters().into();
+    let SolverParameters { max_iterations, tolerance, max_penetration } =
+        component.parameters().into();
     [
         ("step_ns", serde_json::json!(model.stepping.step_ns)),
-        ("iterations", serde_json::json!(iterations)),
+        ("max_iterations", serde_json::json!(max_iterations)),
         ("tolerance", serde_json::json!(tolerance)),
         ("schedule", serde_json::json!(model.solver.schedule.name())),
-        ("penetration", serde_json::json!(penetration)),
+        ("max_penetration", serde_json::json!(max_penetration)),
     ]
     .map(|(name, value)| (name.to_string(), value))
     .into()

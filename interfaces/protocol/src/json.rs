@@ -2,7 +2,7 @@
 //!
 //! Enums are words, hashes are hexadecimal, a number that is not finite is `null`.
 
-use crate::Malformed;
+use crate::MessageError;
 use crate::messages::Message;
 use serde::de::DeserializeOwned;
 
@@ -10,16 +10,16 @@ use serde::de::DeserializeOwned;
 ///
 /// # Errors
 /// None for messages of this crate; the signature is that of [`crate::to_cdr`].
-pub fn to_json<T: Message>(message: &T) -> Result<String, Malformed> {
+pub fn to_json<T: Message>(message: &T) -> Result<String, MessageError> {
     serde_json::to_string(message)
-        .map_err(|e| Malformed::new(T::NAME, "a value that can be written", e))
+        .map_err(|e| MessageError::new(T::NAME, "a value that can be written", e))
 }
 
 /// A message from JSON text.
 ///
 /// # Errors
 /// What is no message of this type, with the path of the field, and line and column.
-pub fn from_json<T: Message>(text: &[u8]) -> Result<T, Malformed> {
+pub fn from_json<T: Message>(text: &[u8]) -> Result<T, MessageError> {
     from_json_called(T::NAME, text)
 }
 
@@ -28,12 +28,12 @@ pub fn from_json<T: Message>(text: &[u8]) -> Result<T, Malformed> {
 ///
 /// # Errors
 /// As [`from_json`].
-pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<T, Malformed> {
+pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<T, MessageError> {
     // Lists of values by position would be read, too, but are nothing that the schema knows.
     let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
     if first == Some(&b'[') {
         let found: String = String::from_utf8_lossy(text).trim_start().chars().take(20).collect();
-        return Err(Malformed::new(name, "a JSON object", found));
+        return Err(MessageError::new(name, "a JSON object", found));
     }
     let mut reader = serde_json::Deserializer::from_slice(text);
     let message: T = serde_path_to_error::deserialize(&mut reader).map_err(|e| {
@@ -42,14 +42,14 @@ pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<
         let place = path.trim_end_matches('?').trim_end_matches('.');
         in_parts(place.to_string(), e.inner(), text).inside(name)
     })?;
-    reader.end().map_err(|e| Malformed::new(name, "the end of the text", e))?;
+    reader.end().map_err(|e| MessageError::new(name, "the end of the text", e))?;
     Ok(message)
 }
 
 /// What serde says of `text` in one sentence, as expected and found.
-fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> Malformed {
+fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> MessageError {
     let sentence = error.to_string();
-    let (said, at) =
+    let (message, at) =
         sentence.rsplit_once(" at line ").map_or((&sentence[..], None), |(s, at)| (s, Some(at)));
     let kinds = [
         "invalid type: ",
@@ -58,25 +58,26 @@ fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> Malformed 
         "unknown field ",
         "unknown variant ",
     ];
-    let differs = kinds.iter().find_map(|kind| said.strip_prefix(kind)?.rsplit_once(", expected "));
-    let (expected, found) = match (said.strip_prefix("missing field "), differs) {
+    let differs =
+        kinds.iter().find_map(|kind| message.strip_prefix(kind)?.rsplit_once(", expected "));
+    let (expected, found) = match (message.strip_prefix("missing field "), differs) {
         (Some(field), _) => (format!("the field {field}"), "none".to_string()),
         (_, Some((found, expected))) => (in_words(expected), found.to_string()),
-        _ if error.is_data() => ("a value of this type".to_string(), said.to_string()),
+        _ if error.is_data() => ("a value of this type".to_string(), message.to_string()),
         _ => match word_at(text, error.line(), error.column()) {
             // What programs write of numbers that JSON has no word for.
-            word if said == "number out of range" || is_no_number(&word) => {
+            word if message == "number out of range" || is_no_number(&word) => {
                 ("a finite number".to_string(), word)
             }
-            word if said == "expected value" && !word.is_empty() => ("JSON".to_string(), word),
-            _ => ("JSON".to_string(), said.to_string()),
+            word if message == "expected value" && !word.is_empty() => ("JSON".to_string(), word),
+            _ => ("JSON".to_string(), message.to_string()),
         },
     };
     let found = match at.and_then(|at| at.split_once(" column ")) {
         Some((line, column)) => format!("{found} (line {line}, column {column})"),
         None => found,
     };
-    Malformed::new(place, expected, found)
+    MessageError::new(place, expected, found)
 }
 
 /// The word of `text` in which a line and column (from 1) lie, or that ends before it: 20 characters at most.
@@ -114,15 +115,15 @@ fn in_words(expected: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lockstep::{Attach, SetParameters};
+    use crate::lockstep::{AttachRequest, ParameterUpdate};
 
     #[test]
     fn what_is_wrong_is_told_in_parts() {
         let attach = |text: &str| {
-            from_json_called::<Attach>("attach", text.as_bytes()).unwrap_err().to_string()
+            from_json_called::<AttachRequest>("attach", text.as_bytes()).unwrap_err().to_string()
         };
         let param = |text: &str| {
-            from_json_called::<SetParameters>("param", text.as_bytes()).unwrap_err().to_string()
+            from_json_called::<ParameterUpdate>("param", text.as_bytes()).unwrap_err().to_string()
         };
         for (told, expected) in [
             (attach("{}"), "attach: expected the field `client`, found none (line 1, column 2)"),
@@ -132,12 +133,12 @@ mod tests {
             ),
             (
                 attach(r#"{"clint": "a"}"#),
-                "attach.clint: expected one of `client`, `resume`, `ticket`, found `clint` (line 1, column 8)",
+                "attach.clint: expected one of `client`, `run_id`, `ticket`, found `clint` (line 1, column 8)",
             ),
             (attach(r#"["a"]"#), r#"attach: expected a JSON object, found ["a"]"#),
             (
-                param(r#"{"iterations": -1}"#),
-                "param.iterations: expected a whole number from 0 to 4294967295, found integer `-1` (line 1, column 17)",
+                param(r#"{"max_iterations": -1}"#),
+                "param.max_iterations: expected a whole number from 0 to 4294967295, found integer `-1` (line 1, column 21)",
             ),
             (
                 param(r#"{"tolerance": "1e-4"}"#),

@@ -19,4 +19,4 @@ mod malformed;
 
 pub use cdr::{from_cdr, to_cdr};
 pub use json::{from_json, from_json_called, to_json};
-pub use malformed::Malformed;
+pub use malformed::MessageError;

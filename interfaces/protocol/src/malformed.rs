@@ -3,14 +3,14 @@
 /// A message that cannot be read, written or used: where in it, what was expected, what was found.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{place}: expected {expected}, found {found}")]
-pub struct Malformed {
-    /// Type and path of the field, `ballast_msgs/msg/BodyInput.knots[2].pose`.
+pub struct MessageError {
+    /// Type and path of the field, `ballast_msgs/msg/BodyMotion.knots[2].pose`.
     pub place: String,
     pub expected: String,
     pub found: String,
 }
 
-impl Malformed {
+impl MessageError {
     pub fn new(
         place: impl Into<String>,
         expected: impl Into<String>,
@@ -29,7 +29,7 @@ impl Malformed {
 }
 
 /// How serde's own complaints arrive: without a place, which the caller adds.
-impl serde::de::Error for Malformed {
+impl serde::de::Error for MessageError {
     fn custom<T: std::fmt::Display>(message: T) -> Self {
         Self::new("", "a value of this type", message)
     }
@@ -43,7 +43,7 @@ impl serde::de::Error for Malformed {
     }
 }
 
-impl serde::ser::Error for Malformed {
+impl serde::ser::Error for MessageError {
     fn custom<T: std::fmt::Display>(message: T) -> Self {
         Self::new("", "a value that can be written", message)
     }

@@ -1,8 +1,9 @@
 //! The JSON Schema of the control plane, made from the same types that read and write it.
 
-use crate::description::Description;
+use crate::description::ComponentDescription;
 use crate::lockstep::{
-    Attach, Attached, Fault, Init, Named, Place, SetParameters, StatusReport, Verb,
+    AttachReply, AttachRequest, InitRequest, ParameterUpdate, RequestError, RequestKind,
+    RunPosition, StateName, StatusReport,
 };
 use crate::messages::{AdvanceReply, AdvanceRequest};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -11,7 +12,7 @@ use serde_json::{Map, Value, json};
 /// A request without content: `{}`, or no payload at all.
 #[derive(Debug, Clone, Copy, Default, serde::Serialize, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Nothing {}
+pub struct EmptyRequest {}
 
 /// Adds what is asked and what is answered.
 type Pair = fn(&mut SchemaGenerator) -> [Schema; 2];
@@ -21,15 +22,19 @@ fn pair<Q: JsonSchema, A: JsonSchema>(generator: &mut SchemaGenerator) -> [Schem
 }
 
 /// A request, and what it is answered with unless it is refused.
-fn pair_of(verb: Verb) -> Pair {
+fn pair_of(verb: RequestKind) -> Pair {
     match verb {
-        Verb::Attach => pair::<Attach, Attached>,
-        Verb::Init => pair::<Init, Place>,
-        Verb::Window(_) => pair::<AdvanceRequest, AdvanceReply>,
-        Verb::Save | Verb::Restore | Verb::Drop => pair::<Named, Place>,
-        Verb::Param => pair::<SetParameters, Place>,
-        Verb::Status => pair::<Nothing, StatusReport>,
-        Verb::Reset | Verb::Detach | Verb::Shutdown => pair::<Nothing, Place>,
+        RequestKind::Attach => pair::<AttachRequest, AttachReply>,
+        RequestKind::Init => pair::<InitRequest, RunPosition>,
+        RequestKind::Window(_) => pair::<AdvanceRequest, AdvanceReply>,
+        RequestKind::Save | RequestKind::Restore | RequestKind::Drop => {
+            pair::<StateName, RunPosition>
+        }
+        RequestKind::Param => pair::<ParameterUpdate, RunPosition>,
+        RequestKind::Status => pair::<EmptyRequest, StatusReport>,
+        RequestKind::Reset | RequestKind::Detach | RequestKind::Shutdown => {
+            pair::<EmptyRequest, RunPosition>
+        }
     }
 }
 
@@ -38,14 +43,14 @@ fn pair_of(verb: Verb) -> Pair {
 pub fn control_plane() -> Value {
     let mut generator = SchemaGenerator::default();
     let mut named = Map::new();
-    let describe: (&str, Pair) = ("describe", pair::<Nothing, Description>);
-    let verbs = Verb::ALL.map(|verb| (verb.word(), pair_of(verb)));
+    let describe: (&str, Pair) = ("describe", pair::<EmptyRequest, ComponentDescription>);
+    let verbs = RequestKind::ALL.map(|verb| (verb.word(), pair_of(verb)));
     for (verb, pair) in std::iter::once(describe).chain(verbs) {
         let [request, reply] = pair(&mut generator);
         named.insert(format!("{verb}.request"), request.into());
         named.insert(format!("{verb}.reply"), reply.into());
     }
-    named.insert("refusal".into(), generator.subschema_for::<Fault>().into());
+    named.insert("refusal".into(), generator.subschema_for::<RequestError>().into());
     named.extend(generator.take_definitions(true));
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",

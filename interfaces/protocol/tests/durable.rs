@@ -7,9 +7,12 @@ use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast_protocol::lockstep::{
-    Attach, Code, Fault, Lockstep, Named, Pace, SetParameters, WindowKind,
+    AttachRequest, ErrorCode, Lockstep, ParameterUpdate, RequestError, StateName, WindowControl,
+    WindowKind,
 };
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, Status};
+use ballast_protocol::messages::{
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, ReplyStatus,
+};
 use std::sync::Arc;
 
 const MS: i64 = 1_000_000;
@@ -24,7 +27,7 @@ fn kept(windows: u64) -> Lockstep {
     let scene = common::heap::falling(2, MS as u64).scheduled(Schedule::Synchronous, [2, 1, 1]);
     let component = Component::new(Arc::new(scene.model), scene.state, Limits::default());
     let mut lockstep = Lockstep::new(component.expect("a scene"), "run-1", hash);
-    let ask = Attach { client: "driver".into(), ..Attach::default() };
+    let ask = AttachRequest { client: "driver".into(), ..AttachRequest::default() };
     lockstep.attach(&ask, TICKET.into(), 0).expect("nobody drives yet");
     for seq in 1..=windows {
         window(&mut lockstep, WindowKind::Advance, &request(seq)).expect("a good window");
@@ -43,14 +46,14 @@ fn window(
     lockstep: &mut Lockstep,
     kind: WindowKind,
     request: &AdvanceRequest,
-) -> Result<AdvanceReply, Fault> {
-    lockstep.window(kind, request, TICKET, &|| 0, &mut |_| Pace::GoOn)
+) -> Result<AdvanceReply, RequestError> {
+    lockstep.window(kind, request, TICKET, &|| 0, &mut |_| WindowControl::Continue)
 }
 
 #[test]
 fn a_window_that_leads_elsewhere_now_is_not_said_to_survive() {
     let mut lockstep = kept(3);
-    // Asked for in other words, so that it is computed.
+    // AdvanceInputs for in other words, so that it is computed.
     let again = AdvanceRequest { deadline_ms: 60_000, ..request(3) };
     window(&mut lockstep, WindowKind::Redo, &again).unwrap();
     assert_eq!(lockstep.durable_seq(), 2);
@@ -68,14 +71,15 @@ fn a_window_that_leads_elsewhere_now_is_not_said_to_survive() {
 #[test]
 fn neither_is_a_state_that_was_left_nor_one_with_other_parameters() {
     let mut lockstep = kept(2);
-    let name = Named { name: "here".into() };
+    let name = StateName { name: "here".into() };
     lockstep.save(&name, TICKET).unwrap();
     window(&mut lockstep, WindowKind::Advance, &request(3)).unwrap();
     lockstep.note_durable();
     lockstep.restore(&name, TICKET).unwrap();
-    assert_eq!((lockstep.place().seq, lockstep.durable_seq()), (3, 2));
+    assert_eq!((lockstep.position().seq, lockstep.durable_seq()), (3, 2));
     let mut lockstep = kept(2);
-    let set = |iterations| SetParameters { iterations: Some(iterations), ..Default::default() };
+    let set =
+        |iterations| ParameterUpdate { max_iterations: Some(iterations), ..Default::default() };
     lockstep.set_parameters(&set(7), TICKET).unwrap();
     assert_eq!(lockstep.durable_seq(), 1);
     lockstep.note_durable();
@@ -86,21 +90,26 @@ fn neither_is_a_state_that_was_left_nor_one_with_other_parameters() {
 #[test]
 fn a_window_without_time_that_may_be_discarded_takes_its_number_and_no_more() {
     let mut lockstep = kept(2);
-    let before = lockstep.place();
+    let before = lockstep.position();
     let nothing = AdvanceRequest { t1_ns: 2 * MS, ..request(3) };
     let fault = window(&mut lockstep, WindowKind::Advance, &nothing).unwrap_err();
-    assert_eq!(fault.code, Code::TimeGrid, "{fault}");
+    assert_eq!(fault.code, ErrorCode::TimeGrid, "{fault}");
     let nothing = AdvanceRequest { deadline_policy: DeadlinePolicy::Discard, ..nothing };
     let reply = window(&mut lockstep, WindowKind::Advance, &nothing).unwrap();
-    assert_eq!((reply.status, reply.seq, reply.t1_ns), (Status::Discard, 3, 2 * MS));
+    assert_eq!((reply.status, reply.seq, reply.t1_ns), (ReplyStatus::Discard, 3, 2 * MS));
     assert_eq!(reply.hash.to_string(), before.hash);
     assert_eq!(window(&mut lockstep, WindowKind::Advance, &nothing).unwrap(), reply);
     // There is nothing in it to be done again, nor is it the window before.
     for again in [nothing, request(2), AdvanceRequest { seq: 3, ..request(2) }] {
         let fault = window(&mut lockstep, WindowKind::Redo, &again).err();
-        assert!(fault.is_none_or(|f| matches!(f.code, Code::NothingToRedo | Code::OutOfSequence)));
+        assert!(
+            fault.is_none_or(|f| matches!(
+                f.code,
+                ErrorCode::NothingToRedo | ErrorCode::OutOfSequence
+            ))
+        );
     }
-    assert_eq!(lockstep.place().hash, before.hash);
+    assert_eq!(lockstep.position().hash, before.hash);
     let next = AdvanceRequest { seq: 4, ..request(3) };
     let reply = window(&mut lockstep, WindowKind::Advance, &next).unwrap();
     assert_eq!(reply.hash, window(&mut kept(2), WindowKind::Advance, &request(3)).unwrap().hash);

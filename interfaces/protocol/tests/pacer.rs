@@ -6,9 +6,11 @@ mod shaken;
 
 use ballast::component::{Component, Limits};
 use ballast::model::Schedule;
-use ballast_protocol::lockstep::{Activity, Code, StatusReport};
-use ballast_protocol::messages::{AdvanceRequest, BodyInput, Interpolation, Knot, Twist};
-use ballast_protocol::pacer::{Due, FreeRunning, MOST_SAMPLES, Pacer};
+use ballast_protocol::lockstep::{ComponentState, ErrorCode, StatusReport};
+use ballast_protocol::messages::{
+    AdvanceRequest, BodyMotion, InterpolationMode, MotionKnot, Twist,
+};
+use ballast_protocol::pacer::{MAX_SAMPLES_PER_BODY, NextAction, Pacer, RealTimeMode};
 use common::scene::Random;
 use std::sync::Arc;
 
@@ -22,14 +24,14 @@ fn component() -> Component {
 }
 
 /// Twice as slow as the wall; 5 ms of latency, 20 ms of silence.
-fn asked() -> FreeRunning {
-    FreeRunning {
-        factor: 0.5,
+fn asked() -> RealTimeMode {
+    RealTimeMode {
+        real_time_factor: 0.5,
         window_ns: MS,
         latency_ns: 5 * MS,
-        max_age_ms: 20,
+        max_sample_age_ms: 20,
         bodies: vec!["floor".into()],
-        interpolation: Interpolation::Hermite,
+        interpolation: InterpolationMode::Hermite,
     }
 }
 
@@ -38,20 +40,20 @@ struct Running {
     component: Component,
     pacer: Pacer,
     windows: Vec<(u64, u64)>,
-    motions: Vec<BodyInput>,
+    motions: Vec<BodyMotion>,
 }
 
 impl Running {
-    fn new(asked: FreeRunning) -> Self {
+    fn new(asked: RealTimeMode) -> Self {
         let component = component();
         let pacer = Pacer::new(asked, &component, 0).expect("sound settings");
         Self { component, pacer, windows: vec![], motions: vec![] }
     }
 
     /// Does what is due at a wall time; what comes after that.
-    fn work(&mut self, wall_ns: u64) -> Due {
+    fn work(&mut self, wall_ns: u64) -> NextAction {
         loop {
-            let Due::Window { t1_ns, motions } = self.pacer.due(wall_ns) else {
+            let NextAction::Compute { t1_ns, motions } = self.pacer.due(wall_ns) else {
                 return self.pacer.due(wall_ns);
             };
             let request = AdvanceRequest { motions, ..AdvanceRequest::default() };
@@ -73,9 +75,9 @@ impl Running {
 #[test]
 fn time_keeps_its_pace_and_the_latency() {
     let mut run = Running::new(asked());
-    assert_eq!(run.work(3 * MS), Due::Starved);
+    assert_eq!(run.work(3 * MS), NextAction::WaitForSamples);
     let status = run.status(3 * MS);
-    assert_eq!(status.activity, Activity::Starved);
+    assert_eq!(status.state, ComponentState::WaitingForInput);
     assert_eq!(status.waiting_for.as_deref(), Some("input of floor from driver"));
     assert_eq!(status.waiting_since_ms, Some(3));
     // From 10 ms on a sample per 2 ms of wall time, 1 ms of its own, which begins anywhere.
@@ -84,7 +86,7 @@ fn time_keeps_its_pace_and_the_latency() {
         let wall = 10 * MS + k * 2 * MS;
         run.pacer.take("floor", shaken::floor((begin + k * MS) as i64), wall);
         let next = run.work(wall);
-        assert_eq!(next, Due::At(wall + 2 * MS), "{k}");
+        assert_eq!(next, NextAction::WaitUntil(wall + 2 * MS), "{k}");
     }
     // A window is computed when its end has come.
     assert_eq!(run.windows[..3], [(MS, 12 * MS), (2 * MS, 14 * MS), (3 * MS, 16 * MS)]);
@@ -93,7 +95,10 @@ fn time_keeps_its_pace_and_the_latency() {
     assert_eq!(run.motions[0].knots[1].time_ns as u64, 5 * MS);
     assert_eq!(run.motions[20].knots.len(), 2);
     let status = run.status(10 * MS + 198 * MS);
-    assert_eq!((status.activity, status.free_running.unwrap().dropped), (Activity::Playing, 0));
+    assert_eq!(
+        (status.state, status.real_time.unwrap().dropped_samples),
+        (ComponentState::Running, 0)
+    );
 }
 
 #[test]
@@ -109,7 +114,7 @@ fn a_sample_from_before_the_run_does_not_shift_the_time_of_all() {
             }
             run.work(wall);
         }
-        let dropped = run.status(210 * MS).free_running.unwrap().dropped;
+        let dropped = run.status(210 * MS).real_time.unwrap().dropped_samples;
         (run.windows, run.component.save(), dropped)
     };
     let (windows, state, dropped) = end(None);
@@ -140,8 +145,8 @@ fn what_comes_early_or_late_within_the_latency_changes_nothing() {
             }
             run.work(wall);
         }
-        let status = run.status(300 * MS).free_running.unwrap();
-        assert_eq!((status.dropped, status.slips), (0, 0));
+        let status = run.status(300 * MS).real_time.unwrap();
+        assert_eq!((status.dropped_samples, status.overruns), (0, 0));
         let (windows, state) = (run.windows.len(), run.component.save());
         assert!(windows > 120, "{windows}");
         (windows, state)
@@ -163,19 +168,22 @@ fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
     let last = 49 * 2 * MS;
     // 5 ms of latency are left, at half pace; then it waits, and stands 20 ms after the last sample.
     let mut wall = last;
-    while let Due::At(at) = run.work(wall) {
+    while let NextAction::WaitUntil(at) = run.work(wall) {
         assert!(at > wall && at <= last + 20 * MS, "{at}");
         wall = at;
     }
     assert_eq!(wall, last + 20 * MS);
     let stands = run.component.now_ns();
     assert_eq!(stands, 54 * MS, "as far as there was input");
-    // Ten seconds nothing; time stands, and it is said since when.
+    // Ten seconds nothing; time stands, and it is message since when.
     for s in 1..10 {
-        assert_eq!(run.work(wall + s * 1_000_000_000), Due::Starved);
+        assert_eq!(run.work(wall + s * 1_000_000_000), NextAction::WaitForSamples);
     }
     let status = run.status(last + 5_000 * MS);
-    assert_eq!((status.activity, status.waiting_since_ms), (Activity::Starved, Some(5000)));
+    assert_eq!(
+        (status.state, status.waiting_since_ms),
+        (ComponentState::WaitingForInput, Some(5000))
+    );
     assert_eq!(run.component.now_ns(), stands);
     // The sender is back, its clock has gone on, its motion too.
     let back = last + 10_000 * MS;
@@ -186,20 +194,20 @@ fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
     }
     // Windows go on from where it stood, at the old pace: `advance_to` has refused no jump.
     assert_eq!(run.component.now_ns(), stands + 49 * MS);
-    assert_eq!(run.status(back + 98 * MS).activity, Activity::Playing);
+    assert_eq!(run.status(back + 98 * MS).state, ComponentState::Running);
 }
 
 #[test]
 fn all_bodies_must_be_heard_of_and_set_the_time_together() {
     let bodies = vec!["floor".into(), "west".into()];
-    let mut run = Running::new(FreeRunning { bodies, ..asked() });
+    let mut run = Running::new(RealTimeMode { bodies, ..asked() });
     let wall_at = run.component.state().imposed(run.component.model(), 1);
-    let west = |time_ns: i64| Knot { time_ns, pose: wall_at.into(), twist: Twist::default() };
+    let west = |time_ns: i64| MotionKnot { time_ns, pose: wall_at.into(), twist: Twist::default() };
     // One of them alone: time stands, however much it says.
     for k in 0..3000 {
         run.pacer.take("floor", shaken::floor((k * MS) as i64 % 1000), k * 2 * MS);
         run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
-        assert_eq!(run.work(k * 2 * MS), Due::Starved);
+        assert_eq!(run.work(k * 2 * MS), NextAction::WaitForSamples);
     }
     assert!(run.status(6_000 * MS).waiting_for.unwrap().contains("west"));
     // The other one joins, by the same clock: both go on together.
@@ -214,10 +222,10 @@ fn all_bodies_must_be_heard_of_and_set_the_time_together() {
 #[test]
 fn bodies_that_are_told_of_in_turn_may_be_farther_apart_than_the_latency() {
     let bodies = vec!["floor".into(), "west".into()];
-    let mut run = Running::new(FreeRunning { bodies, max_age_ms: 100, ..asked() });
+    let mut run = Running::new(RealTimeMode { bodies, max_sample_age_ms: 100, ..asked() });
     let wall_at = run.component.state().imposed(run.component.model(), 1);
-    let west = |time_ns: i64| Knot { time_ns, pose: wall_at.into(), twist: Twist::default() };
-    let still = |time_ns: i64| Knot { twist: Twist::default(), time_ns, ..shaken::floor(0) };
+    let west = |time_ns: i64| MotionKnot { time_ns, pose: wall_at.into(), twist: Twist::default() };
+    let still = |time_ns: i64| MotionKnot { twist: Twist::default(), time_ns, ..shaken::floor(0) };
     // Each every 30 ms of the wall, 15 ms of its own: half of that is more than the latency, 5 ms.
     for k in 0..40 {
         let wall = 10 * MS + k * 15 * MS;
@@ -229,7 +237,7 @@ fn bodies_that_are_told_of_in_turn_may_be_farther_apart_than_the_latency() {
         run.work(wall);
     }
     assert!(run.windows.len() > 250, "{} windows", run.windows.len());
-    assert_eq!(run.status(610 * MS).free_running.unwrap().dropped, 0);
+    assert_eq!(run.status(610 * MS).real_time.unwrap().dropped_samples, 0);
 }
 
 #[test]
@@ -244,9 +252,9 @@ fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
         run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
     }
     let before = run.component.now_ns();
-    assert_eq!(run.work(540 * MS), Due::Starved);
+    assert_eq!(run.work(540 * MS), NextAction::WaitForSamples);
     assert_eq!(
-        (run.status(540 * MS).free_running.unwrap().slips, run.component.now_ns()),
+        (run.status(540 * MS).real_time.unwrap().overruns, run.component.now_ns()),
         (1, before)
     );
     for k in 270..300 {
@@ -259,7 +267,7 @@ fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
 #[test]
 fn samples_of_no_use_are_dropped_within_bounded_memory() {
     let mut run = Running::new(asked());
-    for k in 0..2 * MOST_SAMPLES as u64 {
+    for k in 0..2 * MAX_SAMPLES_PER_BODY as u64 {
         run.pacer.take("floor", shaken::floor((k * 500) as i64), 0);
     }
     let mut bad = shaken::floor(MS as i64 * 1000);
@@ -271,8 +279,8 @@ fn samples_of_no_use_are_dropped_within_bounded_memory() {
     run.pacer.take("ceiling", shaken::floor(0), 0);
     run.pacer.take("floor", shaken::floor(i64::MIN), 0);
     run.pacer.take("floor", shaken::floor(i64::MAX), 0);
-    let dropped = run.status(0).free_running.unwrap().dropped;
-    assert!(dropped >= MOST_SAMPLES as u64 + 5, "{dropped}");
+    let dropped = run.status(0).real_time.unwrap().dropped_samples;
+    assert!(dropped >= MAX_SAMPLES_PER_BODY as u64 + 5, "{dropped}");
     run.work(MS);
 }
 
@@ -280,15 +288,31 @@ fn samples_of_no_use_are_dropped_within_bounded_memory() {
 fn settings_that_make_no_sense_are_refused_with_their_place() {
     let component = component();
     for (wrong, place, code) in [
-        (FreeRunning { factor: 0.0, ..asked() }, "factor", Code::ParameterInvalid),
-        (FreeRunning { factor: f64::NAN, ..asked() }, "factor", Code::ParameterInvalid),
-        (FreeRunning { window_ns: MS + 1, ..asked() }, "window_ns", Code::ParameterInvalid),
-        (FreeRunning { window_ns: 0, ..asked() }, "window_ns", Code::ParameterInvalid),
-        (FreeRunning { latency_ns: 1, ..asked() }, "latency_ns", Code::ParameterInvalid),
-        (FreeRunning { latency_ns: u64::MAX, ..asked() }, "latency_ns", Code::ParameterInvalid),
-        (FreeRunning { max_age_ms: 0, ..asked() }, "max_age_ms", Code::ParameterInvalid),
-        (FreeRunning { bodies: vec![], ..asked() }, "bodies", Code::ParameterInvalid),
-        (FreeRunning { bodies: vec!["flor".into()], ..asked() }, "flor", Code::UnknownBody),
+        (
+            RealTimeMode { real_time_factor: 0.0, ..asked() },
+            "real_time_factor",
+            ErrorCode::ParameterInvalid,
+        ),
+        (
+            RealTimeMode { real_time_factor: f64::NAN, ..asked() },
+            "real_time_factor",
+            ErrorCode::ParameterInvalid,
+        ),
+        (RealTimeMode { window_ns: MS + 1, ..asked() }, "window_ns", ErrorCode::ParameterInvalid),
+        (RealTimeMode { window_ns: 0, ..asked() }, "window_ns", ErrorCode::ParameterInvalid),
+        (RealTimeMode { latency_ns: 1, ..asked() }, "latency_ns", ErrorCode::ParameterInvalid),
+        (
+            RealTimeMode { latency_ns: u64::MAX, ..asked() },
+            "latency_ns",
+            ErrorCode::ParameterInvalid,
+        ),
+        (
+            RealTimeMode { max_sample_age_ms: 0, ..asked() },
+            "max_sample_age_ms",
+            ErrorCode::ParameterInvalid,
+        ),
+        (RealTimeMode { bodies: vec![], ..asked() }, "bodies", ErrorCode::ParameterInvalid),
+        (RealTimeMode { bodies: vec!["flor".into()], ..asked() }, "flor", ErrorCode::UnknownBody),
     ] {
         let fault = Pacer::new(wrong, &component, 0).expect_err("no settings");
         assert!(fault.code == code && fault.message.contains(place), "{fault}");
@@ -304,41 +328,42 @@ fn a_sample_from_far_ahead_does_not_hide_that_nothing_is_heard() {
             run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
-        let still = Knot { time_ns: (ahead * MS) as i64, ..shaken::floor(19 * MS as i64) };
-        run.pacer.take("floor", Knot { twist: Twist::default(), ..still }, 39 * MS);
-        assert_eq!(run.status(39 * MS).free_running.unwrap().dropped, 1);
+        let still = MotionKnot { time_ns: (ahead * MS) as i64, ..shaken::floor(19 * MS as i64) };
+        run.pacer.take("floor", MotionKnot { twist: Twist::default(), ..still }, 39 * MS);
+        assert_eq!(run.status(39 * MS).real_time.unwrap().dropped_samples, 1);
         // What came after it is followed; then nothing comes.
         for k in 20..30 {
             run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
         assert_eq!(run.component.now_ns(), 29 * MS);
-        assert_eq!(run.work((58 + 20) * MS), Due::Starved, "{ahead}");
-        assert_eq!(run.status(80 * MS).activity, Activity::Starved);
+        assert_eq!(run.work((58 + 20) * MS), NextAction::WaitForSamples, "{ahead}");
+        assert_eq!(run.status(80 * MS).state, ComponentState::WaitingForInput);
     }
 }
 
 #[test]
 fn silence_counts_although_there_are_samples_for_a_while() {
     // Half a second of samples lies ahead, of which a tenth may pass without a word.
-    let mut run = Running::new(FreeRunning { latency_ns: 500 * MS, max_age_ms: 200, ..asked() });
+    let mut run =
+        Running::new(RealTimeMode { latency_ns: 500 * MS, max_sample_age_ms: 200, ..asked() });
     for k in 0..10 {
         run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
     }
     let mut wall = 18 * MS;
-    while let Due::At(at) = run.work(wall) {
+    while let NextAction::WaitUntil(at) = run.work(wall) {
         assert!(wall < at && at <= 218 * MS);
         wall = at;
     }
-    assert_eq!((wall, run.status(wall).activity), (218 * MS, Activity::Starved));
+    assert_eq!((wall, run.status(wall).state), (218 * MS, ComponentState::WaitingForInput));
     let stands = run.component.now_ns();
-    assert_eq!(run.work(2 * wall), Due::Starved);
+    assert_eq!(run.work(2 * wall), NextAction::WaitForSamples);
     // It goes on with the next words.
     for k in 300..310 {
         run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
-    assert_eq!(run.status(620 * MS).activity, Activity::Playing);
+    assert_eq!(run.status(620 * MS).state, ComponentState::Running);
     assert!(run.component.now_ns() > stands);
 }
 
@@ -346,7 +371,8 @@ fn silence_counts_although_there_are_samples_for_a_while() {
 fn jumps_of_a_held_body_that_add_up_to_too_much_are_dropped() {
     // Ten samples in each step of 1 ms, each farther by a tenth of a step's way, or by as much as a step may have.
     for (share, dropped) in [(0.04, false), (0.9, true)] {
-        let mut run = Running::new(FreeRunning { interpolation: Interpolation::Hold, ..asked() });
+        let mut run =
+            Running::new(RealTimeMode { interpolation: InterpolationMode::Hold, ..asked() });
         let most = ballast::drive::SpeedLimit::of(run.component.model()).way;
         let mut knot = shaken::floor(0);
         knot.twist = Twist::default();
@@ -358,47 +384,47 @@ fn jumps_of_a_held_body_that_add_up_to_too_much_are_dropped() {
             run.pacer.take("floor", knot, wall);
             run.work(wall);
         }
-        assert_eq!(run.status(210 * MS).free_running.unwrap().dropped > 0, dropped, "{share}");
+        assert_eq!(run.status(210 * MS).real_time.unwrap().dropped_samples > 0, dropped, "{share}");
     }
 }
 
 #[test]
 fn a_sample_that_would_end_the_run_is_dropped() {
-    let end = |bad: &dyn Fn(Knot) -> Option<Knot>| {
+    let end = |bad: &dyn Fn(MotionKnot) -> Option<MotionKnot>| {
         let mut run = Running::new(asked());
         for k in 0..100 {
             let wall = 10 * MS + k * 2 * MS;
             let good = shaken::floor((k * MS) as i64);
             run.pacer.take("floor", good, wall);
-            let later = Knot { time_ns: good.time_ns + MS as i64 / 2, ..good };
+            let later = MotionKnot { time_ns: good.time_ns + MS as i64 / 2, ..good };
             if let Some(bad) = bad(later).filter(|_| k == 50) {
                 run.pacer.take("floor", bad, wall);
             }
             run.work(wall);
         }
-        let dropped = run.status(210 * MS).free_running.unwrap().dropped;
+        let dropped = run.status(210 * MS).real_time.unwrap().dropped_samples;
         (run.windows, run.component.save(), dropped)
     };
     let (windows, state, dropped) = end(&|_| None);
     assert_eq!((windows.len(), dropped), (99, 0));
     // Turned over, in other units, at a speed that nothing has, at one that it does not say.
-    let turned = |mut knot: Knot| {
+    let turned = |mut knot: MotionKnot| {
         (knot.pose.orientation.x, knot.pose.orientation.w) = (1.0, 0.0);
         Some(knot)
     };
-    let far = |mut knot: Knot| {
+    let far = |mut knot: MotionKnot| {
         knot.pose.position.x = 300.0;
         Some(knot)
     };
-    let fast = |mut knot: Knot| {
+    let fast = |mut knot: MotionKnot| {
         knot.twist.linear.y = 1e6;
         Some(knot)
     };
-    let jumped = |mut knot: Knot| {
+    let jumped = |mut knot: MotionKnot| {
         knot.pose.position.y = 0.1;
         Some(knot)
     };
-    let bad: [&dyn Fn(Knot) -> Option<Knot>; 4] = [&turned, &far, &fast, &jumped];
+    let bad: [&dyn Fn(MotionKnot) -> Option<MotionKnot>; 4] = [&turned, &far, &fast, &jumped];
     for bad in bad {
         assert_eq!(end(bad), (windows.clone(), state.clone(), 1));
     }
@@ -408,22 +434,22 @@ fn a_sample_that_would_end_the_run_is_dropped() {
 fn a_body_that_moves_goes_on_or_is_told() {
     let moving = || {
         let mut component = component();
-        let motions = vec![BodyInput {
+        let motions = vec![BodyMotion {
             body: "floor".into(),
-            interpolation: Interpolation::Hermite,
-            rebase: false,
+            interpolation: InterpolationMode::Hermite,
+            allow_jump: false,
             knots: vec![shaken::floor(0), shaken::floor(25 * MS as i64)],
         }];
         let request = AdvanceRequest { motions, ..AdvanceRequest::default() };
         component.advance_to(25 * MS, &request.inputs().unwrap().motions[..]).expect("a window");
         component
     };
-    let west = FreeRunning { bodies: vec!["west".into()], ..asked() };
+    let west = RealTimeMode { bodies: vec!["west".into()], ..asked() };
     let fault = Pacer::new(west, &moving(), 0).expect_err("the floor moves");
-    assert_eq!(fault.code, Code::ParameterInvalid, "{fault}");
+    assert_eq!(fault.code, ErrorCode::ParameterInvalid, "{fault}");
     assert!(fault.message.contains("floor") && fault.message.contains("m/s"), "{fault}");
-    for interpolation in [Interpolation::Hermite, Interpolation::Linear] {
-        let (component, asked) = (moving(), FreeRunning { interpolation, ..asked() });
+    for interpolation in [InterpolationMode::Hermite, InterpolationMode::Linear] {
+        let (component, asked) = (moving(), RealTimeMode { interpolation, ..asked() });
         let pacer = Pacer::new(asked, &component, 0).expect("it goes on");
         let mut run = Running { component, pacer, windows: vec![], motions: vec![] };
         for k in 0..20 {

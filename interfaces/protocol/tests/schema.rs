@@ -1,13 +1,14 @@
 //! The published schema takes what is asked and answered, and nothing else.
 
 use ballast_protocol::lockstep::{
-    Attach, Attached, Code, Fault, Init, Named, Place, Progress, SetParameters, StatusReport,
+    AttachReply, AttachRequest, ErrorCode, InitRequest, ParameterUpdate, RequestError, RunPosition,
+    StateName, StatusReport, WindowProgress,
 };
 use ballast_protocol::messages::{
-    AdvanceReply, AdvanceRequest, BodyInput, BodySeries, Compactness, Knot, LoadInput, LoadKnot,
-    Squeeze, StepSeries, Vector3, WrenchImpulse,
+    AdvanceReply, AdvanceRequest, BodyLoad, BodyMotion, BodySeries, MotionKnot, SqueezeReport,
+    StepSeries, Vector3, WrenchImpulse, WrenchKnot, ZoneMeasurement,
 };
-use ballast_protocol::pacer::FreeRunning;
+use ballast_protocol::pacer::RealTimeMode;
 use ballast_protocol::schema::control_plane;
 use boon::{Compiler, SchemaIndex, Schemas};
 use serde::Serialize;
@@ -29,8 +30,10 @@ impl Validator {
     }
 
     fn find(&mut self, name: &str) -> SchemaIndex {
-        let place = format!("{URL}#/$defs/{name}");
-        self.compiler.compile(&place, &mut self.schemas).unwrap_or_else(|e| panic!("{name}: {e:#}"))
+        let position = format!("{URL}#/$defs/{name}");
+        self.compiler
+            .compile(&position, &mut self.schemas)
+            .unwrap_or_else(|e| panic!("{name}: {e:#}"))
     }
 
     fn takes(&mut self, name: &str, value: &impl Serialize) {
@@ -50,20 +53,23 @@ fn request() -> AdvanceRequest {
         run_id: "run".into(),
         seq: 1,
         t1_ns: 1_000_000,
-        motions: vec![BodyInput { knots: vec![Knot::default(); 2], ..BodyInput::default() }],
-        loads: vec![LoadInput { knots: vec![LoadKnot::default()], ..LoadInput::default() }],
+        motions: vec![BodyMotion {
+            knots: vec![MotionKnot::default(); 2],
+            ..BodyMotion::default()
+        }],
+        loads: vec![BodyLoad { knots: vec![WrenchKnot::default()], ..BodyLoad::default() }],
         ..AdvanceRequest::default()
     }
 }
 
 fn reply() -> AdvanceReply {
-    let zone = Compactness { compactness: f64::NAN, ..Compactness::default() };
+    let zone = ZoneMeasurement { compactness: f64::NAN, ..ZoneMeasurement::default() };
     let body = BodySeries { impulse: vec![Vector3::default()], ..BodySeries::default() };
     AdvanceReply {
         bodies: vec![WrenchImpulse::default()],
         zones: vec![zone],
-        squeezes: vec![Squeeze { loop_force: vec![1.0], ..Squeeze::default() }],
-        series: StepSeries { time_ns: vec![1], bodies: vec![body], ..StepSeries::default() },
+        squeezes: vec![SqueezeReport { loop_force: vec![1.0], ..SqueezeReport::default() }],
+        step_series: StepSeries { time_ns: vec![1], bodies: vec![body], ..StepSeries::default() },
         ..AdvanceReply::default()
     }
 }
@@ -71,38 +77,52 @@ fn reply() -> AdvanceReply {
 #[test]
 fn what_is_written_is_taken() {
     let mut schema = Validator::new();
-    let place = Place { run_id: "run".into(), hash: "0".repeat(32), ..Place::default() };
-    schema.takes("attach.request", &Attach { client: "me".into(), ..Attach::default() });
-    schema.takes("attach.reply", &Attached { ticket: "t".into(), owners: 1, place: place.clone() });
-    schema.takes("init.request", &Init { seed: Some(7), schedule: None });
-    schema.takes("param.request", &SetParameters { tolerance: Some(1e-4), ..Default::default() });
-    let running = FreeRunning { factor: 1.0, ..FreeRunning::default() };
-    for free_running in [Some(Some(running)), Some(None), None] {
-        let ask = SetParameters { free_running, ..SetParameters::default() };
+    let position =
+        RunPosition { run_id: "run".into(), hash: "0".repeat(32), ..RunPosition::default() };
+    schema.takes(
+        "attach.request",
+        &AttachRequest { client: "me".into(), ..AttachRequest::default() },
+    );
+    schema.takes(
+        "attach.reply",
+        &AttachReply { ticket: "t".into(), owner_count: 1, position: position.clone() },
+    );
+    schema.takes("init.request", &InitRequest { seed: Some(7), schedule: None });
+    schema.takes("param.request", &ParameterUpdate { tolerance: Some(1e-4), ..Default::default() });
+    let running = RealTimeMode { real_time_factor: 1.0, ..RealTimeMode::default() };
+    for real_time in [Some(Some(running)), Some(None), None] {
+        let ask = ParameterUpdate { real_time, ..ParameterUpdate::default() };
         schema.takes("param.request", &ask);
         let text = serde_json::to_string(&ask).unwrap();
-        assert_eq!(serde_json::from_str::<SetParameters>(&text).unwrap(), ask);
+        assert_eq!(serde_json::from_str::<ParameterUpdate>(&text).unwrap(), ask);
     }
     for verb in ["advance", "redo"] {
         schema.takes(&format!("{verb}.request"), &request());
         schema.takes(&format!("{verb}.reply"), &reply());
     }
     for verb in ["save", "restore", "drop"] {
-        schema.takes(&format!("{verb}.request"), &Named { name: "here".into() });
+        schema.takes(&format!("{verb}.request"), &StateName { name: "here".into() });
     }
     for verb in ["init", "save", "restore", "drop", "reset", "param", "detach", "shutdown"] {
-        schema.takes(&format!("{verb}.reply"), &place);
+        schema.takes(&format!("{verb}.reply"), &position);
     }
     for verb in ["describe", "reset", "status", "detach", "shutdown"] {
         schema.takes(&format!("{verb}.request"), &json!({}));
     }
-    let status = StatusReport { owner: Some("me".into()), place, ..StatusReport::default() };
+    let status = StatusReport { owner: Some("me".into()), position, ..StatusReport::default() };
     schema.takes("status.reply", &status);
     // Before the first step of a window is done, what it takes is not known.
-    let begun = serde_json::to_value(Progress { steps: 1, ..Progress::default() }).unwrap();
-    assert_eq!((&begun["iterations"], &begun["left_ms"]), (&Value::Null, &Value::Null));
-    schema.takes("status.reply", &StatusReport { progress: Some(Progress::default()), ..status });
-    let fault = Fault { expected_seq: Some(3), ..Fault::new(Code::OutOfSequence, "why") };
+    let begun =
+        serde_json::to_value(WindowProgress { steps: 1, ..WindowProgress::default() }).unwrap();
+    assert_eq!((&begun["iterations"], &begun["remaining_ms"]), (&Value::Null, &Value::Null));
+    schema.takes(
+        "status.reply",
+        &StatusReport { progress: Some(WindowProgress::default()), ..status },
+    );
+    let fault = RequestError {
+        expected_seq: Some(3),
+        ..RequestError::new(ErrorCode::OutOfSequence, "why")
+    };
     schema.takes("refusal", &fault);
     // The shortest requests that are read.
     schema.takes("advance.request", &json!({"run_id": "r", "seq": 1, "t0_ns": 0, "t1_ns": 5}));
@@ -141,7 +161,7 @@ fn what_is_not_read_is_refused() {
     schema.refuses("attach.request", &json!({}));
     schema.refuses("save.request", &json!({"name": "x", "nam": "y"}));
     schema.refuses("param.request", &json!({"step_ns": 5}));
-    schema.refuses("param.request", &json!({"iterations": 1_u64 << 32}));
+    schema.refuses("param.request", &json!({"max_iterations": 1_u64 << 32}));
     schema.refuses("init.request", &json!({"seed": -1}));
     schema.refuses("reset.request", &json!({"name": "x"}));
     schema.refuses("refusal", &json!({"code": "nothing_known", "message": ""}));

@@ -140,7 +140,7 @@ impl From<ballast_mcap::Error> for Failure {
 impl From<ballast_zenoh::Error> for Failure {
     fn from(error: ballast_zenoh::Error) -> Self {
         match error {
-            ballast_zenoh::Error::Name { .. } => Failure::Usage(error.to_string()),
+            ballast_zenoh::Error::InvalidName { .. } => Failure::Usage(error.to_string()),
             _ => Failure::Transport(error.to_string()),
         }
     }

@@ -13,11 +13,11 @@ mod common;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::description::Body;
+use ballast_protocol::description::BodyDescription;
 use ballast_protocol::lockstep::Lockstep;
-use ballast_protocol::messages::{BodyInput, Digest, Interpolation, Knot, Pose, Twist};
+use ballast_protocol::messages::{BodyMotion, Digest, InterpolationMode, MotionKnot, Pose, Twist};
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Client, Link, Patience, Server};
+use ballast_zenoh::{Client, Server, SessionConfig, Timeouts};
 use std::error::Error;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -38,10 +38,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some(key) => {
             let mut client = Client::attach(
                 &key,
-                &Link::default().or_connecting(),
+                &SessionConfig::default().or_connect_to_default(),
                 "bench",
                 None,
-                Patience::default(),
+                Timeouts::default(),
             )?;
             let times = measure(&mut client, windows)?;
             client.detach()?;
@@ -70,8 +70,8 @@ fn beside(windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     let mut endpoint = String::new();
     let told = child.stdout.take().ok_or("the other process tells nothing")?;
     BufReader::new(told).read_line(&mut endpoint)?;
-    let link = Link::to(endpoint.trim());
-    let mut client = Client::attach(KEY, &link, "bench", None, Patience::default())?;
+    let link = SessionConfig::connect_to(endpoint.trim());
+    let mut client = Client::attach(KEY, &link, "bench", None, Timeouts::default())?;
     let times = measure(&mut client, windows)?;
     client.shut_down()?;
     child.wait()?;
@@ -86,21 +86,21 @@ fn measure(client: &mut Client, windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn E
     };
     let mut times = Vec::new();
     for _ in 0..windows {
-        let t0 = client.place().now_ns;
+        let t0 = client.position().now_ns;
         let t1 = t0 + step_ns;
         let motions = bodies.iter().map(|body| still(body, [t0, t1])).collect();
         let begin = Instant::now();
         client.advance_to(t1, motions, vec![])?;
         let all = begin.elapsed().as_secs_f64() * 1e6;
         let cost = client.status()?.last_window.ok_or("the component tells no cost")?;
-        times.push([all, cost.wall_ms * 1e3]);
+        times.push([all, cost.wall_time_ms * 1e3]);
     }
     Ok(times)
 }
 
 fn serve() -> Result<(), Box<dyn Error>> {
     let endpoint = free_endpoint()?;
-    let server = Server::open(KEY, &Link::listening(&endpoint))?;
+    let server = Server::open(KEY, &SessionConfig::listen_on(&endpoint))?;
     println!("{endpoint}");
     server.run(Lockstep::new(component()?, "run-1", hash), &mut ())?;
     Ok(())
@@ -120,13 +120,13 @@ fn hash(_: &Model, state: &State) -> u128 {
 }
 
 /// A body that stays where it is: an input all the same.
-fn still(body: &Body, times_ns: [u64; 2]) -> BodyInput {
+fn still(body: &BodyDescription, times_ns: [u64; 2]) -> BodyMotion {
     let pose = Pose { position: body.position, orientation: body.orientation };
-    let knot = |ns: u64| Knot { time_ns: ns as i64, pose, twist: Twist::default() };
-    BodyInput {
+    let knot = |ns: u64| MotionKnot { time_ns: ns as i64, pose, twist: Twist::default() };
+    BodyMotion {
         body: body.name.clone(),
-        interpolation: Interpolation::Hermite,
-        rebase: false,
+        interpolation: InterpolationMode::Hermite,
+        allow_jump: false,
         knots: times_ns.map(knot).into(),
     }
 }

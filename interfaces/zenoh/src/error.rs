@@ -1,72 +1,72 @@
 //! What a client of a component is told when a request is not answered as it should be.
 
-use ballast_protocol::Malformed;
-use ballast_protocol::lockstep::Fault;
+use ballast_protocol::MessageError;
+use ballast_protocol::lockstep::RequestError;
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A component's name.
     #[error("key: expected {expected}, found {found:?}")]
-    Name { expected: &'static str, found: String },
+    InvalidName { expected: &'static str, found: String },
     /// How to reach each other.
     #[error("{place}: {reason}")]
-    Link { place: String, reason: String },
+    Transport { place: String, reason: String },
     /// The component has refused the request; nothing has changed there.
     #[error(transparent)]
-    Refused(#[from] Fault),
+    Rejected(#[from] RequestError),
     /// The component is there, but has not answered within the time allowed. The request may be sent again:
     /// what was done is not done twice.
     #[error("{request}: no answer within {waited_s:.1} s, though {component} is there: {doing}")]
-    Slow { request: String, component: String, waited_s: f64, doing: String },
+    Timeout { request: String, component: String, waited_s: f64, doing: String },
     /// The component is not there: neither alive nor telling what it does.
     #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s{hint}")]
-    PeerLost { request: String, component: String, silent_s: f64, hint: &'static str },
-    /// The caller has given up waiting; the request may be sent again, as after [`Error::Slow`].
+    Disconnected { request: String, component: String, silent_s: f64, hint: &'static str },
+    /// The caller has given up waiting; the request may be sent again, as after [`Error::Timeout`].
     #[error("{request}: given up after {waited_s:.1} s; {component} goes on with it")]
-    Abandoned { request: String, component: String, waited_s: f64 },
+    Cancelled { request: String, component: String, waited_s: f64 },
     /// The run was continued by someone else, or lost more than can be computed again: so says every call that would go
     /// on from where it was left, until a kept state is restored or a run begun.
     #[error("{component}, run {run_id}: expected {expected}, found {found}")]
     Diverged { component: String, run_id: String, expected: String, found: String },
     /// An answer that is none.
     #[error("answer to {request}: {what}")]
-    Answer { request: String, what: String },
+    BadReply { request: String, what: String },
 }
 
 impl Error {
     pub(crate) fn link(place: impl Into<String>, reason: impl ToString) -> Self {
-        Self::Link { place: place.into(), reason: without_sources(&reason.to_string()) }
+        Self::Transport { place: place.into(), reason: without_sources(&reason.to_string()) }
     }
 
     /// An answer that cannot be used.
     pub fn answer(request: &str, what: impl ToString) -> Self {
-        Self::Answer { request: request.into(), what: what.to_string() }
+        Self::BadReply { request: request.into(), what: what.to_string() }
     }
 
     /// A request of one's own that cannot be written: nothing was asked, as if it had been refused.
-    pub(crate) fn unwritten(request: &str, fault: Malformed) -> Self {
-        Fault { message: format!("{request}: {fault}"), ..fault.into() }.into()
+    pub(crate) fn unwritten(request: &str, fault: MessageError) -> Self {
+        RequestError { message: format!("{request}: {fault}"), ..fault.into() }.into()
     }
 
     /// Short name of the kind, as codes of refusals are.
     pub fn code(&self) -> String {
         match self {
-            Self::Name { .. } => "invalid_name".into(),
-            Self::Link { .. } => "transport".into(),
-            Self::Refused(fault) => fault.code.to_string(),
-            Self::Slow { .. } => "timeout".into(),
-            Self::PeerLost { .. } => "disconnected".into(),
-            Self::Abandoned { .. } => "cancelled".into(),
+            Self::InvalidName { .. } => "invalid_name".into(),
+            Self::Transport { .. } => "transport".into(),
+            Self::Rejected(fault) => fault.code.to_string(),
+            Self::Timeout { .. } => "timeout".into(),
+            Self::Disconnected { .. } => "disconnected".into(),
+            Self::Cancelled { .. } => "cancelled".into(),
             Self::Diverged { .. } => "diverged".into(),
-            Self::Answer { .. } => "bad_reply".into(),
+            Self::BadReply { .. } => "bad_reply".into(),
         }
     }
 
     /// The component's refusal, if it is one.
-    pub fn fault(&self) -> Option<&Fault> {
+    pub fn request_error(&self) -> Option<&RequestError> {
         match self {
-            Self::Refused(fault) => Some(fault),
+            Self::Rejected(fault) => Some(fault),
             _ => None,
         }
     }

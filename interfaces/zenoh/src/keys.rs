@@ -3,7 +3,7 @@
 use crate::Error;
 
 /// Major version of the messages.
-pub use ballast_protocol::description::WIRE as VERSION;
+pub use ballast_protocol::description::PROTOCOL_VERSION as VERSION;
 
 /// The parameter of a `describe` query that asks for the schema of requests and replies.
 pub(crate) const SCHEMA: &str = "schema";
@@ -29,7 +29,7 @@ impl Keys {
             return Ok(Self { name: name.into(), base: format!("ballast/{VERSION}/{name}") });
         }
         let expected = "SITE/ID of letters, digits, '-', '_' and '.'";
-        Err(Error::Name { expected, found: name.into() })
+        Err(Error::InvalidName { expected, found: name.into() })
     }
 
     /// `site/id`.
@@ -74,15 +74,15 @@ impl Keys {
 
     /// Where a body's motion comes in while time runs by itself.
     pub fn input(&self, body: &str) -> String {
-        format!("{}/in/{}/kin", self.base, chunk(body))
+        format!("{}/in/{}/motion", self.base, chunk(body))
     }
 
     /// Where any body's motion comes in.
     pub(crate) fn input_any(&self) -> String {
-        format!("{}/in/*/kin", self.base)
+        format!("{}/in/*/motion", self.base)
     }
 
-    /// Pictures: `stones`, `scene`.
+    /// Pictures: `grains`, `scene`.
     pub fn picture(&self, what: &str) -> String {
         format!("{}/viz/{what}", self.base)
     }

@@ -12,22 +12,23 @@ pub mod server;
 
 mod wire;
 
-pub use ballast_protocol::description::Description;
-pub use client::{Client, Line, Patience};
+pub use ballast_protocol::description::ComponentDescription;
+pub use client::{Client, Connection, Timeouts};
 pub use error::Error;
 pub use keys::Keys;
-pub use link::{Link, Purpose};
-pub use server::{Host, Server};
+pub use link::{Purpose, SessionConfig};
+pub use server::{Server, ServerHooks};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Between two signs of life of a component.
-pub const HEARTBEAT: Duration = Duration::from_millis(500);
+pub const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(500);
 /// A component that is not alive and silent for so long is lost: three heartbeats.
-pub const SILENCE: Duration = Duration::from_millis(3 * HEARTBEAT.as_millis() as u64);
+pub const DISCONNECT_TIMEOUT: Duration =
+    Duration::from_millis(3 * HEARTBEAT_INTERVAL.as_millis() as u64);
 /// Largest message that is taken, bytes. A window of a hundred bodies with a thousand knots each has 11 MB.
-pub const LARGEST_MESSAGE: usize = 16 << 20;
+pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
 
 /// 128 random bits as hexadecimal digits.
 ///

@@ -1,6 +1,6 @@
 //! How processes find each other: Zenoh's own configuration, with defaults that keep to this machine.
 
-use crate::{Error, LARGEST_MESSAGE, SILENCE};
+use crate::{DISCONNECT_TIMEOUT, Error, MAX_MESSAGE_BYTES};
 use serde_json::Value;
 use std::net::{Ipv4Addr, TcpListener};
 use std::ops::Range;
@@ -55,7 +55,7 @@ const RETRY: &str = "{ period_init_ms: 100, period_max_ms: 500, period_increase_
 ///
 /// Nothing given: a peer that neither listens nor looks around.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Link {
+pub struct SessionConfig {
     /// A Zenoh configuration file (JSON5), for routers, TLS, users, and all else. What it does not say is
     /// as without it: no scouting, no endpoint but those that are named, bounded messages.
     pub config: Option<PathBuf>,
@@ -67,47 +67,47 @@ pub struct Link {
     /// than that. It has to be there when the session is opened.
     pub router: Option<String>,
     /// What is done at [`DEFAULT_ENDPOINT`] where nobody names an endpoint, the file neither.
-    pub otherwise: Otherwise,
+    pub default_endpoint: DefaultEndpoint,
 }
 
 /// What a process does that nobody gave an endpoint.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub enum Otherwise {
+pub enum DefaultEndpoint {
     #[default]
     Nothing,
     Listen,
     Connect,
 }
 
-impl Link {
+impl SessionConfig {
     /// Listens on one endpoint.
-    pub fn listening(endpoint: impl Into<String>) -> Self {
+    pub fn listen_on(endpoint: impl Into<String>) -> Self {
         Self { listen: vec![endpoint.into()], ..Self::default() }
     }
 
     /// Connects to one endpoint.
-    pub fn to(endpoint: impl Into<String>) -> Self {
+    pub fn connect_to(endpoint: impl Into<String>) -> Self {
         Self { connect: vec![endpoint.into()], ..Self::default() }
     }
 
     /// A client of one router.
-    pub fn through(router: impl Into<String>) -> Self {
+    pub fn via_router(router: impl Into<String>) -> Self {
         Self { router: Some(router.into()), ..Self::default() }
     }
 
     /// A Zenoh configuration file.
-    pub fn configured(path: impl Into<PathBuf>) -> Self {
+    pub fn from_file(path: impl Into<PathBuf>) -> Self {
         Self { config: Some(path.into()), ..Self::default() }
     }
 
     /// The same, for one who is looked for: without an endpoint, at the default one.
-    pub fn or_listening(self) -> Self {
-        Self { otherwise: Otherwise::Listen, ..self }
+    pub fn or_listen_on_default(self) -> Self {
+        Self { default_endpoint: DefaultEndpoint::Listen, ..self }
     }
 
     /// The same, for one who looks: without an endpoint, at the default one.
-    pub fn or_connecting(self) -> Self {
-        Self { otherwise: Otherwise::Connect, ..self }
+    pub fn or_connect_to_default(self) -> Self {
+        Self { default_endpoint: DefaultEndpoint::Connect, ..self }
     }
 
     /// Opens the session. One that connects does not wait for the other side: partners start in any order.
@@ -121,7 +121,7 @@ impl Link {
     /// The same, for a purpose.
     ///
     /// # Errors
-    /// As for [`Link::open`].
+    /// As for [`SessionConfig::open`].
     pub fn open_for(&self, purpose: Purpose) -> Result<zenoh::Session, Error> {
         let endpoint = self.router.as_ref().or(self.listen.first()).or(self.connect.first());
         let place = match (&self.config, endpoint) {
@@ -139,7 +139,7 @@ impl Link {
     ///
     /// # Errors
     /// A configuration that Zenoh does not take.
-    pub fn listens_on(&self) -> Result<Vec<String>, Error> {
+    pub fn listen_endpoints(&self) -> Result<Vec<String>, Error> {
         let config = self.configuration(Purpose::default())?;
         let json =
             |key: &str| -> Option<Value> { serde_json::from_str(&config.get_json(key).ok()?).ok() };
@@ -152,7 +152,7 @@ impl Link {
 
     /// Whether `session`, which is one of this link's, has a router and is a peer, to which routers pass on nothing of other
     /// peers.
-    pub(crate) fn is_kept_apart(&self, session: &zenoh::Session) -> bool {
+    pub(crate) fn is_isolated_by_router(&self, session: &zenoh::Session) -> bool {
         let is_peer = self.configuration(Purpose::default()).is_ok_and(|c| mode(&c) == "peer");
         is_peer && session.info().routers_zid().wait().next().is_some()
     }
@@ -179,9 +179,9 @@ impl Link {
         }
         let is_named = [LISTEN, CONNECT].iter().any(|key| names_some(&config, key));
         let default = list(&[DEFAULT_ENDPOINT.into()]);
-        match self.otherwise {
-            Otherwise::Listen if !is_named => set(&mut config, LISTEN, &default)?,
-            Otherwise::Connect if !is_named => set(&mut config, CONNECT, &default)?,
+        match self.default_endpoint {
+            DefaultEndpoint::Listen if !is_named => set(&mut config, LISTEN, &default)?,
+            DefaultEndpoint::Connect if !is_named => set(&mut config, CONNECT, &default)?,
             _ => {}
         }
         Ok(config)
@@ -231,9 +231,9 @@ fn well_formed(endpoint: &str) -> Result<(), Error> {
 fn keep_to_this_machine(config: &mut Config, purpose: Purpose) -> Result<(), Error> {
     let usual = Config::default();
     // What is larger than a request may be gets an answer that says so, up to here; beyond, Zenoh lets it fall.
-    let (largest, lease) = (4 * LARGEST_MESSAGE, SILENCE.as_millis());
+    let (largest, lease) = (4 * MAX_MESSAGE_BYTES, DISCONNECT_TIMEOUT.as_millis());
     // Zenoh opens the session of a client only when it is connected, and of any other at once.
-    let patience = if mode(config) == "client" { ROUTER_TIMEOUT } else { "-1" };
+    let timeouts = if mode(config) == "client" { ROUTER_TIMEOUT } else { "-1" };
     let settings = [
         ("mode", "\"peer\"".to_string()),
         ("scouting/multicast/enabled", "false".into()),
@@ -241,7 +241,7 @@ fn keep_to_this_machine(config: &mut Config, purpose: Purpose) -> Result<(), Err
         (LISTEN, "[]".into()),
         ("listen/exit_on_failure", "true".into()),
         ("listen/timeout_ms", "0".into()),
-        ("connect/timeout_ms", patience.into()),
+        ("connect/timeout_ms", timeouts.into()),
         ("connect/exit_on_failure", "false".into()),
         ("connect/retry", RETRY.into()),
         // A partner that has fallen silent is noticed after this time, ms; one that hangs from the first on, too.
@@ -284,7 +284,7 @@ fn list(endpoints: &[String]) -> String {
 mod tests {
     use super::*;
 
-    fn with(text: &str, link: impl Fn(PathBuf) -> Link) -> Config {
+    fn with(text: &str, link: impl Fn(PathBuf) -> SessionConfig) -> Config {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json5");
         std::fs::write(&path, text).unwrap();
@@ -297,8 +297,12 @@ mod tests {
 
     #[test]
     fn a_file_that_says_little_leaves_the_rest_as_it_is_without_one() {
-        let without = Link::default().or_listening().configuration(Purpose::default()).unwrap();
-        let config = with("{ mode: 'peer' }", |path| Link::configured(path).or_listening());
+        let without = SessionConfig::default()
+            .or_listen_on_default()
+            .configuration(Purpose::default())
+            .unwrap();
+        let config =
+            with("{ mode: 'peer' }", |path| SessionConfig::from_file(path).or_listen_on_default());
         for key in [
             LISTEN,
             "scouting/multicast/enabled",
@@ -308,7 +312,8 @@ mod tests {
             assert_eq!(config.get_json(key).unwrap(), without.get_json(key).unwrap(), "{key}");
         }
         assert_eq!(endpoints(&config), [true, false]);
-        let config = with("{ mode: 'peer' }", |path| Link::configured(path).or_connecting());
+        let config =
+            with("{ mode: 'peer' }", |path| SessionConfig::from_file(path).or_connect_to_default());
         assert_eq!(endpoints(&config), [false, true]);
         assert_eq!(config.get_json(LISTEN).unwrap(), "[]");
     }
@@ -316,10 +321,10 @@ mod tests {
     #[test]
     fn an_endpoint_without_a_protocol_is_told_in_plain_words() {
         for endpoint in ["", "127.0.0.1:7551", "tcp/", "/127.0.0.1:7551"] {
-            for link in [Link::to(endpoint), Link::listening(endpoint)] {
-                let said = link.configuration(Purpose::default()).unwrap_err().to_string();
+            for link in [SessionConfig::connect_to(endpoint), SessionConfig::listen_on(endpoint)] {
+                let message = link.configuration(Purpose::default()).unwrap_err().to_string();
                 let expected = "endpoint: expected PROTOCOL/ADDRESS, such as tcp/127.0.0.1:7447";
-                assert_eq!(said, format!("{expected}, found {endpoint:?}"));
+                assert_eq!(message, format!("{expected}, found {endpoint:?}"));
             }
         }
     }
@@ -328,7 +333,7 @@ mod tests {
     fn what_a_file_says_stays() {
         let text = "{ scouting: { multicast: { enabled: true } }, connect: { endpoints: ['tcp/router:7447'] }, \
                     transport: { link: { rx: { max_message_size: 4096 } } } }";
-        let config = with(text, |path| Link::configured(path).or_listening());
+        let config = with(text, |path| SessionConfig::from_file(path).or_listen_on_default());
         assert_eq!(config.get_json("scouting/multicast/enabled").unwrap(), "true");
         assert_eq!(config.get_json("transport/link/rx/max_message_size").unwrap(), "4096");
         // Who reaches a router need not be reached.

@@ -11,7 +11,7 @@ pub use series::{_unpickle_step_series, PyStepSeries};
 use ballast::component::WindowResult;
 use ballast::model::Model;
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, StateHash, StepSeries};
-use ballast_protocol::{Malformed, from_cdr, to_cdr};
+use ballast_protocol::{MessageError, from_cdr, to_cdr};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyIterator};
@@ -25,7 +25,7 @@ fn private_function<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyA
     py.import("ballast._ballast")?.getattr(name)
 }
 
-fn malformed(error: Malformed) -> PyErr {
+fn malformed(error: MessageError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
@@ -49,7 +49,7 @@ impl PyWindowResult {
         wall_time_s: f64,
         has_step_series: bool,
     ) -> PyResult<Self> {
-        let steps = std::mem::take(&mut reply.series);
+        let steps = std::mem::take(&mut reply.step_series);
         let series = has_step_series.then(|| Py::new(py, PyStepSeries::new(steps, &names)));
         Ok(Self { reply, wall_time_s, names, step_series: series.transpose()? })
     }
@@ -58,7 +58,7 @@ impl PyWindowResult {
     pub fn reply(model: &Model, outcome: &WindowResult, series: StepSeries) -> AdvanceReply {
         let reply =
             AdvanceReply::of(&AdvanceRequest::default(), model, outcome, StateHash::default());
-        AdvanceReply { series, ..reply }
+        AdvanceReply { step_series: series, ..reply }
     }
 
     fn body(&self, name: &str) -> Option<PyBodyResult> {
@@ -152,7 +152,7 @@ impl PyWindowResult {
     /// Largest sensible spacing of motion knots at the bodies' current speed, ns; 0 if nothing moves or in a recording.
     #[getter]
     fn max_knot_spacing_ns(&self) -> u64 {
-        self.reply.hint_max_step_ns
+        self.reply.max_knot_spacing_ns
     }
 
     /// Wall time of the window, s: computing, or waiting for a remote reply; nan in a recording.
@@ -215,7 +215,8 @@ impl PyWindowResult {
         let series = self.step_series.as_ref().map(|series| series.get().steps().clone());
         let has_step_series = series.is_some();
         let series = series.unwrap_or_default();
-        let bytes = to_cdr(&AdvanceReply { series, ..self.reply.clone() }).map_err(malformed)?;
+        let bytes = to_cdr(&AdvanceReply { step_series: series, ..self.reply.clone() })
+            .map_err(malformed)?;
         let arguments =
             (PyBytes::new(py, &bytes), self.names.to_vec(), self.wall_time_s, has_step_series);
         Ok((private_function(py, "_unpickle_window_result")?, arguments))

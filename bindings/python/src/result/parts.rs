@@ -3,7 +3,7 @@
 use super::{Reduced, malformed, private_function};
 use crate::arrays::{self, Matrix, Vector};
 use ballast_protocol::messages::{
-    Compactness, EnergyLedger, Message, SolverStats, Squeeze, Vector3, WrenchImpulse,
+    EnergyBalance, Message, SolverStats, SqueezeReport, Vector3, WrenchImpulse, ZoneMeasurement,
 };
 use ballast_protocol::{from_cdr, to_cdr};
 use pyo3::exceptions::PyValueError;
@@ -81,9 +81,9 @@ message_class!(PyBodyResult("BodyResult"):
     /// Mean torque over the window (3,), N m.
     mean_torque: Vector<'py> = |m, py| vector(py, m.mean.torque),
     /// Mean force over the last 4 ms in whole steps, at least one (3,), N; may include steps before the window.
-    moving_average_force: Vector<'py> = |m, py| vector(py, m.moving_mean.force),
+    moving_average_force: Vector<'py> = |m, py| vector(py, m.moving_average.force),
     /// Mean torque over the last 4 ms in whole steps, at least one (3,), N m; may include steps before the window.
-    moving_average_torque: Vector<'py> = |m, py| vector(py, m.moving_mean.torque),
+    moving_average_torque: Vector<'py> = |m, py| vector(py, m.moving_average.torque),
     /// Largest mean force of a single step (3,), N.
     peak_force: Vector<'py> = |m, py| vector(py, m.peak_force),
     /// Mean torque of the step with the peak force (3,), N m.
@@ -121,7 +121,7 @@ message_class!(PyBodyResult("BodyResult"):
 /// Returns a dictionary of zones by name.
 pub fn zones(
     py: Python<'_>,
-    zones: impl Iterator<Item = Compactness>,
+    zones: impl Iterator<Item = ZoneMeasurement>,
 ) -> PyResult<Bound<'_, PyDict>> {
     let by_name = PyDict::new(py);
     for zone in zones {
@@ -137,7 +137,7 @@ fn measured(value: f64) -> Option<f64> {
 
 /// Measurements of a zone at the end of a window; values that cannot be measured are None.
 #[pyclass(frozen, module = "ballast", name = "ZoneResult")]
-pub struct PyZoneResult(Compactness);
+pub struct PyZoneResult(ZoneMeasurement);
 
 message_class!(PyZoneResult("ZoneResult"):
     /// Lowest corner of the zone (3,), m.
@@ -162,15 +162,15 @@ message_class!(PyZoneResult("ZoneResult"):
 
 /// Squeeze of a pair of facing tines, measured up to the last complete vibration period.
 #[pyclass(frozen, module = "ballast", name = "Squeeze")]
-pub struct PySqueeze(pub Squeeze);
+pub struct PySqueeze(pub SqueezeReport);
 
 message_class!(PySqueeze("Squeeze"):
     /// Number of the squeeze for its pair, from 1.
     number: u32 = |m, _| m.number,
     /// True when the pair has opened again.
-    is_finished: bool = |m, _| m.is_over,
+    is_finished: bool = |m, _| m.is_finished,
     /// Time of the pair's widest opening, ns since the start of the run; closings are measured from there.
-    start_ns: i64 = |m, _| m.began_ns,
+    start_ns: i64 = |m, _| m.start_ns,
     /// Time at which ballast resistance starts: end of the first vibration period with sustained force, ns; `None` before.
     onset_ns: Option<i64> = |m, _| (m.onset_ns != -1).then_some(m.onset_ns),
     /// Closing of one side, averaged over the last vibration period, m.
@@ -191,7 +191,7 @@ message_class!(PySqueeze("Squeeze"):
     },;
 
     fn __repr__(&self) -> String {
-        let Squeeze { pair, number, closing, peak_force, .. } = &self.0;
+        let SqueezeReport { pair, number, closing, peak_force, .. } = &self.0;
         format!(
             "Squeeze({pair:?}, number {number}, closing={closing:.4} m, peak_force={peak_force:.3e} N)"
         )
@@ -233,7 +233,7 @@ message_class!(PySolverResult("SolverResult"):
 
 /// Energies of the grains since the start of the run, J.
 #[pyclass(frozen, module = "ballast", name = "EnergyLedger")]
-pub struct PyEnergyLedger(pub EnergyLedger);
+pub struct PyEnergyLedger(pub EnergyBalance);
 
 message_class!(PyEnergyLedger("EnergyLedger"):
     /// Kinetic energy at the start of the run, J.
@@ -245,17 +245,17 @@ message_class!(PyEnergyLedger("EnergyLedger"):
     /// Current potential energy, J.
     potential: f64 = |m, _| m.potential,
     /// Work of the driven bodies on the grains, J.
-    external_work: f64 = |m, _| m.work_in,
+    external_work: f64 = |m, _| m.external_work,
     /// Energy dissipated by friction and impacts, J.
     dissipated: f64 = |m, _| m.dissipated,
     /// Energy that the ledger cannot account for, J.
     balance_error: f64 = |m, _| m.balance_error,;
 
     fn __repr__(&self) -> String {
-        let EnergyLedger { kinetic, potential, work_in, dissipated, .. } = self.0;
+        let EnergyBalance { kinetic, potential, external_work, dissipated, .. } = self.0;
         format!(
             "EnergyLedger(kinetic={kinetic:.3e} J, potential={potential:.3e} J, \
-             external_work={work_in:.3e} J, dissipated={dissipated:.3e} J)"
+             external_work={external_work:.3e} J, dissipated={dissipated:.3e} J)"
         )
     }
 );

@@ -1,7 +1,7 @@
 //! The command line of what speaks over Zenoh.
 
 use crate::args::{Beds, Overrides};
-use ballast_zenoh::Link;
+use ballast_zenoh::SessionConfig;
 use clap::Args;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -25,19 +25,19 @@ pub struct Endpoints {
 }
 
 impl Endpoints {
-    fn link(&self) -> Link {
+    fn link(&self) -> SessionConfig {
         let Self { connect, router, listen, config } = self.clone();
-        Link { config, listen, connect, router, ..Link::default() }
+        SessionConfig { config, listen, connect, router, ..SessionConfig::default() }
     }
 
     /// For those who are looked for: without a word, on the loopback.
-    pub fn to_listen(&self) -> Link {
-        self.link().or_listening()
+    pub fn to_listen(&self) -> SessionConfig {
+        self.link().or_listen_on_default()
     }
 
     /// For those who look: without a word, on the loopback.
-    pub fn to_connect(&self) -> Link {
-        self.link().or_connecting()
+    pub fn to_connect(&self) -> SessionConfig {
+        self.link().or_connect_to_default()
     }
 }
 
@@ -68,13 +68,13 @@ pub struct Serve {
     pub checkpoint_every: Duration,
     /// Send pictures for viewers from a session of its own that listens here (tcp/127.0.0.1:7448)
     #[arg(long, value_name = "ENDPOINT")]
-    pub viz: Option<String>,
+    pub viewer: Option<String>,
     /// Shortest time between two pictures, s of wall time
-    #[arg(long, value_name = "S", default_value = "0.2", value_parser = seconds, requires = "viz")]
-    pub viz_every: Duration,
+    #[arg(long, value_name = "S", default_value = "0.2", value_parser = seconds, requires = "viewer")]
+    pub viewer_interval: Duration,
     /// Wait until a partner asks for `init` before the bed is prepared
     #[arg(long)]
-    pub wait: bool,
+    pub defer_init: bool,
     /// Record the run in an MCAP file, which is replaced; with --resume the next free NAME.2.mcap, NAME.3.mcap
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,

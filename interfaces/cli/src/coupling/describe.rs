@@ -3,12 +3,12 @@
 use super::args::Describe;
 use crate::console::Console;
 use crate::exit::Outcome;
-use ballast_protocol::lockstep::Code;
-use ballast_zenoh::{Description, HEARTBEAT, Line, Patience};
+use ballast_protocol::lockstep::ErrorCode;
+use ballast_zenoh::{ComponentDescription, Connection, HEARTBEAT_INTERVAL, Timeouts};
 use serde_json::json;
 
 pub fn describe(args: Describe, console: Console) -> Outcome {
-    let line = Line::open(&args.key, &args.endpoints.to_connect(), Patience::default())?;
+    let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
     if args.schema {
         let schema = line.schema()?;
         console.result(&format!("{schema:#}"));
@@ -18,11 +18,11 @@ pub fn describe(args: Describe, console: Console) -> Outcome {
     let mut has_told = false;
     let description = loop {
         match line.describe() {
-            Err(error) if error.fault().is_some_and(|f| f.code == Code::Settling) => {
+            Err(error) if error.request_error().is_some_and(|f| f.code == ErrorCode::Preparing) => {
                 if !std::mem::replace(&mut has_told, true) {
                     console.note("the bed is being prepared; waiting for it");
                 }
-                std::thread::sleep(HEARTBEAT);
+                std::thread::sleep(HEARTBEAT_INTERVAL);
             }
             told => break told?,
         }
@@ -32,27 +32,30 @@ pub fn describe(args: Describe, console: Console) -> Outcome {
     Ok(())
 }
 
-fn text(d: &Description) -> String {
+fn text(d: &ComponentDescription) -> String {
     let step_ms = d.step_ns as f64 / 1e6;
     let lines = [
         ("component", d.key.clone()),
-        ("program", format!("ballast {}, messages {}", d.version, d.wire)),
+        ("program", format!("ballast {}, messages {}", d.version, d.protocol_version)),
         ("time step", format!("{step_ms} ms; windows are whole numbers of it")),
         ("grains", d.grains.to_string()),
         ("units", d.units.clone()),
         ("frame", d.frame.clone()),
-        ("wrench", d.wrench.clone()),
+        ("wrench", d.wrench_convention.clone()),
         (
             "windows join",
             format!(
                 "within {:.0e} m, {:.0e} rad, {:.0e} m/s, {:.0e} rad/s",
-                d.join.distance_m, d.join.angle_rad, d.join.speed, d.join.angular_velocity
+                d.continuity.distance_m,
+                d.continuity.angle_rad,
+                d.continuity.speed,
+                d.continuity.angular_velocity
             ),
         ),
         ("same inputs", d.determinism.clone()),
     ];
     let lines = lines.map(|(label, value)| format!("{label:<16}{value}"));
-    let pictures = match &d.pictures[..] {
+    let pictures = match &d.viewer_endpoints[..] {
         [] => String::new(),
         all => format!("\n{:<16}{}", "pictures", all.join(", ")),
     };
@@ -61,7 +64,7 @@ fn text(d: &Description) -> String {
         format!("{}{pictures}\n{:<16}{}", lines.join("\n"), "parameters", parameters.join(", "));
     for body in &d.bodies {
         let p = body.position;
-        let freedoms = match &body.freedoms {
+        let freedoms = match &body.dof_modes {
             all if all.iter().all(|f| *f == all[0]) => all[0].clone(),
             each => each.join(" "),
         };

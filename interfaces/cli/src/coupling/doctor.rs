@@ -6,9 +6,9 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::table::on_threads;
 use ballast_hdf5::checkpoint;
-use ballast_protocol::lockstep::{Activity, empty_model};
+use ballast_protocol::lockstep::{ComponentState, empty_model};
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Line, Link, Patience, Server};
+use ballast_zenoh::{Connection, Server, SessionConfig, Timeouts};
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
@@ -46,9 +46,11 @@ fn loopback() -> Result<String, String> {
     let hint = "a firewall may forbid connections on the loopback";
     let named = |e: ballast_zenoh::Error| format!("{e}; {hint}");
     let endpoint = free_endpoint().map_err(named)?;
-    let _server = Server::open("doctor/here", &Link::listening(&endpoint)).map_err(named)?;
+    let _server =
+        Server::open("doctor/here", &SessionConfig::listen_on(&endpoint)).map_err(named)?;
     let line =
-        Line::open("doctor/here", &Link::to(endpoint), Patience::default()).map_err(named)?;
+        Connection::open("doctor/here", &SessionConfig::connect_to(endpoint), Timeouts::default())
+            .map_err(named)?;
     line.status().map_err(named)?;
     Ok("two Zenoh sessions exchange messages".into())
 }
@@ -107,11 +109,11 @@ fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, St
 /// Whether a component is there.
 fn component(key: &str, args: &Doctor) -> Result<String, String> {
     let link = args.endpoints.to_connect();
-    let line = Line::open(key, &link, Patience::default()).map_err(|e| e.to_string())?;
+    let line = Connection::open(key, &link, Timeouts::default()).map_err(|e| e.to_string())?;
     let status = line.status().map_err(|e| {
         format!("{e}; does `ballast serve` run with this key, and do the endpoints match?")
     })?;
     let waits = status.waiting_for.map_or(String::new(), |what| format!(", waits for {what}"));
-    let told = format!("{}{waits}", status.activity);
-    if status.activity == Activity::Error { Err(told) } else { Ok(told) }
+    let told = format!("{}{waits}", status.state);
+    if status.state == ComponentState::Error { Err(told) } else { Ok(told) }
 }

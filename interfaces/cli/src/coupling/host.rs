@@ -10,9 +10,9 @@ use crate::exit::{Failure, Outcome};
 use crate::{beds, interrupt, taping};
 use ballast::component::Component;
 use ballast::track;
-use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
+use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
-use ballast_zenoh::Host;
+use ballast_zenoh::ServerHooks;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -75,7 +75,7 @@ impl Keeper {
     }
 
     /// The case with other choices, and its bed.
-    fn prepare(&self, ask: &Init) -> Outcome<(Case, Component)> {
+    fn prepare(&self, ask: &InitRequest) -> Outcome<(Case, Component)> {
         let asked = Choices::named(ask.seed, ask.schedule.as_deref())
             .map_err(|e| Failure::Usage(e.to_string()))?;
         let choices = asked.or(self.choices);
@@ -106,9 +106,9 @@ impl Keeper {
     }
 }
 
-impl Host for Keeper {
+impl ServerHooks for Keeper {
     fn opened(&mut self, lockstep: &Lockstep) {
-        let place = lockstep.place();
+        let place = lockstep.position();
         self.console.note(&match lockstep.is_configured() {
             false => "waits for `init`".to_string(),
             true => format!(
@@ -126,7 +126,7 @@ impl Host for Keeper {
         if !lockstep.is_configured() {
             return false;
         }
-        let place = lockstep.place();
+        let place = lockstep.position();
         let at = (place.run_id, place.seq, place.now_ns);
         if self.is_current && self.durable.as_ref() == Some(&at) {
             return true;
@@ -167,16 +167,20 @@ impl Host for Keeper {
         self.outdate();
     }
 
-    fn taken_elsewhere(&mut self, lockstep: &Lockstep) {
+    fn run_replaced(&mut self, lockstep: &Lockstep) {
         self.outdate();
         let case = self.case.clone();
         self.recorded(|recording| recording.part(&case, lockstep));
     }
 
-    fn init(&mut self, ask: &Init) -> Result<Component, Fault> {
+    fn init(&mut self, ask: &InitRequest) -> Result<Component, RequestError> {
         let prepared = self.prepare(ask).map_err(|failure| {
-            let code = if interrupt::requested() { Code::Quitting } else { Code::InitFailed };
-            Fault::new(code, format!("init: {failure}"))
+            let code = if interrupt::requested() {
+                ErrorCode::ShuttingDown
+            } else {
+                ErrorCode::InitFailed
+            };
+            RequestError::new(code, format!("init: {failure}"))
         });
         let (case, component) = prepared?;
         self.case = case;

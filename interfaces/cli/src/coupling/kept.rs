@@ -4,7 +4,7 @@ use crate::case::{self, Case, Choices, RUN_ID};
 use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
-use ballast_protocol::lockstep::{Kept, Lockstep, Memory};
+use ballast_protocol::lockstep::{Lockstep, ResumeInfo, SavedState};
 use ballast_protocol::messages::{AdvanceReply, Digest};
 use ballast_protocol::{from_cdr, to_cdr};
 use serde_json::Value;
@@ -35,7 +35,7 @@ pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> 
 
 fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
     let component = lockstep.component();
-    let place = lockstep.place();
+    let place = lockstep.position();
     let mut extra = BTreeMap::from([(RUN_ID.into(), place.run_id)]);
     extra.insert(SEQ.into(), place.seq.to_string());
     extra.insert(PENETRATION.into(), component.parameters().penetration.to_string());
@@ -81,7 +81,7 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
         return Err(Failure::at(path, what));
     }
     let owners = note(OWNERS)?;
-    let memory = Memory {
+    let memory = ResumeInfo {
         answered: answered(notes).map_err(|e| Failure::at(path, e))?,
         is_outdated: notes.contains_key(OUTDATED),
         last_client: note(CLIENT)?.clone(),
@@ -90,7 +90,7 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     let solver = &kept.model.solver;
     let (iterations, tolerance) = (solver.max_iterations, solver.tolerance);
     let parameters = Parameters { iterations, tolerance, penetration };
-    let kept = Kept { state: kept.state.into(), parameters };
+    let kept = SavedState { state: kept.state.into(), parameters };
     let result = lockstep.resume(run_id.clone(), seq, kept, memory);
     result.map_err(|e| Failure::at(path, e))
 }

@@ -11,7 +11,7 @@ use crate::files::RunFiles;
 use crate::interrupt;
 use crate::taping;
 use ballast_protocol::lockstep::Lockstep;
-use ballast_zenoh::{Host, Keys, Link, Server};
+use ballast_zenoh::{Keys, Server, ServerHooks, SessionConfig};
 use serde_json::json;
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     // Before a folder is made.
     Keys::of(&args.key)?;
     let link = args.endpoints.to_listen();
-    link.listens_on()?;
+    link.listen_endpoints()?;
     let given = Choices::from(&args.overrides);
     let mut case = case::load(&args.case, &given, &console)?;
     let folder = format!("{}-serve", case.plan.name);
@@ -39,16 +39,16 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     files.may_record(first.as_deref())?;
     // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
     let mut server = Server::open(&args.key, &link)?;
-    server.be_the_only_one()?;
-    if let Some(viz) = &args.viz {
+    server.ensure_unique()?;
+    if let Some(endpoint) = &args.viewer {
         // Those who look come to this endpoint, to which a client of a router does not listen.
-        let viewers = Link { listen: vec![viz.clone()], router: None, ..link };
-        server = server.with_pictures(&viewers, args.viz_every)?;
+        let viewers = SessionConfig { listen: vec![endpoint.clone()], router: None, ..link };
+        server = server.with_viewer(&viewers, args.viewer_interval)?;
     }
     let endpoints = server.endpoints();
     console.note(&format!("{}: {}", args.key, told(endpoints)));
     console.event("serving", json!({ "key": args.key, "endpoints": endpoints }));
-    let waits = args.wait && !resumes;
+    let waits = args.defer_init && !resumes;
     let mut lockstep = if waits {
         Lockstep::unconfigured(ballast_hdf5::state_hash).map_err(ballast_zenoh::Error::from)?
     } else {
@@ -59,8 +59,8 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
         kept::resume(&checkpoint, &mut lockstep)?;
     }
     // Again before anything is replaced: the bed may have taken its time.
-    server.be_the_only_one()?;
-    if server.is_kept_apart() {
+    server.ensure_unique()?;
+    if server.is_isolated_by_router() {
         console.warning(
             "connected to a router, which passes on nothing between two peers: only its clients find this component; \
              --router instead of --connect makes it one of them",
@@ -92,7 +92,7 @@ fn told(endpoints: &[String]) -> String {
 }
 
 fn finish(lockstep: &Lockstep, keeper: &Keeper, console: Console) -> Outcome {
-    let place = lockstep.place();
+    let place = lockstep.position();
     if !lockstep.is_configured() {
         console.result("nothing was prepared: nobody has asked for `init`");
         return if interrupt::requested() {
@@ -106,7 +106,7 @@ fn finish(lockstep: &Lockstep, keeper: &Keeper, console: Console) -> Outcome {
         "done",
         json!({
             "run_id": place.run_id, "seq": place.seq, "time_s": time_s, "state_hash": place.hash,
-            "windows": lockstep.answered_count(),
+            "windows": lockstep.computed_windows(),
         }),
     );
     let checkpoint = keeper.checkpoint.display();

@@ -6,10 +6,10 @@ use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_protocol::from_cdr;
-use ballast_protocol::lockstep::{Progress, StatusReport};
+use ballast_protocol::lockstep::{StatusReport, WindowProgress};
 use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
-use ballast_protocol::pacer::FreeRunningReport;
-use ballast_zenoh::{HEARTBEAT, Line, Patience};
+use ballast_protocol::pacer::RealTimeStatus;
+use ballast_zenoh::{Connection, HEARTBEAT_INTERVAL, Timeouts};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
@@ -42,7 +42,7 @@ impl Told {
 pub fn top(args: Top, console: Console) -> Outcome {
     // It computes no step that would be waited for.
     interrupt::install_saying("stopping")?;
-    let line = Line::open(&args.key, &args.endpoints.to_connect(), Patience::default())?;
+    let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
     let told = Arc::new(Mutex::new(Told::default()));
     let to = Arc::clone(&told);
     line.listen(move |_, encoding, bytes| {
@@ -55,16 +55,16 @@ pub fn top(args: Top, console: Console) -> Outcome {
             break;
         }
         if k > 0 {
-            std::thread::sleep(HEARTBEAT);
+            std::thread::sleep(HEARTBEAT_INTERVAL);
         }
         // Fails when nobody is there, so that the table never shows what is long over.
         let status = line.status()?;
         if k == 0 {
-            for (_, encoding, bytes) in line.last_told()? {
+            for (_, encoding, bytes) in line.last_messages()? {
                 enter(&told).take(&encoding, &bytes);
             }
         }
-        let now = (Instant::now(), status.place.now_ns);
+        let now = (Instant::now(), status.position.now_ns);
         if let Some((at, ns)) = earlier
             && now.1 > ns
         {
@@ -109,10 +109,10 @@ fn seconds(ms: Option<u64>) -> String {
 
 /// Which run it is, who drives it, and what it waits for.
 fn whose(key: &str, status: &StatusReport) -> Vec<(&'static str, String)> {
-    let place = &status.place;
+    let place = &status.position;
     let mut lines = vec![
         ("component", format!("{key}, up for {}", seconds(Some(status.uptime_ms)))),
-        ("state", status.activity.to_string()),
+        ("state", status.state.to_string()),
         (
             "run",
             format!("{}, window {}, kept up to {}", place.run_id, place.seq, status.durable_seq),
@@ -138,26 +138,29 @@ fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)>
             format!("window {}, step {} of {}, {}", p.seq, p.step, p.steps, pace_of_steps(p)),
         ));
     }
-    if let Some(run) = &status.free_running {
-        let behind = run.behind_ns as f64 * 1e-6;
-        let FreeRunningReport { factor, dropped, slips, .. } = run;
+    if let Some(run) = &status.real_time {
+        let behind = run.lag_ns as f64 * 1e-6;
+        let RealTimeStatus { real_time_factor, dropped_samples, overruns, .. } = run;
         lines.push((
-            "by itself",
+            "real time",
             format!(
-                "at {factor} of the wall clock, {behind:.1} ms behind, {dropped} samples dropped, \
-                 {slips} times too slow"
+                "real-time factor {real_time_factor}, {behind:.1} ms behind, {dropped_samples} samples dropped, \
+                 {overruns} overruns"
             ),
         ));
     }
-    if let Some(trouble) = &status.trouble {
-        lines.push(("trouble", trouble.clone()));
+    if let Some(trouble) = &status.error {
+        lines.push(("error", trouble.clone()));
     }
     if let Some(cost) = &status.last_window {
         let mut phases: Vec<_> = cost.phases_ms.iter().collect();
         phases.sort_by(|a, b| b.1.total_cmp(a.1));
         let most = phases.iter().take(3).map(|(name, ms)| format!("{name} {ms:.1}"));
         let (steps, most) = (cost.steps, most.collect::<Vec<_>>().join(", "));
-        lines.push(("last window", format!("{:.1} ms for {steps} steps: {most} ms", cost.wall_ms)));
+        lines.push((
+            "last window",
+            format!("{:.1} ms for {steps} steps: {most} ms", cost.wall_time_ms),
+        ));
     }
     if let Some(pace) = pace {
         lines.push(("pace", format!("{pace:.0} s per simulated s")));
@@ -166,8 +169,8 @@ fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)>
 }
 
 /// What the last step of a window has told; before there is one, for how long the first has been in work.
-fn pace_of_steps(p: &Progress) -> String {
-    match (p.iterations, p.residual_qm16, p.left_ms) {
+fn pace_of_steps(p: &WindowProgress) -> String {
+    match (p.iterations, p.residual_qm16, p.remaining_ms) {
         (Some(iterations), Some(residual), left @ Some(_)) => {
             format!("{iterations} iterations, residual {residual:.1e}, {} left", seconds(left))
         }
@@ -180,7 +183,7 @@ fn forces(bodies: &BTreeMap<String, WrenchImpulse>) -> Vec<String> {
     let head =
         format!("{:<20}{:>12}{:>12}{:>12}{:>10}", "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts");
     let row = |(name, body): (&String, &WrenchImpulse)| {
-        let f = body.moving_mean.force;
+        let f = body.moving_average.force;
         format!("{name:<20}{:>12.1}{:>12.1}{:>12.1}{:>10}", f.x, f.y, f.z, body.contacts)
     };
     let head = (!bodies.is_empty()).then_some(head);
@@ -197,10 +200,12 @@ mod tests {
             let status = StatusReport { progress: Some(progress), ..StatusReport::default() };
             work(&status, None).remove(0).1
         };
-        let begun = Progress { seq: 5, steps: 1, elapsed_ms: 12_300, ..Progress::default() };
+        let begun =
+            WindowProgress { seq: 5, steps: 1, elapsed_ms: 12_300, ..WindowProgress::default() };
         assert_eq!(told(begun), "window 5, step 0 of 1, the first one for 12.3 s");
-        let (iterations, residual_qm16, left_ms) = (Some(40), Some(2e-3), Some(1500));
-        let on = Progress { step: 1, steps: 2, iterations, residual_qm16, left_ms, ..begun };
+        let (iterations, residual_qm16, remaining_ms) = (Some(40), Some(2e-3), Some(1500));
+        let on =
+            WindowProgress { step: 1, steps: 2, iterations, residual_qm16, remaining_ms, ..begun };
         let expected = "window 5, step 1 of 2, 40 iterations, residual 2.0e-3, 1.5 s left";
         assert_eq!(told(on), expected);
     }

@@ -4,7 +4,7 @@ use crate::setup::{CASE, Ended, Place};
 use ballast_mcap::messages::Messages;
 use ballast_mcap::{Entry, Writer};
 use ballast_protocol::messages::{
-    AdvanceReply, Header, PoseStamped, SceneUpdate, Squeeze, StepRecord,
+    AdvanceReply, Header, PoseStamped, SceneUpdate, SqueezeReport, WindowRecord,
 };
 use ballast_protocol::{from_cdr, to_cdr};
 use std::io::{BufRead, BufReader};
@@ -29,7 +29,7 @@ fn verify(place: &Place, file: &str) -> Ended {
 }
 
 /// Topics and times of a recording, and the records of its windows.
-fn contents(place: &Place, file: &str) -> (Vec<(String, u64)>, Vec<StepRecord>) {
+fn contents(place: &Place, file: &str) -> (Vec<(String, u64)>, Vec<WindowRecord>) {
     let mut messages = Messages::open(&place.path(file)).unwrap();
     let (mut all, mut records) = (Vec::new(), Vec::new());
     while let Some(message) = messages.next().unwrap() {
@@ -87,7 +87,7 @@ fn squeezes_are_recorded_and_verified() {
     // On the case's own bed the tines jam.
     place.run("--out run --record run.mcap --seed 12").with_code(0);
     let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
-    let mut squeezes: Vec<Squeeze> = vec![];
+    let mut squeezes: Vec<SqueezeReport> = vec![];
     while let Some(message) = messages.next().unwrap() {
         if message.channel.topic == "/ballast/squeeze/pair_0" {
             squeezes.push(from_cdr(&message.data).unwrap());
@@ -255,7 +255,7 @@ fn the_first_difference_is_named() {
         if t != "/ballast/step" || time != 50_000_000 {
             return vec![data];
         }
-        let mut record: StepRecord = from_cdr(&data).unwrap();
+        let mut record: WindowRecord = from_cdr(&data).unwrap();
         let input = record.request.motions.iter_mut().find(|m| m.body.starts_with("tine")).unwrap();
         input.knots[1].pose.position.z += 1e-6;
         vec![to_cdr(&record).unwrap()]
@@ -373,13 +373,13 @@ fn poses_of_any_file_move_a_body() {
     elsewhere.pose.position.z += 1e-3;
     rising(&place, elsewhere, 20, 1e-6);
     let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
-    assert!(said.contains(&body) && said.contains("--rebase"), "{said}");
+    assert!(said.contains(&body) && said.contains("--allow_jump"), "{said}");
     assert!(!said.contains("are kept"), "nothing was begun: {said}");
     let unpoured = format!("replay rising.mcap {map} --case tiny.toml --beds unpoured");
     let refused = place.call(&unpoured).with_code(1).stderr();
-    assert!(refused.contains("--rebase") && !place.path("unpoured").exists(), "{refused}");
+    assert!(refused.contains("--allow_jump") && !place.path("unpoured").exists(), "{refused}");
     assert_eq!(place.hash("up"), hash, "what was refused replaces nothing");
-    replay(&place, &format!("rising.mcap {map} --out off --rebase")).with_code(0);
+    replay(&place, &format!("rising.mcap {map} --out off --allow_jump")).with_code(0);
 
     let ended = replay(&place, "rising.mcap --out none").with_code(1);
     assert!(ended.stderr().contains("/machine/arm"), "{}", ended.stderr());
@@ -463,7 +463,7 @@ fn bad_files_end_with_their_codes() {
     assert!(said.contains("--case"), "{said}");
     place.call("replay bad.mcap --case tiny.toml --map x").with_code(2);
     place.run("--out run --record run.mcap --steps 3").with_code(0);
-    for for_poses in ["--rebase", "--time log"] {
+    for for_poses in ["--allow_jump", "--time log"] {
         let said = replay(&place, &format!("run.mcap {for_poses}")).with_code(2).stderr();
         assert!(said.contains("holds the windows of a run"), "{said}");
     }
@@ -519,7 +519,7 @@ fn the_reply_of_a_window_can_be_put_together_from_its_messages() {
         }
     }
     if reply.solver.steps_not_converged > 0 {
-        reply.status = ballast_protocol::messages::Status::Warn;
+        reply.status = ballast_protocol::messages::ReplyStatus::Warn;
     }
     assert_eq!(reply.digest().unwrap(), record.reply_digest);
 }

@@ -4,12 +4,14 @@ use crate::setup::{CASE, Ended, Place};
 use ballast_mcap::messages::Messages;
 use ballast_mcap::recording::Windows;
 use ballast_protocol::from_cdr;
-use ballast_protocol::lockstep::{Activity, Code, Init, SetParameters, WindowKind};
-use ballast_protocol::messages::{
-    AdvanceRequest, BodyInput, Interpolation, Knot, Point, Pose, Quaternion, Squeeze, Twist,
-    Vector3,
+use ballast_protocol::lockstep::{
+    ComponentState, ErrorCode, InitRequest, ParameterUpdate, WindowKind,
 };
-use ballast_zenoh::{Client, Error, Line, Link, Patience};
+use ballast_protocol::messages::{
+    AdvanceRequest, BodyMotion, InterpolationMode, MotionKnot, Point, Pose, Quaternion,
+    SqueezeReport, Twist, Vector3,
+};
+use ballast_zenoh::{Client, Connection, Error, SessionConfig, Timeouts};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::Value;
@@ -84,8 +86,8 @@ impl Drop for Serving {
 }
 
 pub fn attach(endpoint: &str, resume: Option<&str>) -> Result<Client, Error> {
-    let patience = Patience { absence: Duration::from_secs(30), ..Patience::default() };
-    Client::attach(KEY, &Link::to(endpoint), "test", resume, patience)
+    let timeouts = Timeouts { disconnect: Duration::from_secs(30), ..Timeouts::default() };
+    Client::attach(KEY, &SessionConfig::connect_to(endpoint), "test", resume, timeouts)
 }
 
 /// The first tine, and where it stands before the first window.
@@ -104,8 +106,8 @@ fn shaking(time_ns: u64) -> [f64; 2] {
 }
 
 /// The motion of the first tine until `t1`, a knot per millisecond.
-fn motion(client: &Client, t1: u64) -> Vec<BodyInput> {
-    let t0 = client.place().now_ns;
+fn motion(client: &Client, t1: u64) -> Vec<BodyMotion> {
+    let t0 = client.position().now_ns;
     let tine = TINE.get_or_init(|| {
         let description = client.describe().unwrap();
         let body = description.bodies.into_iter().find(|b| b.role == "tine").expect("a tine");
@@ -120,16 +122,16 @@ fn motion(client: &Client, t1: u64) -> Vec<BodyInput> {
         let position = Point { x: tine.position.x + way, ..tine.position };
         let linear = Vector3 { x: speed, ..Vector3::default() };
         let pose = Pose { position, orientation: tine.orientation };
-        Knot { time_ns: t as i64, pose, twist: Twist { linear, ..Twist::default() } }
+        MotionKnot { time_ns: t as i64, pose, twist: Twist { linear, ..Twist::default() } }
     };
     let knots = (t0 / MS..=t1 / MS).map(|ms| knot(ms * MS)).collect();
-    let (body, interpolation) = (tine.name.clone(), Interpolation::Hermite);
-    vec![BodyInput { body, interpolation, rebase: false, knots }]
+    let (body, interpolation) = (tine.name.clone(), InterpolationMode::Hermite);
+    vec![BodyMotion { body, interpolation, allow_jump: false, knots }]
 }
 
 /// A window of 1 ms.
 fn step(client: &mut Client) -> Result<(), Error> {
-    let t1 = client.place().now_ns + MS;
+    let t1 = client.position().now_ns + MS;
     client.advance_to(t1, motion(client, t1), vec![]).map(drop)
 }
 
@@ -142,7 +144,7 @@ fn undisturbed(windows: u64) -> String {
     for _ in 0..windows {
         step(&mut client).unwrap();
     }
-    let hash = client.place().hash.clone();
+    let hash = client.position().hash.clone();
     client.shut_down().unwrap();
     serving.end().with_code(0);
     hash
@@ -161,14 +163,14 @@ fn what_two_processes_compute_is_what_one_computes_and_its_recording_verifies() 
             // A window that is redone stands in the recording as it was in the end.
             let mut other = inputs.clone();
             other[0].knots[1].pose.position.z += 1e-4;
-            let first = client.place().hash.clone();
+            let first = client.position().hash.clone();
             for (inputs, same) in [(other, false), (inputs, true)] {
                 client.redo([k * MS, (k + 1) * MS], inputs, vec![]).unwrap();
-                assert_eq!(client.place().hash == first, same);
+                assert_eq!(client.position().hash == first, same);
             }
         }
     }
-    let hash = client.place().hash.clone();
+    let hash = client.position().hash.clone();
     client.shut_down().unwrap();
     serving.end().with_code(0);
     let verified = place.with_beds("verify s.mcap --json").with_code(0);
@@ -192,24 +194,24 @@ fn what_two_processes_compute_is_what_one_computes_and_its_recording_verifies() 
 fn a_component_that_waits_is_prepared_by_its_partner_and_can_be_prepared_anew() {
     let place = Place::new();
     let endpoint = endpoint();
-    let serving = Serving::start(&place, &endpoint, "--out s --wait --record s.mcap");
+    let serving = Serving::start(&place, &endpoint, "--out s --defer-init --record s.mcap");
     let mut client = attach(&endpoint, None).unwrap();
-    assert_eq!(client.status().unwrap().activity, Activity::Unconfigured);
+    assert_eq!(client.status().unwrap().state, ComponentState::Unconfigured);
     let refused = client.advance_to(MS, vec![], vec![]).unwrap_err();
-    assert_eq!(refused.fault().map(|f| f.code), Some(Code::Unconfigured), "{refused}");
-    let prepared = client.init(&Init::default()).unwrap().clone();
-    assert_eq!((prepared.seq, client.status().unwrap().activity), (0, Activity::Paused));
+    assert_eq!(refused.request_error().map(|f| f.code), Some(ErrorCode::Unconfigured), "{refused}");
+    let prepared = client.init(&InitRequest::default()).unwrap().clone();
+    assert_eq!((prepared.seq, client.status().unwrap().state), (0, ComponentState::Idle));
     for _ in 0..3 {
         step(&mut client).unwrap();
     }
-    assert_eq!(client.place().hash, undisturbed(3));
-    let before = client.place().clone();
-    let odd = Init { schedule: Some("random".into()), ..Init::default() };
+    assert_eq!(client.position().hash, undisturbed(3));
+    let before = client.position().clone();
+    let odd = InitRequest { schedule: Some("random".into()), ..InitRequest::default() };
     let refused = client.init(&odd).unwrap_err();
-    assert_eq!(refused.fault().map(|f| f.code), Some(Code::InitFailed), "{refused}");
+    assert_eq!(refused.request_error().map(|f| f.code), Some(ErrorCode::InitFailed), "{refused}");
     assert!(refused.to_string().contains("random"), "{refused}");
-    assert_eq!((client.place(), client.status().unwrap().place), (&before, before.clone()));
-    let other = Init { schedule: Some("sequential".into()), ..Init::default() };
+    assert_eq!((client.position(), client.status().unwrap().position), (&before, before.clone()));
+    let other = InitRequest { schedule: Some("sequential".into()), ..InitRequest::default() };
     let again = client.init(&other).unwrap().clone();
     assert!(again.run_id != prepared.run_id && again.seq == 0, "{again:?}");
     assert_eq!(client.describe().unwrap().parameters["schedule"], "sequential");
@@ -230,34 +232,34 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     let serving = Serving::start(&place, &endpoint, arguments);
     let mut client = attach(&endpoint, None).unwrap();
     step(&mut client).unwrap();
-    let before = client.place().hash.clone();
-    let hasty = SetParameters {
-        iterations: Some(4),
+    let before = client.position().hash.clone();
+    let hasty = ParameterUpdate {
+        max_iterations: Some(4),
         tolerance: Some(0.0),
-        penetration: Some(0.1),
+        max_penetration: Some(0.1),
         ..Default::default()
     };
     client.set_parameters(&hasty).unwrap();
-    assert_ne!(client.place().hash, before, "it decides how the run continues");
-    assert_eq!(client.describe().unwrap().parameters["iterations"], 4);
+    assert_ne!(client.position().hash, before, "it decides how the run continues");
+    assert_eq!(client.describe().unwrap().parameters["max_iterations"], 4);
     step(&mut client).unwrap();
     client.save("hasty").unwrap();
-    let kept = client.place().hash.clone();
+    let kept = client.position().hash.clone();
     // Killed: it comes back with the parameters.
     serving.signal(Signal::SIGKILL);
     drop(serving);
     let serving = Serving::start(&place, &endpoint, "--out s --resume --record s.mcap");
     step(&mut client).unwrap();
     client.save("hasty").unwrap();
-    let before = client.place().hash.clone();
-    let usual = SetParameters { iterations: Some(30), ..SetParameters::default() };
+    let before = client.position().hash.clone();
+    let usual = ParameterUpdate { max_iterations: Some(30), ..ParameterUpdate::default() };
     client.set_parameters(&usual).unwrap();
     step(&mut client).unwrap();
     client.restore("hasty").unwrap();
-    assert_eq!(client.place().hash, before, "with its parameters");
+    assert_eq!(client.position().hash, before, "with its parameters");
     step(&mut client).unwrap();
     step(&mut client).unwrap();
-    let last = client.place().clone();
+    let last = client.position().clone();
     client.shut_down().unwrap();
     serving.end().with_code(0);
     assert_ne!(kept, last.hash);
@@ -280,8 +282,8 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     assert!(verified.contains("all equal"), "{verified}");
     // To end before it begins is a slip that costs nothing.
     let slip = "replay s.3.mcap --out r --record again.mcap --steps 0";
-    let said = place.with_beds(slip).with_code(2).stderr();
-    assert!(said.contains("--steps 0: expected at least"), "{said}");
+    let message = place.with_beds(slip).with_code(2).stderr();
+    assert!(message.contains("--steps 0: expected at least"), "{message}");
     assert_eq!(&place.hash("r"), hash);
     let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
     assert!(verified.contains("all equal"), "{verified}");
@@ -295,8 +297,8 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     bytes[at + 2000] ^= 1;
     std::fs::write(place.path("damaged.mcap"), bytes).unwrap();
     for call in ["verify damaged.mcap", "replay damaged.mcap --out d"] {
-        let said = place.with_beds(call).with_code(1).stderr();
-        assert!(said.contains("it is damaged before its first window"), "{call}: {said}");
+        let message = place.with_beds(call).with_code(1).stderr();
+        assert!(message.contains("it is damaged before its first window"), "{call}: {message}");
     }
     // In another case it cannot go on.
     std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
@@ -316,14 +318,14 @@ fn ctrl_c_in_a_window_takes_it_back_and_the_run_goes_on_later() {
     let serving = Serving::start(&place, &endpoint, "--out s");
     let mut client = attach(&endpoint, None).unwrap();
     step(&mut client).unwrap();
-    let before = client.place().clone();
+    let before = client.position().clone();
     let t1 = before.now_ns + 100 * MS;
     let request = AdvanceRequest { motions: motion(&client, t1), ..client.next(t1) };
     let computing = std::thread::spawn(move || client.send(WindowKind::Advance, request));
     std::thread::sleep(Duration::from_millis(300));
     serving.signal(Signal::SIGINT);
     let refused = computing.join().unwrap().unwrap_err();
-    assert_eq!(refused.fault().map(|f| f.code), Some(Code::Quitting), "{refused}");
+    assert_eq!(refused.request_error().map(|f| f.code), Some(ErrorCode::ShuttingDown), "{refused}");
     let ended = serving.end().with_code(130);
     assert!(ended.stderr().contains("--resume"), "{}", ended.stderr());
     let refused = place.with_beds(&format!("serve tiny.toml --key {KEY} --out s"));
@@ -332,7 +334,7 @@ fn ctrl_c_in_a_window_takes_it_back_and_the_run_goes_on_later() {
     let serving = Serving::start(&place, &endpoint, "--out s --resume");
     assert_eq!(serving.run_id, before.run_id);
     let mut client = attach(&endpoint, Some(&before.run_id)).unwrap();
-    assert_eq!(*client.place(), before);
+    assert_eq!(*client.position(), before);
     step(&mut client).unwrap();
     client.shut_down().unwrap();
     serving.end().with_code(0);
@@ -367,8 +369,8 @@ fn a_component_that_is_killed_comes_back_from_its_checkpoint_to_the_same_end() {
         }
         step(&mut client).unwrap();
         windows += 1;
-        assert_eq!(client.place().seq, windows);
-        assert_eq!(client.place().hash, undisturbed(windows), "{arguments}");
+        assert_eq!(client.position().seq, windows);
+        assert_eq!(client.position().hash, undisturbed(windows), "{arguments}");
         client.shut_down().unwrap();
         serving.end().with_code(0);
     }
@@ -403,7 +405,7 @@ fn a_run_that_rests_is_kept_when_the_time_has_come() {
     (0..3).for_each(|_| step(&mut client).unwrap());
     let begin = Instant::now();
     // Nobody asks for another window.
-    while client.line().status().unwrap().durable_seq < 3 {
+    while client.connection().status().unwrap().durable_seq < 3 {
         assert!(begin.elapsed() < Duration::from_secs(20), "no checkpoint");
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -432,11 +434,11 @@ fn when_a_client_is_killed_the_run_holds_and_the_next_one_goes_on() {
     let place = Place::new();
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s");
-    let looks = Patience { absence: Duration::from_secs(30), ..Patience::default() };
-    let line = Line::open(KEY, &Link::to(&endpoint), looks).unwrap();
+    let looks = Timeouts { disconnect: Duration::from_secs(30), ..Timeouts::default() };
+    let line = Connection::open(KEY, &SessionConfig::connect_to(&endpoint), looks).unwrap();
     line.status().unwrap();
     for k in 0..times(8) {
-        let before = line.status().unwrap().place.seq;
+        let before = line.status().unwrap().position.seq;
         let mut driver = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "serve::drives_until_it_is_killed", "--ignored"])
             .env("BALLAST_TEST_ENDPOINT", &endpoint)
@@ -444,7 +446,7 @@ fn when_a_client_is_killed_the_run_holds_and_the_next_one_goes_on() {
             .spawn()
             .unwrap();
         let begin = Instant::now();
-        while line.status().unwrap().place.seq <= before + 1 {
+        while line.status().unwrap().position.seq <= before + 1 {
             assert!(begin.elapsed() < Duration::from_secs(20), "nobody drives");
             std::thread::sleep(Duration::from_millis(5));
         }
@@ -458,12 +460,12 @@ fn when_a_client_is_killed_the_run_holds_and_the_next_one_goes_on() {
         }
         // What it has computed is in the checkpoint.
         let status = line.status().unwrap();
-        assert_eq!(status.durable_seq, status.place.seq);
+        assert_eq!(status.durable_seq, status.position.seq);
     }
-    let run = line.status().unwrap().place.run_id;
+    let run = line.status().unwrap().position.run_id;
     let mut client = attach(&endpoint, Some(&run)).unwrap();
     step(&mut client).unwrap();
-    let last = client.place().clone();
+    let last = client.position().clone();
     client.shut_down().unwrap();
     serving.end().with_code(0);
     assert_eq!(last.hash, undisturbed(last.seq));
@@ -484,7 +486,7 @@ fn a_served_component_is_described_watched_and_examined() {
     let table =
         place.call(&format!("top {KEY} --connect {endpoint} --count 2")).with_code(0).stdout();
     let waits = format!("window 2 from {}", client.id());
-    for word in ["PAUSED", &waits, &client.place().hash[..], "Fx (N)", &serving.run_id] {
+    for word in ["IDLE", &waits, &client.position().hash[..], "Fx (N)", &serving.run_id] {
         assert!(table.contains(word), "{word}: {table}");
     }
     let well = place.with_beds(&format!("doctor tiny.toml --key {KEY} --connect {endpoint}"));
@@ -513,11 +515,11 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let force = 2500.0;
     let done = controller_loop::squeeze(&mut client, force, 0.01).unwrap();
     assert!(done.force >= force && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
-    // Nobody has said when the squeeze began; it was seen.
-    let told = client.line().last_told().unwrap();
-    let key = client.line().keys().out_squeeze("pair_0");
+    // Nobody has message when the squeeze began; it was seen.
+    let told = client.connection().last_messages().unwrap();
+    let key = client.connection().keys().out_squeeze("pair_0");
     let squeeze = told.into_iter().find(|(told, ..)| *told == key).expect("a squeeze").2;
-    let squeeze: Squeeze = from_cdr(&squeeze).unwrap();
+    let squeeze: SqueezeReport = from_cdr(&squeeze).unwrap();
     assert!((squeeze.pair.as_str(), squeeze.number) == ("pair_0", 1), "{squeeze:?}");
     assert!(squeeze.peak_force > 0.0 && squeeze.closing > 2e-3, "{squeeze:?}");
     client.reset().unwrap();
@@ -577,13 +579,16 @@ fn a_recording_that_cannot_go_on_is_told_at_the_end_of_a_run_that_did() {
     step(&mut client).unwrap();
     client.restore("here").unwrap();
     step(&mut client).unwrap();
-    let hash = client.place().hash.clone();
+    let hash = client.position().hash.clone();
     client.shut_down().unwrap();
     let ended = Ended(child.wait_with_output().unwrap()).with_code(1);
     assert!(ended.stdout().contains(&hash), "{}", ended.stdout());
-    let said = ended.stderr();
-    assert_eq!(said.matches("warning: recording: s.2.mcap").count(), 1, "{said}");
-    assert!(said.contains("failed: s.2.mcap") && said.contains("went on without it"), "{said}");
+    let message = ended.stderr();
+    assert_eq!(message.matches("warning: recording: s.2.mcap").count(), 1, "{message}");
+    assert!(
+        message.contains("failed: s.2.mcap") && message.contains("went on without it"),
+        "{message}"
+    );
     place.with_beds("verify s.mcap").with_code(0);
 }
 
@@ -592,8 +597,11 @@ fn an_endpoint_that_is_none_costs_not_even_a_folder() {
     let place = Place::new();
     for how in ["--listen nowhere", "--router nowhere"] {
         let arguments = format!("serve tiny.toml --key {KEY} --out s {how}");
-        let said = place.call(&arguments).with_code(4).stderr();
-        assert!(said.contains("expected PROTOCOL/ADDRESS") && said.contains("nowhere"), "{said}");
+        let message = place.call(&arguments).with_code(4).stderr();
+        assert!(
+            message.contains("expected PROTOCOL/ADDRESS") && message.contains("nowhere"),
+            "{message}"
+        );
         assert!(!place.path("s").exists());
     }
 }
@@ -603,8 +611,8 @@ fn a_recording_that_would_lie_in_a_file_of_the_run_is_refused() {
     let place = Place::new();
     for own in ["checkpoint.h5", "summary.json"] {
         let arguments = format!("serve tiny.toml --key {KEY} --out s --record s/{own}");
-        let said = place.with_beds(&arguments).with_code(2).stderr();
-        assert!(said.contains(own) && said.contains("none of the run's own"), "{said}");
+        let message = place.with_beds(&arguments).with_code(2).stderr();
+        assert!(message.contains(own) && message.contains("none of the run's own"), "{message}");
     }
 }
 
@@ -614,8 +622,8 @@ fn a_recording_that_could_not_be_written_is_refused_before_the_bed_is_prepared()
     let endpoint = endpoint();
     let serve = format!("serve tiny.toml --key {KEY} --listen {endpoint} --beds none --out s");
     let refuses = |arguments: &str, says: &str| {
-        let said = place.call(&format!("{serve} {arguments}")).with_code(1).stderr();
-        assert!(said.contains(says), "{arguments}: {said}");
+        let message = place.call(&format!("{serve} {arguments}")).with_code(1).stderr();
+        assert!(message.contains(says), "{arguments}: {message}");
         assert!(!place.path("none").exists(), "{arguments}");
     };
     std::fs::write(place.path("words.mcap"), "not a recording").unwrap();
@@ -646,8 +654,8 @@ fn who_may_not_serve_replaces_nothing_and_prepares_nothing() {
         let refused = place.call(&format!(
             "serve tiny.toml --key {KEY} --listen {second} --connect {first} --beds none --out old {arguments}"
         ));
-        let said = refused.with_code(4).stderr();
-        assert!(said.contains("expected nobody alive there"), "{said}");
+        let message = refused.with_code(4).stderr();
+        assert!(message.contains("expected nobody alive there"), "{message}");
         assert!(bytes() == before, "{arguments}");
         assert!(!place.path("none").exists() && !place.path("old.2.mcap").exists(), "{arguments}");
     }
@@ -672,10 +680,13 @@ fn a_run_goes_on_in_its_own_case_only() {
     ] {
         std::fs::write(place.path("tiny.toml"), CASE.replace(from, to)).unwrap();
         let resume = format!("serve tiny.toml --key {KEY} --listen {endpoint} --out s --resume");
-        let said = place.with_beds(&resume).with_code(1).stderr();
+        let message = place.with_beds(&resume).with_code(1).stderr();
         let here = to.lines().last().unwrap();
-        assert!(said.contains("s/checkpoint.h5: expected the case of its run"), "{said}");
-        assert!(said.contains("line ") && said.contains(&format!("here {here:?}")), "{said}");
+        assert!(message.contains("s/checkpoint.h5: expected the case of its run"), "{message}");
+        assert!(
+            message.contains("line ") && message.contains(&format!("here {here:?}")),
+            "{message}"
+        );
     }
     std::fs::write(place.path("tiny.toml"), format!("# Its third day.\n{CASE}")).unwrap();
     let serving = Serving::start(&place, &endpoint, "--out s --resume");

@@ -4,7 +4,7 @@ use super::few;
 use crate::entry::topic_part;
 use crate::error::{Error, Result};
 use crate::messages::Channel;
-use ballast_protocol::Malformed;
+use ballast_protocol::MessageError;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -75,7 +75,7 @@ impl Assignment {
         self.by_default
     }
 
-    pub fn source(&self, channel: &Channel) -> std::result::Result<Source<'_>, Malformed> {
+    pub fn source(&self, channel: &Channel) -> std::result::Result<Source<'_>, MessageError> {
         let topic = &channel.topic;
         let (encoding, kind) = (&channel.encoding[..], channel.schema.replacen("/msg/", "/", 1));
         let is = |name: &str| encoding == "cdr" && kind == name;
@@ -90,7 +90,7 @@ impl Assignment {
                     let expected = "geometry_msgs/PoseStamped, TwistStamped or tf2_msgs/TFMessage in \
                                     CDR, or JSON";
                     let found = format!("{:?} in {encoding:?}", channel.schema);
-                    return Err(Malformed::new("type", expected, found));
+                    return Err(MessageError::new("type", expected, found));
                 }
             };
             return match (&source, maps.next()) {
@@ -98,7 +98,7 @@ impl Assignment {
                 (_, Some(other)) => {
                     let expected = "one body for a topic that is of one";
                     let found = format!("{:?} and {:?}", map.body, other.body);
-                    Err(Malformed::new("map", expected, found))
+                    Err(MessageError::new("map", expected, found))
                 }
             };
         }

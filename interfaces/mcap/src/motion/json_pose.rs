@@ -1,6 +1,6 @@
 //! Poses as JSON, in the forms that they are met in.
 
-use ballast_protocol::Malformed;
+use ballast_protocol::MessageError;
 use ballast_protocol::messages::{Point, Pose, Quaternion, Twist, Vector3};
 use serde_json::Value;
 
@@ -18,9 +18,9 @@ pub(super) struct JsonPose {
 /// Reads `{pose: {position: {x, y, z}, orientation: {x, y, z, w}}}` or what is inside `pose` alone; beside
 /// it, if wanted, `twist: {linear, angular}`, and the time as `time_ns`, `header.stamp` or `timestamp`
 /// (`sec` and `nanosec` or `nsec`), and the frame as `header.frame_id` or `frame_id`.
-pub(super) fn read(text: &[u8]) -> Result<JsonPose, Malformed> {
+pub(super) fn read(text: &[u8]) -> Result<JsonPose, MessageError> {
     let value: Value =
-        serde_json::from_slice(text).map_err(|e| Malformed::new("message", "JSON", e))?;
+        serde_json::from_slice(text).map_err(|e| MessageError::new("message", "JSON", e))?;
     let pose = value.get("pose").unwrap_or(&value);
     let pose = pose.get("pose").unwrap_or(pose);
     let [x, y, z] = triple(pose, "position")?;
@@ -45,21 +45,21 @@ pub(super) fn read(text: &[u8]) -> Result<JsonPose, Malformed> {
     Ok(JsonPose { pose, twist, stamp_ns: stamp(&value)?, frame })
 }
 
-fn triple(value: &Value, field: &str) -> Result<[f64; 3], Malformed> {
+fn triple(value: &Value, field: &str) -> Result<[f64; 3], MessageError> {
     Ok([number(value, field, "x")?, number(value, field, "y")?, number(value, field, "z")?])
 }
 
-fn number(value: &Value, field: &str, axis: &str) -> Result<f64, Malformed> {
+fn number(value: &Value, field: &str, axis: &str) -> Result<f64, MessageError> {
     let found = value.get(field).and_then(|v| v.get(axis));
     found.and_then(Value::as_f64).ok_or_else(|| {
         let found = found.map_or("nothing".into(), Value::to_string);
-        Malformed::new(format!("{field}.{axis}"), "a number", found)
+        MessageError::new(format!("{field}.{axis}"), "a number", found)
     })
 }
 
-fn stamp(value: &Value) -> Result<Option<i64>, Malformed> {
+fn stamp(value: &Value) -> Result<Option<i64>, MessageError> {
     if let Some(time) = value.get("time_ns") {
-        let wrong = || Malformed::new("time_ns", "a whole number", time);
+        let wrong = || MessageError::new("time_ns", "a whole number", time);
         return time.as_i64().map(Some).ok_or_else(wrong);
     }
     let Some(stamp) = value.pointer("/header/stamp").or_else(|| value.get("timestamp")) else {
@@ -70,6 +70,6 @@ fn stamp(value: &Value) -> Result<Option<i64>, Malformed> {
     let whole = whole.filter(|(_, rest)| (0..1_000_000_000).contains(rest));
     let ns = whole.and_then(|(sec, rest)| sec.checked_mul(1_000_000_000)?.checked_add(rest));
     let wrong =
-        || Malformed::new("stamp", "whole `sec` and `nanosec`, the latter below 10⁹", stamp);
+        || MessageError::new("stamp", "whole `sec` and `nanosec`, the latter below 10⁹", stamp);
     ns.map(Some).ok_or_else(wrong)
 }

@@ -3,7 +3,7 @@
 use super::no_twist;
 use ballast::component::{Interpolation, Knot, Waveform};
 use ballast::math::Quat;
-use ballast_protocol::Malformed;
+use ballast_protocol::MessageError;
 use ballast_protocol::messages::{Pose, Quaternion, Twist};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -64,17 +64,17 @@ impl Track {
     }
 
     /// The waveform, and how it came about. Times are those of the file.
-    pub fn waveform(mut self) -> Result<(Waveform, String), Malformed> {
+    pub fn waveform(mut self) -> Result<(Waveform, String), MessageError> {
         // Files may hold messages in the order of their arrival.
         self.poses.sort_by_key(|(time, _)| *time);
         self.poses.dedup();
         if let Some(pair) = self.poses.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let (place, expected) = (format!("{} ns", pair[0].0), "one pose at a time");
             let found = "two; do the stamps tell the time? (--time log takes the recorded one)";
-            return Err(Malformed::new(place, expected, found));
+            return Err(MessageError::new(place, expected, found));
         }
         if let Some(time) = self.two_twists_at {
-            return Err(Malformed::new(format!("{time} ns"), "one twist at a time", "two"));
+            return Err(MessageError::new(format!("{time} ns"), "one twist at a time", "two"));
         }
         let cubic = self.poses.iter().all(|(time, _)| self.twists.contains_key(time));
         let knot = |(time, pose): &(u64, Pose)| {
@@ -89,7 +89,7 @@ impl Track {
                 angular_velocity: twist.angular.into(),
             })
         };
-        let knots = self.poses.iter().map(knot).collect::<Result<Vec<Knot>, Malformed>>()?;
+        let knots = self.poses.iter().map(knot).collect::<Result<Vec<Knot>, MessageError>>()?;
         let (interpolation, how) = match (cubic, self.twists.is_empty()) {
             (true, _) => (Interpolation::Hermite, "cubic, by poses and twists"),
             (false, true) => (Interpolation::Linear, "linear, there are no twists"),
@@ -129,7 +129,7 @@ pub(super) fn note(names: &mut BTreeSet<String>, name: &str) -> usize {
     size_of::<String>() + name.len()
 }
 
-fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, Malformed> {
+fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, MessageError> {
     let plain = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     let off = (plain.norm() - 1.0).abs();
     if off <= UNIT {
@@ -139,7 +139,7 @@ fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, Malformed> {
         return Ok(Quat::new_normalize(plain));
     }
     let place = format!("orientation at {time_ns} ns");
-    Err(Malformed::new(place, "a unit quaternion (x, y, z, w)", format!("{q:?}")))
+    Err(MessageError::new(place, "a unit quaternion (x, y, z, w)", format!("{q:?}")))
 }
 
 /// The waveform from `start` on, shifted so that `start` becomes `begin`.

@@ -1,6 +1,6 @@
 //! CDR as serde's data model, as far as ROS 2 messages go.
 
-use crate::Malformed;
+use crate::MessageError;
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
 pub(super) struct Reader<'a> {
@@ -24,7 +24,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Everything has been read.
-    pub fn end(&self) -> Result<(), Malformed> {
+    pub fn end(&self) -> Result<(), MessageError> {
         let rest = &self.bytes[self.at..];
         let fills_a_word = rest.len() < 4 && self.bytes.len().is_multiple_of(4);
         if rest.is_empty() || (fills_a_word && rest.iter().all(|b| *b == 0)) {
@@ -34,11 +34,11 @@ impl<'a> Reader<'a> {
     }
 
     /// An error with its place, if it has none yet.
-    pub fn located(&self, error: Malformed) -> Malformed {
+    pub fn located(&self, error: MessageError) -> MessageError {
         if !error.place.is_empty() {
             return error;
         }
-        Malformed { place: self.place(), ..error }
+        MessageError { place: self.place(), ..error }
     }
 
     fn place(&self) -> String {
@@ -53,15 +53,15 @@ impl<'a> Reader<'a> {
         format!("{text}, byte {}", self.at + 4)
     }
 
-    fn fault(&self, expected: impl Into<String>, found: impl ToString) -> Malformed {
-        Malformed::new(self.place(), expected, found)
+    fn fault(&self, expected: impl Into<String>, found: impl ToString) -> MessageError {
+        MessageError::new(self.place(), expected, found)
     }
 
     fn left(&self) -> usize {
         self.bytes.len() - self.at
     }
 
-    fn take(&mut self, count: usize) -> Result<&'a [u8], Malformed> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], MessageError> {
         match self.bytes[self.at..].get(..count) {
             Some(bytes) => {
                 self.at += count;
@@ -74,7 +74,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The bytes of an aligned number, lowest first.
-    fn number<const N: usize>(&mut self) -> Result<[u8; N], Malformed> {
+    fn number<const N: usize>(&mut self) -> Result<[u8; N], MessageError> {
         self.take(self.at.next_multiple_of(N) - self.at)?;
         let mut bytes = [0; N];
         bytes.copy_from_slice(self.take(N)?);
@@ -85,7 +85,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A length that the rest of the bytes can hold: every entry takes one at least.
-    fn length(&mut self) -> Result<usize, Malformed> {
+    fn length(&mut self) -> Result<usize, MessageError> {
         let length = u32::from_le_bytes(self.number()?) as usize;
         if length <= self.left() {
             return Ok(length);
@@ -94,7 +94,7 @@ impl<'a> Reader<'a> {
         Err(self.fault(format!("a length of at most {}, the bytes left", self.left()), found))
     }
 
-    fn text(&mut self) -> Result<&'a str, Malformed> {
+    fn text(&mut self) -> Result<&'a str, MessageError> {
         let length = self.length()?;
         // Some writers leave the zero out of an empty text.
         if length == 0 {
@@ -111,14 +111,14 @@ impl<'a> Reader<'a> {
         std::str::from_utf8(text).map_err(|e| self.fault("a text in UTF-8", e))
     }
 
-    fn unknown<T>(&self, what: &str) -> Result<T, Malformed> {
+    fn unknown<T>(&self, what: &str) -> Result<T, MessageError> {
         Err(self.fault("a type of ROS 2 messages", what))
     }
 }
 
 macro_rules! numbers {
     ($($method:ident $visit:ident $type:ty),*) => {$(
-        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
             visitor.$visit(<$type>::from_le_bytes(self.number()?))
         }
     )*};
@@ -126,14 +126,14 @@ macro_rules! numbers {
 
 macro_rules! unknown {
     ($($method:ident($($argument:ty),*) $what:literal),*) => {$(
-        fn $method<V: Visitor<'de>>(self, $(_: $argument,)* _: V) -> Result<V::Value, Malformed> {
+        fn $method<V: Visitor<'de>>(self, $(_: $argument,)* _: V) -> Result<V::Value, MessageError> {
             self.unknown($what)
         }
     )*};
 }
 
 impl<'de> Deserializer<'de> for &mut Reader<'de> {
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn is_human_readable(&self) -> bool {
         false
@@ -159,7 +159,7 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         deserialize_identifier() "a name"
     );
 
-    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         match self.number()? {
             [0] => visitor.visit_bool(false),
             [1] => visitor.visit_bool(true),
@@ -167,24 +167,24 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         }
     }
 
-    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         visitor.visit_str(self.text()?)
     }
 
-    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         visitor.visit_str(self.text()?)
     }
 
-    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         let length = self.length()?;
         visitor.visit_bytes(self.take(length)?)
     }
 
-    fn deserialize_byte_buf<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_byte_buf<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         self.deserialize_bytes(visitor)
     }
 
-    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         let length = self.length()?;
         visitor.visit_seq(Items { reader: self, next: 0, length })
     }
@@ -193,7 +193,7 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         self,
         length: usize,
         visitor: V,
-    ) -> Result<V::Value, Malformed> {
+    ) -> Result<V::Value, MessageError> {
         visitor.visit_seq(Items { reader: self, next: 0, length })
     }
 
@@ -202,7 +202,7 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         _: &'static str,
         names: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Malformed> {
+    ) -> Result<V::Value, MessageError> {
         visitor.visit_seq(Fields { reader: self, names })
     }
 
@@ -210,7 +210,7 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         self,
         _: &'static str,
         visitor: V,
-    ) -> Result<V::Value, Malformed> {
+    ) -> Result<V::Value, MessageError> {
         visitor.visit_newtype_struct(self)
     }
 }
@@ -220,7 +220,7 @@ fn part<'de, S: DeserializeSeed<'de>>(
     reader: &mut Reader<'de>,
     step: Step,
     seed: S,
-) -> Result<Option<S::Value>, Malformed> {
+) -> Result<Option<S::Value>, MessageError> {
     reader.path.push(step);
     let value = seed.deserialize(&mut *reader).map_err(|e| reader.located(e))?;
     reader.path.pop();
@@ -234,12 +234,12 @@ struct Items<'r, 'de> {
 }
 
 impl<'de> SeqAccess<'de> for Items<'_, 'de> {
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(
         &mut self,
         seed: S,
-    ) -> Result<Option<S::Value>, Malformed> {
+    ) -> Result<Option<S::Value>, MessageError> {
         if self.next == self.length {
             return Ok(None);
         }
@@ -258,12 +258,12 @@ struct Fields<'r, 'de> {
 }
 
 impl<'de> SeqAccess<'de> for Fields<'_, 'de> {
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(
         &mut self,
         seed: S,
-    ) -> Result<Option<S::Value>, Malformed> {
+    ) -> Result<Option<S::Value>, MessageError> {
         let Some((name, rest)) = self.names.split_first() else { return Ok(None) };
         self.names = rest;
         part(self.reader, Step::Field(name), seed)

@@ -1,7 +1,7 @@
 //! Bytes as the standard has them.
 
 use crate::messages::{
-    AdvanceRequest, BodyInput, Header, PointCloud2, PointField, Status, TFMessage, Time,
+    AdvanceRequest, BodyMotion, Header, PointCloud2, PointField, ReplyStatus, TFMessage, Time,
 };
 use crate::{from_cdr, to_cdr};
 
@@ -17,7 +17,7 @@ fn bytes_are_those_of_the_standard() {
     assert_eq!(to_cdr(&header()).unwrap(), HEADER);
     assert_eq!(from_cdr::<Header>(&HEADER).unwrap(), header());
     // Numbers are aligned relative to the byte after the header of four.
-    let input = BodyInput { body: "t".into(), ..BodyInput::default() };
+    let input = BodyMotion { body: "t".into(), ..BodyMotion::default() };
     let bytes = to_cdr(&input).unwrap();
     let expected = [0, 1, 0, 0, 2, 0, 0, 0, b't', 0, 2, 0, 0, 0, 0, 0];
     assert_eq!(bytes, expected, "text, byte, byte, length at 8");
@@ -87,15 +87,15 @@ fn lengths_that_the_bytes_cannot_hold_are_refused_at_once() {
 
 #[test]
 fn values_that_a_type_does_not_know_are_refused() {
-    let mut bytes = to_cdr(&BodyInput { body: "t".into(), ..BodyInput::default() }).unwrap();
+    let mut bytes = to_cdr(&BodyMotion { body: "t".into(), ..BodyMotion::default() }).unwrap();
     bytes[10] = 9;
-    let error = from_cdr::<BodyInput>(&bytes).unwrap_err();
-    assert!(error.place.contains("BodyInput.interpolation"), "{error}");
+    let error = from_cdr::<BodyMotion>(&bytes).unwrap_err();
+    assert!(error.place.contains("BodyMotion.interpolation"), "{error}");
     assert!(error.expected.contains("hermite (2)") && error.found.contains('9'), "{error}");
     bytes[10] = 0;
     bytes[11] = 2;
-    assert!(from_cdr::<BodyInput>(&bytes).unwrap_err().to_string().contains("rebase"));
-    assert_eq!(Status::ALL.len(), 6);
+    assert!(from_cdr::<BodyMotion>(&bytes).unwrap_err().to_string().contains("rebase"));
+    assert_eq!(ReplyStatus::ALL.len(), 6);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! serde's data model as CDR, as far as ROS 2 messages go.
 
 use super::LITTLE;
-use crate::Malformed;
+use crate::MessageError;
 use serde::Serialize;
 use serde::ser::{Impossible, SerializeSeq, SerializeStruct, SerializeTuple, Serializer};
 
@@ -23,30 +23,30 @@ impl Writer {
         self.out
     }
 
-    fn number<const N: usize>(&mut self, bytes: [u8; N]) -> Result<(), Malformed> {
+    fn number<const N: usize>(&mut self, bytes: [u8; N]) -> Result<(), MessageError> {
         let end = (self.out.len() - HEADER).next_multiple_of(N) + HEADER;
         self.out.resize(end, 0);
         self.out.extend_from_slice(&bytes);
         Ok(())
     }
 
-    fn length(&mut self, length: usize) -> Result<(), Malformed> {
+    fn length(&mut self, length: usize) -> Result<(), MessageError> {
         let length = u32::try_from(length)
-            .map_err(|_| Malformed::new("", format!("at most {} entries", u32::MAX), length))?;
+            .map_err(|_| MessageError::new("", format!("at most {} entries", u32::MAX), length))?;
         self.number(length.to_le_bytes())
     }
 }
 
 /// What ROS 2 messages have no word for.
-fn foreign<T>(what: &str) -> Result<T, Malformed> {
-    Err(Malformed::new("", "a type of ROS 2 messages", what))
+fn foreign<T>(what: &str) -> Result<T, MessageError> {
+    Err(MessageError::new("", "a type of ROS 2 messages", what))
 }
 
-type Never = Impossible<(), Malformed>;
+type Never = Impossible<(), MessageError>;
 
 impl Serializer for &mut Writer {
     type Ok = ();
-    type Error = Malformed;
+    type Error = MessageError;
     type SerializeSeq = Self;
     type SerializeTuple = Self;
     type SerializeTupleStruct = Never;
@@ -59,43 +59,43 @@ impl Serializer for &mut Writer {
         false
     }
 
-    fn serialize_bool(self, v: bool) -> Result<(), Malformed> {
+    fn serialize_bool(self, v: bool) -> Result<(), MessageError> {
         self.number([u8::from(v)])
     }
-    fn serialize_i8(self, v: i8) -> Result<(), Malformed> {
+    fn serialize_i8(self, v: i8) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_i16(self, v: i16) -> Result<(), Malformed> {
+    fn serialize_i16(self, v: i16) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_i32(self, v: i32) -> Result<(), Malformed> {
+    fn serialize_i32(self, v: i32) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_i64(self, v: i64) -> Result<(), Malformed> {
+    fn serialize_i64(self, v: i64) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_u8(self, v: u8) -> Result<(), Malformed> {
+    fn serialize_u8(self, v: u8) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_u16(self, v: u16) -> Result<(), Malformed> {
+    fn serialize_u16(self, v: u16) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_u32(self, v: u32) -> Result<(), Malformed> {
+    fn serialize_u32(self, v: u32) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_u64(self, v: u64) -> Result<(), Malformed> {
+    fn serialize_u64(self, v: u64) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_f32(self, v: f32) -> Result<(), Malformed> {
+    fn serialize_f32(self, v: f32) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
-    fn serialize_f64(self, v: f64) -> Result<(), Malformed> {
+    fn serialize_f64(self, v: f64) -> Result<(), MessageError> {
         self.number(v.to_le_bytes())
     }
 
-    fn serialize_str(self, v: &str) -> Result<(), Malformed> {
+    fn serialize_str(self, v: &str) -> Result<(), MessageError> {
         if let Some(at) = v.bytes().position(|b| b == 0) {
-            return Err(Malformed::new("", "a text without zeros", format!("one at byte {at}")));
+            return Err(MessageError::new("", "a text without zeros", format!("one at byte {at}")));
         }
         self.length(v.len().saturating_add(1))?;
         self.out.extend_from_slice(v.as_bytes());
@@ -103,23 +103,23 @@ impl Serializer for &mut Writer {
         Ok(())
     }
 
-    fn serialize_bytes(self, v: &[u8]) -> Result<(), Malformed> {
+    fn serialize_bytes(self, v: &[u8]) -> Result<(), MessageError> {
         self.length(v.len())?;
         self.out.extend_from_slice(v);
         Ok(())
     }
 
-    fn serialize_seq(self, length: Option<usize>) -> Result<Self, Malformed> {
+    fn serialize_seq(self, length: Option<usize>) -> Result<Self, MessageError> {
         let Some(length) = length else { return foreign("a sequence of unknown length") };
         self.length(length)?;
         Ok(self)
     }
 
-    fn serialize_tuple(self, _: usize) -> Result<Self, Malformed> {
+    fn serialize_tuple(self, _: usize) -> Result<Self, MessageError> {
         Ok(self)
     }
 
-    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Self, Malformed> {
+    fn serialize_struct(self, _: &'static str, _: usize) -> Result<Self, MessageError> {
         Ok(self)
     }
 
@@ -127,23 +127,23 @@ impl Serializer for &mut Writer {
         self,
         _: &'static str,
         value: &T,
-    ) -> Result<(), Malformed> {
+    ) -> Result<(), MessageError> {
         value.serialize(self)
     }
 
-    fn serialize_char(self, _: char) -> Result<(), Malformed> {
+    fn serialize_char(self, _: char) -> Result<(), MessageError> {
         foreign("a character")
     }
-    fn serialize_none(self) -> Result<(), Malformed> {
+    fn serialize_none(self) -> Result<(), MessageError> {
         foreign("an option")
     }
-    fn serialize_some<T: ?Sized + Serialize>(self, _: &T) -> Result<(), Malformed> {
+    fn serialize_some<T: ?Sized + Serialize>(self, _: &T) -> Result<(), MessageError> {
         foreign("an option")
     }
-    fn serialize_unit(self) -> Result<(), Malformed> {
+    fn serialize_unit(self) -> Result<(), MessageError> {
         foreign("nothing")
     }
-    fn serialize_unit_struct(self, name: &'static str) -> Result<(), Malformed> {
+    fn serialize_unit_struct(self, name: &'static str) -> Result<(), MessageError> {
         foreign(name)
     }
     fn serialize_unit_variant(
@@ -151,7 +151,7 @@ impl Serializer for &mut Writer {
         name: &'static str,
         _: u32,
         _: &'static str,
-    ) -> Result<(), Malformed> {
+    ) -> Result<(), MessageError> {
         foreign(name)
     }
     fn serialize_newtype_variant<T: ?Sized + Serialize>(
@@ -160,10 +160,10 @@ impl Serializer for &mut Writer {
         _: u32,
         _: &'static str,
         _: &T,
-    ) -> Result<(), Malformed> {
+    ) -> Result<(), MessageError> {
         foreign(name)
     }
-    fn serialize_tuple_struct(self, name: &'static str, _: usize) -> Result<Never, Malformed> {
+    fn serialize_tuple_struct(self, name: &'static str, _: usize) -> Result<Never, MessageError> {
         foreign(name)
     }
     fn serialize_tuple_variant(
@@ -172,10 +172,10 @@ impl Serializer for &mut Writer {
         _: u32,
         _: &'static str,
         _: usize,
-    ) -> Result<Never, Malformed> {
+    ) -> Result<Never, MessageError> {
         foreign(name)
     }
-    fn serialize_map(self, _: Option<usize>) -> Result<Never, Malformed> {
+    fn serialize_map(self, _: Option<usize>) -> Result<Never, MessageError> {
         foreign("a map")
     }
     fn serialize_struct_variant(
@@ -184,47 +184,47 @@ impl Serializer for &mut Writer {
         _: u32,
         _: &'static str,
         _: usize,
-    ) -> Result<Never, Malformed> {
+    ) -> Result<Never, MessageError> {
         foreign(name)
     }
 }
 
 impl SerializeSeq for &mut Writer {
     type Ok = ();
-    type Error = Malformed;
+    type Error = MessageError;
 
-    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Malformed> {
+    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), MessageError> {
         value.serialize(&mut **self)
     }
-    fn end(self) -> Result<(), Malformed> {
+    fn end(self) -> Result<(), MessageError> {
         Ok(())
     }
 }
 
 impl SerializeTuple for &mut Writer {
     type Ok = ();
-    type Error = Malformed;
+    type Error = MessageError;
 
-    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), Malformed> {
+    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), MessageError> {
         value.serialize(&mut **self)
     }
-    fn end(self) -> Result<(), Malformed> {
+    fn end(self) -> Result<(), MessageError> {
         Ok(())
     }
 }
 
 impl SerializeStruct for &mut Writer {
     type Ok = ();
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn serialize_field<T: ?Sized + Serialize>(
         &mut self,
         name: &'static str,
         value: &T,
-    ) -> Result<(), Malformed> {
+    ) -> Result<(), MessageError> {
         value.serialize(&mut **self).map_err(|e| e.inside(name))
     }
-    fn end(self) -> Result<(), Malformed> {
+    fn end(self) -> Result<(), MessageError> {
         Ok(())
     }
 }

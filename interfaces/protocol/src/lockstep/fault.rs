@@ -1,6 +1,6 @@
 //! Why a request was not accepted: a code for programs, a sentence for people, numbers where they help.
 
-use crate::Malformed;
+use crate::MessageError;
 use ballast::component::Refusal;
 use ballast::error::Error;
 use schemars::JsonSchema;
@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 /// A request that was refused. The state is untouched.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[error("{message}")]
-pub struct Fault {
-    pub code: Code,
+pub struct RequestError {
+    pub code: ErrorCode,
     pub message: String,
     /// The number that a window must have now.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -25,12 +25,12 @@ pub struct Fault {
     pub since_ms: Option<u64>,
     /// The message in parts, where it has any.
     #[serde(flatten)]
-    pub finding: Option<Box<Finding>>,
+    pub details: Option<Box<ErrorDetails>>,
 }
 
 /// What is wrong with a request.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Finding {
+pub struct ErrorDetails {
     /// The field, or the body whose input it is.
     pub place: String,
     pub expected: String,
@@ -43,9 +43,9 @@ pub struct Finding {
 /// What kind of refusal it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Code {
+pub enum ErrorCode {
     /// The bytes are no such message.
-    Malformed,
+    MessageError,
     /// The message is larger than this component accepts.
     TooLarge,
     /// No request of this name.
@@ -55,17 +55,17 @@ pub enum Code {
     /// Someone else drives.
     Busy,
     /// The bed is being prepared; there is nothing to ask about yet.
-    Settling,
+    Preparing,
     /// The bed has not been prepared yet: `init` does it.
     Unconfigured,
     /// A parameter that cannot be used.
     ParameterInvalid,
     /// Time runs by itself; stop it first.
-    FreeRunning,
+    RealTimeActive,
     /// The bed could not be prepared.
     InitFailed,
     /// The client has no liveliness token, so its loss would not be noticed.
-    NotAlive,
+    NoLivelinessToken,
     /// The ticket is not that of the owner.
     NotOwner,
     /// This component has another run.
@@ -77,11 +77,11 @@ pub enum Code {
     /// No more states can be kept.
     TooManyStates,
     /// The window was taken back, as if it had never been asked for: nobody waited for it any more.
-    Abandoned,
+    Cancelled,
     /// Something failed inside; only restore, reset and detach are possible.
-    InError,
+    ErrorState,
     /// The component is being shut down.
-    Quitting,
+    ShuttingDown,
     /// No step of this grid.
     TimeGrid,
     InputGap,
@@ -93,14 +93,14 @@ pub enum Code {
 }
 
 /// The word in messages.
-impl std::fmt::Display for Code {
+impl std::fmt::Display for ErrorCode {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         self.serialize(f)
     }
 }
 
-impl Fault {
-    pub fn new(code: Code, message: impl Into<String>) -> Self {
+impl RequestError {
+    pub fn new(code: ErrorCode, message: impl Into<String>) -> Self {
         Self {
             code,
             message: message.into(),
@@ -108,13 +108,13 @@ impl Fault {
             now_ns: None,
             owner: None,
             since_ms: None,
-            finding: None,
+            details: None,
         }
     }
 
     /// The usual form: what, where, expected and found.
     pub fn expected(
-        code: Code,
+        code: ErrorCode,
         place: &str,
         expected: impl std::fmt::Display,
         found: impl std::fmt::Display,
@@ -122,8 +122,8 @@ impl Fault {
         let (expected, found) = (expected.to_string(), found.to_string());
         let message = format!("{place}: expected {expected}, found {found}");
         let place = place.to_string();
-        let finding = Finding { place, expected, found, nearest_ns: None };
-        Self { finding: Some(Box::new(finding)), ..Self::new(code, message) }
+        let finding = ErrorDetails { place, expected, found, nearest_ns: None };
+        Self { details: Some(Box::new(finding)), ..Self::new(code, message) }
     }
 
     /// A ticket that is not that of the owner, or while there is none.
@@ -133,39 +133,39 @@ impl Fault {
             None => "that of an owner; nobody drives, attach first".to_string(),
         };
         let found = if ticket.is_empty() { "none" } else { "another" };
-        let fault = Self::expected(Code::NotOwner, "ticket", expected, found);
+        let fault = Self::expected(ErrorCode::NotOwner, "ticket", expected, found);
         Self { owner: owner.map(String::from), ..fault }
     }
 }
 
-/// What a panic said.
-pub fn said(panic: &(dyn std::any::Any + Send)) -> String {
+/// What a panic panic_message.
+pub fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
     format!("the program failed inside: {}", text.unwrap_or("no reason given"))
 }
 
-impl From<Malformed> for Fault {
-    fn from(e: Malformed) -> Self {
-        Self::expected(Code::Malformed, &e.place, e.expected, e.found)
+impl From<MessageError> for RequestError {
+    fn from(e: MessageError) -> Self {
+        Self::expected(ErrorCode::MessageError, &e.place, e.expected, e.found)
     }
 }
 
-impl From<Refusal> for Fault {
+impl From<Refusal> for RequestError {
     fn from(refusal: Refusal) -> Self {
         let code = match refusal {
-            Refusal::Time { .. } => Code::TimeGrid,
-            Refusal::Gap { .. } => Code::InputGap,
-            Refusal::Jump { .. } => Code::InputJump,
-            Refusal::Input { .. } => Code::InputInvalid,
-            Refusal::UnknownBody { .. } => Code::UnknownBody,
-            Refusal::NothingToRedo => Code::NothingToRedo,
-            Refusal::Cancelled => Code::Abandoned,
-            Refusal::Core(_) => Code::StateInvalid,
+            Refusal::Time { .. } => ErrorCode::TimeGrid,
+            Refusal::Gap { .. } => ErrorCode::InputGap,
+            Refusal::Jump { .. } => ErrorCode::InputJump,
+            Refusal::Input { .. } => ErrorCode::InputInvalid,
+            Refusal::UnknownBody { .. } => ErrorCode::UnknownBody,
+            Refusal::NothingToRedo => ErrorCode::NothingToRedo,
+            Refusal::Cancelled => ErrorCode::Cancelled,
+            Refusal::Core(_) => ErrorCode::StateInvalid,
         };
         let message = refusal.to_string();
         let finding = match refusal {
-            Refusal::Time { now_ns, step_ns, nearest_ns, found_ns } => Some(Finding {
+            Refusal::Time { now_ns, step_ns, nearest_ns, found_ns } => Some(ErrorDetails {
                 place: "t1_ns".into(),
                 expected: format!("a whole number of steps of {step_ns} ns after {now_ns} ns"),
                 found: format!("{found_ns} ns"),
@@ -174,9 +174,9 @@ impl From<Refusal> for Fault {
             Refusal::Gap { body, expected, found }
             | Refusal::Jump { body, expected, found }
             | Refusal::Input { body, expected, found } => {
-                Some(Finding { place: body, expected, found, nearest_ns: None })
+                Some(ErrorDetails { place: body, expected, found, nearest_ns: None })
             }
-            Refusal::UnknownBody { known, found } => Some(Finding {
+            Refusal::UnknownBody { known, found } => Some(ErrorDetails {
                 place: "body".into(),
                 expected: format!("one of {known:?}"),
                 found,
@@ -185,12 +185,12 @@ impl From<Refusal> for Fault {
             Refusal::Core(error) => parts(error),
             Refusal::NothingToRedo | Refusal::Cancelled => None,
         };
-        Self { finding: finding.map(Box::new), ..Self::new(code, message) }
+        Self { details: finding.map(Box::new), ..Self::new(code, message) }
     }
 }
 
 /// The parts of what the core says.
-fn parts(error: Error) -> Option<Finding> {
+fn parts(error: Error) -> Option<ErrorDetails> {
     let (place, expected, found) = match error {
         Error::Geometry { expected, found } => ("polyhedron".into(), expected.into(), found),
         Error::Model { place, expected, found }
@@ -199,7 +199,7 @@ fn parts(error: Error) -> Option<Finding> {
         | Error::Step { place, expected, found, .. } => (place, expected, found),
         Error::Stopped(_) => return None,
     };
-    Some(Finding { place, expected, found, nearest_ns: None })
+    Some(ErrorDetails { place, expected, found, nearest_ns: None })
 }
 
 #[cfg(test)]
@@ -220,7 +220,7 @@ mod tests {
             Refusal::Core(Error::Geometry { expected: "", found: text() }),
         ] {
             let code = refusal.code();
-            assert_eq!(Fault::from(refusal).code.to_string(), code);
+            assert_eq!(RequestError::from(refusal).code.to_string(), code);
         }
     }
 }

@@ -20,15 +20,16 @@ mod verb;
 mod window;
 
 pub use control::{
-    Activity, Attach, Attached, Init, Named, Place, Progress, SetParameters, StatusReport,
+    AttachReply, AttachRequest, ComponentState, InitRequest, ParameterUpdate, RunPosition,
+    StateName, StatusReport, WindowProgress,
 };
-pub use cost::{Cost, WallClock};
-pub use fault::{Code, Fault, Finding, said};
+pub use cost::{WallClock, WindowTiming};
+pub use fault::{ErrorCode, ErrorDetails, RequestError, panic_message};
 pub use owner::Ownership;
-use state::Shelf;
-pub use state::{Kept, empty_model};
-pub use verb::Verb;
-pub use window::{Pace, Watch, WindowKind};
+use state::SavedStates;
+pub use state::{SavedState, empty_model};
+pub use verb::RequestKind;
+pub use window::{WindowControl, WindowKind, WindowPoll};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};
 use ballast::component::Component;
@@ -36,14 +37,14 @@ use ballast::model::Model;
 use ballast::state::State;
 
 /// Most states kept under a name.
-pub const MOST_STATES: usize = 64;
+pub const MAX_SAVED_STATES: usize = 64;
 /// Longest name of a client or a state, bytes.
-pub const LONGEST_NAME: usize = 200;
+pub const MAX_NAME_BYTES: usize = 200;
 
 /// What is kept beside the state in a checkpoint: with it a retry of the last window is safe, and nobody takes what
 /// another one has driven for its own.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Memory {
+pub struct ResumeInfo {
     /// What the last window was answered, under the digest of its request.
     pub answered: Option<(Digest, AdvanceReply)>,
     /// Other parameters were set since.
@@ -58,7 +59,7 @@ pub struct Lockstep {
     component: Component,
     run_id: String,
     /// Where reset goes.
-    start: Kept,
+    start: SavedState,
     hash: fn(&Model, &State) -> u128,
     /// Of the present state: taken when it changes, since a state is large and asked about often.
     hash_now: StateHash,
@@ -67,17 +68,17 @@ pub struct Lockstep {
     answered: Option<(Digest, AdvanceReply)>,
     /// Other parameters were set since.
     is_outdated: bool,
-    kept: Shelf,
+    kept: SavedStates,
     owner: Ownership,
     /// What failed inside.
-    trouble: Option<String>,
+    failure: Option<String>,
     /// Whether there is anything to step.
     is_configured: bool,
     is_quitting: bool,
     durable_seq: u64,
-    answered_count: u64,
+    computed_windows: u64,
     /// Of the last window.
-    cost: Option<Cost>,
+    cost: Option<WindowTiming>,
     /// Since when nothing was asked, wall ms.
     idle_since_ms: u64,
 }
@@ -89,7 +90,7 @@ impl Lockstep {
         run_id: impl Into<String>,
         hash: fn(&Model, &State) -> u128,
     ) -> Self {
-        let start = Kept::of(&component);
+        let start = SavedState::of(&component);
         let hash_now = hash(component.model(), component.state()).into();
         Self {
             component,
@@ -100,13 +101,13 @@ impl Lockstep {
             seq: 0,
             answered: None,
             is_outdated: false,
-            kept: Shelf::default(),
+            kept: SavedStates::default(),
             owner: Ownership::default(),
-            trouble: None,
+            failure: None,
             is_configured: true,
             is_quitting: false,
             durable_seq: 0,
-            answered_count: 0,
+            computed_windows: 0,
             cost: None,
             idle_since_ms: 0,
         }
@@ -121,13 +122,13 @@ impl Lockstep {
         &mut self,
         run_id: impl Into<String>,
         seq: u64,
-        kept: Kept,
-        memory: Memory,
-    ) -> Result<(), Fault> {
+        kept: SavedState,
+        memory: ResumeInfo,
+    ) -> Result<(), RequestError> {
         kept.take_up(&mut self.component)?;
         (self.run_id, self.seq, self.durable_seq) = (run_id.into(), seq, seq);
         self.hash_again();
-        let Memory { answered, is_outdated, last_client, owners } = memory;
+        let ResumeInfo { answered, is_outdated, last_client, owners } = memory;
         (self.answered, self.is_outdated) = (answered, is_outdated);
         self.owner.remember(last_client, owners);
         Ok(())
@@ -139,9 +140,9 @@ impl Lockstep {
     }
 
     /// What is kept beside the state in a checkpoint.
-    pub fn memory(&self) -> Memory {
+    pub fn memory(&self) -> ResumeInfo {
         let (last_client, owners) = self.owner.history();
-        Memory {
+        ResumeInfo {
             answered: self.answered.clone(),
             is_outdated: self.is_outdated,
             last_client: last_client.into(),
@@ -154,8 +155,8 @@ impl Lockstep {
     }
 
     /// Where the run stands.
-    pub fn place(&self) -> Place {
-        Place {
+    pub fn position(&self) -> RunPosition {
+        RunPosition {
             run_id: self.run_id.clone(),
             seq: self.seq,
             now_ns: self.component.now_ns(),
@@ -169,28 +170,28 @@ impl Lockstep {
 
     /// What it is doing between windows.
     pub fn status(&self, now_ms: u64) -> StatusReport {
-        let activity = match (&self.trouble, self.is_quitting) {
-            (_, true) => Activity::Quitting,
-            _ if !self.is_configured => Activity::Unconfigured,
-            (Some(_), false) => Activity::Error,
-            (None, false) => Activity::Paused,
+        let state = match (&self.failure, self.is_quitting) {
+            (_, true) => ComponentState::ShuttingDown,
+            _ if !self.is_configured => ComponentState::Unconfigured,
+            (Some(_), false) => ComponentState::Error,
+            (None, false) => ComponentState::Idle,
         };
-        let waiting = match (self.owner.client(), &self.trouble) {
+        let waiting = match (self.owner.client(), &self.failure) {
             (None, _) => "an owner to attach".to_string(),
             (Some(client), _) if !self.is_configured => format!("init from {client}"),
             (Some(client), None) => format!("window {} from {client}", self.seq + 1),
             (Some(client), Some(_)) => format!("restore or reset from {client}"),
         };
         StatusReport {
-            activity,
-            place: self.place(),
+            state,
+            position: self.position(),
             owner: self.owner.client().map(str::to_string),
             owner_since_ms: self.owner.since_ms(now_ms),
             waiting_for: Some(waiting),
             waiting_since_ms: Some(now_ms.saturating_sub(self.idle_since_ms)),
             progress: None,
-            free_running: None,
-            trouble: self.trouble.clone(),
+            real_time: None,
+            error: self.failure.clone(),
             last_window: self.cost.clone(),
             durable_seq: self.durable_seq,
             uptime_ms: now_ms,
@@ -198,8 +199,8 @@ impl Lockstep {
     }
 
     /// How many windows were computed; a retry that is answered from memory does not count.
-    pub fn answered_count(&self) -> u64 {
-        self.answered_count
+    pub fn computed_windows(&self) -> u64 {
+        self.computed_windows
     }
 
     /// Notes that a checkpoint of the present state is kept.
@@ -220,28 +221,33 @@ impl Lockstep {
     /// Makes the caller the owner; `ticket` is fresh and hard to guess.
     ///
     /// # Errors
-    /// [`Code::Busy`] while another one drives, [`Code::WrongRun`], [`Code::Quitting`].
-    pub fn attach(&mut self, ask: &Attach, ticket: String, now_ms: u64) -> Result<Attached, Fault> {
+    /// [`ErrorCode::Busy`] while another one drives, [`ErrorCode::WrongRun`], [`ErrorCode::ShuttingDown`].
+    pub fn attach(
+        &mut self,
+        ask: &AttachRequest,
+        ticket: String,
+        now_ms: u64,
+    ) -> Result<AttachReply, RequestError> {
         self.check_not_quitting()?;
         check_name("client", &ask.client)?;
-        if let Some(resume) = &ask.resume
+        if let Some(resume) = &ask.run_id
             && *resume != self.run_id
         {
             return Err(self.wrong_run(resume));
         }
-        let owners = self.owner.take(ask, &ticket, now_ms)?;
+        let owner_count = self.owner.take(ask, &ticket, now_ms)?;
         self.idle_since_ms = now_ms;
-        Ok(Attached { ticket, owners, place: self.place() })
+        Ok(AttachReply { ticket, owner_count, position: self.position() })
     }
 
     /// The owner leaves; the run stays where it is.
     ///
     /// # Errors
-    /// [`Code::NotOwner`].
-    pub fn detach(&mut self, ticket: &str) -> Result<Place, Fault> {
+    /// [`ErrorCode::NotOwner`].
+    pub fn detach(&mut self, ticket: &str) -> Result<RunPosition, RequestError> {
         self.owner.check(ticket)?;
         self.owner.leave();
-        Ok(self.place())
+        Ok(self.position())
     }
 
     /// The transport has lost a client; whether it was the owner.
@@ -252,11 +258,11 @@ impl Lockstep {
     /// Nothing more is computed.
     ///
     /// # Errors
-    /// [`Code::NotOwner`].
-    pub fn shut_down(&mut self, ticket: &str) -> Result<Place, Fault> {
+    /// [`ErrorCode::NotOwner`].
+    pub fn shut_down(&mut self, ticket: &str) -> Result<RunPosition, RequestError> {
         self.check_owner(ticket)?;
         self.quit();
-        Ok(self.place())
+        Ok(self.position())
     }
 
     /// The same, at the wish of who runs the component.
@@ -274,13 +280,16 @@ impl Lockstep {
         &self.owner
     }
 
-    fn check_owner(&self, ticket: &str) -> Result<(), Fault> {
+    fn check_owner(&self, ticket: &str) -> Result<(), RequestError> {
         self.owner.check(ticket)
     }
 
-    fn check_not_quitting(&self) -> Result<(), Fault> {
+    fn check_not_quitting(&self) -> Result<(), RequestError> {
         if self.is_quitting {
-            return Err(Fault::new(Code::Quitting, "the component is being shut down"));
+            return Err(RequestError::new(
+                ErrorCode::ShuttingDown,
+                "the component is being shut down",
+            ));
         }
         Ok(())
     }
@@ -288,36 +297,36 @@ impl Lockstep {
     /// Refuses what only the owner may do, with a sound component.
     ///
     /// # Errors
-    /// [`Code::NotOwner`], [`Code::Quitting`], [`Code::Unconfigured`], [`Code::InError`].
-    pub fn check_ready(&self, ticket: &str) -> Result<(), Fault> {
+    /// [`ErrorCode::NotOwner`], [`ErrorCode::ShuttingDown`], [`ErrorCode::Unconfigured`], [`ErrorCode::ErrorState`].
+    pub fn check_ready(&self, ticket: &str) -> Result<(), RequestError> {
         self.check_owner(ticket)?;
         self.check_sound()
     }
 
-    fn check_configured(&self) -> Result<(), Fault> {
+    fn check_configured(&self) -> Result<(), RequestError> {
         self.check_not_quitting()?;
         if self.is_configured {
             return Ok(());
         }
         let message = "the bed has not been prepared yet; ask for `init`";
-        Err(Fault::new(Code::Unconfigured, message))
+        Err(RequestError::new(ErrorCode::Unconfigured, message))
     }
 
-    fn check_sound(&self) -> Result<(), Fault> {
+    fn check_sound(&self) -> Result<(), RequestError> {
         self.check_configured()?;
-        match &self.trouble {
+        match &self.failure {
             None => Ok(()),
-            Some(trouble) => {
-                let message = format!("{trouble}; restore, reset and detach are possible");
-                Err(Fault::new(Code::InError, message))
+            Some(failure) => {
+                let message = format!("{failure}; restore, reset and detach are possible");
+                Err(RequestError::new(ErrorCode::ErrorState, message))
             }
         }
     }
 
-    fn wrong_run(&self, found: &str) -> Fault {
+    fn wrong_run(&self, found: &str) -> RequestError {
         let found: String = found.chars().take(50).collect();
-        Fault::expected(
-            Code::WrongRun,
+        RequestError::expected(
+            ErrorCode::WrongRun,
             "run_id",
             format!("{:?}", self.run_id),
             format!("{found:?}"),
@@ -325,14 +334,14 @@ impl Lockstep {
     }
 }
 
-fn check_name(place: &str, name: &str) -> Result<(), Fault> {
+fn check_name(place: &str, name: &str) -> Result<(), RequestError> {
     let fits = !name.is_empty()
-        && name.len() <= LONGEST_NAME
+        && name.len() <= MAX_NAME_BYTES
         && name.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_.".contains(&b));
     if fits {
         return Ok(());
     }
-    let expected = format!("1 to {LONGEST_NAME} letters, digits, '-', '_' or '.'");
+    let expected = format!("1 to {MAX_NAME_BYTES} letters, digits, '-', '_' or '.'");
     let found: String = name.chars().take(50).collect();
-    Err(Fault::expected(Code::Malformed, place, expected, format!("{found:?}")))
+    Err(RequestError::expected(ErrorCode::MessageError, place, expected, format!("{found:?}")))
 }

@@ -1,6 +1,6 @@
 //! Who drives.
 
-use super::{Attach, Code, Fault};
+use super::{AttachRequest, ErrorCode, RequestError};
 
 /// At most one client that may change the state, known by its ticket.
 #[derive(Debug, Default)]
@@ -32,15 +32,20 @@ impl Ownership {
     /// Makes the caller the owner; how many there have been with it.
     ///
     /// # Errors
-    /// [`Code::Busy`] while another one drives.
-    pub(super) fn take(&mut self, ask: &Attach, ticket: &str, now_ms: u64) -> Result<u64, Fault> {
+    /// [`ErrorCode::Busy`] while another one drives.
+    pub(super) fn take(
+        &mut self,
+        ask: &AttachRequest,
+        ticket: &str,
+        now_ms: u64,
+    ) -> Result<u64, RequestError> {
         if let Some(owner) = &self.owner
             && ask.ticket.as_ref() != Some(&owner.ticket)
         {
             let since = now_ms.saturating_sub(owner.since_ms);
             let message = format!("{:?} drives, for {:.1} s", owner.client, since as f64 * 1e-3);
-            let fault = Fault::new(Code::Busy, message);
-            return Err(Fault {
+            let fault = RequestError::new(ErrorCode::Busy, message);
+            return Err(RequestError {
                 owner: Some(owner.client.clone()),
                 since_ms: Some(since),
                 ..fault
@@ -70,10 +75,10 @@ impl Ownership {
     }
 
     /// Refuses who does not drive.
-    pub(super) fn check(&self, ticket: &str) -> Result<(), Fault> {
+    pub(super) fn check(&self, ticket: &str) -> Result<(), RequestError> {
         match &self.owner {
             Some(owner) if owner.ticket == ticket => Ok(()),
-            owner => Err(Fault::not_owner(ticket, owner.as_ref().map(|o| &o.client[..]))),
+            owner => Err(RequestError::not_owner(ticket, owner.as_ref().map(|o| &o.client[..]))),
         }
     }
 

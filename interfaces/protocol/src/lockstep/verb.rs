@@ -4,7 +4,7 @@ use super::WindowKind;
 
 /// A request; [`schema`](crate::schema) knows what each is asked with and answered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Verb {
+pub enum RequestKind {
     Attach,
     Init,
     Window(WindowKind),
@@ -18,7 +18,7 @@ pub enum Verb {
     Shutdown,
 }
 
-impl Verb {
+impl RequestKind {
     /// All of them, in the order in which people are told them.
     pub const ALL: [Self; 12] = [
         Self::Attach,
@@ -60,7 +60,7 @@ impl Verb {
 }
 
 /// The word on the wire.
-impl std::fmt::Display for Verb {
+impl std::fmt::Display for RequestKind {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         f.write_str(self.word())
     }

@@ -1,12 +1,12 @@
 //! One window: in its turn, computed, answered, and its answer kept.
 
-use super::cost::{Laps, WallClock};
-use super::{Code, Fault, Lockstep, Progress, said};
+use super::cost::{PhaseTimer, WallClock};
+use super::{ErrorCode, Lockstep, RequestError, WindowProgress, panic_message};
 use crate::messages::{
-    AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, MOST_SERIES, Status, StepSeries, core_ns,
-    ns,
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, MAX_SERIES_ENTRIES, ReplyStatus,
+    StepSeries, core_ns, ns,
 };
-use ballast::component::{self, StopReason, WindowInputsRef, WindowResult};
+use ballast::component::{StopReason, WindowInputsRef, WindowResult};
 use ballast::state::State;
 use ballast::step::{Phase, StepObserver, StepReport};
 use std::ops::ControlFlow;
@@ -22,24 +22,24 @@ pub enum WindowKind {
 }
 
 /// What is asked between the steps of a window, and within those that take long, by whichever thread is at it.
-pub type Watch<'a> = &'a mut (dyn FnMut(&Progress) -> Pace + Send);
+pub type WindowPoll<'a> = &'a mut (dyn FnMut(&WindowProgress) -> WindowControl + Send);
 
 /// How a window is to go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Pace {
-    GoOn,
+pub enum WindowControl {
+    Continue,
     /// The time allowed has passed: what happens now is for the request's policy to say.
-    TimeIsUp,
+    DeadlineExceeded,
     /// Nobody waits for the window any more: it is taken back, as if it had never been asked for.
-    Abandon,
+    Cancel,
 }
 
 impl Lockstep {
     /// Computes a window, or the last one again; `clock` tells the wall time, ns.
     ///
     /// # Errors
-    /// [`Code::NotOwner`], [`Code::WrongRun`], [`Code::OutOfSequence`], [`Code::NothingToRedo`], [`Code::InError`],
-    /// [`Code::Quitting`], [`Code::Abandoned`] if `watch` says so, and what
+    /// [`ErrorCode::NotOwner`], [`ErrorCode::WrongRun`], [`ErrorCode::OutOfSequence`], [`ErrorCode::NothingToRedo`], [`ErrorCode::ErrorState`],
+    /// [`ErrorCode::ShuttingDown`], [`ErrorCode::Cancelled`] if `watch` says so, and what
     /// [`advance_to`](ballast::component::Component::advance_to) refuses.
     /// What goes wrong while computing is told by the reply.
     pub fn window(
@@ -48,8 +48,8 @@ impl Lockstep {
         request: &AdvanceRequest,
         ticket: &str,
         clock: WallClock,
-        watch: Watch,
-    ) -> Result<AdvanceReply, Fault> {
+        watch: WindowPoll,
+    ) -> Result<AdvanceReply, RequestError> {
         self.check_owner(ticket)?;
         if request.run_id != self.run_id {
             return Err(self.wrong_run(&request.run_id));
@@ -68,9 +68,9 @@ impl Lockstep {
         self.check_sound()?;
         if kind == WindowKind::Redo && self.answered.is_none() {
             let expected = "a window since the run was taken up";
-            let fault = Fault::expected(Code::NothingToRedo, "seq", expected, "none");
+            let fault = RequestError::expected(ErrorCode::NothingToRedo, "seq", expected, "none");
             let (seq, now_ns) = (Some(self.seq), Some(self.component.now_ns()));
-            return Err(Fault { expected_seq: seq, now_ns, ..fault });
+            return Err(RequestError { expected_seq: seq, now_ns, ..fault });
         }
         let in_order = match kind {
             WindowKind::Advance => {
@@ -88,21 +88,21 @@ impl Lockstep {
         }
         self.check_series(request)?;
         let before = self.component.save();
-        let mut watched = Watched {
-            progress: Progress {
+        let mut watched = WindowMonitor {
+            progress: WindowProgress {
                 seq: request.seq,
                 steps: self.steps(request),
-                ..Progress::default()
+                ..WindowProgress::default()
             },
             policy: request.deadline_policy,
             begin: clock(),
             clock,
             watch,
-            laps: Laps::begin(clock),
-            series: request.series.then(|| StepSeries::begin(self.component.model())),
+            laps: PhaseTimer::begin(clock),
+            series: request.record_steps.then(|| StepSeries::begin(self.component.model())),
         };
         let result = self.compute(kind, request, &mut watched);
-        let Watched { laps, series, .. } = watched;
+        let WindowMonitor { laps, series, .. } = watched;
         // What was refused has cost nothing.
         self.cost = laps.end(request.seq).or(self.cost.take());
         self.idle_since_ms = clock() / NS_PER_MS;
@@ -113,17 +113,17 @@ impl Lockstep {
                 let model = self.component.model();
                 let mut reply = AdvanceReply::of(request, model, &outcome, self.hash_now);
                 if outcome.error.is_none()
-                    && matches!(reply.status, Status::Early | Status::Discard)
+                    && matches!(reply.status, ReplyStatus::Early | ReplyStatus::Discard)
                 {
                     (reply.code, reply.message) = self.overdue(request, outcome.steps);
                 }
                 // Of what was taken back there is nothing to tell.
-                reply.series = series.filter(|_| outcome.steps > 0).unwrap_or_default();
+                reply.step_series = series.filter(|_| outcome.steps > 0).unwrap_or_default();
                 reply
             }
             Err(panic) => {
                 self.component.recover(before)?;
-                self.trouble = Some(panic.clone());
+                self.failure = Some(panic.clone());
                 self.failed(request, panic)
             }
         };
@@ -137,15 +137,19 @@ impl Lockstep {
     fn answer(&mut self, seq: u64, content: Digest, reply: &AdvanceReply) {
         self.seq = seq;
         self.is_outdated = false;
-        self.answered_count += 1;
+        self.computed_windows += 1;
         self.answered = Some((content, reply.clone()));
     }
 
     /// A window that was taken back when it was computed first: it takes its number, and there is nothing to redo.
-    fn pass(&mut self, request: &AdvanceRequest, content: Digest) -> Result<AdvanceReply, Fault> {
+    fn pass(
+        &mut self,
+        request: &AdvanceRequest,
+        content: Digest,
+    ) -> Result<AdvanceReply, RequestError> {
         self.component.restore(self.component.save())?;
         let reply = AdvanceReply {
-            status: Status::Discard,
+            status: ReplyStatus::Discard,
             code: "deadline".into(),
             message: "deadline: expected steps, found a window without any".into(),
             ..self.unchanged(request)
@@ -154,13 +158,13 @@ impl Lockstep {
         Ok(reply)
     }
 
-    /// The outcome or its refusal; or what a panic said.
+    /// The outcome or its refusal; or what a panic panic_message.
     fn compute(
         &mut self,
         kind: WindowKind,
         request: &AdvanceRequest,
-        watched: &mut Watched,
-    ) -> Result<Result<WindowResult, Fault>, String> {
+        watched: &mut WindowMonitor,
+    ) -> Result<Result<WindowResult, RequestError>, String> {
         let inputs = match request.inputs() {
             Ok(inputs) => inputs,
             Err(e) => return Ok(Err(e.into())),
@@ -172,8 +176,8 @@ impl Lockstep {
             WindowKind::Redo => component.redo_observed(window, watched),
         }));
         match result {
-            Ok(outcome) => Ok(outcome.map_err(Fault::from)),
-            Err(panic) => Err(said(panic.as_ref())),
+            Ok(outcome) => Ok(outcome.map_err(RequestError::from)),
+            Err(panic) => Err(panic_message(panic.as_ref())),
         }
     }
 
@@ -183,7 +187,7 @@ impl Lockstep {
         self.component.last_window().is_none_or(|times| times.map(ns) == asked)
     }
 
-    /// Code and message of a window that only ran out of time, of which so many steps are kept.
+    /// ErrorCode and message of a window that only ran out of time, of which so many steps are kept.
     fn overdue(&self, request: &AdvanceRequest, kept: u64) -> (String, String) {
         let (steps, ms) = (self.steps(request), request.deadline_ms);
         let text = format!("expected {steps} steps within {ms} ms, found fewer; {kept} are kept");
@@ -197,19 +201,20 @@ impl Lockstep {
     }
 
     /// Refuses a series that would not fit into a message.
-    fn check_series(&self, request: &AdvanceRequest) -> Result<(), Fault> {
+    fn check_series(&self, request: &AdvanceRequest) -> Result<(), RequestError> {
         let (steps, bodies) = (self.steps(request), self.component.model().driven.len() as u64);
-        if !request.series || steps.saturating_mul(bodies) <= MOST_SERIES {
+        if !request.record_steps || steps.saturating_mul(bodies) <= MAX_SERIES_ENTRIES {
             return Ok(());
         }
-        let expected = format!("at most {MOST_SERIES} steps times bodies; ask for shorter windows");
+        let expected =
+            format!("at most {MAX_SERIES_ENTRIES} steps times bodies; ask for shorter windows");
         let found = format!("{steps} steps of {bodies} bodies");
-        Err(Fault::expected(Code::TooLarge, "series", expected, found))
+        Err(RequestError::expected(ErrorCode::TooLarge, "record_steps", expected, found))
     }
 
     /// The reply to a window in which the program failed; the state is that of its beginning.
     fn failed(&self, request: &AdvanceRequest, panic: String) -> AdvanceReply {
-        let (status, code) = (Status::Error, "failed_inside".into());
+        let (status, code) = (ReplyStatus::Error, "internal_error".into());
         AdvanceReply { status, code, message: panic, ..self.unchanged(request) }
     }
 
@@ -226,7 +231,7 @@ impl Lockstep {
         }
     }
 
-    fn out_of_sequence(&self, kind: WindowKind, request: &AdvanceRequest) -> Fault {
+    fn out_of_sequence(&self, kind: WindowKind, request: &AdvanceRequest) -> RequestError {
         let (seq, now) = (self.seq, self.component.now_ns());
         let expected = match (kind, self.component.last_window()) {
             (WindowKind::Advance, _) => format!("window {} from {now} ns", seq.saturating_add(1)),
@@ -239,27 +244,27 @@ impl Lockstep {
         let found = format!("window {asked} from {t0_ns} to {t1_ns} ns");
         let next = if kind == WindowKind::Redo { seq } else { seq.saturating_add(1) };
         let place = if *asked == next { "t0_ns" } else { "seq" };
-        Fault {
+        RequestError {
             expected_seq: Some(next),
             now_ns: Some(now),
-            ..Fault::expected(Code::OutOfSequence, place, expected, found)
+            ..RequestError::expected(ErrorCode::OutOfSequence, place, expected, found)
         }
     }
 }
 
 /// How far a window is, what it tells, and who is asked whether it goes on.
-struct Watched<'a> {
-    progress: Progress,
+struct WindowMonitor<'a> {
+    progress: WindowProgress,
     policy: DeadlinePolicy,
     /// Wall time of its beginning, ns.
     begin: u64,
     clock: WallClock<'a>,
-    watch: Watch<'a>,
-    laps: Laps<'a>,
+    watch: WindowPoll<'a>,
+    laps: PhaseTimer<'a>,
     series: Option<StepSeries>,
 }
 
-impl Watched<'_> {
+impl WindowMonitor<'_> {
     /// A step is done.
     fn note(&mut self, report: &StepReport) {
         let elapsed_ms = self.elapsed_ms();
@@ -268,19 +273,22 @@ impl Watched<'_> {
         progress.iterations = Some(report.iterations);
         progress.residual_qm16 = Some(report.residuals.qm16());
         let left = progress.steps.saturating_sub(progress.step);
-        progress.left_ms = Some(elapsed_ms.saturating_mul(left) / progress.step);
+        progress.remaining_ms = Some(elapsed_ms.saturating_mul(left) / progress.step);
     }
 
     /// How the window is to end, if it is to.
     fn ask(&mut self) -> Option<StopReason> {
         self.progress.elapsed_ms = self.elapsed_ms();
         match ((self.watch)(&self.progress), self.policy) {
-            (Pace::Abandon, _) => Some(StopReason::Cancel),
+            (WindowControl::Cancel, _) => Some(StopReason::Cancel),
             // Done is not late.
-            (Pace::TimeIsUp, _) if self.progress.step == self.progress.steps => None,
-            (Pace::TimeIsUp, DeadlinePolicy::Discard) => Some(StopReason::Discard),
-            (Pace::TimeIsUp, DeadlinePolicy::Early) => Some(StopReason::Early),
-            (Pace::TimeIsUp, DeadlinePolicy::Finish) | (Pace::GoOn, _) => None,
+            (WindowControl::DeadlineExceeded, _) if self.progress.step == self.progress.steps => {
+                None
+            }
+            (WindowControl::DeadlineExceeded, DeadlinePolicy::Discard) => Some(StopReason::Discard),
+            (WindowControl::DeadlineExceeded, DeadlinePolicy::Early) => Some(StopReason::Early),
+            (WindowControl::DeadlineExceeded, DeadlinePolicy::Finish)
+            | (WindowControl::Continue, _) => None,
         }
     }
 
@@ -289,7 +297,7 @@ impl Watched<'_> {
     }
 }
 
-impl StepObserver for Watched<'_> {
+impl StepObserver for WindowMonitor<'_> {
     fn phase_finished(&mut self, phase: Phase) {
         self.laps.phase_finished(phase);
     }

@@ -1,7 +1,7 @@
 //! Every type with its name and its ROS 2 definition.
 
 use super::*;
-use crate::{Malformed, from_cdr};
+use crate::{MessageError, from_cdr};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
@@ -28,10 +28,10 @@ macro_rules! catalogue {
         ///
         /// # Errors
         /// A type that is not of this crate; bytes that are no such message.
-        pub fn decode_to_json(name: &str, bytes: &[u8]) -> Result<serde_json::Value, Malformed> {
+        pub fn decode_to_json(name: &str, bytes: &[u8]) -> Result<serde_json::Value, MessageError> {
             match name {
                 $(<$name as Message>::NAME => value::<$name>(bytes),)*
-                _ => Err(Malformed::new("schema", "a type of this program", format!("{name:?}"))),
+                _ => Err(MessageError::new("schema", "a type of this program", format!("{name:?}"))),
             }
         }
 
@@ -42,9 +42,9 @@ macro_rules! catalogue {
     };
 }
 
-fn value<T: Message>(bytes: &[u8]) -> Result<serde_json::Value, Malformed> {
+fn value<T: Message>(bytes: &[u8]) -> Result<serde_json::Value, MessageError> {
     serde_json::to_value(from_cdr::<T>(bytes)?)
-        .map_err(|e| Malformed::new(T::NAME, "a value that can be written", e))
+        .map_err(|e| MessageError::new(T::NAME, "a value that can be written", e))
 }
 
 catalogue!(
@@ -80,22 +80,22 @@ catalogue!(
     "foxglove_msgs" SceneEntity,
     "foxglove_msgs" SceneEntityDeletion,
     "foxglove_msgs" SceneUpdate,
-    "ballast_msgs" Knot,
-    "ballast_msgs" BodyInput,
-    "ballast_msgs" LoadKnot,
-    "ballast_msgs" LoadInput,
+    "ballast_msgs" MotionKnot,
+    "ballast_msgs" BodyMotion,
+    "ballast_msgs" WrenchKnot,
+    "ballast_msgs" BodyLoad,
     "ballast_msgs" AdvanceRequest,
     "ballast_msgs" WrenchImpulse,
-    "ballast_msgs" Compactness,
-    "ballast_msgs" Squeeze,
+    "ballast_msgs" ZoneMeasurement,
+    "ballast_msgs" SqueezeReport,
     "ballast_msgs" SolverStats,
-    "ballast_msgs" Parameters,
-    "ballast_msgs" EnergyLedger,
+    "ballast_msgs" SolverParameters,
+    "ballast_msgs" EnergyBalance,
     "ballast_msgs" StateHash,
     "ballast_msgs" BodySeries,
     "ballast_msgs" StepSeries,
     "ballast_msgs" AdvanceReply,
-    "ballast_msgs" StepRecord,
+    "ballast_msgs" WindowRecord,
 );
 
 /// The definition of one type, by either form of its name.

@@ -3,7 +3,7 @@
 //! Contract: numbers go through unchanged, bit for bit.
 
 use super::*;
-use crate::Malformed;
+use crate::MessageError;
 use ballast::component::{self, WindowResult};
 use ballast::drive::Load;
 use ballast::geometry::AxisBox;
@@ -41,15 +41,15 @@ impl From<Quat> for Quaternion {
 
 /// Refused unless its norm is 1 within 1e-6; not normalised, which would change bits.
 impl TryFrom<Quaternion> for Quat {
-    type Error = Malformed;
+    type Error = MessageError;
 
-    fn try_from(q: Quaternion) -> Result<Self, Malformed> {
+    fn try_from(q: Quaternion) -> Result<Self, MessageError> {
         let plain = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
         let norm = plain.norm();
         if (norm - 1.0).abs() <= UNIT {
             return Ok(Quat::new_unchecked(plain));
         }
-        Err(Malformed::new(
+        Err(MessageError::new(
             "orientation",
             "a unit quaternion (x, y, z, w)",
             format!("{:?}, of norm {norm}", [q.x, q.y, q.z, q.w]),
@@ -64,36 +64,36 @@ impl From<math::Pose> for Pose {
 }
 
 impl TryFrom<Pose> for math::Pose {
-    type Error = Malformed;
+    type Error = MessageError;
 
-    fn try_from(pose: Pose) -> Result<Self, Malformed> {
+    fn try_from(pose: Pose) -> Result<Self, MessageError> {
         Ok(Self { position: pose.position.into(), orientation: pose.orientation.try_into()? })
     }
 }
 
-impl From<component::Interpolation> for Interpolation {
+impl From<component::Interpolation> for InterpolationMode {
     fn from(between: component::Interpolation) -> Self {
         match between {
-            component::Interpolation::Hold => Interpolation::Hold,
-            component::Interpolation::Linear => Interpolation::Linear,
-            component::Interpolation::Hermite => Interpolation::Hermite,
+            component::Interpolation::Hold => InterpolationMode::Hold,
+            component::Interpolation::Linear => InterpolationMode::Linear,
+            component::Interpolation::Hermite => InterpolationMode::Hermite,
         }
     }
 }
 
-impl From<Interpolation> for component::Interpolation {
-    fn from(between: Interpolation) -> Self {
+impl From<InterpolationMode> for component::Interpolation {
+    fn from(between: InterpolationMode) -> Self {
         match between {
-            Interpolation::Hold => component::Interpolation::Hold,
-            Interpolation::Linear => component::Interpolation::Linear,
-            Interpolation::Hermite => component::Interpolation::Hermite,
+            InterpolationMode::Hold => component::Interpolation::Hold,
+            InterpolationMode::Linear => component::Interpolation::Linear,
+            InterpolationMode::Hermite => component::Interpolation::Hermite,
         }
     }
 }
 
 /// A time of the wire as one of the core.
-fn time(place: &str, ns: i64) -> Result<u64, Malformed> {
-    u64::try_from(ns).map_err(|_| Malformed::new(place, "a time from 0 ns on", ns))
+fn time(place: &str, ns: i64) -> Result<u64, MessageError> {
+    u64::try_from(ns).map_err(|_| MessageError::new(place, "a time from 0 ns on", ns))
 }
 
 /// A time of the core on the wire; beyond 292 years: the last one.
@@ -118,7 +118,7 @@ impl From<Twist> for component::Twist {
     }
 }
 
-impl From<component::Knot> for Knot {
+impl From<component::Knot> for MotionKnot {
     fn from(knot: component::Knot) -> Self {
         let twist =
             component::Twist { velocity: knot.velocity, angular_velocity: knot.angular_velocity }
@@ -127,10 +127,10 @@ impl From<component::Knot> for Knot {
     }
 }
 
-impl TryFrom<Knot> for component::Knot {
-    type Error = Malformed;
+impl TryFrom<MotionKnot> for component::Knot {
+    type Error = MessageError;
 
-    fn try_from(knot: Knot) -> Result<Self, Malformed> {
+    fn try_from(knot: MotionKnot) -> Result<Self, MessageError> {
         Ok(Self {
             time_ns: time("time_ns", knot.time_ns)?,
             pose: math::Pose::try_from(knot.pose).map_err(|e| e.inside("pose"))?,
@@ -140,36 +140,37 @@ impl TryFrom<Knot> for component::Knot {
     }
 }
 
-impl From<&component::MotionInput> for BodyInput {
+impl From<&component::MotionInput> for BodyMotion {
     fn from(input: &component::MotionInput) -> Self {
         Self {
             body: input.body.clone(),
             interpolation: input.waveform.interpolation.into(),
-            rebase: input.allow_jump,
-            knots: input.waveform.knots.iter().map(|k| Knot::from(*k)).collect(),
+            allow_jump: input.allow_jump,
+            knots: input.waveform.knots.iter().map(|k| MotionKnot::from(*k)).collect(),
         }
     }
 }
 
-impl TryFrom<&BodyInput> for component::MotionInput {
-    type Error = Malformed;
+impl TryFrom<&BodyMotion> for component::MotionInput {
+    type Error = MessageError;
 
-    fn try_from(input: &BodyInput) -> Result<Self, Malformed> {
-        let knot = |(i, knot): (usize, &Knot)| {
+    fn try_from(input: &BodyMotion) -> Result<Self, MessageError> {
+        let knot = |(i, knot): (usize, &MotionKnot)| {
             component::Knot::try_from(*knot).map_err(|e| e.inside(&format!("knots[{i}]")))
         };
         let knots = input.knots.iter().enumerate().map(knot).collect::<Result<_, _>>();
         let knots = knots.map_err(|e| e.inside(&format!("input of {:?}", input.body)))?;
         let waveform = component::Waveform { interpolation: input.interpolation.into(), knots };
-        Ok(Self { body: input.body.clone(), waveform, allow_jump: input.rebase })
+        Ok(Self { body: input.body.clone(), waveform, allow_jump: input.allow_jump })
     }
 }
 
-impl From<&component::LoadInput> for LoadInput {
+impl From<&component::LoadInput> for BodyLoad {
     fn from(input: &component::LoadInput) -> Self {
         let wave = &input.waveform;
-        let interpolation = if wave.is_held { Interpolation::Hold } else { Interpolation::Linear };
-        let knot = |k: &component::LoadKnot| LoadKnot {
+        let interpolation =
+            if wave.is_held { InterpolationMode::Hold } else { InterpolationMode::Linear };
+        let knot = |k: &component::LoadKnot| WrenchKnot {
             time_ns: ns(k.time_ns),
             wrench: Wrench { force: k.load.force.into(), torque: k.load.torque.into() },
         };
@@ -178,26 +179,26 @@ impl From<&component::LoadInput> for LoadInput {
     }
 }
 
-impl TryFrom<&LoadInput> for component::LoadInput {
-    type Error = Malformed;
+impl TryFrom<&BodyLoad> for component::LoadInput {
+    type Error = MessageError;
 
-    fn try_from(input: &LoadInput) -> Result<Self, Malformed> {
+    fn try_from(input: &BodyLoad) -> Result<Self, MessageError> {
         let place = format!("load on {:?}", input.body);
         let is_held = match input.interpolation {
-            Interpolation::Hold => true,
-            Interpolation::Linear => false,
-            Interpolation::Hermite => {
+            InterpolationMode::Hold => true,
+            InterpolationMode::Linear => false,
+            InterpolationMode::Hermite => {
                 let expected = "hold or linear: loads have no rates";
-                let e = Malformed::new("interpolation", expected, "hermite");
+                let e = MessageError::new("interpolation", expected, "hermite");
                 return Err(e.inside(&place));
             }
         };
-        let knot = |(i, knot): (usize, &LoadKnot)| {
+        let knot = |(i, knot): (usize, &WrenchKnot)| {
             let time_ns = time(&format!("knots[{i}].time_ns"), knot.time_ns)?;
             let load = Load { force: knot.wrench.force.into(), torque: knot.wrench.torque.into() };
             Ok(component::LoadKnot { time_ns, load })
         };
-        let knots: Result<_, Malformed> = input.knots.iter().enumerate().map(knot).collect();
+        let knots: Result<_, MessageError> = input.knots.iter().enumerate().map(knot).collect();
         let knots = knots.map_err(|e| e.inside(&place))?;
         Ok(Self { body: input.body.clone(), waveform: component::LoadWaveform { is_held, knots } })
     }
@@ -205,7 +206,7 @@ impl TryFrom<&LoadInput> for component::LoadInput {
 
 /// What a request asks of a component.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Asked {
+pub struct AdvanceInputs {
     pub t1_ns: u64,
     pub motions: Vec<component::MotionInput>,
     pub loads: Vec<component::LoadInput>,
@@ -217,10 +218,10 @@ impl AdvanceRequest {
     /// # Errors
     /// Times before the start of the run, quaternions that are none, loads between whose knots nothing is
     /// defined.
-    pub fn inputs(&self) -> Result<Asked, Malformed> {
+    pub fn inputs(&self) -> Result<AdvanceInputs, MessageError> {
         let motions = self.motions.iter().map(component::MotionInput::try_from);
         let loads = self.loads.iter().map(component::LoadInput::try_from);
-        Ok(Asked {
+        Ok(AdvanceInputs {
             t1_ns: time("t1_ns", self.t1_ns)?,
             motions: motions.collect::<Result<_, _>>()?,
             loads: loads.collect::<Result<_, _>>()?,
@@ -228,28 +229,28 @@ impl AdvanceRequest {
     }
 }
 
-impl From<state::EnergyLedger> for EnergyLedger {
+impl From<state::EnergyLedger> for EnergyBalance {
     fn from(e: state::EnergyLedger) -> Self {
         Self {
             initial_kinetic: e.initial_kinetic,
             initial_potential: e.initial_potential,
             kinetic: e.kinetic,
             potential: e.potential,
-            work_in: e.work_in,
+            external_work: e.work_in,
             dissipated: e.dissipated,
             balance_error: e.balance_error(),
         }
     }
 }
 
-impl From<EnergyLedger> for state::EnergyLedger {
-    fn from(e: EnergyLedger) -> Self {
+impl From<EnergyBalance> for state::EnergyLedger {
+    fn from(e: EnergyBalance) -> Self {
         Self {
             initial_kinetic: e.initial_kinetic,
             initial_potential: e.initial_potential,
             kinetic: e.kinetic,
             potential: e.potential,
-            work_in: e.work_in,
+            work_in: e.external_work,
             dissipated: e.dissipated,
         }
     }
@@ -287,30 +288,34 @@ impl From<SolverStats> for component::SolverResult {
     }
 }
 
-impl From<component::Parameters> for Parameters {
+impl From<component::Parameters> for SolverParameters {
     fn from(p: component::Parameters) -> Self {
         let penetration = if p.penetration.is_finite() { p.penetration } else { 0.0 };
-        Self { iterations: p.iterations, tolerance: p.tolerance.unwrap_or(0.0), penetration }
-    }
-}
-
-impl From<Parameters> for component::Parameters {
-    fn from(p: Parameters) -> Self {
         Self {
-            iterations: p.iterations,
-            tolerance: (p.tolerance != 0.0).then_some(p.tolerance),
-            penetration: if p.penetration == 0.0 { f64::INFINITY } else { p.penetration },
+            max_iterations: p.iterations,
+            tolerance: p.tolerance.unwrap_or(0.0),
+            max_penetration: penetration,
         }
     }
 }
 
-impl From<component::WindowStatus> for Status {
+impl From<SolverParameters> for component::Parameters {
+    fn from(p: SolverParameters) -> Self {
+        Self {
+            iterations: p.max_iterations,
+            tolerance: (p.tolerance != 0.0).then_some(p.tolerance),
+            penetration: if p.max_penetration == 0.0 { f64::INFINITY } else { p.max_penetration },
+        }
+    }
+}
+
+impl From<component::WindowStatus> for ReplyStatus {
     fn from(status: component::WindowStatus) -> Self {
         match status {
-            component::WindowStatus::Ok => Status::Ok,
-            component::WindowStatus::Warn => Status::Warn,
-            component::WindowStatus::Early => Status::Early,
-            component::WindowStatus::Discard => Status::Discard,
+            component::WindowStatus::Ok => ReplyStatus::Ok,
+            component::WindowStatus::Warn => ReplyStatus::Warn,
+            component::WindowStatus::Early => ReplyStatus::Early,
+            component::WindowStatus::Discard => ReplyStatus::Discard,
         }
     }
 }
@@ -326,7 +331,7 @@ impl WrenchImpulse {
             impulse: outcome.impulse.into(),
             angular_impulse: outcome.angular_impulse.into(),
             mean: wrench(outcome.mean_force, outcome.mean_torque),
-            moving_mean: wrench(outcome.moving_average_force, outcome.moving_average_torque),
+            moving_average: wrench(outcome.moving_average_force, outcome.moving_average_torque),
             peak_force: outcome.peak_force.into(),
             peak_torque: outcome.peak_torque.into(),
             peak_time_ns: ns(outcome.peak_time_ns),
@@ -342,16 +347,16 @@ impl WrenchImpulse {
 }
 
 impl TryFrom<&WrenchImpulse> for component::BodyResult {
-    type Error = Malformed;
+    type Error = MessageError;
 
-    fn try_from(message: &WrenchImpulse) -> Result<Self, Malformed> {
+    fn try_from(message: &WrenchImpulse) -> Result<Self, MessageError> {
         Ok(Self {
             impulse: message.impulse.into(),
             angular_impulse: message.angular_impulse.into(),
             mean_force: message.mean.force.into(),
             mean_torque: message.mean.torque.into(),
-            moving_average_force: message.moving_mean.force.into(),
-            moving_average_torque: message.moving_mean.torque.into(),
+            moving_average_force: message.moving_average.force.into(),
+            moving_average_torque: message.moving_average.torque.into(),
             peak_force: message.peak_force.into(),
             peak_torque: message.peak_torque.into(),
             peak_time_ns: time("peak_time_ns", message.peak_time_ns)?,
@@ -364,7 +369,7 @@ impl TryFrom<&WrenchImpulse> for component::BodyResult {
     }
 }
 
-impl Compactness {
+impl ZoneMeasurement {
     /// What was measured in a zone at a time, ns; NaN where it cannot be measured.
     pub fn of(time_ns: u64, zone: &component::ZoneResult) -> Self {
         Self {
@@ -380,8 +385,8 @@ impl Compactness {
     }
 }
 
-impl From<&Compactness> for component::ZoneResult {
-    fn from(zone: &Compactness) -> Self {
+impl From<&ZoneMeasurement> for component::ZoneResult {
+    fn from(zone: &ZoneMeasurement) -> Self {
         let measured = |x: f64| (!x.is_nan()).then_some(x);
         Self {
             name: zone.zone.clone(),
@@ -400,15 +405,15 @@ impl AdvanceReply {
     ///
     /// # Errors
     /// A status after which there is no outcome, times before the start, poses that are none.
-    pub fn outcome(&self) -> Result<WindowResult, Malformed> {
+    pub fn outcome(&self) -> Result<WindowResult, MessageError> {
         let status = match self.status {
-            Status::Ok => component::WindowStatus::Ok,
-            Status::Warn => component::WindowStatus::Warn,
-            Status::Early => component::WindowStatus::Early,
-            Status::Discard => component::WindowStatus::Discard,
-            Status::Error | Status::Fatal => {
+            ReplyStatus::Ok => component::WindowStatus::Ok,
+            ReplyStatus::Warn => component::WindowStatus::Warn,
+            ReplyStatus::Early => component::WindowStatus::Early,
+            ReplyStatus::Discard => component::WindowStatus::Discard,
+            ReplyStatus::Error | ReplyStatus::Fatal => {
                 let expected = "that of a window that was computed";
-                return Err(Malformed::new("status", expected, self.status.word()));
+                return Err(MessageError::new("status", expected, self.status.word()));
             }
         };
         let body = |body: &WrenchImpulse| {
@@ -430,7 +435,7 @@ impl AdvanceReply {
                 .collect::<Result<_, _>>()?,
             solver: self.solver.into(),
             energy: self.energy.into(),
-            max_knot_spacing_ns: self.hint_max_step_ns,
+            max_knot_spacing_ns: self.max_knot_spacing_ns,
         })
     }
 
@@ -454,18 +459,18 @@ impl AdvanceReply {
             t1_ns: ns(outcome.t1_ns),
             steps: outcome.steps,
             bodies: bodies.map(|(d, b)| WrenchImpulse::of(&d.name, outcome.t1_ns, b)).collect(),
-            zones: zones.map(|zone| Compactness::of(outcome.t1_ns, zone)).collect(),
-            squeezes: squeezes.map(|s| Squeeze::of(outcome.t1_ns, s)).collect(),
+            zones: zones.map(|zone| ZoneMeasurement::of(outcome.t1_ns, zone)).collect(),
+            squeezes: squeezes.map(|s| SqueezeReport::of(outcome.t1_ns, s)).collect(),
             solver: outcome.solver.into(),
             energy: outcome.energy.into(),
             hash,
-            hint_max_step_ns: outcome.max_knot_spacing_ns,
-            series: StepSeries::default(),
+            max_knot_spacing_ns: outcome.max_knot_spacing_ns,
+            step_series: StepSeries::default(),
         }
     }
 }
 
-impl Squeeze {
+impl SqueezeReport {
     /// What is known of a squeeze at the end of a window, ns.
     pub fn of(time_ns: u64, squeeze: &SqueezeOutcome) -> Self {
         let record = &squeeze.record;
@@ -473,8 +478,8 @@ impl Squeeze {
             header: Header::world(time_ns),
             pair: squeeze.name.clone(),
             number: record.number,
-            is_over: squeeze.is_over,
-            began_ns: ns(record.began_ns),
+            is_finished: squeeze.is_over,
+            start_ns: ns(record.began_ns),
             onset_ns: record.onset_ns.map_or(-1, ns),
             onset_closing: record.onset_closing,
             closing: record.closing,
@@ -489,17 +494,17 @@ impl Squeeze {
     }
 }
 
-impl TryFrom<&Squeeze> for SqueezeOutcome {
-    type Error = Malformed;
+impl TryFrom<&SqueezeReport> for SqueezeOutcome {
+    type Error = MessageError;
 
-    fn try_from(squeeze: &Squeeze) -> Result<Self, Malformed> {
+    fn try_from(squeeze: &SqueezeReport) -> Result<Self, MessageError> {
         let time = |field: &str, ns: i64| {
             time(field, ns).map_err(|e| e.inside(&format!("squeeze of {:?}", squeeze.pair)))
         };
         let points = squeeze.loop_closing.iter().zip(&squeeze.loop_force);
         let record = SqueezeRecord {
             number: squeeze.number,
-            began_ns: time("began_ns", squeeze.began_ns)?,
+            began_ns: time("start_ns", squeeze.start_ns)?,
             onset_ns: match squeeze.onset_ns {
                 -1 => None,
                 ns => Some(time("onset_ns", ns)?),
@@ -513,6 +518,6 @@ impl TryFrom<&Squeeze> for SqueezeOutcome {
             compaction_energy: squeeze.compaction_energy,
             loop_points: points.map(|(c, f)| [*c, *f]).collect(),
         };
-        Ok(Self { name: squeeze.pair.clone(), is_over: squeeze.is_over, record })
+        Ok(Self { name: squeeze.pair.clone(), is_over: squeeze.is_finished, record })
     }
 }

@@ -3,15 +3,15 @@
 use super::convert::ns;
 use super::hash::Digest;
 use super::stock::{Pose, Twist, Wrench};
-use super::words::{DeadlinePolicy, Interpolation};
-use crate::{Malformed, to_cdr};
+use super::words::{DeadlinePolicy, InterpolationMode};
+use crate::{MessageError, to_cdr};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where a body is at a time, and how it moves then.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Knot {
+pub struct MotionKnot {
     /// Since the start of the run, ns.
     pub time_ns: i64,
     pub pose: Pose,
@@ -22,20 +22,20 @@ pub struct Knot {
 /// The motion of one driven body through a window.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct BodyInput {
+pub struct BodyMotion {
     pub body: String,
     #[serde(default)]
-    pub interpolation: Interpolation,
+    pub interpolation: InterpolationMode,
     /// The window need not join the one before.
     #[serde(default)]
-    pub rebase: bool,
-    pub knots: Vec<Knot>,
+    pub allow_jump: bool,
+    pub knots: Vec<MotionKnot>,
 }
 
 /// What pushes a loaded body at a time, about its reference point, world axes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct LoadKnot {
+pub struct WrenchKnot {
     /// Since the start of the run, ns.
     pub time_ns: i64,
     pub wrench: Wrench,
@@ -44,16 +44,16 @@ pub struct LoadKnot {
 /// The load on one body through a window.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct LoadInput {
+pub struct BodyLoad {
     pub body: String,
     /// `hold` or `linear`.
     #[serde(default = "linear")]
-    pub interpolation: Interpolation,
-    pub knots: Vec<LoadKnot>,
+    pub interpolation: InterpolationMode,
+    pub knots: Vec<WrenchKnot>,
 }
 
-fn linear() -> Interpolation {
-    Interpolation::Linear
+fn linear() -> InterpolationMode {
+    InterpolationMode::Linear
 }
 
 /// Compute the window from `t0_ns` to `t1_ns`.
@@ -66,9 +66,9 @@ pub struct AdvanceRequest {
     pub t0_ns: i64,
     pub t1_ns: i64,
     #[serde(default)]
-    pub motions: Vec<BodyInput>,
+    pub motions: Vec<BodyMotion>,
     #[serde(default)]
-    pub loads: Vec<LoadInput>,
+    pub loads: Vec<BodyLoad>,
     /// Wall time, ms; 0: none.
     #[serde(default)]
     #[schemars(range(max = u32::MAX))]
@@ -77,7 +77,7 @@ pub struct AdvanceRequest {
     pub deadline_policy: DeadlinePolicy,
     /// Tell the window step by step, too: [`AdvanceReply::series`](super::AdvanceReply::series).
     #[serde(default)]
-    pub series: bool,
+    pub record_steps: bool,
 }
 
 impl AdvanceRequest {
@@ -91,7 +91,7 @@ impl AdvanceRequest {
     ///
     /// # Errors
     /// A request that cannot be written as CDR.
-    pub fn digest(&self) -> Result<Digest, Malformed> {
+    pub fn digest(&self) -> Result<Digest, MessageError> {
         Ok(Digest::of(&to_cdr(self)?))
     }
 }

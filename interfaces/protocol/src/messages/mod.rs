@@ -15,25 +15,25 @@ mod stock;
 mod words;
 
 pub use catalogue::{Message, decode_to_json, definition, schema};
-pub use convert::{Asked, core_ns, ns};
+pub use convert::{AdvanceInputs, core_ns, ns};
 pub use hash::{Digest, StateHash};
-pub use input::{AdvanceRequest, BodyInput, Knot, LoadInput, LoadKnot};
+pub use input::{AdvanceRequest, BodyLoad, BodyMotion, MotionKnot, WrenchKnot};
 pub use reply::{
-    AdvanceReply, Compactness, EnergyLedger, Parameters, SolverStats, Squeeze, StepRecord,
-    WrenchImpulse,
+    AdvanceReply, EnergyBalance, SolverParameters, SolverStats, SqueezeReport, WindowRecord,
+    WrenchImpulse, ZoneMeasurement,
 };
 pub use scene::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, KeyValuePair, LinePrimitive,
     ModelPrimitive, SceneEntity, SceneEntityDeletion, SceneUpdate, SpherePrimitive, TextPrimitive,
     TriangleListPrimitive,
 };
-pub use series::{BodySeries, MOST_SERIES, StepSeries};
+pub use series::{BodySeries, MAX_SERIES_ENTRIES, StepSeries};
 pub use stock::{
     Clock, Duration, Header, Log, Point, PointCloud2, PointField, Pose, PoseStamped, Quaternion,
     TFMessage, Time, Transform, TransformStamped, Twist, TwistStamped, Vector3, Wrench,
     WrenchStamped,
 };
-pub use words::{DeadlinePolicy, Interpolation, Status};
+pub use words::{DeadlinePolicy, InterpolationMode, ReplyStatus};
 
 /// The frame that all positions of this program are given in.
 pub const WORLD: &str = "world";

@@ -4,8 +4,8 @@ use super::hash::{Digest, StateHash};
 use super::input::AdvanceRequest;
 use super::series::StepSeries;
 use super::stock::{Header, Point, Pose, Twist, Vector3, Wrench, message};
-use super::words::Status;
-use crate::{Malformed, to_cdr};
+use super::words::ReplyStatus;
+use crate::{MessageError, to_cdr};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -21,7 +21,7 @@ message!(
         /// Impulses over the length of the window: N, N m.
         mean: Wrench,
         /// Over the last 4 ms, which may have begun before the window: N, N m.
-        moving_mean: Wrench,
+        moving_average: Wrench,
         /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns.
         peak_force: Vector3,
         peak_torque: Vector3,
@@ -39,7 +39,7 @@ message!(
 /// How densely a zone is filled, and how its grains press and flow.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Compactness {
+pub struct ZoneMeasurement {
     pub header: Header,
     pub zone: String,
     /// Solid over accessible volume; NaN (in JSON `null`) where nothing is accessible.
@@ -72,16 +72,16 @@ fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::
 
 message!(
     /// A squeeze of a pair of tines, up to the last whole vibration period before the end of a window.
-    Squeeze {
+    SqueezeReport {
         /// The end of the window.
         header: Header,
         pair: String,
         /// Of this pair, from 1 on.
         number: u32,
         /// The pair has opened again.
-        is_over: bool,
+        is_finished: bool,
         /// When the pair was at its widest, ns; closings are counted from there.
-        began_ns: i64,
+        start_ns: i64,
         /// End of the period since which the ballast resists, or did so last, ns; -1: not yet. The closing then, m.
         onset_ns: i64,
         onset_closing: f64,
@@ -125,25 +125,25 @@ message!(
 message!(
     /// How hard steps are solved from here on.
     #[derive(Copy)]
-    Parameters {
+    SolverParameters {
         /// Largest number of iterations per step.
-        iterations: u32,
+        max_iterations: u32,
         /// A step is solved below this; 0: all iterations.
         tolerance: f64,
         /// Deepest penetration of a sound step, m; 0: any.
-        penetration: f64,
+        max_penetration: f64,
     }
 );
 
 message!(
     /// Energies of the grains since the start of the run, J.
     #[derive(Copy)]
-    EnergyLedger {
+    EnergyBalance {
         initial_kinetic: f64,
         initial_potential: f64,
         kinetic: f64,
         potential: f64,
-        work_in: f64,
+        external_work: f64,
         dissipated: f64,
         /// What these do not account for.
         balance_error: f64,
@@ -155,7 +155,7 @@ message!(
     AdvanceReply {
         run_id: String,
         seq: u64,
-        status: Status,
+        status: ReplyStatus,
         /// Why it is not ok, for programs and for people; empty where it is.
         code: String,
         message: String,
@@ -164,22 +164,22 @@ message!(
         t1_ns: i64,
         steps: u64,
         bodies: Vec<WrenchImpulse>,
-        zones: Vec<Compactness>,
-        squeezes: Vec<Squeeze>,
+        zones: Vec<ZoneMeasurement>,
+        squeezes: Vec<SqueezeReport>,
         solver: SolverStats,
-        energy: EnergyLedger,
+        energy: EnergyBalance,
         /// Of the state at `t1_ns`.
         hash: StateHash,
         /// Longest sensible time step of a partner, ns; 0: no advice.
-        hint_max_step_ns: u64,
+        max_knot_spacing_ns: u64,
         /// Empty unless it was asked for.
-        series: StepSeries,
+        step_series: StepSeries,
     }
 );
 
 message!(
     /// A window as it was asked for, and what its answer was.
-    StepRecord {
+    WindowRecord {
         seq: u64,
         t0_ns: i64,
         t1_ns: i64,
@@ -196,18 +196,18 @@ impl AdvanceReply {
     ///
     /// # Errors
     /// A reply that cannot be written as CDR.
-    pub fn digest(&self) -> Result<Digest, Malformed> {
-        let told = Self { run_id: String::new(), hint_max_step_ns: 0, ..self.clone() };
+    pub fn digest(&self) -> Result<Digest, MessageError> {
+        let told = Self { run_id: String::new(), max_knot_spacing_ns: 0, ..self.clone() };
         Ok(Digest::of(&to_cdr(&told)?))
     }
 }
 
-impl StepRecord {
+impl WindowRecord {
     /// The record of a window.
     ///
     /// # Errors
     /// A reply that cannot be written as CDR.
-    pub fn of(request: AdvanceRequest, reply: &AdvanceReply) -> Result<Self, Malformed> {
+    pub fn of(request: AdvanceRequest, reply: &AdvanceReply) -> Result<Self, MessageError> {
         Ok(Self {
             seq: request.seq,
             t0_ns: reply.t0_ns,

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Most steps times bodies of a series: about 9 MB of JSON, 3 MB of CDR.
-pub const MOST_SERIES: u64 = 50_000;
+pub const MAX_SERIES_ENTRIES: u64 = 50_000;
 
 message!(
     /// What the ballast did to a body step by step, about its reference point, world axes.

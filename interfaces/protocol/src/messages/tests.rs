@@ -75,12 +75,12 @@ fn constants_are_those_of_the_definitions() {
         assert_eq!(found, expected);
     }
     let interpolations: Vec<_> =
-        Interpolation::ALL.iter().map(|v| (v.number(), v.word())).collect();
-    check("ballast_msgs/BodyInput", &interpolations);
-    check("ballast_msgs/LoadInput", &interpolations);
+        InterpolationMode::ALL.iter().map(|v| (v.number(), v.word())).collect();
+    check("ballast_msgs/BodyMotion", &interpolations);
+    check("ballast_msgs/BodyLoad", &interpolations);
     let policies: Vec<_> = DeadlinePolicy::ALL.iter().map(|v| (v.number(), v.word())).collect();
     check("ballast_msgs/AdvanceRequest", &policies);
-    let status: Vec<_> = Status::ALL.iter().map(|v| (v.number(), v.word())).collect();
+    let status: Vec<_> = ReplyStatus::ALL.iter().map(|v| (v.number(), v.word())).collect();
     check("ballast_msgs/AdvanceReply", &status);
 }
 
@@ -154,7 +154,7 @@ proptest! {
 
 #[test]
 fn a_schema_holds_each_type_once() {
-    let text = schema::<StepRecord>();
+    let text = schema::<WindowRecord>();
     let rule = format!("{}\nMSG: ", "=".repeat(80));
     let names: Vec<&str> =
         text.split(&rule).skip(1).map(|part| part.lines().next().unwrap()).collect();
@@ -162,21 +162,21 @@ fn a_schema_holds_each_type_once() {
         names,
         [
             "ballast_msgs/AdvanceRequest",
-            "ballast_msgs/BodyInput",
-            "ballast_msgs/Knot",
+            "ballast_msgs/BodyMotion",
+            "ballast_msgs/MotionKnot",
             "geometry_msgs/Pose",
             "geometry_msgs/Point",
             "geometry_msgs/Quaternion",
             "geometry_msgs/Twist",
             "geometry_msgs/Vector3",
-            "ballast_msgs/LoadInput",
-            "ballast_msgs/LoadKnot",
+            "ballast_msgs/BodyLoad",
+            "ballast_msgs/WrenchKnot",
             "geometry_msgs/Wrench",
             "ballast_msgs/StateHash",
         ]
     );
-    assert!(text.starts_with(definition("ballast_msgs/msg/StepRecord").unwrap()));
-    assert!(definition("ballast_msgs/Nothing").is_none());
+    assert!(text.starts_with(definition("ballast_msgs/msg/WindowRecord").unwrap()));
+    assert!(definition("ballast_msgs/EmptyRequest").is_none());
 }
 
 struct Whole;
@@ -204,7 +204,7 @@ fn json_reads_well() {
         "pose": {"position": {"x": 1, "y": 0, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}},
         "twist": {"linear": {"x": 0, "y": 0, "z": 0}, "angular": {"x": 0, "y": 0, "z": 0}}}]}]}"#;
     let request: AdvanceRequest = from_json(text.as_bytes()).unwrap();
-    assert_eq!(request.motions[0].interpolation, Interpolation::Linear);
+    assert_eq!(request.motions[0].interpolation, InterpolationMode::Linear);
     assert_eq!(request.deadline_policy, DeadlinePolicy::Finish);
     let hash = StateHash::from(0x0123_u128);
     assert_eq!(to_json(&hash).unwrap(), format!("\"{:032x}\"", 0x0123));
@@ -213,7 +213,7 @@ fn json_reads_well() {
     for (wrong, place) in [
         (text.replace("linear\",", "square\","), "motions[0].interpolation"),
         (text.replace("\"y\": 0, \"z\": 0}, \"or", "\"y\": \"0\", \"z\": 0}, \"or"), "position.y"),
-        (text.replace("rebase", "").replace("body", "bodi"), "motions[0]"),
+        (text.replace("allow_jump", "").replace("body", "bodi"), "motions[0]"),
         (format!("{text} 1"), "AdvanceRequest"),
         ("[".repeat(1000), "AdvanceRequest"),
         (r#""00""#.into(), "AdvanceRequest"),

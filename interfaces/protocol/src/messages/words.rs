@@ -66,7 +66,7 @@ macro_rules! words {
 words!(
     /// What lies between knots.
     #[derive(Default)]
-    Interpolation {
+    InterpolationMode {
         /// The last knot.
         Hold = 0 "hold",
         /// Constant velocity and spin.
@@ -94,7 +94,7 @@ words!(
 words!(
     /// How a window went.
     #[derive(Default)]
-    Status {
+    ReplyStatus {
         /// Computed to its end, every step solved.
         #[default]
         Ok = 0 "ok",
@@ -111,7 +111,7 @@ words!(
     }
 );
 
-impl Status {
+impl ReplyStatus {
     /// Whether the window led on; otherwise the state is that of its beginning.
     pub fn is_kept(self) -> bool {
         !matches!(self, Self::Discard | Self::Error | Self::Fatal)

@@ -15,7 +15,9 @@ mod states;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::{Attach, Fault, Lockstep, Pace, WindowKind};
+use ballast_protocol::lockstep::{
+    AttachRequest, Lockstep, RequestError, WindowControl, WindowKind,
+};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Digest};
 use std::sync::Arc;
 
@@ -40,8 +42,8 @@ fn lockstep() -> (Lockstep, String) {
     (lockstep, ticket)
 }
 
-fn attach(lockstep: &mut Lockstep, client: &str) -> Result<String, Fault> {
-    let ask = Attach { client: client.into(), ..Attach::default() };
+fn attach(lockstep: &mut Lockstep, client: &str) -> Result<String, RequestError> {
+    let ask = AttachRequest { client: client.into(), ..AttachRequest::default() };
     lockstep.attach(&ask, format!("ticket of {client}"), 1000).map(|a| a.ticket)
 }
 
@@ -65,8 +67,8 @@ fn ask(
     kind: WindowKind,
     request: &AdvanceRequest,
     ticket: &str,
-) -> Result<AdvanceReply, Fault> {
-    lockstep.window(kind, request, ticket, &|| 0, &mut |_| Pace::GoOn)
+) -> Result<AdvanceReply, RequestError> {
+    lockstep.window(kind, request, ticket, &|| 0, &mut |_| WindowControl::Continue)
 }
 
 /// The reply to windows 1 to `last`, one after the other.

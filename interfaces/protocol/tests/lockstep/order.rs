@@ -3,22 +3,25 @@
 use crate::common::scene::Random;
 use crate::{MS, ask, lockstep, straight, window};
 use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
-use ballast_protocol::lockstep::{Code, Pace};
-use ballast_protocol::messages::{AdvanceRequest, Status};
+use ballast_protocol::lockstep::{ErrorCode, WindowControl};
+use ballast_protocol::messages::{AdvanceRequest, ReplyStatus};
 
 #[test]
 fn a_retry_is_answered_from_memory_and_computes_nothing() {
     let (mut lockstep, ticket) = lockstep();
     let first = ask(&mut lockstep, Advance, &window(1), &ticket).unwrap();
-    assert!(matches!(first.status, Status::Ok | Status::Warn) && first.steps == 5, "{first:?}");
+    assert!(
+        matches!(first.status, ReplyStatus::Ok | ReplyStatus::Warn) && first.steps == 5,
+        "{first:?}"
+    );
     let mut steps = 0;
     let again = lockstep.window(Advance, &window(1), &ticket, &|| 0, &mut |_| {
         steps += 1;
-        Pace::GoOn
+        WindowControl::Continue
     });
     assert_eq!((again.unwrap(), steps), (first.clone(), 0));
-    assert_eq!(lockstep.answered_count(), 1);
-    assert_eq!(lockstep.place().hash, first.hash.to_string());
+    assert_eq!(lockstep.computed_windows(), 1);
+    assert_eq!(lockstep.position().hash, first.hash.to_string());
     assert_eq!(lockstep.component().now_ns(), 5 * MS as u64);
 }
 
@@ -26,22 +29,22 @@ fn a_retry_is_answered_from_memory_and_computes_nothing() {
 fn what_is_out_of_sequence_is_told_the_number_and_changes_nothing() {
     let (mut lockstep, ticket) = lockstep();
     let redo = ask(&mut lockstep, Redo, &window(0), &ticket).unwrap_err();
-    assert_eq!((redo.code, redo.expected_seq), (Code::NothingToRedo, Some(0)));
+    assert_eq!((redo.code, redo.expected_seq), (ErrorCode::NothingToRedo, Some(0)));
     ask(&mut lockstep, Advance, &window(1), &ticket).unwrap();
-    let before = lockstep.place();
+    let before = lockstep.position();
     let late = AdvanceRequest { t0_ns: 4 * MS, ..window(2) };
     let other = AdvanceRequest { t1_ns: 4 * MS, ..window(1) };
     for wrong in [window(3), window(0), late, other, AdvanceRequest { seq: u64::MAX, ..window(2) }]
     {
         let fault = ask(&mut lockstep, Advance, &wrong, &ticket).unwrap_err();
-        assert_eq!(fault.code, Code::OutOfSequence, "{fault}");
+        assert_eq!(fault.code, ErrorCode::OutOfSequence, "{fault}");
         assert_eq!((fault.expected_seq, fault.now_ns), (Some(2), Some(5 * MS as u64)));
         assert!(fault.message.contains("window 2 from 5000000 ns"), "{fault}");
-        assert_eq!(lockstep.place(), before);
+        assert_eq!(lockstep.position(), before);
     }
     let run = AdvanceRequest { run_id: "run-0".into(), ..window(2) };
     let fault = ask(&mut lockstep, Advance, &run, &ticket).unwrap_err();
-    assert!(fault.code == Code::WrongRun && fault.message.contains("run-0"), "{fault}");
+    assert!(fault.code == ErrorCode::WrongRun && fault.message.contains("run-0"), "{fault}");
 }
 
 #[test]
@@ -58,7 +61,7 @@ fn a_redo_takes_the_place_of_the_window() {
     assert_eq!(ask(&mut lockstep, Redo, &other, &ticket).unwrap(), changed);
     assert_eq!(
         ask(&mut lockstep, Advance, &window(2), &ticket).unwrap_err().code,
-        Code::OutOfSequence
+        ErrorCode::OutOfSequence
     );
     assert_eq!(ask(&mut lockstep, Redo, &window(2), &ticket).unwrap(), first);
     assert_eq!(ask(&mut lockstep, Advance, &window(3), &ticket).unwrap(), straight(3));
@@ -74,7 +77,7 @@ fn a_redo_is_of_the_times_of_the_last_window() {
     {
         let other = AdvanceRequest { t0_ns, t1_ns, ..window(1) };
         let fault = ask(&mut lockstep, Redo, &other, &ticket).unwrap_err();
-        assert_eq!(fault.code, Code::OutOfSequence);
+        assert_eq!(fault.code, ErrorCode::OutOfSequence);
         assert!(fault.to_string().contains("from 0 to"), "{fault}");
     }
 }

@@ -2,24 +2,26 @@
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 
-use ballast_protocol::messages::{BodyInput, Interpolation, Knot, Point, Pose, Twist, Vector3};
+use ballast_protocol::messages::{
+    BodyMotion, InterpolationMode, MotionKnot, Point, Pose, Twist, Vector3,
+};
 use std::f64::consts::TAU;
 
 /// The floor at a time.
-pub fn floor(time_ns: i64) -> Knot {
+pub fn floor(time_ns: i64) -> MotionKnot {
     let (t, w) = (time_ns.max(0) as f64 * 1e-9, TAU * 10.0);
     let position = Point { z: -2e-3 * (1.0 - (w * t).cos()), ..Point::default() };
     let linear = Vector3 { z: -2e-3 * w * (w * t).sin(), ..Vector3::default() };
     let twist = Twist { linear, ..Twist::default() };
-    Knot { time_ns, pose: Pose { position, ..Pose::default() }, twist }
+    MotionKnot { time_ns, pose: Pose { position, ..Pose::default() }, twist }
 }
 
 /// Its motion through a window.
-pub fn through(t0_ns: i64, t1_ns: i64) -> Vec<BodyInput> {
-    vec![BodyInput {
+pub fn through(t0_ns: i64, t1_ns: i64) -> Vec<BodyMotion> {
+    vec![BodyMotion {
         body: "floor".into(),
-        interpolation: Interpolation::Hermite,
-        rebase: false,
+        interpolation: InterpolationMode::Hermite,
+        allow_jump: false,
         knots: vec![floor(t0_ns), floor(t1_ns)],
     }]
 }

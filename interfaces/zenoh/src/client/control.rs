@@ -5,10 +5,12 @@ use super::line::{Ask, read};
 use super::unanswered::{Leads, Unanswered};
 use crate::wire::cdr;
 use crate::{Error, random};
-use ballast_protocol::lockstep::{Attach, Attached, Init, Named, Place, SetParameters, Verb};
-use ballast_protocol::messages::Knot;
-use ballast_protocol::pacer::FreeRunning;
-use ballast_protocol::schema::Nothing;
+use ballast_protocol::lockstep::{
+    AttachReply, AttachRequest, InitRequest, ParameterUpdate, RequestKind, RunPosition, StateName,
+};
+use ballast_protocol::messages::MotionKnot;
+use ballast_protocol::pacer::RealTimeMode;
+use ballast_protocol::schema::EmptyRequest;
 use ballast_protocol::to_cdr;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -17,14 +19,14 @@ use zenoh::bytes::Encoding;
 impl Client {
     /// Asks to become the owner, with the number of the same request before where that was not answered: it may have
     /// made this client the owner, under a ticket that only its answer tells.
-    pub(super) fn ask_to_drive(&mut self, ask: &Attach) -> Result<Attached, Error> {
+    pub(super) fn ask_to_drive(&mut self, ask: &AttachRequest) -> Result<AttachReply, Error> {
         let text = serde_json::to_vec(ask).unwrap_or_default();
         let pass = match self.knock.take() {
             Some((pass, before)) if before == text => pass,
             _ => self.pass()?,
         };
-        let attached = self.once(Verb::Attach, text.clone(), pass.clone());
-        if attached.as_ref().is_err_and(|error| error.fault().is_none()) {
+        let attached = self.once(RequestKind::Attach, text.clone(), pass.clone());
+        if attached.as_ref().is_err_and(|error| error.request_error().is_none()) {
             self.knock = Some((pass, text));
         }
         attached
@@ -34,11 +36,11 @@ impl Client {
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn save(&mut self, name: &str) -> Result<&Place, Error> {
+    pub fn save(&mut self, name: &str) -> Result<&RunPosition, Error> {
         self.check_together()?;
         self.settle()?;
-        self.place = self.ask(Verb::Save, Leads::On, &named(name))?;
-        Ok(&self.place)
+        self.position = self.ask(RequestKind::Save, Leads::On, &named(name))?;
+        Ok(&self.position)
     }
 
     /// Goes back to a kept state.
@@ -46,26 +48,26 @@ impl Client {
     /// # Errors
     /// What the component refuses; no answer: then the run may be there or not, and every call that would go on from
     /// where it was is *diverged*, until this one, [`Client::reset`] or [`Client::init`] is answered.
-    pub fn restore(&mut self, name: &str) -> Result<&Place, Error> {
-        self.lead(Verb::Restore, Leads::Back, &named(name))
+    pub fn restore(&mut self, name: &str) -> Result<&RunPosition, Error> {
+        self.lead(RequestKind::Restore, Leads::Back, &named(name))
     }
 
     /// Forgets a kept state.
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn drop_state(&mut self, name: &str) -> Result<&Place, Error> {
+    pub fn drop_state(&mut self, name: &str) -> Result<&RunPosition, Error> {
         // Whatever the run is at, it is no other for it.
-        self.ask(Verb::Drop, Leads::On, &named(name))?;
-        Ok(&self.place)
+        self.ask(RequestKind::Drop, Leads::On, &named(name))?;
+        Ok(&self.position)
     }
 
     /// Starts a run of its own from the beginning.
     ///
     /// # Errors
     /// What the component refuses; no answer, with which it is as after [`Client::restore`].
-    pub fn reset(&mut self) -> Result<&Place, Error> {
-        self.lead(Verb::Reset, Leads::Anew, &Nothing {})
+    pub fn reset(&mut self) -> Result<&RunPosition, Error> {
+        self.lead(RequestKind::Reset, Leads::Anew, &EmptyRequest {})
     }
 
     /// Prepares the bed over there, with other choices than the case's where they are given, and starts a run in
@@ -73,54 +75,55 @@ impl Client {
     ///
     /// # Errors
     /// What the component refuses; no answer, with which it is as after [`Client::restore`].
-    pub fn init(&mut self, ask: &Init) -> Result<&Place, Error> {
-        self.lead(Verb::Init, Leads::Anew, ask)
+    pub fn init(&mut self, ask: &InitRequest) -> Result<&RunPosition, Error> {
+        self.lead(RequestKind::Init, Leads::Anew, ask)
     }
 
     /// Sets parameters for all windows from now on, and for a redo of the last one.
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn set_parameters(&mut self, ask: &SetParameters) -> Result<&Place, Error> {
+    pub fn set_parameters(&mut self, ask: &ParameterUpdate) -> Result<&RunPosition, Error> {
         self.check_together()?;
-        let asked = Unanswered::Parameters(ask.clone());
+        let asked = Unanswered::SolverParameters(ask.clone());
         self.settle_other(&asked)?;
         // Without content it would be a question.
-        if *ask == SetParameters::default() {
-            return Ok(&self.place);
+        if *ask == ParameterUpdate::default() {
+            return Ok(&self.position);
         }
         self.unanswered = Some(asked);
-        let place = self.ask(Verb::Param, Leads::On, ask).map_err(|error| self.without(error))?;
-        if let Some(run) = &ask.free_running {
-            self.runs_freely = run.is_some();
+        let position =
+            self.ask(RequestKind::Param, Leads::On, ask).map_err(|error| self.without(error))?;
+        if let Some(run) = &ask.real_time {
+            self.is_real_time = run.is_some();
         }
-        Ok(self.begin_at(place))
+        Ok(self.begin_at(position))
     }
 
     /// Lets time run by itself from now on; bodies then follow what [`Client::put_motion`] sends.
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn run_freely(&mut self, ask: &FreeRunning) -> Result<&Place, Error> {
+    pub fn start_real_time(&mut self, ask: &RealTimeMode) -> Result<&RunPosition, Error> {
         self.check_together()?;
         self.settle()?;
         // Time may run although the answer is lost.
-        self.runs_freely = true;
-        let free_running = Some(Some(ask.clone()));
-        let ask = SetParameters { free_running, ..SetParameters::default() };
+        self.is_real_time = true;
+        let real_time = Some(Some(ask.clone()));
+        let ask = ParameterUpdate { real_time, ..ParameterUpdate::default() };
         if let Err(error) = self.set_parameters(&ask) {
-            self.runs_freely = error.fault().is_none() && self.apart.is_none();
+            self.is_real_time = error.request_error().is_none() && self.apart.is_none();
             return Err(error);
         }
-        Ok(&self.place)
+        Ok(&self.position)
     }
 
     /// Time runs by itself no more: where it has come to.
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn stop_running(&mut self) -> Result<&Place, Error> {
-        let ask = SetParameters { free_running: Some(None), ..SetParameters::default() };
+    pub fn stop_real_time(&mut self) -> Result<&RunPosition, Error> {
+        let ask = ParameterUpdate { real_time: Some(None), ..ParameterUpdate::default() };
         self.set_parameters(&ask)
     }
 
@@ -129,9 +132,9 @@ impl Client {
     ///
     /// # Errors
     /// The session breaks down; the component is not there, or has told that this client does not drive any more.
-    pub fn put_motion(&self, body: &str, sample: &Knot) -> Result<(), Error> {
+    pub fn put_motion(&self, body: &str, sample: &MotionKnot) -> Result<(), Error> {
         let bytes = to_cdr(sample).map_err(|e| Error::unwritten("motion", e))?;
-        self.line.put(self.line.keys().input(body), bytes, cdr::<Knot>(), &self.ticket)?;
+        self.line.put(self.line.keys().input(body), bytes, cdr::<MotionKnot>(), &self.ticket)?;
         self.line.expect_heed("motion", &self.id, &self.ticket, self.beats)
     }
 
@@ -139,24 +142,29 @@ impl Client {
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn detach(mut self) -> Result<Place, Error> {
-        self.ask(Verb::Detach, Leads::On, &Nothing {})
+    pub fn detach(mut self) -> Result<RunPosition, Error> {
+        self.ask(RequestKind::Detach, Leads::On, &EmptyRequest {})
     }
 
     /// Ends the component.
     ///
     /// # Errors
     /// What the component refuses; no answer.
-    pub fn shut_down(mut self) -> Result<Place, Error> {
-        self.ask(Verb::Shutdown, Leads::On, &Nothing {})
+    pub fn shut_down(mut self) -> Result<RunPosition, Error> {
+        self.ask(RequestKind::Shutdown, Leads::On, &EmptyRequest {})
     }
 
     /// Asks for what leads elsewhere than the windows so far.
-    fn lead(&mut self, verb: Verb, leads: Leads, what: &impl Serialize) -> Result<&Place, Error> {
+    fn lead(
+        &mut self,
+        verb: RequestKind,
+        leads: Leads,
+        what: &impl Serialize,
+    ) -> Result<&RunPosition, Error> {
         match self.ask(verb, leads, what) {
-            Ok(place) => Ok(self.begin_anew(place)),
+            Ok(position) => Ok(self.begin_anew(position)),
             Err(error) => {
-                if error.fault().is_none() {
+                if error.request_error().is_none() {
                     self.may_be_elsewhere(verb);
                 }
                 Err(error)
@@ -164,8 +172,13 @@ impl Client {
         }
     }
 
-    /// Asks for what leads to a place.
-    fn ask(&mut self, verb: Verb, leads: Leads, what: &impl Serialize) -> Result<Place, Error> {
+    /// Asks for what leads to a position.
+    fn ask(
+        &mut self,
+        verb: RequestKind,
+        leads: Leads,
+        what: &impl Serialize,
+    ) -> Result<RunPosition, Error> {
         let text = serde_json::to_vec(what).unwrap_or_default();
         self.returning(leads, |client| client.once(verb, text.clone(), client.pass()?))
     }
@@ -178,13 +191,13 @@ impl Client {
     /// A request with its number.
     fn once<T: DeserializeOwned>(
         &self,
-        verb: Verb,
+        verb: RequestKind,
         text: Vec<u8>,
         pass: String,
     ) -> Result<T, Error> {
-        let patience = &self.line.patience;
+        let timeouts = &self.line.timeouts;
         // A bed is prepared in the time of a window.
-        let allowed = if verb == Verb::Init { patience.window } else { patience.control };
+        let allowed = if verb == RequestKind::Init { timeouts.window } else { timeouts.control };
         let ask = Ask {
             request: verb.word(),
             key: self.line.keys().control(verb.word()),
@@ -195,6 +208,6 @@ impl Client {
     }
 }
 
-fn named(name: &str) -> Named {
-    Named { name: name.into() }
+fn named(name: &str) -> StateName {
+    StateName { name: name.into() }
 }

@@ -1,7 +1,9 @@
 //! The windows that a component would lose if it died now: its client can ask for them again.
 
-use ballast_protocol::lockstep::Place;
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, DeadlinePolicy, StateHash, Status};
+use ballast_protocol::lockstep::RunPosition;
+use ballast_protocol::messages::{
+    AdvanceReply, AdvanceRequest, DeadlinePolicy, ReplyStatus, StateHash,
+};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -20,15 +22,15 @@ pub(super) struct Entry {
 /// A window as it is asked for again: up to where it ended, however long that takes. One that was taken back leads
 /// nowhere; it has its number.
 fn repeatable(mut request: Arc<AdvanceRequest>, reply: &AdvanceReply) -> Arc<AdvanceRequest> {
-    if request.deadline_ms == 0 && matches!(reply.status, Status::Ok | Status::Warn) {
+    if request.deadline_ms == 0 && matches!(reply.status, ReplyStatus::Ok | ReplyStatus::Warn) {
         return request;
     }
     let again = Arc::make_mut(&mut request);
     again.deadline_ms = 0;
     match reply.status {
-        Status::Ok | Status::Warn => {}
-        Status::Early => again.t1_ns = reply.t1_ns,
-        Status::Discard | Status::Error | Status::Fatal => {
+        ReplyStatus::Ok | ReplyStatus::Warn => {}
+        ReplyStatus::Early => again.t1_ns = reply.t1_ns,
+        ReplyStatus::Discard | ReplyStatus::Error | ReplyStatus::Fatal => {
             again.t1_ns = again.t0_ns;
             again.motions.clear();
             again.loads.clear();
@@ -46,7 +48,12 @@ pub(super) struct Journal {
 
 impl Journal {
     /// Takes a window that led from `before` to what `reply` says; a redo replaces the window.
-    pub fn take(&mut self, request: Arc<AdvanceRequest>, before: &Place, reply: &AdvanceReply) {
+    pub fn take(
+        &mut self,
+        request: Arc<AdvanceRequest>,
+        before: &RunPosition,
+        reply: &AdvanceReply,
+    ) {
         let hash = |hash: &StateHash| hash.to_string();
         let request = repeatable(request, reply);
         if self.entries.back().is_some_and(|last| last.request.seq == request.seq) {
@@ -89,11 +96,11 @@ impl Journal {
         self.knots = 0;
     }
 
-    /// The windows after `place`, if they are all there and begin in its state, and the hash that each leads to.
-    pub fn after(&self, place: &Place) -> Option<Vec<(Arc<AdvanceRequest>, String)>> {
-        let first = self.entries.iter().position(|e| e.request.seq == place.seq + 1)?;
+    /// The windows after `position`, if they are all there and begin in its state, and the hash that each leads to.
+    pub fn after(&self, position: &RunPosition) -> Option<Vec<(Arc<AdvanceRequest>, String)>> {
+        let first = self.entries.iter().position(|e| e.request.seq == position.seq + 1)?;
         let again = |e: &Entry| (Arc::clone(&e.request), e.hashes[1].clone());
-        (self.entries[first].hashes[0] == place.hash)
+        (self.entries[first].hashes[0] == position.hash)
             .then(|| self.entries.iter().skip(first).map(again).collect())
     }
 }

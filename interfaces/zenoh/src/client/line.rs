@@ -6,9 +6,11 @@
 
 use super::presence::Presence;
 use crate::keys::{SCHEMA, last};
-use crate::{Error, Keys, LARGEST_MESSAGE, Link, Purpose, SILENCE};
-use ballast_protocol::description::Description;
-use ballast_protocol::lockstep::{Activity, Code, Fault, StatusReport, Verb};
+use crate::{DISCONNECT_TIMEOUT, Error, Keys, MAX_MESSAGE_BYTES, Purpose, SessionConfig};
+use ballast_protocol::description::ComponentDescription;
+use ballast_protocol::lockstep::{
+    ComponentState, ErrorCode, RequestError, RequestKind, StatusReport,
+};
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,38 +35,38 @@ const ROUTER: &str = "; the router here passes on nothing between two peers: one
 
 /// How long calls may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Patience {
+pub struct Timeouts {
     /// For requests that compute nothing.
     pub control: Duration,
     /// For a window without a deadline.
     pub window: Duration,
     /// For a window beyond its deadline.
-    pub margin: Duration,
+    pub deadline_margin: Duration,
     /// How long the component may be away, at first or in between.
-    pub absence: Duration,
+    pub disconnect: Duration,
 }
 
-impl Default for Patience {
+impl Default for Timeouts {
     /// 10 s, an hour, 2 s, and three heartbeats.
     fn default() -> Self {
         Self {
             control: Duration::from_secs(10),
             window: Duration::from_secs(3600),
-            margin: Duration::from_secs(2),
-            absence: SILENCE,
+            deadline_margin: Duration::from_secs(2),
+            disconnect: DISCONNECT_TIMEOUT,
         }
     }
 }
 
 /// A line to a component, for those who look, and for [`super::Client`]s, who drive.
-pub struct Line {
-    link: Link,
+pub struct Connection {
+    link: SessionConfig,
     session: Session,
     keys: Keys,
     presence: Arc<Presence>,
-    pub patience: Patience,
-    /// Once set, every call ends within a moment with [`Error::Abandoned`], until it is taken back.
-    pub is_given_up: Arc<AtomicBool>,
+    pub timeouts: Timeouts,
+    /// Once set, every call ends within a moment with [`Error::Cancelled`], until it is taken back.
+    pub cancelled: Arc<AtomicBool>,
 }
 
 /// What is asked.
@@ -79,7 +81,7 @@ pub(super) struct Ask<'a> {
 /// How an attempt ended.
 enum Attempt {
     Answered(Vec<u8>),
-    Refused(Fault),
+    Refused(RequestError),
     /// Nobody was there, or the answer got lost.
     Nothing,
 }
@@ -97,21 +99,21 @@ impl Attempt {
     }
 }
 
-impl Line {
+impl Connection {
     /// A line to the component `site/id`, which need not be there yet.
     ///
     /// # Errors
     /// A name or a link that cannot be used.
-    pub fn open(component: &str, link: &Link, patience: Patience) -> Result<Self, Error> {
-        Self::open_until(component, link, patience, Arc::default())
+    pub fn open(component: &str, link: &SessionConfig, timeouts: Timeouts) -> Result<Self, Error> {
+        Self::open_cancellable(component, link, timeouts, Arc::default())
     }
 
-    /// The same; calls end once `is_given_up` is set.
-    pub(super) fn open_until(
+    /// The same; calls end once `cancelled` is set.
+    pub(super) fn open_cancellable(
         component: &str,
-        link: &Link,
-        patience: Patience,
-        is_given_up: Arc<AtomicBool>,
+        link: &SessionConfig,
+        timeouts: Timeouts,
+        cancelled: Arc<AtomicBool>,
     ) -> Result<Self, Error> {
         let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
         let keys = Keys::of(component)?;
@@ -136,7 +138,7 @@ impl Line {
         let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
         alive.callback(watch).background().wait().map_err(zenoh)?;
         let link = link.clone();
-        Ok(Self { link, session, keys, presence, patience, is_given_up })
+        Ok(Self { link, session, keys, presence, timeouts, cancelled })
     }
 
     /// The names under which the component is found.
@@ -183,8 +185,8 @@ impl Line {
     ///
     /// # Errors
     /// The session breaks down; more is asked than the component answers.
-    pub fn last_told(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
-        let get = self.session.get(self.keys.out_any()).timeout(self.patience.control);
+    pub fn last_messages(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
+        let get = self.session.get(self.keys.out_any()).timeout(self.timeouts.control);
         let replies = get.wait().map_err(|e| Error::link("zenoh", e))?;
         let mut told = Vec::new();
         for reply in replies {
@@ -207,7 +209,7 @@ impl Line {
     ///
     /// # Errors
     /// No answer, or none that can be read; it is being prepared.
-    pub fn describe(&self) -> Result<Description, Error> {
+    pub fn describe(&self) -> Result<ComponentDescription, Error> {
         self.look("describe", self.keys.describe())
     }
 
@@ -224,13 +226,13 @@ impl Line {
     /// # Errors
     /// No answer, or none that can be read.
     pub fn status(&self) -> Result<StatusReport, Error> {
-        let verb = Verb::Status.word();
+        let verb = RequestKind::Status.word();
         self.look(verb, self.keys.control(verb))
     }
 
     fn look<T: DeserializeOwned>(&self, request: &str, key: String) -> Result<T, Error> {
         let ask = Ask { request, key, payload: None, pass: String::new() };
-        read(request, &self.call(&ask, self.patience.control)?)
+        read(request, &self.call(&ask, self.timeouts.control)?)
     }
 
     /// What the component was doing at its last heartbeat.
@@ -240,17 +242,23 @@ impl Line {
 
     /// Asks until there is an answer or the time allowed is over.
     pub(super) fn call(&self, ask: &Ask, allowed: Duration) -> Result<Vec<u8>, Error> {
-        if let Some((bytes, _)) = ask.payload.as_ref().filter(|p| p.0.len() > LARGEST_MESSAGE) {
+        if let Some((bytes, _)) = ask.payload.as_ref().filter(|p| p.0.len() > MAX_MESSAGE_BYTES) {
             // It would never arrive: the wire drops what is larger.
-            let expected = format!("at most {LARGEST_MESSAGE} bytes");
-            return Err(Fault::expected(Code::TooLarge, ask.request, expected, bytes.len()).into());
+            let expected = format!("at most {MAX_MESSAGE_BYTES} bytes");
+            return Err(RequestError::expected(
+                ErrorCode::TooLarge,
+                ask.request,
+                expected,
+                bytes.len(),
+            )
+            .into());
         }
         let begin = Instant::now();
         let (mut sent, mut pause) = (Vec::new(), PAUSE[0]);
         loop {
             match self.attempt(ask, &mut sent, begin, allowed)? {
                 Attempt::Answered(bytes) => return Ok(bytes),
-                Attempt::Refused(fault) if fault.code != Code::TooManyRequests => {
+                Attempt::Refused(fault) if fault.code != ErrorCode::TooManyRequests => {
                     return Err(fault.into());
                 }
                 Attempt::Refused(_) | Attempt::Nothing => {}
@@ -317,8 +325,8 @@ impl Line {
         let gone = self.presence.gone_for(since).filter(|gone| *gone >= most);
         gone.map_or(Ok(()), |gone| {
             let (request, component) = (request.to_string(), self.keys.name().to_string());
-            let hint = if self.link.is_kept_apart(&self.session) { ROUTER } else { "" };
-            Err(Error::PeerLost { request, component, silent_s: gone.as_secs_f64(), hint })
+            let hint = if self.link.is_isolated_by_router(&self.session) { ROUTER } else { "" };
+            Err(Error::Disconnected { request, component, silent_s: gone.as_secs_f64(), hint })
         })
     }
 
@@ -331,10 +339,10 @@ impl Line {
         ticket: &str,
         beats: u64,
     ) -> Result<(), Error> {
-        self.expect_there(request, None, self.patience.absence)?;
+        self.expect_there(request, None, self.timeouts.disconnect)?;
         match self.presence.owner_since(beats) {
             Some(owner) if owner.as_deref() != Some(client) => {
-                Err(Fault::not_owner(ticket, owner.as_deref()).into())
+                Err(RequestError::not_owner(ticket, owner.as_deref()).into())
             }
             _ => Ok(()),
         }
@@ -349,37 +357,37 @@ impl Line {
     fn check(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<(), Error> {
         let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
         let waited = begin.elapsed();
-        if self.is_given_up.load(Ordering::Relaxed) {
-            return Err(Error::Abandoned { request, component, waited_s: waited.as_secs_f64() });
+        if self.cancelled.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled { request, component, waited_s: waited.as_secs_f64() });
         }
         // Someone who is away is lost, not slow, also where the time allowed is shorter.
-        self.expect_there(ask.request, Some(begin), self.patience.absence.min(allowed))?;
+        self.expect_there(ask.request, Some(begin), self.timeouts.disconnect.min(allowed))?;
         if waited < allowed {
             return Ok(());
         }
         let doing = doing(self.presence.status().as_ref());
-        Err(Error::Slow { request, component, waited_s: waited.as_secs_f64(), doing })
+        Err(Error::Timeout { request, component, waited_s: waited.as_secs_f64(), doing })
     }
 }
 
 /// A refusal of ours; what is none comes from Zenoh itself: nobody is there, or the time of the query is over.
-fn refusal(error: &ReplyError) -> Option<Fault> {
+fn refusal(error: &ReplyError) -> Option<RequestError> {
     serde_json::from_slice(&error.payload().to_bytes()).ok()
 }
 
 fn doing(status: Option<&StatusReport>) -> String {
     let Some(status) = status else { return "it has not told what it does".into() };
     match (&status.progress, &status.waiting_for) {
-        (Some(p), _) if status.activity == Activity::Playing => {
+        (Some(p), _) if status.state == ComponentState::Running => {
             let seconds = |ms: u64| ms as f64 * 1e-3;
-            let time = match p.left_ms {
+            let time = match p.remaining_ms {
                 Some(ms) => format!("{:.1} s left", seconds(ms)),
                 None => format!("its first one for {:.1} s", seconds(p.elapsed_ms)),
             };
             format!("step {} of {} of window {}, {time}", p.step, p.steps, p.seq)
         }
         (_, Some(what)) => format!("it waits for {what}"),
-        _ => status.activity.to_string(),
+        _ => status.state.to_string(),
     }
 }
 
@@ -390,17 +398,18 @@ pub(super) fn read<T: DeserializeOwned>(request: &str, bytes: &[u8]) -> Result<T
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ballast_protocol::lockstep::Progress;
+    use ballast_protocol::lockstep::WindowProgress;
 
     #[test]
     fn what_is_left_is_told_when_a_step_has_told_it() {
         let told = |progress| {
-            let (activity, progress) = (Activity::Playing, Some(progress));
-            doing(Some(&StatusReport { activity, progress, ..StatusReport::default() }))
+            let (state, progress) = (ComponentState::Running, Some(progress));
+            doing(Some(&StatusReport { state, progress, ..StatusReport::default() }))
         };
-        let begun = Progress { seq: 7, steps: 3, elapsed_ms: 4200, ..Progress::default() };
+        let begun =
+            WindowProgress { seq: 7, steps: 3, elapsed_ms: 4200, ..WindowProgress::default() };
         assert_eq!(told(begun), "step 0 of 3 of window 7, its first one for 4.2 s");
-        let on = Progress { step: 1, left_ms: Some(8400), ..begun };
+        let on = WindowProgress { step: 1, remaining_ms: Some(8400), ..begun };
         assert_eq!(told(on), "step 1 of 3 of window 7, 8.4 s left");
     }
 }

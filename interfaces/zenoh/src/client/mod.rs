@@ -12,13 +12,15 @@ mod line;
 mod presence;
 mod unanswered;
 
-pub use line::{Line, Patience};
+pub use line::{Connection, Timeouts};
 
 use crate::wire::cdr;
-use crate::{Error, Link, random};
-use ballast_protocol::description::Description;
-use ballast_protocol::lockstep::{Attach, Place, StatusReport, Verb, WindowKind};
-use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyInput, LoadInput, core_ns};
+use crate::{Error, SessionConfig, random};
+use ballast_protocol::description::ComponentDescription;
+use ballast_protocol::lockstep::{
+    AttachRequest, RequestKind, RunPosition, StatusReport, WindowKind,
+};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyLoad, BodyMotion, core_ns};
 use ballast_protocol::{from_cdr, to_cdr};
 use journal::Journal;
 use line::Ask;
@@ -30,16 +32,16 @@ use zenoh::liveliness::LivelinessToken;
 
 /// The owner of a component.
 pub struct Client {
-    line: Line,
+    line: Connection,
     id: String,
     _token: LivelinessToken,
     ticket: String,
     /// How many had driven when this client became the owner.
     owners: u64,
-    place: Place,
+    position: RunPosition,
     journal: Journal,
     /// Time was let run by itself: where it is, nobody knows beforehand.
-    runs_freely: bool,
+    is_real_time: bool,
     /// How many times the component had told what it does when this client last became its owner.
     beats: u64,
     /// The component may have lost sight of this client, or is not where it was left: to be seen to first.
@@ -47,7 +49,7 @@ pub struct Client {
     /// What was asked, and not answered yet.
     unanswered: Option<Unanswered>,
     /// Where the component was found, as if what is unanswered had been done.
-    guess: Option<Place>,
+    guess: Option<RunPosition>,
     /// Where the run is, in words, after it has gone on without this client, or may have.
     apart: Option<String>,
     /// The number and the text of a request to drive that was not answered: it may have had its effect.
@@ -56,38 +58,38 @@ pub struct Client {
 
 impl Client {
     /// Connects to the component `site/id` and becomes its owner. `name` is what others are told; letters,
-    /// digits, `-`, `_`, `.`. With `resume`, only if it has this run.
+    /// digits, `-`, `_`, `.`. With `run_id`, only if it has this run.
     ///
     /// # Errors
     /// A name or a link that cannot be used; nobody there; someone else drives; another run.
     pub fn attach(
         component: &str,
-        link: &Link,
+        link: &SessionConfig,
         name: &str,
-        resume: Option<&str>,
-        patience: Patience,
+        run_id: Option<&str>,
+        timeouts: Timeouts,
     ) -> Result<Self, Error> {
-        Self::attach_until(component, link, name, resume, patience, Arc::default())
+        Self::attach_cancellable(component, link, name, run_id, timeouts, Arc::default())
     }
 
-    /// The same; this and every later call ends within a moment once `is_given_up` is set ([`Line::is_given_up`]).
+    /// The same; this and every later call ends within a moment once `cancelled` is set ([`Connection::cancelled`]).
     ///
     /// # Errors
-    /// As for [`Client::attach`]; [`Error::Abandoned`].
-    pub fn attach_until(
+    /// As for [`Client::attach`]; [`Error::Cancelled`].
+    pub fn attach_cancellable(
         component: &str,
-        link: &Link,
+        link: &SessionConfig,
         name: &str,
-        resume: Option<&str>,
-        patience: Patience,
-        is_given_up: Arc<AtomicBool>,
+        run_id: Option<&str>,
+        timeouts: Timeouts,
+        cancelled: Arc<AtomicBool>,
     ) -> Result<Self, Error> {
         // A name of its own for every connection: the token of one that is gone says so.
         let id = format!("{name}-{}", &random()?[..8]);
-        let line = Line::open_until(component, link, patience, is_given_up)?;
+        let line = Connection::open_cancellable(component, link, timeouts, cancelled)?;
         let token = line.come_alive(&id)?;
-        let (ticket, owners, place, journal) = Default::default();
-        let (runs_freely, beats, is_behind) = (false, 0, false);
+        let (ticket, owners, position, journal) = Default::default();
+        let (is_real_time, beats, is_behind) = (false, 0, false);
         let (unanswered, guess, apart, knock) = (None, None, None, None);
         let mut client = Self {
             line,
@@ -95,9 +97,9 @@ impl Client {
             _token: token,
             ticket,
             owners,
-            place,
+            position,
             journal,
-            runs_freely,
+            is_real_time,
             beats,
             is_behind,
             unanswered,
@@ -105,17 +107,17 @@ impl Client {
             apart,
             knock,
         };
-        let resume = resume.map(str::to_string);
-        let ask = Attach { client: client.id.clone(), resume, ticket: None };
+        let run_id = run_id.map(str::to_string);
+        let ask = AttachRequest { client: client.id.clone(), run_id, ticket: None };
         let attached = client.ask_to_drive(&ask)?;
-        (client.ticket, client.owners) = (attached.ticket, attached.owners);
-        (client.place, client.beats) = (attached.place, client.line.beats());
+        (client.ticket, client.owners) = (attached.ticket, attached.owner_count);
+        (client.position, client.beats) = (attached.position, client.line.beats());
         Ok(client)
     }
 
     /// Where the run stands.
-    pub fn place(&self) -> &Place {
-        &self.place
+    pub fn position(&self) -> &RunPosition {
+        &self.position
     }
 
     /// The name under which this client drives.
@@ -124,7 +126,7 @@ impl Client {
     }
 
     /// The line, for looking, and for giving up.
-    pub fn line(&self) -> &Line {
+    pub fn connection(&self) -> &Connection {
         &self.line
     }
 
@@ -132,7 +134,7 @@ impl Client {
     ///
     /// # Errors
     /// No answer, or none that can be read.
-    pub fn describe(&self) -> Result<Description, Error> {
+    pub fn describe(&self) -> Result<ComponentDescription, Error> {
         self.line.describe()
     }
 
@@ -146,26 +148,26 @@ impl Client {
 
     /// The request of the next window, to `t1_ns`: without inputs, without a deadline.
     pub fn next(&self, t1_ns: u64) -> AdvanceRequest {
-        let Place { run_id, seq, now_ns, .. } = &self.place;
+        let RunPosition { run_id, seq, now_ns, .. } = &self.position;
         AdvanceRequest::of(run_id, seq + 1, [*now_ns, t1_ns])
     }
 
     /// The request of the last window, whose ends are given, again.
     pub fn again(&self, ends: [u64; 2]) -> AdvanceRequest {
-        AdvanceRequest::of(&self.place.run_id, self.place.seq, ends)
+        AdvanceRequest::of(&self.position.run_id, self.position.seq, ends)
     }
 
     /// Computes the next window, to `t1_ns`.
     ///
     /// # Errors
-    /// What the component refuses; [`Error::Slow`], [`Error::PeerLost`]: the same call may be made again. Another one
+    /// What the component refuses; [`Error::Timeout`], [`Error::Disconnected`]: the same call may be made again. Another one
     /// waits for the answer to this first, and is refused as out of sequence where the window has been computed:
-    /// [`Client::place`] tells where the run is then.
+    /// [`Client::position`] tells where the run is then.
     pub fn advance_to(
         &mut self,
         t1_ns: u64,
-        motions: Vec<BodyInput>,
-        loads: Vec<LoadInput>,
+        motions: Vec<BodyMotion>,
+        loads: Vec<BodyLoad>,
     ) -> Result<AdvanceReply, Error> {
         let request = AdvanceRequest { motions, loads, ..self.next(t1_ns) };
         self.send(WindowKind::Advance, request)
@@ -178,8 +180,8 @@ impl Client {
     pub fn redo(
         &mut self,
         ends: [u64; 2],
-        motions: Vec<BodyInput>,
-        loads: Vec<LoadInput>,
+        motions: Vec<BodyMotion>,
+        loads: Vec<BodyLoad>,
     ) -> Result<AdvanceReply, Error> {
         let request = AdvanceRequest { motions, loads, ..self.again(ends) };
         self.send(WindowKind::Redo, request)
@@ -202,10 +204,10 @@ impl Client {
         let result = self.returning(Leads::On, |client| client.deliver(kind, &request));
         let reply = result.map_err(|error| self.without(error))?;
         (self.unanswered, self.guess) = (None, None);
-        self.journal.take(request, &self.place, &reply);
+        self.journal.take(request, &self.position, &reply);
         self.go_to(&reply);
         if let Some(status) = self.line.last_status()
-            && status.place.run_id == self.place.run_id
+            && status.position.run_id == self.position.run_id
         {
             self.journal.keep_after(status.durable_seq);
         }
@@ -218,17 +220,17 @@ impl Client {
     }
 
     fn go_to(&mut self, reply: &AdvanceReply) {
-        self.place.seq = reply.seq;
-        self.place.now_ns = core_ns(reply.t1_ns);
-        self.place.hash = reply.hash.to_string();
+        self.position.seq = reply.seq;
+        self.position.now_ns = core_ns(reply.t1_ns);
+        self.position.hash = reply.hash.to_string();
     }
 
     fn deliver(&self, kind: WindowKind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
-        let verb = Verb::Window(kind).word();
-        let patience = &self.line.patience;
+        let verb = RequestKind::Window(kind).word();
+        let timeouts = &self.line.timeouts;
         let allowed = match request.deadline_ms {
-            0 => patience.window,
-            ms => Duration::from_millis(ms.into()) + patience.margin,
+            0 => timeouts.window,
+            ms => Duration::from_millis(ms.into()) + timeouts.deadline_margin,
         };
         let bytes = to_cdr(request).map_err(|e| Error::unwritten(verb, e))?;
         let ask = Ask {

@@ -1,7 +1,7 @@
 //! Whether a component is there, and what it does: its liveliness tokens and its heartbeat.
 
 use crate::locked;
-use ballast_protocol::lockstep::{Activity, StatusReport};
+use ballast_protocol::lockstep::{ComponentState, StatusReport};
 use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
@@ -61,7 +61,7 @@ impl Presence {
 
     pub fn tells(&self, status: StatusReport) {
         let mut seen = self.seen();
-        let is_busy = matches!(status.activity, Activity::Playing | Activity::Settling);
+        let is_busy = matches!(status.state, ComponentState::Running | ComponentState::Preparing);
         seen.idle_beats = if is_busy { 0 } else { seen.idle_beats + 1 };
         let is_alike = seen.status.as_ref().is_some_and(|last| last.owner == status.owner);
         seen.alike_beats = if is_alike { seen.alike_beats + 1 } else { 1 };

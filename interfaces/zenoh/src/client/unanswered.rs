@@ -2,7 +2,9 @@
 
 use super::Client;
 use crate::Error;
-use ballast_protocol::lockstep::{Attach, Code, Place, SetParameters, Verb, WindowKind};
+use ballast_protocol::lockstep::{
+    AttachRequest, ErrorCode, ParameterUpdate, RequestKind, RunPosition, WindowKind,
+};
 use ballast_protocol::messages::{AdvanceRequest, core_ns};
 use std::sync::Arc;
 
@@ -13,7 +15,7 @@ const MOST_RETURNS: u32 = 5;
 #[derive(Clone, PartialEq)]
 pub(super) enum Unanswered {
     Window(WindowKind, Arc<AdvanceRequest>),
-    Parameters(SetParameters),
+    SolverParameters(ParameterUpdate),
 }
 
 /// Where a request leads.
@@ -30,38 +32,38 @@ pub(super) enum Leads {
 impl Client {
     /// Becomes the owner again after the component or the line was away, and brings the component to where it was left.
     fn come_back(&mut self, leads: Leads) -> Result<(), Error> {
-        let ask = Attach {
+        let ask = AttachRequest {
             client: self.id.clone(),
-            resume: (leads != Leads::Anew).then(|| self.place.run_id.clone()),
+            run_id: (leads != Leads::Anew).then(|| self.position.run_id.clone()),
             ticket: Some(self.ticket.clone()),
         };
         let attached = self.ask_to_drive(&ask)?;
         (self.ticket, self.beats) = (attached.ticket, self.line.beats());
-        let is_alone = attached.owners <= self.owners;
-        self.owners = attached.owners;
-        let ran_freely = std::mem::take(&mut self.runs_freely);
-        // A run that stands before the place where time was let run has lost windows like any other.
-        if ran_freely && is_alone && attached.place.seq >= self.place.seq {
-            self.begin_at(attached.place);
+        let is_alone = attached.owner_count <= self.owners;
+        self.owners = attached.owner_count;
+        let ran_freely = std::mem::take(&mut self.is_real_time);
+        // A run that stands before the position where time was let run has lost windows like any other.
+        if ran_freely && is_alone && attached.position.seq >= self.position.seq {
+            self.begin_at(attached.position);
         } else if leads == Leads::On {
             if self.apart.is_none() {
-                self.catch_up(&attached.place, is_alone)?;
+                self.catch_up(&attached.position, is_alone)?;
             }
             self.is_behind = false;
         }
-        // Otherwise it is, until the request has led elsewhere.
+        // DefaultEndpoint it is, until the request has led elsewhere.
         Ok(())
     }
 
     /// Goes on from `found`; `is_alone`, unless somebody else has driven since this client did.
-    fn catch_up(&mut self, found: &Place, is_alone: bool) -> Result<(), Error> {
-        if (found.seq, &found.hash) == (self.place.seq, &self.place.hash) {
+    fn catch_up(&mut self, found: &RunPosition, is_alone: bool) -> Result<(), Error> {
+        if (found.seq, &found.hash) == (self.position.seq, &self.position.hash) {
             return Ok(());
         }
         // It was done, its answer lost: it will be asked for again.
         let may_be_done = match &self.unanswered {
             Some(Unanswered::Window(_, request)) => found.seq == request.seq,
-            Some(Unanswered::Parameters(_)) => found.seq == self.place.seq,
+            Some(Unanswered::SolverParameters(_)) => found.seq == self.position.seq,
             None => false,
         };
         if may_be_done && is_alone {
@@ -77,14 +79,19 @@ impl Client {
             // Before it goes further: what is elsewhere already must not be led on.
             if hash != expected {
                 let now_ns = core_ns(reply.t1_ns);
-                return Err(self.part(Place { seq: reply.seq, now_ns, hash, ..found.clone() }));
+                return Err(self.part(RunPosition {
+                    seq: reply.seq,
+                    now_ns,
+                    hash,
+                    ..found.clone()
+                }));
             }
         }
         Ok(())
     }
 
     /// The run has gone on to `found` without this client, which has nothing to go on from any more.
-    fn part(&mut self, found: Place) -> Error {
+    fn part(&mut self, found: RunPosition) -> Error {
         let found = told(&found);
         let error = self.diverged(&found);
         (self.apart, self.is_behind) = (Some(found), false);
@@ -93,7 +100,7 @@ impl Client {
     }
 
     /// What leads elsewhere was not answered: the run may be there, or may still be led there.
-    pub(super) fn may_be_elsewhere(&mut self, verb: Verb) {
+    pub(super) fn may_be_elsewhere(&mut self, verb: RequestKind) {
         let found =
             || format!("a run that {} may have led elsewhere: it was not answered", verb.word());
         self.apart.get_or_insert_with(found);
@@ -106,8 +113,8 @@ impl Client {
     fn diverged(&self, found: &str) -> Error {
         Error::Diverged {
             component: self.line.keys().name().into(),
-            run_id: self.place.run_id.clone(),
-            expected: told(&self.place),
+            run_id: self.position.run_id.clone(),
+            expected: told(&self.position),
             found: found.into(),
         }
     }
@@ -125,18 +132,18 @@ impl Client {
         let settled = match self.unanswered.clone() {
             None => return Ok(()),
             Some(Unanswered::Window(kind, request)) => self.send(kind, request).map(drop),
-            Some(Unanswered::Parameters(ask)) => self.set_parameters(&ask).map(drop),
+            Some(Unanswered::SolverParameters(ask)) => self.set_parameters(&ask).map(drop),
         };
         match settled {
             // It was refused: nothing has changed, and that is all that matters now.
-            Err(error) if error.fault().is_some() && self.unanswered.is_none() => Ok(()),
+            Err(error) if error.request_error().is_some() && self.unanswered.is_none() => Ok(()),
             settled => settled,
         }
     }
 
     /// What becomes of a request that was not answered as it should be.
     pub(super) fn without(&mut self, error: Error) -> Error {
-        let Some(fault) = error.fault() else { return error };
+        let Some(fault) = error.request_error() else { return error };
         // It was not the request that was refused.
         if self.is_behind {
             return error;
@@ -144,7 +151,7 @@ impl Client {
         self.unanswered = None;
         match self.guess.take() {
             // What was found there was not this client's doing.
-            Some(found) if fault.code == Code::OutOfSequence => self.part(found),
+            Some(found) if fault.code == ErrorCode::OutOfSequence => self.part(found),
             _ => error,
         }
     }
@@ -162,7 +169,7 @@ impl Client {
                 Ok(done) => return Ok(done),
                 Err(error) => error,
             };
-            let is_lost = error.fault().is_some_and(|f| f.code == Code::NotOwner);
+            let is_lost = error.request_error().is_some_and(|f| f.code == ErrorCode::NotOwner);
             if !is_lost {
                 return Err(error);
             }
@@ -175,23 +182,23 @@ impl Client {
         }
     }
 
-    /// Goes on at a place that the windows so far do not lead to.
-    pub(super) fn begin_at(&mut self, place: Place) -> &Place {
-        self.place = place;
+    /// Goes on at a position that the windows so far do not lead to.
+    pub(super) fn begin_at(&mut self, position: RunPosition) -> &RunPosition {
+        self.position = position;
         self.journal.clear();
         (self.unanswered, self.guess, self.apart) = (None, None, None);
         self.is_behind = false;
-        &self.place
+        &self.position
     }
 
     /// The same where time stands, however it ran before.
-    pub(super) fn begin_anew(&mut self, place: Place) -> &Place {
-        self.runs_freely = false;
-        self.begin_at(place)
+    pub(super) fn begin_anew(&mut self, position: RunPosition) -> &RunPosition {
+        self.is_real_time = false;
+        self.begin_at(position)
     }
 }
 
-fn told(place: &Place) -> String {
-    let Place { seq, now_ns, hash, .. } = place;
+fn told(position: &RunPosition) -> String {
+    let RunPosition { seq, now_ns, hash, .. } = position;
     format!("window {seq} at {now_ns} ns, state {hash}")
 }

@@ -1,7 +1,7 @@
 //! Answers, and how they are sent.
 
 use crate::wire::cdr;
-use ballast_protocol::lockstep::Fault;
+use ballast_protocol::lockstep::RequestError;
 use ballast_protocol::messages::Message;
 use ballast_protocol::to_cdr;
 use serde::Serialize;
@@ -26,7 +26,7 @@ impl Answer {
     }
 
     /// A message in the encoding of the request.
-    pub fn message<T: Message>(message: &T, is_cdr: bool) -> Result<Self, Fault> {
+    pub fn message<T: Message>(message: &T, is_cdr: bool) -> Result<Self, RequestError> {
         if !is_cdr {
             return Ok(Self::json(message));
         }
@@ -35,7 +35,7 @@ impl Answer {
 }
 
 /// Sends the answer under `key`. A caller that is gone meanwhile asks again when it is back.
-pub(super) fn send(query: &Query, key: String, result: Result<Answer, Fault>) {
+pub(super) fn send(query: &Query, key: String, result: Result<Answer, RequestError>) {
     let _ = match result {
         Ok(answer) => query.reply(key, answer.bytes).encoding(answer.encoding).express(true).wait(),
         Err(fault) => {

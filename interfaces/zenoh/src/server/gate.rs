@@ -1,17 +1,17 @@
 //! The door: what can be answered at once is, what must not come in does not, the rest waits for the
 //! computing thread.
 //!
-//! Contract: runs on threads of the transport and never waits for the computing one. Nothing is decoded
+//! Contract: runs on threads of the transport and never waits for the computing one. EmptyRequest is decoded
 //! before its size is known to be allowed; who does not drive can only make `attach` wait.
 
 use super::answer::{self, Answer};
 use super::requests::quitting;
 use super::shared::{Room, Shared};
 use crate::keys::{SCHEMA, last};
-use crate::{Error, Keys, LARGEST_MESSAGE};
+use crate::{Error, Keys, MAX_MESSAGE_BYTES};
 use ballast_protocol::from_json_called;
-use ballast_protocol::lockstep::{Attach, Code, Fault, Verb};
-use ballast_protocol::schema::Nothing;
+use ballast_protocol::lockstep::{AttachRequest, ErrorCode, RequestError, RequestKind};
+use ballast_protocol::schema::EmptyRequest;
 use std::sync::Arc;
 use std::sync::mpsc::{SendError, Sender};
 use zenoh::query::Query;
@@ -35,11 +35,11 @@ pub(super) struct Pass {
 
 impl Pass {
     /// From the attachment `TICKET` or `TICKET;NUMBER`, or from the parameters `ticket` and `number`.
-    fn of(query: &Query) -> Result<Self, Fault> {
+    fn of(query: &Query) -> Result<Self, RequestError> {
         let size = query.attachment().map_or(0, zenoh::bytes::ZBytes::len);
         if size > LONGEST_PASS || query.parameters().as_str().len() > LONGEST_PASS {
             let expected = format!("at most {LONGEST_PASS} bytes");
-            return Err(Fault::expected(Code::TooLarge, "ticket", expected, "more"));
+            return Err(RequestError::expected(ErrorCode::TooLarge, "ticket", expected, "more"));
         }
         let attached =
             query.attachment().and_then(|a| a.try_to_string().ok().map(|t| t.into_owned()));
@@ -53,8 +53,8 @@ impl Pass {
 
     /// Whether the same request again may be told what was answered to it. Who asks to drive has nothing but its number to
     /// show, and the answer is the ticket.
-    pub fn is_known_again(&self, verb: Verb) -> bool {
-        let least = if verb == Verb::Attach { SECRET } else { 1 };
+    pub fn is_known_again(&self, verb: RequestKind) -> bool {
+        let least = if verb == RequestKind::Attach { SECRET } else { 1 };
         self.number.len() >= least
     }
 }
@@ -62,7 +62,7 @@ impl Pass {
 /// A request that waits for the computing thread.
 pub(super) struct Request {
     pub query: Query,
-    pub verb: Verb,
+    pub verb: RequestKind,
     pub pass: Pass,
     pub room: Room,
 }
@@ -114,8 +114,8 @@ fn enter(shared: &Arc<Shared>, keys: &Keys, sender: &Sender<Call>, query: Query)
     let key = keys.control(&word);
     let bytes = query.payload().map_or(0, zenoh::bytes::ZBytes::len);
     match check(shared, &word, &query, bytes) {
-        Ok(Verb::Status) => answer::send(&query, key, Ok(Answer::json(&shared.status()))),
-        Ok(Verb::Param) if is_empty(&query) => {
+        Ok(RequestKind::Status) => answer::send(&query, key, Ok(Answer::json(&shared.status()))),
+        Ok(RequestKind::Param) if is_empty(&query) => {
             answer::send(&query, key, shared.parameters().map(Answer::text));
         }
         Ok(verb) => {
@@ -123,7 +123,7 @@ fn enter(shared: &Arc<Shared>, keys: &Keys, sender: &Sender<Call>, query: Query)
             match admitted {
                 Ok((pass, room)) => {
                     // A window may have days to go.
-                    if matches!(verb, Verb::Detach | Verb::Shutdown) {
+                    if matches!(verb, RequestKind::Detach | RequestKind::Shutdown) {
                         shared.set_leaving(Some(&pass.ticket));
                     }
                     let request = Call::Request(Box::new(Request { query, verb, pass, room }));
@@ -138,22 +138,28 @@ fn enter(shared: &Arc<Shared>, keys: &Keys, sender: &Sender<Call>, query: Query)
     }
 }
 
-fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Verb, Fault> {
+fn check(
+    shared: &Shared,
+    word: &str,
+    query: &Query,
+    bytes: usize,
+) -> Result<RequestKind, RequestError> {
     let is_owner = Pass::of(query).is_ok_and(|pass| shared.check_owner(&pass.ticket).is_ok());
     if !is_owner {
         shared.check_rate()?;
     }
-    let verb = Verb::of(word).ok_or_else(|| unknown(word))?;
-    let most = if matches!(verb, Verb::Window(_)) { LARGEST_MESSAGE } else { LARGEST_CONTROL };
+    let verb = RequestKind::of(word).ok_or_else(|| unknown(word))?;
+    let most =
+        if matches!(verb, RequestKind::Window(_)) { MAX_MESSAGE_BYTES } else { LARGEST_CONTROL };
     if bytes > most {
         let expected = format!("at most {most} bytes");
-        return Err(Fault::expected(Code::TooLarge, word, expected, bytes));
+        return Err(RequestError::expected(ErrorCode::TooLarge, word, expected, bytes));
     }
     match verb {
-        Verb::Status => {}
-        Verb::Param if is_empty(query) => {}
-        Verb::Attach => {
-            let ask: Attach = object(query)?;
+        RequestKind::Status => {}
+        RequestKind::Param if is_empty(query) => {}
+        RequestKind::Attach => {
+            let ask: AttachRequest = object(query)?;
             // The same request again gets the answer of the first; the computing thread knows.
             let is_known = Pass::of(query)?.is_known_again(verb);
             if let Err(busy) = shared.check_free(ask.ticket.as_deref())
@@ -165,27 +171,27 @@ fn check(shared: &Shared, word: &str, query: &Query, bytes: usize) -> Result<Ver
         _ => {
             shared.check_owner(&Pass::of(query)?.ticket)?;
             // They end a window in work: not for what is refused then.
-            if matches!(verb, Verb::Detach | Verb::Shutdown) {
-                object::<Nothing>(query)?;
+            if matches!(verb, RequestKind::Detach | RequestKind::Shutdown) {
+                object::<EmptyRequest>(query)?;
             }
         }
     }
     Ok(verb)
 }
 
-fn unknown(word: &str) -> Fault {
-    let expected = format!("one of {}", Verb::ALL.map(Verb::word).join(", "));
+fn unknown(word: &str) -> RequestError {
+    let expected = format!("one of {}", RequestKind::ALL.map(RequestKind::word).join(", "));
     let found: String = word.chars().take(50).collect();
-    Fault::expected(Code::UnknownRequest, "ctl", expected, format!("{found:?}"))
+    RequestError::expected(ErrorCode::UnknownRequest, "ctl", expected, format!("{found:?}"))
 }
 
 /// Whether a request has no content: it asks for what is set, and sets nothing.
 fn is_empty(query: &Query) -> bool {
-    object::<Nothing>(query).is_ok()
+    object::<EmptyRequest>(query).is_ok()
 }
 
 /// A JSON object from the payload; none is an empty one.
-pub(super) fn object<T: serde::de::DeserializeOwned>(query: &Query) -> Result<T, Fault> {
+pub(super) fn object<T: serde::de::DeserializeOwned>(query: &Query) -> Result<T, RequestError> {
     let bytes = query.payload().map(|p| p.to_bytes()).filter(|bytes| !bytes.is_empty());
     let bytes = bytes.unwrap_or_else(|| b"{}".as_slice().into());
     let word = last(query.key_expr().as_str());

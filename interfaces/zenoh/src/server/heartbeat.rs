@@ -1,7 +1,7 @@
 //! A sign of life at every beat, also while a window is computed.
 
 use super::shared::Shared;
-use crate::{Error, HEARTBEAT, Keys};
+use crate::{Error, HEARTBEAT_INTERVAL, Keys};
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -27,8 +27,10 @@ impl Heartbeat {
         let shared = Arc::clone(shared);
         let beats = move || {
             loop {
-                let stops =
-                    !matches!(stopped.recv_timeout(HEARTBEAT), Err(RecvTimeoutError::Timeout));
+                let stops = !matches!(
+                    stopped.recv_timeout(HEARTBEAT_INTERVAL),
+                    Err(RecvTimeoutError::Timeout)
+                );
                 let text = serde_json::to_string(&shared.status()).unwrap_or_default();
                 if publisher.put(text).wait().is_err() || stops {
                     break;
@@ -43,7 +45,7 @@ impl Heartbeat {
     /// The last one, after which nothing more is told.
     pub fn end(self) {
         drop(self.stop);
-        // A thread that has failed has said so; there is nothing left for it to do.
+        // A thread that has failed has message so; there is nothing left for it to do.
         let _ = self.thread.join();
     }
 }

@@ -7,7 +7,7 @@ use super::gate::Call;
 use super::shared::Shared;
 use crate::wire::is_cdr;
 use crate::{Error, Keys, locked};
-use ballast_protocol::messages::Knot;
+use ballast_protocol::messages::MotionKnot;
 use ballast_protocol::{from_cdr, from_json};
 use std::collections::VecDeque;
 use std::sync::mpsc::Sender;
@@ -21,7 +21,7 @@ const MOST: usize = 4096;
 const LARGEST: usize = 4096;
 
 /// A sample: the part of its key that stands for the body, the motion, and when it came, wall ns.
-pub(super) type Heard = (String, Knot, u64);
+pub(super) type Heard = (String, MotionKnot, u64);
 
 /// Samples that wait, and how many of the owner's could not be read or kept.
 #[derive(Clone, Default)]
@@ -72,13 +72,14 @@ impl Inputs {
 }
 
 /// Body and motion of a sample, if it is one.
-fn read(sample: &Sample) -> Option<(String, Knot)> {
+fn read(sample: &Sample) -> Option<(String, MotionKnot)> {
     if sample.payload().len() > LARGEST {
         return None;
     }
     let bytes = sample.payload().to_bytes();
     let is_cdr = is_cdr(sample.encoding());
-    let knot = if is_cdr { from_cdr::<Knot>(&bytes) } else { from_json::<Knot>(&bytes) };
+    let knot =
+        if is_cdr { from_cdr::<MotionKnot>(&bytes) } else { from_json::<MotionKnot>(&bytes) };
     let body = sample.key_expr().as_str().rsplit('/').nth(1)?;
     Some((body.into(), knot.ok()?))
 }

@@ -3,7 +3,7 @@
 
 use super::answer::Answer;
 use super::gate::Pass;
-use ballast_protocol::lockstep::{Fault, Verb};
+use ballast_protocol::lockstep::{RequestError, RequestKind};
 use std::collections::VecDeque;
 use zenoh::query::Query;
 
@@ -13,14 +13,14 @@ const MOST: usize = 16;
 /// A request: by whom, by which number, what. All of it must be the same for the same answer.
 #[derive(PartialEq)]
 pub(super) struct Numbered {
-    verb: Verb,
+    verb: RequestKind,
     pass: Pass,
     content: Vec<u8>,
 }
 
 impl Numbered {
     /// A request that has a number.
-    pub fn of(verb: Verb, pass: &Pass, query: &Query) -> Option<Self> {
+    pub fn of(verb: RequestKind, pass: &Pass, query: &Query) -> Option<Self> {
         let content = || query.payload().map_or(Vec::new(), |p| p.to_bytes().into_owned());
         pass.is_known_again(verb).then(|| Self { verb, pass: pass.clone(), content: content() })
     }
@@ -28,23 +28,24 @@ impl Numbered {
 
 #[derive(Default)]
 pub(super) struct Answered {
-    answers: VecDeque<(Numbered, Result<Answer, Fault>)>,
+    answers: VecDeque<(Numbered, Result<Answer, RequestError>)>,
 }
 
 impl Answered {
-    pub fn find(&self, asked: Option<&Numbered>) -> Option<Result<Answer, Fault>> {
+    pub fn find(&self, asked: Option<&Numbered>) -> Option<Result<Answer, RequestError>> {
         let asked = asked?;
         let known = self.answers.iter().find(|(known, _)| known == asked);
         known.map(|(_, answer)| answer.clone())
     }
 
-    pub fn keep(&mut self, asked: Option<Numbered>, answer: &Result<Answer, Fault>) {
+    pub fn keep(&mut self, asked: Option<Numbered>, answer: &Result<Answer, RequestError>) {
         let Some(asked) = asked else { return };
-        if matches!(asked.verb, Verb::Attach | Verb::Detach) && answer.is_ok() {
+        if matches!(asked.verb, RequestKind::Attach | RequestKind::Detach) && answer.is_ok() {
             self.forget();
         }
         // Who has left is refused at the door, and who does not drive takes no place.
-        if asked.verb == Verb::Detach || asked.verb == Verb::Attach && answer.is_err() {
+        if asked.verb == RequestKind::Detach || asked.verb == RequestKind::Attach && answer.is_err()
+        {
             return;
         }
         if self.answers.len() >= MOST {

@@ -19,10 +19,10 @@ mod running;
 mod shared;
 
 use crate::keys::last;
-use crate::{Error, HEARTBEAT, Keys, Link, SILENCE};
+use crate::{DISCONNECT_TIMEOUT, Error, HEARTBEAT_INTERVAL, Keys, SessionConfig};
 use ballast::component::Component;
-use ballast_protocol::description::Description;
-use ballast_protocol::lockstep::{Code, Fault, Init, Lockstep, WindowKind};
+use ballast_protocol::description::ComponentDescription;
+use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_protocol::pacer::Pacer;
 use gate::Call;
@@ -45,7 +45,7 @@ const DOZE: Duration = Duration::from_millis(50);
 const LINGER: Duration = Duration::from_millis(100);
 
 /// What is done beside answering; called by the computing thread.
-pub trait Host: Send {
+pub trait ServerHooks: Send {
     /// Partners find the component from now on, and its status tells this run.
     fn opened(&mut self, _lockstep: &Lockstep) {}
 
@@ -75,15 +75,15 @@ pub trait Host: Send {
     fn changed(&mut self) {}
 
     /// The run was taken to a kept state, or back to the beginning.
-    fn taken_elsewhere(&mut self, _lockstep: &Lockstep) {}
+    fn run_replaced(&mut self, _lockstep: &Lockstep) {}
 
     /// Prepares a component, the computing thread waiting for it; the run then begins anew with it.
     ///
     /// # Errors
     /// Why there is none; the run, if there is one, stays as it is.
-    fn init(&mut self, _ask: &Init) -> Result<Component, Fault> {
+    fn init(&mut self, _ask: &InitRequest) -> Result<Component, RequestError> {
         let message = "init: this component was prepared when it was started; `reset` begins anew";
-        Err(Fault::new(Code::InitFailed, message))
+        Err(RequestError::new(ErrorCode::InitFailed, message))
     }
 
     /// Something that a person may want to know.
@@ -97,11 +97,11 @@ pub trait Host: Send {
 }
 
 /// Does nothing beside.
-impl Host for () {}
+impl ServerHooks for () {}
 
 /// A component on the network.
 pub struct Server {
-    link: Link,
+    link: SessionConfig,
     endpoints: Vec<String>,
     session: Session,
     keys: Keys,
@@ -118,7 +118,7 @@ struct Service<'a> {
     keys: &'a Keys,
     shared: Arc<Shared>,
     lockstep: Lockstep,
-    host: &'a mut dyn Host,
+    host: &'a mut dyn ServerHooks,
     outlets: Outlets,
     answered: Answered,
     alive: Option<LivelinessToken>,
@@ -134,7 +134,7 @@ impl Server {
     ///
     /// # Errors
     /// A name or a link that cannot be used.
-    pub fn open(name: &str, link: &Link) -> Result<Self, Error> {
+    pub fn open(name: &str, link: &SessionConfig) -> Result<Self, Error> {
         let keys = Keys::of(name)?;
         let session = link.open()?;
         let shared = Arc::new(Shared::settling());
@@ -143,7 +143,7 @@ impl Server {
         let inputs = Inputs::declare(&session, &keys, &shared, sender.clone())?;
         gate::open(&session, &keys, &shared, sender)?;
         let heartbeat = Heartbeat::start(&session, &keys, &shared)?;
-        let endpoints = link.listens_on()?;
+        let endpoints = link.listen_endpoints()?;
         let link = link.clone();
         Ok(Self {
             link,
@@ -163,7 +163,7 @@ impl Server {
     ///
     /// # Errors
     /// A link that cannot be used.
-    pub fn with_pictures(mut self, link: &Link, every: Duration) -> Result<Self, Error> {
+    pub fn with_viewer(mut self, link: &SessionConfig, every: Duration) -> Result<Self, Error> {
         self.pictures = Some(Pictures::start(link, &self.keys, every)?);
         Ok(self)
     }
@@ -175,8 +175,8 @@ impl Server {
 
     /// Whether partners that are peers, as they are without a word, do not find it: it has a router, and is itself a peer
     /// and no client of it.
-    pub fn is_kept_apart(&self) -> bool {
-        self.link.is_kept_apart(&self.session)
+    pub fn is_isolated_by_router(&self) -> bool {
+        self.link.is_isolated_by_router(&self.session)
     }
 
     /// Waits until no other component is alive under this key, as one that was killed is for a moment. [`Server::run`]
@@ -184,15 +184,15 @@ impl Server {
     ///
     /// # Errors
     /// It stays: partners could not tell the two apart.
-    pub fn be_the_only_one(&self) -> Result<(), Error> {
-        be_the_only_one(&self.session, &self.keys)
+    pub fn ensure_unique(&self) -> Result<(), Error> {
+        ensure_unique(&self.session, &self.keys)
     }
 
     /// Serves until the component is shut down or the host stops; gives back the lockstep.
     ///
     /// # Errors
     /// The session breaks down.
-    pub fn run(self, lockstep: Lockstep, host: &mut dyn Host) -> Result<Lockstep, Error> {
+    pub fn run(self, lockstep: Lockstep, host: &mut dyn ServerHooks) -> Result<Lockstep, Error> {
         let Self { session, keys, shared, inbox, inputs, heartbeat, pictures, .. } = self;
         let outlets = Outlets::declare(&session, &keys, &shared, lockstep.component().model())?;
         let mut service = Service {
@@ -211,7 +211,7 @@ impl Server {
         service.picture(None);
         service.describe();
         service.show();
-        be_the_only_one(service.session, service.keys)?;
+        ensure_unique(service.session, service.keys)?;
         service.come_alive()?;
         service.host.opened(&service.lockstep);
         service.serve(&inbox)?;
@@ -248,7 +248,7 @@ impl Service<'_> {
                 && self.lockstep.lost(&client)
             {
                 self.answered.forget();
-                self.stop_running("its owner is gone");
+                self.stop_real_time("its owner is gone");
                 self.say(&format!("{client:?} is gone; the run holds"));
                 self.keep();
                 self.show();
@@ -283,8 +283,12 @@ impl Service<'_> {
     /// Describes the component: its bodies, and what is set.
     fn describe(&self) {
         let description = self.lockstep.is_configured().then(|| {
-            let pictures = self.pictures.as_ref().map_or(Vec::new(), |p| p.endpoints.clone());
-            Description { pictures, ..Description::of(self.keys.name(), &self.lockstep) }
+            let viewer_endpoints =
+                self.pictures.as_ref().map_or(Vec::new(), |p| p.endpoints.clone());
+            ComponentDescription {
+                viewer_endpoints,
+                ..ComponentDescription::of(self.keys.name(), &self.lockstep)
+            }
         });
         self.shared.describe(description);
     }
@@ -304,7 +308,7 @@ impl Service<'_> {
 
     /// Declares the component alive in its run.
     fn come_alive(&mut self) -> Result<(), Error> {
-        let key = self.keys.alive(&self.lockstep.place().run_id);
+        let key = self.keys.alive(&self.lockstep.position().run_id);
         let token = self.session.liveliness().declare_token(key).wait();
         // The new token is there before the old one goes: nobody sees the component die.
         self.alive = Some(token.map_err(|e| Error::link("zenoh", e))?);
@@ -312,14 +316,14 @@ impl Service<'_> {
     }
 }
 
-fn be_the_only_one(session: &Session, keys: &Keys) -> Result<(), Error> {
+fn ensure_unique(session: &Session, keys: &Keys) -> Result<(), Error> {
     let begin = Instant::now();
-    while let Some(run) = find_token(session, keys.alive_any(), SILENCE)? {
-        if begin.elapsed() > 3 * SILENCE {
+    while let Some(run) = find_token(session, keys.alive_any(), DISCONNECT_TIMEOUT)? {
+        if begin.elapsed() > 3 * DISCONNECT_TIMEOUT {
             let found = format!("expected nobody alive there, found run {run}");
             return Err(Error::link(format!("key {}", keys.name()), found));
         }
-        std::thread::sleep(HEARTBEAT);
+        std::thread::sleep(HEARTBEAT_INTERVAL);
     }
     Ok(())
 }

@@ -135,7 +135,7 @@ impl Outlets {
         self.moment(reply.hash, core_ns(reply.t1_ns));
     }
 
-    /// Tells everyone that the run goes on from elsewhere; what windows before that have said holds no more.
+    /// Tells everyone that the run goes on from elsewhere; what windows before that have message holds no more.
     pub fn elsewhere(&mut self, hash: StateHash, now_ns: u64) {
         let log = self.keys.out("log");
         locked(&self.last).retain(|key, _| *key == log);

@@ -4,7 +4,7 @@
 //! nothing. What a viewer does not take is dropped.
 
 use crate::wire::cdr;
-use crate::{Error, Keys, Link, Purpose};
+use crate::{Error, Keys, Purpose, SessionConfig};
 use ballast::component::Component;
 use ballast::math::Vec3;
 use ballast::model::Model;
@@ -40,7 +40,7 @@ pub(super) struct Pictures {
 
 impl Pictures {
     /// Sends a picture at most once in `every`.
-    pub fn start(link: &Link, keys: &Keys, every: Duration) -> Result<Self, Error> {
+    pub fn start(link: &SessionConfig, keys: &Keys, every: Duration) -> Result<Self, Error> {
         let session = link.open_for(Purpose::Pictures)?;
         // One waits at most; what would come behind it is older than the next.
         let (sender, frames) = sync_channel(1);
@@ -61,7 +61,7 @@ impl Pictures {
         let frame = Frame {
             model: component.shared_model(),
             state: component.save(),
-            forces: forces.map(|b| b.moving_mean.force.into()).collect(),
+            forces: forces.map(|b| b.moving_average.force.into()).collect(),
         };
         if self.frames.as_ref().is_some_and(|frames| frames.try_send(frame).is_ok()) {
             self.shown = Some(Instant::now());
@@ -73,7 +73,7 @@ impl Drop for Pictures {
     fn drop(&mut self) {
         self.frames = None;
         if let Some(thread) = self.thread.take() {
-            // A thread that has failed has said so; there is nothing left for it to do.
+            // A thread that has failed has message so; there is nothing left for it to do.
             let _ = thread.join();
         }
     }

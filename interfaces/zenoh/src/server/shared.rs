@@ -2,16 +2,18 @@
 //!
 //! Contract: a short lock, never held while waiting; a picture that is whole at any time.
 
-use crate::{HEARTBEAT, LARGEST_MESSAGE, locked};
-use ballast_protocol::description::Description;
-use ballast_protocol::lockstep::{Activity, Code, Fault, Lockstep, Progress, StatusReport, Verb};
+use crate::{HEARTBEAT_INTERVAL, MAX_MESSAGE_BYTES, locked};
+use ballast_protocol::description::ComponentDescription;
+use ballast_protocol::lockstep::{
+    ComponentState, ErrorCode, Lockstep, RequestError, RequestKind, StatusReport, WindowProgress,
+};
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
 /// Most requests that wait, and most bytes of theirs.
 pub(super) const MOST_REQUESTS: usize = 64;
-const MOST_BYTES: usize = 2 * LARGEST_MESSAGE;
+const MOST_BYTES: usize = 2 * MAX_MESSAGE_BYTES;
 /// Most of them that want to drive: each may take a look at who is alive.
 const MOST_ATTACHES: usize = 4;
 /// Most requests of others than the owner: at once, and per second in the long run. A thousand observers that look
@@ -22,7 +24,7 @@ const PER_SECOND: f64 = 4000.0;
 const MOST_CLIENTS: usize = 1000;
 
 /// A window is computed for an owner that is gone for so long, in case it comes back: ten heartbeats.
-const FORSAKEN_MS: u64 = 10 * HEARTBEAT.as_millis() as u64;
+const FORSAKEN_MS: u64 = 10 * HEARTBEAT_INTERVAL.as_millis() as u64;
 
 /// What is waited for while a bed is prepared.
 const BED: &str = "the bed to be prepared";
@@ -37,7 +39,7 @@ struct Seen {
     report: StatusReport,
     at: u64,
     /// None before there is a bed.
-    description: Option<Description>,
+    description: Option<ComponentDescription>,
     /// Who drives, with the ticket.
     owner: Option<(String, String)>,
     /// Since when the owner's token is gone, ms after the start.
@@ -66,7 +68,7 @@ impl Shared {
     /// Of a component that is being prepared.
     pub fn settling() -> Self {
         let report = StatusReport {
-            activity: Activity::Settling,
+            state: ComponentState::Preparing,
             waiting_for: Some(BED.into()),
             waiting_since_ms: Some(0),
             ..StatusReport::default()
@@ -114,14 +116,14 @@ impl Shared {
         later(&mut report.waiting_since_ms);
         if let Some(progress) = &mut report.progress {
             progress.elapsed_ms += passed;
-            progress.left_ms = progress.left_ms.map(|ms| ms.saturating_sub(passed));
+            progress.remaining_ms = progress.remaining_ms.map(|ms| ms.saturating_sub(passed));
         }
         report.uptime_ms = now;
         report
     }
 
     pub fn is_quitting(&self) -> bool {
-        self.seen().report.activity == Activity::Quitting
+        self.seen().report.state == ComponentState::ShuttingDown
     }
 
     /// Shows the component between two requests.
@@ -147,19 +149,19 @@ impl Shared {
         let mut seen = self.seen();
         let passed = now.saturating_sub(seen.at);
         let report = &mut seen.report;
-        report.activity = Activity::Settling;
+        report.state = ComponentState::Preparing;
         report.owner_since_ms = report.owner_since_ms.map(|ms| ms + passed);
         (report.waiting_for, report.waiting_since_ms) = (Some(BED.into()), Some(0));
         seen.at = now;
     }
 
     /// Shows how far a window is.
-    pub fn show_progress(&self, progress: &Progress) {
+    pub fn show_progress(&self, progress: &WindowProgress) {
         let now = self.now_ms();
         let mut seen = self.seen();
         let passed = now.saturating_sub(seen.at);
         let report = &mut seen.report;
-        report.activity = Activity::Playing;
+        report.state = ComponentState::Running;
         report.owner_since_ms = report.owner_since_ms.map(|ms| ms + passed);
         (report.waiting_for, report.waiting_since_ms) = (None, None);
         report.progress = Some(*progress);
@@ -167,7 +169,7 @@ impl Shared {
     }
 
     /// Shows what the component is; where its bodies are follows with each [`Shared::show`].
-    pub fn describe(&self, description: Option<Description>) {
+    pub fn describe(&self, description: Option<ComponentDescription>) {
         self.seen().description = description;
     }
 
@@ -175,7 +177,7 @@ impl Shared {
     ///
     /// # Errors
     /// It is being prepared.
-    pub fn description(&self) -> Result<String, Fault> {
+    pub fn description(&self) -> Result<String, RequestError> {
         self.described(serde_json::to_string)
     }
 
@@ -183,30 +185,29 @@ impl Shared {
     ///
     /// # Errors
     /// It is being prepared.
-    pub fn parameters(&self) -> Result<String, Fault> {
+    pub fn parameters(&self) -> Result<String, RequestError> {
         self.described(|whole| serde_json::to_string(&whole.parameters))
     }
 
     fn described(
         &self,
-        json: impl Fn(&Description) -> serde_json::Result<String>,
-    ) -> Result<String, Fault> {
+        json: impl Fn(&ComponentDescription) -> serde_json::Result<String>,
+    ) -> Result<String, RequestError> {
         // Out of the lock, which the computing thread takes in every step.
         let (description, activity) = {
             let seen = self.seen();
-            (seen.description.clone(), seen.report.activity)
+            (seen.description.clone(), seen.report.state)
         };
         match description {
-            Some(description) => {
-                json(&description).map_err(|e| Fault::new(Code::InError, e.to_string()))
-            }
-            None if activity == Activity::Unconfigured => {
+            Some(description) => json(&description)
+                .map_err(|e| RequestError::new(ErrorCode::ErrorState, e.to_string())),
+            None if activity == ComponentState::Unconfigured => {
                 let message = "there is no bed yet; the owner asks for init";
-                Err(Fault::new(Code::Unconfigured, message))
+                Err(RequestError::new(ErrorCode::Unconfigured, message))
             }
             None => {
                 let message = "the bed is being prepared; ask again when the status says PAUSED";
-                Err(Fault::new(Code::Settling, message))
+                Err(RequestError::new(ErrorCode::Preparing, message))
             }
         }
     }
@@ -266,16 +267,18 @@ impl Shared {
     }
 
     /// Refuses who does not drive, before its request takes any room.
-    pub fn check_owner(&self, ticket: &str) -> Result<(), Fault> {
+    pub fn check_owner(&self, ticket: &str) -> Result<(), RequestError> {
         let seen = self.seen();
         match &seen.owner {
             Some((_, known)) if known == ticket => Ok(()),
-            owner => Err(Fault::not_owner(ticket, owner.as_ref().map(|(client, _)| &client[..]))),
+            owner => {
+                Err(RequestError::not_owner(ticket, owner.as_ref().map(|(client, _)| &client[..])))
+            }
         }
     }
 
     /// Refuses who wants to drive while another one does; also while a window is computed.
-    pub fn check_free(&self, ticket: Option<&str>) -> Result<(), Fault> {
+    pub fn check_free(&self, ticket: Option<&str>) -> Result<(), RequestError> {
         let status = self.status();
         let seen = self.seen();
         let Some((owner, known)) = &seen.owner else { return Ok(()) };
@@ -289,13 +292,13 @@ impl Shared {
             ""
         };
         let message = format!("{owner:?} drives, for {:.1} s{gone}", since as f64 * 1e-3);
-        let fault = Fault::new(Code::Busy, message);
-        Err(Fault { owner: Some(owner.clone()), since_ms: Some(since), ..fault })
+        let fault = RequestError::new(ErrorCode::Busy, message);
+        Err(RequestError { owner: Some(owner.clone()), since_ms: Some(since), ..fault })
     }
 
     /// Refuses what comes faster than this component answers, whoever sends it; the owner is not counted, for
     /// what it asks waits in its turn.
-    pub fn check_rate(&self) -> Result<(), Fault> {
+    pub fn check_rate(&self) -> Result<(), RequestError> {
         let now = self.now_ns();
         let mut seen = self.seen();
         let passed = now.saturating_sub(seen.allowed_at) as f64 * 1e-9;
@@ -306,24 +309,29 @@ impl Shared {
             return Ok(());
         }
         let expected = format!("at most {PER_SECOND} of others than the owner");
-        Err(Fault::expected(Code::TooManyRequests, "requests per second", expected, "more"))
+        Err(RequestError::expected(
+            ErrorCode::TooManyRequests,
+            "requests per second",
+            expected,
+            "more",
+        ))
     }
 
     /// Takes room for a request of so many bytes.
-    pub fn admit(self: &Arc<Self>, verb: Verb, bytes: usize) -> Result<Room, Fault> {
+    pub fn admit(self: &Arc<Self>, verb: RequestKind, bytes: usize) -> Result<Room, RequestError> {
         let mut seen = self.seen();
-        let attaches = verb == Verb::Attach;
+        let attaches = verb == RequestKind::Attach;
         if attaches && seen.attaches >= MOST_ATTACHES {
             let expected = format!("at most {MOST_ATTACHES}");
             let found = format!("{}, and one more", seen.attaches);
             let place = "clients that wait to attach";
-            return Err(Fault::expected(Code::TooManyRequests, place, expected, found));
+            return Err(RequestError::expected(ErrorCode::TooManyRequests, place, expected, found));
         }
         if seen.requests >= MOST_REQUESTS || seen.bytes + bytes > MOST_BYTES {
             let expected = format!("at most {MOST_REQUESTS} with {MOST_BYTES} bytes");
             let found = format!("{} with {}, and one more", seen.requests, seen.bytes);
-            return Err(Fault::expected(
-                Code::TooManyRequests,
+            return Err(RequestError::expected(
+                ErrorCode::TooManyRequests,
                 "requests that wait",
                 expected,
                 found,

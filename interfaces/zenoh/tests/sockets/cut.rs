@@ -6,10 +6,10 @@ use crate::setup::{
     KEY, Served, WINDOW, attach, knot, once_free, patient, shaking, step, times, undisturbed,
     wait_until,
 };
-use ballast_protocol::lockstep::{Code, Place, SetParameters};
-use ballast_protocol::messages::Interpolation;
-use ballast_protocol::pacer::FreeRunning;
-use ballast_zenoh::{Client, Error, Line, Link, Patience, SILENCE};
+use ballast_protocol::lockstep::{ErrorCode, ParameterUpdate, RunPosition};
+use ballast_protocol::messages::InterpolationMode;
+use ballast_protocol::pacer::RealTimeMode;
+use ballast_zenoh::{Client, Connection, DISCONNECT_TIMEOUT, Error, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 fn a_wire_that_is_cut_and_restored_changes_no_state() {
     let served = Served::new();
     let proxy = Arc::new(Proxy::before(&served.endpoint));
-    let mut client = attach(&Link::to(&proxy.endpoint)).unwrap();
+    let mut client = attach(&SessionConfig::connect_to(&proxy.endpoint)).unwrap();
     let done = Arc::new(AtomicBool::new(false));
     let cutter = std::thread::spawn({
         let (proxy, done) = (Arc::clone(&proxy), Arc::clone(&done));
@@ -45,9 +45,9 @@ fn a_wire_that_is_cut_and_restored_changes_no_state() {
     cutter.join().unwrap();
     step(&mut client).unwrap();
     windows += 1;
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
     client.detach().unwrap();
-    assert_eq!(served.stop().answered_count(), windows);
+    assert_eq!(served.stop().computed_windows(), windows);
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn a_large_request_may_take_its_time_on_a_slow_wire() {
     let (_served, proxy, mut client) = cuttable(patient());
     step(&mut client).unwrap();
     proxy.slow_down(Duration::from_secs(1));
-    let t0 = client.place().now_ns;
+    let t0 = client.position().now_ns;
     let mut motions = shaking(t0, t0 + WINDOW);
     // Some 6 MB, more than buffers on the way take.
     let at = (0..=50_000).map(|k| t0 + k * WINDOW / 50_000);
@@ -70,10 +70,10 @@ fn a_large_request_may_take_its_time_on_a_slow_wire() {
 
 #[test]
 fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
-    let (_served, proxy, mut client) = cuttable(Patience::default());
+    let (_served, proxy, mut client) = cuttable(Timeouts::default());
     for silent in [false, true] {
         step(&mut client).unwrap();
-        let before = client.place().clone();
+        let before = client.position().clone();
         if silent {
             proxy.fall_silent()
         } else {
@@ -81,17 +81,21 @@ fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
         }
         let begin = Instant::now();
         let error = step(&mut client).unwrap_err();
-        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+        assert!(matches!(error, Error::Disconnected { .. }), "{error}");
         // A wire that falls silent is noticed first, then waited for.
-        assert!(begin.elapsed() < 2 * SILENCE + Duration::from_secs(2), "{:?}", begin.elapsed());
-        assert_eq!(client.place(), &before);
+        assert!(
+            begin.elapsed() < 2 * DISCONNECT_TIMEOUT + Duration::from_secs(2),
+            "{:?}",
+            begin.elapsed()
+        );
+        assert_eq!(client.position(), &before);
         proxy.cut();
         proxy.restore();
         step_once_back(&mut client);
     }
-    let windows = client.place().seq;
+    let windows = client.position().seq;
     assert_eq!(windows, 4);
-    assert_eq!(client.place().hash, undisturbed(4)[3]);
+    assert_eq!(client.position().hash, undisturbed(4)[3]);
 }
 
 #[test]
@@ -105,7 +109,7 @@ fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
     }
     proxy.restore();
     let busy = step(&mut client).unwrap_err();
-    assert!(busy.fault().is_some_and(|f| f.owner.as_deref() == Some(other.id())), "{busy}");
+    assert!(busy.request_error().is_some_and(|f| f.owner.as_deref() == Some(other.id())), "{busy}");
     other.detach().unwrap();
     let error = step(&mut client).unwrap_err();
     assert!(matches!(error, Error::Diverged { .. }), "{error}");
@@ -113,15 +117,17 @@ fn someone_else_who_has_driven_on_meanwhile_is_noticed() {
 }
 
 /// A component, a wire to it that can be cut, and the client at its end.
-fn cuttable(patience: Patience) -> (Served, Proxy, Client) {
+fn cuttable(timeouts: Timeouts) -> (Served, Proxy, Client) {
     let served = Served::new();
     let proxy = Proxy::before(&served.endpoint);
-    let client = Client::attach(KEY, &Link::to(&proxy.endpoint), "first", None, patience).unwrap();
+    let client =
+        Client::attach(KEY, &SessionConfig::connect_to(&proxy.endpoint), "first", None, timeouts)
+            .unwrap();
     (served, proxy, client)
 }
 
 /// What another client does while the wire of the first one is cut.
-fn meanwhile(served: &Served, proxy: &Proxy, act: &mut dyn FnMut(&mut Client)) -> Place {
+fn meanwhile(served: &Served, proxy: &Proxy, act: &mut dyn FnMut(&mut Client)) -> RunPosition {
     proxy.cut();
     let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
     act(&mut other);
@@ -134,27 +140,27 @@ fn meanwhile(served: &Served, proxy: &Proxy, act: &mut dyn FnMut(&mut Client)) -
 fn step_once_back(client: &mut Client) {
     let begin = Instant::now();
     while let Err(error) = step(client) {
-        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+        assert!(matches!(error, Error::Disconnected { .. }), "{error}");
         assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
     }
 }
 
-fn iterations(most: u32) -> SetParameters {
-    SetParameters { iterations: Some(most), ..SetParameters::default() }
+fn iterations(most: u32) -> ParameterUpdate {
+    ParameterUpdate { max_iterations: Some(most), ..ParameterUpdate::default() }
 }
 
 #[test]
 fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only() {
     let (served, proxy, mut client) = cuttable(patient());
-    // Parameters that somebody else has set, and one window that somebody else has computed with other inputs.
+    // SolverParameters that somebody else has set, and one window that somebody else has computed with other inputs.
     for windows in [0, 1] {
         step(&mut client).unwrap();
         client.save("here").unwrap();
-        let left = client.place().clone();
+        let left = client.position().clone();
         meanwhile(&served, &proxy, &mut |other| {
             other.set_parameters(&iterations(3 + windows as u32)).unwrap();
             for _ in 0..windows {
-                let (begin, end) = (other.place().now_ns, other.place().now_ns + 2 * WINDOW);
+                let (begin, end) = (other.position().now_ns, other.position().now_ns + 2 * WINDOW);
                 other.advance_to(end, shaking(begin, end), vec![]).unwrap();
             }
         });
@@ -162,10 +168,10 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
             let error = step(&mut client).unwrap_err();
             assert!(matches!(error, Error::Diverged { .. }), "{error}");
             assert!(matches!(client.save("there").unwrap_err(), Error::Diverged { .. }));
-            assert_eq!(client.place(), &left);
+            assert_eq!(client.position(), &left);
         }
         client.restore("here").unwrap();
-        assert_eq!(client.place().hash, left.hash);
+        assert_eq!(client.position().hash, left.hash);
         step(&mut client).unwrap();
     }
     client.detach().unwrap();
@@ -173,17 +179,17 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
 
 /// Makes a call whose answer is lost: what it asks is done, then the wire is cut, and comes back when nobody drives any more.
 /// The result of the call, and where the run was when the wire was cut.
-fn unheard<T>(served: &Served, proxy: &Proxy, call: impl FnOnce() -> T) -> (T, Place) {
-    let line = Line::open(KEY, &served.link(), patient()).unwrap();
-    let before = line.status().unwrap().place;
+fn unheard<T>(served: &Served, proxy: &Proxy, call: impl FnOnce() -> T) -> (T, RunPosition) {
+    let line = Connection::open(KEY, &served.link(), patient()).unwrap();
+    let before = line.status().unwrap().position;
     proxy.lose_answers();
     std::thread::scope(|scope| {
         let wire = scope.spawn(|| {
-            let done = wait_until(|| line.status(), |status| status.place != before);
+            let done = wait_until(|| line.status(), |status| status.position != before);
             proxy.cut();
             wait_until(|| line.status(), |status| status.owner.is_none());
             proxy.restore();
-            done.place
+            done.position
         });
         (call(), wire.join().unwrap())
     })
@@ -192,11 +198,11 @@ fn unheard<T>(served: &Served, proxy: &Proxy, call: impl FnOnce() -> T) -> (T, P
 #[test]
 fn what_was_done_before_the_wire_was_cut_is_done_once() {
     let (served, proxy, mut client) = cuttable(patient());
-    let before = client.place().now_ns;
+    let before = client.position().now_ns;
     step(&mut client).unwrap();
-    let ends = [before, client.place().now_ns];
+    let ends = [before, client.position().now_ns];
     let mut otherwise = shaking(ends[0], ends[1]);
-    otherwise[0].interpolation = Interpolation::Linear;
+    otherwise[0].interpolation = InterpolationMode::Linear;
     let redo = || client.redo(ends, otherwise, vec![]).unwrap();
     let (reply, redone) = unheard(&served, &proxy, redo);
     assert_eq!((reply.hash.to_string(), reply.seq), (redone.hash, redone.seq));
@@ -208,18 +214,18 @@ fn what_was_done_before_the_wire_was_cut_is_done_once() {
     step(&mut client).unwrap();
     client.detach().unwrap();
     // One window, one redo of it, and one of the new run.
-    assert_eq!(served.stop().answered_count(), 3);
+    assert_eq!(served.stop().computed_windows(), 3);
 }
 
 #[test]
 fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next() {
-    let (served, proxy, mut client) = cuttable(Patience::default());
+    let (served, proxy, mut client) = cuttable(Timeouts::default());
     step(&mut client).unwrap();
     // Once they have been set over there, and once not.
     proxy.lose_answers();
     for most in [9, 8] {
         let error = client.set_parameters(&iterations(most)).unwrap_err();
-        assert!(matches!(error, Error::PeerLost { .. }) && client.is_waiting(), "{error}");
+        assert!(matches!(error, Error::Disconnected { .. }) && client.is_waiting(), "{error}");
         proxy.cut();
         proxy.restore();
         step_once_back(&mut client);
@@ -227,7 +233,7 @@ fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next()
         proxy.cut();
     }
     proxy.restore();
-    assert_eq!(client.place().seq, 3);
+    assert_eq!(client.position().seq, 3);
     step_once_back(&mut client);
     client.detach().unwrap();
     let lockstep = served.stop();
@@ -236,13 +242,13 @@ fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next()
 
 #[test]
 fn what_somebody_else_did_meanwhile_is_not_taken_for_what_was_asked() {
-    let freely = FreeRunning { bodies: vec!["floor".into()], ..FreeRunning::default() };
+    let freely = RealTimeMode { bodies: vec!["floor".into()], ..RealTimeMode::default() };
     let ends = [0, WINDOW];
     for k in 0..3 {
         let (served, proxy, mut client) = cuttable(patient());
         client.save("start").unwrap();
         step(&mut client).unwrap();
-        let left = client.place().clone();
+        let left = client.position().clone();
         // As many windows as before, another state.
         let place = meanwhile(&served, &proxy, &mut |other| {
             other.restore("start").unwrap();
@@ -250,7 +256,7 @@ fn what_somebody_else_did_meanwhile_is_not_taken_for_what_was_asked() {
         assert_eq!((place.seq, place.now_ns), (left.seq, 0));
         let error = match k {
             0 => client.set_parameters(&iterations(5)).map(drop),
-            1 => client.run_freely(&freely).map(drop),
+            1 => client.start_real_time(&freely).map(drop),
             _ => client.redo(ends, shaking(0, WINDOW), vec![]).map(drop),
         };
         let error = error.unwrap_err();
@@ -264,39 +270,39 @@ fn what_somebody_else_did_meanwhile_is_not_taken_for_what_was_asked() {
 
 #[test]
 fn another_window_waits_for_the_answer_to_the_one_before() {
-    let (served, proxy, mut client) = cuttable(Patience::default());
+    let (served, proxy, mut client) = cuttable(Timeouts::default());
     proxy.lose_answers();
     let error = step(&mut client).unwrap_err();
-    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    assert!(matches!(error, Error::Disconnected { .. }), "{error}");
     proxy.cut();
     proxy.restore();
     // The same time, other inputs: it has been computed with those of before, and that is told.
     let begin = Instant::now();
     let error = loop {
         match client.advance_to(WINDOW, vec![], vec![]).unwrap_err() {
-            Error::PeerLost { .. } => assert!(begin.elapsed() < Duration::from_secs(20)),
+            Error::Disconnected { .. } => assert!(begin.elapsed() < Duration::from_secs(20)),
             error => break error,
         }
     };
-    assert!(error.fault().is_some_and(|f| f.code == Code::OutOfSequence), "{error}");
-    assert_eq!((client.place().seq, &client.place().hash), (1, &undisturbed(1)[0]));
+    assert!(error.request_error().is_some_and(|f| f.code == ErrorCode::OutOfSequence), "{error}");
+    assert_eq!((client.position().seq, &client.position().hash), (1, &undisturbed(1)[0]));
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, undisturbed(2)[1]);
+    assert_eq!(client.position().hash, undisturbed(2)[1]);
     // Nothing at all is set, and nothing is asked.
-    client.set_parameters(&SetParameters::default()).unwrap();
+    client.set_parameters(&ParameterUpdate::default()).unwrap();
     client.detach().unwrap();
-    assert_eq!(served.stop().answered_count(), 2);
+    assert_eq!(served.stop().computed_windows(), 2);
 }
 
 #[test]
 fn a_restore_that_was_not_answered_is_asked_for_again_before_anything_goes_on() {
-    let (_served, proxy, mut client) = cuttable(Patience::default());
+    let (_served, proxy, mut client) = cuttable(Timeouts::default());
     client.save("here").unwrap();
     // The same time over there, perhaps another state.
     client.set_parameters(&iterations(7)).unwrap();
     proxy.lose_answers();
     let error = client.restore("here").unwrap_err();
-    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    assert!(matches!(error, Error::Disconnected { .. }), "{error}");
     proxy.cut();
     proxy.restore();
     for _ in 0..2 {
@@ -306,11 +312,11 @@ fn a_restore_that_was_not_answered_is_asked_for_again_before_anything_goes_on() 
     }
     let begin = Instant::now();
     while let Err(error) = client.restore("here").map(drop) {
-        assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+        assert!(matches!(error, Error::Disconnected { .. }), "{error}");
         assert!(begin.elapsed() < Duration::from_secs(20), "it does not come back");
     }
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, undisturbed(1)[0]);
+    assert_eq!(client.position().hash, undisturbed(1)[0]);
     client.detach().unwrap();
 }
 
@@ -320,7 +326,7 @@ fn a_refused_restore_leads_nowhere() {
     step(&mut client).unwrap();
     meanwhile(&served, &proxy, &mut |other| (0..2).for_each(|_| step(other).unwrap()));
     let error = client.restore("nowhere").unwrap_err();
-    assert!(error.fault().is_some_and(|f| f.code == Code::UnknownState), "{error}");
+    assert!(error.request_error().is_some_and(|f| f.code == ErrorCode::UnknownState), "{error}");
     // The run has gone on meanwhile: that is not forgotten for a request in between.
     let error = step(&mut client).unwrap_err();
     assert!(matches!(error, Error::Diverged { .. }), "{error}");
@@ -333,9 +339,13 @@ fn a_refused_restore_leads_nowhere() {
 fn a_component_that_hangs_when_it_is_looked_for_is_told_soon() {
     // The system accepts connections for it; it says nothing.
     let hangs = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let link = Link::to(format!("tcp/{}", hangs.local_addr().unwrap()));
+    let link = SessionConfig::connect_to(format!("tcp/{}", hangs.local_addr().unwrap()));
     let begin = Instant::now();
-    let error = Client::attach(KEY, &link, "test", None, Patience::default()).err().unwrap();
-    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
-    assert!(begin.elapsed() < 2 * SILENCE + Duration::from_secs(2), "{:?}", begin.elapsed());
+    let error = Client::attach(KEY, &link, "test", None, Timeouts::default()).err().unwrap();
+    assert!(matches!(error, Error::Disconnected { .. }), "{error}");
+    assert!(
+        begin.elapsed() < 2 * DISCONNECT_TIMEOUT + Duration::from_secs(2),
+        "{:?}",
+        begin.elapsed()
+    );
 }

@@ -2,10 +2,10 @@
 
 use crate::common::scene::Random;
 use crate::setup::{KEY, Served, WINDOW, shaking, step, times, undisturbed};
-use ballast_protocol::lockstep::{Code, Fault};
-use ballast_protocol::messages::{AdvanceRequest, Knot, Message};
+use ballast_protocol::lockstep::{ErrorCode, RequestError};
+use ballast_protocol::messages::{AdvanceRequest, Message, MotionKnot};
 use ballast_protocol::to_cdr;
-use ballast_zenoh::{Keys, LARGEST_MESSAGE, Link};
+use ballast_zenoh::{Keys, MAX_MESSAGE_BYTES, SessionConfig};
 use std::io::{Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,7 +21,7 @@ pub struct Stranger {
 }
 
 impl Stranger {
-    pub fn at(link: &Link) -> Self {
+    pub fn at(link: &SessionConfig) -> Self {
         let stranger = Self { session: link.open().unwrap(), keys: Keys::of(KEY).unwrap() };
         // Connected when it gets an answer.
         for _ in 0..200 {
@@ -48,7 +48,7 @@ impl Stranger {
     }
 
     /// A sample of motion, without a ticket and with one that is none.
-    pub fn put_motion(&self, body: &str, knot: &Knot) {
+    pub fn put_motion(&self, body: &str, knot: &MotionKnot) {
         for ticket in ["", "0123456789abcdef0123456789abcdef"] {
             let put = self.session.put(self.keys.input(body), to_cdr(knot).unwrap());
             put.encoding(Encoding::from("application/cdr")).attachment(ticket).wait().unwrap();
@@ -68,7 +68,7 @@ impl Stranger {
         windows: u64,
         run_id: String,
         ticket: &str,
-        then: impl Fn(Option<Fault>) + Send + Sync + 'static,
+        then: impl Fn(Option<RequestError>) + Send + Sync + 'static,
     ) {
         let long = windows * WINDOW;
         let motions = shaking(0, long);
@@ -84,7 +84,7 @@ impl Stranger {
         verb: &str,
         payload: Vec<u8>,
         ticket: &str,
-        then: impl Fn(Option<Fault>) + Send + Sync + 'static,
+        then: impl Fn(Option<RequestError>) + Send + Sync + 'static,
     ) {
         let get = self.session.get(self.keys.control(verb)).payload(payload);
         let get = get.attachment(ticket).timeout(Duration::from_secs(120));
@@ -95,7 +95,12 @@ impl Stranger {
         get.wait().unwrap();
     }
 
-    pub fn ask(&self, verb: &str, payload: &[u8], ticket: Option<&str>) -> Result<Vec<u8>, Fault> {
+    pub fn ask(
+        &self,
+        verb: &str,
+        payload: &[u8],
+        ticket: Option<&str>,
+    ) -> Result<Vec<u8>, RequestError> {
         self.ask_as(verb, payload, ticket, Encoding::APPLICATION_JSON)
     }
 
@@ -105,7 +110,7 @@ impl Stranger {
         payload: &[u8],
         ticket: Option<&str>,
         encoding: Encoding,
-    ) -> Result<Vec<u8>, Fault> {
+    ) -> Result<Vec<u8>, RequestError> {
         let get = self.session.get(self.keys.control(verb)).timeout(Duration::from_secs(10));
         let get = get.payload(payload).encoding(encoding);
         let get = match ticket {
@@ -113,7 +118,7 @@ impl Stranger {
             None => get,
         };
         let replies = get.wait().unwrap();
-        let none = || Fault::new(Code::InError, "no answer");
+        let none = || RequestError::new(ErrorCode::ErrorState, "no answer");
         match replies.recv().map_err(|_| none())?.into_result() {
             Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
             Err(error) => {
@@ -144,7 +149,7 @@ fn random_bytes_are_refused_and_change_nothing() {
             assert!(refused.is_err() || bytes.is_empty(), "{verb}: {bytes:?}");
         }
     }
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }
 
 #[test]
@@ -152,15 +157,15 @@ fn who_is_not_alive_does_not_drive_and_what_is_not_known_is_told() {
     let served = Served::new();
     let stranger = Stranger::at(&served.link());
     let fault = stranger.ask("attach", br#"{"client":"ghost"}"#, None).unwrap_err();
-    assert_eq!(fault.code, Code::NotAlive, "{fault}");
+    assert_eq!(fault.code, ErrorCode::NoLivelinessToken, "{fault}");
     assert!(
-        fault.finding.is_some_and(|f| f.expected.contains("owner/CLIENT") && f.found == "ghost")
+        fault.details.is_some_and(|f| f.expected.contains("owner/CLIENT") && f.found == "ghost")
     );
     let fault = stranger.ask("explode", b"", None).unwrap_err();
-    assert_eq!(fault.code, Code::UnknownRequest, "{fault}");
+    assert_eq!(fault.code, ErrorCode::UnknownRequest, "{fault}");
     assert!(
         fault
-            .finding
+            .details
             .is_some_and(|f| f.expected.contains("advance") && f.found.contains("explode"))
     );
 }
@@ -205,30 +210,33 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     for k in 0..times(5) as u32 {
         huge[count..count + 4].copy_from_slice(&((1u32 << 31) + k).to_le_bytes());
         let fault = stranger.ask_as("advance", &huge, Some(&ticket), cdr()).unwrap_err();
-        assert!(fault.code == Code::Malformed && fault.message.contains("motions"), "{fault}");
+        assert!(
+            fault.code == ErrorCode::MessageError && fault.message.contains("motions"),
+            "{fault}"
+        );
     }
     // Endless, deep.
-    for size in [LARGEST_MESSAGE + 1, 3 * LARGEST_MESSAGE] {
+    for size in [MAX_MESSAGE_BYTES + 1, 3 * MAX_MESSAGE_BYTES] {
         let endless = vec![b' '; size];
         let fault = stranger.ask("advance", &endless, Some(&ticket)).unwrap_err();
-        assert_eq!(fault.code, Code::TooLarge, "{fault}");
+        assert_eq!(fault.code, ErrorCode::TooLarge, "{fault}");
     }
     let deep = "[".repeat(1 << 20);
     for verb in ["advance", "save"] {
         let fault = stranger.ask(verb, deep.as_bytes(), Some(&ticket)).unwrap_err();
-        assert!(matches!(fault.code, Code::Malformed | Code::TooLarge), "{fault}");
+        assert!(matches!(fault.code, ErrorCode::MessageError | ErrorCode::TooLarge), "{fault}");
     }
     // Every request says what is wrong with it, where, and what was expected.
     for (verb, text, place) in [
         ("attach", r#"{"client": 3}"#, "attach.client"),
-        ("param", r#"{"iterations": "many"}"#, "param.iterations"),
+        ("param", r#"{"max_iterations": "many"}"#, "param.max_iterations"),
         ("save", "{}", "save"),
         ("restore", r#"{"name": "here", "why": 1}"#, "restore.why"),
         ("init", r#"{"seed": -1}"#, "init.seed"),
     ] {
         let fault = stranger.ask(verb, text.as_bytes(), Some(&ticket)).unwrap_err();
-        assert_eq!(fault.code, Code::Malformed, "{verb}: {fault}");
-        let finding = fault.finding.unwrap_or_default();
+        assert_eq!(fault.code, ErrorCode::MessageError, "{verb}: {fault}");
+        let finding = fault.details.unwrap_or_default();
         assert_eq!(finding.place, place, "{finding:?}");
         assert!(!finding.expected.is_empty() && finding.found.contains("line 1"), "{finding:?}");
     }
@@ -238,7 +246,7 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     let reply: serde_json::Value = serde_json::from_slice(&reply).unwrap();
     assert_eq!(reply["hash"].as_str(), Some(&undisturbed(1)[0][..]));
     stranger.ask_as("advance", &good, Some(&ticket), cdr()).unwrap();
-    assert_eq!(served.stop().answered_count(), 1);
+    assert_eq!(served.stop().computed_windows(), 1);
 }
 
 #[test]
@@ -257,7 +265,8 @@ fn a_flood_of_requests_is_refused_and_holds_nobody_up() {
             let get = get.payload(r#"{"client":"nobody"}"#).callback(move |reply| {
                 let bytes = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
                 let is_flood = bytes.is_some_and(|b| {
-                    serde_json::from_slice(&b).is_ok_and(|f: Fault| f.code == Code::TooManyRequests)
+                    serde_json::from_slice(&b)
+                        .is_ok_and(|f: RequestError| f.code == ErrorCode::TooManyRequests)
                 });
                 to[usize::from(is_flood)].fetch_add(1, Ordering::SeqCst);
             });
@@ -286,7 +295,7 @@ fn a_flood_of_requests_is_refused_and_holds_nobody_up() {
     let (answered, refused) = flood.join().unwrap();
     assert!(answered > 0 && refused > 0, "{answered}, {refused}");
     assert!(longest < Duration::from_secs(3), "{longest:?}");
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }
 
 #[test]
@@ -309,7 +318,7 @@ fn an_owner_that_floods_is_refused_what_does_not_fit() {
     for _ in 0..1001 {
         let left = Duration::from_secs(60).saturating_sub(begin.elapsed());
         if let Some(fault) = answers.recv_timeout(left).expect("an answer to each") {
-            assert_eq!(fault.code, Code::TooManyRequests, "{fault}");
+            assert_eq!(fault.code, ErrorCode::TooManyRequests, "{fault}");
             refused += 1;
         }
     }
@@ -337,5 +346,5 @@ fn bytes_that_are_no_zenoh_do_not_disturb() {
         }
         step(&mut client).unwrap();
     }
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }

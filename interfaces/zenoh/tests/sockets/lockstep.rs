@@ -1,10 +1,10 @@
 //! The same states as in one process; every request does what it says.
 
 use crate::setup::{KEY, Served, WINDOW, lockstep, patient, shaking, step, undisturbed};
-use ballast_protocol::lockstep::{Activity, Code, WindowKind};
-use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, Status, Twist};
+use ballast_protocol::lockstep::{ComponentState, ErrorCode, WindowKind};
+use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, ReplyStatus, Twist};
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Client, Error, Line, Link, Patience, Server};
+use ballast_zenoh::{Client, Connection, Error, Server, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -15,38 +15,45 @@ fn windows_of_a_millisecond_over_a_socket_give_the_states_of_one_process() {
     let mut client = served.client();
     for (k, expected) in undisturbed(60).iter().enumerate() {
         step(&mut client).unwrap();
-        assert_eq!(&client.place().hash, expected, "window {}", k + 1);
+        assert_eq!(&client.position().hash, expected, "window {}", k + 1);
     }
-    let place = client.place().clone();
+    let place = client.position().clone();
     client.detach().unwrap();
     let lockstep = served.stop();
-    assert_eq!(lockstep.place(), place);
-    assert_eq!(lockstep.answered_count(), 60);
+    assert_eq!(lockstep.position(), place);
+    assert_eq!(lockstep.computed_windows(), 60);
 }
 
 #[test]
 fn a_component_says_what_it_is_and_what_it_waits_for() {
     let served = Served::new();
-    let line = Line::open(KEY, &served.link(), patient()).unwrap();
+    let line = Connection::open(KEY, &served.link(), patient()).unwrap();
     // The thread that serves may not have got that far yet.
     let begin = Instant::now();
     let description = loop {
         match line.describe() {
             Ok(description) => break description,
             Err(error) => {
-                assert_eq!(error.fault().map(|f| f.code), Some(Code::Settling), "{error}");
+                assert_eq!(
+                    error.request_error().map(|f| f.code),
+                    Some(ErrorCode::Preparing),
+                    "{error}"
+                );
                 assert!(begin.elapsed() < Duration::from_secs(20), "never ready");
             }
         }
     };
     assert_eq!((description.key.as_str(), description.step_ns), (KEY, WINDOW / 5));
-    assert!(description.bodies.iter().any(|b| b.name == "floor" && b.freedoms[2] == "prescribed"));
+    assert!(description.bodies.iter().any(|b| b.name == "floor" && b.dof_modes[2] == "prescribed"));
     let floor = description.bodies.iter().find(|b| b.name == "floor").unwrap();
     assert_eq!((floor.stiffness, floor.mass_kg), ([0.0; 6], None));
-    assert_eq!((description.join.distance_m, description.join.angular_velocity), (1e-6, 1e-3));
+    assert_eq!(
+        (description.continuity.distance_m, description.continuity.angular_velocity),
+        (1e-6, 1e-3)
+    );
     assert_eq!(description.parameters["schedule"], "synchronous");
     let status = line.status().unwrap();
-    assert_eq!(status.activity, Activity::Paused);
+    assert_eq!(status.state, ComponentState::Idle);
     assert_eq!(status.waiting_for.as_deref(), Some("an owner to attach"));
     let mut client = served.client();
     let reply = client.advance_to(WINDOW, shaking(0, WINDOW), vec![]).unwrap();
@@ -62,11 +69,11 @@ fn a_component_says_what_it_is_and_what_it_waits_for() {
     let status = client.status().unwrap();
     let who = format!("window 2 from {}", client.id());
     assert_eq!((status.waiting_for, status.owner.as_deref()), (Some(who), Some(client.id())));
-    assert_eq!(status.place, *client.place());
+    assert_eq!(status.position, *client.position());
     let cost = status.last_window.expect("a window was computed");
     assert_eq!((cost.seq, cost.steps), (1, 5));
     let phases = cost.phases_ms.values().sum::<f64>();
-    assert!(0.0 < cost.phases_ms["solve"] && phases <= cost.wall_ms, "{cost:?}");
+    assert!(0.0 < cost.phases_ms["solve"] && phases <= cost.wall_time_ms, "{cost:?}");
     let first = status.waiting_since_ms.unwrap();
     std::thread::sleep(Duration::from_millis(60));
     assert!(client.status().unwrap().waiting_since_ms.unwrap() >= first + 50);
@@ -77,7 +84,7 @@ fn what_is_asked_and_answered_is_what_the_published_schema_says() {
     use crate::hostile::Stranger;
     let served = Served::new();
     let stranger = Stranger::at(&served.link());
-    let line = Line::open(KEY, &served.link(), patient()).unwrap();
+    let line = Connection::open(KEY, &served.link(), patient()).unwrap();
     let mut compiler = boon::Compiler::new();
     let url = "http://localhost/protocol.json";
     compiler.add_resource(url, line.schema().unwrap()).unwrap();
@@ -98,7 +105,7 @@ fn what_is_asked_and_answered_is_what_the_published_schema_says() {
         seq: 1,
         t1_ns: WINDOW as i64,
         motions: shaking(0, WINDOW),
-        series: true,
+        record_steps: true,
         ..AdvanceRequest::default()
     };
     let text = ballast_protocol::to_json(&request).unwrap();
@@ -108,7 +115,7 @@ fn what_is_asked_and_answered_is_what_the_published_schema_says() {
         ("save", &br#"{"name":"here"}"#[..]),
         ("restore", br#"{"name":"here"}"#),
         ("drop", br#"{"name":"here"}"#),
-        ("param", br#"{"iterations":20}"#),
+        ("param", br#"{"max_iterations":20}"#),
         ("reset", b"{}"),
         ("status", b"{}"),
         ("detach", b"{}"),
@@ -129,7 +136,7 @@ fn states_are_kept_and_taken_up_and_a_window_redone() {
     step(&mut client).unwrap();
     client.save("one").unwrap();
     step(&mut client).unwrap();
-    let second = client.place().clone();
+    let second = client.position().clone();
     let ends = [WINDOW, 2 * WINDOW];
     let mut other = shaking(ends[0], ends[1]);
     other[0].knots[1].pose.position.z += 1e-4;
@@ -138,18 +145,18 @@ fn states_are_kept_and_taken_up_and_a_window_redone() {
     assert_eq!(client.restore("one").unwrap().hash, expected[0]);
     step(&mut client).unwrap();
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, expected[2]);
+    assert_eq!(client.position().hash, expected[2]);
     client.drop_state("one").unwrap();
     let gone = client.restore("one").unwrap_err();
-    assert_eq!(gone.fault().unwrap().code, Code::UnknownState);
-    let run = client.place().run_id.clone();
+    assert_eq!(gone.request_error().unwrap().code, ErrorCode::UnknownState);
+    let run = client.position().run_id.clone();
     let fresh = client.reset().unwrap().clone();
     assert_ne!(fresh.run_id, run);
     assert_eq!((fresh.seq, fresh.now_ns), (0, 0));
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, expected[0]);
+    assert_eq!(client.position().hash, expected[0]);
     client.shut_down().unwrap();
-    assert!(served.stop().status(0).activity == Activity::Quitting);
+    assert!(served.stop().status(0).state == ComponentState::ShuttingDown);
 }
 
 #[test]
@@ -157,11 +164,11 @@ fn a_window_comes_with_its_steps_where_that_is_asked_for() {
     let served = Served::new();
     let mut client = served.client();
     let next = client.next(WINDOW);
-    let request = AdvanceRequest { motions: shaking(0, WINDOW), series: true, ..next };
+    let request = AdvanceRequest { motions: shaking(0, WINDOW), record_steps: true, ..next };
     let reply = client.send(WindowKind::Advance, request).unwrap();
-    let floor = reply.series.bodies.iter().find(|b| b.body == "floor").unwrap();
-    assert_eq!((reply.series.time_ns.len(), floor.impulse.len()), (5, 5));
-    assert_eq!(client.place().hash, undisturbed(1)[0]);
+    let floor = reply.step_series.bodies.iter().find(|b| b.body == "floor").unwrap();
+    assert_eq!((reply.step_series.time_ns.len(), floor.impulse.len()), (5, 5));
+    assert_eq!(client.position().hash, undisturbed(1)[0]);
 }
 
 #[test]
@@ -169,7 +176,7 @@ fn what_is_refused_says_why_and_changes_nothing() {
     let served = Served::new();
     let mut client = served.client();
     step(&mut client).unwrap();
-    let before = client.place().clone();
+    let before = client.position().clone();
     let mut unknown = shaking(WINDOW, 2 * WINDOW);
     unknown[0].body = "flor".into();
     let mut unwritten = shaking(WINDOW, 2 * WINDOW);
@@ -177,24 +184,28 @@ fn what_is_refused_says_why_and_changes_nothing() {
     let good = shaking(WINDOW, 2 * WINDOW);
     let next = client.next(2 * WINDOW);
     for (request, code, word) in [
-        (AdvanceRequest { motions: unknown, ..next.clone() }, Code::UnknownBody, "flor"),
-        (AdvanceRequest { motions: unwritten, ..next.clone() }, Code::Malformed, "advance: "),
+        (AdvanceRequest { motions: unknown, ..next.clone() }, ErrorCode::UnknownBody, "flor"),
+        (
+            AdvanceRequest { motions: unwritten, ..next.clone() },
+            ErrorCode::MessageError,
+            "advance: ",
+        ),
         (
             AdvanceRequest { seq: 9, motions: good.clone(), ..next.clone() },
-            Code::OutOfSequence,
+            ErrorCode::OutOfSequence,
             "9",
         ),
-        (AdvanceRequest { run_id: "run-0".into(), ..next.clone() }, Code::WrongRun, "run-0"),
-        (AdvanceRequest { t1_ns: next.t1_ns + 1, ..next.clone() }, Code::TimeGrid, "1000000"),
+        (AdvanceRequest { run_id: "run-0".into(), ..next.clone() }, ErrorCode::WrongRun, "run-0"),
+        (AdvanceRequest { t1_ns: next.t1_ns + 1, ..next.clone() }, ErrorCode::TimeGrid, "1000000"),
     ] {
         let error = client.send(WindowKind::Advance, request).unwrap_err();
-        let fault = error.fault().unwrap_or_else(|| panic!("{error}"));
+        let fault = error.request_error().unwrap_or_else(|| panic!("{error}"));
         assert!(fault.code == code && error.to_string().contains(word), "{error}");
-        assert_eq!((client.place(), client.is_waiting()), (&before, false));
-        assert_eq!(client.status().unwrap().place, before);
+        assert_eq!((client.position(), client.is_waiting()), (&before, false));
+        assert_eq!(client.status().unwrap().position, before);
     }
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, undisturbed(2)[1]);
+    assert_eq!(client.position().hash, undisturbed(2)[1]);
 }
 
 #[test]
@@ -212,13 +223,13 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
     };
     let early = client.send(WindowKind::Advance, request).unwrap();
     assert!(
-        early.status == Status::Early && early.t1_ns > 0 && early.t1_ns < long as i64,
+        early.status == ReplyStatus::Early && early.t1_ns > 0 && early.t1_ns < long as i64,
         "{early:?}"
     );
     // To the end, but the client does not wait for it: slow, not lost; asking again gets the answer.
     client.reset().unwrap();
-    let hasty = Patience { margin: Duration::ZERO, ..patient() };
-    let run = client.place().run_id.clone();
+    let hasty = Timeouts { deadline_margin: Duration::ZERO, ..patient() };
+    let run = client.position().run_id.clone();
     client.detach().unwrap();
     let mut client = Client::attach(KEY, &served.link(), "hasty", Some(&run), hasty).unwrap();
     let request = Arc::new(AdvanceRequest { motions, deadline_ms: 30, ..client.next(long) });
@@ -227,7 +238,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
     let whole = loop {
         match client.send(WindowKind::Advance, Arc::clone(&request)) {
             Ok(reply) => break reply,
-            Err(error @ Error::Slow { .. }) => {
+            Err(error @ Error::Timeout { .. }) => {
                 late += 1;
                 assert!(error.to_string().contains("is there"), "{error}");
                 is_let_go.store(true, Ordering::SeqCst);
@@ -239,42 +250,42 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
     assert!(late > 0 && whole.t1_ns == long as i64, "{late}: {whole:?}");
     client.detach().unwrap();
     // Reset, once early, once whole: retries have computed nothing.
-    assert_eq!(served.stop().answered_count(), 2);
+    assert_eq!(served.stop().computed_windows(), 2);
 }
 
 #[test]
 fn nobody_there_is_told_within_two_heartbeats_of_silence() {
-    let link = Link::to(free_endpoint().unwrap());
+    let link = SessionConfig::connect_to(free_endpoint().unwrap());
     let begin = Instant::now();
-    let Err(error) = Client::attach(KEY, &link, "test", None, Patience::default()) else {
+    let Err(error) = Client::attach(KEY, &link, "test", None, Timeouts::default()) else {
         panic!("attached to nobody");
     };
-    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    assert!(matches!(error, Error::Disconnected { .. }), "{error}");
     assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
     assert!(error.to_string().contains(KEY), "{error}");
     for bad in ["yard", "yard/*", "a/b/c"] {
-        assert!(matches!(attach_to(bad, &link), Err(Error::Name { .. })));
+        assert!(matches!(attach_to(bad, &link), Err(Error::InvalidName { .. })));
     }
-    let error = Server::open(KEY, &Link::listening("tcp/300.0.0.1:1")).err().unwrap();
+    let error = Server::open(KEY, &SessionConfig::listen_on("tcp/300.0.0.1:1")).err().unwrap();
     assert!(error.to_string().contains("300.0.0.1"), "{error}");
 }
 
-fn attach_to(name: &str, link: &Link) -> Result<Client, Error> {
-    Client::attach(name, link, "test", None, Patience::default())
+fn attach_to(name: &str, link: &SessionConfig) -> Result<Client, Error> {
+    Client::attach(name, link, "test", None, Timeouts::default())
 }
 
 #[test]
 fn who_comes_while_the_bed_is_prepared_is_told_so_and_waits() {
-    let server = Server::open(KEY, &Link::listening(free_endpoint().unwrap())).unwrap();
-    let link = Link::to(&server.endpoints()[0]);
-    let line = Line::open(KEY, &link, patient()).unwrap();
-    assert_eq!(line.status().unwrap().activity, Activity::Settling);
-    assert_eq!(line.describe().unwrap_err().fault().unwrap().code, Code::Settling);
+    let server = Server::open(KEY, &SessionConfig::listen_on(free_endpoint().unwrap())).unwrap();
+    let link = SessionConfig::connect_to(&server.endpoints()[0]);
+    let line = Connection::open(KEY, &link, patient()).unwrap();
+    assert_eq!(line.status().unwrap().state, ComponentState::Preparing);
+    assert_eq!(line.describe().unwrap_err().request_error().unwrap().code, ErrorCode::Preparing);
     let other = link.clone();
     // Shorter than the preparation: signs of life keep it waiting.
-    let patience = Patience { absence: Duration::from_millis(1500), ..Patience::default() };
+    let timeouts = Timeouts { disconnect: Duration::from_millis(1500), ..Timeouts::default() };
     let waits = std::thread::spawn(move || {
-        let mut client = Client::attach(KEY, &other, "early", None, patience)?;
+        let mut client = Client::attach(KEY, &other, "early", None, timeouts)?;
         step(&mut client)?;
         client.shut_down()
     });
@@ -283,5 +294,5 @@ fn who_comes_while_the_bed_is_prepared_is_told_so_and_waits() {
     server.run(lockstep(), &mut ()).unwrap();
     let place = waits.join().unwrap().unwrap();
     assert_eq!(place.hash, undisturbed(1)[0]);
-    assert!(matches!(attach_to(KEY, &link), Err(Error::PeerLost { .. })));
+    assert!(matches!(attach_to(KEY, &link), Err(Error::Disconnected { .. })));
 }

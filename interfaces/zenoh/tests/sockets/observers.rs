@@ -4,10 +4,10 @@ use crate::setup::{KEY, Served, WINDOW, patient, shaking, step, times, undisturb
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::StatusReport;
 use ballast_protocol::messages::{
-    Clock, Interpolation, Log, PointCloud2, SceneUpdate, StateHash, Status, WrenchImpulse,
+    Clock, InterpolationMode, Log, PointCloud2, ReplyStatus, SceneUpdate, StateHash, WrenchImpulse,
 };
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Client, HEARTBEAT, Line, Link, Server};
+use ballast_zenoh::{Client, Connection, HEARTBEAT_INTERVAL, Server, SessionConfig};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
@@ -17,7 +17,7 @@ use zenoh::Wait;
 fn an_observer_sees_every_window_and_a_late_one_the_last() {
     let served = Served::new();
     let mut client = served.client();
-    let observer = Line::open(KEY, &served.link(), patient()).unwrap();
+    let observer = Connection::open(KEY, &served.link(), patient()).unwrap();
     observer.status().unwrap();
     let (sender, told) = channel();
     observer
@@ -54,27 +54,27 @@ fn an_observer_sees_every_window_and_a_late_one_the_last() {
     assert_eq!((&hashes[..], impulses), (&expected[10..], 20));
     // Those who come after the last window.
     let look = || {
-        let late = Line::open(KEY, &served.link(), patient()).unwrap();
+        let late = Connection::open(KEY, &served.link(), patient()).unwrap();
         late.status().unwrap();
-        let last = late.last_told().unwrap();
+        let last = late.last_messages().unwrap();
         let find = |what: String| last.iter().find(|(key, ..)| *key == what).unwrap().2.clone();
         let hash: StateHash = from_cdr(&find(late.keys().out("hash"))).unwrap();
         assert_eq!(hash.to_string(), expected[29]);
         let clock: Clock = from_cdr(&find(late.keys().out("clock"))).unwrap();
-        assert_eq!(clock.clock.ns() as u64, client.place().now_ns);
+        assert_eq!(clock.clock.ns() as u64, client.position().now_ns);
         let status: StatusReport =
             serde_json::from_slice(&find(late.keys().out("status"))).unwrap();
-        assert_eq!(status.place, *client.place());
+        assert_eq!(status.position, *client.position());
         late
     };
     (1..times(3)).for_each(|_| drop(look()));
     let late = look();
     // And within two heartbeats it knows what the component does.
-    std::thread::sleep(2 * HEARTBEAT);
-    assert_eq!(late.last_status().unwrap().place, *client.place());
+    std::thread::sleep(2 * HEARTBEAT_INTERVAL);
+    assert_eq!(late.last_status().unwrap().position, *client.position());
     // Of a run that has begun again, nothing of the one before is told.
     let begin = client.reset().unwrap().clone();
-    let last = late.last_told().unwrap();
+    let last = late.last_messages().unwrap();
     let told = |what: String| last.iter().find(|(key, ..)| *key == what).map(|t| &t.2[..]);
     let clock: Clock = from_cdr(told(late.keys().out("clock")).unwrap()).unwrap();
     assert_eq!((clock.clock.ns(), begin.now_ns), (0, 0));
@@ -89,33 +89,33 @@ fn of_a_window_that_was_taken_back_only_that_is_told() {
     let mut client = served.client();
     // Until the stones lie on the floor.
     (0..100).for_each(|_| step(&mut client).unwrap());
-    let late = Line::open(KEY, &served.link(), patient()).unwrap();
+    let late = Connection::open(KEY, &served.link(), patient()).unwrap();
     late.status().unwrap();
     let find = |what: String| {
-        let last = late.last_told().unwrap();
+        let last = late.last_messages().unwrap();
         last.iter().find(|(key, ..)| *key == what).map(|told| told.2.clone())
     };
     let impulse = late.keys().out_body("floor", "impulse");
-    let (before, t0) = (find(impulse.clone()).unwrap(), client.place().now_ns);
+    let (before, t0) = (find(impulse.clone()).unwrap(), client.position().now_ns);
     let borne: WrenchImpulse = from_cdr(&before).unwrap();
     assert!(borne.mean.force.z != 0.0, "{borne:?}");
     // The floor is to be a metre away after one step.
     let mut away = shaking(t0, t0 + WINDOW);
-    away[0].interpolation = Interpolation::Linear;
+    away[0].interpolation = InterpolationMode::Linear;
     away[0].knots[1].pose.position.x += 1.0;
     let reply = client.advance_to(t0 + WINDOW, away.clone(), vec![]).unwrap();
-    assert_eq!((reply.status, &reply.code[..]), (Status::Discard, "over_speed"));
+    assert_eq!((reply.status, &reply.code[..]), (ReplyStatus::Discard, "over_speed"));
     assert_eq!(find(impulse.clone()), Some(before));
     let log: Log = from_cdr(&find(late.keys().out("log")).unwrap()).unwrap();
     assert!(log.msg.contains("taken back (discard)"), "{}", log.msg);
     let hash = || from_cdr::<StateHash>(&find(late.keys().out("hash")).unwrap()).unwrap();
-    assert_eq!(hash().to_string(), client.place().hash);
+    assert_eq!(hash().to_string(), client.position().hash);
     // With a redo the window that stood is gone: of what bodies bore at its end nothing is told any more.
     let stood = client.advance_to(t0 + WINDOW, vec![], vec![]).unwrap();
     assert!(stood.status.is_kept() && find(impulse.clone()).is_some());
     let reply = client.redo([t0, t0 + WINDOW], away, vec![]).unwrap();
-    assert_eq!((reply.status, client.place().now_ns), (Status::Discard, t0));
-    assert_eq!((find(impulse), hash().to_string()), (None, client.place().hash.clone()));
+    assert_eq!((reply.status, client.position().now_ns), (ReplyStatus::Discard, t0));
+    assert_eq!((find(impulse), hash().to_string()), (None, client.position().hash.clone()));
 }
 
 /// Not a check of its own: an observer whose callback never returns, so that what is sent to it fills every
@@ -123,7 +123,7 @@ fn of_a_window_that_was_taken_back_only_that_is_told() {
 #[test]
 #[ignore = "the process that another test starts"]
 fn never_reads() {
-    let link = Link::to(std::env::var("BALLAST_TEST_ENDPOINT").unwrap());
+    let link = SessionConfig::connect_to(std::env::var("BALLAST_TEST_ENDPOINT").unwrap());
     let session = link.open().unwrap();
     let stuck = session.declare_subscriber("ballast/**").callback(move |_| {
         loop {
@@ -171,20 +171,20 @@ fn with_stuck(client: &mut Client, endpoint: &str) -> (u64, Duration) {
 }
 
 /// Served with a picture per window; the endpoint of the pictures.
-fn with_pictures() -> (Served, String) {
+fn with_viewer() -> (Served, String) {
     let viz = free_endpoint().unwrap();
-    let link = Link::listening(free_endpoint().unwrap());
+    let link = SessionConfig::listen_on(free_endpoint().unwrap());
     let server = Server::open(KEY, &link).unwrap();
-    let server = server.with_pictures(&Link::listening(&viz), Duration::ZERO).unwrap();
+    let server = server.with_viewer(&SessionConfig::listen_on(&viz), Duration::ZERO).unwrap();
     (Served::by(server), viz)
 }
 
 #[test]
 fn a_viewer_sees_stones_and_scene() {
-    let (served, viz) = with_pictures();
+    let (served, viz) = with_viewer();
     let mut client = served.client();
-    assert_eq!(client.describe().unwrap().pictures, std::slice::from_ref(&viz));
-    let session = Link::to(&viz).open().unwrap();
+    assert_eq!(client.describe().unwrap().viewer_endpoints, std::slice::from_ref(&viz));
+    let session = SessionConfig::connect_to(&viz).open().unwrap();
     let (sender, told) = channel();
     let viewer = session.declare_subscriber(format!("ballast/1/{KEY}/viz/*"));
     let viewer = viewer.callback(move |sample| {
@@ -210,17 +210,17 @@ fn a_viewer_sees_stones_and_scene() {
     }
     assert_eq!(cloud.unwrap().width, 18);
     assert_eq!(scene.unwrap().entities[0].id, "stones");
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }
 
 #[test]
 fn a_viewer_that_never_reads_does_not_hold_up_the_run() {
-    let (served, viz) = with_pictures();
+    let (served, viz) = with_viewer();
     let mut client = served.client();
     let (windows, longest) = with_stuck(&mut client, &viz);
     // Not even for the time after which an observer of the run itself is cut off.
     assert!(longest < Duration::from_millis(900), "a window took {longest:?}");
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }
 
 #[test]
@@ -229,5 +229,5 @@ fn an_observer_that_never_reads_does_not_hold_up_the_run() {
     let mut client = served.client();
     let (windows, longest) = with_stuck(&mut client, &served.endpoint);
     assert!(longest < Duration::from_secs(3 + AT_ONCE), "a window took {longest:?}");
-    assert_eq!(client.place().hash, undisturbed(windows)[windows as usize - 1]);
+    assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }

@@ -3,7 +3,7 @@
 use crate::common::scene::Random;
 use crate::setup::KEY;
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Keys, Link};
+use ballast_zenoh::{Keys, SessionConfig};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -68,11 +68,11 @@ struct Passing {
 }
 
 impl Relay {
-    pub fn before(component: &Link, seed: u64, faults: Faults) -> Self {
+    pub fn before(component: &SessionConfig, seed: u64, faults: Faults) -> Self {
         let keys = Keys::of(KEY).unwrap();
         let back = component.open().unwrap();
         let endpoint = free_endpoint().unwrap();
-        let front = Link::listening(&endpoint).open().unwrap();
+        let front = SessionConfig::listen_on(&endpoint).open().unwrap();
         mirror(&back, &front, keys.alive_any());
         mirror(&front, &back, keys.owner_any());
         let to = front.clone();

@@ -2,7 +2,7 @@
 
 use crate::setup::{KEY, Served, attach, step, undisturbed};
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Line, Link, Patience, Server};
+use ballast_zenoh::{Connection, Server, SessionConfig, Timeouts};
 use std::time::{Duration, Instant};
 use zenoh::Wait;
 
@@ -23,11 +23,11 @@ fn router(endpoint: &str) -> zenoh::Session {
 fn a_client_of_a_router_is_found_through_it_and_has_its_key_alone() {
     let endpoint = free_endpoint().unwrap();
     let between = router(&endpoint);
-    let served = Served::by(Server::open(KEY, &Link::through(&endpoint)).unwrap());
-    let mut client = attach(&Link::to(&endpoint)).unwrap();
+    let served = Served::by(Server::open(KEY, &SessionConfig::via_router(&endpoint)).unwrap());
+    let mut client = attach(&SessionConfig::connect_to(&endpoint)).unwrap();
     (0..3).for_each(|_| step(&mut client).unwrap());
-    let second = Server::open(KEY, &Link::through(&endpoint)).unwrap();
-    assert!(second.be_the_only_one().is_err(), "two components have one key");
+    let second = Server::open(KEY, &SessionConfig::via_router(&endpoint)).unwrap();
+    assert!(second.ensure_unique().is_err(), "two components have one key");
     drop(second);
     // A router that is gone for a while: both sides find it again, and the run goes on.
     between.close().wait().unwrap();
@@ -39,7 +39,7 @@ fn a_client_of_a_router_is_found_through_it_and_has_its_key_alone() {
         assert!(begin.elapsed() < Duration::from_secs(30), "{error}");
     }
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, undisturbed(5)[4]);
+    assert_eq!(client.position().hash, undisturbed(5)[4]);
     drop(client);
     served.stop();
 }
@@ -48,29 +48,30 @@ fn a_client_of_a_router_is_found_through_it_and_has_its_key_alone() {
 fn peers_on_one_router_are_told_why_they_do_not_meet() {
     let endpoint = free_endpoint().unwrap();
     let _between = router(&endpoint);
-    let server = Server::open(KEY, &Link::to(&endpoint)).unwrap();
+    let server = Server::open(KEY, &SessionConfig::connect_to(&endpoint)).unwrap();
     let begin = Instant::now();
-    while !server.is_kept_apart() {
+    while !server.is_isolated_by_router() {
         assert!(begin.elapsed() < Duration::from_secs(20), "the router is not noticed");
         std::thread::sleep(Duration::from_millis(20));
     }
     let _served = Served::by(server);
-    let line = Line::open(KEY, &Link::to(&endpoint), Patience::default()).unwrap();
+    let line =
+        Connection::open(KEY, &SessionConfig::connect_to(&endpoint), Timeouts::default()).unwrap();
     let error = line.status().unwrap_err().to_string();
     assert!(error.contains("--router"), "{error}");
     // One that is the router's client is found by peers, and finds them.
-    attach(&Link::through(&endpoint)).unwrap();
+    attach(&SessionConfig::via_router(&endpoint)).unwrap();
 }
 
 #[test]
 fn a_client_of_no_router_does_not_wait_for_ever() {
     let endpoint = free_endpoint().unwrap();
     let begin = Instant::now();
-    let error = Link::through(&endpoint).open().unwrap_err().to_string();
+    let error = SessionConfig::via_router(&endpoint).open().unwrap_err().to_string();
     assert!(error.contains(&endpoint) && begin.elapsed() < Duration::from_secs(30), "{error}");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("client.json5");
     std::fs::write(&path, "{ mode: 'client' }").unwrap();
-    let link = Link { connect: vec![endpoint], ..Link::configured(&path) };
+    let link = SessionConfig { connect: vec![endpoint], ..SessionConfig::from_file(&path) };
     assert!(link.open().is_err());
 }

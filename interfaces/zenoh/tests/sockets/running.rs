@@ -2,23 +2,23 @@
 
 use crate::hostile::Stranger;
 use crate::setup::{KEY, Served, WINDOW, attach, hash, knot, lockstep, once_free, step, wait_for};
-use ballast_protocol::lockstep::{Activity, Code};
+use ballast_protocol::lockstep::{ComponentState, ErrorCode};
 use ballast_protocol::messages::AdvanceRequest;
-use ballast_protocol::pacer::FreeRunning;
-use ballast_zenoh::{Client, Host, Link, Patience};
+use ballast_protocol::pacer::RealTimeMode;
+use ballast_zenoh::{Client, ServerHooks, SessionConfig, Timeouts};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// A tenth of the wall clock's pace: busy machines keep it.
-pub fn slowly() -> FreeRunning {
-    FreeRunning {
-        factor: 0.1,
+pub fn slowly() -> RealTimeMode {
+    RealTimeMode {
+        real_time_factor: 0.1,
         window_ns: WINDOW,
         latency_ns: 4 * WINDOW,
-        max_age_ms: 300,
+        max_sample_age_ms: 300,
         bodies: vec!["floor".into()],
-        ..FreeRunning::default()
+        ..RealTimeMode::default()
     }
 }
 
@@ -36,7 +36,7 @@ struct Keeps {
     windows: Arc<Mutex<Vec<(AdvanceRequest, String)>>>,
 }
 
-impl Host for Keeps {
+impl ServerHooks for Keeps {
     fn computed(
         &mut self,
         _: &ballast_protocol::lockstep::Lockstep,
@@ -60,17 +60,20 @@ fn time_runs_starves_goes_on_and_stops_and_can_be_computed_again() {
     let keeps = Keeps { stop: Arc::clone(&stop), windows: Arc::clone(&windows) };
     let served = Served::hosted(keeps, stop);
     let mut client = served.client();
-    client.run_freely(&slowly()).unwrap();
-    let status = wait_for(|| client.status(), Activity::Starved);
+    client.start_real_time(&slowly()).unwrap();
+    let status = wait_for(|| client.status(), ComponentState::WaitingForInput);
     let who = format!("input of floor from {}", client.id());
-    assert_eq!((status.waiting_for, status.place.now_ns), (Some(who), 0));
+    assert_eq!((status.waiting_for, status.position.now_ns), (Some(who), 0));
     // What is not the owner's, or no motion, is not heard.
     let stranger = Stranger::at(&served.link());
     stranger.put_motion("floor", &knot(0));
     // Everything else waits until time stands.
     let refused = step(&mut client).unwrap_err();
-    assert_eq!(refused.fault().unwrap().code, Code::FreeRunning, "{refused}");
-    assert_eq!(client.reset().unwrap_err().fault().unwrap().code, Code::FreeRunning);
+    assert_eq!(refused.request_error().unwrap().code, ErrorCode::RealTimeActive, "{refused}");
+    assert_eq!(
+        client.reset().unwrap_err().request_error().unwrap().code,
+        ErrorCode::RealTimeActive
+    );
     // A busy machine may pause for longer than the greatest age, here or there: samples until it runs.
     let begin = Instant::now();
     let mut sent = 0;
@@ -78,56 +81,58 @@ fn time_runs_starves_goes_on_and_stops_and_can_be_computed_again() {
         shake(&client, sent, 20);
         sent += 20;
         let status = client.status().unwrap();
-        if status.activity == Activity::Playing && status.place.now_ns >= 10 * WINDOW {
-            assert_eq!(status.free_running.unwrap().factor, 0.1);
+        if status.state == ComponentState::Running && status.position.now_ns >= 10 * WINDOW {
+            assert_eq!(status.real_time.unwrap().real_time_factor, 0.1);
             break;
         }
         assert!(begin.elapsed() < Duration::from_secs(60), "{status:?}");
     }
-    let mut status = wait_for(|| client.status(), Activity::Starved);
+    let mut status = wait_for(|| client.status(), ComponentState::WaitingForInput);
     while status.waiting_since_ms < Some(300) {
-        status = wait_for(|| client.status(), Activity::Starved);
+        status = wait_for(|| client.status(), ComponentState::WaitingForInput);
     }
-    let first = status.place;
+    let first = status.position;
     std::thread::sleep(Duration::from_millis(100));
-    assert_eq!(client.status().unwrap().place, first, "time stands");
-    while client.status().unwrap().place.now_ns == first.now_ns {
+    assert_eq!(client.status().unwrap().position, first, "time stands");
+    while client.status().unwrap().position.now_ns == first.now_ns {
         shake(&client, 100_000 + sent, 20);
         sent += 20;
         assert!(begin.elapsed() < Duration::from_secs(60), "time stands");
     }
-    let place = client.stop_running().unwrap().clone();
-    assert!(client.status().unwrap().free_running.is_none());
+    let place = client.stop_real_time().unwrap().clone();
+    assert!(client.status().unwrap().real_time.is_none());
     client.detach().unwrap();
     served.stop();
     // The same inputs in one process: the same states.
     let (mut again, windows) = (lockstep(), windows.lock().unwrap());
-    let ask = ballast_protocol::lockstep::Attach { client: "me".into(), ..Default::default() };
+    let ask =
+        ballast_protocol::lockstep::AttachRequest { client: "me".into(), ..Default::default() };
     again.attach(&ask, "t".into(), 0).unwrap();
     for (request, hash) in windows.iter() {
-        use ballast_protocol::lockstep::{Pace, WindowKind};
-        let reply =
-            again.window(WindowKind::Advance, request, "t", &|| 0, &mut |_| Pace::GoOn).unwrap();
+        use ballast_protocol::lockstep::{WindowControl, WindowKind};
+        let reply = again
+            .window(WindowKind::Advance, request, "t", &|| 0, &mut |_| WindowControl::Continue)
+            .unwrap();
         assert_eq!(reply.hash.to_string(), *hash);
     }
-    assert_eq!(again.place().hash, place.hash);
+    assert_eq!(again.position().hash, place.hash);
 }
 
 #[test]
 fn when_the_owner_is_gone_time_stands() {
     let served = Served::new();
     let mut client = served.client();
-    client.run_freely(&slowly()).unwrap();
+    client.start_real_time(&slowly()).unwrap();
     shake(&client, 0, 30);
     drop(client);
     let client = once_free(|| attach(&served.link()), Duration::from_secs(10));
     let status = client.status().unwrap();
-    assert!(status.activity == Activity::Paused && status.free_running.is_none(), "{status:?}");
-    let bad = FreeRunning { bodies: vec!["flor".into()], ..slowly() };
+    assert!(status.state == ComponentState::Idle && status.real_time.is_none(), "{status:?}");
+    let bad = RealTimeMode { bodies: vec!["flor".into()], ..slowly() };
     let mut client = client;
-    let refused = client.run_freely(&bad).unwrap_err();
-    assert_eq!(refused.fault().unwrap().code, Code::UnknownBody, "{refused}");
-    assert_eq!(client.status().unwrap().activity, Activity::Paused);
+    let refused = client.start_real_time(&bad).unwrap_err();
+    assert_eq!(refused.request_error().unwrap().code, ErrorCode::UnknownBody, "{refused}");
+    assert_eq!(client.status().unwrap().state, ComponentState::Idle);
 }
 
 #[test]
@@ -146,13 +151,13 @@ fn who_sends_samples_is_told_when_nobody_heeds_them() {
     let served = Served::new();
     let endpoint = served.endpoint.clone();
     let link = served.link();
-    let mut client = Client::attach(KEY, &link, "test", None, Patience::default()).unwrap();
-    client.run_freely(&slowly()).unwrap();
+    let mut client = Client::attach(KEY, &link, "test", None, Timeouts::default()).unwrap();
+    client.start_real_time(&slowly()).unwrap();
     shake(&client, 0, 150);
     served.stop();
     told(&client, "disconnected");
     // Another one in its place does not know of this client.
-    let _served = Served::at(&Link::listening(endpoint), lockstep());
+    let _served = Served::at(&SessionConfig::listen_on(endpoint), lockstep());
     told(&client, "not_owner");
 }
 
@@ -161,7 +166,7 @@ fn samples_that_cannot_be_read_are_counted() {
     let served = Served::new();
     let stranger = Stranger::at(&served.link());
     let (_token, ticket, _run) = stranger.attach();
-    let ask = serde_json::json!({ "free_running": slowly() }).to_string();
+    let ask = serde_json::json!({ "real_time": slowly() }).to_string();
     stranger.ask("param", ask.as_bytes(), Some(&ticket)).unwrap();
     let good = serde_json::to_vec(&knot(0)).unwrap();
     for (bytes, ticket) in [
@@ -178,7 +183,7 @@ fn samples_that_cannot_be_read_are_counted() {
     loop {
         let status = stranger.ask("status", b"", None).unwrap();
         let status: serde_json::Value = serde_json::from_slice(&status).unwrap();
-        if status["free_running"]["dropped"] == 3 {
+        if status["real_time"]["dropped"] == 3 {
             break;
         }
         assert!(begin.elapsed() < Duration::from_secs(10), "{status:#}");
@@ -190,7 +195,7 @@ fn samples_that_cannot_be_read_are_counted() {
 fn what_is_not_prepared_does_not_run_by_itself() {
     let unconfigured = ballast_protocol::lockstep::Lockstep::unconfigured(hash).unwrap();
     let endpoint = ballast_zenoh::link::free_endpoint().unwrap();
-    let served = Served::at(&ballast_zenoh::Link::listening(endpoint), unconfigured);
-    let refused = served.client().run_freely(&slowly()).unwrap_err();
-    assert_eq!(refused.fault().unwrap().code, Code::Unconfigured, "{refused}");
+    let served = Served::at(&ballast_zenoh::SessionConfig::listen_on(endpoint), unconfigured);
+    let refused = served.client().start_real_time(&slowly()).unwrap_err();
+    assert_eq!(refused.request_error().unwrap().code, ErrorCode::Unconfigured, "{refused}");
 }

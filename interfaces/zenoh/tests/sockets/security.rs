@@ -2,7 +2,7 @@
 
 use crate::setup::{KEY, Served, lockstep, patient, step, undisturbed};
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Client, Error, Link, Patience};
+use ballast_zenoh::{Client, Error, SessionConfig, Timeouts};
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -47,7 +47,7 @@ fn tls(
     authority: &Path,
     own: Option<&[PathBuf; 2]>,
     listen: bool,
-) -> Link {
+) -> SessionConfig {
     let own = own.map_or(String::new(), |[certificate, key]| {
         if listen {
             format!("listen_certificate: {certificate:?}, listen_private_key: {key:?},")
@@ -59,7 +59,7 @@ fn tls(
         "{{ mode: \"peer\", scouting: {{ multicast: {{ enabled: false }} }}, listen: {{ endpoints: [] }},
            transport: {{ link: {{ tls: {{ root_ca_certificate: {authority:?}, enable_mtls: true, {own} }} }} }} }}"
     );
-    Link::configured(write(folder, name, &text))
+    SessionConfig::from_file(write(folder, name, &text))
 }
 
 #[test]
@@ -72,28 +72,31 @@ fn without_a_certificate_of_the_authority_there_is_no_connection() {
     let forged = theirs.sign(folder, "forged");
     let free = free_endpoint().unwrap();
     let port = free.rsplit(':').next().unwrap();
-    let listen = Link {
+    let listen = SessionConfig {
         listen: vec![format!("tls/localhost:{port}")],
         ..tls(folder, "server.json5", &authority, Some(&server), true)
     };
     let _served = Served::at(&listen, lockstep());
-    let connect = |name: &str, own: Option<&[PathBuf; 2]>| Link {
+    let connect = |name: &str, own: Option<&[PathBuf; 2]>| SessionConfig {
         connect: vec![format!("tls/localhost:{port}")],
         ..tls(folder, name, &authority, own, false)
     };
-    let hasty = Patience { absence: Duration::from_millis(2500), ..Patience::default() };
+    let hasty = Timeouts { disconnect: Duration::from_millis(2500), ..Timeouts::default() };
     for (name, own) in [("none.json5", None), ("forged.json5", Some(&forged))] {
         let error = Client::attach(KEY, &connect(name, own), "test", None, hasty).err().unwrap();
-        assert!(matches!(error, Error::PeerLost { .. } | Error::Link { .. }), "{name}: {error}");
+        assert!(
+            matches!(error, Error::Disconnected { .. } | Error::Transport { .. }),
+            "{name}: {error}"
+        );
     }
     // Without TLS at all.
-    let plain = Link::to(format!("tcp/localhost:{port}"));
+    let plain = SessionConfig::connect_to(format!("tcp/localhost:{port}"));
     let error = Client::attach(KEY, &plain, "test", None, hasty).err().unwrap();
-    assert!(matches!(error, Error::PeerLost { .. }), "{error}");
+    assert!(matches!(error, Error::Disconnected { .. }), "{error}");
     let good = connect("client.json5", Some(&client));
     let mut client = Client::attach(KEY, &good, "test", None, patient()).unwrap();
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, undisturbed(1)[0]);
+    assert_eq!(client.position().hash, undisturbed(1)[0]);
 }
 
 #[test]
@@ -106,9 +109,9 @@ fn without_the_password_there_is_no_connection() {
             "{{ mode: \"peer\", scouting: {{ multicast: {{ enabled: false }} }}, listen: {{ endpoints: [] }},
                transport: {{ auth: {{ usrpwd: {{ {auth} }} }} }} }}"
         );
-        Link::configured(write(folder, name, &text))
+        SessionConfig::from_file(write(folder, name, &text))
     };
-    let listen = Link {
+    let listen = SessionConfig {
         listen: vec![free_endpoint().unwrap()],
         ..configured(
             "bed.json5",
@@ -116,18 +119,18 @@ fn without_the_password_there_is_no_connection() {
         )
     };
     let served = Served::at(&listen, lockstep());
-    let connect = |name: &str, auth: &str| Link {
+    let connect = |name: &str, auth: &str| SessionConfig {
         connect: vec![served.endpoint.clone()],
         ..configured(name, auth.into())
     };
-    let hasty = Patience { absence: Duration::from_millis(2500), ..Patience::default() };
+    let hasty = Timeouts { disconnect: Duration::from_millis(2500), ..Timeouts::default() };
     let wrong = connect("wrong.json5", "user: \"machine\", password: \"wrong\"");
     for link in [wrong, served.link()] {
         let error = Client::attach(KEY, &link, "test", None, hasty).err().unwrap();
-        assert!(matches!(error, Error::PeerLost { .. } | Error::Link { .. }), "{error}");
+        assert!(matches!(error, Error::Disconnected { .. } | Error::Transport { .. }), "{error}");
     }
     let right = connect("right.json5", "user: \"machine\", password: \"right\"");
     let mut client = Client::attach(KEY, &right, "test", None, patient()).unwrap();
     step(&mut client).unwrap();
-    assert_eq!(client.place().hash, undisturbed(1)[0]);
+    assert_eq!(client.position().hash, undisturbed(1)[0]);
 }

@@ -4,10 +4,10 @@ use crate::{common, shaken};
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::{Activity, Code, Lockstep, StatusReport};
-use ballast_protocol::messages::{BodyInput, Digest, Knot};
+use ballast_protocol::lockstep::{ComponentState, ErrorCode, Lockstep, StatusReport};
+use ballast_protocol::messages::{BodyMotion, Digest, MotionKnot};
 use ballast_zenoh::link::free_endpoint;
-use ballast_zenoh::{Client, Host, Link, Patience, Server};
+use ballast_zenoh::{Client, Server, ServerHooks, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -41,18 +41,18 @@ pub fn lockstep() -> Lockstep {
 }
 
 /// The floor at a time.
-pub fn knot(time_ns: u64) -> Knot {
+pub fn knot(time_ns: u64) -> MotionKnot {
     shaken::floor(time_ns as i64)
 }
 
 /// The floor's motion through a window.
-pub fn shaking(t0_ns: u64, t1_ns: u64) -> Vec<BodyInput> {
+pub fn shaking(t0_ns: u64, t1_ns: u64) -> Vec<BodyMotion> {
     shaken::through(t0_ns as i64, t1_ns as i64)
 }
 
 /// The next window of a client, of the usual length.
 pub fn step(client: &mut Client) -> Result<(), ballast_zenoh::Error> {
-    let t0 = client.place().now_ns;
+    let t0 = client.position().now_ns;
     client.advance_to(t0 + WINDOW, shaking(t0, t0 + WINDOW), vec![]).map(drop)
 }
 
@@ -82,7 +82,7 @@ pub struct Served {
 
 struct Until(Arc<AtomicBool>);
 
-impl Host for Until {
+impl ServerHooks for Until {
     fn is_stopped(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }
@@ -94,7 +94,7 @@ struct Dawdles {
     is_let_go: Arc<AtomicBool>,
 }
 
-impl Host for Dawdles {
+impl ServerHooks for Dawdles {
     fn is_stopped(&self) -> bool {
         if !self.is_let_go.load(Ordering::SeqCst) {
             std::thread::sleep(Duration::from_millis(10));
@@ -105,10 +105,10 @@ impl Host for Dawdles {
 
 impl Served {
     pub fn new() -> Self {
-        Self::at(&Link::listening(free_endpoint().unwrap()), lockstep())
+        Self::at(&SessionConfig::listen_on(free_endpoint().unwrap()), lockstep())
     }
 
-    pub fn at(link: &Link, lockstep: Lockstep) -> Self {
+    pub fn at(link: &SessionConfig, lockstep: Lockstep) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         Self::with(link, lockstep, Until(Arc::clone(&stop)), stop)
     }
@@ -121,14 +121,14 @@ impl Served {
     }
 
     /// With a host that ends when it is told to `stop`.
-    pub fn hosted(host: impl Host + 'static, stop: Arc<AtomicBool>) -> Self {
-        Self::with(&Link::listening(free_endpoint().unwrap()), lockstep(), host, stop)
+    pub fn hosted(host: impl ServerHooks + 'static, stop: Arc<AtomicBool>) -> Self {
+        Self::with(&SessionConfig::listen_on(free_endpoint().unwrap()), lockstep(), host, stop)
     }
 
     fn with(
-        link: &Link,
+        link: &SessionConfig,
         lockstep: Lockstep,
-        host: impl Host + 'static,
+        host: impl ServerHooks + 'static,
         stop: Arc<AtomicBool>,
     ) -> Self {
         let server = Server::open(KEY, link).expect("a free port");
@@ -144,7 +144,7 @@ impl Served {
     fn run(
         server: Server,
         lockstep: Lockstep,
-        mut host: impl Host + 'static,
+        mut host: impl ServerHooks + 'static,
         stop: Arc<AtomicBool>,
     ) -> Self {
         let endpoint = server.endpoints().first().cloned().unwrap_or_default();
@@ -152,8 +152,8 @@ impl Served {
         Self { endpoint, stop, thread: Some(thread) }
     }
 
-    pub fn link(&self) -> Link {
-        Link::to(&self.endpoint)
+    pub fn link(&self) -> SessionConfig {
+        SessionConfig::connect_to(&self.endpoint)
     }
 
     pub fn client(&self) -> Client {
@@ -180,9 +180,9 @@ impl Drop for Served {
 /// The first status, asked for again and again, that tells of this activity.
 pub fn wait_for(
     ask: impl Fn() -> Result<StatusReport, ballast_zenoh::Error>,
-    activity: Activity,
+    state: ComponentState,
 ) -> StatusReport {
-    wait_until(ask, |status| status.activity == activity)
+    wait_until(ask, |status| status.state == state)
 }
 
 /// The first status, asked for again and again, that is as it should be.
@@ -201,7 +201,7 @@ pub fn wait_until(
     }
 }
 
-pub fn attach(link: &Link) -> Result<Client, ballast_zenoh::Error> {
+pub fn attach(link: &SessionConfig) -> Result<Client, ballast_zenoh::Error> {
     Client::attach(KEY, link, "test", None, patient())
 }
 
@@ -215,7 +215,8 @@ pub fn once_free(
         match attach() {
             Ok(client) => return client,
             Err(error) => {
-                let is_busy = error.fault().is_some_and(|fault| fault.code == Code::Busy);
+                let is_busy =
+                    error.request_error().is_some_and(|fault| fault.code == ErrorCode::Busy);
                 assert!(is_busy, "{error}");
             }
         }
@@ -224,6 +225,6 @@ pub fn once_free(
 }
 
 /// Waits longer than usual for partners that are on their way: the machine may be busy.
-pub fn patient() -> Patience {
-    Patience { absence: Duration::from_secs(20), ..Patience::default() }
+pub fn patient() -> Timeouts {
+    Timeouts { disconnect: Duration::from_secs(20), ..Timeouts::default() }
 }

@@ -23,10 +23,10 @@ fn input() -> MotionInput {
 
 #[test]
 fn inputs_come_back_to_the_bit() {
-    let message = BodyInput::from(&input());
+    let message = BodyMotion::from(&input());
     for back in [
-        from_cdr::<BodyInput>(&to_cdr(&message).unwrap()).unwrap(),
-        from_json::<BodyInput>(to_json(&message).unwrap().as_bytes()).unwrap(),
+        from_cdr::<BodyMotion>(&to_cdr(&message).unwrap()).unwrap(),
+        from_json::<BodyMotion>(to_json(&message).unwrap().as_bytes()).unwrap(),
     ] {
         let back = MotionInput::try_from(&back).unwrap();
         assert_eq!(back, input());
@@ -39,7 +39,7 @@ fn inputs_that_make_no_sense_are_refused_with_their_place() {
     let request = |change: &dyn Fn(&mut AdvanceRequest)| {
         let mut request = AdvanceRequest {
             t1_ns: 800_000,
-            motions: vec![BodyInput::from(&input())],
+            motions: vec![BodyMotion::from(&input())],
             ..AdvanceRequest::default()
         };
         change(&mut request);
@@ -53,8 +53,14 @@ fn inputs_that_make_no_sense_are_refused_with_their_place() {
         (&|r| r.motions[0].knots[2].time_ns = -5, "input of \"tine_1\".knots[2].time_ns"),
         (&|r| r.motions[0].knots[1].pose.orientation.w = 3.0, "knots[1].pose.orientation"),
         (&|r| r.motions[0].knots[1].pose.orientation.w = f64::NAN, "knots[1].pose.orientation"),
-        (&|r| r.loads.push(load(Interpolation::Hermite, 0)), "load on \"sleeper\".interpolation"),
-        (&|r| r.loads.push(load(Interpolation::Hold, -1)), "load on \"sleeper\".knots[0].time_ns"),
+        (
+            &|r| r.loads.push(load(InterpolationMode::Hermite, 0)),
+            "load on \"sleeper\".interpolation",
+        ),
+        (
+            &|r| r.loads.push(load(InterpolationMode::Hold, -1)),
+            "load on \"sleeper\".knots[0].time_ns",
+        ),
     ];
     for (change, place) in wrong {
         let error = request(change).unwrap_err();
@@ -62,30 +68,30 @@ fn inputs_that_make_no_sense_are_refused_with_their_place() {
     }
 }
 
-fn load(interpolation: Interpolation, time_ns: i64) -> LoadInput {
+fn load(interpolation: InterpolationMode, time_ns: i64) -> BodyLoad {
     let wrench = Wrench {
         force: Vector3 { x: 0.1, y: -0.0, z: 1e-300 },
         torque: Vector3 { x: 1.0, y: 2.0, z: 3.0 },
     };
-    LoadInput { body: "sleeper".into(), interpolation, knots: vec![LoadKnot { time_ns, wrench }] }
+    BodyLoad { body: "sleeper".into(), interpolation, knots: vec![WrenchKnot { time_ns, wrench }] }
 }
 
 #[test]
 fn loads_come_back_to_the_bit() {
-    for interpolation in [Interpolation::Hold, Interpolation::Linear] {
+    for interpolation in [InterpolationMode::Hold, InterpolationMode::Linear] {
         let message = load(interpolation, 77);
         let core = component::LoadInput::try_from(&message).unwrap();
-        assert_eq!(LoadInput::from(&core), message);
-        assert_eq!(from_json::<LoadInput>(to_json(&message).unwrap().as_bytes()).unwrap(), message);
+        assert_eq!(BodyLoad::from(&core), message);
+        assert_eq!(from_json::<BodyLoad>(to_json(&message).unwrap().as_bytes()).unwrap(), message);
     }
-    let short = from_json::<LoadInput>(br#"{"body": "sleeper", "knots": []}"#).unwrap();
-    assert_eq!(short.interpolation, Interpolation::Linear);
+    let short = from_json::<BodyLoad>(br#"{"body": "sleeper", "knots": []}"#).unwrap();
+    assert_eq!(short.interpolation, InterpolationMode::Linear);
 }
 
 #[test]
 fn outcomes_come_back_to_the_bit() {
     let energy = ballast::state::EnergyLedger { kinetic: 0.1, work_in: -3.0, ..Default::default() };
-    let message = EnergyLedger::from(energy);
+    let message = EnergyBalance::from(energy);
     assert_eq!(message.balance_error, 0.1 + 3.0);
     assert_eq!(ballast::state::EnergyLedger::from(message), energy);
     let body = component::BodyResult {
@@ -129,11 +135,11 @@ fn squeezes_come_back_to_the_bit() {
     for onset_ns in [None, Some(77)] {
         let record = SqueezeRecord { onset_ns, ..record.clone() };
         let told = SqueezeOutcome { name: "pair".into(), is_over: true, record };
-        let message = Squeeze::of(99, &told);
+        let message = SqueezeReport::of(99, &told);
         assert_eq!(message.header.stamp.ns(), 99);
         assert_eq!(SqueezeOutcome::try_from(&message).unwrap(), told);
     }
-    let early = Squeeze { began_ns: -1, ..Squeeze::default() };
+    let early = SqueezeReport { start_ns: -1, ..SqueezeReport::default() };
     let refused = SqueezeOutcome::try_from(&early).unwrap_err();
     assert!(refused.place.contains("began_ns"), "{refused}");
 }
@@ -145,6 +151,6 @@ fn the_digest_of_a_reply_does_not_depend_on_the_run() {
     assert_eq!(reply.digest().unwrap(), other.digest().unwrap());
     let changed = AdvanceReply { steps: 1, ..reply.clone() };
     assert_ne!(reply.digest().unwrap(), changed.digest().unwrap());
-    let record = StepRecord::of(AdvanceRequest { seq: 4, ..Default::default() }, &reply).unwrap();
+    let record = WindowRecord::of(AdvanceRequest { seq: 4, ..Default::default() }, &reply).unwrap();
     assert_eq!((record.seq, record.reply_digest), (4, reply.digest().unwrap()));
 }

@@ -1,6 +1,6 @@
 //! A deserializer without data: it makes values up, and remembers what was asked for.
 
-use crate::Malformed;
+use crate::MessageError;
 use serde::de::{Deserialize, DeserializeOwned, DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
 /// What a type asked for.
@@ -58,14 +58,14 @@ impl Imagined {
 
 macro_rules! numbers {
     ($($method:ident $visit:ident $type:ty, $name:literal);*) => {$(
-        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
             visitor.$visit(self.plain($name) as $type)
         }
     )*};
 }
 
 impl<'de> Deserializer<'de> for &mut Imagined {
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn is_human_readable(&self) -> bool {
         false
@@ -79,33 +79,33 @@ impl<'de> Deserializer<'de> for &mut Imagined {
     );
 
     // Every enum of the messages has these three.
-    fn deserialize_u8<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_u8<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         visitor.visit_u8((self.plain("uint8") % 3) as u8)
     }
 
-    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         let mantissa = self.plain("float64") as i64 as f64;
         visitor.visit_f64(mantissa * 10f64.powi((self.next() % 40) as i32 - 40))
     }
 
-    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         visitor.visit_f32(self.plain("float32") as i32 as f32)
     }
 
-    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         visitor.visit_bool(self.plain("bool") % 2 == 1)
     }
 
-    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         let length = self.plain("string") % 12;
         visitor.visit_string("äbc\"def\nghijk".chars().take(length as usize).collect())
     }
 
-    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Malformed> {
+    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
         let left = if self.one_each { 1 } else { self.next() as usize % 3 };
         let value = visitor.visit_seq(Items { imagined: self, left })?;
         self.shape = self.shape.take().map(|item| Shape::List(Box::new(item)));
@@ -116,7 +116,7 @@ impl<'de> Deserializer<'de> for &mut Imagined {
         self,
         length: usize,
         visitor: V,
-    ) -> Result<V::Value, Malformed> {
+    ) -> Result<V::Value, MessageError> {
         let value = visitor.visit_seq(Items { imagined: self, left: length })?;
         self.shape = self.shape.take().map(|item| Shape::Array(Box::new(item), length));
         Ok(value)
@@ -127,7 +127,7 @@ impl<'de> Deserializer<'de> for &mut Imagined {
         name: &'static str,
         names: &'static [&'static str],
         visitor: V,
-    ) -> Result<V::Value, Malformed> {
+    ) -> Result<V::Value, MessageError> {
         let mut fields = Fields { imagined: self, names, found: Vec::new() };
         let value = visitor.visit_seq(&mut fields)?;
         let fields = fields.found;
@@ -135,7 +135,7 @@ impl<'de> Deserializer<'de> for &mut Imagined {
         Ok(value)
     }
 
-    fn deserialize_any<V: Visitor<'de>>(self, _: V) -> Result<V::Value, Malformed> {
+    fn deserialize_any<V: Visitor<'de>>(self, _: V) -> Result<V::Value, MessageError> {
         panic!("no type of ROS 2 messages")
     }
 
@@ -151,12 +151,12 @@ struct Items<'a> {
 }
 
 impl<'de> SeqAccess<'de> for Items<'_> {
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(
         &mut self,
         seed: S,
-    ) -> Result<Option<S::Value>, Malformed> {
+    ) -> Result<Option<S::Value>, MessageError> {
         let Some(left) = self.left.checked_sub(1) else { return Ok(None) };
         self.left = left;
         seed.deserialize(&mut *self.imagined).map(Some)
@@ -170,12 +170,12 @@ struct Fields<'a> {
 }
 
 impl<'de> SeqAccess<'de> for &mut Fields<'_> {
-    type Error = Malformed;
+    type Error = MessageError;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(
         &mut self,
         seed: S,
-    ) -> Result<Option<S::Value>, Malformed> {
+    ) -> Result<Option<S::Value>, MessageError> {
         let Some((name, rest)) = self.names.split_first() else { return Ok(None) };
         self.names = rest;
         let value = seed.deserialize(&mut *self.imagined)?;
