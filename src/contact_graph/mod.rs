@@ -1,6 +1,6 @@
-//! Which contacts may be solved at once: two contacts are neighbours when they share a grain.
+//! Contact graph: contacts that share a grain are neighbours and cannot be solved simultaneously.
 //!
-//! Driven bodies do not couple contacts: their motion is imposed, whatever pushes on them.
+//! Driven bodies with imposed motion do not couple contacts.
 
 pub mod packing;
 

@@ -4,38 +4,37 @@
 //! Contract: every contact is in exactly one block; no grain occurs twice in a block; the result is
 //! a function of the input alone.
 //!
-//! Contacts of a block are independent, so solving them at once is the same as solving them one
-//! after the other: a sweep over the blocks is an exact Gauss-Seidel sweep in the order *blocks, then
-//! lanes*. Blocks come in the order of their first contacts, so that this order stays close to the caller's
-//! and a block's grains are those that blocks shortly before have brought into the cache; but for one that shares
-//! grains with the block before it, which waits for a few others where that helps: neighbours without common grains may be
-//! visited at once.
+//! Contacts of a block are independent, so solving them simultaneously equals solving them one after the other: a
+//! sweep over the blocks is an exact Gauss-Seidel sweep in the order *blocks, then lanes*. Blocks are ordered by
+//! their first contacts, so that this order stays close to the caller's and recent blocks have brought a block's
+//! grains into the cache. A block that shares grains with its predecessor is moved back by a few positions if that
+//! helps: neighbours without common grains can be visited simultaneously.
 
 use crate::lanes::LANES;
 
-/// The lane holds no contact.
+/// Mark of a lane without contact.
 pub const PADDING: u32 = u32::MAX;
 
-/// Blocks that may be open at a time: one per bit of a grain's mask.
+/// Maximum number of open blocks: one per bit of a grain's mask.
 const MAX_OPEN_BLOCKS: usize = 64;
 
-/// Blocks among which the next one is sought that shares no grain with the one before.
+/// Number of blocks searched for one that shares no grain with its predecessor.
 const MAX_SEARCHED_BLOCKS: usize = 32;
 
-/// Blocks of contacts that share no grain, and the memory to build them.
+/// Blocks of contacts that share no grain, and the buffers to build them.
 #[derive(Debug, Clone, Default)]
 pub struct Packing {
     /// Positions in the caller's list, or [`PADDING`] `[blocks]`.
     pub blocks: Vec<[u32; LANES]>,
-    /// Bit w: the grain is in the open block w of the window `[grains]`. All zero between calls.
+    /// Bit w is set if the grain is in open block w `[grains]`. All zero between calls.
     open_blocks: Vec<u64>,
     /// Grains of the contacts.
     grains: Vec<[u32; 2]>,
-    /// The last block in the final order that has the grain, counted from 1 `[grains]`.
+    /// Last block in the final order that contains the grain, counted from 1 `[grains]`.
     last_block: Vec<u32>,
 }
 
-/// The blocks that still have room; slot `w` of the window is bit `w` of the grains' masks.
+/// Blocks with free lanes; slot `w` is bit `w` of the grains' masks.
 struct OpenBlocks {
     /// Index of the block in the output.
     block: [u32; MAX_OPEN_BLOCKS],
@@ -45,6 +44,7 @@ struct OpenBlocks {
 
 impl Packing {
     /// Packs contacts `0..count`; `grains(i)` are the grains of contact `i`, below `grain_count`.
+    ///
     /// A contact with a driven body names its only grain twice.
     pub fn build(&mut self, count: usize, grain_count: usize, grains: impl Fn(usize) -> [u32; 2]) {
         self.blocks.clear();
@@ -87,7 +87,7 @@ impl Packing {
         self.separate_neighbours();
     }
 
-    /// Puts blocks next to each other that share no grain, as far as they are found within [`MAX_SEARCHED_BLOCKS`].
+    /// Reorders blocks so that neighbours share no grain, within [`MAX_SEARCHED_BLOCKS`].
     fn separate_neighbours(&mut self) {
         let Self { blocks, grains, last_block, open_blocks } = self;
         last_block.clear();
@@ -112,7 +112,7 @@ impl Packing {
         }
     }
 
-    /// The slot of `candidates` whose block was opened first: filling it first keeps blocks local.
+    /// Returns the slot of `candidates` whose block was opened first; filling it first keeps blocks local.
     fn oldest(&self, window: &OpenBlocks, mut candidates: u64) -> usize {
         let mut best = candidates.trailing_zeros() as usize;
         while candidates != 0 {
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
     use rand::{Rng, RngExt, SeedableRng};
 
-    /// Share of the lanes that hold a contact, and of the blocks that share no grain with the next one.
+    /// Fraction of lanes that contain a contact, and of blocks that share no grain with the next one.
     fn check(count: usize, grains: usize, pairs: &[[u32; 2]]) -> (f64, f64) {
         let mut packing = Packing::default();
         packing.build(count, grains, |i| pairs[i]);

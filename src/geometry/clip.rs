@@ -1,54 +1,52 @@
-//! Exact volume and centroid of the part of a polyhedron inside half-spaces, above all inside boxes.
+//! Exact volume of the part of a polyhedron inside half-spaces, mainly inside boxes.
 //!
-//! Reads: a polyhedron, its pose, half-spaces. Writes: only its own buffers, which it reuses.
-//! Cost: a comparison per half-space for bodies wholly inside or outside, else O(corners) per
-//! half-space that cuts.
-//! Contract: errors are rounding, relative to the volume of the whole polyhedron; parts that share
-//! a cutting plane add up to the whole.
+//! Reads: a polyhedron, its pose, half-spaces. Writes: only its own buffers, which it reuses. Cost: a comparison per
+//! half-space for bodies wholly inside or outside, else O(vertices) per half-space that cuts. Contract: errors are
+//! rounding, relative to the volume of the whole polyhedron; parts that share a cutting plane add up to the whole.
 
 use super::polyhedron::Polyhedron;
 use crate::math::{Pose, Vec3};
 
-/// Everything with `normal · x <= offset`.
+/// Half-space `normal · x <= offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HalfSpace {
-    /// Unit vector.
+    /// Outward unit normal.
     pub normal: Vec3,
-    /// m.
+    /// Offset along the normal, m.
     pub offset: f64,
 }
 
 impl HalfSpace {
-    /// Of a body at `pose`, in world axes.
+    /// Returns the half-space of a body at `pose`, in world axes.
     pub fn at(&self, pose: &Pose) -> Self {
         let normal = pose.orientation * self.normal;
         Self { normal, offset: self.offset + normal.dot(&pose.position) }
     }
 
-    /// The other side of the same plane.
+    /// Returns the other side of the same plane.
     pub fn flipped(&self) -> Self {
         Self { normal: -self.normal, offset: -self.offset }
     }
 }
 
-/// A box along the axes of the world.
+/// Box along the axes of the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisBox {
-    /// Corner of least coordinates, m.
+    /// Vertex of minimum coordinates, m.
     pub low: Vec3,
-    /// Corner of greatest coordinates, m.
+    /// Vertex of maximum coordinates, m.
     pub high: Vec3,
 }
 
 impl AxisBox {
-    /// The least box around points; from infinity to minus infinity where there are none.
+    /// Returns the smallest box around points; from infinity to minus infinity without points.
     pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
         let nothing =
             Self { low: Vec3::repeat(f64::INFINITY), high: Vec3::repeat(f64::NEG_INFINITY) };
         points.into_iter().fold(nothing, |b, p| Self { low: b.low.inf(&p), high: b.high.sup(&p) })
     }
 
-    /// Whether the boxes have a common point.
+    /// True if the boxes have a common point.
     pub fn meets(&self, other: &Self) -> bool {
         self.low.x <= other.high.x
             && other.low.x <= self.high.x
@@ -58,12 +56,12 @@ impl AxisBox {
             && other.low.z <= self.high.z
     }
 
-    /// m³; zero if a side is not positive.
+    /// Returns the volume, m³; zero if a side is not positive.
     pub fn volume(&self) -> f64 {
         (self.high - self.low).map(|x| x.max(0.0)).product()
     }
 
-    /// Its six half-spaces.
+    /// Returns the six half-spaces of the box.
     pub fn half_spaces(&self) -> [HalfSpace; 6] {
         std::array::from_fn(|k| {
             let axis = Vec3::ith(k / 2, 1.0);
@@ -75,13 +73,13 @@ impl AxisBox {
         })
     }
 
-    /// Whether a point is inside or on the surface.
+    /// True if a point is inside or on the surface.
     pub fn contains(&self, p: &Vec3) -> bool {
         (0..3).all(|k| self.low[k] <= p[k] && p[k] <= self.high[k])
     }
 }
 
-/// The half-spaces, in world axes, whose intersection is `polyhedron` at `pose`.
+/// Returns the half-spaces, in world axes, whose intersection is `polyhedron` at `pose`.
 pub fn half_spaces_of(polyhedron: &Polyhedron, pose: &Pose) -> Vec<HalfSpace> {
     let faces = polyhedron.face_normals.iter().zip(&polyhedron.face_offsets);
     faces.map(|(normal, offset)| HalfSpace { normal: *normal, offset: *offset }.at(pose)).collect()
@@ -94,18 +92,18 @@ struct PolygonSoup {
     ends: Vec<usize>,
 }
 
-/// Clips polyhedra; keeps its buffers from call to call.
+/// Polyhedron clipper that reuses its buffers.
 #[derive(Debug, Clone, Default)]
 pub struct Clipper {
     surface: PolygonSoup,
     clipped: PolygonSoup,
-    /// Where the clipped polygons left the half-space and came back `[cut polygons]`.
+    /// Points where the clipped polygons leave the half-space and return `[cut polygons]`.
     cuts: Vec<[Vec3; 2]>,
     heights: Vec<f64>,
 }
 
 impl Clipper {
-    /// Volume of `polyhedron` at `pose` inside all `half_spaces` (world axes), m³.
+    /// Returns the volume of `polyhedron` at `pose` inside all `half_spaces` (world axes), m³.
     pub fn volume_inside(
         &mut self,
         polyhedron: &Polyhedron,
@@ -122,7 +120,7 @@ impl Clipper {
             if depth <= -polyhedron.radius {
                 return 0.0;
             }
-            // In the body's frame, so that coordinates are no larger than the body.
+            // In the body's frame coordinates are no larger than the body.
             let normal = back * half_space.normal;
             let (mut lowest, mut highest) = (f64::MAX, f64::MIN);
             for v in &polyhedron.vertices {
@@ -148,11 +146,11 @@ impl Clipper {
         if volume <= 0.0 { 0.0 } else { volume }
     }
 
-    /// Volume of `polyhedron` at `pose` inside `half_spaces` and outside all convex `obstacles`, m³.
+    /// Returns the volume of `polyhedron` at `pose` inside `half_spaces` and outside all convex `obstacles`, m³.
     ///
-    /// Obstacles may overlap. Exact: what is outside an obstacle is cut into convex pieces, the
-    /// k-th below its first k faces and above the next. Cost grows with the number of obstacles that
-    /// overlap at the same place, not with their total.
+    /// Obstacles may overlap. Exact: the region outside an obstacle is split into convex pieces, the k-th below its
+    /// first k faces and above the next. Cost grows with the number of obstacles that overlap at the same place, not
+    /// with their total.
     pub fn volume_outside(
         &mut self,
         polyhedron: &Polyhedron,
@@ -192,7 +190,7 @@ impl Clipper {
         ends.extend(polyhedron.face_starts[1..].iter().map(|&e| e as usize));
     }
 
-    /// Keeps what is below `normal · x = offset` and closes the cut.
+    /// Keeps the part below `normal · x = offset` and closes the cut.
     fn cut(&mut self, normal: &Vec3, offset: f64) {
         let Self { surface, clipped, cuts, heights } = self;
         clipped.corners.clear();
@@ -205,8 +203,8 @@ impl Clipper {
             clip_polygon(&surface.corners[start..end], &heights[start..end], clipped, cuts);
             start = end;
         }
-        // The lid as a fan: the order of the cuts does not matter, and later cuts treat its
-        // triangles like any other polygon.
+        // The lid is a fan: the order of the cuts does not matter, and later cuts treat its triangles like any other
+        // polygon.
         if let Some(&[apex, _]) = cuts.first() {
             for &[left, returned] in cuts[1..].iter() {
                 clipped.corners.extend([apex, returned, left]);
@@ -217,8 +215,9 @@ impl Clipper {
     }
 }
 
-/// Appends the part of a convex polygon below zero height, and where it leaves and comes back: more than once where it lies
-/// in the cut but for rounding.
+/// Appends the part of a convex polygon below zero height, and the points where it leaves and returns.
+///
+/// It may leave more than once if it lies in the cut except for rounding.
 fn clip_polygon(
     polygon: &[Vec3],
     heights: &[f64],
@@ -226,7 +225,7 @@ fn clip_polygon(
     cuts: &mut Vec<[Vec3; 2]>,
 ) {
     let before = kept.corners.len();
-    // Where it has left, and where it has come back from before the first corner.
+    // Points where it has left, and where it has returned before the first vertex.
     let (mut left, mut first) = (None, None);
     for k in 0..polygon.len() {
         let next = if k + 1 == polygon.len() { 0 } else { k + 1 };
@@ -234,7 +233,7 @@ fn clip_polygon(
         if a <= 0.0 {
             kept.corners.push(polygon[k]);
         }
-        // Always from inside to outside, so that both polygons at an edge find the same point.
+        // Interpolated from inside to outside, so that both polygons at an edge find the same point.
         if a <= 0.0 && b > 0.0 {
             let p = polygon[k] + (polygon[next] - polygon[k]) * (a / (a - b));
             left = Some(p);
@@ -257,7 +256,7 @@ fn clip_polygon(
 }
 
 impl PolygonSoup {
-    /// Volume within the closed surface.
+    /// Returns the volume within the closed surface, m³.
     fn volume(&self) -> f64 {
         let (mut volume, mut start) = (0.0, 0);
         for &end in &self.ends {

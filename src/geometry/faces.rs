@@ -15,11 +15,11 @@ pub(super) struct Surface {
     pub edges: Vec<Edge>,
 }
 
-/// Faces through the planes of `triangles`; coplanar triangles become one face.
+/// Returns faces through the planes of `triangles`; coplanar triangles become one face.
 pub(super) fn merge(points: &[Vec3], triangles: &[[u16; 3]], tolerance: f64) -> Option<Surface> {
     let mut order: Vec<(f64, [u16; 3])> =
         triangles.iter().map(|&t| (double_area(points, t), t)).collect();
-    // Largest first: their planes are the best conditioned, slivers then fall into them.
+    // Largest first: their planes are the best conditioned, slivers then lie in them.
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut faces: Vec<Vec<u16>> = Vec::new();
     let mut on_plane: Vec<Vec<u16>> = vec![Vec::new(); points.len()];
@@ -36,7 +36,7 @@ pub(super) fn merge(points: &[Vec3], triangles: &[[u16; 3]], tolerance: f64) -> 
     close(points.len(), faces)
 }
 
-/// Gift wrapping: each open edge is closed by the face that supports all points.
+/// Returns the hull by gift wrapping: the face that supports all points closes each open edge.
 pub(super) fn wrap(points: &[Vec3], tolerance: f64) -> Option<Surface> {
     let first = first_face(points, tolerance)?;
     let mut faces = vec![first];
@@ -50,7 +50,7 @@ pub(super) fn wrap(points: &[Vec3], tolerance: f64) -> Option<Surface> {
             }
             let c = pivot(points, b, a, tolerance)?;
             let (face, _) = face_through(points, [b, a, c], tolerance)?;
-            // A face that lacks the edge, or repeats one, would make the loop endless.
+            // Without this check a face that lacks the edge, or repeats one, would make the loop endless.
             let fresh = directed(&face).all(|e| !edges.contains_key(&e));
             if !fresh || !directed(&face).any(|e| e == [b, a]) {
                 return None;
@@ -63,7 +63,7 @@ pub(super) fn wrap(points: &[Vec3], tolerance: f64) -> Option<Surface> {
     close(points.len(), faces)
 }
 
-/// The first triangle at the point farthest from the origin that supports all points.
+/// Returns the first triangle at the point farthest from the origin that supports all points.
 fn first_face(points: &[Vec3], tolerance: f64) -> Option<Vec<u16>> {
     let n = points.len() as u16;
     let top = (0..n).max_by(|&a, &b| {
@@ -75,7 +75,7 @@ fn first_face(points: &[Vec3], tolerance: f64) -> Option<Vec<u16>> {
         .find_map(|t| face_through(points, t, tolerance).map(|(face, _)| face))
 }
 
-/// The third corner of the face that runs through the directed edge `a → b`.
+/// Returns the third vertex of the face that contains the directed edge `a → b`.
 fn pivot(points: &[Vec3], a: u16, b: u16, tolerance: f64) -> Option<u16> {
     let (pa, pb) = (points[a as usize], points[b as usize]);
     let mut best: Option<(u16, Vec3)> = None;
@@ -96,7 +96,7 @@ fn double_area(points: &[Vec3], [a, b, c]: [u16; 3]) -> f64 {
     (points[b as usize] - a).cross(&(points[c as usize] - a)).norm()
 }
 
-/// The face in the plane of triangle `t` and all points on that plane; `None` if a point is above.
+/// Returns the face in the plane of triangle `t` and all points on that plane; `None` if a point is above.
 fn face_through(points: &[Vec3], t: [u16; 3], tolerance: f64) -> Option<(Vec<u16>, Vec<u16>)> {
     let a = points[t[0] as usize];
     let across = (points[t[1] as usize] - a).cross(&(points[t[2] as usize] - a));
@@ -120,8 +120,9 @@ fn face_through(points: &[Vec3], t: [u16; 3], tolerance: f64) -> Option<(Vec<u16
     Some((face, members))
 }
 
-/// Convex polygon around points in a plane, without corners that lie within `tolerance` of the line
-/// through their neighbours. Starts at its lowest index.
+/// Returns the convex polygon around points in a plane, starting at its lowest index.
+///
+/// Vertices within `tolerance` of the line through their neighbours are dropped.
 fn polygon(mut flat: Vec<PlanePoint<u16>>, tolerance: f64) -> Option<Vec<u16>> {
     let mut chain = Vec::with_capacity(flat.len() + 1);
     plane::hull(&mut flat, &mut chain);
@@ -141,7 +142,7 @@ fn polygon(mut flat: Vec<PlanePoint<u16>>, tolerance: f64) -> Option<Vec<u16>> {
     Some(chain.into_iter().map(|(_, i)| i).collect())
 }
 
-/// The directed edges of a face.
+/// Iterates over the directed edges of a face.
 pub(super) fn directed(face: &[u16]) -> impl Iterator<Item = [u16; 2]> + '_ {
     (0..face.len()).map(|k| [face[k], face[(k + 1) % face.len()]])
 }

@@ -13,18 +13,18 @@ use crate::math::{Quat, Vec3};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-/// Ranges that random grains are drawn from.
+/// Ranges of shape parameters of random grains.
 ///
 /// Axes are the extents along the principal axes, longest, intermediate and shortest: a, b, c.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GrainShape {
-    /// Least and greatest number of corners, 4 to 100.
+    /// Minimum and maximum number of vertices, 4 to 100.
     pub vertices: [u32; 2],
-    /// b / a: mean and half-width of a uniform distribution.
+    /// Ratio b / a: mean and half-width of a uniform distribution.
     pub elongation: [f64; 2],
-    /// c / b: mean and half-width of a uniform distribution.
+    /// Ratio c / b: mean and half-width of a uniform distribution.
     pub flatness: [f64; 2],
-    /// 0: corners spread evenly (rounded grains) to 1: at random (sharp grains).
+    /// Randomness of vertex directions: 0 for evenly spread (rounded grains) to 1 for random (sharp grains).
     pub angularity: f64,
 }
 
@@ -34,36 +34,36 @@ impl Default for GrainShape {
     }
 }
 
-/// Least angle between two corners seen from the centre, in units of the mean spacing √(4π/n).
+/// Minimum angle between two vertices seen from the centre, in units of the mean spacing √(4π/n).
 const MIN_SEPARATION: f64 = 0.4;
 /// Weight of random directions at angularity 0.
 const DISORDER: f64 = 0.15;
-/// Least length of an edge, in grain sizes.
+/// Minimum length of an edge, in grain sizes.
 const MIN_EDGE_LENGTH: f64 = 0.03;
-/// Least width of a face, in grain sizes.
+/// Minimum width of a face, in grain sizes.
 const MIN_FACE_WIDTH: f64 = 0.02;
-/// Least angle between two faces at an edge, rad; below it the edge's normal cone is ill-defined.
+/// Minimum angle between two faces at an edge, rad; below it the edge's normal cone is ill-defined.
 const MIN_EDGE_ANGLE: f64 = 0.01;
-/// Attempts at a grain; typical shapes need a few.
+/// Maximum number of attempts at a grain; typical shapes need a few.
 const MAX_ATTEMPTS: usize = 2000;
-/// More corners come too close for edges and faces of these widths: of 120 no attempt succeeds.
+/// Maximum number of vertices; with 120 no attempt meets the limits on edges and faces.
 const MAX_CORNERS: u32 = 100;
-/// Rounding of ratios that are sums of decimal numbers.
+/// Tolerance for rounding of ratios that are sums of decimal numbers.
 const SLACK: f64 = 1e-9;
 
-/// A random grain of nominal diameter `size` (m): that of the sphere of equal volume.
+/// Returns a random grain of nominal diameter `size` (m): that of the sphere of equal volume.
 ///
-/// Corners are drawn on an ellipsoid; their hull is then stretched along its own principal axes, so
-/// that its extents have exactly the drawn ratios. With the default shape the opening of the square
-/// mesh that a grain just passes is 0.93 `size` on average and its intermediate extent 1.08 `size`,
-/// so the nominal diameter stands for a sieve size without favouring rounded or sharp grains.
+/// Vertices are drawn on an ellipsoid; their hull is then stretched along its own principal axes, so that its extents
+/// have exactly the drawn ratios. With the default shape the opening of the square mesh that a grain just passes is
+/// 0.93 `size` on average and its intermediate extent 1.08 `size`, so the nominal diameter represents a sieve size
+/// without favouring rounded or sharp grains.
 ///
 /// # Errors
-/// [`Error::Geometry`] for ranges that allow no grain: ratios outside 0.05 to 1, numbers of corners
-/// outside 4 to 100, sizes that are not positive, or shapes that keep coming out degenerate.
+/// [`Error::Geometry`] for ranges that allow no grain: ratios outside 0.05 to 1, numbers of vertices outside 4 to
+/// 100, sizes that are not positive, or shapes that are degenerate in all attempts.
 pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Polyhedron> {
     check(shape, size)?;
-    // Drawn once: drawing it anew after a rejection would favour few corners.
+    // Drawn once: a new draw after a rejection would favour few vertices.
     let corners = rng.random_range(shape.vertices[0]..=shape.vertices[1]) as usize;
     let ratios = [around(rng, shape.elongation), around(rng, shape.flatness)];
     for _ in 0..MAX_ATTEMPTS {
@@ -80,7 +80,7 @@ pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Po
     })
 }
 
-/// Corners along `directions` from the centre of an ellipsoid, with exact ratios of extents and volume.
+/// Returns vertices along `directions` from the centre of an ellipsoid, with exact ratios of extents and volume.
 fn nominal(directions: &[Vec3], [elongation, flatness]: [f64; 2], size: f64) -> Option<Vec<Vec3>> {
     let extents = [1.0 / elongation, 1.0, flatness];
     let ellipsoid: Vec<Vec3> =
@@ -113,20 +113,19 @@ fn check(shape: &GrainShape, size: f64) -> Result<()> {
     Ok(())
 }
 
-/// Newton's method: the library's cube root may differ between platforms in the last digit.
+/// Returns the cube root by Newton's method; that of libraries may differ between platforms in the last digit.
 fn cube_root(x: f64) -> f64 {
     (0..50).fold(1.0, |y, _| (2.0 * y + x / (y * y)) / 3.0)
 }
 
-/// Uniform in mean ± half-width.
+/// Draws uniformly from mean ± half-width.
 fn around(rng: &mut Pcg64, [mean, half_width]: [f64; 2]) -> f64 {
     mean + half_width * rng.random_range(-1.0..=1.0)
 }
 
-/// Unit vectors between an even spiral (turned at random) and independent ones.
+/// Returns unit vectors between an even spiral (randomly rotated) and independent ones.
 ///
-/// Even at angularity 0 they are not quite even: for some counts the spiral alone has four
-/// neighbours in one plane.
+/// At angularity 0 some disorder remains: for some counts the spiral alone has four neighbours in one plane.
 fn directions(rng: &mut Pcg64, count: usize, angularity: f64) -> Vec<Vec3> {
     // Cosine and sine of the golden angle, π (3 − √5).
     const COS: f64 = -0.737_368_878_078_319_7;
@@ -146,7 +145,7 @@ fn directions(rng: &mut Pcg64, count: usize, angularity: f64) -> Vec<Vec3> {
             mixed.try_normalize(1e-3).unwrap_or(even)
         };
         let mut direction = draw();
-        // A crowded place is left to the check of the whole grain.
+        // The check of the whole grain handles a crowded region.
         for _ in 0..30 {
             if found.iter().all(|d| (d - direction).norm() >= apart) {
                 break;
@@ -158,7 +157,7 @@ fn directions(rng: &mut Pcg64, count: usize, angularity: f64) -> Vec<Vec3> {
     found
 }
 
-/// Uniform on the sphere, by rejection.
+/// Draws a direction uniformly on the sphere, by rejection.
 fn random_direction(rng: &mut Pcg64) -> Vec3 {
     loop {
         let v = Vec3::from_fn(|_, _| rng.random_range(-1.0..=1.0));
@@ -169,7 +168,7 @@ fn random_direction(rng: &mut Pcg64) -> Vec3 {
     }
 }
 
-/// Uniform over all rotations, by rejection.
+/// Draws a rotation uniformly from all rotations, by rejection.
 pub fn random_rotation(rng: &mut Pcg64) -> Quat {
     loop {
         let q = nalgebra::Vector4::from_fn(|_, _| rng.random_range(-1.0..=1.0));
@@ -179,7 +178,7 @@ pub fn random_rotation(rng: &mut Pcg64) -> Quat {
     }
 }
 
-/// Factor along each principal axis that makes the extents, in their order, `extents` (descending).
+/// Returns the factor along each principal axis that makes the extents, in their order, `extents` (descending).
 ///
 /// Stretching along principal axes keeps them principal.
 fn stretch(points: &[Vec3], extents: [f64; 3]) -> Vec3 {
@@ -193,13 +192,13 @@ fn stretch(points: &[Vec3], extents: [f64; 3]) -> Vec3 {
     factors
 }
 
-/// Extents along the axes, m.
+/// Returns the extents along the axes, m.
 fn extent(points: &[Vec3]) -> Vec3 {
     let AxisBox { low, high } = AxisBox::around(points.iter().copied());
     high - low
 }
 
-/// Whether edges are long, faces wide and angles between faces distinct.
+/// True if edges are long, faces wide and angles between faces distinct.
 fn is_well_conditioned(grain: &Polyhedron, size: f64) -> bool {
     let corner = |v: u16| grain.vertices[v as usize];
     let edges = grain.edges.iter().all(|e| {
@@ -212,7 +211,7 @@ fn is_well_conditioned(grain: &Polyhedron, size: f64) -> bool {
     edges && (0..grain.face_count()).all(|f| face_width(grain, f) >= MIN_FACE_WIDTH * size)
 }
 
-/// Least distance between an edge of a face and the parallel line through its farthest corner, m.
+/// Returns the minimum distance between an edge of a face and the parallel line through its farthest vertex, m.
 fn face_width(grain: &Polyhedron, f: usize) -> f64 {
     let face = grain.face(f);
     let corner = |k: usize| grain.vertices[face[k % face.len()] as usize];

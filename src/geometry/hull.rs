@@ -1,9 +1,8 @@
 //! Convex polyhedra from points, with whole faces, exact mass properties and principal axes.
 //!
-//! Reads: points. Writes: a [`Polyhedron`] and the pose of its frame. Cost: the hull itself is
-//! O(n log n), merging and checking O(faces · points).
-//! Contract: what is returned is a closed convex surface (V − E + F = 2, all points under all faces);
-//! what cannot be brought to that is an error.
+//! Reads: points. Writes: a [`Polyhedron`] and the pose of its frame. Cost: O(n log n) for the hull, O(faces ·
+//! points) for merging and checking. Contract: the result is a closed convex surface (V − E + F = 2, all points under
+//! all faces); anything else is an error.
 
 use super::clip::AxisBox;
 use super::faces::{self, Surface};
@@ -14,30 +13,30 @@ use crate::math::{Mat3, Pose, Quat, Vec3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
 
-/// Distances below which points count as coplanar, in half sizes of the body, in order of trial.
+/// Distances within which points count as coplanar, in half sizes of the body, in order of trial.
 ///
-/// 1e-7 is a few nm on a ballast grain, and above the rounding of coordinates stored as f32 near
-/// the origin. Where coplanarity is ambiguous at one tolerance, another one decides.
+/// 1e-7 is a few nm on a ballast grain, and above the rounding of coordinates stored as f32 near the origin. If
+/// coplanarity is ambiguous at one tolerance, another one decides.
 const TOLERANCES: [f64; 7] = [1e-7, 2e-8, 4e-9, 5e-7, 2e-6, 1e-10, 1e-12];
-/// Corners are counted in u16; no hull has more corners than points.
+/// Maximum number of points, whose numbers are u16.
 const MAX_POINTS: usize = u16::MAX as usize;
-/// Checking that all points are under all faces is quadratic.
+/// Maximum number of vertices of a hull; the check that all points are under all faces is quadratic.
 const MAX_CORNERS: usize = 4096;
-/// Gift wrapping is cubic in the worst case: a fallback for bodies of ordinary size.
+/// Maximum number of points for gift wrapping, which is cubic in the worst case.
 const MAX_WRAPPED_POINTS: usize = 512;
-/// Volume, over the cube of the half size, below which points count as flat.
+/// Minimum volume, over the cube of the half size; below it points count as flat.
 const MIN_VOLUME: f64 = 1e-7;
-/// Half sizes (m) for which products of five lengths stay ordinary numbers.
+/// Half sizes (m) for which products of five lengths neither overflow nor underflow.
 const HALF_SIZE_RANGE: [f64; 2] = [1e-9, 1e9];
 
-/// Convex hull of `points` (m), and the pose of its principal frame in the frame of the points.
+/// Returns the convex hull of `points` (m), and the pose of its principal frame in the frame of the points.
 ///
-/// Coplanar triangles are merged to whole faces; points inside faces or edges are dropped. Axes
-/// stay as given where the inertia tensor is already diagonal.
+/// Coplanar triangles are merged to whole faces; points inside faces or edges are dropped. Axes are kept if the
+/// inertia tensor is already diagonal.
 ///
 /// # Errors
-/// [`Error::Geometry`] for fewer than 4 or more than 65 535 points, coordinates that are not
-/// finite, points that are flat or of an absurd size, hulls of more than 4096 corners.
+/// [`Error::Geometry`] for fewer than 4 or more than 65 535 points, coordinates that are not finite, flat points,
+/// extreme sizes, and hulls of more than 4096 vertices.
 pub fn convex_hull(points: &[Vec3]) -> Result<(Polyhedron, Pose)> {
     let (middle, scale) = extent(points)?;
     let scaled: Vec<Vec3> = points.iter().map(|p| (p - middle) / scale).collect();
@@ -67,7 +66,7 @@ pub fn convex_hull(points: &[Vec3]) -> Result<(Polyhedron, Pose)> {
     Err(bad("points that span a volume under well separated faces", found))
 }
 
-/// A box with the given half sizes (m, all positive), axes and centre kept exactly.
+/// Returns a box with the given half sizes (m, all positive), axes and centre kept exactly.
 pub fn cuboid(half: Vec3) -> Polyhedron {
     let corner = |i: usize, k: usize| if i >> k & 1 == 0 { -half[k] } else { half[k] };
     let vertices = (0..8).map(|i| Vec3::new(corner(i, 0), corner(i, 1), corner(i, 2))).collect();
@@ -107,7 +106,7 @@ pub fn cuboid(half: Vec3) -> Polyhedron {
     }
 }
 
-/// Middle of the bounding box and a power of two near its half diagonal: scaling by it is exact.
+/// Returns the middle of the bounding box and a power of two near its half diagonal; scaling by it is exact.
 fn extent(points: &[Vec3]) -> Result<(Vec3, f64)> {
     if !(4..=MAX_POINTS).contains(&points.len()) {
         return Err(bad("4 to 65535 points", points.len().to_string()));
@@ -125,9 +124,10 @@ fn extent(points: &[Vec3]) -> Result<(Vec3, f64)> {
     Ok(((low + high) / 2.0, power_of_two))
 }
 
+/// Vertices and triangles of a hull.
 type Triangulation = (Vec<Vec3>, Vec<[u16; 3]>);
 
-/// Corners and triangles of the hull; `None` where the library finds no valid one.
+/// Returns vertices and triangles of the hull; `None` if the library finds no valid one.
 fn triangulate(points: &[Vec3]) -> Result<Option<Triangulation>> {
     let input: Vec<Vector> = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
     let Ok((corners, triangles)) = try_convex_hull(&input) else { return Ok(None) };
@@ -138,7 +138,7 @@ fn triangulate(points: &[Vec3]) -> Result<Option<Triangulation>> {
     Ok(Some((corners, triangles.iter().map(|t| t.map(|k| k as u16)).collect())))
 }
 
-/// Makes one corner of corners closer than `tolerance`; triangles that collapse are dropped.
+/// Merges vertices closer than `tolerance`; triangles that collapse are dropped.
 fn fuse(points: &[Vec3], triangles: &[[u16; 3]], tolerance: f64) -> Triangulation {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].x.total_cmp(&points[b].x));
@@ -168,7 +168,7 @@ fn fuse(points: &[Vec3], triangles: &[[u16; 3]], tolerance: f64) -> Triangulatio
     (kept, triangles)
 }
 
-/// The polyhedron of a closed surface and its frame; `None` if it is flat or a point is outside.
+/// Returns the polyhedron of a closed surface and its frame; `None` if it is flat or a point is outside.
 fn finish(
     corners: Vec<Vec3>,
     surface: Surface,
@@ -227,7 +227,7 @@ fn finish(
     Some((polyhedron, Pose { position: centre, orientation: rotation(&axes) }))
 }
 
-/// Area-weighted unit normal of a polygon.
+/// Returns the area-weighted unit normal of a polygon.
 fn polygon_normal(corners: &[Vec3], face: &[u16]) -> Option<Vec3> {
     let a = corners[face[0] as usize];
     let sum = face[1..].windows(2).fold(Vec3::zeros(), |sum, w| {
@@ -236,7 +236,7 @@ fn polygon_normal(corners: &[Vec3], face: &[u16]) -> Option<Vec3> {
     sum.try_normalize(f64::MIN_POSITIVE)
 }
 
-/// Rounding left by the sum of symmetric bodies would shift exact coordinates.
+/// Removes rounding that would shift the exact coordinates of symmetric bodies.
 fn snap(centre: Vec3) -> Vec3 {
     centre.map(|x| if x.abs() < 1e-14 { 0.0 } else { x })
 }
@@ -248,7 +248,7 @@ fn rotation(axes: &Mat3) -> Quat {
     Quat::from_rotation_matrix(&nalgebra::Rotation3::from_matrix_unchecked(*axes))
 }
 
-/// New numbers of the corners in use, in their old order.
+/// Returns new numbers of the used vertices and these vertices, in their old order.
 fn renumber(corners: &[Vec3], surface: &Surface) -> (Vec<u16>, Vec<Vec3>) {
     let mut used = vec![false; corners.len()];
     surface.faces.iter().flatten().for_each(|&v| used[v as usize] = true);

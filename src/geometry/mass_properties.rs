@@ -9,7 +9,7 @@ use crate::math::{Mat3, Vec3};
 /// Volume integrals of a solid of unit density.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassProperties {
-    /// m³.
+    /// Volume, m³.
     pub volume: f64,
     /// Centre of mass, m.
     pub centre: Vec3,
@@ -64,11 +64,10 @@ fn for_each_triangle<'a>(
     }
 }
 
-/// Moments and axes (columns, a rotation) of a symmetric inertia tensor.
+/// Returns moments and axes (columns, a rotation) of a symmetric inertia tensor.
 ///
-/// A tensor that is diagonal to rounding keeps its axes, so that boxes and cubes stay aligned with
-/// the axes they were given in. Otherwise moments ascend, and the largest component of the first
-/// two axes is positive.
+/// A tensor that is diagonal to rounding keeps its axes, so that boxes and cubes stay aligned with their given axes.
+/// Otherwise moments ascend, and the largest component of the first two axes is positive.
 pub fn principal_axes(inertia: &Mat3) -> (Vec3, Mat3) {
     let off = inertia[(0, 1)].abs().max(inertia[(0, 2)].abs()).max(inertia[(1, 2)].abs());
     if off <= 1e-12 * inertia.diagonal().amax() {

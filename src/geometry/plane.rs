@@ -1,14 +1,14 @@
 //! Convex hulls in a plane.
 
-/// A point of a plane, and the place it has among others; ties are decided by it.
+/// Point of a plane, and its index, which decides ties.
 pub(crate) type PlanePoint<I> = ([f64; 2], I);
 
-/// Twice the area of a triangle, positive where it turns left.
+/// Returns twice the area of a triangle, positive for a left turn.
 pub(crate) fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Leaves the corners of the convex hull of `points` in `chain`, turning left (monotone chain).
+/// Stores the vertices of the convex hull of `points` in `chain`, turning left (monotone chain).
 pub(crate) fn hull<I: Copy + Ord>(points: &mut [PlanePoint<I>], chain: &mut Vec<PlanePoint<I>>) {
     points.sort_unstable_by(|(a, i), (b, j)| {
         a[0].total_cmp(&b[0]).then_with(|| a[1].total_cmp(&b[1])).then_with(|| i.cmp(j))

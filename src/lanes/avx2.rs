@@ -6,12 +6,11 @@ use core::arch::x86_64::*;
 
 /// Lanes 0 to 3 and 4 to 7.
 ///
-/// Values exist only inside [`super::run`] after the processor was asked for AVX2 and FMA: this is
-/// what makes the calls below sound.
+/// Values exist only inside [`super::run`] after detection of AVX2 and FMA, which makes the calls below sound.
 #[derive(Clone, Copy)]
 pub struct Avx2(__m256d, __m256d);
 
-/// All bits of a lane are set or not.
+/// Mask of lanes: all bits of a lane are set or none.
 #[derive(Clone, Copy)]
 pub struct Mask(__m256d, __m256d);
 
@@ -130,7 +129,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8] {
-        // SAFETY: the caller's; a line is 64 aligned bytes.
+        // SAFETY: by the caller's contract; a body velocity is 64 aligned bytes.
         unsafe {
             let start = lines.as_ptr();
             let line = each!(I in 8 => start.add(indices[I] as usize).cast::<f64>());
@@ -145,7 +144,7 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]) {
-        // SAFETY: the caller's; a line is 64 aligned bytes.
+        // SAFETY: by the caller's contract; a body velocity is 64 aligned bytes.
         unsafe {
             let start = lines.as_mut_ptr();
             let line = each!(I in 8 => start.add(indices[I] as usize).cast::<f64>());
@@ -153,7 +152,7 @@ impl Lanes for Avx2 {
             let b = transpose(&each!(J in 4 => rows[J].1));
             let c = transpose(&each!(J in 4 => rows[4 + J].0));
             let d = transpose(&each!(J in 4 => rows[4 + J].1));
-            // In the order of the lanes, so that padding, which shares a line, is well defined.
+            // Stored in the order of the lanes, so that padding lanes, which share a body, are well defined.
             each!(I in 4 => _mm256_store_pd(line[I], a[I]));
             each!(I in 4 => _mm256_store_pd(line[I].add(4), c[I]));
             each!(I in 4 => _mm256_store_pd(line[4 + I], b[I]));

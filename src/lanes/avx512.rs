@@ -6,8 +6,7 @@ use core::arch::x86_64::*;
 
 /// One 512-bit register.
 ///
-/// Values exist only inside [`super::run`] after the processor was asked for AVX-512F: this is what
-/// makes the calls below sound.
+/// Values exist only inside [`super::run`] after detection of AVX-512F, which makes the calls below sound.
 #[derive(Clone, Copy)]
 pub struct Avx512(__m512d);
 
@@ -102,7 +101,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8] {
-        // SAFETY: the caller's; a line is 64 aligned bytes.
+        // SAFETY: by the caller's contract; a body velocity is 64 aligned bytes.
         unsafe {
             let start = lines.as_ptr().cast::<f64>();
             let [first, last] = each!(H in 2 => transpose(&each!(I in 4 => {
@@ -114,7 +113,7 @@ impl Lanes for Avx512 {
     }
     #[inline(always)]
     unsafe fn scatter(rows: [Self; 8], lines: &mut [BodyVelocity], indices: &[u32; LANES]) {
-        // SAFETY: the caller's; a line is 64 aligned bytes.
+        // SAFETY: by the caller's contract; a body velocity is 64 aligned bytes.
         unsafe {
             let start = lines.as_mut_ptr().cast::<f64>();
             each!(H in 2 => {
@@ -130,12 +129,14 @@ impl Lanes for Avx512 {
     }
 }
 
-/// Lanes whose half lines are the lower halves of the four registers that [`transpose`] takes; the upper ones are of the
-/// lanes two further.
+/// Lanes whose half lines are the lower halves of the four registers that [`transpose`] takes.
+///
+/// The upper halves belong to the lanes two further.
 const LOW: [usize; 4] = [0, 1, 4, 5];
 
-/// Eight numbers from two places. The insertion reads memory, which costs no shuffle: on Intel's processors one unit alone
-/// does these.
+/// Loads eight numbers from two addresses.
+///
+/// The insertion reads memory and costs no shuffle; on Intel's processors a single unit executes shuffles.
 #[inline(always)]
 unsafe fn two_halves(low: *const f64, high: *const f64) -> __m512d {
     // SAFETY: the caller has AVX-512F, and both are 32 aligned bytes.
@@ -145,7 +146,7 @@ unsafe fn two_halves(low: *const f64, high: *const f64) -> __m512d {
     }
 }
 
-/// From halves of the lines 0 and 2, 1 and 3, 4 and 6, 5 and 7 to four rows of eight lanes.
+/// Transposes halves of the lines 0 and 2, 1 and 3, 4 and 6, 5 and 7 to four rows of eight lanes.
 #[inline(always)]
 unsafe fn transpose(r: &[__m512d; 4]) -> [__m512d; 4] {
     // SAFETY: the caller has AVX-512F.
@@ -166,7 +167,7 @@ unsafe fn transpose(r: &[__m512d; 4]) -> [__m512d; 4] {
     }
 }
 
-/// Undoes [`transpose`].
+/// Inverts [`transpose`].
 #[inline(always)]
 unsafe fn transpose_back(r: &[__m512d; 4]) -> [__m512d; 4] {
     // SAFETY: the caller has AVX-512F.

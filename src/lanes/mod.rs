@@ -1,9 +1,9 @@
-//! Eight numbers at a time, with the instructions that the processor has.
+//! Arithmetic on eight numbers at a time, with the instructions that the processor supports.
 //!
-//! Contract: the same bits from every [`InstructionSet`]. LaneKernel is written once, for any [`Lanes`].
+//! Contract: the same bits from every [`InstructionSet`]. A kernel is written once, for any [`Lanes`].
 //!
-//! This room and `nlgs::kernel` are the only ones of the crate with `unsafe`. Here it is sound because types that use
-//! instructions beyond the base ones are private and used only inside [`run`], after the processor was asked.
+//! Only this module and `nlgs::kernel` contain `unsafe`. Here it is sound because types that use instructions beyond
+//! the base ones are private and used only inside [`run`], after feature detection.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -18,17 +18,22 @@ pub(crate) use operations::each;
 pub use operations::{LANES, Lanes};
 pub use portable::Portable;
 
-/// What reads and writes lines by index, written once for all arithmetics.
+/// Kernel that reads and writes body velocities by index, written once for all instruction sets.
 pub trait VelocityKernel {
+    /// Result of the kernel.
     type Output;
+    /// Runs the kernel.
+    ///
     /// # Safety
-    /// The indices in what it reads are below the number of lines.
+    /// All body indices of the kernel are below the number of body velocities.
     unsafe fn run<L: Lanes>(self) -> Self::Output;
 }
 
-/// What needs no lines.
+/// Kernel without body velocities.
 pub trait LaneKernel {
+    /// Result of the kernel.
     type Output;
+    /// Runs the kernel.
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
@@ -40,11 +45,11 @@ impl<W: LaneKernel> VelocityKernel for W {
     }
 }
 
-/// Which instructions compute; the bits are the same.
+/// Instruction set that computes; results are the same bits for all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct InstructionSet(InstructionKind);
 
-/// Private, so that an [`InstructionSet`] is proof that the processor was asked.
+/// Kind of instruction set. Private, so that an [`InstructionSet`] proves that the processor supports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum InstructionKind {
     Portable,
@@ -55,10 +60,10 @@ enum InstructionKind {
 }
 
 impl InstructionSet {
-    /// What every processor has.
+    /// Instructions that every processor supports.
     pub const PORTABLE: Self = Self(InstructionKind::Portable);
 
-    /// All that there are, the fastest first.
+    /// Every instruction set, the fastest first.
     const ALL: &[Self] = &[
         #[cfg(target_arch = "x86_64")]
         Self(InstructionKind::Avx512),
@@ -67,7 +72,7 @@ impl InstructionSet {
         Self::PORTABLE,
     ];
 
-    /// Whether this processor has them.
+    /// True if this processor supports the instructions.
     fn is_supported(self) -> bool {
         #[cfg(target_arch = "x86_64")]
         let fused = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
@@ -80,17 +85,17 @@ impl InstructionSet {
         }
     }
 
-    /// All that this processor has, the fastest first.
+    /// Returns all instruction sets of this processor, the fastest first.
     pub fn available() -> Vec<Self> {
         Self::ALL.iter().copied().filter(|one| one.is_supported()).collect()
     }
 
-    /// The fastest one that this processor has.
+    /// Returns the fastest instruction set of this processor.
     pub fn detect() -> Self {
         Self::ALL.iter().copied().find(|one| one.is_supported()).unwrap_or(Self::PORTABLE)
     }
 
-    /// Whether there are 32 registers instead of 16.
+    /// True if there are 32 registers instead of 16.
     pub fn has_32_registers(self) -> bool {
         #[cfg(target_arch = "x86_64")]
         return self.0 == InstructionKind::Avx512;
@@ -98,7 +103,7 @@ impl InstructionSet {
         false
     }
 
-    /// What tables call it.
+    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self.0 {
             InstructionKind::Portable => "portable",
@@ -110,12 +115,12 @@ impl InstructionSet {
     }
 }
 
-/// Runs a pass with these instructions.
+/// Runs a kernel with these instructions.
 ///
 /// # Safety
-/// As for [`VelocityKernel::run`].
+/// See [`VelocityKernel::run`].
 pub unsafe fn run<P: VelocityKernel>(arithmetic: InstructionSet, pass: P) -> P::Output {
-    // SAFETY: the caller's, and [`InstructionSet::is_supported`] asked the processor.
+    // SAFETY: by the caller's contract, and [`InstructionSet::is_supported`] has tested the processor.
     unsafe {
         match arithmetic.0 {
             InstructionKind::Portable => pass.run::<Portable>(),
@@ -130,26 +135,26 @@ pub unsafe fn run<P: VelocityKernel>(arithmetic: InstructionSet, pass: P) -> P::
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 unsafe fn run_avx2<P: VelocityKernel>(pass: P) -> P::Output {
-    // SAFETY: the caller's.
+    // SAFETY: by the caller's contract.
     unsafe { pass.run::<avx2::Avx2>() }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx2,fma")]
 unsafe fn run_avx512<P: VelocityKernel>(pass: P) -> P::Output {
-    // What has to lie on a cache line makes the compiler align the stack, and with it the registers that are put there for
-    // a while: elsewhere each of them lies on two lines.
+    // A value that is aligned to a cache line makes the compiler align the stack, and with it spilled registers,
+    // which would otherwise straddle two lines.
     std::hint::black_box(&BodyVelocity::default());
-    // SAFETY: the caller's.
+    // SAFETY: by the caller's contract.
     unsafe { pass.run::<avx512::Avx512>() }
 }
 
-/// Asks for a value's memory to be brought to the cache.
+/// Prefetches a value's memory to the cache.
 pub fn prefetch<T: ?Sized>(value: &T) {
     prefetch_at(std::ptr::from_ref(value).cast::<u8>(), size_of_val(value));
 }
 
-/// Asks for so many bytes from `place` on to be brought to the cache; the address may be anything.
+/// Prefetches `bytes` bytes from `place` on to the cache; the address may be invalid.
 #[inline(always)]
 pub fn prefetch_at(place: *const u8, bytes: usize) {
     #[cfg(target_arch = "x86_64")]
@@ -162,8 +167,8 @@ pub fn prefetch_at(place: *const u8, bytes: usize) {
     let _ = (place, bytes);
 }
 
-/// Does work with these instructions.
+/// Runs a kernel without body velocities.
 pub fn compute<W: LaneKernel>(arithmetic: InstructionSet, work: W) -> W::Output {
-    // SAFETY: work has no indices.
+    // SAFETY: the kernel has no indices.
     unsafe { run(arithmetic, work) }
 }

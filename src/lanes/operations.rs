@@ -1,17 +1,16 @@
-//! Eight f64 at a time, one arithmetic on every processor.
+//! Operations on eight f64 at a time, with one arithmetic on every processor.
 //!
-//! Every operation is an IEEE operation rounded once (fused where it says fused), so all
-//! implementations give the same bits.
+//! Every operation is an IEEE operation rounded once (fused where stated), so all implementations give the same bits.
 
 use super::body_velocity::BodyVelocity;
 
 /// Number of lanes: numbers that one operation processes.
 pub const LANES: usize = 8;
 
-/// `[f(0), f(1), ...]` written out.
+/// Array `[f(0), f(1), ...]` without a closure.
 ///
-/// A closure (as `array::map` wants) is a function of its own, which has not the instructions of the
-/// function around it: kernels must not depend on the optimiser to merge the two.
+/// A closure (as in `array::map`) is a separate function without the target features of its caller: kernels must not
+/// depend on the optimiser to inline it.
 macro_rules! each {
     ($j:ident in 2 => $value:expr) => {
         each!($j in [0, 1] => $value)
@@ -36,50 +35,63 @@ pub(crate) use each;
 
 /// Eight f64 and the operations of the kernels on them.
 pub trait Lanes: Copy {
-    /// One truth value per lane.
+    /// Mask with one truth value per lane.
     type Mask: Copy;
 
-    /// Whether there are registers enough for two visits at once.
+    /// True if there are enough registers to process two blocks at a time.
     const PAIRS_OF_BLOCKS: bool = false;
 
+    /// Returns `x` in all lanes.
     fn splat(x: f64) -> Self;
+    /// Loads eight f64.
     fn load(row: &[f64; LANES]) -> Self;
+    /// Loads eight f32.
     fn load32(row: &[f32; LANES]) -> Self;
+    /// Stores eight f64.
     fn store(self, row: &mut [f64; LANES]);
-    /// Rounds to f32.
+    /// Stores eight f32, rounded to nearest.
     fn store32(self, row: &mut [f32; LANES]);
 
+    /// Returns `self + other`.
     fn add(self, other: Self) -> Self;
+    /// Returns `self - other`.
     fn sub(self, other: Self) -> Self;
+    /// Returns `self * other`.
     fn mul(self, other: Self) -> Self;
+    /// Returns `self / other`.
     fn div(self, other: Self) -> Self;
+    /// Returns the square root.
     fn sqrt(self) -> Self;
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// `self * b + c`, rounded once.
+    /// Returns `self * b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// `self * b - c`, rounded once.
+    /// Returns `self * b - c`, rounded once.
     fn mul_sub(self, b: Self, c: Self) -> Self;
-    /// `c - self * b`, rounded once.
+    /// Returns `c - self * b`, rounded once.
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
 
-    /// `self < other`; false where either is not a number.
+    /// Returns `self < other`; false for NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// `self <= other`; false where either is not a number.
+    /// Returns `self <= other`; false for NaN.
     fn le(self, other: Self) -> Self::Mask;
+    /// Returns `a` and `b`.
     fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Returns `a` or `b`.
     fn or(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// `a` and not `b`.
+    /// Returns `a` and not `b`.
     fn and_not(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Returns true if any lane is set.
     fn any(mask: Self::Mask) -> bool;
-    /// `yes` where the mask is set, else `no`.
+    /// Returns `yes` where the mask is set, else `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
-    /// Component `j` of the lines `indices`, for every `j`.
+    /// Returns component `j` of the body velocities `indices`, for every `j`.
     ///
     /// # Safety
     /// Every index is below `lines.len()`.
     unsafe fn gather(lines: &[BodyVelocity], indices: &[u32; LANES]) -> [Self; 8];
-    /// Writes what [`Lanes::gather`] read, in the order of the lanes.
+    /// Stores the components that [`Lanes::gather`] returns, in the order of the lanes.
     ///
     /// # Safety
     /// Every index is below `lines.len()`.

@@ -2,10 +2,10 @@
 
 use super::Vec3;
 
-/// Orthogonal projection of `x` on the cone of slope `mu`.
+/// Returns the orthogonal projection of `x` on the cone of slope `mu`.
 pub fn project(x: &Vec3, mu: f64) -> Vec3 {
     let tangential = x.yz().norm();
-    // First: without friction, what pulls straight would pass for a point of the cone.
+    // Tested first: without friction, a purely normal pull would pass as a point of the cone.
     if mu * tangential <= -x.x {
         return Vec3::zeros();
     }

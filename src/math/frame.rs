@@ -2,10 +2,10 @@
 
 use super::Vec3;
 
-/// Two tangents that complete the unit vector `n` to a right-handed frame `(n, t, s)`.
+/// Returns two tangents that complete the unit vector `n` to a right-handed frame `(n, t, s)`.
 ///
-/// Branch-free up to the sign of `n.z`, so neighbouring normals get neighbouring tangents.
-/// Source: Duff et al., *Building an orthonormal basis, revisited*, JCGT 6(1), 2017.
+/// Branch-free up to the sign of `n.z`, so neighbouring normals get neighbouring tangents. Source: Duff et al.,
+/// *Building an orthonormal basis, revisited*, JCGT 6(1), 2017.
 pub fn tangents(n: &Vec3) -> (Vec3, Vec3) {
     let sign = 1.0_f64.copysign(n.z);
     let a = -1.0 / (sign + n.z);

@@ -1,10 +1,10 @@
 //! Exponential and logarithm of rotations (T-3).
 //!
-//! Sines and arctangents are libm's: the operating system's differ in the last bit from one to the next (decision 002).
+//! Sines and arctangents are libm's, because those of operating systems differ in the last bit (decision 002).
 
 use super::{Quat, Vec3};
 
-/// Rotation by the vector `angle` (rad, world axes): `exp(angle)`.
+/// Returns the rotation by the vector `angle` (rad, world axes): `exp(angle)`.
 ///
 /// Series below 1e-4 rad, where `sin(x)/x` by division would lose digits.
 pub fn exp(angle: &Vec3) -> Quat {
@@ -20,7 +20,7 @@ pub fn exp(angle: &Vec3) -> Quat {
     Quat::new_normalize(nalgebra::Quaternion::new(scalar, v.x, v.y, v.z))
 }
 
-/// Rotation vector of `q` (rad), the shortest one: `exp(log(q)) = q`.
+/// Returns the shortest rotation vector of `q` (rad): `exp(log(q)) = q`.
 pub fn log(q: &Quat) -> Vec3 {
     let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
     let v = Vec3::new(q.i, q.j, q.k) * sign;
@@ -29,15 +29,15 @@ pub fn log(q: &Quat) -> Vec3 {
     v * factor
 }
 
-/// `exp(angle) q`, renormalised.
+/// Returns `exp(angle) q`, renormalised.
 pub fn advance(q: &Quat, angle: &Vec3) -> Quat {
     Quat::new_normalize((exp(angle) * q).into_inner())
 }
 
-/// Rate of the rotation vector `phi` of a body that turns with `angular_velocity` (world axes).
+/// Returns the rate of the rotation vector `phi` of a body that rotates with `angular_velocity` (world axes).
 ///
-/// The inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro
-/// Lie theory for state estimation in robotics*, 2018, equation 146.
+/// Inverse of the left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan, *A micro Lie theory for state
+/// estimation in robotics*, 2018, equation 146.
 pub fn rotation_vector_rate(phi: &Vec3, angular_velocity: &Vec3) -> Vec3 {
     let squared = phi.norm_squared();
     let factor = if squared < 1e-6 {
@@ -50,9 +50,10 @@ pub fn rotation_vector_rate(phi: &Vec3, angular_velocity: &Vec3) -> Vec3 {
     angular_velocity - once * 0.5 + phi.cross(&once) * factor
 }
 
-/// Spin (world axes) of a body whose rotation vector `phi` has this rate: undoes [`rotation_vector_rate`].
+/// Returns the angular velocity (world axes) of a body whose rotation vector `phi` has this rate.
 ///
-/// The left Jacobian of the exponential map. Source: as there, equation 145.
+/// Inverse of [`rotation_vector_rate`]: left Jacobian of the exponential map. Source: Sola, Deray, Atchuthan,
+/// equation 145.
 pub fn angular_velocity_from_rate(phi: &Vec3, rate: &Vec3) -> Vec3 {
     let squared = phi.norm_squared();
     let (first, second) = if squared < 1e-6 {

@@ -1,21 +1,22 @@
-//! What a usable model is.
+//! Validation of a model's constants.
 
 use super::{DofMode, Model, Mount, Part, PartitionRule};
 use crate::error::{Error, Result};
 
-/// What a coefficient of friction is to be: kernels keep it in f32.
+/// Valid coefficients of friction; kernels store them as f32.
 const FRICTION: &str = "at least 0, at most 1e30";
-/// Least and greatest mass of a grain, kg, or of a mount, and moment of inertia of one that turns, kg m²: kernels keep
-/// effective masses in f32.
+/// Valid masses (kg) of grains and mounts, and moments of inertia (kg m²) of rotating mounts.
+///
+/// Kernels store effective masses as f32.
 const MASS_RANGE: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
-/// Most parts of a driven body: their numbers are in the identity of contacts.
+/// Maximum number of parts of a driven body; the identity of contacts contains their number.
 const MAX_PARTS: usize = 4096;
 
 fn is_friction(friction: f64) -> bool {
     (0.0..=1e30).contains(&friction)
 }
 
-/// Refuses `found` unless `good`.
+/// Returns an error with `found` unless `good`.
 fn expect(good: bool, place: &str, expected: &str, found: impl std::fmt::Debug) -> Result<()> {
     if good {
         return Ok(());

@@ -1,38 +1,39 @@
-//! Driven bodies that contacts can move: which degrees of freedom, against what (T-28).
+//! Mounts of driven bodies that contacts can move (T-28).
 
 use super::stepping::Stepping;
 use crate::math::Vec3;
 
-/// How a driven body answers to its contacts.
+/// Mass, inertia and degrees of freedom of a driven body that contacts can move.
 ///
-/// Its degrees of freedom are the three translations of its reference point along the world's axes and
-/// the three rotations about them, each in one mode.
+/// The degrees of freedom are the three translations of its reference point along the world's axes and the three
+/// rotations about them, each in one mode.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mount {
     /// Mass that moves with the body, kg.
     pub mass: f64,
-    /// Moments of inertia about the centre of mass, along the body's axes, kg m²; above zero if the body
-    /// can turn.
+    /// Moments of inertia about the centre of mass, along the body's axes, kg m²; above zero if the body can rotate.
     pub inertia: Vec3,
     /// Centre of mass, in the body's frame, m.
     pub centre: Vec3,
+    /// Modes of the translations along x, y, z and the rotations about them.
     pub dof_modes: [DofMode; 6],
 }
 
-/// What a degree of freedom follows.
+/// Mode of a degree of freedom.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DofMode {
-    /// The imposed motion, whatever pushes back.
+    /// Follows the imposed motion regardless of forces.
     Prescribed,
-    /// Loads and gravity alone.
+    /// Moves under loads, gravity and contacts.
     Free,
-    /// The imposed motion, through a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad). Gravity is
-    /// carried by the machine.
+    /// Follows the imposed motion through a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad).
+    ///
+    /// The machine carries gravity.
     Spring { stiffness: f64, damping: f64 },
 }
 
 impl DofMode {
-    /// The freedom's name in messages.
+    /// Returns the mode's name in messages.
     pub fn name(self) -> &'static str {
         match self {
             DofMode::Prescribed => "prescribed",
@@ -41,7 +42,7 @@ impl DofMode {
         }
     }
 
-    /// Stiffness and damping; none where there is no spring.
+    /// Returns stiffness and damping; zeros without a spring.
     pub fn spring(self) -> [f64; 2] {
         match self {
             DofMode::Spring { stiffness, damping } => [stiffness, damping],
@@ -49,13 +50,14 @@ impl DofMode {
         }
     }
 
+    /// True if the degree of freedom follows the imposed motion exactly.
     pub fn is_prescribed(self) -> bool {
         self == DofMode::Prescribed
     }
 }
 
 impl Mount {
-    /// A mass on a spring (N/m) and damper (N s/m) that are equal in all directions; it does not turn.
+    /// Returns a mass on equal springs (N/m) and dampers (N s/m) in all directions, without rotation.
     pub fn spring(mass: f64, stiffness: f64, damping: f64) -> Self {
         let spring = DofMode::Spring { stiffness, damping };
         let prescribed = DofMode::Prescribed;
@@ -67,17 +69,17 @@ impl Mount {
         }
     }
 
-    /// Modes of the three translations.
+    /// Returns the modes of the three translations.
     pub fn translations(&self) -> [DofMode; 3] {
         [self.dof_modes[0], self.dof_modes[1], self.dof_modes[2]]
     }
 
-    /// Modes of the three rotations.
+    /// Returns the modes of the three rotations.
     pub fn rotations(&self) -> [DofMode; 3] {
         [self.dof_modes[3], self.dof_modes[4], self.dof_modes[5]]
     }
 
-    /// Whether an impulse moves the body's mass alike in all directions.
+    /// True if an impulse moves the body's mass equally in all directions.
     pub fn has_isotropic_translations(&self) -> bool {
         let [x, y, z] = self.translations();
         !(x.is_prescribed() || y.is_prescribed() || z.is_prescribed())
@@ -85,14 +87,15 @@ impl Mount {
             && y.spring() == z.spring()
     }
 
-    /// Whether contacts can turn the body.
+    /// True if contacts can rotate the body.
     pub fn can_rotate(&self) -> bool {
         self.rotations().iter().any(|r| !r.is_prescribed())
     }
 
-    /// Share of the deflection and its rate at the end of a step with which springs and dampers of translations act, beside
-    /// those at its start (T-28): one half, means, as far as the step resolves what they do; beyond, more, so that it dies
-    /// away. Those of rotations act with the end alone.
+    /// Returns the weight of the end of a step in the forces of translational springs and dampers (T-28).
+    ///
+    /// One half where the step resolves their motion; larger beyond, so that the motion decays. Rotational springs
+    /// and dampers act with the end alone.
     pub fn end_weight(&self, stepping: &Stepping) -> f64 {
         let h = stepping.h();
         let turning =
@@ -109,7 +112,7 @@ impl Mount {
         needed.fold(stepping.theta, f64::max)
     }
 
-    /// What spring and damper of degree of freedom `k` add to its inertia because they answer within the step (T-28).
+    /// Returns the inertia that spring and damper of degree of freedom `k` add by responding within the step (T-28).
     pub fn added_inertia(&self, k: usize, stepping: &Stepping) -> f64 {
         let h = stepping.h();
         let [stiffness, damping] = self.dof_modes[k].spring();
@@ -117,12 +120,12 @@ impl Mount {
         share * h * (damping + h * stepping.theta * stiffness)
     }
 
-    /// Whether contacts can turn the body in all directions, so that its angular momentum is its own.
+    /// True if contacts can rotate the body about all axes, so that its angular momentum is free.
     pub fn rotates_freely(&self) -> bool {
         !self.rotations().iter().any(|r| r.is_prescribed())
     }
 
-    /// Numbers of the degrees of freedom that are not held.
+    /// Returns the numbers of the degrees of freedom that are not prescribed.
     pub fn free_dofs(&self) -> impl Iterator<Item = usize> {
         (0..6).filter(|k| !self.dof_modes[*k].is_prescribed())
     }

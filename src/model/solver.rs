@@ -1,21 +1,22 @@
 //! Solver parameters.
 
-/// In which order subdomains and interface are swept (T-12).
+/// Order of sweeps over subdomains and interface (T-12).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Schedule {
     /// One set of contacts, no decomposition.
     Sequential,
-    /// Subdomains in parallel, then the interface: the same bytes for any number of threads.
+    /// Subdomains in parallel, then the interface; same results for any number of threads.
     Synchronous,
-    /// The interface is one more subdomain of the parallel loop; newest values, in no order.
+    /// Interface as one more subdomain of the parallel loop, with the newest values in no fixed order.
     Asynchronous,
 }
 
 impl Schedule {
+    /// Every schedule.
     pub const ALL: [Schedule; 3] =
         [Schedule::Sequential, Schedule::Synchronous, Schedule::Asynchronous];
 
-    /// The schedule's name in files and recordings.
+    /// Returns the schedule's name in files and recordings.
     pub fn name(self) -> &'static str {
         match self {
             Schedule::Sequential => "sequential",
@@ -24,28 +25,28 @@ impl Schedule {
         }
     }
 
-    /// The schedule of a name.
+    /// Returns the schedule of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|schedule| schedule.name() == name)
     }
 }
 
-/// How grains are distributed to subdomains.
+/// Rule that distributes grains to subdomains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PartitionRule {
     /// Equal boxes that span the grains and mounted bodies: `[1, 1, n]` are layers, `[n, 1, 1]` slabs along x.
     Boxes([u32; 3]),
-    /// This many compact subdomains with equal numbers of contacts.
+    /// Number of compact subdomains with equal numbers of contacts.
     Balanced(u32),
-    /// Compact subdomains of about this many contacts each.
+    /// Approximate number of contacts of each compact subdomain.
     ContactsPer(u32),
 }
 
 impl PartitionRule {
-    /// Most subdomains that may be asked for: more have no contacts left to share.
+    /// Maximum number of subdomains; more would have no contacts to share.
     pub const MAX_SUBDOMAINS: u64 = 100_000;
 
-    /// How many subdomains are asked for; one where their number follows from that of the contacts.
+    /// Returns the requested number of subdomains; 1 if it follows from the number of contacts.
     pub fn requested_subdomains(self) -> u64 {
         match self {
             Self::Boxes(n) => n.iter().fold(1, |a, b| u64::saturating_mul(a, u64::from(*b))),
@@ -123,21 +124,22 @@ impl Default for PenetrationCorrection {
     }
 }
 
-/// Which residual [`Solver::tolerance`] bounds.
+/// Residual that [`Solver::tolerance`] bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Norm {
-    /// All of LMGC90's quadratic, maximum/16 and impulse-weighted norms (T-11); tolerance 1.666e-4 by habit.
+    /// LMGC90's quadratic, maximum/16 and impulse-weighted norms together (T-11); usual tolerance 1.666e-4.
     Qm16,
-    /// Its quadratic norm alone; misses newly created contacts.
+    /// LMGC90's quadratic norm alone; misses newly created contacts.
     Quad,
-    /// The natural map, scaled (T-10).
+    /// Scaled natural map (T-10).
     NaturalMap,
 }
 
 impl Norm {
+    /// Every norm.
     pub const ALL: [Norm; 3] = [Norm::Qm16, Norm::Quad, Norm::NaturalMap];
 
-    /// The norm's name in files of beds, checkpoints and results.
+    /// Returns the norm's name in files of beds, checkpoints and results.
     pub fn name(self) -> &'static str {
         match self {
             Norm::Qm16 => "qm16",

@@ -1,5 +1,4 @@
-//! This step's prediction: the configuration in which contacts are found, and the velocities that
-//! bodies would have without contacts (T-1 to T-4).
+//! Prediction of a step: configuration of contact detection, and velocities without contacts (T-1 to T-4).
 //!
 //! Reads: model, state, inputs. Writes: [`Motion`]. Cost: O(bodies).
 
@@ -29,19 +28,20 @@ pub struct Motion {
     pub velocity: Vec<Vec3>,
     /// Free and imposed angular velocity, world axes, rad/s.
     pub angular_velocity: Vec<Vec3>,
-    /// How the mounted bodies answer to impulses `[nm]`.
+    /// Responses of the mounted bodies to impulses `[nm]`.
     pub responses: Vec<MountResponse>,
 }
 
 impl Motion {
-    /// Pose of body `b` at configuration m.
+    /// Returns the pose of body `b` at configuration m.
     pub fn pose(&self, b: usize) -> Pose {
         Pose { position: self.position[b], orientation: self.orientation[b] }
     }
 
     /// Predicts the step that starts at `state`.
     ///
-    /// Refuses inputs of the wrong number and values that are not finite.
+    /// # Errors
+    /// [`Error::Input`] for the wrong number of inputs, [`Error::State`] for values that are not finite.
     pub fn predict(&mut self, model: &Model, state: &State, inputs: &StepInputs) -> Result<()> {
         let (ng, nd) = (model.grains.len(), model.driven.len());
         if inputs.targets.len() != nd {
@@ -69,16 +69,19 @@ impl Motion {
         self.predict_driven(model, state, inputs)
     }
 
-    /// Velocity and angular velocity of body `b` at the end of the step, m/s and rad/s; `velocity` and `angular velocity` are the solved ones of the
-    /// mobile bodies.
+    /// Returns velocity (m/s) and angular velocity (rad/s) of body `b` at the end of the step.
+    ///
+    /// `velocity` and `angular_velocity` are the solved ones of the mobile bodies.
     pub fn twist(&self, velocity: &[Vec3], angular_velocity: &[Vec3], b: usize) -> (Vec3, Vec3) {
         let solved = velocity.get(b).zip(angular_velocity.get(b));
         let (v, w) = solved.unwrap_or((&self.velocity[b], &self.angular_velocity[b]));
         (*v, *w)
     }
 
-    /// Velocity and angular velocity with which body `b` begins the step, m/s and rad/s: those it had, but for what is imposed, which has
-    /// those of this step throughout (T-4, T-14). Where a held rotation begins or stops, the centre of mass goes on (T-28).
+    /// Returns velocity (m/s) and angular velocity (rad/s) of body `b` at the start of the step.
+    ///
+    /// Imposed components have those of this step throughout (T-4, T-14). Where a prescribed rotation starts or
+    /// stops, the centre of mass keeps its velocity (T-28).
     pub fn initial_twist(&self, model: &Model, state: &State, b: usize) -> (Vec3, Vec3) {
         let had = (state.velocity[b], state.angular_velocity[b]);
         let Some(d) = b.checked_sub(model.grains.len()) else { return had };
@@ -92,7 +95,7 @@ impl Motion {
         (choose(mount.translations(), imposed.0, had.0 + around), angular_velocity)
     }
 
-    /// A grain without a place would find no contact, and be lost in silence.
+    /// Refuses a grain without a finite position, which would find no contact.
     fn check_grains(&self, ng: usize) -> Result<()> {
         let is_finite = |i: usize| {
             let sum = self.position[i] + self.velocity[i] + self.angular_velocity[i];
@@ -131,7 +134,9 @@ impl Motion {
             });
     }
 
-    /// Spin of grain `i` where the step ends, at the orientation `end`; `solved` is the one at configuration m.
+    /// Returns the angular velocity of grain `i` at the end of the step, at the orientation `end`.
+    ///
+    /// `solved` is the one at configuration m.
     pub fn angular_velocity_at_end(
         &self,
         model: &Model,
@@ -176,7 +181,7 @@ impl Motion {
     }
 }
 
-/// Grain `i` at the start of the step.
+/// Returns grain `i` at the start of the step.
 fn grain<'a>(model: &'a Model, state: &'a State, i: usize) -> FreeRotation<'a, Vec3> {
     let (start, angular_velocity) = (&state.orientation[i], &state.angular_velocity[i]);
     FreeRotation { inertia: &model.grains.inertia[i], start, angular_velocity }

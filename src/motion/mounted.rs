@@ -1,4 +1,4 @@
-//! Mounted bodies: where they are at configuration m, and where the step ends (T-28).
+//! Mounted bodies: prediction at configuration m, and pose at the end of the step (T-28).
 
 use super::free_rotation::{FreeRotation, InertiaTensor};
 use super::{Motion, prescribed_rotation};
@@ -8,10 +8,10 @@ use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
 use crate::model::{DofMode, Model, Mount, Stepping};
 use crate::state::State;
 
-/// Turn of a mount that counts as none, rad.
+/// Maximum rotation of a mount that counts as none, rad.
 const MAX_NEGLECTED_ROTATION: f64 = 1e-12;
 
-/// A mounted body at the start of the step, and what acts on it during the step.
+/// Mounted body at the start of the step, and the inputs of the step.
 pub(super) struct MountedBody<'a> {
     pub mount: &'a Mount,
     pub stepping: &'a Stepping,
@@ -19,7 +19,7 @@ pub(super) struct MountedBody<'a> {
     pub start: Pose,
     pub velocity: Vec3,
     pub angular_velocity: Vec3,
-    /// Where the mount was and will be.
+    /// Pose of the mount at the start of the step.
     pub from: Pose,
     pub target: &'a Pose,
     pub load: Load,
@@ -73,8 +73,10 @@ impl Motion {
         Ok(())
     }
 
-    /// Where mounted body `d` is at the end of the step, and its velocity and angular velocity there; `v` and `w` are the solved ones at
-    /// configuration m. What is held is where the target says: rounding must not add up over steps.
+    /// Returns pose, velocity and angular velocity of mounted body `d` at the end of the step.
+    ///
+    /// `v` and `w` are the solved ones at configuration m. Prescribed components equal the target, so that rounding
+    /// does not accumulate.
     pub fn mounted_end_state(
         &self,
         model: &Model,
@@ -90,12 +92,12 @@ impl Motion {
     }
 }
 
-/// The components whose modes are chosen; zero elsewhere.
+/// Returns the components with chosen modes, and zero elsewhere.
 pub(super) fn only(modes: [DofMode; 3], chosen: impl Fn(DofMode) -> bool, v: &Vec3) -> Vec3 {
     Vec3::from_fn(|k, _| if chosen(modes[k]) { v[k] } else { 0.0 })
 }
 
-/// The components in modes that are not held.
+/// Returns the components with modes that are not prescribed.
 pub(super) fn free(modes: [DofMode; 3], v: &Vec3) -> Vec3 {
     only(modes, |m| !m.is_prescribed(), v)
 }
@@ -127,13 +129,13 @@ impl<'a> MountedBody<'a> {
         self.stepping.h()
     }
 
-    /// Velocity of held translations: the constant one that ends at the target.
+    /// Returns the velocity of prescribed translations: the constant one that ends at the target.
     pub fn held_velocity(&self) -> Vec3 {
         let velocity = (self.target.position - self.start.position) / self.h();
         only(self.mount.translations(), DofMode::is_prescribed, &velocity)
     }
 
-    /// Configuration m; `angular velocity` is that of held rotations.
+    /// Returns the pose at configuration m; `angular_velocity` is that of prescribed rotations.
     fn middle(&self, angular_velocity: &Vec3, is_turned: bool) -> Pose {
         let (mount, start) = (self.mount, &self.start);
         let before = self.h() * (1.0 - self.stepping.theta);
@@ -149,35 +151,35 @@ impl<'a> MountedBody<'a> {
             let velocity = free(mount.translations(), &self.velocity) + self.held_velocity();
             return Pose { position: start.position + velocity * before, orientation };
         }
-        // The centre of mass goes straight on, and the reference point round it.
+        // The centre of mass moves on a straight line, the reference point around it.
         let around = start.orientation * mount.centre - orientation * mount.centre;
         let position = start.position + around + self.velocity_of_centre() * before;
         Pose { position, orientation }
     }
 
-    /// What held rotations follow, at configuration m.
+    /// Returns the target orientation of prescribed rotations at configuration m.
     fn target_at_middle(&self) -> Quat {
         let turn = self.turn() * (1.0 - self.stepping.theta);
         rotation::advance(&self.from.orientation, &turn)
     }
 
-    /// How a body of this orientation is turned from what held rotations follow, at configuration m.
+    /// Returns the rotation of a body of this orientation relative to its target, at configuration m.
     pub fn turn_from_target(&self, middle: &Quat) -> Quat {
         middle * self.target_at_middle().inverse()
     }
 
-    /// Turn of the mount during the step, rad.
+    /// Returns the rotation vector of the mount during the step, rad.
     pub fn turn(&self) -> Vec3 {
         rotation::log(&(self.target.orientation * self.from.orientation.inverse()))
     }
 
-    /// Velocity of the centre of mass at the start.
+    /// Returns the velocity of the centre of mass at the start, m/s.
     pub fn velocity_of_centre(&self) -> Vec3 {
         self.velocity + self.angular_velocity.cross(&(self.start.orientation * self.mount.centre))
     }
 
-    /// Spin that the body would have at the end of the step without springs, loads and contacts; of one that is free to
-    /// turn in all directions.
+    /// Returns the angular velocity at the end of the step without springs, loads and contacts, if all rotations are
+    /// free.
     pub fn free_angular_velocity(&self, middle: &Quat) -> Option<Vec3> {
         let free_spin = || {
             self.free_rotation(&inertia_about_free_point(self.mount))
@@ -194,7 +196,7 @@ impl<'a> MountedBody<'a> {
         }
     }
 
-    /// Pose, velocity and angular velocity where the step ends, from those that were solved at configuration m.
+    /// Returns pose, velocity and angular velocity at the end of the step, from those solved at configuration m.
     fn end(
         &self,
         middle: &Pose,
@@ -234,8 +236,7 @@ impl<'a> MountedBody<'a> {
     }
 }
 
-/// Inertia about the point that goes its own way: the centre of mass, or the reference point of a body that tumbles in its
-/// place.
+/// Returns the inertia about the centre of mass, or about the reference point if translations are not isotropic.
 pub(super) fn inertia_about_free_point(mount: &Mount) -> InertiaTensor {
     let mut inertia = Mat3::from_diagonal(&mount.inertia);
     if mount.rotates_freely() && !mount.has_isotropic_translations() {
@@ -244,7 +245,7 @@ pub(super) fn inertia_about_free_point(mount: &Mount) -> InertiaTensor {
     InertiaTensor(inertia, inertia.try_inverse().unwrap_or_else(|| Mat3::repeat(f64::NAN)))
 }
 
-/// `-[v]²`: the moments of inertia of a point mass at `v`, over the mass.
+/// Returns `-[v]²`: the moments of inertia of a point mass at `v`, over the mass.
 pub(super) fn point_inertia(v: &Vec3) -> Mat3 {
     Mat3::from_diagonal_element(v.norm_squared()) - v * v.transpose()
 }

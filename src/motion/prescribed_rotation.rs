@@ -1,13 +1,15 @@
-//! Held rotations beside free ones (T-28): which turns from its target's orientation they leave a body, and which angular velocities.
+//! Prescribed rotations combined with free ones (T-28): admissible orientations and angular velocities.
 //!
-//! Rotations are about the world's axes, so what is held is no component of a body's turn but a condition on the whole:
-//! with one free axis it turns about that axis, with two about any axis in their plane.
+//! Rotations are about the world's axes, so a prescribed rotation is no component of a body's rotation but a
+//! constraint on the whole: with one free axis the body rotates about that axis, with two about any axis in their
+//! plane.
 
 use crate::math::{Quat, Vec3, rotation};
 use crate::model::Mount;
 
-/// The constraints `n · ω = n · R ω_target` of held rotations on the angular velocity of a body that is turned by `R`, the rotation `turn`,
-/// from its target: the held axes, and their unit vectors `n`.
+/// Returns the constraints `n · ω = n · R ω_target` of prescribed rotations: their axes and unit vectors `n`.
+///
+/// `R`, the rotation `turn`, leads from the target to the body.
 pub fn constraints(mount: &Mount, turn: &Quat) -> Vec<(usize, Vec3)> {
     let (free, held) = axes(mount);
     let condition = |k: &usize| {
@@ -18,7 +20,8 @@ pub fn constraints(mount: &Mount, turn: &Quat) -> Vec<(usize, Vec3)> {
     held.iter().map(condition).collect()
 }
 
-/// The angular velocity of a unit rate of the free rotation `k` that meets the constraints of a target that does not turn.
+/// Returns the angular velocity of a unit rate of the free rotation `k` that meets the constraints of a target at
+/// rest.
 pub fn constrained_rotation(constraints: &[(usize, Vec3)], k: usize) -> Vec3 {
     let mut angular_velocity = Vec3::ith(k, 1.0);
     for (held, n) in constraints {
@@ -27,7 +30,7 @@ pub fn constrained_rotation(constraints: &[(usize, Vec3)], k: usize) -> Vec3 {
     angular_velocity
 }
 
-/// The orientation next to `q` that held rotations allow beside the target's. Rounding does not add up over steps.
+/// Returns the admissible orientation nearest to `q`. Prevents rounding from accumulating over steps.
 pub fn project(mount: &Mount, target: &Quat, q: &Quat) -> Quat {
     let turn = q * target.inverse();
     let about =
@@ -41,7 +44,7 @@ pub fn project(mount: &Mount, target: &Quat, q: &Quat) -> Quat {
     }
 }
 
-/// Rotations that are free, and that are held.
+/// Returns the free and the prescribed rotations.
 fn axes(mount: &Mount) -> (Vec<usize>, Vec<usize>) {
     let modes = mount.rotations();
     (0..3).partition(|k| !modes[*k].is_prescribed())

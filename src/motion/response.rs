@@ -1,8 +1,8 @@
-//! How mounted bodies move without contacts, and how they answer to impulses (T-28).
+//! Motion of mounted bodies without contacts, and their response to impulses (T-28).
 //!
-//! A body whose translations are alike stands in the contact problem like a grain: an effective mass, at
-//! a point that is not its centre of mass if springs hold it, and an effective inertia about that point.
-//! Any other one has up to three degrees of freedom, which take the place of the grain's whitened angular velocity.
+//! A body with isotropic translations enters the contact problem like a grain: an effective mass, at a point that is
+//! not its centre of mass if springs hold it, and an effective inertia about that point. Any other body has up to
+//! three degrees of freedom, which replace the grain's whitened angular velocity.
 
 use super::free_rotation::Inertia;
 use super::mounted::{MountedBody, free, inertia_about_free_point, only, point_inertia};
@@ -10,31 +10,33 @@ use super::prescribed_rotation;
 use crate::math::{Mat3, Pose, Quat, Vec3, rotation};
 use crate::model::DofMode;
 
-/// A held rotation that is imposed beside free ones is an inertia this many times the natural one.
+/// Factor of the inertia of a prescribed rotation over the natural one, if others are free.
 const PRESCRIBED_INERTIA_FACTOR: f64 = 1e9;
 
-/// How a mounted body moves without contacts, and how it answers to impulses.
+/// Motion of a mounted body without contacts, and its response to impulses.
 ///
-/// In whitened coordinates `ŵ`, whose inertia is the identity, the body's angular velocity is `turn ŵ`, and its point
-/// at `centre` has the velocity `velocity + shift ŵ`.
+/// In whitened coordinates `ŵ`, whose inertia is the identity, the body's angular velocity is `angular_map ŵ`, and
+/// its point at `centre` has the velocity `velocity + linear_map ŵ`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MountResponse {
-    /// m/s.
+    /// Velocity of the point at `centre` for `ŵ = 0`, m/s.
     pub velocity: Vec3,
-    /// kg^(1/2) m/s.
+    /// Whitened coordinates without contacts, kg^(1/2) m/s.
     pub whitened_velocity: Vec3,
-    /// Of `velocity` to an impulse, 1/kg; zero where translations are not alike.
+    /// Inverse mass, the response of `velocity` to an impulse, 1/kg; zero if translations are not isotropic.
     pub inverse_mass: f64,
-    /// From the body's reference point, world axes, m.
+    /// Vector from the body's reference point to the effective centre, world axes, m.
     pub centre: Vec3,
+    /// Map from whitened coordinates to angular velocity.
     pub angular_map: Mat3,
+    /// Map from whitened coordinates to velocity.
     pub linear_map: Mat3,
-    /// Spin that a body free to turn in all directions would have without springs, loads and contacts, rad/s.
+    /// Angular velocity without springs, loads and contacts, rad/s; zero unless all rotations are free.
     pub free_angular_velocity: Vec3,
 }
 
 impl MountResponse {
-    /// Velocity of the reference point (m/s) and angular velocity (rad/s).
+    /// Returns velocity of the reference point (m/s) and angular velocity (rad/s).
     pub fn twist(&self, velocity: &Vec3, whitened: &Vec3) -> (Vec3, Vec3) {
         let angular_velocity = self.angular_map * whitened;
         (
@@ -45,7 +47,7 @@ impl MountResponse {
 }
 
 impl MountedBody<'_> {
-    /// Impulse (N s) of springs and dampers on translations, but for what the velocity of the end adds.
+    /// Returns the impulse (N s) of translational springs and dampers without the contribution of the end velocity.
     fn pull(&self, position: &Vec3) -> Vec3 {
         let (h, shift) = (self.h(), self.target.position - self.from.position);
         let end = self.mount.end_weight(self.stepping);
@@ -59,8 +61,10 @@ impl MountedBody<'_> {
         })
     }
 
-    /// The same on rotations, N m s. What is stored is `φ·K φ/2` of the rotation vector `φ` to the target, and its slope is
-    /// not `K φ` where springs differ: that would drive the body round.
+    /// Returns the impulse (N m s) of rotational springs and dampers without the contribution of the end velocity.
+    ///
+    /// The stored energy is `φ·K φ/2` of the rotation vector `φ` to the target. Its gradient is not `K φ` if
+    /// stiffnesses differ: that torque would feed energy in.
     fn twist_pull(&self, orientation: &Quat) -> Vec3 {
         let way = rotation::log(&(self.target.orientation * orientation.inverse()));
         let (shift, modes) = (self.turn(), self.mount.rotations());
@@ -73,8 +77,9 @@ impl MountedBody<'_> {
         self.gravity * self.mount.mass
     }
 
-    /// Impulses of load and weight over the step, on degrees of freedom that take them; `d` is from the
-    /// reference point to the centre of mass.
+    /// Returns the impulses of load and weight over the step on the degrees of freedom that take them.
+    ///
+    /// `d` is the vector from the reference point to the centre of mass.
     fn loads(&self, d: &Vec3) -> [Vec3; 2] {
         let is_loaded = |m: DofMode| m == DofMode::Free;
         let (forward, turning) = (self.mount.translations(), self.mount.rotations());
@@ -83,7 +88,7 @@ impl MountedBody<'_> {
         [force * self.h(), (free(turning, &self.load.torque) + moment) * self.h()]
     }
 
-    /// From the reference point to the centre of mass, and inertia about the reference point.
+    /// Returns the vector from the reference point to the centre of mass, and the inertia about the reference point.
     fn inertia(&self, orientation: &Quat) -> (Vec3, Mat3) {
         let r = orientation.to_rotation_matrix().into_inner();
         let d = r * self.mount.centre;
@@ -91,7 +96,9 @@ impl MountedBody<'_> {
         (d, about_centre + point_inertia(&d) * self.mount.mass)
     }
 
-    /// A body that does not turn: a mass. One that turned until now keeps the momentum of its centre of mass.
+    /// Returns the response of a body that does not rotate.
+    ///
+    /// One that rotated until now keeps the momentum of its centre of mass.
     pub fn mass_response(&self, middle: &Pose) -> MountResponse {
         let mass = self.mount.mass + self.mount.added_inertia(0, self.stepping);
         let [load, _] = self.loads(&Vec3::zeros());
@@ -104,14 +111,16 @@ impl MountedBody<'_> {
         }
     }
 
-    /// What momentum and angular momentum about the reference point would be at the end of the step, but for
-    /// what springs and dampers add by the velocity of the end; `d` is from there to the centre of mass.
+    /// Returns linear and angular momentum about the reference point at the end of the step.
+    ///
+    /// Without the contribution of the end velocity to springs and dampers; `d` is the vector from there to the
+    /// centre of mass.
     fn momenta(&self, middle: &Pose, d: &Vec3, free_angular_velocity: Option<Vec3>) -> [Vec3; 2] {
         let (w, q, m) = (self.angular_velocity, &middle.orientation, self.mount.mass);
         let v = self.velocity - self.held_velocity();
         let carried = match free_angular_velocity {
             _ if self.mount.has_isotropic_translations() => self.velocity_of_centre() * m,
-            // What goes round the reference point belongs to the inertia about it.
+            // Motion around the reference point belongs to the inertia about it.
             Some(_) => v * m,
             None => {
                 let around = w.cross(d);
@@ -121,7 +130,7 @@ impl MountedBody<'_> {
         let inertia = inertia_about_free_point(self.mount);
         let own = free_angular_velocity.map_or_else(
             || {
-                // What holds it takes the rest of the gyroscopic term.
+                // The prescribed rotations take the rest of the gyroscopic term.
                 let momentum = inertia.momentum_at(q, &w);
                 momentum - w.cross(&momentum) * self.h()
             },
@@ -134,7 +143,9 @@ impl MountedBody<'_> {
         ]
     }
 
-    /// A body that turns and moves alike in all directions; `target` is the angular velocity of what held rotations follow.
+    /// Returns the response of a rotating body with isotropic translations.
+    ///
+    /// `target` is the angular velocity of the target of prescribed rotations.
     pub fn rigid_body_response(&self, middle: &Pose, target: &Vec3) -> MountResponse {
         let mount = self.mount;
         let (d, inertia) = self.inertia(&middle.orientation);
@@ -143,10 +154,10 @@ impl MountedBody<'_> {
         let free_angular_velocity = self.free_angular_velocity(&middle.orientation);
         let [momentum, mut angular] = self.momenta(middle, &d, free_angular_velocity);
         let added = Vec3::from_fn(|k, _| mount.added_inertia(3 + k, self.stepping));
-        // The point where momentum and angular momentum part: there the mass counts with its springs.
+        // At this point linear and angular momentum decouple: there the mass includes its springs.
         let centre = d * (m / mass);
         let mut about = inertia + Mat3::from_diagonal(&added) - point_inertia(&centre) * mass;
-        // The mass counts at 1 m.
+        // The mass is taken at a distance of 1 m.
         let stiff = PRESCRIBED_INERTIA_FACTOR * (inertia.trace() + m);
         let turn = self.turn_from_target(&middle.orientation);
         for (_, n) in prescribed_rotation::constraints(mount, &turn) {
@@ -165,7 +176,7 @@ impl MountedBody<'_> {
         }
     }
 
-    /// Up to three degrees of freedom of any kind.
+    /// Returns the response of a body with up to three degrees of freedom of any kind.
     pub fn dof_response(&self, middle: &Pose) -> MountResponse {
         let (mount, m) = (self.mount, self.mount.mass);
         let (d, inertia) = self.inertia(&middle.orientation);
@@ -173,8 +184,8 @@ impl MountedBody<'_> {
         let [momentum, angular] = self.momenta(middle, &d, free_angular_velocity);
         let turn = self.turn_from_target(&middle.orientation);
         let constraints = prescribed_rotation::constraints(mount, &turn);
-        // Unit twists of the degrees of freedom: velocity and angular velocity. One that is not there has none, and
-        // an inertia of 1.
+        // Unit twists of the degrees of freedom: velocity and angular velocity. Unused columns are zero, with an
+        // inertia of 1.
         let mut twists = [(Vec3::zeros(), Vec3::zeros()); 3];
         let mut added = Vec3::repeat(1.0);
         for (column, k) in mount.free_dofs().enumerate() {
@@ -204,10 +215,9 @@ impl MountedBody<'_> {
     }
 }
 
-/// `B` with `B Bᵀ = M⁻¹`, and the whitened coordinates `ŵ` of the momentum: the velocity is `B ŵ`.
+/// Returns `B` with `B Bᵀ = M⁻¹`, and the whitened coordinates `ŵ` of the momentum: the velocity is `B ŵ`.
 fn whiten(mass: &Mat3, momentum: &Vec3) -> (Mat3, Vec3) {
-    // Positive definite for a mount that has been checked; anything else becomes NaN, which the step
-    // refuses by name.
+    // Positive definite for a valid mount; anything else becomes NaN, which the step refuses by name.
     let lower = mass.cholesky().map_or_else(|| Mat3::repeat(f64::NAN), |c| c.l());
     let inverse = lower.try_inverse().unwrap_or_else(|| Mat3::repeat(f64::NAN));
     (inverse.transpose(), inverse * momentum)

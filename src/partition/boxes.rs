@@ -3,7 +3,7 @@
 use crate::geometry::AxisBox;
 use crate::math::Vec3;
 
-/// Numbers the box of a regular grid that holds each position; returns the number of boxes.
+/// Assigns the box of a regular grid to each position; returns the number of boxes.
 ///
 /// The grid spans the bounding box of the positions.
 pub(super) fn assign(grid: [u32; 3], position: &[Vec3], owner: &mut [u32]) -> usize {

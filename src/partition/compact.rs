@@ -3,14 +3,15 @@
 use crate::geometry::AxisBox;
 use crate::math::Vec3;
 
-/// Slices that the longest side is cut into to find the median: a slice of a bed is thinner than a
-/// grain, so balance is lost by a few grains at most.
+/// Slices of the longest side in the search for the median.
+///
+/// A slice of a bed is thinner than a grain, so the imbalance is a few grains at most.
 const SLICES: usize = 1024;
 
-/// Grains below which a branch is not worth handing to another thread.
+/// Minimum number of grains of a branch that runs on another thread.
 const GRAIN_OF_WORK: usize = 4096;
 
-/// Numbers the subdomain of each position, `0..n`, so that weights are equal and boxes compact.
+/// Assigns a subdomain `0..n` to each position, so that weights are equal and boxes compact.
 pub(super) fn assign(n: usize, position: &[Vec3], weight: &[u32], owner: &mut [u32]) {
     let mut items: Vec<u32> = (0..position.len() as u32).collect();
     let mut spare = items.clone();
@@ -24,7 +25,7 @@ pub(super) fn assign(n: usize, position: &[Vec3], weight: &[u32], owner: &mut [u
 
 type Parts = Vec<(std::ops::Range<usize>, u32)>;
 
-/// Cuts `items` into `n` parts numbered from `first`; ranges are relative to `items`.
+/// Splits `items` into `n` parts numbered from `first`; ranges are relative to `items`.
 fn bisect(
     n: usize,
     first: u32,
@@ -53,8 +54,10 @@ fn bisect(
     parts
 }
 
-/// Reorders `items`, keeping their order on either side, so that the first ones hold about `share`
-/// of the weight and lie below a plane across the longest side; returns how many these are.
+/// Reorders `items` so that the first ones have about `share` of the weight and lie below a plane.
+///
+/// The plane is perpendicular to the longest side. Returns the number of items below; the order on either side is
+/// kept.
 fn split(
     share: f64,
     items: &mut [u32],
@@ -75,7 +78,7 @@ fn split(
     let wanted = share * histogram.iter().sum::<u64>() as f64;
     let mut sum = 0.0;
     let mut first_above = 0;
-    // A slice goes below when that brings the share nearer to what is wanted.
+    // A slice is below if that brings the share nearer to the requested one.
     while first_above < SLICES && sum + 0.5 * histogram[first_above] as f64 <= wanted {
         sum += histogram[first_above] as f64;
         first_above += 1;

@@ -1,11 +1,11 @@
-//! The interface: contacts between subdomains, grouped by pair and coloured.
+//! Interface: contacts between subdomains, grouped by pair and coloured.
 
 use super::lists::Lists;
 
 /// Contacts between grains of different subdomains.
 ///
-/// A group holds the contacts of one pair of subdomains. Groups of one colour share no subdomain,
-/// hence no grain: the order of colours is one in which as much as possible can be solved at the same time.
+/// A group contains the contacts of one pair of subdomains. Groups of one colour share no subdomain, hence no grain:
+/// the order of colours exposes the most parallelism.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Interface {
     /// The two subdomains of each group, ascending.
@@ -14,7 +14,7 @@ pub struct Interface {
     pub contacts: Lists,
     /// Groups of each colour, ascending.
     pub colours: Lists,
-    /// Groups of each subdomain in the order of their colours.
+    /// Groups of each subdomain, in the order of their colours.
     pub groups_by_subdomain: Lists,
 }
 
@@ -35,8 +35,7 @@ impl Interface {
         self.colour(subdomains);
     }
 
-    /// Greedy edge colouring of the graph of subdomains, largest groups first so that the groups of
-    /// a colour are of like size.
+    /// Colours the graph of subdomains greedily, largest groups first so that groups of a colour have similar sizes.
     fn colour(&mut self, subdomains: usize) {
         let mut order: Vec<usize> = (0..self.pairs.len()).collect();
         order.sort_by_key(|&g| std::cmp::Reverse(self.contacts.list(g).len()));

@@ -1,11 +1,11 @@
-//! Grains to subdomains, contacts to subdomains and interface (T-13).
+//! Partition of grains into subdomains, and of contacts into subdomains and interface (T-13).
 //!
-//! Every grain, and every mounted body (T-28), has exactly one owner. A contact between two of them in
-//! one subdomain, or between one and a held body, belongs to that subdomain; a contact between those of
-//! two subdomains belongs to the interface. Nothing is duplicated.
+//! Every grain, and every mounted body (T-28), has exactly one owner. A contact between two of them in one subdomain,
+//! or between one and a body with imposed motion, belongs to that subdomain; a contact between those of two
+//! subdomains belongs to the interface. Nothing is duplicated.
 //!
-//! Reads: positions, contacts, the rule. Writes: [`Partition`]. Cost: O(grains log subdomains +
-//! contacts). Contract: a function of the scene alone, never of the number of threads.
+//! Reads: positions, contacts, the rule. Writes: [`Partition`]. Cost: O(grains log subdomains + contacts). Contract:
+//! a function of the scene alone, never of the number of threads.
 
 mod boxes;
 mod compact;
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 pub use interface::Interface;
 pub use lists::Lists;
 
-/// Who owns what in one step.
+/// Owners of grains and contacts in one step.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Partition {
     /// Subdomain of each grain `[ng]`.
@@ -29,21 +29,22 @@ pub struct Partition {
     pub grains: Lists,
     /// Contacts of each subdomain, ascending.
     pub contacts: Lists,
+    /// Contacts between subdomains.
     pub interface: Interface,
     sorted: Vec<SubdomainContacts>,
 }
 
-/// Contacts of the grains of one subdomain: its own, and by their two owners those with others.
+/// Contacts of the grains of one subdomain: internal ones, and by their two owners those of the interface.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct SubdomainContacts {
     internal: Vec<u32>,
     interface: Vec<([u32; 2], u32)>,
 }
 
-/// Grains for which one thread looks up their contacts in one go.
+/// Grains per unit of parallel work.
 const CHUNK: usize = 1024;
 
-/// The first contact of each of so many candidates, and the end of the last one's.
+/// Returns the first contact of each candidate, and the end of the last one's contacts.
 fn starts_of_candidates(candidates: usize, contacts: &Contacts) -> Vec<u32> {
     let mut starts = vec![0; candidates + 1];
     starts.par_chunks_mut(CHUNK).enumerate().for_each(|(k, starts)| {
@@ -78,7 +79,7 @@ impl Partition {
         self.sort_contacts(contacts);
     }
 
-    /// Gives each contact its place, subdomain by subdomain, as contacts come in the order of their candidates.
+    /// Assigns each contact, subdomain by subdomain, as contacts are sorted by candidate.
     fn sort_contacts(&mut self, contacts: &Contacts) {
         let Self { owner, grains, contacts: internal, interface, sorted } = self;
         let starts = starts_of_candidates(owner.len(), contacts);
@@ -102,12 +103,12 @@ impl Partition {
         internal.clear();
         sorted.iter().for_each(|part| internal.push_list(&part.internal));
         let mut between: Vec<_> = sorted.iter().flat_map(|part| &part.interface).copied().collect();
-        // Stable, because that makes use of what is in order.
+        // A stable sort is faster on sorted runs.
         between.sort();
         interface.group(grains.len(), &between);
     }
 
-    /// One set of all grains and contacts.
+    /// Assigns all grains and contacts to one set.
     pub fn assign_single_set(&mut self, grains: usize, contacts: &Contacts) {
         self.owner.clear();
         self.owner.resize(grains, 0);
