@@ -1,9 +1,11 @@
 # make demo   a first tamping run in minutes, from a bare clone
 # make test   everything the project checks of itself
 # make check  format, lints and documentation, which a change must pass as well
+# make docs   the generated pages of the documentation, from schema, program, messages and stub
+# make book   the documentation as a book, in target/book
 # All install what is missing first (scripts/setup.sh); cargo alone does as well once it is there.
 
-.PHONY: demo test test-rust test-python check format lints documentation setup
+.PHONY: demo test test-rust test-python check format lints documentation docs book setup
 
 demo: setup
 	# Without the network, which would take the compiler longer than all the rest.
@@ -37,6 +39,17 @@ lints: setup
 
 documentation: setup
 	RUSTDOCFLAGS='-D warnings' cargo doc --release --locked --workspace --lib --no-deps
+
+# The same tests as in `make test`, which write their pages here.
+docs: export BALLAST_WRITE_DOCS = 1
+docs: setup
+	cargo test --release --locked -p ballast-scenario --lib reference
+	cargo test --release --locked -p ballast-tidy reference
+	cargo test --release --locked -p ballast-cli --bin ballast reference
+	python3 bindings/python/tests/test_reference.py
+
+book:
+	cargo run --release --locked -p ballast-book
 
 setup:
 	@scripts/setup.sh

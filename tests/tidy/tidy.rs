@@ -9,6 +9,7 @@ mod language;
 mod layers;
 mod links;
 mod manifests;
+mod message_reference;
 mod rust_text;
 mod tree;
 mod words;

@@ -17,6 +17,8 @@ mod interrupt;
 mod memory;
 mod playback;
 mod progress;
+#[cfg(test)]
+mod reference_tests;
 mod room;
 mod session;
 mod start;
