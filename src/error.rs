@@ -5,23 +5,60 @@ use crate::cancel::StopReason;
 /// Errors of the core. Not converging is a report ([`crate::step::StepReport`]), not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// A set of points is no usable convex polyhedron.
+    /// Points without a valid convex polyhedron.
     #[error("polyhedron: expected {expected}, found {found}")]
-    Geometry { expected: &'static str, found: String },
-    /// A constant of the model is unusable.
+    Geometry {
+        /// Valid values.
+        expected: &'static str,
+        /// Offending value.
+        found: String,
+    },
+    /// Invalid constant of the model.
     #[error("model: {place}: expected {expected}, found {found}")]
-    Model { place: String, expected: String, found: String },
-    /// The state does not fit the model, or holds a value that is not finite.
+    Model {
+        /// Name of the offending value.
+        place: String,
+        /// Valid values.
+        expected: String,
+        /// Offending value.
+        found: String,
+    },
+    /// State that does not fit the model, or contains a value that is not finite.
     #[error("state: {place}: expected {expected}, found {found}")]
-    State { place: String, expected: String, found: String },
-    /// The input of a step is unusable.
+    State {
+        /// Name of the offending value.
+        place: String,
+        /// Valid values.
+        expected: String,
+        /// Offending value.
+        found: String,
+    },
+    /// Invalid input of a step.
     #[error("input: {place}: expected {expected}, found {found}")]
-    Input { place: String, expected: String, found: String },
-    /// The step failed; the state is exactly that of before the step.
-    // Times are whole nanoseconds, and not 0.0024000000000000002 s.
+    Input {
+        /// Name of the offending value.
+        place: String,
+        /// Valid values.
+        expected: String,
+        /// Offending value.
+        found: String,
+    },
+    /// Failed step; the state is unchanged.
+    // Rounded to whole nanoseconds, so that no time reads 0.0024000000000000002 s.
     #[error("step at t = {} s: {place}: expected {expected}, found {found}", (time_s * 1e9).round() / 1e9)]
-    Step { cause: Cause, time_s: f64, place: String, expected: String, found: String },
-    /// The observer cancelled the step; the state is exactly that of before the step.
+    Step {
+        /// Kind of failure.
+        cause: Cause,
+        /// Time at the start of the step, s.
+        time_s: f64,
+        /// Name of the offending value.
+        place: String,
+        /// Valid values.
+        expected: String,
+        /// Offending value.
+        found: String,
+    },
+    /// Step cancelled by its observer; the state is unchanged.
     #[error("step: cancelled by its observer")]
     Stopped(StopReason),
 }
@@ -29,16 +66,16 @@ pub enum Error {
 /// Cause of a failed step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cause {
-    /// A body is moved too far in one step, by its motion or by its loads.
+    /// Excessive displacement of a body in one step, by its motion or by its loads.
     OverSpeed,
-    /// A velocity is not finite.
+    /// Velocity that is not finite.
     NotFinite,
-    /// Grains are pressed into each other deeper than allowed.
+    /// Penetration of grains beyond the limit.
     Penetration,
 }
 
 impl Error {
-    /// Code of the error in messages.
+    /// Returns the code of the error in messages.
     pub fn code(&self) -> &'static str {
         match self {
             Error::Step { cause: Cause::OverSpeed, .. } => "over_speed",

@@ -121,7 +121,7 @@ struct PairSearch<'a, F> {
     model: &'a Model,
     motion: &'a Motion,
     reach: &'a DetectionRange,
-    /// Whether contacts of two bodies are wanted.
+    /// Selects the pairs of bodies whose contacts are wanted.
     is_wanted: F,
     starts: &'a [usize],
     antagonists: &'a [u32],

@@ -9,7 +9,9 @@ use crate::math::{Pose, Vec3};
 /// Force (N) and torque about the reference point (N m), world axes, constant over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
+    /// Force, world axes, N.
     pub force: Vec3,
+    /// Torque about the reference point, world axes, N m.
     pub torque: Vec3,
 }
 

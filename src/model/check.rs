@@ -157,7 +157,7 @@ impl Model {
             expect(
                 self.driven_index(&body.name) == Some(d),
                 &place,
-                "a name of its own",
+                "a unique name",
                 &body.name,
             )?;
             expect(

@@ -73,8 +73,9 @@ impl Grains {
 pub enum Role {
     /// Floor, wall or box of a sample.
     Boundary,
-    /// Tine of the tamping unit.
+    /// Sleeper.
     Sleeper,
+    /// Tine of the tamping unit.
     Tine,
 }
 
@@ -111,9 +112,19 @@ pub struct DrivenBody {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Part {
     /// Shape of [`Model::shapes`] at `pose`.
-    Convex { shape: u32, pose: Pose },
-    /// Half-space `normal · x < offset`; `normal` is a unit vector, `offset` in m.
-    HalfSpace { normal: Vec3, offset: f64 },
+    Convex {
+        /// Number of the shape.
+        shape: u32,
+        /// Pose in the body's frame.
+        pose: Pose,
+    },
+    /// Solid half-space `normal · x < offset`.
+    HalfSpace {
+        /// Outward unit normal.
+        normal: Vec3,
+        /// Offset along the normal, m.
+        offset: f64,
+    },
 }
 
 impl Model {

@@ -26,10 +26,13 @@ pub enum DofMode {
     Prescribed,
     /// Moves under loads, gravity and contacts.
     Free,
-    /// Follows the imposed motion through a spring (N/m, N m/rad) and a damper (N s/m, N m s/rad).
-    ///
-    /// The machine carries gravity.
-    Spring { stiffness: f64, damping: f64 },
+    /// Follows the imposed motion through a spring and a damper; the machine carries gravity.
+    Spring {
+        /// Stiffness, N/m or N m/rad.
+        stiffness: f64,
+        /// Damping, N s/m or N m s/rad.
+        damping: f64,
+    },
 }
 
 impl DofMode {

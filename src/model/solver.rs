@@ -59,7 +59,9 @@ impl PartitionRule {
 /// Parameters of the contact solver: iteration scheme and stopping rule (T-10 to T-12).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solver {
+    /// Order of sweeps over subdomains and interface.
     pub schedule: Schedule,
+    /// Distribution of grains to subdomains.
     pub partition: PartitionRule,
     /// Maximum number of DDM iterations per step, `n_DDM`.
     pub max_iterations: u32,
@@ -69,6 +71,7 @@ pub struct Solver {
     pub interface_sweeps: u32,
     /// Residual in `norm` below which a step counts as solved; `None` runs all iterations.
     pub tolerance: Option<f64>,
+    /// Residual that `tolerance` bounds.
     pub norm: Norm,
     /// DDM iterations from one convergence test to the next; those between skip open contacts (T-12).
     pub convergence_check_interval: u32,

@@ -1,4 +1,4 @@
-//! Gap, normal and place of contacts of pairs, against the oracle.
+//! Gap, normal and position of contacts of pairs, against the oracle.
 
 use crate::oracle::{self, Body};
 use crate::scene;

@@ -1,4 +1,4 @@
-//! Stones from JSON.
+//! Grains from JSON.
 
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Vec3};

@@ -1,5 +1,5 @@
-//! Contacts against an exact oracle, and what detection promises: canonical order, no memory of the
-//! past in its results, the same bytes for any number of threads.
+//! Contacts against an exact oracle, and guarantees of detection: canonical order, results independent of
+//! the past, equal results for any number of threads.
 
 mod json;
 mod oracle;

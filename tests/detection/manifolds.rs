@@ -1,4 +1,4 @@
-//! How many points, and where: stacks, large faces, half-spaces.
+//! Number and positions of contact points: stacks, large faces, half-spaces.
 
 use crate::scene;
 use ballast::detection::Contacts;
@@ -164,7 +164,7 @@ fn edges_that_cross_touch_in_one_point_between_them() {
     }
 }
 
-/// Two corners that look at each other: no face and no pair of edges knows their distance.
+/// Two vertices that face each other: no face and no pair of edges gives their distance.
 #[test]
 fn corners_apart_touch_along_the_line_between_them() {
     let shape = cuboid(Vec3::repeat(0.02));

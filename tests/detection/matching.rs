@@ -1,4 +1,4 @@
-//! Impulses find their contact again.
+//! Matching of impulses with the contacts of the next step.
 
 use crate::scene;
 use ballast::detection::{Contacts, store_contacts, warm_start};

@@ -1,4 +1,4 @@
-//! What detection is measured against: every axis, every feature, nothing clever.
+//! Exhaustive reference for detection: every axis and every feature.
 
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Vec3};
@@ -35,13 +35,13 @@ impl Body {
         })
     }
 
-    /// How far `x` is outside the worst face plane; negative inside.
+    /// Returns the distance of `x` outside the worst face plane; negative inside.
     pub fn outside(&self, x: &Vec3) -> f64 {
         let planes = self.normals.iter().zip(&self.offsets);
         planes.fold(f64::NEG_INFINITY, |o, (n, d)| o.max(n.dot(x) - d))
     }
 
-    /// Whether `x` is on the surface, to the tolerance, on a face that looks along `towards`.
+    /// True if `x` is on the surface, to the tolerance, on a face that points along `towards`.
     pub fn faces_at(&self, x: &Vec3, tolerance: f64, towards: &Vec3) -> bool {
         let on = |(n, d): (&Vec3, &f64)| n.dot(towards) > 0.0 && (n.dot(x) - d).abs() <= tolerance;
         self.outside(x) <= tolerance && self.normals.iter().zip(&self.offsets).any(on)

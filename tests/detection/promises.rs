@@ -1,5 +1,5 @@
-//! What detection promises about a whole configuration: canonical order, no trace of the past, the
-//! same bytes for any number of threads.
+//! Guarantees of detection for a whole configuration: canonical order, independence of the past, equal
+//! results for any number of threads.
 
 use crate::oracle::{self, Body};
 use crate::scene;
@@ -67,7 +67,7 @@ fn stir(motion: &mut Motion, rng: &mut Pcg64, step: usize) {
     }
 }
 
-/// Gives some bodies speeds that ask for a wider look around, and takes them from others.
+/// Gives some bodies speeds that enlarge the detection range, and stops others.
 fn hurry(motion: &mut Motion, rng: &mut Pcg64) {
     for velocity in &mut motion.velocity {
         let speed = [0.0, 0.0, 0.0, 1.0, 5.0, 20.0][rng.random_range(0..6)];
@@ -101,7 +101,7 @@ fn contacts_bear_no_trace_of_the_past() {
     assert_same(&contacts, &scene::fresh(&model, &motion), "other model");
 }
 
-/// Bodies that drift and roll slowly, for longer than anything kept from earlier steps may serve.
+/// Bodies that drift and roll slowly, for longer than any cache of earlier steps is valid.
 #[test]
 fn slow_drift_wears_out_what_is_kept_but_changes_nothing() {
     for (seed, stride) in [(11, 3e-6), (12, 2e-5), (13, 1e-4)] {
@@ -244,7 +244,7 @@ fn no_pair_is_missed() {
     }
 }
 
-/// Pairs of bodies that move are looked for as far apart as both may come in a step, with reserve.
+/// Pairs of moving bodies are detected up to the distance that both may close in a step, with a margin.
 #[test]
 fn no_pair_that_speed_can_close_is_missed() {
     let (model, mut motion) = heap(17, 120);
@@ -280,7 +280,7 @@ fn no_pair_that_speed_can_close_is_missed() {
     assert!(wide > 50, "{wide} pairs beyond the alert distance");
 }
 
-/// A body far off, and one in an impossible place: neither memory nor the others suffer.
+/// A distant body, and one at an invalid position: neither memory nor the other bodies are affected.
 #[test]
 fn far_bodies_are_harmless() {
     let (model, motion) = heap(9, 100);

@@ -1,4 +1,4 @@
-//! A settled sample of another program, which has overlaps that the program itself did not see.
+//! Settled sample of another program, with overlaps that this program did not detect.
 
 use crate::oracle::{self, Body};
 use crate::{json, scene};

@@ -38,12 +38,12 @@ pub fn at_rest(poses: &[Pose]) -> Motion {
     }
 }
 
-/// Contacts of a detector that knows nothing.
+/// Contacts of a new detector.
 pub fn fresh(model: &Model, motion: &Motion) -> Contacts {
     detect(&mut Detector::default(), model, motion)
 }
 
-/// Contacts of a detector with a past.
+/// Contacts of a detector with caches of earlier calls.
 pub fn detect(detector: &mut Detector, model: &Model, motion: &Motion) -> Contacts {
     let mut contacts = Contacts::default();
     let reach = DetectionRange::new(model, motion);

@@ -1,8 +1,8 @@
-//! Two stones whose kept list of features once led to a corner that is nowhere.
+//! Two grains whose cached list of features once gave a corner that does not exist.
 //!
 //! A corner of the first is beside a nearly vertical face of the second when the list is made; as the axis
-//! turns, the line along it comes to leave the second by this face, far below. What the list had left out, the
-//! faces below, then alone tells that the line never is inside.
+//! rotates, the line along it comes to leave the second by this face, far below. Only the faces below, which the
+//! list had left out, show that the line is never inside.
 
 use crate::{json, scene};
 use ballast::detection::Detector;

@@ -1,4 +1,4 @@
-//! Pairs of polyhedra in any place, against the oracle of the tests: separation, points, support.
+//! Pairs of polyhedra at any pose, against the oracle of the tests: separation, points, support.
 #![no_main]
 #![allow(
     dead_code,
@@ -17,9 +17,9 @@ use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
 use libfuzzer_sys::fuzz_target;
 
-/// Some centimetres to a stone, in steps that make faces coplanar and edges parallel.
+/// Grid spacing of vertices, m: shapes of some centimetres with coplanar faces and parallel edges.
 const STEP: f64 = 1e-3;
-/// Stones have more corners; the oracle's work grows with the fourth power of them.
+/// Maximum number of points of a shape; the oracle's work grows with their fourth power.
 const MAX_POINTS: usize = 12;
 
 fn vector(c: &[u8]) -> Vec3 {
@@ -27,7 +27,7 @@ fn vector(c: &[u8]) -> Vec3 {
 }
 
 fn shape(bytes: &[u8]) -> Option<Polyhedron> {
-    // Multiples of 4 mm: a hull without slivers, whose faces the oracle tells apart.
+    // Multiples of 4 mm: a hull without slivers, whose faces the oracle distinguishes.
     let points: Vec<Vec3> = bytes
         .chunks_exact(3)
         .map(|c| vector(c).map(|x| (x / 16.0).round()) * (4.0 * STEP))

@@ -224,7 +224,7 @@ impl ContactAxis {
     }
 
     /// Appends the crossing of an edge of A with one of B; `of_a` is the frame of A.
-    // As a call of its own it would cost its arguments a way through memory.
+    // Inlined, because a call would pass its arguments through memory.
     #[inline(always)]
     fn crossing(
         &self,

@@ -171,7 +171,7 @@ impl BodyPair<'_> {
         self.gather(normal, [self.alert - separation; 2], scratch);
         let (near_a, near_b) = (&scratch.near_a, &scratch.near_b);
         let Some(c) = edges::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
-            // Apart. The next step asks again unless this direction happens to tell.
+            // Separated. The next step searches again unless this direction happens to separate.
             let any = edges::closest_points(near_a, near_b, f64::INFINITY);
             return Err(any.map_or(*normal, |c| (c.on_b - c.on_a).normalize()));
         };
@@ -332,7 +332,7 @@ impl BodyPair<'_> {
         if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
             return Ok(best);
         }
-        // Neither a separating axis nor points of both that are near are at hand.
+        // Neither a separating axis nor near points of both bodies are known.
         if let Some((apart, _)) = separation::direction(self, None) {
             return Err(apart);
         }
