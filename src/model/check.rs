@@ -154,12 +154,7 @@ impl Model {
     fn check_driven(&self) -> Result<()> {
         for (d, body) in self.driven.iter().enumerate() {
             let place = format!("driven body {:?}", body.name);
-            expect(
-                self.driven_index(&body.name) == Some(d),
-                &place,
-                "a unique name",
-                &body.name,
-            )?;
+            expect(self.driven_index(&body.name) == Some(d), &place, "a unique name", &body.name)?;
             expect(
                 is_friction(body.friction),
                 &place,

@@ -26,7 +26,7 @@ const MAX_DISPLACEMENT: f64 = 4e-3;
 /// Common lever λ, over the sum of the radii.
 const LEVER: f64 = 0.2;
 /// Margin below the best separation within which axes are listed, over the sum of the radii.
-const NEAR: f64 = 1e-3;
+const LISTING_MARGIN: f64 = 1e-3;
 
 /// Listed axes of a pair, and the configuration for which they were listed.
 #[derive(Debug, Clone, Copy, Default)]
@@ -86,7 +86,7 @@ impl CandidateAxes {
     }
 
     /// Returns the bound on the relative motion of all points of the bodies within which lists are valid.
-    pub fn slack(pair: &BodyPair) -> MotionBound {
+    pub fn motion_bound(pair: &BodyPair) -> MotionBound {
         // The anchor's point is less than the alert distance beside both bodies.
         let lever = 2.0 * pair.a.radius.max(pair.b.radius) + pair.alert;
         MotionBound {
@@ -98,7 +98,7 @@ impl CandidateAxes {
     /// Lists the axes near the best one, of separation `best` along `normal`.
     ///
     /// `c` is near both bodies, `known` are the edges of the best axis.
-    pub fn make(
+    pub fn rebuild(
         &mut self,
         pair: &BodyPair,
         normal: &Vec3,
@@ -107,7 +107,7 @@ impl CandidateAxes {
         known: Option<[usize; 2]>,
         pairs: &EdgePairs,
     ) {
-        let limit = best - NEAR * pair.size;
+        let limit = best - LISTING_MARGIN * pair.size;
         let excess = MAX_ROTATION * LEVER * pair.size;
         let excess = |x: &Vec3| larger(MAX_ROTATION * (x - c).norm() - excess, 0.0);
         self.faces.clear();
@@ -224,8 +224,10 @@ pub struct SupportCache {
 impl SupportCache {
     /// Returns the support vertices for axes near `n`.
     pub fn new(pair: &BodyPair, n: &Vec3) -> Self {
-        let corners =
-            [lowest_few(&pair.a.vertices, &-n), lowest_few(&pair.b.vertices, &pair.in_b(n))];
+        let corners = [
+            lowest_candidates(&pair.a.vertices, &-n),
+            lowest_candidates(&pair.b.vertices, &pair.in_b(n)),
+        ];
         Self { axis: round(n), corners }
     }
 
@@ -269,7 +271,7 @@ impl SupportCache {
 /// Returns the vertices that may be the lowest along an axis near `n`, padded with the first one.
 ///
 /// A fixed number keeps the loop free of branches that a processor cannot predict.
-fn lowest_few<const N: usize>(points: &[Vec3], n: &Vec3) -> Option<[u8; N]> {
+fn lowest_candidates<const N: usize>(points: &[Vec3], n: &Vec3) -> Option<[u8; N]> {
     let mut list = IndexList::<N>::default();
     let lowest = &points[pair::first_lowest(points, n)];
     for (v, x) in points.iter().enumerate() {

@@ -44,7 +44,7 @@ impl NearEdge {
     }
 
     /// Returns the edge without its faces.
-    pub fn alone(&self) -> EdgeSegment {
+    pub fn segment(&self) -> EdgeSegment {
         EdgeSegment { index: self.index, start: self.start, along: self.along }
     }
 
@@ -60,17 +60,17 @@ impl NearEdge {
     /// Holds for all relative rotations of the bodies by up to `turn` (rad).
     #[inline]
     pub fn may_cross(&self, other: &NearEdge, turn: f64) -> bool {
-        let (slack, other_slack) = (turn * self.length, turn * other.length);
+        let (motion_bound, other_slack) = (turn * self.length, turn * other.length);
         let left = -other.left.dot(&self.along);
         let right = -other.right.dot(&self.along);
         let own_left = self.left.dot(&other.along);
         let own_right = self.right.dot(&other.along);
-        let one_way = (left < slack)
-            & (right > -slack)
+        let one_way = (left < motion_bound)
+            & (right > -motion_bound)
             & (own_left > -other_slack)
             & (own_right < other_slack);
-        let other_way = (left > -slack)
-            & (right < slack)
+        let other_way = (left > -motion_bound)
+            & (right < motion_bound)
             & (own_left < other_slack)
             & (own_right > -other_slack);
         one_way | other_way
@@ -187,7 +187,7 @@ pub fn edge_of_b(pair: &BodyPair, index: usize) -> EdgeSegment {
 }
 
 /// True if the sine between two edges is below 1e-4.
-pub fn nearly_parallel(a: &EdgeSegment, b: &EdgeSegment) -> bool {
+pub fn are_nearly_parallel(a: &EdgeSegment, b: &EdgeSegment) -> bool {
     let c = a.along.cross(&b.along).norm_squared();
     c <= 1e-8 * a.along.norm_squared() * b.along.norm_squared()
 }
@@ -252,7 +252,7 @@ pub fn closest_points(
             if !a.may_reach(b, reach) {
                 continue;
             }
-            let found = closest_on_segments(&a.alone(), &b.alone());
+            let found = closest_on_segments(&a.segment(), &b.segment());
             if best.is_none_or(|c| found.distance_squared < c.distance_squared) {
                 // A little more than the distance: equal ones stay in, whatever rounding does.
                 reach = reach.min(found.distance_squared.sqrt() * (1.0 + 1e-6));

@@ -5,7 +5,7 @@
 //! their feet were in the slab. Parts in the slab that do not overlap, seen along the axis, make no corner.
 
 use super::edge_cache::TransformedVertices;
-use super::frame::{AxisFrame, ContactAxis, DecidingFaces, MotionBound, ProjectedEdge, STEEP};
+use super::frame::{AxisFrame, ContactAxis, DecidingFaces, MIN_SLOPE, MotionBound, ProjectedEdge};
 use super::pair::{BodyPair, larger, smaller};
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
@@ -13,31 +13,37 @@ use crate::math::Vec3;
 /// Features that may meet, and buffers of their search.
 #[derive(Debug, Default)]
 pub struct FacingFeatures {
-    sides: [FacingSurface; 2],
+    surfaces: [FacingSurface; 2],
     /// Pairs of edges of A and B.
     pub pairs: Vec<[usize; 2]>,
     /// Vertices of A and of B.
     pub vertices: [Vec<VertexOverFace>; 2],
     /// True if the rotation decides whether some listed feature faces the other body.
-    pub unsure: bool,
+    pub may_turn_away: bool,
     /// Centre of the facing region, in the frame of A, m.
     pub middle: Vec3,
     /// Maximum distance of listed features from the middle, m.
     pub lever: f64,
     /// Transformed vertices of the listed edges of A and of B.
-    pub rims: [TransformedVertices; 2],
+    pub edge_caches: [TransformedVertices; 2],
 }
 
 impl FacingFeatures {
     /// Lists the features that may meet.
-    pub fn list(&mut self, pair: &BodyPair, axis: &ContactAxis, slab: f64, slack: MotionBound) {
+    pub fn list(
+        &mut self,
+        pair: &BodyPair,
+        axis: &ContactAxis,
+        slab: f64,
+        motion_bound: MotionBound,
+    ) {
         let [frame_a, frame_b] = axis.frames(pair);
-        let Self { sides: [a, b], pairs, vertices: [on_a, on_b], unsure, .. } = self;
-        a.gather(pair.a, &frame_a, slab, 2.0 * slack.turn);
-        b.gather(pair.b, &frame_b, slab, 2.0 * slack.turn);
+        let Self { surfaces: [a, b], pairs, vertices: [on_a, on_b], may_turn_away, .. } = self;
+        a.gather(pair.a, &frame_a, slab, 2.0 * motion_bound.turn);
+        b.gather(pair.b, &frame_b, slab, 2.0 * motion_bound.turn);
         // What may meet is near parts of both bodies, so it is not far from the middle between them.
         let feet = axis.slab.max(axis.alert);
-        let most = slack.path + slack.turn * 3.0 * (pair.size + slab + feet);
+        let most = motion_bound.path + motion_bound.turn * 3.0 * (pair.size + slab + feet);
         let near = a.area.common(&b.area.widened(most)).widened(most);
         let [x, y] = near.centre();
         let [t, s, n] = &frame_a.axes;
@@ -46,20 +52,21 @@ impl FacingFeatures {
         // turned, the other foot is beside it by the turn times their distance.
         let lever = 0.5 * near.diagonal() + slab + feet;
         self.lever = lever;
-        let slack = MotionBound { path: slack.path + slack.turn * lever, ..slack };
-        let common = a.area.common(&b.area.widened(slack.path));
-        let common = common.widened(slack.path);
-        *unsure = a.trim(&common) | b.trim(&common);
-        let (relief_a, relief_b) = (a.relief(pair.a), b.relief(pair.b));
+        let motion_bound =
+            MotionBound { path: motion_bound.path + motion_bound.turn * lever, ..motion_bound };
+        let common = a.area.common(&b.area.widened(motion_bound.path));
+        let common = common.widened(motion_bound.path);
+        *may_turn_away = a.trim(&common) | b.trim(&common);
+        let (relief_a, relief_b) = (a.slopes_of(pair.a), b.slopes_of(pair.b));
         on_a.clear();
-        on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), relief_b, axis, slack));
+        on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), relief_b, axis, motion_bound));
         on_b.clear();
-        on_b.extend(b.over(|v| pair.corner_of_b(v), relief_a, axis, slack));
+        on_b.extend(b.over(|v| pair.corner_of_b(v), relief_a, axis, motion_bound));
         pairs.clear();
         for ea in &a.edges {
-            let area = ea.area.widened(slack.path);
+            let area = ea.area.widened(motion_bound.path);
             for eb in &b.edges {
-                if area.meets(&eb.area) && ea.comes_near(eb, slack.path) {
+                if area.meets(&eb.area) && ea.is_near_edge(eb, motion_bound.path) {
                     pairs.push([ea.index, eb.index]);
                 }
             }
@@ -96,15 +103,20 @@ impl FaceSlopes<'_> {
 
 /// Returns the faces that decide about `x`, or `None` if the line along the axis passes beside the body.
 ///
-/// The line may move by up to `slack` where it meets the body at a gap up to `alert`. All planes moved out by the
+/// The line may move by up to `motion_bound` where it meets the body at a gap up to `alert`. All planes moved out by the
 /// slack bound a piece of the line. A point deeper than the slack below a plane on all of this piece stays below it.
-fn may_be_over(relief: FaceSlopes, x: &Vec3, alert: f64, slack: f64) -> Option<DecidingFaces> {
+fn deciding_faces(
+    slopes_of: FaceSlopes,
+    x: &Vec3,
+    alert: f64,
+    motion_bound: f64,
+) -> Option<DecidingFaces> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, alert);
-    for (depth, slope, inverse) in relief.depths(x) {
-        let depth = depth + slack;
-        if slope < -STEEP {
+    for (depth, slope, inverse) in slopes_of.depths(x) {
+        let depth = depth + motion_bound;
+        if slope < -MIN_SLOPE {
             enter = larger(depth * inverse, enter);
-        } else if slope > STEEP {
+        } else if slope > MIN_SLOPE {
             leave = smaller(depth * inverse, leave);
         } else if depth < 0.0 {
             return None;
@@ -114,9 +126,9 @@ fn may_be_over(relief: FaceSlopes, x: &Vec3, alert: f64, slack: f64) -> Option<D
         return None;
     }
     let mut below = DecidingFaces::default();
-    for (f, (depth, slope, _)) in relief.depths(x).enumerate() {
+    for (f, (depth, slope, _)) in slopes_of.depths(x).enumerate() {
         let lowest = depth - slope * if slope < 0.0 { enter } else { leave };
-        if lowest <= slack {
+        if lowest <= motion_bound {
             below.push(f);
         }
     }
@@ -193,12 +205,12 @@ struct SlabEdge {
     from: [f64; 3],
     to: [f64; 3],
     area: Rectangle,
-    unsure: bool,
+    may_turn_away: bool,
 }
 
 impl SlabEdge {
     /// True if the parts come within `reach` (m) of each other, seen along the axis.
-    fn comes_near(&self, other: &SlabEdge, reach: f64) -> bool {
+    fn is_near_edge(&self, other: &SlabEdge, reach: f64) -> bool {
         let (a, b, c, d) = (&self.from, &self.to, &other.from, &other.to);
         let side = |p: &[f64; 3], q: &[f64; 3], r: &[f64; 3]| {
             (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
@@ -266,7 +278,7 @@ impl FacingSurface {
             }
             let [left, right] = edge.faces;
             let slope = smaller(self.slopes[left as usize], self.slopes[right as usize]);
-            if slope >= -STEEP + turn {
+            if slope >= -MIN_SLOPE + turn {
                 continue;
             }
             let segment = ProjectedEdge::between(*start, *end);
@@ -274,8 +286,8 @@ impl FacingSurface {
             let to = if h1 <= 0.0 { *end } else { segment.at(h0 / (h0 - h1)) };
             let area = Rectangle::around(&from, &to);
             self.area = self.area.with(&area);
-            let (vertices, unsure) = (edge.vertices, slope >= -STEEP - turn);
-            self.edges.push(SlabEdge { index, vertices, from, to, area, unsure });
+            let (vertices, may_turn_away) = (edge.vertices, slope >= -MIN_SLOPE - turn);
+            self.edges.push(SlabEdge { index, vertices, from, to, area, may_turn_away });
         }
     }
 
@@ -289,11 +301,11 @@ impl FacingSurface {
         let inside = |place: &[f64; 3]| *into * place[2] <= *limit && area.holds(place);
         vertices.clear();
         vertices.extend((0..places.len()).filter(|v| seen[*v] && inside(&places[*v])));
-        edges.iter().any(|e| e.unsure)
+        edges.iter().any(|e| e.may_turn_away)
     }
 
     /// Returns the faces of the body with their slopes.
-    fn relief<'a>(&'a self, shape: &'a Polyhedron) -> FaceSlopes<'a> {
+    fn slopes_of<'a>(&'a self, shape: &'a Polyhedron) -> FaceSlopes<'a> {
         FaceSlopes { shape, slopes: &self.slopes, inverse: &self.inverse }
     }
 
@@ -303,11 +315,11 @@ impl FacingSurface {
         point: impl Fn(usize) -> Vec3,
         other: FaceSlopes,
         axis: &ContactAxis,
-        slack: MotionBound,
+        motion_bound: MotionBound,
     ) -> impl Iterator<Item = VertexOverFace> {
-        let (alert, path) = (axis.alert + slack.path, slack.path);
+        let (alert, path) = (axis.alert + motion_bound.path, motion_bound.path);
         self.vertices.iter().filter_map(move |v| {
-            let below = may_be_over(other, &point(*v), alert, path)?;
+            let below = deciding_faces(other, &point(*v), alert, path)?;
             Some(VertexOverFace { vertex: *v, below })
         })
     }

@@ -6,7 +6,7 @@ use crate::geometry::Polyhedron;
 use crate::math::{Vec3, frame};
 
 /// Maximum slope along the axis of a face that counts as a side of the body.
-pub const STEEP: f64 = 1e-9;
+pub const MIN_SLOPE: f64 = 1e-9;
 
 /// Axis and bounds of a search for corners of the gap.
 #[derive(Debug, Clone, Copy)]
@@ -92,7 +92,7 @@ impl AxisFrame {
         let into = self.axes[2] * self.into;
         let [left, right] = shape.edges[index].faces;
         let slope = |f: u16| shape.face_normals[usize::from(f)].dot(&into);
-        smaller(slope(left), slope(right)) < -STEEP
+        smaller(slope(left), slope(right)) < -MIN_SLOPE
     }
 
     /// True if an edge of vertex `v` faces the other body.
@@ -165,9 +165,9 @@ fn distance_along(
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for plane in planes {
         let depth = plane.depth(x);
-        if plane.slope < -STEEP {
+        if plane.slope < -MIN_SLOPE {
             enter = larger(depth / plane.slope, enter);
-        } else if plane.slope > STEEP {
+        } else if plane.slope > MIN_SLOPE {
             leave = smaller((depth + tolerance) / plane.slope, leave);
         } else if depth < -tolerance {
             return None;

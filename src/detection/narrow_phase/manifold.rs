@@ -25,7 +25,7 @@ pub struct ManifoldPoint {
 }
 
 /// Maximum distance of points that count as one, over the bodies' size.
-const APART: f64 = 1e-7;
+const MERGE_DISTANCE: f64 = 1e-7;
 /// Relative tolerance of gaps (over the bodies' size) and of areas.
 ///
 /// Rounding then does not change the selection from step to step.
@@ -49,8 +49,8 @@ pub fn keep_four(
     if !points.is_sorted_by_key(|c| c.feature) {
         points.sort_unstable_by_key(|c| c.feature);
     }
-    if has_repeated(points, APART * size) {
-        merge_repeated(points, APART * size);
+    if has_repeated(points, MERGE_DISTANCE * size) {
+        merge_repeated(points, MERGE_DISTANCE * size);
     }
     if points.len() <= MAX_POINTS {
         return;

@@ -13,11 +13,11 @@ use crate::math::{Vec3, widen};
 #[derive(Debug, Clone, Default)]
 pub struct PairCache {
     /// Axis from A to B, in the frame of A, that separated the pair; zero if none.
-    pub axis: [f32; 3],
+    pub separating_axis: [f32; 3],
     /// Lower bound of the distance plus the travel of both bodies when it was found, m.
     pub separated_until: f64,
     /// Cache of a touching pair. Boxed, because most listed pairs do not touch.
-    pub touching: Option<Box<ContactCache>>,
+    pub contacts: Option<Box<ContactCache>>,
 }
 
 /// Results of earlier searches for a pair that touches.
@@ -35,8 +35,8 @@ pub struct ContactCache {
 
 impl PairCache {
     /// Returns the axis that separated the pair, if any.
-    pub fn axis(&self) -> Option<Vec3> {
-        (self.axis != [0.0; 3]).then(|| widen(&self.axis))
+    pub fn known_axis(&self) -> Option<Vec3> {
+        (self.separating_axis != [0.0; 3]).then(|| widen(&self.separating_axis))
     }
 
     /// True if bodies with this sum of travel, m, are certainly more than `alert` (m) apart.
@@ -46,7 +46,7 @@ impl PairCache {
 
     /// Prefetches the cache of a touching pair. Returns true if there is one.
     pub fn prefetch(&self) -> bool {
-        self.touching.as_deref().map(lanes::prefetch).is_some()
+        self.contacts.as_deref().map(lanes::prefetch).is_some()
     }
 
     /// Records that bodies with this sum of travel, m, are at least `apart` (m) from each other.
@@ -66,9 +66,9 @@ pub struct Scratch {
     /// Heights of the vertices over the slab, m.
     pub heights: Vec<f64>,
     pub edge_pairs: EdgePairs,
-    pub sides: FacingFeatures,
+    pub facing: FacingFeatures,
     pub candidates: Vec<ManifoldPoint>,
     pub hull: HullBuffers,
     /// Unused cache for the next pair that may touch.
-    pub spare: Option<Box<ContactCache>>,
+    pub spare_cache: Option<Box<ContactCache>>,
 }

@@ -3,7 +3,7 @@
 //! Reads: two shapes and their poses. Writes: at most four points. Cost: a little more than a microsecond per
 //! touching pair of ballast grains that hardly move, nothing for a pair that is surely separated.
 //!
-//! 1. A cached axis that separated the pair in an earlier step rejects it if it still separates ([`memory`]). Without
+//! 1. A cached axis that separated the pair in an earlier step rejects it if it still separates ([`cache`]). Without
 //!    a cache, GJK proposes a separating axis ([`separation`]).
 //! 2. Face normals of both bodies ([`pair`]), then axes perpendicular to two edges ([`edges`]): the search returns
 //!    the axis of largest separation ([`search`]). For overlapping bodies it is the axis of least depth.
@@ -52,29 +52,30 @@ pub fn generate_contacts(
     b: ConvexBody,
     alert: f64,
     travel: f64,
-    memory: &mut PairCache,
+    cache: &mut PairCache,
     scratch: &mut Scratch,
 ) {
     let pair = match BodyPair::new(a, b, alert) {
         Ok(pair) => pair,
-        Err(beyond) => return memory.record_separation(travel, alert + beyond),
+        Err(beyond) => return cache.record_separation(travel, alert + beyond),
     };
-    if let Some(beyond) = memory.axis().and_then(|n| pair.separation_beyond_alert(&n)) {
-        return memory.record_separation(travel, alert + beyond);
+    if let Some(beyond) = cache.known_axis().and_then(|n| pair.separation_beyond_alert(&n)) {
+        return cache.record_separation(travel, alert + beyond);
     }
-    if memory.touching.is_none()
-        && let Some((n, beyond)) = separation::direction(&pair, memory.axis())
+    if cache.contacts.is_none()
+        && let Some((n, beyond)) = separation::direction(&pair, cache.known_axis())
     {
-        memory.axis = round(&n);
-        return memory.record_separation(travel, alert + beyond);
+        cache.separating_axis = round(&n);
+        return cache.record_separation(travel, alert + beyond);
     }
-    let mut touching = memory.touching.take().or_else(|| scratch.spare.take()).unwrap_or_default();
-    let apart = pair.search(&mut touching, scratch).err();
+    let mut contacts =
+        cache.contacts.take().or_else(|| scratch.spare_cache.take()).unwrap_or_default();
+    let apart = pair.search(&mut contacts, scratch).err();
     if apart.is_none() {
-        memory.touching = Some(touching);
+        cache.contacts = Some(contacts);
     } else {
-        *touching = ContactCache::default();
-        scratch.spare = Some(touching);
+        *contacts = ContactCache::default();
+        scratch.spare_cache = Some(contacts);
     }
-    memory.axis = apart.map_or([0.0; 3], |n| round(&n));
+    cache.separating_axis = apart.map_or([0.0; 3], |n| round(&n));
 }

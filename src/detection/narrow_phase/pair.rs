@@ -195,7 +195,7 @@ pub fn larger(a: f64, b: f64) -> f64 {
 /// Margin by which the bound of a face must lie below the best separation to discard it, over the sum of radii.
 ///
 /// It is well above rounding, so the result does not depend on the start of the search.
-const SURE: f64 = 1e-6;
+const BOUND_TOLERANCE: f64 = 1e-6;
 
 /// Face normal as separating axis.
 #[derive(Debug, Clone, Copy)]
@@ -235,7 +235,7 @@ pub fn best_face_axis(
     let planes = faces.own.face_normals.iter().zip(&faces.own.face_offsets);
     for (face, (n, d)) in planes.enumerate() {
         let bound = (n.x * witness.x + n.y * witness.y + n.z * witness.z) - d;
-        if bound < best.separation.max(floor) - SURE * size || face == start {
+        if bound < best.separation.max(floor) - BOUND_TOLERANCE * size || face == start {
             continue;
         }
         let found = FaceAxis { face, separation: faces.separation(face) };

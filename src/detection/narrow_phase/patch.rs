@@ -33,7 +33,7 @@ const MAX_DISPLACEMENT: f64 = 3e-3;
 /// Maximum rotation of the axis in the frame of A while a list is valid, rad.
 const MAX_ROTATION: f64 = 8e-3;
 /// Additional thickness of the slab of a list, over the radii.
-const THICKER: f64 = 6e-3;
+const EXTRA_SLAB: f64 = 6e-3;
 /// Features of both bodies that may make corners of the gap, and the configuration for which they were listed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PatchCache {
@@ -46,13 +46,13 @@ pub struct PatchCache {
     /// Maximum distance of a foot from the reference point, m.
     lever: f32,
     /// True if some of the edges may turn away from the other body.
-    unsure: bool,
+    may_turn_away: bool,
     /// Vertices of A and of B that may lie over the other body.
     vertices: [IndexList<8>; 2],
     /// Faces of the other body that decide about each vertex.
     below: [[DecidingFaces; 8]; 2],
     /// Edges of A and of B that may cross.
-    rims: [EdgeCache; 2],
+    edge_caches: [EdgeCache; 2],
     /// Pairs of edges by their positions in the edge caches: that of A times [`MAX_EDGES`] plus that of B.
     pairs: IndexList<32>,
 }
@@ -71,31 +71,37 @@ impl PatchCache {
     }
 
     /// Builds the list for `axis` and its neighbours. Returns false if it does not fit.
-    fn make(&mut self, pair: &BodyPair, axis: &ContactAxis, sides: &mut FacingFeatures) -> bool {
-        let slab = axis.slab + THICKER * pair.size;
-        let slack = MotionBound { path: (MAX_DISPLACEMENT + SLAB) * pair.size, turn: MAX_ROTATION };
-        sides.list(pair, axis, slab, slack);
+    fn rebuild(
+        &mut self,
+        pair: &BodyPair,
+        axis: &ContactAxis,
+        facing: &mut FacingFeatures,
+    ) -> bool {
+        let slab = axis.slab + EXTRA_SLAB * pair.size;
+        let motion_bound =
+            MotionBound { path: (MAX_DISPLACEMENT + SLAB) * pair.size, turn: MAX_ROTATION };
+        facing.list(pair, axis, slab, motion_bound);
         self.anchor = ReferencePose::default();
-        for (side, over) in sides.vertices.iter().enumerate() {
+        for (side, over) in facing.vertices.iter().enumerate() {
             fill(&mut self.vertices[side], over.iter().map(|o| o.vertex));
             self.below[side].iter_mut().zip(over).for_each(|(below, o)| *below = o.below);
         }
         self.pairs.clear();
-        self.rims.iter_mut().for_each(EdgeCache::clear);
-        for [a, b] in &sides.pairs {
-            let [on_a, on_b] = &mut self.rims;
+        self.edge_caches.iter_mut().for_each(EdgeCache::clear);
+        for [a, b] in &facing.pairs {
+            let [on_a, on_b] = &mut self.edge_caches;
             self.pairs.push(on_a.add(pair.a, *a) * MAX_EDGES + on_b.add(pair.b, *b));
         }
         let whole = self.vertices.iter().all(IndexList::is_complete)
-            && self.rims.iter().all(EdgeCache::is_complete)
+            && self.edge_caches.iter().all(EdgeCache::is_complete)
             && self.pairs.is_complete();
         if whole {
-            self.anchor = ReferencePose::new(pair, &sides.middle);
+            self.anchor = ReferencePose::new(pair, &facing.middle);
             self.axis = round(&axis.normal);
             self.alert = axis.alert;
             self.reach = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
-            self.unsure = sides.unsure;
-            self.lever = (sides.lever * 1.000_001) as f32;
+            self.may_turn_away = facing.may_turn_away;
+            self.lever = (facing.lever * 1.000_001) as f32;
         }
         whole
     }
@@ -113,7 +119,7 @@ impl ContactAxis {
         pair: &BodyPair,
         list: &mut PatchCache,
         backoff: &mut CacheBackoff,
-        sides: &mut FacingFeatures,
+        facing: &mut FacingFeatures,
         out: &mut Vec<ManifoldPoint>,
     ) {
         out.clear();
@@ -122,11 +128,11 @@ impl ContactAxis {
         if holds {
             backoff.record_hit();
         }
-        if holds || (backoff.should_rebuild() && list.make(pair, self, sides)) {
+        if holds || (backoff.should_rebuild() && list.rebuild(pair, self, facing)) {
             let [of_a, of_b] = &frames;
-            let sure = !list.unsure;
-            let [on_a, on_b] = &list.rims;
-            let FacingFeatures { rims: [placed_a, placed_b], .. } = sides;
+            let sure = !list.may_turn_away;
+            let [on_a, on_b] = &list.edge_caches;
+            let FacingFeatures { edge_caches: [placed_a, placed_b], .. } = facing;
             on_a.place(pair.a, of_a, placed_a);
             on_b.place(pair.b, of_b, placed_b);
             for both in list.pairs.iter() {
@@ -143,9 +149,9 @@ impl ContactAxis {
             self.vertices_of_a(pair, of_b, a, out);
             self.vertices_of_b(pair, of_a, b, out);
         } else {
-            let slack = MotionBound { path: SLAB * pair.size, turn: 0.0 };
-            sides.list(pair, self, self.slab, slack);
-            let FacingFeatures { pairs, vertices: [a, b], .. } = sides;
+            let motion_bound = MotionBound { path: SLAB * pair.size, turn: 0.0 };
+            facing.list(pair, self, self.slab, motion_bound);
+            let FacingFeatures { pairs, vertices: [a, b], .. } = facing;
             for edges in pairs {
                 let segments =
                     [(pair.a, 0), (pair.b, 1)].map(|(s, k)| frames[k].segment(s, edges[k]));

@@ -9,7 +9,7 @@ use super::pair::{self, BodyPair, ConvexBody, SLAB, TIE};
 use crate::math::Vec3;
 
 /// Tolerance of a patch's lowest gap, over the radii.
-const LOOSE: f64 = 1e-7;
+const GAP_TOLERANCE: f64 = 1e-7;
 
 /// Best face of either body.
 #[derive(Debug, Clone, Copy)]
@@ -37,37 +37,37 @@ pub struct BestAxis {
 
 impl BodyPair<'_> {
     /// Reports the contact of two edges with closest points `c`, and caches them.
-    pub fn push_edges(
+    pub fn report_edges(
         &self,
         e: &EdgeAxis,
         c: &ClosestPoints,
-        memory: &mut ContactCache,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) -> BestAxis {
-        memory.edges = e.edges.map(|e| e as u32 + 1);
-        self.push_closest(c, &e.normal, e.separation, memory, scratch);
+        cache.edges = e.edges.map(|e| e as u32 + 1);
+        self.report_closest(c, &e.normal, e.separation, cache, scratch);
         BestAxis { normal: e.normal, separation: e.separation, edges: Some(e.edges) }
     }
 
     /// Reports the contact of bodies with closest points `c`.
-    pub fn push_closest(
+    pub fn report_closest(
         &self,
         c: &ClosestPoints,
         normal: &Vec3,
         gap: f64,
-        memory: &mut ContactCache,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) {
         let closest = || {
             let feature = feature::edges([self.a, self.b], c.edges, c.parameter);
             ManifoldPoint { point: (c.on_a + c.on_b) * 0.5, gap, feature }
         };
-        self.find_patch(normal, gap, memory, scratch);
-        self.push_patch(normal, gap, closest, scratch);
+        self.find_patch(normal, gap, cache, scratch);
+        self.report_patch(normal, gap, closest, scratch);
     }
 
     /// Reports the contact along a face normal, whose patch is in `scratch.candidates`.
-    pub fn push_face(&self, face: &BestFace, scratch: &mut Scratch) -> BestAxis {
+    pub fn report_face(&self, face: &BestFace, scratch: &mut Scratch) -> BestAxis {
         let BestFace { of_b, normal, separation: gap } = face;
         let closest = || {
             let (vertex, feature, side) = if *of_b {
@@ -80,7 +80,7 @@ impl BodyPair<'_> {
             let point = vertex + normal * (0.5 * side * gap);
             ManifoldPoint { point, gap: *gap, feature }
         };
-        self.push_patch(normal, *gap, closest, scratch);
+        self.report_patch(normal, *gap, closest, scratch);
         face.chosen()
     }
 
@@ -88,7 +88,7 @@ impl BodyPair<'_> {
     ///
     /// `closest` returns the point at which the gap equals the axis's separation; no corner's gap is below that
     /// except for rounding. It is reported if rounding hides it from the patch.
-    fn push_patch(
+    fn report_patch(
         &self,
         normal: &Vec3,
         separation: f64,
@@ -96,7 +96,7 @@ impl BodyPair<'_> {
         scratch: &mut Scratch,
     ) {
         let Scratch { candidates, hull, .. } = scratch;
-        if lowest_gap(candidates) > separation + LOOSE * self.size {
+        if lowest_gap(candidates) > separation + GAP_TOLERANCE * self.size {
             let closest = closest();
             candidates.retain(|c| c.feature != closest.feature);
             candidates.push(closest);
@@ -106,7 +106,7 @@ impl BodyPair<'_> {
             d.gap = separation;
         }
         candidates.iter_mut().for_each(|c| c.gap = c.gap.max(separation));
-        self.report(normal, scratch);
+        self.append_points(normal, scratch);
     }
 
     /// Fills `scratch.candidates` with the corners of the gap along `n`, in the frame of A.
@@ -114,22 +114,22 @@ impl BodyPair<'_> {
         &self,
         n: &Vec3,
         separation: f64,
-        memory: &mut ContactCache,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) {
         let axis = ContactAxis {
             normal: *n,
             alert: self.alert,
-            lowest: separation - LOOSE * self.size,
+            lowest: separation - GAP_TOLERANCE * self.size,
             slab: (self.alert - separation).max(0.0) + SLAB * self.size,
             tolerance: TIE * self.size,
         };
-        let ContactCache { patch, patch_backoff, .. } = memory;
-        axis.corners(self, patch, patch_backoff, &mut scratch.sides, &mut scratch.candidates);
+        let ContactCache { patch, patch_backoff, .. } = cache;
+        axis.corners(self, patch, patch_backoff, &mut scratch.facing, &mut scratch.candidates);
     }
 
     /// Appends the candidates, at most four and in the frame of A, as contact points of the world.
-    fn report(&self, normal: &Vec3, scratch: &mut Scratch) {
+    fn append_points(&self, normal: &Vec3, scratch: &mut Scratch) {
         let pose = &self.pose;
         let normal = -(pose.orientation * normal);
         scratch.points.extend(scratch.candidates.iter().map(|c| ContactPoint {

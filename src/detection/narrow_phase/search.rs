@@ -11,30 +11,31 @@ use crate::geometry::Polyhedron;
 use crate::math::Vec3;
 
 /// Minimum distance of a unique closest point from both ends of its edge, over the edge's length.
-const INTERIOR: f64 = 1e-6;
+const MIN_END_DISTANCE: f64 = 1e-6;
 
 /// Result of a search. `Err` is a direction (A to B, frame of A) along which the bodies are more than `alert` apart.
 type SearchResult<T> = Result<T, Vec3>;
 
 impl BodyPair<'_> {
     /// Finds the best axis and reports the contact points along it.
-    pub fn search(&self, memory: &mut ContactCache, scratch: &mut Scratch) -> SearchResult<()> {
-        if let Some(found) = self.search_candidates(memory, scratch) {
-            memory.axes_backoff.record_hit();
+    pub fn search(&self, cache: &mut ContactCache, scratch: &mut Scratch) -> SearchResult<()> {
+        if let Some(found) = self.search_candidates(cache, scratch) {
+            cache.axes_backoff.record_hit();
             return found;
         }
-        memory.candidate_axes.clear();
-        let rebuilds = memory.axes_backoff.should_rebuild();
+        cache.candidate_axes.clear();
+        let rebuilds = cache.axes_backoff.should_rebuild();
         scratch.edge_pairs.list.clear();
         scratch.edge_pairs.reach = None;
-        let slack = if rebuilds { CandidateAxes::slack(self) } else { MotionBound::none(self) };
-        let chosen = self.search_all(slack, memory, scratch)?;
+        let motion_bound =
+            if rebuilds { CandidateAxes::motion_bound(self) } else { MotionBound::none(self) };
+        let chosen = self.search_all(motion_bound, cache, scratch)?;
         if let (true, Some(BestAxis { normal, separation, edges })) = (rebuilds, chosen) {
             let points = &scratch.candidates;
             let sum = points.iter().fold(Vec3::zeros(), |sum, c| sum + c.point);
             let middle = sum / points.len() as f64;
             let pairs = &scratch.edge_pairs;
-            memory.candidate_axes.make(self, &normal, separation, &middle, edges, pairs);
+            cache.candidate_axes.rebuild(self, &normal, separation, &middle, edges, pairs);
         }
         Ok(())
     }
@@ -42,19 +43,19 @@ impl BodyPair<'_> {
     /// Searches the cached candidate axes. Returns `None` if none of them is certainly the best.
     fn search_candidates(
         &self,
-        memory: &mut ContactCache,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) -> Option<SearchResult<()>> {
-        let others = memory.candidate_axes.bounds(self)?;
-        let face = match self.best_listed_face(&memory.candidate_axes, others.more) {
+        let others = cache.candidate_axes.bounds(self)?;
+        let face = match self.best_listed_face(&cache.candidate_axes, others.more) {
             Ok(face) => face,
             Err(apart) => return Some(Err(apart)),
         };
         let floor = face.map_or(f64::NEG_INFINITY, |f| f.separation + TIE * self.size);
         let pairs =
-            memory.candidate_axes.edges.iter().map(|(edges, most)| (edges, most + others.more));
-        let crossing = memory.candidate_axes.crossing;
-        let supports = &memory.candidate_axes.supports;
+            cache.candidate_axes.edges.iter().map(|(edges, most)| (edges, most + others.more));
+        let crossing = cache.candidate_axes.crossing;
+        let supports = &cache.candidate_axes.supports;
         let separation = |n: &Vec3| supports.separation(self, n);
         if let Some(e) = edges::best_edge_axis(self, pairs, None, floor, crossing, separation) {
             if e.separation > self.alert {
@@ -66,11 +67,10 @@ impl BodyPair<'_> {
             let sure = if e.separation > 0.0 {
                 self.are_closest(&e, &closest)
             } else {
-                closest.distance_squared
-                    <= memory.candidate_axes.reach * memory.candidate_axes.reach
+                closest.distance_squared <= cache.candidate_axes.reach * cache.candidate_axes.reach
             };
             if sure && e.separation > above {
-                self.push_edges(&e, &closest, memory, scratch);
+                self.report_edges(&e, &closest, cache, scratch);
                 return Some(Ok(()));
             }
             if e.separation <= 0.0 || face.is_none_or(|f| f.separation <= 0.0) {
@@ -79,36 +79,36 @@ impl BodyPair<'_> {
         }
         let face = face.filter(|f| f.separation > others.faces)?;
         if face.separation > 0.0 {
-            let chosen = self.points_of_face_apart(&face, memory, scratch);
+            let chosen = self.report_separated_face(&face, cache, scratch);
             if matches!(chosen, Ok(BestAxis { edges: Some(_), .. })) {
                 // Not on the list, and the best now.
-                memory.candidate_axes.clear();
+                cache.candidate_axes.clear();
             }
             return Some(chosen.map(|_| ()));
         }
         if face.separation <= others.edges {
             return None;
         }
-        self.find_patch(&face.normal, face.separation, memory, scratch);
-        let reach = memory.candidate_axes.reach;
+        self.find_patch(&face.normal, face.separation, cache, scratch);
+        let reach = cache.candidate_axes.reach;
         if deepest(&scratch.candidates).is_none_or(|c| c.gap.abs() > reach) {
             return None;
         }
-        self.push_face(&face, scratch);
+        self.report_face(&face, scratch);
         Some(Ok(()))
     }
 
-    /// Searches all axes; `slack` bounds the motion for which pairs of edges are listed.
+    /// Searches all axes; `motion_bound` bounds the motion for which pairs of edges are listed.
     fn search_all(
         &self,
-        slack: MotionBound,
-        memory: &mut ContactCache,
+        motion_bound: MotionBound,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) -> SearchResult<Option<BestAxis>> {
-        let face = self.best_face(&mut memory.faces)?;
+        let face = self.best_face(&mut cache.faces)?;
         let floor = face.separation + TIE * self.size;
-        let known = self.known_edges(&memory.edges);
-        memory.edges = [0; 2];
+        let known = self.known_edges(&cache.edges);
+        cache.edges = [0; 2];
         if let Some(e) = &known {
             if e.separation > self.alert {
                 return Err(e.normal);
@@ -116,59 +116,59 @@ impl BodyPair<'_> {
             if e.separation > floor.max(0.0) {
                 let closest = e.closest();
                 if self.are_closest(e, &closest) {
-                    return Ok(Some(self.push_edges(e, &closest, memory, scratch)));
+                    return Ok(Some(self.report_edges(e, &closest, cache, scratch)));
                 }
             }
         }
         if face.separation > 0.0 {
-            return self.points_of_face_apart(&face, memory, scratch).map(Some);
+            return self.report_separated_face(&face, cache, scratch).map(Some);
         }
         let known = known.filter(|e| e.separation > floor && e.separation <= 0.0);
-        match self.best_edges(&face, known, slack, memory, scratch)? {
+        match self.best_edges(&face, known, motion_bound, cache, scratch)? {
             Some(e) if e.separation > self.alert => Err(e.normal),
             Some(e) => {
                 let closest = e.closest();
                 if e.separation <= 0.0 || self.are_closest(&e, &closest) {
-                    Ok(Some(self.push_edges(&e, &closest, memory, scratch)))
+                    Ok(Some(self.report_edges(&e, &closest, cache, scratch)))
                 } else {
-                    self.closest_points(&e.normal, e.separation, memory, scratch)?;
+                    self.report_closest_features(&e.normal, e.separation, cache, scratch)?;
                     Ok(None)
                 }
             }
             None => {
                 // The patch along the face's axis is what decided for it.
-                Ok(Some(self.push_face(&face, scratch)))
+                Ok(Some(self.report_face(&face, scratch)))
             }
         }
     }
 
     /// Reports the contact of bodies that a face separates by no more than the alert distance.
-    fn points_of_face_apart(
+    fn report_separated_face(
         &self,
         face: &BestFace,
-        memory: &mut ContactCache,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) -> SearchResult<BestAxis> {
-        self.find_patch(&face.normal, face.separation, memory, scratch);
+        self.find_patch(&face.normal, face.separation, cache, scratch);
         // Points of both surfaces that are as close as the axis says: nothing is closer.
         if lowest_gap(&scratch.candidates) <= face.separation + TIE * self.size {
-            return Ok(self.push_face(face, scratch));
+            return Ok(self.report_face(face, scratch));
         }
-        let chosen = self.closest_points(&face.normal, face.separation, memory, scratch)?;
+        let chosen = self.report_closest_features(&face.normal, face.separation, cache, scratch)?;
         Ok(chosen.unwrap_or(face.chosen()))
     }
 
     /// Reports the contact of bodies that are further apart than the best axis shows: edges or vertices are closest.
     ///
     /// `normal` and `separation` are those of the best axis. Returns the axis of two edges if it is better.
-    fn closest_points(
+    fn report_closest_features(
         &self,
         normal: &Vec3,
         separation: f64,
-        memory: &mut ContactCache,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) -> SearchResult<Option<BestAxis>> {
-        self.gather(normal, [self.alert - separation; 2], scratch);
+        self.gather_near_edges(normal, [self.alert - separation; 2], scratch);
         let (near_a, near_b) = (&scratch.near_a, &scratch.near_b);
         let Some(c) = edges::closest_points(near_a, near_b, self.alert + SLAB * self.size) else {
             // Separated. The next step searches again unless this direction happens to separate.
@@ -181,14 +181,14 @@ impl BodyPair<'_> {
         }
         match edges::axis_of(self, c.edges, f64::NEG_INFINITY, false, |n| self.separation(n)) {
             Some(e) if e.separation > separation && self.are_closest(&e, &c) => {
-                return Ok(Some(self.push_edges(&e, &c, memory, scratch)));
+                return Ok(Some(self.report_edges(&e, &c, cache, scratch)));
             }
             _ if distance > separation + TIE * self.size => {
                 let normal = (c.on_b - c.on_a) / distance;
-                self.push_closest(&c, &normal, distance, memory, scratch);
+                self.report_closest(&c, &normal, distance, cache, scratch);
             }
             // Rounding alone leads here.
-            _ => self.push_closest(&c, normal, separation, memory, scratch),
+            _ => self.report_closest(&c, normal, separation, cache, scratch),
         }
         Ok(None)
     }
@@ -261,7 +261,7 @@ impl BodyPair<'_> {
     }
 
     /// Lists the edges with an end at most `slabs` (m) off the support planes along `n`.
-    fn gather(&self, n: &Vec3, slabs: [f64; 2], scratch: &mut Scratch) {
+    fn gather_near_edges(&self, n: &Vec3, slabs: [f64; 2], scratch: &mut Scratch) {
         // Finite, so that heights are numbers when all edges are asked for.
         let [slab_a, slab_b] = slabs.map(|s| (s + SLAB * self.size).min(10.0 * self.size));
         let Scratch { heights, near_a, near_b, .. } = scratch;
@@ -293,8 +293,8 @@ impl BodyPair<'_> {
     /// They are if they lie strictly inside both edges at a distance equal to the separation of their axis.
     fn are_closest(&self, e: &EdgeAxis, c: &ClosestPoints) -> bool {
         let [a, b] = &e.on;
-        c.parameter.iter().all(|t| *t > INTERIOR && *t < 1.0 - INTERIOR)
-            && !edges::nearly_parallel(a, b)
+        c.parameter.iter().all(|t| *t > MIN_END_DISTANCE && *t < 1.0 - MIN_END_DISTANCE)
+            && !edges::are_nearly_parallel(a, b)
             && c.distance_squared.sqrt() <= e.separation + TIE * self.size
     }
 
@@ -308,12 +308,12 @@ impl BodyPair<'_> {
         &self,
         face: &BestFace,
         known: Option<EdgeAxis>,
-        slack: MotionBound,
-        memory: &mut ContactCache,
+        motion_bound: MotionBound,
+        cache: &mut ContactCache,
         scratch: &mut Scratch,
     ) -> SearchResult<Option<EdgeAxis>> {
         let floor = face.separation + TIE * self.size;
-        self.list_edge_pairs(face, slack, scratch);
+        self.list_edge_pairs(face, motion_bound, scratch);
         let best = edges::best_edge_axis(
             self,
             scratch.edge_pairs.list.iter().map(|edges| (*edges, f64::INFINITY)),
@@ -328,7 +328,7 @@ impl BodyPair<'_> {
         {
             return Ok(best);
         }
-        self.find_patch(&face.normal, face.separation, memory, scratch);
+        self.find_patch(&face.normal, face.separation, cache, scratch);
         if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
             return Ok(best);
         }
@@ -337,27 +337,27 @@ impl BodyPair<'_> {
             return Err(apart);
         }
         scratch.edge_pairs.reach = None;
-        Ok(self.best_of_all_edges(known, floor))
+        Ok(self.best_edges_of_all(known, floor))
     }
 
     /// Returns the best axis over all pairs of edges.
-    fn best_of_all_edges(&self, known: Option<EdgeAxis>, floor: f64) -> Option<EdgeAxis> {
+    fn best_edges_of_all(&self, known: Option<EdgeAxis>, floor: f64) -> Option<EdgeAxis> {
         let of_b = 0..self.b.edges.len();
         let pairs = (0..self.a.edges.len())
             .flat_map(|a| of_b.clone().map(move |b| ([a, b], f64::INFINITY)));
         edges::best_edge_axis(self, pairs, known, floor, false, |n| self.separation(n))
     }
 
-    /// Lists the pairs of edges that may be the best axis while the bodies move within `slack`.
+    /// Lists the pairs of edges that may be the best axis while the bodies move within `motion_bound`.
     ///
     /// In such a configuration the face's axis, fixed in A, shows a depth of at most the present one plus `path`.
     /// Heights of A along it do not change, those of B change by at most twice `path`.
-    fn list_edge_pairs(&self, face: &BestFace, slack: MotionBound, scratch: &mut Scratch) {
-        let MotionBound { path, turn } = slack;
+    fn list_edge_pairs(&self, face: &BestFace, motion_bound: MotionBound, scratch: &mut Scratch) {
+        let MotionBound { path, turn } = motion_bound;
         let depth = path - face.separation;
         let reach = depth.max(self.alert);
         scratch.edge_pairs.reach = Some(reach);
-        self.gather(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
+        self.gather_near_edges(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
         let reach = reach + path + SLAB * self.size;
         let Scratch { near_a, near_b, edge_pairs, .. } = scratch;
         for a in near_a {

@@ -93,10 +93,10 @@ mod tests {
             let rotated: Vec<Vec3> = b.vertices.iter().map(|v| orientation * v).collect();
             // B stands off A along an axis by a little more or less than has to be shown.
             let off = ALERT * if i % 2 == 0 { 1.01 } else { rng.random_range(-5.0..0.99) };
-            let touching = pair::highest(&a.vertices, &axis) - pair::lowest(&rotated, &axis);
+            let contacts = pair::highest(&a.vertices, &axis) - pair::lowest(&rotated, &axis);
             let b = ConvexBody {
                 shape: b,
-                pose: WorldPose { position: axis * (touching + off), orientation },
+                pose: WorldPose { position: axis * (contacts + off), orientation },
             };
             let a = ConvexBody { shape: a, pose: WorldPose::identity() };
             let Ok(pair) = BodyPair::new(a, b, ALERT) else { continue };
