@@ -1,4 +1,4 @@
-"""Records a run in an MCAP file, replays the file, and ends in the same state, to the bit.
+"""Records a run in an MCAP file, replays the file, and compares the states bit for bit.
 
     python examples/python/record_and_replay.py [CASE [FILE]]
 """
@@ -27,4 +27,4 @@ with ballast.open(recording.case) as sim:
     replayed = sim.save().hash
 
 assert replayed == recorded
-print(f"{windows} windows of {FILE}: the replay ends where the run did, to the bit")
+print(f"{windows} windows of {FILE}: the replayed state equals the recorded one bit for bit")

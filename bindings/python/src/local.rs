@@ -409,7 +409,7 @@ impl StepObserver for WindowObserver<'_, '_> {
     }
 }
 
-/// Returns the message of a window that was stopped without an error of its own.
+/// Returns the message of a window that was stopped by the user.
 fn stop_message(py: Python<'_>, raised: Option<&PyErr>) -> String {
     let name = raised.and_then(|e| e.get_type(py).name().ok());
     let cause = name.map_or("`stop` or `close`".into(), |name| name.to_string());

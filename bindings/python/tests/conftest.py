@@ -1,4 +1,4 @@
-"""What the tests share: a small case, its bed prepared once."""
+"""Shared fixtures: a small case and its prepared bed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sim(case: ballast.Case, beds: Path) -> Iterator[ballast.Simulation]:
 
 
 def renamed(case: ballast.Case, stroke_m: float = 0.02) -> ballast.Case:
-    """The small case with a sleeper and tines of other names."""
+    """Returns the small case with a sleeper and tines of other names."""
     values = case.to_dict()
     [block], rows = values.pop("sleepers")["blocks"], values.pop("tines")
     (x, y, _), half = values["bed"]["size_m"], 0.5 * (block["size_m"][0] + rows["blade_size_m"][0])
@@ -50,7 +50,7 @@ def renamed(case: ballast.Case, stroke_m: float = 0.02) -> ballast.Case:
 
 
 def lowered(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ballast.Motion]:
-    """All tines go down by `depth` (m) at constant speed within the next steps."""
+    """Returns motions that lower all tines by `depth` (m) at constant speed in the next steps."""
     now = sim.now_ns
     times = [now, now + steps * sim.step_ns]
     motions = {}

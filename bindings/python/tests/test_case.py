@@ -21,7 +21,7 @@ def test_examples_are_cases() -> None:
         assert case.duration_ns % case.step_ns == 0
 
 
-def test_every_fault_is_told_with_its_line() -> None:
+def test_case_errors_report_all_faults_with_lines() -> None:
     text = (ROOT / "examples/first.toml").read_text()
     text = text.replace("step_s = 8e-4", "step_s = -1").replace("max_iterations = 400", "max_iteration = 4")
     with pytest.raises(ballast.CaseError) as wrong:
@@ -34,7 +34,7 @@ def test_every_fault_is_told_with_its_line() -> None:
     assert any("iteration" in key for key in found)
 
 
-def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
+def test_with_values_changes_a_case(case: ballast.Case, tmp_path: Path) -> None:
     other = case.with_values({"tamping.vibration.frequency_Hz": 42.0, "bed.seed": 8})
     assert other.to_dict()["tamping"]["vibration"]["frequency_Hz"] == 42.0
     assert (other.seed, case.seed) == (8, 7)
@@ -58,7 +58,7 @@ def test_values_can_be_changed(case: ballast.Case, tmp_path: Path) -> None:
         ballast.Case.from_dict({"name": "nothing else"})
 
 
-def test_whatever_is_a_case_has_values(case: ballast.Case) -> None:
+def test_to_dict_accepts_all_toml_that_cases_accept(case: ballast.Case) -> None:
     # A mark of the order of bytes, and lines within a table, which Python's own reader of TOML does not take.
     text = "\ufeff" + case.text + "\n[[sleeper]]\nblocks = [{\n    size_m = [1.0, 1.0, 1.0],\n}]\n"
     assert _ballast._parse_toml(text)["sleeper"][0]["blocks"] == [{"size_m": [1.0, 1.0, 1.0]}]
@@ -67,7 +67,7 @@ def test_whatever_is_a_case_has_values(case: ballast.Case) -> None:
     assert marked.with_values({"bed.seed": 9}).seed == 9
 
 
-def test_a_case_is_written_at_once_or_not_at_all(case: ballast.Case, tmp_path: Path) -> None:
+def test_cases_are_written_atomically(case: ballast.Case, tmp_path: Path) -> None:
     path, old = tmp_path / "case.toml", tmp_path / "old.toml"
     path.write_text("old = 1")
     old.hardlink_to(path)
@@ -78,7 +78,7 @@ def test_a_case_is_written_at_once_or_not_at_all(case: ballast.Case, tmp_path: P
     assert sorted(tmp_path.iterdir()) == [path, old]
 
 
-def test_a_case_replaces_no_other_file(case: ballast.Case, tmp_path: Path) -> None:
+def test_write_replaces_only_cases(case: ballast.Case, tmp_path: Path) -> None:
     path = tmp_path / "notes"
     for content in (b"some words", b"\x89HDF\r\n\x1a\n", b"\xff"):
         path.write_bytes(content)
@@ -93,7 +93,7 @@ def test_a_case_replaces_no_other_file(case: ballast.Case, tmp_path: Path) -> No
     assert path.read_text() == case.text
 
 
-def test_what_is_written_is_what_was_chosen(case: ballast.Case, tmp_path: Path) -> None:
+def test_written_cases_include_choices(case: ballast.Case, tmp_path: Path) -> None:
     chosen = case.choose(seed=5, schedule="sequential")
     chosen.write(tmp_path / "chosen.toml")
     for again in (ballast.Case.load(tmp_path / "chosen.toml"), ballast.Case(chosen.text), ballast.Case.from_dict(chosen.to_dict())):
@@ -123,7 +123,7 @@ def test_cases_are_copied_pickled_and_compared(case: ballast.Case) -> None:
     assert case != case.text and case is not None
 
 
-def test_what_is_chosen_or_said_last_holds(case: ballast.Case) -> None:
+def test_last_choice_wins(case: ballast.Case) -> None:
     chosen = case.choose(seed=5, schedule="sequential")
     assert (chosen.seed, chosen.schedule) == (5, "sequential")
     with pytest.raises(ballast.CaseError, match="expected one of"):
@@ -137,7 +137,7 @@ def test_what_is_chosen_or_said_last_holds(case: ballast.Case) -> None:
     assert case.with_values({"bed.seed": 2}).choose(seed=5).seed == 5
 
 
-def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
+def test_unreadable_files_raise_file_error(tmp_path: Path, case: ballast.Case) -> None:
     with pytest.raises(ballast.FileError, match="nowhere"):
         ballast.Case.load(tmp_path / "nowhere.toml")
     with open(tmp_path / "large.toml", "wb") as large:
@@ -156,19 +156,19 @@ def test_files_that_cannot_be_read(tmp_path: Path, case: ballast.Case) -> None:
         ballast.prepare(case, bed_cache=tmp_path / "file" / "beds", progress=False)
 
 
-def test_a_preparation_tells_how_far_it_is(case: ballast.Case, tmp_path: Path) -> None:
-    told: list[tuple[float, str]] = []
+def test_prepare_reports_progress(case: ballast.Case, tmp_path: Path) -> None:
+    reported: list[tuple[float, str]] = []
     path = ballast.prepare(
-        case, bed_cache=tmp_path, threads=1, progress=lambda share, text: told.append((share, text))
+        case, bed_cache=tmp_path, threads=1, progress=lambda share, text: reported.append((share, text))
     )
     assert Path(path).exists()
-    assert all(0.0 <= share <= 1.0 and text for share, text in told)
+    assert all(0.0 <= share <= 1.0 and text for share, text in reported)
     stamp = Path(path).stat().st_mtime_ns
     assert ballast.prepare(case, bed_cache=tmp_path, progress=False) == path
     assert Path(path).stat().st_mtime_ns == stamp, "it was there"
 
 
-def test_a_damaged_bed_is_told_with_the_way_out(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_damaged_beds_raise_with_a_hint(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     [bed] = beds.glob(f"{case.bed_key}.h5")
     # Damaged, and that of another case.
     for damaged, of in ((b"no bed", case), (bed.read_bytes(), case.choose(seed=5))):
@@ -181,7 +181,7 @@ def test_a_damaged_bed_is_told_with_the_way_out(case: ballast.Case, beds: Path, 
     ballast.open(case, bed_cache=tmp_path, threads=1, progress=False).close()
 
 
-def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> None:
+def test_exceptions_of_the_progress_callback_end_prepare(tmp_path: Path) -> None:
     def listen(share: float, text: str) -> None:
         raise RuntimeError("enough")
 
@@ -190,7 +190,7 @@ def test_an_exception_of_the_listener_ends_the_preparation(tmp_path: Path) -> No
     assert not list(tmp_path.glob("*.h5"))
 
 
-def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast.Case) -> None:
+def test_invalid_toml_values_are_reported_with_their_key(case: ballast.Case) -> None:
     with pytest.raises(ballast.CaseError, match="frequency_Hz"):
         case.with_values({"tamping.vibration.frequency_Hz": math.nan})
     with pytest.raises(TypeError, match="tamping.vibration.frequency_Hz: expected a string, number, .* found None"):
@@ -204,7 +204,7 @@ def test_values_may_be_any_of_toml_and_are_told_where_they_are_not(case: ballast
     assert free.to_dict()["tamping"]["insertion"]["force_limit_N"] == math.inf
 
 
-def test_inputs_are_real_numbers_of_any_kind() -> None:
+def test_inputs_accept_all_real_dtypes() -> None:
     down = np.array([[0, 0, 0], [0, 0, -1]])
     for kind in ("bool", "int8", "uint64", ">f4", "object"):
         assert repr(ballast.Motion([0, 1], down.astype(kind))) == "Motion(2 knots, 0 to 1 ns, linear)"
@@ -219,7 +219,7 @@ def test_inputs_are_real_numbers_of_any_kind() -> None:
             assert (refused.value.code, refused.value.place) == ("input_invalid", place)
 
 
-def test_what_turns_on_a_cubic_needs_spins() -> None:
+def test_rotating_hermite_motions_need_angular_velocities() -> None:
     still, turned = np.zeros((2, 3)), [[0, 0, 0, 1], [0, 0, 0.6, 0.8]]
     with pytest.raises(ballast.RequestError, match="angular_velocities: expected one per knot where orientations differ") as refused:
         ballast.Motion([0, 1], still, turned, velocities=still)

@@ -1,4 +1,4 @@
-"""Every example runs, on a small case, in a folder of its own; so does the check that others may run."""
+"""Runs every example and scripts/check_states.py on a small case."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXAMPLES = ROOT / "examples/python"
 
 @pytest.fixture
 def place(case: ballast.Case, beds: Path, tmp_path: Path) -> Path:
-    """A working folder with the small case, and its bed where examples look for it."""
+    """Working folder with the small case and its prepared bed."""
     case.write(tmp_path / "tiny.toml")
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs/beds").symlink_to(beds)
@@ -44,25 +44,25 @@ def test_squeeze_until_force(place: Path) -> None:
 
 
 def test_implicit_coupling(place: Path) -> None:
-    assert "computations of a window in the mean" in run(place, "implicit_coupling.py")
+    assert "mean passes per window" in run(place, "implicit_coupling.py")
 
 
 @pytest.mark.parametrize("name", ["coupling.py", "implicit_coupling.py", "squeeze_until_force.py"])
 @pytest.mark.parametrize("missing", ["tines", "tamping"])
-def test_examples_need_tines_that_tamp(case: ballast.Case, place: Path, name: str, missing: str) -> None:
+def test_examples_refuse_cases_without_tamping(case: ballast.Case, place: Path, name: str, missing: str) -> None:
     values = case.to_dict()
     del values[missing]
     ballast.Case.from_dict(values).write(place / "tiny.toml")
-    assert refused(place, name) == ["tiny has no tines that tamp: it needs tines and [tamping]"]
+    assert refused(place, name) == ["tiny: expected tines and [tamping], found none"]
 
 
-def test_a_controller_ends_where_its_machine_cannot_go_on(place: Path) -> None:
+def test_examples_end_when_a_step_fails(place: Path) -> None:
     (place / "stuck.py").write_text(STUCK)
     said = refused(place, place / "stuck.py", str(EXAMPLES / "squeeze_until_force.py"))
     assert said == ["0.0010 s  discard  over_speed: a stone is too fast"]
 
 
-#: Runs an example with a machine that cannot go on.
+#: Runs an example whose tamping cycle fails.
 STUCK = """
 import runpy, sys, types, ballast
 
@@ -89,7 +89,7 @@ runpy.run_path(sys.argv.pop(1), run_name="__main__")
 
 
 def refused(place: Path, name: str | Path, *arguments: str) -> list[str]:
-    """What an example says that ends without having begun; one that never ends fails."""
+    """Returns the lines on stderr of an example that must fail without output."""
     program = [sys.executable, EXAMPLES / name, *arguments, "tiny.toml"]
     done = subprocess.run(program, capture_output=True, text=True, cwd=place, timeout=120)
     assert done.returncode == 1 and not done.stdout, done.stdout
@@ -120,7 +120,7 @@ def test_window_study(place: Path) -> None:
     assert any(float(row.split("|")[-4]) > 0.0 for row in rows[2:])
 
 
-def test_window_study_tells_whatever_moves(case: ballast.Case, place: Path) -> None:
+def test_window_study_replays_all_moving_bodies(case: ballast.Case, place: Path) -> None:
     for needed in ("scipy", "matplotlib"):
         pytest.importorskip(needed)
     # What the folder holds of the case of before is none of it.
@@ -131,20 +131,20 @@ def test_window_study_tells_whatever_moves(case: ballast.Case, place: Path) -> N
     assert said.count("100 %") == 4
     motions = [json.loads(path.read_text()) for path in (place / "study").glob("*/motion_7.json")]
     assert len(motions) == 2
-    [told] = [motion for motion in motions if "block" in motion]
-    assert set(told) == {"times_ns", "phases", "left", "right", "block"}
-    lifted = [height for _, _, height, *_ in told["block"]]
+    [reported] = [motion for motion in motions if "block" in motion]
+    assert set(reported) == {"times_ns", "phases", "left", "right", "block"}
+    lifted = [height for _, _, height, *_ in reported["block"]]
     assert max(lifted) - lifted[0] == pytest.approx(case.to_dict()["tamping"]["lift"]["height_m"])
     # Figures that are nothing in every phase have no row.
     assert "| vertical impulse of the sleepers, N s |" in said
 
 
-def test_every_way_of_keeping_a_state(place: Path) -> None:
+def test_check_states_script(place: Path) -> None:
     said = run(place, ROOT / "scripts/check_states.py", "--steps", "5")
     assert said.count("  the same: ") == 5
 
 
-def test_the_notebook(place: Path) -> None:
+def test_tour_notebook(place: Path) -> None:
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")
@@ -162,7 +162,7 @@ def test_the_notebook(place: Path) -> None:
 
 
 def blocks() -> list[Any]:
-    """Python in the pages that users read first."""
+    """Returns the Python code blocks of README and guide."""
     found = [
         pytest.param(code, id=f"{page.name}-{i}")
         for page in (ROOT / "README.md", ROOT / "docs/src/guide/python.md")
@@ -173,9 +173,9 @@ def blocks() -> list[Any]:
 
 
 @pytest.mark.parametrize("code", blocks())
-def test_what_the_documents_show(place: Path, code: str) -> None:
+def test_code_blocks_of_the_documents(place: Path, code: str) -> None:
     if "zenoh:" in code:
-        pytest.skip("needs another process; test_elsewhere does the like")
+        pytest.skip("needs another process; test_remote does the like")
     if "study" in code:
         pytest.importorskip("pandas")
     (place / "examples").mkdir()

@@ -1,4 +1,4 @@
-"""The package as such: what it imports, whether its stubs are true."""
+"""Imports, docstrings and types of the package."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 from conftest import ROOT
 
 
-def test_only_numpy_comes_with_it() -> None:
+def test_import_needs_only_numpy() -> None:
     program = (
         "import sys, numpy; before = set(sys.modules); import ballast\n"
         "print(sorted({m.split('.')[0] for m in set(sys.modules) - before} - set(sys.stdlib_module_names)))"
@@ -27,14 +27,14 @@ def test_only_numpy_comes_with_it() -> None:
     assert done.stdout.strip() == "['ballast']"
 
 
-def test_names_are_those_of_the_package() -> None:
+def test_exported_names_exist() -> None:
     assert all(hasattr(ballast, name) for name in ballast.__all__)
     assert repr(ballast.Motion([0], [[0, 0, 0]])) == "Motion(1 knots, 0 to 0 ns, linear)"
     assert issubclass(ballast.InternalError, ballast.Error)
 
 
-def test_help_says_what_the_stubs_say() -> None:
-    """That these have the same members is for the types' test below."""
+def test_docstrings_equal_the_stub() -> None:
+    """`test_types` checks that the stub has the same members."""
     stubs = ast.parse((Path(ballast.__file__).parent / "_ballast.pyi").read_text())
     silent, other, seen = [], [], 0
     for stub in (node for node in stubs.body if isinstance(node, ast.ClassDef)):
@@ -47,7 +47,7 @@ def test_help_says_what_the_stubs_say() -> None:
             seen += 1
             if not text or not inspect.getdoc(runtime):
                 silent.append(name)
-            # Attributes of exceptions have no text of their own at runtime: it is in that of the class.
+            # Attributes of exceptions have no docstring at runtime; that of the class describes them.
             elif text != inspect.getdoc(runtime) and not issubclass(there, Exception):
                 other.append(name)
     assert seen > 150 and (silent, other) == ([], [])
@@ -72,12 +72,12 @@ def test_help_says_what_the_stubs_say() -> None:
         ("zenoh:test/bed", {"config": 0}),
     ],
 )
-def test_options_that_would_be_ignored_are_a_mistake(case: str, options: dict[str, Any]) -> None:
+def test_options_without_effect_raise(case: str, options: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=next(iter(options))):
         ballast.open(case, **options)
 
 
-def test_a_configuration_that_is_not_there_is_told() -> None:
+def test_missing_zenoh_configuration_raises() -> None:
     with pytest.raises(ballast.RemoteError) as unreachable:
         ballast.open("zenoh:test/bed", config="")
     assert unreachable.value.code == "transport"
@@ -88,7 +88,7 @@ SETTINGS = str(ROOT / "bindings/python/pyproject.toml")
 
 @pytest.fixture(scope="session")
 def mypy(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., None]:
-    """Runs a tool of mypy's. What one finds of the packages that ours uses serves the next: most of its time."""
+    """Runs a tool of mypy with a shared cache."""
     pytest.importorskip("mypy")
     found = os.environ | {"MYPY_CACHE_DIR": str(tmp_path_factory.mktemp("mypy"))}
 
@@ -141,7 +141,7 @@ MEASURES: list[study.Measure] = [whole, some, study.run_tamping_cycle]
 """
 
 
-def test_types_take_what_works(mypy: Callable[..., None], tmp_path: Path) -> None:
+def test_types_accept_common_usage(mypy: Callable[..., None], tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
     (tmp_path / "uses.py").write_text(USES)
     # Without the package's own settings, as a user checks.

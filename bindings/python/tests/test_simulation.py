@@ -1,4 +1,4 @@
-"""Windows, states, arrays: what a step promises, seen from Python."""
+"""Windows, states, arrays, threads, signals and recordings of local simulations."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def advance(sim: ballast.Simulation, steps: int = STEPS) -> ballast.WindowResult
 
 
 def end_of(sim: ballast.Simulation) -> str:
-    """The hash after some windows with motions."""
+    """Returns the hash after some windows with motions."""
     for _ in range(3):
         sim.advance_to(sim.now_ns + 5 * sim.step_ns, lowered(sim, 1e-4, 5))
     return sim.save().hash
 
 
-def test_the_boundaries_carry_the_bed(sim: ballast.Simulation) -> None:
+def test_boundary_impulses_balance_the_weight(sim: ballast.Simulation) -> None:
     def momentum() -> float:
         return float((sim.masses[:, None] * sim.save().velocities).sum(axis=0)[2])
 
@@ -55,7 +55,7 @@ def test_the_boundaries_carry_the_bed(sim: ballast.Simulation) -> None:
     assert reaction == pytest.approx(-weight, rel=0.05)
 
 
-def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
+def test_results_are_consistent(sim: ballast.Simulation) -> None:
     out = sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 10), record_steps=True, zones=True)
     assert (out.t0_ns, out.t1_ns, out.steps) == (0, 10 * sim.step_ns, 10)
     assert set(out.bodies) == set(sim.bodies)
@@ -72,33 +72,33 @@ def test_outcomes_say_what_happened(sim: ballast.Simulation) -> None:
     assert list(out.zones) == list(sim.zones())
     assert all(z.compactness == out.zones[n].compactness for n, z in sim.zones().items())
     assert not sim.advance_to(11 * sim.step_ns).zones
-    assert tine.name in out and "nobody" not in out and 1 not in out
+    assert tine.name in out and "unknown" not in out and 1 not in out
     # It is a mapping of bodies.
     assert list(out) == list(out.keys()) == sim.bodies and len(out) == len(sim.bodies)
     assert [body.work for body in dict(out).values()] == [body.work for body in out.values()]
     assert {name: body.work for name, body in out.items()} == {name: out[name].work for name in out}
     assert repr(out.solver).startswith(f"SolverResult({out.solver.iterations} iterations, ")
     assert repr(out.energy).startswith("EnergyLedger(kinetic=") and repr(series) == "StepSeries(10 steps)"
-    with pytest.raises(KeyError, match=f"'body: expected one of .*{tine.name}.*, found nobody'"):
-        out["nobody"]
+    with pytest.raises(KeyError, match=f"'body: expected one of .*{tine.name}.*, found unknown'"):
+        out["unknown"]
 
 
-def test_a_squeeze_is_followed(case: ballast.Case, beds: Path) -> None:
-    told = []
+def test_squeezes_are_measured(case: ballast.Case, beds: Path) -> None:
+    reported = []
     # On the case's own bed the tines jam, and are not open again at the end.
     with ballast.open(case.choose(seed=12), bed_cache=beds, threads=1, progress=False) as sim:
         for _ in range(sim.case.duration_ns // sim.step_ns):
-            told += sim.step_tamping_cycle().squeezes.values()
-    assert told and {s.number for s in told} == {1}
-    last = told[-1]
-    assert last.is_finished and not any(s.is_finished for s in told[:-1])
+            reported += sim.step_tamping_cycle().squeezes.values()
+    assert reported and {s.number for s in reported} == {1}
+    last = reported[-1]
+    assert last.is_finished and not any(s.is_finished for s in reported[:-1])
     # The tiny case closes by several millimetres, and opens again in the withdrawal.
     closing, force = last.loop.T
-    assert closing.max() > 5e-3 and closing.max() == max(s.closing for s in told)
+    assert closing.max() > 5e-3 and closing.max() == max(s.closing for s in reported)
     assert last.peak_force == np.abs(force).max() <= last.peak_step_force
 
 
-def test_a_tine_tells_the_pair_of_its_case(case: ballast.Case, beds: Path) -> None:
+def test_tines_have_the_pair_number_of_the_case(case: ballast.Case, beds: Path) -> None:
     lone = {"name": "lone", "x_m": 0.03, "y_m": 0.05, "squeeze_direction": "+x", "pair": 5,
             "blade_size_m": [0.01, 0.02, 0.02], "shaft_size_m": [0.01, 0.01, 0.1]}  # fmt: skip
     case = case.with_values({"tine": [lone]})
@@ -107,7 +107,7 @@ def test_a_tine_tells_the_pair_of_its_case(case: ballast.Case, beds: Path) -> No
         assert pairs.pop("lone") == 5 and set(pairs.values()) == {0}
 
 
-def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
+def test_redo_depends_only_on_its_inputs(sim: ballast.Simulation) -> None:
     sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
     end = 10 * sim.step_ns
     motions = lowered(sim, 1e-3, 5)
@@ -121,7 +121,7 @@ def test_redo_is_a_function_of_its_inputs(sim: ballast.Simulation) -> None:
         assert sim.save().hash == first
 
 
-def test_a_window_that_ended_early_is_redone_to_the_end_that_was_asked_for(case: ballast.Case, beds: Path) -> None:
+def test_redo_of_an_early_window_reaches_the_requested_end(case: ballast.Case, beds: Path) -> None:
     with ballast.open(case, bed_cache=beds, threads=1, progress=False, keep_partial_window=True) as sim:
         end, tine = 10 * sim.step_ns, sim.tines[0].name
         at, _ = sim.save().commanded_pose(tine)
@@ -132,7 +132,7 @@ def test_a_window_that_ended_early_is_redone_to_the_end_that_was_asked_for(case:
         assert sim.redo().t1_ns == sim.now_ns == end
 
 
-def test_restored_is_never_interrupted(
+def test_restored_simulations_equal_uninterrupted_ones(
     sim: ballast.Simulation, case: ballast.Case, beds: Path, tmp_path: Path
 ) -> None:
     advance(sim)
@@ -161,7 +161,7 @@ def measured(sim: ballast.Simulation) -> list[tuple[object, ...]]:
     return [(z.compactness, z.coordination, z.inertial_number, z.pressure) for z in sim.zones().values()]
 
 
-def test_zones_are_those_of_the_state(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_zones_depend_only_on_the_state(sim: ballast.Simulation, tmp_path: Path) -> None:
     for _ in range(60):
         sim.step_tamping_cycle()
     kept, zones = sim.save(), measured(sim)
@@ -175,7 +175,7 @@ def test_zones_are_those_of_the_state(sim: ballast.Simulation, tmp_path: Path) -
     assert measured(sim) == zones
 
 
-def test_a_fork_redoes_the_last_window_of_its_machine(sim: ballast.Simulation) -> None:
+def test_forks_can_redo_the_last_step_of_the_tamping_cycle(sim: ballast.Simulation) -> None:
     for _ in range(65):
         sim.step_tamping_cycle()
     fork = sim.fork()
@@ -186,7 +186,7 @@ def test_a_fork_redoes_the_last_window_of_its_machine(sim: ballast.Simulation) -
     assert fork.save().hash == sim.save().hash
 
 
-def test_a_state_of_another_case_is_refused(sim: ballast.Simulation, case: ballast.Case, beds: Path) -> None:
+def test_states_of_another_case_are_refused(sim: ballast.Simulation, case: ballast.Case, beds: Path) -> None:
     other = case.with_values({"tamping.vibration.frequency_Hz": 20.0})
     with ballast.open(other, bed_cache=beds, threads=1, progress=False) as elsewhere:
         with pytest.raises(ballast.RequestError, match="found one of another machine on the same bed"):
@@ -197,15 +197,15 @@ FORKED = """
 import multiprocessing, sys
 import ballast
 
-def step(sim, told):
+def step(sim, reported):
     sim.advance_to(sim.now_ns + 5 * sim.step_ns)
-    told.put(sim.save().hash)
+    reported.put(sim.save().hash)
 
 def elsewhere(sim):
-    told = fork.Queue()
-    process = fork.Process(target=step, args=(sim, told))
+    reported = fork.Queue()
+    process = fork.Process(target=step, args=(sim, reported))
     process.start()
-    hash = told.get(timeout=60)
+    hash = reported.get(timeout=60)
     process.join(60)
     return hash
 
@@ -220,21 +220,21 @@ for sim in (first, second):
     sim.advance_to(sim.now_ns + 5 * sim.step_ns)
 assert hashes == [sim.save().hash for sim in (first, second)], hashes
 
-def intrude(sim, told):
+def intrude(sim, reported):
     refused = []
     for ask in (lambda: sim.advance_to(sim.now_ns + sim.step_ns), sim.stop_recording):
         try:
             ask()
         except ballast.RequestError as error:
             refused.append((error.code, error.found))
-    told.put(refused)
+    reported.put(refused)
 
 first.record(sys.argv[3])
 first.advance_to(first.now_ns + sim.step_ns)
-told = fork.Queue()
-process = fork.Process(target=intrude, args=(first, told))
+reported = fork.Queue()
+process = fork.Process(target=intrude, args=(first, reported))
 process.start()
-assert told.get(timeout=60) == [("recording", "a fork of it")] * 2
+assert reported.get(timeout=60) == [("recording", "a fork of it")] * 2
 process.join(60)
 first.advance_to(first.now_ns + sim.step_ns)
 first.stop_recording()
@@ -242,14 +242,14 @@ assert len(list(ballast.read(sys.argv[3]))) == 2
 """
 
 
-def test_a_forked_process_has_threads_of_its_own_and_no_recording(beds: Path, tmp_path: Path) -> None:
+def test_forked_processes_compute_but_do_not_record(beds: Path, tmp_path: Path) -> None:
     file = ROOT / "interfaces/cli/tests/data/tiny.toml"
     called = [sys.executable, "-W", "ignore", "-c", FORKED, file, beds, tmp_path / "forked.mcap"]
     done = subprocess.run(called, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
 
 
-def test_the_machine_goes_on_after_a_restart(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_the_tamping_cycle_continues_from_a_file(sim: ballast.Simulation, tmp_path: Path) -> None:
     for _ in range(40):
         sim.step_tamping_cycle()
     sim.save().write(tmp_path / "state.h5")
@@ -261,7 +261,7 @@ def test_the_machine_goes_on_after_a_restart(sim: ballast.Simulation, tmp_path: 
         assert again.save().hash == sim.save().hash
 
 
-def test_arrays_are_views_that_keep_their_values(sim: ballast.Simulation) -> None:
+def test_arrays_are_views_of_immutable_states(sim: ballast.Simulation) -> None:
     before = sim.save().positions
     address = before.__array_interface__["data"][0]
     assert sim.save().positions.__array_interface__["data"][0] == address, "no copy"
@@ -283,7 +283,7 @@ def test_arrays_are_views_that_keep_their_values(sim: ballast.Simulation) -> Non
     assert np.array_equal(after, values), "it outlives the simulation"
 
 
-def test_fields_of_packed_records_are_read_as_they_are(sim: ballast.Simulation) -> None:
+def test_unaligned_inputs_are_copied(sim: ballast.Simulation) -> None:
     # As of a log that is read from its bytes: doubles lie where no double of an array does.
     tine, end = sim.tines[0].name, 10 * sim.step_ns
     log = np.zeros(2, np.dtype([("ms", "<u4"), ("x", "<f8", (3,)), ("q", "<f8", (4,))]))
@@ -299,7 +299,7 @@ def test_fields_of_packed_records_are_read_as_they_are(sim: ballast.Simulation) 
     assert isinstance(sim.save().commanded_twist(sim.tines[1].name), tuple)
 
 
-def test_contacts_hold_the_grains(sim: ballast.Simulation) -> None:
+def test_contact_points_lie_on_grains(sim: ballast.Simulation) -> None:
     advance(sim)
     state = sim.save()
     pairs, impulses, points = state.contact_bodies, state.contact_impulses, state.contact_points
@@ -320,8 +320,8 @@ def test_ten_simulations_in_ten_threads(case: ballast.Case, beds: Path) -> None:
         assert set(pool.map(run, range(10))) == {alone}
 
 
-def test_whoever_steps_gets_the_same(case: ballast.Case, beds: Path) -> None:
-    """A thread belongs to one pool: with two threads it is one of them, beside three it waits for others."""
+def test_results_do_not_depend_on_the_calling_thread(case: ballast.Case, beds: Path) -> None:
+    """A calling thread is a worker of one pool only; with another number of threads it waits for other workers."""
 
     def run(stepping: list[ThreadPoolExecutor], threads: int) -> str:
         opened = stepping[0].submit(ballast.open, case, bed_cache=beds, threads=threads, progress=False)
@@ -336,7 +336,7 @@ def test_whoever_steps_gets_the_same(case: ballast.Case, beds: Path) -> None:
         assert [run([one, other, one], threads) for threads in (2, 3, 1)] == [alone] * 3
 
 
-def test_somebody_has_to_compute(case: ballast.Case, beds: Path) -> None:
+def test_thread_counts_out_of_range_are_refused(case: ballast.Case, beds: Path) -> None:
     with pytest.raises(ballast.Error, match="expected 1 to 1024, found 0") as none:
         ballast.open(case, bed_cache=beds, threads=0, progress=False)
     assert none.value.code == "threads"
@@ -345,13 +345,13 @@ def test_somebody_has_to_compute(case: ballast.Case, beds: Path) -> None:
             ballast.open(case, bed_cache=beds, threads=threads, progress=False)
 
 
-def test_a_bed_is_no_state(case: ballast.Case, beds: Path) -> None:
+def test_resume_refuses_beds(case: ballast.Case, beds: Path) -> None:
     bed = ballast.prepare(case, bed_cache=beds, progress=False)
     with pytest.raises(ballast.FileError, match="expected the state of a run, found a bed"):
         ballast.resume(bed)
 
 
-def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> None:
+def test_concurrent_calls_raise_busy(sim: ballast.Simulation) -> None:
     thread = threading.Thread(target=advance, args=(sim, 200))
     thread.start()
     codes = set()
@@ -368,7 +368,7 @@ def test_one_simulation_is_stepped_by_one_thread(sim: ballast.Simulation) -> Non
     assert sim.now_ns == 200 * sim.step_ns
 
 
-def test_a_failure_inside_is_an_exception(sim: ballast.Simulation) -> None:
+def test_panics_raise_internal_error(sim: ballast.Simulation) -> None:
     advance(sim)
     kept = sim.save()
     end = end_of(sim)
@@ -390,7 +390,7 @@ def test_a_failure_inside_is_an_exception(sim: ballast.Simulation) -> None:
         ("time_grid", lambda sim: sim.advance_to(sim.step_ns + 1)),
         ("time_grid", lambda sim: sim.advance_to(0)),
         ("nothing_to_redo", lambda sim: sim.redo()),
-        ("unknown_body", lambda sim: advance_with(sim, "nobody", [0, sim.step_ns])),
+        ("unknown_body", lambda sim: advance_with(sim, "unknown", [0, sim.step_ns])),
         ("input_gap", lambda sim: advance_with(sim, sim.tines[0].name, [0, sim.step_ns - 1])),
         ("input_jump", lambda sim: advance_with(sim, sim.tines[0].name, [0, sim.step_ns], 1.0)),
         ("input_invalid", lambda sim: advance_with(sim, sim.tines[0].name, [0, sim.step_ns], np.nan)),
@@ -414,7 +414,7 @@ def test_a_failure_inside_is_an_exception(sim: ballast.Simulation) -> None:
         ("input_invalid", lambda sim: ballast.resume(sim.save(), max_penetration=np.nan)),
     ],
 )
-def test_requests_without_sense_are_refused(sim: ballast.Simulation, code: str, ask) -> None:
+def test_invalid_requests_are_refused(sim: ballast.Simulation, code: str, ask) -> None:
     before = sim.save().hash
     with pytest.raises(ballast.RequestError, match="expected .* found") as refused:
         ask(sim)
@@ -422,7 +422,7 @@ def test_requests_without_sense_are_refused(sim: ballast.Simulation, code: str, 
     assert sim.save().hash == before and sim.now_ns == 0
 
 
-def test_every_refusal_tells_its_parts(sim: ballast.Simulation) -> None:
+def test_argument_errors_have_parts(sim: ballast.Simulation) -> None:
     turned = [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 2.0]]
     for ask, place in [
         (lambda: ballast.Motion([0, 1], np.zeros((2, 3)), turned), "orientations"),
@@ -435,7 +435,7 @@ def test_every_refusal_tells_its_parts(sim: ballast.Simulation) -> None:
         assert refused.value.place == place and refused.value.expected and refused.value.found, refused.value
 
 
-def test_refusals_tell_their_parts(sim: ballast.Simulation) -> None:
+def test_request_errors_have_parts(sim: ballast.Simulation) -> None:
     with pytest.raises(ballast.RequestError) as refused:
         sim.advance_to(sim.step_ns + 1)
     assert (refused.value.place, refused.value.found) == ("t1_ns", f"{sim.step_ns + 1} ns")
@@ -468,12 +468,12 @@ def advance_with(
         ("loads['a']: expected <class 'ballast.Load'>, found <class 'int'>", lambda sim: sim.redo(loads={"a": 1})),
     ],
 )
-def test_what_is_of_another_kind_is_told(sim: ballast.Simulation, said: str, ask) -> None:
+def test_wrong_types_raise_type_error(sim: ballast.Simulation, said: str, ask) -> None:
     with pytest.raises(TypeError, match=re.escape(said)):
         ask(sim)
 
 
-def test_any_mapping_names_bodies(sim: ballast.Simulation) -> None:
+def test_motions_accept_any_mapping(sim: ballast.Simulation) -> None:
     end, start, motions = 5 * sim.step_ns, sim.save(), lowered(sim, 1e-3, 5)
     hashes = set()
     for mapping in (motions, MappingProxyType(motions)):
@@ -483,7 +483,7 @@ def test_any_mapping_names_bodies(sim: ballast.Simulation) -> None:
     assert len(hashes) == 1
 
 
-def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:
+def test_closed_simulations_raise(sim: ballast.Simulation) -> None:
     sim.close()
     sim.close()
     assert sim.is_closed
@@ -493,7 +493,7 @@ def test_a_closed_simulation_says_so(sim: ballast.Simulation) -> None:
 
 
 def begun(sim: ballast.Simulation, pool: ThreadPoolExecutor, steps: int, **asked: bool) -> Future[ballast.WindowResult]:
-    """A window in the midst of its computation by another thread."""
+    """Returns the future of a window that another thread is computing."""
     end, is_near = sim.now_ns + steps * sim.step_ns, threading.Event()
 
     def window() -> ballast.WindowResult:
@@ -507,11 +507,11 @@ def begun(sim: ballast.Simulation, pool: ThreadPoolExecutor, steps: int, **asked
     return computed
 
 
-#: Steps of a window that would last for hours.
+#: Number of steps of a window that takes hours.
 MANY = 10_000_000
 
 
-def test_another_thread_ends_a_window(sim: ballast.Simulation) -> None:
+def test_stop_cancels_a_window(sim: ballast.Simulation) -> None:
     sim.stop()
     assert sim.last is None
     with ThreadPoolExecutor(1) as pool:
@@ -528,7 +528,7 @@ def test_another_thread_ends_a_window(sim: ballast.Simulation) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_closing_ends_the_window_of_another_thread(case: ballast.Case, beds: Path, threads: int) -> None:
+def test_close_cancels_the_window_of_another_thread(case: ballast.Case, beds: Path, threads: int) -> None:
     with ThreadPoolExecutor(1) as pool:
         with pytest.raises(KeyboardInterrupt):
             with ballast.open(case, bed_cache=beds, threads=threads, progress=False) as sim:
@@ -541,7 +541,7 @@ def test_closing_ends_the_window_of_another_thread(case: ballast.Case, beds: Pat
         assert closed.value.code == "closed"
 
 
-def test_ctrl_c_reaches_who_waits_for_another_thread(sim: ballast.Simulation) -> None:
+def test_ctrl_c_closes_a_simulation_that_another_thread_steps(sim: ballast.Simulation) -> None:
     with ThreadPoolExecutor(1) as pool, pytest.raises(KeyboardInterrupt):
         with sim:
             window = begun(sim, pool, MANY)
@@ -550,7 +550,7 @@ def test_ctrl_c_reaches_who_waits_for_another_thread(sim: ballast.Simulation) ->
     assert window.result(timeout=60).code == "stopped"
 
 
-def test_a_thread_does_not_wait_for_itself(sim: ballast.Simulation) -> None:
+def test_signal_handlers_cannot_close_but_stop(sim: ballast.Simulation) -> None:
     codes = []
 
     def handle(*_: object) -> None:
@@ -570,11 +570,11 @@ def test_a_thread_does_not_wait_for_itself(sim: ballast.Simulation) -> None:
     advance(sim)
 
 
-def test_what_goes_wrong_at_the_end_hides_no_exception(
+def test_close_errors_become_notes(
     sim: ballast.Simulation, case: ballast.Case, beds: Path, tmp_path: Path
 ) -> None:
     def unwritten(sim: ballast.Simulation) -> None:
-        """Its recording cannot be written any more."""
+        """Makes the recording of a simulation fail."""
         sim.record(tmp_path / "run.mcap")
         before = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
@@ -596,7 +596,7 @@ def test_what_goes_wrong_at_the_end_hides_no_exception(
 
 
 def interrupted_window(sim: ballast.Simulation) -> None:
-    """A window that would last for hours, and Ctrl-C after a moment."""
+    """Interrupts a long window by Ctrl-C."""
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
@@ -604,7 +604,7 @@ def interrupted_window(sim: ballast.Simulation) -> None:
     timer.join()
 
 
-def test_ctrl_c_returns_in_a_valid_state(sim: ballast.Simulation) -> None:
+def test_ctrl_c_leaves_a_valid_state(sim: ballast.Simulation) -> None:
     interrupted_window(sim)
     now, out = sim.now_ns, sim.last
     assert 0 < now < MANY * sim.step_ns and now % sim.step_ns == 0
@@ -620,14 +620,14 @@ def test_ctrl_c_returns_in_a_valid_state(sim: ballast.Simulation) -> None:
 
 
 def endless(case: ballast.Case) -> ballast.Case:
-    """Never solved well enough."""
+    """Returns the case with steps that never converge."""
     values = case.to_dict()
     values["solver"] |= {"iterations": 4_000_000_000, "tolerance": 1e-300}
     return ballast.Case.from_dict(values)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
-def test_a_step_without_end_is_broken_off(case: ballast.Case, beds: Path, threads: int) -> None:
+def test_endless_steps_are_cancelled(case: ballast.Case, beds: Path, threads: int) -> None:
     with ballast.open(endless(case), bed_cache=beds, threads=threads, progress=False) as sim:
         before = sim.save().hash
         interrupted_window(sim)
@@ -642,7 +642,7 @@ def test_a_step_without_end_is_broken_off(case: ballast.Case, beds: Path, thread
 
 
 def handled_within_a_step(case: ballast.Case, beds: Path) -> list[str]:
-    """What a handler of signals is told that computes while a step without end is computed by this thread and another."""
+    """Returns the error codes of a signal handler that computes during an endless step of two threads."""
     codes = []
 
     def handle(*_: object) -> None:
@@ -662,7 +662,7 @@ def handled_within_a_step(case: ballast.Case, beds: Path) -> list[str]:
 
 
 def in_another_process(case: ballast.Case, beds: Path, what: str) -> str:
-    """What it prints, in a process whose first thread works with another one."""
+    """Returns the output of a program whose main thread is a worker."""
     case.write(beds / "case.toml")
     code = (
         "import sys, ballast; from test_simulation import *\n"
@@ -674,7 +674,7 @@ def in_another_process(case: ballast.Case, beds: Path, what: str) -> str:
     return done.stdout.strip()
 
 
-def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds: Path) -> None:
+def test_ctrl_c_cancels_multithreaded_windows(case: ballast.Case, beds: Path) -> None:
     what = (
         "with ballast.open(case, bed_cache=beds, threads=2, progress=False) as sim:\n"
         "    interrupted_window(sim)\n"
@@ -683,11 +683,11 @@ def test_ctrl_c_reaches_a_thread_that_works_with_others(case: ballast.Case, beds
     assert int(in_another_process(case, beds, what)) > 0
 
 
-def test_who_handles_a_signal_within_a_step_does_not_wait_for_it(case: ballast.Case, beds: Path) -> None:
+def test_signal_handlers_within_a_step_are_refused(case: ballast.Case, beds: Path) -> None:
     assert in_another_process(case, beds, "print(handled_within_a_step(case, beds))") == "['busy']"
 
 
-def test_the_last_outcome_is_that_of_the_last_window(sim: ballast.Simulation) -> None:
+def test_last_is_the_result_of_the_last_window(sim: ballast.Simulation) -> None:
     assert sim.last is None
     out = advance(sim)
     kept = sim.save()
@@ -707,7 +707,7 @@ def test_the_last_outcome_is_that_of_the_last_window(sim: ballast.Simulation) ->
     assert sim.last is None
 
 
-def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:
+def test_max_penetration_discards_windows(case: ballast.Case, beds: Path) -> None:
     options = {"bed_cache": beds, "threads": 1, "progress": False, "max_penetration": 1e-12}
     with ballast.open(case, **options) as sim:
         out = advance(sim)
@@ -715,7 +715,7 @@ def test_penetration_has_a_limit(case: ballast.Case, beds: Path) -> None:
         assert sim.now_ns == 0
 
 
-def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_recordings_can_be_verified_and_replayed(sim: ballast.Simulation, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     sim.record(path)
     with pytest.raises(ballast.RequestError, match="recording"):
@@ -741,7 +741,7 @@ def test_a_recording_is_what_was_computed(sim: ballast.Simulation, tmp_path: Pat
 
 
 def numbers(out: ballast.WindowResult) -> object:
-    """All that an outcome of a recording tells, too."""
+    """Returns all values of a result that recordings contain."""
 
     def of(part: object) -> list[object]:
         names = [name for name in dir(part) if not name.startswith("_")]
@@ -752,26 +752,26 @@ def numbers(out: ballast.WindowResult) -> object:
     return ends, list(out), list(out.zones), list(out.squeezes), [of(part) for part in parts]
 
 
-def test_a_recorded_window_can_be_asked_again(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_recorded_windows_can_be_repeated(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     spring = {"mass_kg": 2, "z": "spring", "stiffness_N_per_m": 1e6}
     sprung, path = case.with_values({"sleepers.mount": spring}), tmp_path / "run.mcap"
     with ballast.open(sprung, bed_cache=beds, seed=12, threads=1, progress=False) as sim:
-        h, told, hashes = sim.step_ns, [], []
+        h, reported, hashes = sim.step_ns, [], []
         sim.record(path)
         assert {name for name, role in sim.roles.items() if role == "tine"} == {tine.name for tine in sim.tines}
         for interpolation in ("hold", "linear"):
             times, now = [sim.now_ns, sim.now_ns + 2 * h, sim.now_ns + 6 * h], sim.now_ns
             push = ballast.Load(times, [[0, 0, 0], [1, 2, -900], [3, 0, -100]], [[0, 1, 0]] * 3, interpolation=interpolation)
-            told.append(sim.advance_to(now + 5 * h, lowered(sim, 1e-3, 6), {"sleeper_1": push}, zones=True))
+            reported.append(sim.advance_to(now + 5 * h, lowered(sim, 1e-3, 6), {"sleeper_1": push}, zones=True))
             hashes.append(sim.save().hash)
         ends = sim.save().commanded_pose(tine := sim.tines[0].name)[0], sim.now_ns
         turned = [[0, 0, 0, 1], [0, 0, np.sin(0.01), np.cos(0.01)]]
         swing = ballast.Motion([ends[1], ends[1] + 4 * h], [ends[0]] * 2, turned, velocities=np.zeros((2, 3)),
                                angular_velocities=np.zeros((2, 3)), allow_jump=True)  # fmt: skip
-        told.append(sim.advance_to(ends[1] + 4 * h, {tine: swing}))
+        reported.append(sim.advance_to(ends[1] + 4 * h, {tine: swing}))
         hashes.append(sim.save().hash)
         for _ in range(120):
-            told.append(sim.step_tamping_cycle())
+            reported.append(sim.step_tamping_cycle())
             hashes.append(sim.save().hash)
     recording = ballast.read(path)
     assert isinstance(recording, ballast.Recording) and recording.start is None
@@ -780,7 +780,7 @@ def test_a_recorded_window_can_be_asked_again(case: ballast.Case, beds: Path, tm
     windows = list(recording)
     assert any(window["result"].squeezes for window in windows) and windows[0]["result"].zones
     with ballast.open(recording.case, bed_cache=beds, threads=1, progress=False) as again:
-        for window, out, hash in zip(windows, told, hashes, strict=True):
+        for window, out, hash in zip(windows, reported, hashes, strict=True):
             kept = window["result"]
             assert numbers(kept) == numbers(out)
             assert np.isnan(kept.wall_time_s) and (kept.max_knot_spacing_ns, kept.step_series) == (0, None)
@@ -788,7 +788,7 @@ def test_a_recorded_window_can_be_asked_again(case: ballast.Case, beds: Path, tm
             assert again.save().hash == window["hash"] == hash
 
 
-def test_a_recording_knows_its_beginning(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
+def test_recordings_contain_their_initial_state(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
     advance(sim)
     kept = sim.save()
     sim.record(tmp_path / "later.mcap")
@@ -804,7 +804,7 @@ def test_a_recording_knows_its_beginning(sim: ballast.Simulation, beds: Path, tm
         assert again.save().hash == end
 
 
-def test_parameters_are_set_recorded_and_part_of_a_state(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
+def test_parameters_are_recorded_and_part_of_states(sim: ballast.Simulation, beds: Path, tmp_path: Path) -> None:
     sim.record(tmp_path / "set.mcap")
     advance(sim)
     loose = sim.save()
@@ -818,14 +818,14 @@ def test_parameters_are_set_recorded_and_part_of_a_state(sim: ballast.Simulation
     recording = ballast.read(tmp_path / "set.mcap")
     assert isinstance(recording, ballast.Recording)
     with ballast.open(recording.case, bed_cache=beds, threads=1, progress=False) as again:
-        told = []
+        reported = []
         for window in recording:
             again.set_parameters(**window["parameters"])
             again.advance_to(window["t1_ns"], window["motions"], window["loads"])
             assert again.save().hash == window["hash"]
-            told.append(window["parameters"])
+            reported.append(window["parameters"])
         assert again.save().hash == end
-        assert told[0] == {} and told[1] == {"iterations": 3, "tolerance": 1e-3}
+        assert reported[0] == {} and reported[1] == {"iterations": 3, "tolerance": 1e-3}
         # A state brings its own, whoever takes it up.
         again.restore(loose)
         assert again.save().hash == loose.hash
@@ -850,7 +850,7 @@ def test_parameters_are_set_recorded_and_part_of_a_state(sim: ballast.Simulation
             assert refused.value.code == "parameter_invalid"
 
 
-def test_a_recording_of_the_program_is_read_as_well(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_recordings_of_the_program_are_readable(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     case.write(tmp_path / "tiny.toml")
     path = tmp_path / "run.mcap"
     call(tmp_path, "run", tmp_path / "tiny.toml", "--record", path, "--out", tmp_path / "run")
@@ -862,7 +862,7 @@ def test_a_recording_of_the_program_is_read_as_well(case: ballast.Case, beds: Pa
     assert count == 180
 
 
-def test_states_motions_and_loads_are_pickled(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_states_motions_and_loads_can_be_pickled(sim: ballast.Simulation, tmp_path: Path) -> None:
     for _ in range(65):
         sim.step_tamping_cycle()
     state = sim.save()
@@ -897,7 +897,7 @@ def parts_of(input: ballast.Motion | ballast.Load) -> tuple[list[bytes], dict[st
     return [np.asarray(row).tobytes() for row in rows], plain
 
 
-def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
+def test_roles_and_mounts(case: ballast.Case, beds: Path) -> None:
     spring = {"mass_kg": 2, "z": "spring", "stiffness_N_per_m": 1e6, "damping_N_s_per_m": 3e3}
     own = case.with_values({"sleepers.mount": spring, "tines.mount.rigid": True})
     with ballast.open(own, bed_cache=beds, threads=1, progress=False) as sim:
@@ -911,7 +911,7 @@ def test_bodies_say_what_they_are(case: ballast.Case, beds: Path) -> None:
         assert repr(mount) == "Mount(2 kg, prescribed, prescribed, spring, prescribed, prescribed, prescribed)"
 
 
-def test_shapes_are_counted_from_both_ends(sim: ballast.Simulation) -> None:
+def test_shape_accepts_negative_indices(sim: ballast.Simulation) -> None:
     # Those of driven bodies come after those of the grains.
     n = int(sim.shape_indices.max()) + 1
     with suppress(IndexError):
@@ -924,7 +924,7 @@ def test_shapes_are_counted_from_both_ends(sim: ballast.Simulation) -> None:
             sim.shape(beyond)
 
 
-def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_recordings_can_start_at_any_window(sim: ballast.Simulation, tmp_path: Path) -> None:
     sim.advance_to(5 * sim.step_ns, lowered(sim, 1e-3, 5))
     sim.record(tmp_path / "later.mcap")
     with pytest.raises(ballast.RequestError, match="starts at") as refused:
@@ -937,7 +937,7 @@ def test_a_recording_may_begin_anywhere(sim: ballast.Simulation, tmp_path: Path)
     assert final in call(tmp_path, "replay", tmp_path / "later.mcap", "--out", tmp_path / "replay")
 
 
-def test_an_interrupted_window_is_recorded_as_far_as_it_went(
+def test_interrupted_windows_are_recorded(
     sim: ballast.Simulation, tmp_path: Path
 ) -> None:
     sim.record(tmp_path / "run.mcap")
@@ -947,7 +947,7 @@ def test_an_interrupted_window_is_recorded_as_far_as_it_went(
     call(tmp_path, "verify", tmp_path / "run.mcap")
 
 
-def test_a_simulation_that_is_let_go_leaves_its_last_window(
+def test_recordings_are_complete_without_close(
     case: ballast.Case, beds: Path, tmp_path: Path
 ) -> None:
     sim = ballast.open(case, bed_cache=beds, threads=1, progress=False)
@@ -958,7 +958,7 @@ def test_a_simulation_that_is_let_go_leaves_its_last_window(
     assert "3 windows" in call(tmp_path, "verify", tmp_path / "run.mcap")
 
 
-def test_a_recording_ends_where_the_program_fails_inside(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_recordings_end_at_a_panic(sim: ballast.Simulation, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     sim.record(path)
     advance(sim)
@@ -973,7 +973,7 @@ def test_a_recording_ends_where_the_program_fails_inside(sim: ballast.Simulation
     assert len(list(ballast.read(path))) == 1
 
 
-def test_a_state_brings_the_limit_of_penetration(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_states_contain_the_penetration_limit(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     with ballast.open(case, bed_cache=beds, threads=1, progress=False, max_penetration=1e-12) as sim:
         state = sim.save()
     with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
@@ -991,21 +991,21 @@ def test_a_state_brings_the_limit_of_penetration(case: ballast.Case, beds: Path,
             assert again.advance_to(5 * again.step_ns).code is None
 
 
-def test_an_outcome_is_a_mapping(sim: ballast.Simulation) -> None:
+def test_window_results_are_mappings(sim: ballast.Simulation) -> None:
     out = advance(sim)
     assert isinstance(out, Mapping)
     name = next(iter(out))
     found = out.get(name)
     assert found is not None and found.work == out[name].work
-    assert out.get("nobody") is None and out.get("nobody", 3) == 3
+    assert out.get("unknown") is None and out.get("unknown", 3) == 3
 
 
-def test_a_recording_that_cannot_be_written_costs_no_window(
+def test_failed_recordings_lose_no_window(
     sim: ballast.Simulation, tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"
     sim.record(path)
-    told: list[str] = []
+    reported: list[str] = []
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     # A limit on the size of files stands in for a full disk; Python ignores its signal.
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
@@ -1014,11 +1014,11 @@ def test_a_recording_that_cannot_be_written_costs_no_window(
             warnings.simplefilter("always")
             for steps in range(1, 61):
                 assert sim.advance_to(steps * sim.step_ns).t1_ns == steps * sim.step_ns
-            told = [str(w.message) for w in caught if w.category is RuntimeWarning]
+            reported = [str(w.message) for w in caught if w.category is RuntimeWarning]
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert len(told) == 1, told
-    assert "run.mcap: cannot write" in told[0] and "continues without recording" in told[0]
+    assert len(reported) == 1, reported
+    assert "run.mcap: cannot write" in reported[0] and "continues without recording" in reported[0]
     with pytest.raises(ballast.RequestError, match="stop_recording first"):
         sim.record(path)
     with pytest.raises(ballast.FileError, match="run.mcap: cannot write"):
@@ -1031,7 +1031,7 @@ def test_a_recording_that_cannot_be_written_costs_no_window(
 
 
 def call(folder: Path, command: str, path: Path, *more: str | Path) -> str:
-    """What the program says to a recording of a simulation."""
+    """Returns the output of a command of the program for a recording."""
     program = Path(os.environ.get("BALLAST_PROGRAM", ROOT / "target/release/ballast"))
     if not program.exists():
         pytest.skip(f"{program} is not built")
@@ -1042,6 +1042,6 @@ def call(folder: Path, command: str, path: Path, *more: str | Path) -> str:
 
 
 def lowered_back(sim: ballast.Simulation) -> dict[str, ballast.Motion]:
-    """The tines stay where the run has them at its start."""
+    """Returns motions that hold the tines at their start."""
     times = [0, 5 * sim.step_ns]
     return {t.name: ballast.Motion(times, [t.start, t.start]) for t in sim.tines}

@@ -1,4 +1,4 @@
-"""A recording in readers that other people wrote: what the simulation told, in types that ROS has."""
+"""Recordings in third-party readers: the values of the simulation in types of ROS."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Place = tuple[Floats, Floats, Floats, Floats]
 
 MAGIC = b"\x89MCAP0\r\n"
 PICTURES = {"/stones", "/scene"}
-# They hold more than an outcome tells: the inputs, and where a squeeze had its peak and its onset.
+# They contain more than results: inputs, and peak and onset of squeezes.
 WIDER = {"/ballast/step", "/ballast/squeeze/pair_0"}
 # The datatypes of PointField, from 1 on.
 COLUMNS = dict(enumerate(("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8"), 1))
@@ -41,7 +41,7 @@ COLUMNS = dict(enumerate(("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8"),
 
 @dataclass
 class Run:
-    """A recording, and what the simulation told meanwhile."""
+    """A recording and the results of its windows."""
 
     path: Path
     start: ballast.State
@@ -52,7 +52,7 @@ class Run:
 
 @dataclass
 class Seen:
-    """A message, as both decoders have it."""
+    """A message as decoded by both readers."""
 
     topic: str
     time_ns: int
@@ -87,7 +87,7 @@ def played(case: ballast.Case, beds: Path, path: Path, *, is_tried: bool = True)
 
 
 def closed(sim: ballast.Simulation, way: float, steps: int) -> dict[str, ballast.Motion]:
-    """All tines close by `way` (m) at constant speed within the next steps."""
+    """Returns motions that close all tines by `way` (m) at constant speed in the next steps."""
     times = [sim.now_ns, sim.now_ns + steps * sim.step_ns]
     motions = {}
     for tine in sim.tines:
@@ -107,7 +107,7 @@ def seen(run: Run) -> list[Seen]:
 
 
 def named(values: Floats) -> dict[str, float]:
-    """A vector or quaternion as messages have it."""
+    """Returns a vector or quaternion as a message."""
     return dict(zip("xyzw", values.tolist()))
 
 
@@ -120,7 +120,7 @@ def header(time_ns: int) -> dict[str, Any]:
 
 
 def part(name: str) -> str:
-    """A name within a topic."""
+    """Returns a name as part of a topic."""
     return re.sub("[^A-Za-z0-9]", "_", name)
 
 
@@ -129,7 +129,7 @@ def number(value: float | None) -> float:
 
 
 def tools(run: Run) -> list[str]:
-    """The bodies that are neither floor nor wall."""
+    """Returns the bodies other than floor and walls."""
     return [n for n in run.windows[0][0].bodies if n.startswith(("tine", "sleeper"))]
 
 
@@ -147,34 +147,34 @@ def pose_and_twist(place: Place) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def configuration(time_ns: int, places: dict[str, Place]) -> dict[str, dict[str, Any]]:
-    """Messages on where tines and sleepers are, by topic."""
-    told = {"/clock": {"clock": stamp(time_ns)}, "/tf": frames(time_ns, places)}
+    """Returns pose messages of tines and sleepers by topic."""
+    reported = {"/clock": {"clock": stamp(time_ns)}, "/tf": frames(time_ns, places)}
     for name, place in places.items():
         pose, twist = pose_and_twist(place)
-        told[f"/{part(name)}/pose"] = {"header": header(time_ns), "pose": pose}
-        told[f"/{part(name)}/twist"] = {"header": header(time_ns), "twist": twist}
-    return told
+        reported[f"/{part(name)}/pose"] = {"header": header(time_ns), "pose": pose}
+        reported[f"/{part(name)}/twist"] = {"header": header(time_ns), "twist": twist}
+    return reported
 
 
 def start_of(run: Run) -> dict[str, dict[str, Any]]:
-    """Messages that a recording begins with, by topic."""
+    """Returns the first messages of a recording by topic."""
     places = {name: run.start.body(name) for name in run.windows[0][0].bodies}
     moving = {name: places.pop(name) for name in tools(run)}
     return configuration(0, moving) | {"/tf_static": frames(0, places)}
 
 
 def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
-    """Messages of a window but for its pictures, by topic."""
+    """Returns the messages of a window without visualisation by topic."""
     out, state = run.windows[i]
     bodies, head = out.bodies, header(out.t1_ns)
     places = {n: (b.position, b.orientation, b.velocity, b.spin) for n, b in bodies.items()}
-    told = configuration(out.t1_ns, {name: places[name] for name in tools(run)})
+    reported = configuration(out.t1_ns, {name: places[name] for name in tools(run)})
     for name, body in bodies.items():
         pose, twist = pose_and_twist(places[name])
         mean = {"force": named(body.mean_force), "torque": named(body.mean_torque)}
         if name in tools(run):
-            told[f"/{part(name)}/wrench"] = {"header": head, "wrench": mean}
-        told[f"/{part(name)}/impulse"] = {
+            reported[f"/{part(name)}/wrench"] = {"header": head, "wrench": mean}
+        reported[f"/{part(name)}/impulse"] = {
             "header": head,
             "body": name,
             "impulse": named(body.impulse),
@@ -190,7 +190,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
             "twist": twist,
         }
     for name, zone in out.zones.items():
-        told[f"/ballast/zone/{part(name)}"] = {
+        reported[f"/ballast/zone/{part(name)}"] = {
             "header": head,
             "zone": name,
             "compactness": number(zone.compactness),
@@ -202,7 +202,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
         }
     for name, squeeze in out.squeezes.items():
         same = "number is_finished start_ns closing peak_force peak_step_force work compaction_energy"
-        told[f"/ballast/squeeze/{part(name)}"] = {
+        reported[f"/ballast/squeeze/{part(name)}"] = {
             "header": head,
             "pair": name,
             **fields(squeeze, same),
@@ -210,35 +210,35 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
             "loop_closing": squeeze.loop[:, 0],
             "loop_force": squeeze.loop[:, 1],
         }
-    told["/ballast/solver"] = fields(
+    reported["/ballast/solver"] = fields(
         out.solver,
         "iterations visits steps_not_converged residual_qm16 residual_natural_map contacts active_contacts "
         "mean_penetration max_penetration",
     )
-    told["/ballast/energy"] = fields(
+    reported["/ballast/energy"] = fields(
         out.energy,
         "initial_kinetic initial_potential kinetic potential external_work dissipated balance_error",
     )
-    told["/ballast/hash"] = {"bytes": bytes.fromhex(state.hash)}
+    reported["/ballast/hash"] = {"bytes": bytes.fromhex(state.hash)}
     window = {"seq": i + 1, "t0_ns": out.t0_ns, "t1_ns": out.t1_ns}
-    told["/ballast/step"] = {**window, "request": window, "hash": told["/ballast/hash"]}
-    return told
+    reported["/ballast/step"] = {**window, "request": window, "hash": reported["/ballast/hash"]}
+    return reported
 
 
 def fields(value: object, names: str) -> dict[str, Any]:
     return {name: getattr(value, name) for name in names.split()}
 
 
-def test_every_number_is_what_the_simulation_told(run: Run, seen: list[Seen]) -> None:
-    told = {0: start_of(run)}
-    told |= {out.t1_ns: window_of(run, i) for i, (out, _) in enumerate(run.windows)}
+def test_recorded_numbers_equal_the_results(run: Run, seen: list[Seen]) -> None:
+    reported = {0: start_of(run)}
+    reported |= {out.t1_ns: window_of(run, i) for i, (out, _) in enumerate(run.windows)}
     # A redone window stands once, as it was in the end.
     assert Counter((s.topic, s.time_ns) for s in seen if s.topic not in PICTURES) == Counter(
-        (topic, time_ns) for time_ns, window in told.items() for topic in window
+        (topic, time_ns) for time_ns, window in reported.items() for topic in window
     )
     for s in seen:
         if s.topic not in PICTURES:
-            expected = dict(leaves(told[s.time_ns][s.topic]))
+            expected = dict(leaves(reported[s.time_ns][s.topic]))
             found = {k: s.leaves.get(k) for k in expected} if s.topic in WIDER else s.leaves
             assert found == expected, (s.topic, s.time_ns)
     # None of this was idle.
@@ -248,7 +248,7 @@ def test_every_number_is_what_the_simulation_told(run: Run, seen: list[Seen]) ->
     assert any(out[name].contacts for out in outs for name in tools(run))
 
 
-def test_points_are_the_grains(case: ballast.Case, run: Run, seen: list[Seen]) -> None:
+def test_point_clouds_contain_the_grains(case: ballast.Case, run: Run, seen: list[Seen]) -> None:
     clouds = {s.time_ns: s.message for s in seen if s.topic == "/stones"}
     states = {0: run.start} | {
         out.t1_ns: state for out, state in run.windows if is_output_due(case, out)
@@ -285,16 +285,16 @@ def is_output_due(case: ballast.Case, out: ballast.WindowResult) -> bool:
 
 
 def array(points: Any) -> Floats:
-    """Points, vectors, quaternions of messages as rows."""
+    """Returns points, vectors or quaternions of messages as rows."""
     return np.array([[getattr(p, n) for n in "xyzw" if hasattr(p, n)] for p in points])
 
 
 def rotated(q: Floats, v: Floats) -> Floats:
-    """Vectors turned by a quaternion x, y, z, w."""
+    """Returns vectors rotated by a quaternion x, y, z, w."""
     return v + 2.0 * np.cross(q[:3], np.cross(q[:3], v) + q[3] * v)
 
 
-def test_polyhedra_and_arrows_are_where_the_bodies_are(run: Run, seen: list[Seen]) -> None:
+def test_polyhedra_and_arrows_have_the_poses_of_bodies(run: Run, seen: list[Seen]) -> None:
     scenes = {s.time_ns: s.message for s in seen if s.topic == "/scene"}
     last, end = run.windows[-1]
     assert list(scenes) == [0, last.t1_ns]
@@ -330,11 +330,11 @@ def test_polyhedra_and_arrows_are_where_the_bodies_are(run: Run, seen: list[Seen
             length = np.linalg.norm(force)
             turned = rotated(array([arrow.pose.orientation])[0], np.array([1.0, 0.0, 0.0]))
             assert np.allclose(turned, force / length, rtol=0.0, atol=1e-9)
-            told = arrow.shaft_length + arrow.head_length
-            assert told == pytest.approx(min(2e-5 * length, 1.0), rel=1e-12)
+            reported = arrow.shaft_length + arrow.head_length
+            assert reported == pytest.approx(min(2e-5 * length, 1.0), rel=1e-12)
 
 
-def test_the_file_is_sound(run: Run, seen: list[Seen]) -> None:
+def test_the_file_is_valid(run: Run, seen: list[Seen]) -> None:
     data = run.path.read_bytes()
     assert data.startswith(MAGIC) and data.endswith(MAGIC)
     # A checksum of 0 is none.
@@ -375,7 +375,7 @@ def test_the_file_is_sound(run: Run, seen: list[Seen]) -> None:
         assert bag.message_count == len(seen) and counts == Counter(s.topic for s in seen)
 
 
-def test_types_that_ros_has_are_those_of_ros(run: Run) -> None:
+def test_standard_types_equal_those_of_ros(run: Run) -> None:
     folder = ROOT / "interfaces/protocol/msg"
     ours = get_typestore(Stores.EMPTY)
     for file in sorted(folder.glob("*/*.msg")):
@@ -405,7 +405,7 @@ def constants(store: Typestore, name: str) -> dict[str, Any]:
     return {constant: value for constant, _, value in store.fielddefs[name][0]}
 
 
-def test_what_was_taken_back_leaves_nothing(
+def test_discarded_windows_are_not_recorded(
     run: Run, case: ballast.Case, beds: Path, tmp_path: Path
 ) -> None:
     other = played(case, beds, tmp_path / "other.mcap", is_tried=False)

@@ -1,4 +1,4 @@
-"""The environment, studies, plots, pictures."""
+"""Environment, studies, plots, pictures and files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ import pytest
 from ballast import _identity
 
 
-def test_the_environment_is_one_of_gymnasium(case: ballast.Case, beds: Path) -> None:
+def test_the_environment_passes_the_checks_of_gymnasium(case: ballast.Case, beds: Path) -> None:
     gymnasium = pytest.importorskip("gymnasium")
     from gymnasium.utils.env_checker import check_env
 
@@ -68,7 +68,7 @@ def test_seeds_reproduce_an_episode(case: ballast.Case, beds: Path) -> None:
     assert episode(1) == episode(2)
 
 
-def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> None:
+def test_invalid_actions_are_refused(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -85,7 +85,7 @@ def test_actions_without_sense_are_refused(case: ballast.Case, beds: Path) -> No
     assert np.isfinite(env.step(np.array([0.0, 2.0, 0.0]))[0]).all()
 
 
-def test_cases_without_what_is_observed_are_refused(case: ballast.Case, beds: Path) -> None:
+def test_cases_without_tines_or_tamped_ballast_are_refused(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from conftest import renamed
 
@@ -103,7 +103,7 @@ def test_cases_without_what_is_observed_are_refused(case: ballast.Case, beds: Pa
 
 
 class Stuck:
-    """A simulation whose machine cannot go on."""
+    """A simulation whose tamping cycle fails at the third step."""
 
     def __init__(self, sim: ballast.Simulation) -> None:
         self.sim, self.left = sim, 3
@@ -123,7 +123,7 @@ class Stuck:
         return SimpleNamespace(status="discard" if self.left == 0 else "ok", error_message="a stone is too fast")
 
 
-def test_a_lift_that_cannot_be_computed_is_told(
+def test_failed_lifts_raise(
     case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("gymnasium")
@@ -136,7 +136,7 @@ def test_a_lift_that_cannot_be_computed_is_told(
 
 
 class Measured:
-    """A simulation with zones of its own: one of them can be measured only before its window, another only after."""
+    """A simulation with fixed zones: one can be measured only before its window, another only after."""
 
     def __init__(self, sim: ballast.Simulation) -> None:
         self.sim = sim
@@ -165,15 +165,15 @@ def measured(values: dict[str, float | None]) -> dict[str, object]:
     return {name: SimpleNamespace(compactness=value) for name, value in values.items()}
 
 
-def test_compactness_is_a_mean_over_the_same_zones(
+def test_compactness_keeps_its_zones(
     case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
     env = TampingEnv(case, bed_cache=beds)
-    begin = env._start
-    monkeypatch.setattr(env, "_start", lambda bed: Measured(begin(bed)))
+    begin = env._simulation_after_lift
+    monkeypatch.setattr(env, "_simulation_after_lift", lambda bed: Measured(begin(bed)))
     before, _ = env.reset(seed=1)
     after, _, _, _, info = env.step(np.array([-1.0, 0.0, -1.0]))
     assert before[2] == pytest.approx(0.375) and after[2] == pytest.approx(0.425)
@@ -183,7 +183,7 @@ def test_compactness_is_a_mean_over_the_same_zones(
     assert kept.zones == {"under/a": 0.5, "under/b": 0.35} and kept.compactness == after[2]
 
 
-def test_no_blade_is_lowered_faster_than_it_may(case: ballast.Case, beds: Path) -> None:
+def test_the_insertion_speed_limits_all_tines(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from conftest import renamed
 
@@ -202,7 +202,7 @@ def test_no_blade_is_lowered_faster_than_it_may(case: ballast.Case, beds: Path) 
     assert max(ways) == pytest.approx(0.6 * 0.02) and min(ways) < 0.9 * max(ways)
 
 
-def test_what_cannot_be_computed_is_told_in_whole(case: ballast.Case, beds: Path) -> None:
+def test_failed_steps_truncate_the_episode(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -214,7 +214,7 @@ def test_what_cannot_be_computed_is_told_in_whole(case: ballast.Case, beds: Path
     assert info == {"gain_percent": 0.0, "work_J": 0.0, "code": "over_speed"}
 
 
-def test_seeds_of_beds_are_whole_numbers(case: ballast.Case, beds: Path) -> None:
+def test_bed_seeds_are_whole_numbers(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -223,7 +223,7 @@ def test_seeds_of_beds_are_whole_numbers(case: ballast.Case, beds: Path) -> None
             TampingEnv(case, seeds=seeds, bed_cache=beds)  # type: ignore[arg-type]
 
 
-def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: Path) -> None:
+def test_observations_contain_the_vibration(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -237,11 +237,11 @@ def test_an_observation_tells_where_the_vibration_is(case: ballast.Case, beds: P
         assert seen[-3:] == pytest.approx([math.sin(angle), math.cos(angle), frequency / 50.0], abs=1e-9)
 
 
-def test_an_episode_begins_where_the_lift_has_left_the_tines(case: ballast.Case, beds: Path) -> None:
+def test_episodes_start_at_the_commanded_pose(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
-    # The step that ends this lift goes on into the insertion.
+    # The last step of this lift is the first of the insertion.
     half = 0.5e-9 * case.step_ns
     lift = case.to_dict()["tamping"]["lift"]["duration_s"]
     env = TampingEnv(case.with_values({"tamping.lift.duration_s": lift + half}), bed_cache=beds)
@@ -251,7 +251,7 @@ def test_an_episode_begins_where_the_lift_has_left_the_tines(case: ballast.Case,
 
 
 @pytest.mark.parametrize("interval_s", [0.07, 1.0, 1e6])
-def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s: float) -> None:
+def test_episodes_end_with_the_run(case: ballast.Case, beds: Path, interval_s: float) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -265,7 +265,7 @@ def test_an_episode_ends_with_its_run(case: ballast.Case, beds: Path, interval_s
     assert times[-1] == 1.0 and times == sorted(set(times)) and len(times) == (3 if interval_s == 0.07 else 1)
 
 
-def test_a_step_of_an_episode_is_whole_steps(case: ballast.Case, beds: Path) -> None:
+def test_intervals_are_whole_time_steps(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -275,7 +275,7 @@ def test_a_step_of_an_episode_is_whole_steps(case: ballast.Case, beds: Path) -> 
             TampingEnv(case, bed_cache=beds, interval_s=interval_s)
 
 
-def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -> None:
+def test_episodes_can_be_saved_and_restored(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -295,28 +295,28 @@ def test_an_episode_is_kept_and_taken_up_again(case: ballast.Case, beds: Path) -
     # Two that stand alike are two: they can be looked for, and kept in sets.
     again = env.restore(kept), env.save()
     assert again[0].tolist() == before.tolist() and kept == kept and again[1] != kept and len({kept, again[1]}) == 2
-    told = rest(env)
-    assert env.restore(kept).tolist() == before.tolist() and rest(env) == told
+    reported = rest(env)
+    assert env.restore(kept).tolist() == before.tolist() and rest(env) == reported
     other = TampingEnv(case, bed_cache=beds)
-    assert other.restore(pickle.loads(pickle.dumps(kept))).tolist() == before.tolist() and rest(other) == told
+    assert other.restore(pickle.loads(pickle.dumps(kept))).tolist() == before.tolist() and rest(other) == reported
     slower = TampingEnv(case.with_values({"tamping.vibration.frequency_Hz": 20.0}), bed_cache=beds)
     with pytest.raises(ballast.Error, match="restore: expected an episode of"):
         slower.restore(kept)
 
 
-def test_an_environment_keeps_few_states(case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_of_states_is_bounded(case: ballast.Case, beds: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("gymnasium")
     from ballast import gym
 
     monkeypatch.setattr(gym, "MAX_CACHED_STATES", 2)
     env = gym.TampingEnv(case, seeds=[case.seed, 12], bed_cache=beds)
     for bed in (12, case.seed, 99, case.seed, 12):
-        env._start(bed)
-    assert list(env._begun) == [case.seed, 12]
+        env._simulation_after_lift(bed)
+    assert list(env._cached_states) == [case.seed, 12]
 
 
 class Interrupted:
-    """A simulation whose windows Ctrl-C ends after their first step."""
+    """A simulation whose windows are interrupted after their first step."""
 
     def __init__(self, sim: ballast.Simulation) -> None:
         self.sim = sim
@@ -329,7 +329,7 @@ class Interrupted:
         raise KeyboardInterrupt
 
 
-def test_a_step_that_ctrl_c_ends_can_be_made_again(case: ballast.Case, beds: Path) -> None:
+def test_interrupted_steps_can_be_repeated(case: ballast.Case, beds: Path) -> None:
     pytest.importorskip("gymnasium")
     from ballast.gym import TampingEnv
 
@@ -349,7 +349,7 @@ def test_a_step_that_ctrl_c_ends_can_be_made_again(case: ballast.Case, beds: Pat
     assert second(interrupted=True) == second(interrupted=False)
 
 
-def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_studies_return_a_table_and_continue(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pd = pytest.importorskip("pandas")
     from ballast import study
 
@@ -366,10 +366,10 @@ def test_a_study_is_a_table_and_goes_on(case: ballast.Case, beds: Path, tmp_path
     assert len(table) == 3 and list(table["seed"]) == [case.seed, case.seed, 1]
     pd.testing.assert_frame_equal(first, table.loc[:0, first.columns])
     assert table["work J"].iloc[0] != table["work J"].iloc[1]
-    assert 0.2 < table["under/sleeper_1: after"].iloc[0] < 0.9
+    assert 0.2 < table["under/sleeper_1: final compactness"].iloc[0] < 0.9
 
 
-def test_a_study_of_no_points_is_an_empty_table(case: ballast.Case, tmp_path: Path) -> None:
+def test_studies_without_points_return_an_empty_table(case: ballast.Case, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -401,7 +401,7 @@ def the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
     return {"figure": case.seed}
 
 
-def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Path) -> None:
+def test_studies_accept_seeds_beyond_toml(case: ballast.Case, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -411,20 +411,20 @@ def test_a_study_takes_seeds_that_no_text_holds(case: ballast.Case, tmp_path: Pa
         assert table["error"].isna().all() and table["figure"].tolist() == [greatest], table["error"].tolist()
 
 
-def test_figures_say_what_they_are_of(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_result_files_describe_their_point(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
     # As of a program that prepares another bed from the same case.
-    assert _identity.key(case, "one", {}, the_seed) != _identity.key(case, "another", {}, the_seed)
+    assert _identity.point_key(case, "one", {}, the_seed) != _identity.point_key(case, "another", {}, the_seed)
     measure = functools.partial(the_seed)
     study.run(case, [{"seed": np.int64(case.seed)}], tmp_path, measure=measure, jobs=1, bed_cache=beds, progress=False)
     [file] = tmp_path.iterdir()
-    told = json.loads(file.read_text())
-    assert (told["case"], told["seed"], told["bed"]) == ("tiny", case.seed, case.bed_key)
-    assert (told["measure"], told["version"]) == ("test_tools.the_seed", ballast.__version__)
-    assert told["point"] == {"seed": case.seed} and told["figures"] == {"figure": case.seed}
-    key = _identity.key(case, case.bed_key, {"seed": case.seed}, measure)
+    reported = json.loads(file.read_text())
+    assert (reported["case"], reported["seed"], reported["bed"]) == ("tiny", case.seed, case.bed_key)
+    assert (reported["measure"], reported["version"]) == ("test_tools.the_seed", ballast.__version__)
+    assert reported["point"] == {"seed": case.seed} and reported["figures"] == {"figure": case.seed}
+    key = _identity.point_key(case, case.bed_key, {"seed": case.seed}, measure)
     assert file.name == f"{key}.json"
 
 
@@ -432,7 +432,7 @@ def no_finite_numbers(case: ballast.Case, beds: str) -> dict[str, float]:
     return {"not": math.nan, "more": math.inf}
 
 
-def test_files_of_a_study_are_json_for_every_reader(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_result_files_are_standard_json(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -441,9 +441,9 @@ def test_files_of_a_study_are_json_for_every_reader(case: ballast.Case, beds: Pa
         table = study.run(case, [{"tamping.squeeze.force_limit_N": math.inf}], tmp_path, **ask)  # type: ignore[arg-type]
         assert table["more"][0] == math.inf and math.isnan(table["not"][0])
     [file] = tmp_path.iterdir()
-    told = json.loads(file.read_text(), parse_constant=lambda text: pytest.fail(text))
-    assert told["point"] == {"tamping.squeeze.force_limit_N": "inf"}
-    assert told["figures"] == {"not": "nan", "more": "inf"}
+    reported = json.loads(file.read_text(), parse_constant=lambda text: pytest.fail(text))
+    assert reported["point"] == {"tamping.squeeze.force_limit_N": "inf"}
+    assert reported["figures"] == {"not": "nan", "more": "inf"}
 
 
 def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
@@ -453,15 +453,15 @@ def test_equal_points_are_run_once(case: ballast.Case, beds: Path, tmp_path: Pat
     axis = "tamping.vibration.frequency_Hz"
     points = [{axis: value} for value in (20, 20.0, np.float64(20), 20)] + [{axis: 20.5}]
     points += [{"bed.size_m": size} for size in ((0.5, 1), [0.5, 1.0], np.array([0.5, 1]))]
-    keys = [_identity.key(case, case.bed_key, point, the_seed) for point in points]
+    keys = [_identity.point_key(case, case.bed_key, point, the_seed) for point in points]
     assert [keys.count(key) for key in keys] == [4] * 4 + [1] + [3] * 3
     table = study.run(case, points[:4], tmp_path, measure=the_seed, jobs=2, bed_cache=beds, progress=False)
     assert table["figure"].tolist() == [case.seed] * 4 and len([*tmp_path.iterdir()]) == 1
     table = study.run(case, points[:2], tmp_path, measure=fails, jobs=2, bed_cache=beds, progress=False)
-    assert table["error"].notna().all(), "all are told of what one of them has failed with"
+    assert table["error"].notna().all(), "all are reported of what one of them has failed with"
 
 
-def test_points_fill_their_ranges() -> None:
+def test_latin_hypercubes_fill_their_ranges() -> None:
     pytest.importorskip("scipy")
     from ballast import study
 
@@ -485,7 +485,7 @@ def test_points_fill_their_ranges() -> None:
             study.latin_hypercube({"b": ends}, 8)
 
 
-def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> None:
+def test_invalid_points_are_refused(case: ballast.Case, tmp_path: Path) -> None:
     from ballast import study
 
     for axes, said in (
@@ -495,40 +495,40 @@ def test_what_makes_no_points_is_told(case: ballast.Case, tmp_path: Path) -> Non
     ):
         with pytest.raises(TypeError, match=said):
             study.grid(axes)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="axis 'b': expected one value or more, found none"):
+    with pytest.raises(ValueError, match="axis 'b': expected at least one value, found none"):
         study.grid({"a": [1], "b": []})
     with pytest.raises(TypeError, match="point: expected a dictionary .*, found 'seed'"):
         study.apply(case, "seed")  # type: ignore[arg-type]
     for points, said in (
         ({"a": 40}, r"points: expected a list of points, .*, found \{'a': 40\}"),
         (40, "points: expected a list of points, .*, found 40"),
-        ([{}, "a"], r"points\[1\]: expected a dictionary from paths of keys to values, found 'a'"),
+        ([{}, "a"], r"points\[1\]: expected a dictionary from key paths to values, found 'a'"),
     ):
         for ask in (lambda p: study.run(case, p, tmp_path / "study"), lambda p: study.write_sweep_plan("a.toml", p, tmp_path / "p.toml")):
             with pytest.raises(TypeError, match=said):
                 ask(points)
     for jobs in (0, -1, 1.5, "2"):
-        with pytest.raises(ValueError, match=f"jobs: expected a whole number from 1 on, found {jobs!r}"):
+        with pytest.raises(ValueError, match=f"jobs: expected a whole number, 1 or more, found {jobs!r}"):
             study.run(case, [{}], tmp_path / "study", jobs=jobs)  # type: ignore[arg-type]
-    with ThreadPoolExecutor(1) as pool, pytest.raises(TypeError, match="run: jobs: expected none beside executor"):
+    with ThreadPoolExecutor(1) as pool, pytest.raises(TypeError, match="run: jobs: expected none with executor"):
         study.run(case, [{}], tmp_path / "study", jobs=5, executor=pool)
     assert not list(tmp_path.iterdir())
 
 
-def test_ranges_without_sense_are_told() -> None:
+def test_invalid_ranges_are_refused() -> None:
     pytest.importorskip("scipy")
     from ballast import study
 
     with pytest.raises(TypeError, match="ranges: expected a dictionary .* found 3"):
         study.latin_hypercube(3, 4)  # type: ignore[arg-type]
     for n in (2.5, -1):
-        with pytest.raises(ValueError, match=f"n: expected a whole number from 0 on, found {n}"):
+        with pytest.raises(ValueError, match=f"n: expected a whole number, 0 or more, found {n}"):
             study.latin_hypercube({"a": (0.0, 1.0)}, n)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="integers: expected a list of names of axes, found 'seed'"):
         study.latin_hypercube({"seed": (1, 3)}, 4, integers="seed")
 
 
-def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
+def test_sweep_plans_are_toml(case: ballast.Case, tmp_path: Path) -> None:
     from ballast import study
 
     point = {
@@ -538,9 +538,9 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
         "seed": np.int64(3),
     }
     study.write_sweep_plan("case \U0001f600.toml", [point], tmp_path / "plan.toml")
-    told = tomllib.loads((tmp_path / "plan.toml").read_text(encoding="utf-8"))
-    assert told["case"] == "case \U0001f600.toml"
-    assert told["points"] == [{**{k: v for k, v in point.items() if k != "seed"}, "bed.seed": 3}]
+    reported = tomllib.loads((tmp_path / "plan.toml").read_text(encoding="utf-8"))
+    assert reported["case"] == "case \U0001f600.toml"
+    assert reported["points"] == [{**{k: v for k, v in point.items() if k != "seed"}, "bed.seed": 3}]
     study.write_sweep_plan("case.toml", [], tmp_path / "empty.toml")
     for name in ("plan.toml", "own.toml", "words"):
         case.write(tmp_path / "own.toml")
@@ -561,7 +561,7 @@ def test_a_plan_is_toml(case: ballast.Case, tmp_path: Path) -> None:
         assert wrong.value.code == "case"
 
 
-def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_the_program_runs_sweep_plans(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     from conftest import ROOT
 
     from ballast import study
@@ -582,7 +582,7 @@ def test_a_plan_runs_without_python(case: ballast.Case, beds: Path, tmp_path: Pa
     assert float(row["tamping.vibration.frequency_Hz"]) == 30.0
     figures = study.run_tamping_cycle(study.apply(case, points[0]), str(beds))
     after = float(row["compactness.under/sleeper_1.after"])
-    assert figures["under/sleeper_1: after"] == pytest.approx(after, abs=1e-12)
+    assert figures["under/sleeper_1: final compactness"] == pytest.approx(after, abs=1e-12)
 
 
 MEASURES = """
@@ -591,7 +591,7 @@ def seed_times(case, beds, *, factor=1.0):
 """
 
 
-def test_figures_are_those_of_the_measure(
+def test_changed_measures_run_again(
     case: ballast.Case, beds: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pandas")
@@ -631,9 +631,9 @@ def test_figures_are_those_of_the_measure(
     file.write_text(MEASURES)
     ask = {"measure": module.seed_times, "jobs": 1, "bed_cache": beds, "progress": False}
     table = study.run(case, [{}], tmp_path / "elsewhere", **ask)
-    assert "as the study was begun with, found another one of this name" in table["error"].iloc[0]
+    assert "that the study was started with, found other code" in table["error"].iloc[0]
 
-    def told(measure: study.Measure) -> float:
+    def reported(measure: study.Measure) -> float:
         with ThreadPoolExecutor(1) as pool:
             table = study.run(
                 case, [{}], tmp_path / "taken", measure=measure, executor=pool, bed_cache=beds, progress=False
@@ -658,15 +658,15 @@ def test_figures_are_those_of_the_measure(
         return measure
 
     for made in (taking, defaulting, calling, decorated):
-        assert [told(made(1)), told(made(2)), told(made(1))] == [1, 2, 1], made
-    # The text that Python tells of a lambda is its line. The last two differ in what they hold within.
+        assert [reported(made(1)), reported(made(2)), reported(made(1))] == [1, 2, 1], made
+    # All three are on one source line. The last two differ only in an inner function.
     a, b, c = (lambda c, _: {"figure": c.seed + 1}), (lambda c, _: {"figure": c.seed + (lambda: 2)()}), (lambda c, _: {"figure": c.seed + (lambda: 3)()})  # fmt: skip
-    assert [told(a), told(b), told(c), told(a)] == [1, 2, 3, 1]
-    with pytest.raises(TypeError, match="takes from around it, name its file, and one of them cannot: .*object"):
-        told(taking(object()))
+    assert [reported(a), reported(b), reported(c), reported(a)] == [1, 2, 3, 1]
+    with pytest.raises(TypeError, match="closes over, identify its results, and one cannot .*object"):
+        reported(taking(object()))
     with pytest.raises(TypeError, match="measure: expected a function .* found <bound method"):
-        told(Measures().figure)
-    assert _identity.code(module.seed_times) == _identity.code(pickle.loads(pickle.dumps(module.seed_times)))
+        reported(Measures().figure)
+    assert _identity.code_digest(module.seed_times) == _identity.code_digest(pickle.loads(pickle.dumps(module.seed_times)))
     with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
         study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
 
@@ -692,7 +692,7 @@ def says_the_seed(case: ballast.Case, beds: str) -> dict[str, float]:
     ("measure", "said"),
     [(ends, "SystemExit: 3"), (says_nothing, "expected a dictionary .* found None"), (says_the_seed, "other names .* 'seed'")],
 )
-def test_a_measure_that_fails_is_told_and_tried_again(
+def test_failed_measures_are_reported_and_repeated(
     case: ballast.Case, beds: Path, tmp_path: Path, measure, said: str
 ) -> None:
     pytest.importorskip("pandas")
@@ -708,7 +708,7 @@ def test_a_measure_that_fails_is_told_and_tried_again(
     assert not list((tmp_path / "study").iterdir())
 
 
-def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_invalid_cases_and_damaged_files_raise(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -721,7 +721,7 @@ def test_points_are_told_where_they_make_no_case_or_are_damaged(case: ballast.Ca
     ):
         with pytest.raises(TypeError, match=f"{re.escape(f'point {point}: ')}{said}"):
             study.run(case, [{}, point], tmp_path / "study", bed_cache=beds, progress=False)
-    key = _identity.key(case, case.bed_key, {}, fails)
+    key = _identity.point_key(case, case.bed_key, {}, fails)
     (tmp_path / "study").mkdir()
     (tmp_path / "study" / f"{key}.json").write_text("{")
     with pytest.raises(ballast.FileError, match=f"{key}.json: expected the figures of a point") as damaged:
@@ -733,7 +733,7 @@ def fails(case: ballast.Case, beds: str) -> dict[str, float]:
     raise ValueError(f"no figures of {case.name}")
 
 
-def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_errors_include_the_source_line(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -746,7 +746,7 @@ def test_a_point_that_fails_says_why(case: ballast.Case, beds: Path, tmp_path: P
 
 
 class Odd(Exception):
-    """Python makes it again from its message alone, which is too little."""
+    """An exception that cannot be unpickled: its constructor needs two arguments."""
 
     def __init__(self, what: str, where: str) -> None:
         super().__init__(f"{what} at {where}")
@@ -767,7 +767,7 @@ def is_odd(case: ballast.Case, beds: str) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("processes", [True, False])
-def test_what_no_other_process_can_read_is_told_as_it_is(
+def test_unpicklable_exceptions_and_figures_are_reported(
     case: ballast.Case, beds: Path, tmp_path: Path, processes: bool
 ) -> None:
     pytest.importorskip("pandas")
@@ -790,7 +790,7 @@ def is_killed_at_60(case: ballast.Case, beds: str) -> dict[str, float]:
     return {"figure": frequency}
 
 
-def test_only_the_point_whose_process_is_killed_fails(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_a_killed_process_fails_only_its_point(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -801,52 +801,87 @@ def test_only_the_point_whose_process_is_killed_fails(case: ballast.Case, beds: 
     assert re.search("BrokenProcessPool: its process was killed", table["error"].iloc[1])
 
 
-def test_a_script_that_begins_its_study_again_is_told_so(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_scripts_need_no_main_guard_for_a_study(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     case.write(tmp_path / "tiny.toml")
     script = tmp_path / "study.py"
     script.write_text(
         "from ballast import study\n"
         "print('begun', flush=True)\n"
-        "points = study.grid({'seed': range(8)})\n"
-        f"print(*study.run('tiny.toml', points, 'study', jobs=1, bed_cache={str(beds)!r}).error.unique())\n"
+        "def seed(case, beds):\n"
+        "    return {'figure': case.seed}\n"
+        f"points = [{{'seed': {case.seed}}}]\n"
+        f"print(study.run('tiny.toml', points, 'study', measure=seed, jobs=1, bed_cache={str(beds)!r}).figure.tolist())\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, check=True)
-    # By this process, the first of its pool, and the one that was to tell why that has ended.
-    said = "BrokenProcessPool: no process begins, as of a script without `if __name__ == '__main__':`"
-    assert done.stdout.splitlines() == ["begun"] * 3 + [said]
+    assert done.stdout.splitlines() == ["begun", f"[{case.seed}]"]
 
 
-def test_a_measure_that_processes_cannot_find_is_told(case: ballast.Case, tmp_path: Path) -> None:
+def test_measures_without_a_module_are_sent_by_value(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
-    with pytest.raises(TypeError, match="can be sent to other processes, found <function .*<lambda>.*; put it in a module, or pass"):
-        study.run(case, [{}], tmp_path / "study", measure=lambda case, beds: {}, bed_cache=tmp_path / "beds", progress=False)
-    # As in the cell of a notebook, whose text Python knows though no file has it.
+    more = 3
+    table = study.run(
+        case, [{}], tmp_path / "study", measure=lambda case, beds: {"figure": case.seed + more}, jobs=1, bed_cache=beds,
+        progress=False,
+    )  # fmt: skip
+    assert table["figure"].tolist() == [case.seed + 3]
+    # In a notebook cell the source exists only in the cache of lines.
     case.write(tmp_path / "tiny.toml")
     cell = (
-        "import functools, linecache\n"
-        "from concurrent.futures import ThreadPoolExecutor\n"
+        "import functools, linecache, sys\n"
         "from ballast import study\n"
         "text = 'def seed(case, beds, more=0): return {\"figure\": case.seed + more}'\n"
         "linecache.cache['<cell>'] = len(text), None, [text], '<cell>'\n"
         "exec(compile(text, '<cell>', 'exec'))\n"
         "for measure in (seed, functools.partial(seed, more=1)):\n"
-        "    try:\n"
-        "        study.run('tiny.toml', [{}], 'study', measure=measure, progress=False)\n"
-        "    except TypeError as error:\n"
-        "        print(error)\n"
-        "with ThreadPoolExecutor(1) as pool:\n"
-        "    print(study.run('tiny.toml', [{}], 'study', measure=seed, executor=pool, progress=False).figure.tolist())\n"
-        "print(study.run('tiny.toml', [{}], 'study', measure=seed, progress=False).figure.tolist(), 'of the folder')\n"
+        "    table = study.run('tiny.toml', [{}], 'study', measure=measure, bed_cache=sys.argv[1], jobs=1, progress=False)\n"
+        "    print(table.figure.tolist())\n"
     )
-    done = subprocess.run([sys.executable, "-c", cell], capture_output=True, text=True, cwd=tmp_path)
+    done = subprocess.run([sys.executable, "-c", cell, beds], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    *refused, there, kept = done.stdout.splitlines()
-    said = "measure: expected a function of a module, .* found <function seed .*> of a notebook or a prompt; put it in a module"
-    assert len(refused) == 2 and all(re.match(said, line) for line in refused), refused
-    assert (there, kept) == (f"[{case.seed}]", f"[{case.seed}] of the folder")
+    assert done.stdout.splitlines() == [f"[{case.seed}]", f"[{case.seed + 1}]"]
+
+
+def test_measures_that_cannot_be_pickled_are_refused(case: ballast.Case, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    from ballast import study
+
+    names = {"lock": threading.Lock(), "__name__": "__main__"}
+    exec("def measure(case, beds):\n    return {'figure': lock}", names)
+    with pytest.raises(TypeError, match="can be sent to other processes, found <function measure .*cannot pickle"):
+        study.run(case, [{}], tmp_path / "study", measure=names["measure"], bed_cache=tmp_path / "beds", progress=False)
+
+
+def test_missing_packages_are_reported_before_any_work(
+    case: ballast.Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ballast import study
+
+    for missing in ("pandas", "loky"):
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, missing, None)
+            with pytest.raises(ImportError, match=f"study.run: {missing} is not installed; pip install"):
+                study.run(case, [{}], tmp_path / "study", bed_cache=tmp_path / "beds")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_closed_stderr_ends_no_study(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pandas")
+    case.write(tmp_path / "tiny.toml")
+    code = (
+        "import os, sys, ballast\n"
+        "from ballast import study\n"
+        "os.close(2)\n"
+        "ballast.prepare('tiny.toml', bed_cache='beds')\n"
+        "table = study.run('tiny.toml', [{}], 'study', measure=lambda case, beds: {'figure': 1.0}, jobs=1, bed_cache='beds')\n"
+        "sys.stderr.close()\n"
+        "study.run('tiny.toml', [{}], 'again', measure=lambda case, beds: {'figure': 1.0}, jobs=1, bed_cache='beds')\n"
+        "print(table.figure.tolist())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "[1.0]\n")
 
 
 # The first point takes no time, the others more than a test.
@@ -869,7 +904,7 @@ if __name__ == "__main__":
 
 @contextmanager
 def slow_study(case: ballast.Case, beds: Path, folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
-    """A study whose first point is done and whose second and third are being computed, and the processes of these."""
+    """Yields a study whose first point is done, and the processes of the second and third."""
     case.write(folder / "tiny.toml")
     (folder / "slow.py").write_text(SLOW.replace("BEDS", repr(str(beds))))
     called = [sys.executable, "slow.py"]
@@ -895,17 +930,17 @@ def until(is_so: Callable[[], bool], seconds: float = 120.0) -> None:
 
 def has_ended(process: int) -> bool:
     try:
-        # One that nobody has waited for has ended, too.
+        # A zombie has ended, too.
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except FileNotFoundError:
         return True
 
 
-needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="tells processes by /proc")
+needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 
 
 @needs_proc
-def test_no_process_outlives_a_study_that_is_killed(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_killed_studies_leave_no_processes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     with slow_study(case, beds, tmp_path) as (study, processes):
         assert not any(map(has_ended, processes))
@@ -914,10 +949,10 @@ def test_no_process_outlives_a_study_that_is_killed(case: ballast.Case, beds: Pa
 
 
 @needs_proc
-def test_ctrl_c_ends_a_study_at_once_and_keeps_what_is_done(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_ctrl_c_ends_a_study_and_keeps_results(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     with slow_study(case, beds, tmp_path) as (study, processes):
-        # The stop button of a notebook tells this process alone.
+        # The stop button of a notebook signals only this process.
         study.send_signal(signal.SIGINT)
         _, said = study.communicate(timeout=120)
         assert all(map(has_ended, processes))
@@ -936,7 +971,7 @@ def interrupts(case: ballast.Case, beds: str) -> dict[str, float]:
 INTERRUPTED: list[int] = []
 
 
-def test_ctrl_c_takes_back_what_an_executor_has_not_begun(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_ctrl_c_cancels_waiting_futures(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     from ballast import study
 
@@ -946,7 +981,7 @@ def test_ctrl_c_takes_back_what_an_executor_has_not_begun(case: ballast.Case, be
     assert 1 <= len(INTERRUPTED) < len(points)
 
 
-def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_studies_run_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     distributed = pytest.importorskip("distributed")
     from ballast import study
@@ -960,7 +995,7 @@ def test_a_study_runs_on_dask(case: ballast.Case, beds: Path, tmp_path: Path) ->
     assert table["error"].isna().all() and table["work J"].iloc[0] > 0.0
 
 
-def test_plots_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_plots_and_results_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib").use("Agg")
     from conftest import ROOT
 
@@ -1029,14 +1064,14 @@ def _last_rows(steps: dict[str, np.ndarray], body: str, n: int) -> np.ndarray:
     return np.stack([steps[f"{body}_force_{axis}"][-n:] for axis in "xyz"], axis=1)
 
 
-def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_read_detects_the_kind_of_a_file(sim: ballast.Simulation, tmp_path: Path) -> None:
     sim.save().write(tmp_path / "state")
     assert isinstance(ballast.read(tmp_path / "state"), ballast.State)
     sim.record(tmp_path / "recording.h5")
     sim.advance_to(sim.step_ns)
     sim.stop_recording()
     assert isinstance(ballast.read(tmp_path / "recording.h5"), ballast.Recording)
-    # Of what is none of these its reader tells, and a pipe is not waited for.
+    # The reader reports files of other kinds, and a pipe does not block.
     (tmp_path / "text").write_text("some words")
     os.mkfifo(tmp_path / "pipe.mcap")
     for name in ("text", "none.h5", "pipe.mcap"):
@@ -1044,7 +1079,7 @@ def test_files_are_told_by_what_they_begin_with(sim: ballast.Simulation, tmp_pat
             ballast.read(tmp_path / name)
 
 
-def test_a_state_replaces_a_checkpoint_only(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_state_files_replace_only_checkpoints(sim: ballast.Simulation, tmp_path: Path) -> None:
     state, path = sim.save(), tmp_path / "state.h5"
     for content in (b"some words", b"\x89HDF\r\n\x1a\n", sim.case.text.encode()):
         path.write_bytes(content)
@@ -1060,7 +1095,7 @@ def test_a_state_replaces_a_checkpoint_only(sim: ballast.Simulation, tmp_path: P
     assert ballast.State.read(path).hash == state.hash
 
 
-def test_a_recording_that_ends_early_says_so_once(sim: ballast.Simulation, tmp_path: Path) -> None:
+def test_truncation_is_reported_once(sim: ballast.Simulation, tmp_path: Path) -> None:
     sim.record(tmp_path / "whole.mcap")
     for _ in range(4):
         sim.advance_to(sim.now_ns + sim.step_ns)
@@ -1080,15 +1115,15 @@ def test_a_recording_that_ends_early_says_so_once(sim: ballast.Simulation, tmp_p
             seen.extend(damaged)
         assert len(seen) < 4 and damaged.truncation and list(damaged) == []
     cut = ballast.Recording(tmp_path / "cut.mcap")
-    with pytest.warns(RuntimeWarning, match="cut.mcap: ") as told:
+    with pytest.warns(RuntimeWarning, match="cut.mcap: ") as reported:
         assert len(list(cut)) < 4
-    assert len(told) == 1 and cut.truncation and str(told[0].message).endswith(cut.truncation)
+    assert len(reported) == 1 and cut.truncation and str(reported[0].message).endswith(cut.truncation)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert list(cut) == []
 
 
-def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:
+def test_reading_releases_the_interpreter(tmp_path: Path) -> None:
     path, size, ticks = tmp_path / "results.vtkhdf", 1 << 30, []
     is_over = threading.Event()
 
@@ -1114,7 +1149,7 @@ def test_reading_lets_other_threads_go_on(tmp_path: Path) -> None:
     assert end - begin > 0.05 and sum(begin < at < end for at in ticks) > 5, (end - begin, len(ticks))
 
 
-def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_plots_find_tines_of_any_name(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib").use("Agg")
     from conftest import ROOT, renamed
 
@@ -1151,10 +1186,10 @@ def test_tines_are_drawn_whatever_their_names_and_strokes(case: ballast.Case, be
         warnings.simplefilter("error")
         figure = plot.overview(tmp_path / "short/results.vtkhdf")
     assert not figure.axes[2].lines and figure.axes[2].get_legend() is None
-    assert [text.get_text() for text in figure.axes[2].texts] == ["no step in the phase squeeze"]
+    assert [text.get_text() for text in figure.axes[2].texts] == ["no step in the squeeze phase"]
 
 
-def test_the_folder_of_a_run_stands_for_its_results(tmp_path: Path) -> None:
+def test_plots_accept_the_folder_of_a_run(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     from ballast import plot
 
@@ -1163,7 +1198,7 @@ def test_the_folder_of_a_run_stands_for_its_results(tmp_path: Path) -> None:
             plot.tines(folder)
 
 
-def test_a_picture_that_cannot_be_written_leaves_nothing_open(
+def test_failed_pictures_close_the_plotter(
     sim: ballast.Simulation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from ballast import view

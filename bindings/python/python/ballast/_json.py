@@ -1,4 +1,4 @@
-"""Values as JSON, numpy's among them."""
+"""JSON with numpy scalars and arrays."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ import numpy as np
 
 
 def dumps(value: Any, **style: Any) -> str:
-    return json.dumps(value, default=_plain, **style)
+    """Returns a value as JSON; `style` holds options of `json.dumps`."""
+    return json.dumps(value, default=_to_python, **style)
 
 
-def strict(value: Any) -> Any:
-    """The same value with texts ("nan", "inf", "-inf") for numbers that are not finite, which JSON does not know."""
+def with_text_for_nonfinite(value: Any) -> Any:
+    """Returns a value with "nan", "inf" and "-inf" for numbers that JSON cannot hold."""
     if isinstance(value, float | np.floating) and not math.isfinite(value):
         return str(float(value))
     if isinstance(value, dict):
-        return {key: strict(inner) for key, inner in value.items()}
+        return {key: with_text_for_nonfinite(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
-        return [strict(inner) for inner in value]
+        return [with_text_for_nonfinite(item) for item in value]
     return value
 
 
-def _plain(value: Any) -> Any:
-    """Numbers and arrays of numpy as those of Python."""
+def _to_python(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     kind = type(value).__name__
-    raise TypeError(f"expected texts, numbers, truths, and lists and dictionaries of these, found {value!r} ({kind})")
+    raise TypeError(f"expected a string, number, boolean, list or dictionary, found {value!r} ({kind})")

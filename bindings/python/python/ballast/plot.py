@@ -1,5 +1,7 @@
-"""Plots of what runs have left (matplotlib): of results, their path, or the folder of a run. Every function draws into
-`ax`, or a new figure, and returns the axes."""
+"""Plots of results with matplotlib.
+
+Functions accept `Results`, the path of a results file, or the folder of a run. They draw into `ax` or a new figure.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
 Run = ballast.Results | str | os.PathLike[str]
 
-#: The number of the squeeze in the table of steps.
+#: Number of the squeeze phase in the table "steps".
 SQUEEZE_PHASE = 3
 
 
@@ -35,13 +37,13 @@ def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:
 
 
 def _legend(ax: Axes) -> None:
-    """Where something is drawn: of none matplotlib warns."""
+    """Adds a legend, unless the axes are empty: matplotlib would warn."""
     if ax.get_legend_handles_labels()[0]:
         ax.legend(fontsize="small")
 
 
 def tines(run: Run) -> list[str]:
-    """Names of the tines that a results file follows."""
+    """Returns the names of the tines in a results file."""
     results = _results(run)
     return [name for name, role in results.roles.items() if role == "tine"]
 
@@ -56,7 +58,7 @@ def _directions(results: ballast.Results) -> dict[str, float]:
 
 
 def compactness(run: Run, ax: Axes | None = None) -> Axes:
-    """Compactness of each zone over time."""
+    """Plots the compactness of each zone over time; returns the axes."""
     table = _results(run).table("zones")
     ax = _axes(ax, "Compactness", "time, s", "solid over accessible volume")
     for name, values in table.items():
@@ -67,7 +69,13 @@ def compactness(run: Run, ax: Axes | None = None) -> Axes:
 
 
 def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
-    """Size of the force on each tine over time, a mean over as many whole steps as `window_s` is nearest to, one at least."""
+    """Plots the magnitude of the force on each tine over time; returns the axes.
+
+    Args:
+        run: results, their path, or the folder of a run.
+        ax: axes to draw into; default: a new figure.
+        window_s: length of the moving average, s, rounded to whole steps, at least one.
+    """
     results = _results(run)
     table = results.table("steps")
     n, over = _window(table["time"], window_s)
@@ -80,18 +88,25 @@ def forces(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes
 
 
 def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
-    """Force over closing of each tine during the squeeze: the area under a loop is work of compaction. Where a partner has
-    moved the tines there are no phases, and so no loops: `WindowResult.squeezes` has those that were found."""
+    """Plots the force over the closing of each tine in the squeeze; returns the axes. The area of a loop is work.
+
+    Only runs with a tamping cycle have phases, and so loops; `WindowResult.squeezes` has the squeezes of other runs.
+
+    Args:
+        run: results, their path, or the folder of a run.
+        ax: axes to draw into; default: a new figure.
+        window_s: length of the moving average, s, rounded to whole steps, at least one.
+    """
     results = _results(run)
     table = results.table("steps")
     n, over = _window(table["time"], window_s)
     ax = _axes(ax, "Squeeze", "closing, mm", f"force against the motion, {over}, kN")
     squeeze = table["phase"] == SQUEEZE_PHASE
     if not squeeze.any():
-        ax.text(0.5, 0.5, "no step in the phase squeeze", ha="center", va="center", transform=ax.transAxes)
+        ax.text(0.5, 0.5, "no step in the squeeze phase", ha="center", va="center", transform=ax.transAxes)
     for name, inwards in _directions(results).items() if squeeze.any() else ():
         x = table[f"{name}_x"][squeeze]
-        # Vibration carries a tine back behind where it began, too.
+        # Vibration may move a tine back behind its start.
         closing = inwards * (x - x[0])
         against = -inwards * _mean(_force(table, name), n)[squeeze, 0]
         ax.plot(closing * 1e3, against * 1e-3, lw=0.8, label=name)
@@ -100,7 +115,7 @@ def loops(run: Run, ax: Axes | None = None, *, window_s: float = 0.004) -> Axes:
 
 
 def overview(run: Run) -> Any:
-    """Compactness, forces, loops and the quality of the solution, in one figure."""
+    """Plots compactness, forces, loops and penetration; returns the figure."""
     import matplotlib.pyplot as plt
 
     results = _results(run)
@@ -110,7 +125,7 @@ def overview(run: Run) -> Any:
     compactness(results, ax[0, 0])
     forces(results, ax[0, 1])
     loops(results, ax[1, 0])
-    last = _axes(ax[1, 1], "Quality", "time, s", "penetration, mm")
+    last = _axes(ax[1, 1], "Penetration", "time, s", "penetration, mm")
     for name, label in (("max_penetration", "largest"), ("mean_penetration", "mean")):
         last.semilogy(table["time"], np.maximum(table[name], 1e-9) * 1e3, lw=0.8, label=label)
     last.legend(fontsize="small")
@@ -122,7 +137,7 @@ def _force(table: dict[str, Any], body: str) -> Any:
 
 
 def _window(time: Any, window_s: float) -> tuple[int, str]:
-    """How many steps means are taken over, and what that is in words."""
+    """Returns the number of steps of a moving average, and its description."""
     if not window_s > 0.0:
         raise ValueError(f"window_s: expected a number above 0, found {window_s}")
     if len(time) < 2:
@@ -133,7 +148,7 @@ def _window(time: Any, window_s: float) -> tuple[int, str]:
 
 
 def _mean(values: Any, n: int) -> Any:
-    """Moving mean over `n` rows, up to each."""
+    """Returns the moving average over the last `n` rows."""
     sums = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
     ends = np.arange(1, len(values) + 1)
     begins = np.maximum(ends - n, 0)

@@ -1,19 +1,18 @@
-"""Parameter studies over cases: many runs, side by side, resumable, one table at the end.
+"""Parameter studies: many runs of a case in parallel, resumable, with one table as the result.
 
     from ballast import study
 
-    if __name__ == "__main__":
-        points = study.grid({"tamping.vibration.frequency_Hz": [20, 30, 40], "seed": [1, 2]})
-        table = study.run("examples/first.toml", points, "runs/study")
+    points = study.grid({"tamping.vibration.frequency_Hz": [20, 30, 40], "seed": [1, 2]})
+    table = study.run("examples/first.toml", points, "runs/study")
 
-Points are run by processes of their own, which read the script again: without the first line they would begin
-the study once more. A point is a dictionary: paths of the case's keys joined by points, and "seed" for that of the bed. Needs
-pandas; Latin hypercubes need scipy, schedulers dask.
+A point is a dictionary from dotted key paths of the case to values; "seed" is the seed of the bed. `run` needs pandas and
+loky, Latin hypercubes need scipy: `pip install 'ballast[study]'`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import itertools
 import json
 import math
@@ -26,38 +25,49 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 import ballast
-from ballast import _ballast, _identity, _workers
-from ballast._json import dumps, strict
+from ballast import _ballast, _identity, _pool
+from ballast._json import dumps, with_text_for_nonfinite
 from ballast._progress import show
 
 if TYPE_CHECKING:
     import pandas as pd
 
+#: Values by dotted key path, and "seed".
 Point = Mapping[str, Any]
-#: None where there is nothing to tell.
+#: Results of a point by name; None for values that cannot be measured.
 Figures = Mapping[str, float | None]
+#: Function from a case and the folder of prepared beds to figures.
 Measure = Callable[[ballast.Case, str], Figures]
 
 
 class Executor(Protocol):
-    """What runs the points: of `concurrent.futures`, or a `dask.distributed.Client`."""
+    """Executor of points: one of `concurrent.futures`, or a `dask.distributed.Client`."""
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any: ...
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Any:
+        """Schedules a call and returns its future."""
 
 
 def grid(axes: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
-    """All combinations of the values of each axis."""
+    """Returns all combinations of the values of each axis as points.
+
+    Args:
+        axes: lists of values by dotted key path.
+
+    Raises:
+        TypeError: an axis is not a list of values.
+        ValueError: an axis has no value.
+    """
     if not isinstance(axes, Mapping):
-        raise TypeError(f"axes: expected a dictionary from paths of keys to lists of values, found {axes!r}")
-    lists = [_listed(f"axis {name!r}", "a list of values", values) for name, values in axes.items()]
+        raise TypeError(f"axes: expected a dictionary from key paths to lists of values, found {axes!r}")
+    lists = [_as_list(f"axis {name!r}", "a list of values", values) for name, values in axes.items()]
     for name, values in zip(axes, lists, strict=True):
         if not values:
-            raise ValueError(f"axis {name!r}: expected one value or more, found none")
+            raise ValueError(f"axis {name!r}: expected at least one value, found none")
     return [dict(zip(axes, values, strict=True)) for values in itertools.product(*lists)]
 
 
-def _listed(place: str, expected: str, values: Any) -> list[Any]:
-    """A list of what is to be one: letters of a text and keys of a dictionary are not meant."""
+def _as_list(place: str, expected: str, values: Any) -> list[Any]:
+    """Returns the items of an iterable other than a string or mapping."""
     try:
         if not isinstance(values, str | bytes | Mapping):
             return list(iter(values))
@@ -66,8 +76,8 @@ def _listed(place: str, expected: str, values: Any) -> list[Any]:
     raise TypeError(f"{place}: expected {expected}, found {values!r}")
 
 
-def _points(points: Any) -> list[Point]:
-    listed = _listed("points", "a list of points, as of study.grid", points)
+def _checked_points(points: Any) -> list[Point]:
+    listed = _as_list("points", "a list of points, such as from study.grid", points)
     for i, point in enumerate(listed):
         _check_point(f"points[{i}]", point)
     return listed
@@ -75,7 +85,7 @@ def _points(points: Any) -> list[Point]:
 
 def _check_point(place: str, point: object) -> None:
     if not isinstance(point, Mapping):
-        raise TypeError(f"{place}: expected a dictionary from paths of keys to values, found {point!r}")
+        raise TypeError(f"{place}: expected a dictionary from key paths to values, found {point!r}")
 
 
 def latin_hypercube(
@@ -85,17 +95,25 @@ def latin_hypercube(
     seed: int = 0,
     integers: Collection[str] = (),
 ) -> list[dict[str, float]]:
-    """`n` points that fill the ranges evenly: each axis has one point in each `n`-th of it.
+    """Returns `n` points that fill the ranges evenly: each axis has one point in each `n`-th of its range.
 
-    `integers` names the axes that take whole numbers, both ends of their range among them, such as "seed".
+    Args:
+        ranges: lowest and highest value by dotted key path.
+        n: number of points.
+        seed: seed of the sample.
+        integers: axes with whole numbers, including both ends of their range, such as "seed".
+
+    Raises:
+        TypeError: an argument has the wrong type.
+        ValueError: a range is empty or not finite, or `integers` names an unknown axis.
     """
     from scipy.stats import qmc
 
     if not isinstance(ranges, Mapping):
-        raise TypeError(f"ranges: expected a dictionary from paths of keys to (lowest, highest), found {ranges!r}")
+        raise TypeError(f"ranges: expected a dictionary from key paths to (lowest, highest), found {ranges!r}")
     if not isinstance(n, numbers.Integral) or n < 0:
-        raise ValueError(f"n: expected a whole number from 0 on, found {n!r}")
-    integers = _listed("integers", "a list of names of axes", integers)
+        raise ValueError(f"n: expected a whole number, 0 or more, found {n!r}")
+    integers = _as_list("integers", "a list of names of axes", integers)
     unknown = set(integers) - set(ranges)
     if unknown:
         raise ValueError(f"integers: expected some of {list(ranges)}, found {sorted(unknown)}")
@@ -110,21 +128,26 @@ def latin_hypercube(
         if name in integers and not (float(low).is_integer() and float(high).is_integer()):
             raise ValueError(f"range of {name!r}, a whole number: expected whole ends, found ({low}, {high})")
 
-    def value(name: str, share: float) -> float:
+    def value(name: str, fraction: float) -> float:
         low, high = ranges[name]
         if name in integers:
-            return min(math.floor(low + share * (high + 1 - low)), int(high))
-        return low + share * (high - low)
+            return min(math.floor(low + fraction * (high + 1 - low)), int(high))
+        return low + fraction * (high - low)
 
     sample = qmc.LatinHypercube(len(ranges), rng=seed).random(n)
     return [
-        {name: value(name, float(share)) for name, share in zip(ranges, row, strict=True)}
+        {name: value(name, float(fraction)) for name, fraction in zip(ranges, row, strict=True)}
         for row in sample
     ]
 
 
 def apply(case: ballast.Case, point: Point) -> ballast.Case:
-    """The case of a point."""
+    """Returns the case of a point.
+
+    Raises:
+        CaseError: the values of the point do not make a valid case.
+        TypeError: the point is not a dictionary, or a value has the wrong type.
+    """
     _check_point("point", point)
     values = {key: value for key, value in _with_one_seed(point).items() if key != "seed"}
     changed = case.with_values(values) if values else case
@@ -132,7 +155,7 @@ def apply(case: ballast.Case, point: Point) -> ballast.Case:
 
 
 def _with_one_seed(point: Point) -> Point:
-    """A point that says the bed's seed by one of its two names at most."""
+    """Returns a point, unless it sets the bed's seed by both of its names."""
     if "seed" in point and "bed.seed" in point:
         found = f"{point['seed']} and {point['bed.seed']}"
         error = ballast.CaseError(f"expected one seed of the bed, as seed or bed.seed, found {found}")
@@ -143,7 +166,7 @@ def _with_one_seed(point: Point) -> Point:
 
 @contextlib.contextmanager
 def _naming(point: Point) -> Iterator[None]:
-    """What is wrong with a point is told with it."""
+    """Prefixes the messages of exceptions with the point."""
     try:
         yield
     except (ballast.Error, TypeError, ValueError) as error:
@@ -156,53 +179,58 @@ def _applied(case: ballast.Case, point: Point) -> ballast.Case:
         return apply(case, point)
 
 
-def run_tamping_cycle(case: ballast.Case, beds: str) -> Figures:
-    """One whole cycle of the case's machine on one thread, in figures:
+def run_tamping_cycle(case: ballast.Case, bed_cache: str) -> Figures:
+    """Runs the tamping cycle of a case on one thread and returns its figures; the default measure of `run`.
 
-    compactness of each zone before and after, the mean and the largest size of the force on each tine in the squeeze (N;
-    moving means over 4 ms), the work of all tines (J), the largest penetration (m), the share of steps that
-    stopped at their cap of iterations before they reached the tolerance (where the case asks for one), and
-    `compaction_per_kJ`: what the zones under sleepers have gained in the mean, per kJ of work.
+    Figures of each zone: "ZONE: initial compactness" and "ZONE: final compactness". Of each tine in the squeeze, from moving
+    averages over 4 ms: "TINE: mean force N" and "TINE: peak force N", both of magnitudes. Of the run: "work J" of all tines,
+    "max penetration m", "steps not converged" (fraction; only with a tolerance), and "compaction per kJ" (mean gain of
+    compactness under the sleepers per work).
+
+    Raises:
+        Error: a step cannot be computed.
     """
     has_tolerance = case.to_dict().get("solver", {}).get("tolerance") != 0
-    with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
+    with ballast.open(case, bed_cache=bed_cache, threads=1, progress=False) as sim:
         tines = [tine.name for tine in sim.tines]
-        before = {name: zone.compactness for name, zone in sim.zones().items()}
-        squeezed: dict[str, list[float]] = {name: [] for name in tines}
-        work = capped = deepest = 0.0
+        initial = {name: zone.compactness for name, zone in sim.zones().items()}
+        squeeze_forces: dict[str, list[float]] = {name: [] for name in tines}
+        work = max_penetration = 0.0
+        not_converged = 0
         steps = case.duration_ns // case.step_ns
         for _ in range(steps):
             phase = sim.phase
-            out = sim.step_tamping_cycle()
-            if out.status not in ("ok", "warn"):
-                raise ballast.Error(f"{out!r}: {out.error_message}")
-            work += sum(out[name].work for name in tines)
-            capped += out.solver.steps_not_converged
-            deepest = max(deepest, out.solver.max_penetration)
+            result = sim.step_tamping_cycle()
+            if result.status not in ("ok", "warn"):
+                raise ballast.Error(f"{result!r}: {result.error_message}")
+            work += sum(result[name].work for name in tines)
+            not_converged += result.solver.steps_not_converged
+            max_penetration = max(max_penetration, result.solver.max_penetration)
             if phase == "squeeze":
                 for name in tines:
-                    force = out[name].moving_average_force
-                    squeezed[name].append(float((force @ force) ** 0.5))
-        after = {name: zone.compactness for name, zone in sim.zones().items()}
+                    force = result[name].moving_average_force
+                    squeeze_forces[name].append(float((force @ force) ** 0.5))
+        final = {name: zone.compactness for name, zone in sim.zones().items()}
     figures: dict[str, float] = {}
     gains = []
-    for name, start in before.items():
-        end = after[name]
+    for name, start in initial.items():
+        end = final[name]
         if start is None or end is None:
             continue
-        figures[f"{name}: before"], figures[f"{name}: after"] = start, end
+        figures[f"{name}: initial compactness"] = start
+        figures[f"{name}: final compactness"] = end
         if name.startswith("under/"):
             gains.append(end - start)
-    for name, forces in squeezed.items():
+    for name, forces in squeeze_forces.items():
         if forces:
             figures[f"{name}: mean force N"] = sum(forces) / len(forces)
-            figures[f"{name}: largest force N"] = max(forces)
+            figures[f"{name}: peak force N"] = max(forces)
     figures["work J"] = work
-    figures["largest penetration m"] = deepest
+    figures["max penetration m"] = max_penetration
     if has_tolerance:
-        figures["steps at the cap"] = capped / max(steps, 1)
+        figures["steps not converged"] = not_converged / max(steps, 1)
     if gains and work > 0.0:
-        figures["compaction_per_kJ"] = sum(gains) / len(gains) / (work * 1e-3)
+        figures["compaction per kJ"] = sum(gains) / len(gains) / (work * 1e-3)
     return figures
 
 
@@ -217,111 +245,146 @@ def run(
     bed_cache: str | os.PathLike[str] = ballast.DEFAULT_BED_CACHE,
     progress: bool = True,
 ) -> pd.DataFrame:
-    """Runs every point that the folder does not hold yet, and returns the table of all.
+    """Runs all points that the folder does not contain yet; returns the table of all points.
 
-    Each point that is done is a file of the folder, so a study that was stopped goes on where it was, also with more
-    points or from another process. A point is run again where its case, its values, the measure, the version of the
-    package or the key of its bed is another one. A build that computes otherwise on the same beds is not noticed: it
-    needs a folder of its own. A point that fails is told at once, and in the column `error`; the next call tries it
-    again. Points that make no case (CaseError) are told before anything is run. Where a process is killed (for its
-    memory, say), the points at hand are run again one by one, and only one that is killed again fails.
+    Each finished point is a file of the folder, so a stopped study continues where it was, with more points or from another
+    process too. A point is run again if its case, values, measure, bed key or the version of the package has changed. Use a
+    new folder for a build that computes differently on the same beds. A failed point is reported at once and in the column
+    `error`; the next call tries it again. Invalid points raise before anything is run.
+
+    If a worker process is killed, for example out of memory, the running points are repeated one by one; only a point whose
+    process is killed again fails.
 
     Args:
-        case: the case that points change.
+        case: a `Case` or the path of a case file (TOML).
         points: see `grid` and `latin_hypercube`.
-        folder: of this study.
-        measure: a function from a case and a folder of beds to figures, of a module or of the script (processes must find
-            it, unless `executor` does), or `functools.partial` of one. With other code, or other values bound to it or
-            taken from around it, all points are run again; what it calls, and what its module holds, is not looked at.
-            Code is what it was compiled to, not what its file says by now: another Python runs its points again. Where the
-            measure that a process has read is another one than here, its points fail.
-        jobs: processes; by default one per processor. RequestError beside `executor`.
-        executor: what runs the points instead of processes of this machine, such as a `dask` client.
+        folder: folder of the study.
+        measure: a function from a case and a folder of beds to figures, or `functools.partial` of one. Functions of a script
+            or notebook are sent to the processes by value. Changed code, or changed values that it binds or closes over,
+            run all points again; functions that it calls and globals are not compared. The compiled code counts: another
+            version of Python runs its points again.
+        jobs: number of processes; default: one per processor. Refused together with `executor`.
+        executor: executor to use instead of processes of this machine, such as a `dask.distributed.Client`.
         bed_cache: folder of prepared beds.
-        progress: a line per point on stderr.
+        progress: print a line per point on stderr.
+
+    Raises:
+        CaseError: a point is not a valid case.
+        FileError: a file of the folder is damaged.
+        ImportError: pandas or loky is not installed.
+        TypeError: an argument has the wrong type, or the measure cannot be sent to other processes.
     """
     if jobs is not None and not (isinstance(jobs, numbers.Integral) and jobs > 0):
-        raise ValueError(f"jobs: expected a whole number from 1 on, found {jobs!r}")
+        raise ValueError(f"jobs: expected a whole number, 1 or more, found {jobs!r}")
     if jobs is not None and executor is not None:
-        raise TypeError("run: jobs: expected none beside executor, which has its own")
+        raise TypeError("run: jobs: expected none with executor, which has its own")
+    _require("pandas", *(() if executor is not None else ("loky",)))
     base = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
-    points = _points(points)
+    points = _checked_points(points)
     cases = [_applied(base, point) for point in points]
+    keys = [
+        _identity.point_key(base, case.bed_key, point, measure) for case, point in zip(cases, points, strict=True)
+    ]
     store = Path(folder)
     store.mkdir(parents=True, exist_ok=True)
-    keys = [_identity.key(base, case.bed_key, point, measure) for case, point in zip(cases, points, strict=True)]
     files = [store / f"{key}.json" for key in keys]
     for file in filter(Path.exists, files):
-        _kept(file)
-    # Points that ask for the same share a file.
+        _read_figures(file)
+    # Equal points share a file.
     first = {file: i for i, file in reversed([*enumerate(files)])}
     missing = sorted(i for file, i in first.items() if not file.exists())
     errors: dict[Path, str] = {}
 
-    def say(what: str) -> None:
+    def report(text: str) -> None:
         if progress:
-            show(f"study: {what}")
+            show(f"study: {text}")
 
     def fail(i: int, error: str) -> None:
         errors[files[i]] = error
-        say(f"{dict(points[i])} failed: {error}")
+        report(f"{dict(points[i])} failed: {error}")
 
     def keep(i: int, figures: str) -> None:
-        # For readers; the name of the file holds what counts.
-        of = {"case": cases[i].name, "seed": cases[i].seed, "bed": cases[i].bed_key}
-        by = {"measure": _identity.name(measure), "version": ballast.__version__}
-        told = {**of, **by, "point": dict(points[i]), "figures": json.loads(figures)}
-        _ballast._replace_file(files[i], dumps(strict(told), indent=1))
-        say(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} to go")
+        # For readers; the name of the file identifies the point.
+        content = {
+            "case": cases[i].name,
+            "seed": cases[i].seed,
+            "bed": cases[i].bed_key,
+            "measure": _identity.measure_name(measure),
+            "version": ballast.__version__,
+            "point": dict(points[i]),
+            "figures": json.loads(figures),
+        }
+        _ballast._replace_file(files[i], dumps(with_text_for_nonfinite(content), indent=1))
+        report(f"{dict(points[i])} done, {sum(not file.exists() for file in first)} left")
 
-    def every(calls: dict[int, _workers.Call], keep: _workers.Keep) -> None:
+    def run_all(calls: dict[int, _pool.Call], on_result: _pool.OnResult) -> None:
         if executor is None:
-            _workers.by_processes(calls, jobs, keep, fail)
+            _pool.run_in_processes(calls, jobs, on_result, fail)
         else:
-            _workers.wait_for({i: executor.submit(_workers.tried, *call) for i, call in calls.items()}, keep, fail)
+            futures = {i: executor.submit(_pool.call_safely, *call) for i, call in calls.items()}
+            _pool.wait_for(futures, on_result, fail)
 
     if missing and executor is None:
-        _workers.check(measure)
-    # Beds first, each once: points that share one would all prepare it.
+        _pool.check_picklable(measure)
+    # Beds first: points that share one would all prepare it.
     shared = {cases[i].bed_key: i for i in missing}
-    every({i: (_bed, cases[i], str(bed_cache)) for i in shared.values()}, lambda i, bed: None)
+    run_all({i: (_prepare_bed, cases[i], str(bed_cache)) for i in shared.values()}, lambda i, result: None)
     for i in missing:
-        without_bed = errors.get(files[shared[cases[i].bed_key]])
-        if without_bed is not None and files[i] not in errors:
-            fail(i, without_bed)
-    named = {i: tuple(points[i]) for i in missing if files[i] not in errors}
-    code = _identity.code(measure)
-    every({i: (_point, cases[i], str(bed_cache), measure, code, names) for i, names in named.items()}, keep)
+        bed_error = errors.get(files[shared[cases[i].bed_key]])
+        if bed_error is not None and files[i] not in errors:
+            fail(i, bed_error)
+    names = {i: tuple(points[i]) for i in missing if files[i] not in errors}
+    code = _identity.code_digest(measure)
+    run_all({i: (_run_point, cases[i], str(bed_cache), measure, code, names[i]) for i in names}, keep)
     return _table(points, files, errors)
 
 
 def write_sweep_plan(
     case: str | os.PathLike[str], points: Iterable[Point], path: str | os.PathLike[str]
 ) -> None:
-    """Writes points as a plan of `ballast sweep`, which runs them without Python: on this machine with `--jobs`, or one
-    each in the array jobs of a scheduler with `--case NUMBER`. `case` is a path, relative to the plan. Of what lies at
-    `path` only another plan is replaced. Raises FileError."""
+    """Writes points as a plan of `ballast sweep`, which runs them without Python, also as array jobs of a scheduler.
+
+    Args:
+        case: path of the case file, relative to the plan.
+        points: see `grid` and `latin_hypercube`.
+        path: file to write; an existing file is replaced only if it is a plan.
+
+    Raises:
+        FileError: the file cannot be written, or `path` is a file of another kind.
+        TypeError: TOML cannot hold a value.
+    """
     named = []
-    for point in _points(points):
+    for point in _checked_points(points):
         with _naming(point):
             values = _with_one_seed(point).items()
         named.append({"bed.seed" if key == "seed" else key: value for key, value in values})
     _ballast._write_sweep_plan(os.fspath(case), named, path)
 
 
-def _bed(case: ballast.Case, beds: str) -> None:
-    ballast.prepare(case, bed_cache=beds, threads=1, progress=False)
+def _require(*modules: str) -> None:
+    """Raises ImportError before any work begins if a module is missing."""
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ImportError as error:
+            raise ImportError(f"study.run: {module} is not installed; pip install 'ballast[study]'") from error
 
 
-def _point(case: ballast.Case, beds: str, measure: Measure, code: str, names: Collection[str]) -> str:
-    """Figures of a point whose values have these names, as JSON: they may be of types that no other process knows. `code` is
-    what the measure was where the study was begun."""
-    if _identity.code(measure) != code:
+def _prepare_bed(case: ballast.Case, bed_cache: str) -> None:
+    ballast.prepare(case, bed_cache=bed_cache, threads=1, progress=False)
+
+
+def _run_point(case: ballast.Case, bed_cache: str, measure: Measure, code: str, names: Collection[str]) -> str:
+    """Returns the figures of a point as JSON: other processes may not know their types.
+
+    `code` is the measure's code in the process that started the study, `names` are the point's keys.
+    """
+    if _identity.code_digest(measure) != code:
         raise ballast.Error(
-            f"measure: expected {_identity.name(measure)} as the study was begun with, found another one of this name: its "
-            "file was changed after one of the two processes had read it, or they run two versions of Python; begin both anew"
+            f"measure: expected the code of {_identity.measure_name(measure)} that the study was started with, found other "
+            "code: its file has changed, or the processes run two versions of Python; restart both"
         )
-    figures = measure(case, beds)
+    figures = measure(case, bed_cache)
     _check_figures(names, figures)
     return dumps(dict(figures))
 
@@ -337,16 +400,15 @@ def _check_figures(names: Collection[str], figures: object) -> None:
             raise ValueError(f"measure: expected other names than those of the point and 'error', found {name!r}")
 
 
-def _kept(file: Path) -> Figures:
-    """The figures of a point that is done."""
+def _read_figures(file: Path) -> Figures:
+    """Returns the figures of a finished point."""
     try:
         figures = json.loads(file.read_text())["figures"]
         if isinstance(figures, dict):
             return {name: float(value) if isinstance(value, str) else value for name, value in figures.items()}
     except (ValueError, KeyError, TypeError):
         pass
-    text = f"{file}: expected the figures of a point (JSON), found something else; without the file the point is run again"
-    error = ballast.FileError(text)
+    error = ballast.FileError(f"{file}: expected the figures of a point (JSON), found something else; delete the file")
     error.code = "file"
     raise error
 
@@ -356,6 +418,6 @@ def _table(points: Sequence[Point], files: Sequence[Path], errors: Mapping[Path,
 
     rows = []
     for point, file in zip(points, files, strict=True):
-        figures = _kept(file) if file.exists() else {}
+        figures = _read_figures(file) if file.exists() else {}
         rows.append({**point, **figures, "error": errors.get(file)})
     return pd.DataFrame(rows, columns=None if rows else ["error"])

@@ -1,4 +1,4 @@
-"""Pictures of a simulation (pyvista), on screen or off.
+"""Pictures of a simulation with pyvista, on or off screen.
 
     import ballast.view
     ballast.view.save_picture(sim, "bed.png")
@@ -15,8 +15,7 @@ import ballast
 
 
 def bed(sim: ballast.Simulation) -> Any:
-    """All grains as one surface (`pyvista.PolyData`), with the speed (m/s) and the number of the grain on every
-    face."""
+    """Returns all grains as one `pyvista.PolyData`, with the arrays "speed, m/s" and "grain" on its faces."""
     state, shapes = sim.save(), {}
     speed = np.linalg.norm(state.velocities, axis=1)
     solids, owner = [], []
@@ -35,7 +34,7 @@ def bed(sim: ballast.Simulation) -> Any:
 
 
 def driven_bodies(sim: ballast.Simulation) -> Any:
-    """Tines and sleepers, and every other driven body that has an end, as one surface."""
+    """Returns all finite driven bodies, such as tines and sleepers, as one `pyvista.PolyData`."""
     state, solids = sim.save(), []
     for name in sim.bodies:
         position, orientation, _, _ = state.body(name)
@@ -58,14 +57,20 @@ def _surface(solids: list[tuple[Any, list[list[int]]]]) -> Any:
 
 
 def force_chains(sim: ballast.Simulation, *, threshold: float = 1.0) -> Any:
-    """The contacts that carry at least `threshold` times the mean, as lines between the centres of two grains,
-    or from a grain's centre to where it touches a driven body, with the force (N) on each."""
+    """Returns the strongest contacts as lines, with the array "force, N" (`pyvista.PolyData`).
+
+    Lines connect the centres of two grains, or the centre of a grain and its contact point with a driven body.
+
+    Args:
+        sim: a simulation of this process.
+        threshold: smallest force of a line, as a multiple of the mean over active contacts.
+    """
     import pyvista as pv
 
     state = sim.save()
     force = np.linalg.norm(state.contact_impulses, axis=1) / (sim.step_ns * 1e-9)
-    carrying = force[force > 0.0]
-    strong = force > threshold * (carrying.mean() if len(carrying) else 0.0)
+    active = force[force > 0.0]
+    strong = force > threshold * (active.mean() if len(active) else 0.0)
     if not strong.any():
         return pv.PolyData()
     ends = state.contact_points[strong]
@@ -82,15 +87,19 @@ def force_chains(sim: ballast.Simulation, *, threshold: float = 1.0) -> Any:
 
 
 def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = False) -> Any:
-    """A `pyvista.Plotter` with the bed coloured by speed, or with its force chains in a bed as pale as glass, and with tines
-    and sleepers, which let the bed behind them be seen."""
+    """Returns a `pyvista.Plotter` with grains coloured by speed, and translucent driven bodies.
+
+    Args:
+        sim: a simulation of this process.
+        forces: show force chains in translucent grains instead of speeds.
+        off_screen: render without a screen.
+    """
     import pyvista as pv
 
-    # Its types ask for more than it does.
     plotter: Any = pv.Plotter(off_screen=off_screen)
     surface = bed(sim)
     if forces:
-        # Some twenty stones lie one behind the other: together they must leave the chains to be seen.
+        # Nearly transparent: about twenty grains overlap in a line of sight.
         plotter.add_mesh(surface, color="grey", opacity=0.03)
         network = force_chains(sim)
         if network.n_cells:
@@ -111,22 +120,22 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
             clim=[0.0, max(float(surface[name].max()), 1e-6)],
             scalar_bar_args=_bar(name, "%.3g"),
         )
-    machine = driven_bodies(sim)
-    if machine.n_cells:
-        plotter.add_mesh(machine, color="steelblue", opacity=0.15 if forces else 0.5)
+    driven = driven_bodies(sim)
+    if driven.n_cells:
+        plotter.add_mesh(driven, color="steelblue", opacity=0.15 if forces else 0.5)
     plotter.view_vector((0.4, -1.0, 0.35), viewup=(0.0, 0.0, 1.0))
     return plotter
 
 
 def _bar(title: str, form: str) -> dict[str, Any]:
-    # An empty line keeps the title off the numbers; in the middle, no number is cut off at the edge.
+    # The empty line separates the title from the numbers; the position keeps them inside the picture.
     return {"title": f"{title}\n", "fmt": form, "position_x": 0.2, "width": 0.6}
 
 
 def save_picture(
     sim: ballast.Simulation, path: str | os.PathLike[str], *, forces: bool = False
 ) -> None:
-    """Writes a picture of the scene; needs no screen."""
+    """Writes a picture of `scene` to an image file; needs no screen."""
     plotter = scene(sim, forces=forces, off_screen=True)
     try:
         plotter.screenshot(os.fspath(path))
@@ -135,7 +144,7 @@ def save_picture(
 
 
 def rotation(q: Any) -> Any:
-    """Matrix of a unit quaternion x, y, z, w."""
+    """Returns the rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
     x, y, z, w = q
     return np.array(
         [

@@ -1,4 +1,4 @@
-"""A simulation that another process computes: the same class, the same bytes."""
+"""Remote simulations: the same class and the same bytes as local ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ KEY = "test/bed"
 
 
 def free_port() -> int:
-    """A port that nobody listens on, below those that the system gives to outgoing connections."""
+    """Returns a free port below the ephemeral range of the system."""
     ports = range(32_000, 32_768)
     for port in random.sample(ports, len(ports)):
         with socket.socket() as one, contextlib.suppress(OSError):
@@ -37,7 +37,7 @@ def free_port() -> int:
 
 
 class Served:
-    """`ballast serve` of the small case."""
+    """A running `ballast serve` of the small case."""
 
     def __init__(self, beds: Path, folder: Path) -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -74,7 +74,7 @@ def served(beds: Path, tmp_path: Path) -> Iterator[Served]:
 
 
 def down(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ballast.Motion]:
-    """All tines go down by `depth` (m) at constant speed within the next steps."""
+    """Returns motions that lower all tines by `depth` (m) at constant speed in the next steps."""
     times = [sim.now_ns, sim.now_ns + steps * sim.step_ns]
     state, motions = sim.save(), {}
     for name in sim.bodies:
@@ -84,8 +84,8 @@ def down(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ballast
     return motions
 
 
-def told(sim: ballast.Simulation, out: ballast.WindowResult) -> object:
-    """An outcome in numbers that can be compared to the bit."""
+def reported(sim: ballast.Simulation, out: ballast.WindowResult) -> object:
+    """Returns the values of a result and the hash of the state, for bitwise comparison."""
 
     def numbers(body: object) -> list[object]:
         names = [n for n in dir(body) if not n.startswith("_")]
@@ -99,7 +99,7 @@ def told(sim: ballast.Simulation, out: ballast.WindowResult) -> object:
 
 
 def swing(sim: ballast.Simulation, names: Iterable[str]) -> dict[str, ballast.Motion]:
-    """From as fast as they are to 0.01 m/s downward within two steps, cubic."""
+    """Returns cubic motions from the commanded velocity to 0.01 m/s downwards in two steps."""
     state, ends, motions = sim.save(), [sim.now_ns, sim.now_ns + 2 * sim.step_ns], {}
     for name in names:
         (x, q), twist = state.commanded_pose(name), state.commanded_twist(name)
@@ -111,20 +111,20 @@ def swing(sim: ballast.Simulation, names: Iterable[str]) -> dict[str, ballast.Mo
 
 
 def story(sim: ballast.Simulation) -> list[object]:
-    """Windows, a window again, a state taken up again, requests without sense."""
+    """Returns the results of windows, a redo, a restored state and invalid requests."""
     h, said = sim.step_ns, []
     for n in (1, 3):
-        said.append(told(sim, sim.advance_to(sim.now_ns + n * h, down(sim, 2e-4 * n, n))))
+        said.append(reported(sim, sim.advance_to(sim.now_ns + n * h, down(sim, 2e-4 * n, n))))
     kept = sim.save()
     motions = down(sim, 4e-4, 2)
-    said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))
+    said.append(reported(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))
     slower = {name: ballast.Motion([kept.time_ns, kept.time_ns + 2 * h], [x, x - [0, 0, 1e-4]], [q, q])
               for name in motions for x, q in [kept.commanded_pose(name)]}  # fmt: skip
-    said.append(told(sim, sim.redo(slower)))
+    said.append(reported(sim, sim.redo(slower)))
     said.append([x.tobytes() for name in motions for x in sim.save().commanded_pose(name)])
     assert all(sim.save().commanded_twist(name) is None for name in motions)
     for _ in range(2):
-        said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, swing(sim, motions))))
+        said.append(reported(sim, sim.advance_to(sim.now_ns + 2 * h, swing(sim, motions))))
         twists = [sim.save().commanded_twist(name) for name in motions]
         said.append([twist and [x.tolist() for x in twist] for twist in twists])
         assert said[-1] == [[[0.0, 0.0, -0.01], [0.0, 0.0, 0.0]]] * len(motions)
@@ -132,13 +132,13 @@ def story(sim: ballast.Simulation) -> list[object]:
         sim.advance_to(sim.now_ns + h)
     sim.restore(kept)
     said.append((sim.now_ns, sim.save().hash, kept.time_ns, kept.hash))
-    said.append(told(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))
+    said.append(reported(sim, sim.advance_to(sim.now_ns + 2 * h, motions)))
     for ask in (
         lambda: sim.advance_to(sim.now_ns + 1),
-        lambda: sim.advance_to(sim.now_ns + h, {"nobody": next(iter(motions.values()))}),
+        lambda: sim.advance_to(sim.now_ns + h, {"unknown": next(iter(motions.values()))}),
         lambda: sim.advance_to(sim.now_ns + h, motions),
         lambda: (sim.restore(kept), sim.redo()),
-        lambda: sim.save().commanded_pose("nobody"),
+        lambda: sim.save().commanded_pose("unknown"),
     ):
         with pytest.raises(ballast.RequestError) as refused:
             ask()
@@ -146,7 +146,7 @@ def story(sim: ballast.Simulation) -> list[object]:
     return said
 
 
-def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> None:
+def test_remote_results_equal_local_results(sim: ballast.Simulation, served: Served) -> None:
     with served.open() as there:
         assert isinstance(there, ballast.Simulation)
         assert (there.bodies, there.step_ns) == (sim.bodies, sim.step_ns)
@@ -166,7 +166,7 @@ def test_the_same_bytes_elsewhere(sim: ballast.Simulation, served: Served) -> No
             assert rows.tobytes() == elsewhere.impulses[name].tobytes()
 
 
-def test_parameters_are_set_elsewhere_too(sim: ballast.Simulation, served: Served) -> None:
+def test_remote_parameters_equal_local_parameters(sim: ballast.Simulation, served: Served) -> None:
     with served.open() as there:
         ends = []
         for one in (sim, there):
@@ -192,8 +192,8 @@ def test_parameters_are_set_elsewhere_too(sim: ballast.Simulation, served: Serve
             assert words[0] == words[1]
 
 
-def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, served: Served) -> None:
-    """It fails after two good steps, of which nothing is told."""
+def test_discarded_windows_have_no_steps(sim: ballast.Simulation, served: Served) -> None:
+    """The window fails after two valid steps, which are not reported."""
     with served.open() as there:
         for s in (sim, there):
             h, name = s.step_ns, next(name for name in s.bodies if name.startswith("tine"))
@@ -206,7 +206,7 @@ def test_a_window_that_was_taken_back_has_no_steps(sim: ballast.Simulation, serv
             assert all(rows.shape == (0, 6) for rows in out.step_series.impulses.values())
 
 
-def test_a_partner_goes_on_from_tools_that_were_left_moving(served: Served) -> None:
+def test_a_new_owner_continues_moving_tines(served: Served) -> None:
     pytest.importorskip("zenoh")
     with served.open() as there:
         (x, q), last, speed = there.save().commanded_pose("tine_1_plus"), 3 * there.step_ns, [0.0, 0.0, -0.1]
@@ -221,7 +221,7 @@ def test_a_partner_goes_on_from_tools_that_were_left_moving(served: Served) -> N
         assert there.now_ns > last
 
 
-def test_nobody_needs_to_read_what_the_other_side_says(served: Served) -> None:
+def test_a_full_event_pipe_does_not_block_the_server(served: Served) -> None:
     windows = 40  # whose events are more than the pipe takes
     with served.open() as there:
         for _ in range(windows):
@@ -236,7 +236,7 @@ def test_nobody_needs_to_read_what_the_other_side_says(served: Served) -> None:
     assert err.endswith("goes on\n")
 
 
-def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:
+def test_remote_simulations_refuse_local_operations(sim: ballast.Simulation, served: Served, tmp_path: Path) -> None:
     with served.open() as there:
         kept = there.save()
         for ask in (
@@ -273,7 +273,7 @@ def test_what_only_this_process_has_is_refused(sim: ballast.Simulation, served: 
     assert unreachable.value.code == "invalid_name"
 
 
-def test_states_that_nobody_holds_are_forgotten(served: Served) -> None:
+def test_unreferenced_remote_states_are_released(served: Served) -> None:
     with served.open() as there:
         first = there.save()
         # More than a component keeps.
@@ -282,7 +282,7 @@ def test_states_that_nobody_holds_are_forgotten(served: Served) -> None:
         there.restore(first)
 
 
-def test_a_component_that_comes_back_goes_on(sim: ballast.Simulation, served: Served) -> None:
+def test_a_restarted_component_continues(sim: ballast.Simulation, served: Served) -> None:
     with served.open() as there:
         for s in (sim, there):
             s.advance_to(s.now_ns + 2 * s.step_ns, down(s, 1e-4, 2))
@@ -293,11 +293,11 @@ def test_a_component_that_comes_back_goes_on(sim: ballast.Simulation, served: Se
         assert lost.value.code == "disconnected"
         served.start("--resume")
         out = there.advance_to(there.now_ns + 2 * there.step_ns, motions)
-        expected = told(sim, sim.advance_to(sim.now_ns + 2 * sim.step_ns, down(sim, 2e-4, 2)))
-        assert told(there, out) == expected
+        expected = reported(sim, sim.advance_to(sim.now_ns + 2 * sim.step_ns, down(sim, 2e-4, 2)))
+        assert reported(there, out) == expected
 
 
-def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served: Served) -> None:
+def test_ctrl_c_does_not_wait_for_a_remote_window(sim: ballast.Simulation, served: Served) -> None:
     # Long enough to be interrupted on any machine.
     n = 1500
     with served.open() as there:
@@ -305,21 +305,21 @@ def test_ctrl_c_does_not_wait_for_the_other_side(sim: ballast.Simulation, served
         threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(end, motions)
-        # What was asked goes on over there, and the same call gives its outcome.
+        # The server continues the window, and the repeated call returns its result.
         out = there.advance_to(end, motions)
         assert out.steps == n
-        assert told(there, out) == told(sim, sim.advance_to(end, down(sim, 1e-3, n)))
+        assert reported(there, out) == reported(sim, sim.advance_to(end, down(sim, 1e-3, n)))
         # Any other call comes after it.
         threading.Timer(0.1, lambda: signal.raise_signal(signal.SIGINT)).start()
         with pytest.raises(KeyboardInterrupt):
             there.advance_to(2 * end)
         assert there.last is out
         assert there.save().time_ns == 2 * end == there.now_ns
-        # Its outcome has nobody waited for.
+        # No call has waited for its result.
         assert there.last is not None and (there.last.t1_ns, there.last.steps) == (2 * end, n)
 
 
-def test_another_thread_ends_the_wait(served: Served) -> None:
+def test_stop_cancels_a_remote_wait(served: Served) -> None:
     with ThreadPoolExecutor(1) as pool, served.open() as there:
         there.stop()
         n, begin = 1500, there.now_ns
@@ -328,7 +328,7 @@ def test_another_thread_ends_the_wait(served: Served) -> None:
         with pytest.raises(ballast.RemoteError, match="given up") as unreachable:
             window.result(timeout=60)
         assert unreachable.value.code == "cancelled" and there.last is None
-        # It goes on over there, and the same call gives its outcome.
+        # The server continues the window, and the repeated call returns its result.
         out = there.advance_to(begin + n * there.step_ns)
         assert out.steps == n and there.last is out
         window = begun(there, pool, 100_000)
@@ -337,7 +337,7 @@ def test_another_thread_ends_the_wait(served: Served) -> None:
             window.result(timeout=60)
 
 
-def test_leaving_does_not_wait_for_a_window_that_was_given_up(served: Served) -> None:
+def test_close_does_not_wait_for_a_cancelled_remote_window(served: Served) -> None:
     with pytest.raises(KeyboardInterrupt):
         with served.open() as there:
             threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
@@ -346,7 +346,7 @@ def test_leaving_does_not_wait_for_a_window_that_was_given_up(served: Served) ->
     assert served.process.poll() is None
 
 
-def test_states_that_are_left_behind_leave_room(served: Served) -> None:
+def test_states_of_a_previous_owner_are_released(served: Served) -> None:
     with served.open() as there:
         kept = [there.save() for _ in range(64)]
         with pytest.raises(ballast.RequestError, match="at most 64") as refused:
@@ -385,6 +385,6 @@ with opened() as sim:
 """
 
 
-def test_a_forked_process_is_refused_instead_of_hanging(served: Served) -> None:
+def test_forked_processes_cannot_use_remote_simulations(served: Served) -> None:
     command = [sys.executable, "-c", FORKED, f"zenoh:{KEY}", served.endpoint]
     subprocess.run(command, check=True, timeout=60)
