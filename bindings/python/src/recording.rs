@@ -152,8 +152,8 @@ fn parameters<'py>(
     parameters: Option<&SolverParameters>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let arguments = PyDict::new(py);
-    if let Some(SolverParameters { max_iterations: iterations, tolerance, .. }) = parameters {
-        arguments.set_item("iterations", iterations)?;
+    if let Some(SolverParameters { max_iterations, tolerance, .. }) = parameters {
+        arguments.set_item("max_iterations", max_iterations)?;
         arguments.set_item("tolerance", tolerance)?;
     }
     Ok(arguments)

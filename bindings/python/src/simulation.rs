@@ -278,17 +278,17 @@ impl PySimulation {
     /// Sets solver parameters for all later windows and for a redo of the last one. Omitted parameters keep their value.
     ///
     /// Args:
-    ///     iterations: maximum number of iterations per step, at least 1.
+    ///     max_iterations: maximum number of iterations per step, at least 1.
     ///     tolerance: residual below which a step counts as solved; 0: always use all iterations.
     ///     max_penetration: penetration that ends a window, m; infinite: no limit.
     ///
     /// Raises:
     ///     RequestError: a value is out of range; nothing has changed.
-    #[pyo3(signature = (*, iterations=None, tolerance=None, max_penetration=None))]
+    #[pyo3(signature = (*, max_iterations=None, tolerance=None, max_penetration=None))]
     fn set_parameters(
         &self,
         py: Python<'_>,
-        iterations: Option<&Bound<'_, PyAny>>,
+        max_iterations: Option<&Bound<'_, PyAny>>,
         tolerance: Option<f64>,
         max_penetration: Option<f64>,
     ) -> PyResult<()> {
@@ -299,10 +299,10 @@ impl PySimulation {
             };
         let to_u32 = |found| {
             let kind = "a whole number";
-            let number = inputs::whole(found, kind, "iterations", &expected, out_of_range)?;
-            u32::try_from(number).map_err(|_| out_of_range(py, "iterations", &expected, found))
+            let number = inputs::whole(found, kind, "max_iterations", &expected, out_of_range)?;
+            u32::try_from(number).map_err(|_| out_of_range(py, "max_iterations", &expected, found))
         };
-        let iterations = iterations.map(to_u32).transpose()?;
+        let max_iterations = max_iterations.map(to_u32).transpose()?;
         let penetration = match max_penetration {
             Some(limit) if !(limit > 0.0) => {
                 let place = "max_penetration";
@@ -313,7 +313,7 @@ impl PySimulation {
             limit => limit,
         };
         let parameters = ParameterUpdate {
-            max_iterations: iterations,
+            max_iterations,
             tolerance,
             max_penetration: penetration,
             ..ParameterUpdate::default()

@@ -172,7 +172,7 @@ def test_remote_parameters_equal_local_parameters(sim: ballast.Simulation, serve
         for one in (sim, there):
             one.advance_to(one.now_ns + 5 * one.step_ns)
             before = one.save()
-            one.set_parameters(iterations=3, tolerance=0.0)
+            one.set_parameters(max_max_iterations=3, tolerance=0.0)
             out = one.redo()
             assert out.solver.iterations < 5 * out.steps
             one.set_parameters(max_penetration=1e-12)
@@ -182,7 +182,7 @@ def test_remote_parameters_equal_local_parameters(sim: ballast.Simulation, serve
             ends.append(one.save().hash)
         assert ends[0] == ends[1]
         # What is not finite would be nothing on its way.
-        for wrong in ({"iterations": 0}, {"tolerance": math.nan}, {"tolerance": math.inf}, {"tolerance": -1.0}):
+        for wrong in ({"max_iterations": 0}, {"tolerance": math.nan}, {"tolerance": math.inf}, {"tolerance": -1.0}):
             words = []
             for one in (sim, there):
                 with pytest.raises(ballast.RequestError) as refused:

@@ -622,7 +622,7 @@ def test_ctrl_c_leaves_a_valid_state(sim: ballast.Simulation) -> None:
 def endless(case: ballast.Case) -> ballast.Case:
     """Returns the case with steps that never converge."""
     values = case.to_dict()
-    values["solver"] |= {"iterations": 4_000_000_000, "tolerance": 1e-300}
+    values["solver"] |= {"max_iterations": 4_000_000_000, "tolerance": 1e-300}
     return ballast.Case.from_dict(values)
 
 
@@ -808,7 +808,7 @@ def test_parameters_are_recorded_and_part_of_states(sim: ballast.Simulation, bed
     sim.record(tmp_path / "set.mcap")
     advance(sim)
     loose = sim.save()
-    sim.set_parameters(iterations=3)
+    sim.set_parameters(max_iterations=3)
     assert sim.save().hash != loose.hash, "the fingerprint covers how steps are solved"
     out = advance(sim)
     assert out.solver.iterations < 5 * out.steps
@@ -825,7 +825,7 @@ def test_parameters_are_recorded_and_part_of_states(sim: ballast.Simulation, bed
             assert again.save().hash == window["hash"]
             reported.append(window["parameters"])
         assert again.save().hash == end
-        assert reported[0] == {} and reported[1] == {"iterations": 3, "tolerance": 1e-3}
+        assert reported[0] == {} and reported[1] == {"max_iterations": 3, "tolerance": 1e-3}
         # A state brings its own, whoever takes it up.
         again.restore(loose)
         assert again.save().hash == loose.hash
@@ -838,9 +838,9 @@ def test_parameters_are_recorded_and_part_of_states(sim: ballast.Simulation, bed
         again.set_parameters(max_penetration=math.inf)
         assert advance(again).steps > 0
         for wrong in (
-            {"iterations": 0},
-            {"iterations": -1},
-            {"iterations": 1 << 40},
+            {"max_iterations": 0},
+            {"max_iterations": -1},
+            {"max_iterations": 1 << 40},
             {"tolerance": -1.0},
             {"tolerance": math.nan},
             {"max_penetration": 0.0},

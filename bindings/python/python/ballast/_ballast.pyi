@@ -336,12 +336,16 @@ class Simulation:
         """
 
     def set_parameters(
-        self, *, iterations: int | None = None, tolerance: float | None = None, max_penetration: float | None = None
+        self,
+        *,
+        max_iterations: int | None = None,
+        tolerance: float | None = None,
+        max_penetration: float | None = None,
     ) -> None:
         """Sets solver parameters for all later windows and for a redo of the last one. Omitted parameters keep their value.
 
         Args:
-            iterations: maximum number of iterations per step, at least 1.
+            max_iterations: maximum number of iterations per step, at least 1.
             tolerance: residual below which a step counts as solved; 0: always use all iterations.
             max_penetration: penetration that ends a window, m; infinite: no limit.
 
