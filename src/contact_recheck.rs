@@ -52,9 +52,9 @@ impl SolvedMotion<'_> {
     /// Returns velocity (m/s) and angular velocity (rad/s) of body `b`.
     fn twist(&self, b: usize) -> (Vec3, Vec3) {
         let (v, w) = self.motion.twist(self.velocity, self.angular_velocity, b);
-        let recovered =
+        let corrected =
             self.correction.velocity.get(b).zip(self.correction.angular_velocity.get(b));
-        recovered.map_or((v, w), |(dv, dw)| (v + dv, w + dw))
+        corrected.map_or((v, w), |(dv, dw)| (v + dv, w + dw))
     }
 
     /// Returns the opening speed of contact `i`, m/s.
@@ -102,9 +102,9 @@ pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
     let depth = |i: usize| {
         let ahead = -solved.gap_ahead(contacts, i, h);
         let now = |k: usize| -contacts.gap[k];
-        let goes_on =
+        let is_growing =
             || ahead > slack + contacts.pair_range(contacts.bodies[i]).map(now).fold(0.0, f64::max);
-        if ahead > limit && goes_on() { ahead } else { 0.0 }
+        if ahead > limit && is_growing() { ahead } else { 0.0 }
     };
     (0..contacts.len()).into_par_iter().with_min_len(1024).map(depth).reduce(|| 0.0, f64::max)
 }
@@ -112,7 +112,7 @@ pub fn penetration_beyond(limit: f64, model: &Model, ws: &Workspace) -> f64 {
 /// Returns true if the solve closed a gap outside the detection range, which it then enlarges (T-35).
 fn has_missed_contacts(model: &Model, ws: &mut Workspace) -> bool {
     let Workspace {
-        motion, velocity, angular_velocity, correction, detection_range: reach, ..
+        motion, velocity, angular_velocity, correction, detection_range: range, ..
     } = ws;
     let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let twist = |b: usize| solved.twist(b);
@@ -120,19 +120,19 @@ fn has_missed_contacts(model: &Model, ws: &mut Workspace) -> bool {
         let (v, w) = twist(b);
         max_point_speed(model, b, &(v - motion.velocity[b]), &(w - motion.angular_velocity[b]))
     };
-    if !reach.enlarge(change) {
+    if !range.enlarge(change) {
         return false;
     }
-    ws.detector.broad_phase(model, motion, reach);
-    let asked = |pair: [usize; 2]| {
-        reach.may_have_missed_contact(motion, model.grain_radius(pair[0]), pair, twist)
+    ws.detector.broad_phase(model, motion, range);
+    let is_wanted = |pair: [usize; 2]| {
+        range.may_have_missed_contact(motion, model.grain_radius(pair[0]), pair, twist)
     };
-    ws.detector.narrow_phase_where(model, motion, reach, asked, &mut ws.fresh);
+    ws.detector.narrow_phase_where(model, motion, range, is_wanted, &mut ws.fresh);
     let (found, h) = (&ws.fresh, model.stepping.h());
     (0..found.len()).any(|i| {
         let pair = found.bodies[i].map(|b| b as usize);
         let (gap, radius) = (found.gap[i], model.grain_radius(pair[0]));
-        gap > reach.searched_distance(motion, radius, pair) && solved.gap_ahead(found, i, h) < 0.0
+        gap > range.searched_distance(motion, radius, pair) && solved.gap_ahead(found, i, h) < 0.0
     })
 }
 
@@ -144,16 +144,16 @@ fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
     let Workspace { motion, velocity, angular_velocity, correction, .. } = ws;
     let solved = SolvedMotion { motion, velocity, angular_velocity, correction };
     let ng = model.grains.len();
-    let turns = |b: usize| b < ng && h * solved.twist(b).1.norm() > MIN_RECHECKED_ROTATION;
-    if !(0..ng).any(turns) {
+    let rotates_fast = |b: usize| b < ng && h * solved.twist(b).1.norm() > MIN_RECHECKED_ROTATION;
+    if !(0..ng).any(rotates_fast) {
         return false;
     }
     solved.end(h, &mut ws.end);
     // The pair list is valid there as well: the range covers the displacement of the step.
-    let asked = |[a, b]: [usize; 2]| turns(a) || turns(b);
-    ws.detector.narrow_phase_where(model, &ws.end, &ws.detection_range, asked, &mut ws.fresh);
+    let is_wanted = |[a, b]: [usize; 2]| rotates_fast(a) || rotates_fast(b);
+    ws.detector.narrow_phase_where(model, &ws.end, &ws.detection_range, is_wanted, &mut ws.fresh);
     ws.foreseen.clear();
-    let (found, way) = (&ws.fresh, |b: u32| solved.twist(b as usize).0 * h);
+    let (found, displacement) = (&ws.fresh, |b: u32| solved.twist(b as usize).0 * h);
     for (i, &bodies) in found.bodies.iter().enumerate() {
         let tolerance = PENETRATION_TOLERANCE * model.grain_radius(bodies[0] as usize);
         if -found.gap[i] <= tolerance {
@@ -162,7 +162,7 @@ fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
         let excess = found.gap[i] + solved.predicted_depth(&ws.contacts, bodies, h);
         if -excess > tolerance {
             // One point for both bodies, midway between them, because two points would create angular momentum.
-            let point = found.point[i] - 0.5 * (way(bodies[0]) + way(bodies[1]));
+            let point = found.point[i] - 0.5 * (displacement(bodies[0]) + displacement(bodies[1]));
             let k = ws.foreseen.len();
             ws.foreseen.push(bodies, found.feature[i], point, found.normal[i], 0.0);
             ws.foreseen.gap[k] = (excess - h * solved.opening(&ws.foreseen, k)).max(0.0);

@@ -98,7 +98,7 @@ impl Component {
         let state = state.into();
         model.check()?;
         state.check(&model)?;
-        let speed_limit = SpeedLimit::of(&model);
+        let speed_limit = SpeedLimit::new(&model);
         Ok(Self {
             model,
             limits,

@@ -129,7 +129,7 @@ impl PairList {
     /// its slack.
     ///
     /// Pairs of another model are dropped.
-    pub fn update(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
+    pub fn update(&mut self, model: &Model, motion: &Motion, range: &DetectionRange) {
         let known = self.listed.fingerprint.matches(model);
         if !known {
             self.listed.fingerprint.record(model);
@@ -140,8 +140,8 @@ impl PairList {
             self.memory.clear();
             self.travel.clear();
         }
-        if !known || !self.listed.is_valid(motion, reach) {
-            self.rebuild(model, motion, reach);
+        if !known || !self.listed.is_valid(motion, range) {
+            self.rebuild(model, motion, range);
         }
     }
 
@@ -150,9 +150,9 @@ impl PairList {
         self.travel.update(motion, &self.listed.bounding_radius);
     }
 
-    fn rebuild(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
+    fn rebuild(&mut self, model: &Model, motion: &Motion, range: &DetectionRange) {
         let ng = model.grains.len();
-        self.listed.record(model, motion, reach);
+        self.listed.record(model, motion, range);
         let listed = &self.listed;
         (0..ng)
             .into_par_iter()
@@ -179,8 +179,8 @@ impl PairList {
                 &model.driven[body].parts[part.part as usize]
             {
                 let shape = &model.shapes[*shape as usize];
-                let placed = motion.pose(ng + body).then(local);
-                let bounds = bounds(shape, &placed, self.listed.margin(ng + body));
+                let pose_of_part = motion.pose(ng + body).then(local);
+                let bounds = bounds(shape, &pose_of_part, self.listed.margin(ng + body));
                 let mut found = |i| self.extra.push((i, (ng + k) as u32));
                 self.grid.for_each_meeting(&self.boxes, &bounds, &mut found);
             }
@@ -311,7 +311,7 @@ impl ChunkPairs {
 
 impl ListedConfiguration {
     /// Stores the configuration of the list.
-    fn record(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
+    fn record(&mut self, model: &Model, motion: &Motion, range: &DetectionRange) {
         let ng = model.grains.len();
         self.position.clone_from(&motion.position);
         self.orientation.clone_from(&motion.orientation);
@@ -322,11 +322,11 @@ impl ListedConfiguration {
             .collect_into_vec(&mut self.bounding_radius);
         let mean = self.bounding_radius[..ng].iter().sum::<f64>() / ng.max(1) as f64;
         self.range.clear();
-        self.range.extend((0..reach.body_count()).map(|b| reach.body_range(b)));
+        self.range.extend((0..range.body_count()).map(|b| range.body_range(b)));
         self.slack.clear();
         let slack =
-            |b| (0.5 * SKIN * mean).max(MAX_SKIN_LIFETIME_STEPS * reach.free_displacement(b));
-        self.slack.extend((0..reach.body_count()).map(slack));
+            |b| (0.5 * SKIN * mean).max(MAX_SKIN_LIFETIME_STEPS * range.free_displacement(b));
+        self.slack.extend((0..range.body_count()).map(slack));
     }
 
     /// Returns the margin of the box of body `b`, m.
@@ -335,13 +335,13 @@ impl ListedConfiguration {
     }
 
     /// True if no body has used up its slack by displacement or growth of range.
-    fn is_valid(&self, motion: &Motion, reach: &DetectionRange) -> bool {
+    fn is_valid(&self, motion: &Motion, range: &DetectionRange) -> bool {
         let used_up = |b: usize| {
             let rotation_bound =
                 travel::rotation_bound(&motion.orientation[b], &self.orientation[b]);
-            let path = (motion.position[b] - self.position[b]).norm()
+            let displacement = (motion.position[b] - self.position[b]).norm()
                 + self.bounding_radius[b] * rotation_bound;
-            let used = path + (reach.body_range(b) - self.range[b]).max(0.0);
+            let used = displacement + (range.body_range(b) - self.range[b]).max(0.0);
             used.is_nan() || used > self.slack[b]
         };
         self.position.len() == motion.position.len()

@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn adopted_contacts_take_their_places_and_those_of_the_same_features() {
+    fn merged_contacts_are_inserted_in_order_or_replace_equal_features() {
         let row = |x: f64| Vec3::repeat(x);
         let mut contacts = Contacts::default();
         for (bodies, feature, gap) in

@@ -21,7 +21,7 @@ const PREFETCH_PAIRS: usize = 2;
 #[derive(Debug, Default)]
 pub struct Detector {
     pairs: PairList,
-    placed: Vec<PartPose>,
+    part_poses: Vec<PartPose>,
     chunks: Vec<ChunkContacts>,
 }
 
@@ -46,8 +46,8 @@ impl Detector {
     ///
     /// The list is valid for all configurations in which no point of a body has moved by more than the margin of its
     /// box. It is rebuilt only if one has, or if bodies, shapes or detection range have changed.
-    pub fn broad_phase(&mut self, model: &Model, motion: &Motion, reach: &DetectionRange) {
-        self.pairs.update(model, motion, reach);
+    pub fn broad_phase(&mut self, model: &Model, motion: &Motion, range: &DetectionRange) {
+        self.pairs.update(model, motion, range);
     }
 
     /// Returns the number of candidate pairs of grains with grains and convex parts.
@@ -60,10 +60,10 @@ impl Detector {
         &mut self,
         model: &Model,
         motion: &Motion,
-        reach: &DetectionRange,
+        range: &DetectionRange,
         out: &mut Contacts,
     ) {
-        self.narrow_phase_where(model, motion, reach, |_| true, out);
+        self.narrow_phase_where(model, motion, range, |_| true, out);
     }
 
     /// Fills `out` with the contacts of the pairs that `is_wanted` selects; requires [`Detector::broad_phase`].
@@ -71,26 +71,26 @@ impl Detector {
         &mut self,
         model: &Model,
         motion: &Motion,
-        reach: &DetectionRange,
+        range: &DetectionRange,
         is_wanted: impl Fn([usize; 2]) -> bool + Sync,
         out: &mut Contacts,
     ) {
         self.pairs.advance(motion);
         let ng = model.grains.len();
-        transform_parts(&self.pairs.parts, model, motion, &mut self.placed);
+        transform_parts(&self.pairs.parts, model, motion, &mut self.part_poses);
         self.chunks.resize_with(ng.div_ceil(CHUNK), ChunkContacts::default);
         let PairList { starts, antagonists, memory, parts, travel, .. } = &mut self.pairs;
-        let (starts, antagonists, placed) = (&*starts, &*antagonists, &*self.placed);
+        let (starts, antagonists, part_poses) = (&*starts, &*antagonists, &*self.part_poses);
         let travel = &*travel.length;
         let search = PairSearch {
             model,
             motion,
-            reach,
+            range,
             is_wanted,
             starts,
             antagonists,
             parts,
-            placed,
+            part_poses,
             travel,
         };
         for_each_chunk(starts, 0..ng, memory, &mut self.chunks, &|grains, memory, chunk| {
@@ -101,9 +101,14 @@ impl Detector {
 }
 
 /// Transforms all parts of driven bodies to the world.
-fn transform_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &mut Vec<PartPose>) {
-    placed.clear();
-    placed.extend(parts.iter().map(|p| {
+fn transform_parts(
+    parts: &[PartRef],
+    model: &Model,
+    motion: &Motion,
+    part_poses: &mut Vec<PartPose>,
+) {
+    part_poses.clear();
+    part_poses.extend(parts.iter().map(|p| {
         let body = motion.pose(model.grains.len() + p.driven as usize);
         match &model.driven[p.driven as usize].parts[p.part as usize] {
             Part::Convex { shape, pose } => {
@@ -120,13 +125,13 @@ fn transform_parts(parts: &[PartRef], model: &Model, motion: &Motion, placed: &m
 struct PairSearch<'a, F> {
     model: &'a Model,
     motion: &'a Motion,
-    reach: &'a DetectionRange,
+    range: &'a DetectionRange,
     /// Selects the pairs of bodies whose contacts are wanted.
     is_wanted: F,
     starts: &'a [usize],
     antagonists: &'a [u32],
     parts: &'a [PartRef],
-    placed: &'a [PartPose],
+    part_poses: &'a [PartPose],
     travel: &'a [f64],
 }
 
@@ -192,15 +197,15 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
     ) {
         let ng = self.model.grains.len();
         let mut next = 0;
-        for (k, (part, placed)) in self.parts.iter().zip(self.placed).enumerate() {
+        for (k, (part, part_poses)) in self.parts.iter().zip(self.part_poses).enumerate() {
             let pair = [i, ng + part.driven as usize];
-            match placed {
+            match part_poses {
                 PartPose::HalfSpace(HalfSpace { normal, offset }) => {
                     if !(self.is_wanted)(pair) {
                         continue;
                     }
                     let a = self.grain(i);
-                    let alert = self.reach.distance(self.motion, a.shape.radius, pair);
+                    let alert = self.range.distance(self.motion, a.shape.radius, pair);
                     narrow_phase::generate_half_space_contacts(
                         a,
                         normal,
@@ -235,18 +240,18 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
         scratch: &mut Scratch,
     ) -> bool {
         let travel = pair.map(|b| self.travel[b]).iter().sum();
-        let max_distance = self.reach.max_distance(pair);
+        let max_distance = self.range.max_distance(pair);
         if !(self.is_wanted)(pair) || memory.is_surely_separated(travel, max_distance) {
             return false;
         }
         let a = self.grain(pair[0]);
         // A body may have half-spaces in addition to this part; their detection distance is larger.
-        let alert = self.reach.distance(self.motion, a.shape.radius, pair).min(max_distance);
-        let looked = !memory.is_surely_separated(travel, alert);
-        if looked {
+        let alert = self.range.distance(self.motion, a.shape.radius, pair).min(max_distance);
+        let is_examined = !memory.is_surely_separated(travel, alert);
+        if is_examined {
             narrow_phase::generate_contacts(a, b(), alert, travel, memory, scratch);
         }
-        looked
+        is_examined
     }
 
     fn grain(&self, i: usize) -> ConvexBody<'_> {

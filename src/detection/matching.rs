@@ -107,10 +107,10 @@ impl ContactMatching<'_> {
         let candidate = self.contacts.bodies[new.start][0] as usize;
         let pose = self.motion.pose(candidate);
         let shape = self.model.grains.shape[candidate] as usize;
-        let reach = TOLERANCE * self.model.shapes[shape].radius;
+        let max_distance = TOLERANCE * self.model.shapes[shape].radius;
         // The nearest pair is first; among equals the first in the order of contacts.
         loop {
-            let mut best = (reach * reach, None);
+            let mut best = (max_distance * max_distance, None);
             for n in new.clone().filter(|n| !new_used[n - new.start]) {
                 let point = pose.inverse_point(&self.contacts.point[n]);
                 for o in old.clone().filter(|o| !old_used[o - old.start]) {

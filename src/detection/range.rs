@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn only_bodies_that_change_by_more_than_allowed_are_raised() {
+    fn only_margins_below_the_change_are_enlarged() {
         let margin = vec![1e-4; 4];
         let searched_margin = margin.clone();
         let (h, min_distance, free_displacement, max_displacement, max_half_space_displacement) =

@@ -24,8 +24,8 @@ impl TravelledDistance {
 
     /// Adds the displacement since the last configuration.
     ///
-    /// `reach` is the largest distance of a point of each body from its origin `[nb]`, m.
-    pub fn update(&mut self, motion: &Motion, reach: &[f64]) {
+    /// `radius` is the largest distance of a point of each body from its origin `[nb]`, m.
+    pub fn update(&mut self, motion: &Motion, radius: &[f64]) {
         let count = motion.position.len();
         if self.length.len() != count {
             self.length.clear();
@@ -35,13 +35,13 @@ impl TravelledDistance {
             return;
         }
         let places = (&mut self.position, &mut self.orientation);
-        (&mut self.length, places, &motion.position, &motion.orientation, reach)
+        (&mut self.length, places, &motion.position, &motion.orientation, radius)
             .into_par_iter()
             .with_min_len(1024)
-            .for_each(|(length, (x0, q0), x, q, reach)| {
-                let way = (x - *x0).norm() + reach * rotation_bound(q, q0);
-                // Two roundings, and those of `way`.
-                *length = (*length + way * (1.0 + 1e-12)) * (1.0 + 4.0 * f64::EPSILON);
+            .for_each(|(length, (x0, q0), x, q, radius)| {
+                let displacement = (x - *x0).norm() + radius * rotation_bound(q, q0);
+                // Two roundings, and those of `displacement`.
+                *length = (*length + displacement * (1.0 + 1e-12)) * (1.0 + 4.0 * f64::EPSILON);
                 *x0 = *x;
                 *q0 = *q;
             });

@@ -9,18 +9,18 @@ use crate::state::State;
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpeedLimit {
     /// Half of the smallest grain's nominal diameter, m; infinite without grains.
-    pub way: f64,
+    pub max_displacement: f64,
     /// Largest distance of a point of each driven body from its reference point `[nd]`, m; infinite with half-spaces.
-    reach: Vec<f64>,
+    radii: Vec<f64>,
 }
 
 impl SpeedLimit {
     /// Returns the limit of a model.
-    pub fn of(model: &Model) -> Self {
+    pub fn new(model: &Model) -> Self {
         let diameter = |s: &u32| model.shapes[*s as usize].nominal_diameter();
         let smallest = model.grains.shape.iter().map(diameter).fold(f64::INFINITY, f64::min);
-        let reach = model.driven.iter().map(|d| reach(model, &d.parts)).collect();
-        Self { way: 0.5 * smallest, reach }
+        let radii = model.driven.iter().map(|d| radii(model, &d.parts)).collect();
+        Self { max_displacement: 0.5 * smallest, radii }
     }
 
     /// Returns the time in which body `d` reaches the limit at this velocity (m/s) and angular velocity (rad/s), s.
@@ -36,7 +36,7 @@ impl SpeedLimit {
     ) -> f64 {
         let turning = angular_velocity.norm();
         let lever = self.lever(model, state, d, turning);
-        self.way / (velocity.norm() + turning * lever)
+        self.max_displacement / (velocity.norm() + turning * lever)
     }
 
     /// Returns the largest distance from its reference point at which grains can touch body `d`, m; 0 if `turn` is 0.
@@ -44,8 +44,8 @@ impl SpeedLimit {
         if turn == 0.0 {
             return 0.0;
         }
-        if self.reach[d].is_finite() {
-            return self.reach[d];
+        if self.radii[d].is_finite() {
+            return self.radii[d];
         }
         // A wall is infinite, but grains touch it only where they are.
         let centre = state.imposed(model, d).position;
@@ -59,7 +59,7 @@ impl SpeedLimit {
     /// [`Error::Step`] with the first such body.
     pub fn check(&self, model: &Model, state: &State, targets: &[Pose]) -> Result<()> {
         (targets.iter().enumerate()).try_for_each(|(d, target)| {
-            self.check_way(model, state, d, [&state.imposed(model, d), target])
+            self.check_displacement(model, state, d, [&state.imposed(model, d), target])
         })
     }
 
@@ -70,12 +70,12 @@ impl SpeedLimit {
     pub fn check_moved(&self, model: &Model, state: &State, next: &State) -> Result<()> {
         let ng = model.grains.len();
         (0..model.mounted_count()).try_for_each(|d| {
-            self.check_way(model, state, d, [&state.pose(ng + d), &next.pose(ng + d)])
+            self.check_displacement(model, state, d, [&state.pose(ng + d), &next.pose(ng + d)])
         })
     }
 
     /// Refuses the displacement of body `d` from one pose to another if it is too large for a step.
-    fn check_way(
+    fn check_displacement(
         &self,
         model: &Model,
         state: &State,
@@ -84,19 +84,22 @@ impl SpeedLimit {
     ) -> Result<()> {
         let turn = rotation::log(&(to.orientation * from.orientation.inverse())).norm();
         let lever = self.lever(model, state, d, turn);
-        let way = (to.position - from.position).norm() + turn * lever;
-        if way <= self.way {
+        let displacement = (to.position - from.position).norm() + turn * lever;
+        if displacement <= self.max_displacement {
             return Ok(());
         }
         Err(Error::Step {
             cause: Cause::OverSpeed,
             time_s: state.time(),
             place: format!("{:?}", model.driven[d].name),
-            expected: format!("at most {:.3e} m in a step, half of the smallest grain", self.way),
+            expected: format!(
+                "at most {:.3e} m in a step, half of the smallest grain",
+                self.max_displacement
+            ),
             found: match turn {
-                0.0 => format!("{way:.3e} m"),
+                0.0 => format!("{displacement:.3e} m"),
                 _ => format!(
-                    "{way:.3e} m, with a turn by {turn:.3e} rad {lever:.3e} m away from its reference point"
+                    "{displacement:.3e} m, with a rotation by {turn:.3e} rad at {lever:.3e} m from its reference point"
                 ),
             },
         })
@@ -104,7 +107,7 @@ impl SpeedLimit {
 }
 
 /// Returns the largest distance of a point of a body's parts from its origin, m.
-fn reach(model: &Model, parts: &[Part]) -> f64 {
+fn radii(model: &Model, parts: &[Part]) -> f64 {
     let corners = parts.iter().flat_map(|part| match part {
         Part::Convex { shape, pose } => {
             let vertices = &model.shapes[*shape as usize].vertices;

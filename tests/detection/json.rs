@@ -17,7 +17,7 @@ pub fn vector(value: &Value) -> Vec3 {
 }
 
 /// Hull of a list of points, and its frame in theirs.
-pub fn stone(points: &Value) -> (Polyhedron, Pose) {
+pub fn grain(points: &Value) -> (Polyhedron, Pose) {
     let points: Vec<Vec3> = list(points).iter().map(vector).collect();
-    convex_hull(&points).expect("a stone")
+    convex_hull(&points).expect("a grain")
 }

@@ -53,7 +53,7 @@ fn equal_features_match_and_new_pairs_start_from_zero() {
 }
 
 #[test]
-fn points_match_by_place_when_features_have_changed() {
+fn points_match_by_position_when_features_have_changed() {
     let (model, motion) = pile(2);
     let contacts = scene::fresh(&model, &motion);
     let mut memory = remembered(&motion, &contacts);

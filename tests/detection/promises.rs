@@ -84,7 +84,7 @@ fn assert_same(a: &Contacts, b: &Contacts, what: &str) {
 }
 
 #[test]
-fn contacts_bear_no_trace_of_the_past() {
+fn contacts_do_not_depend_on_the_past() {
     let (model, mut motion) = heap(1, 300);
     let mut rng = Pcg64::seed_from_u64(2);
     let mut detector = Detector::default();
@@ -103,7 +103,7 @@ fn contacts_bear_no_trace_of_the_past() {
 
 /// Bodies that drift and roll slowly, for longer than any cache of earlier steps is valid.
 #[test]
-fn slow_drift_wears_out_what_is_kept_but_changes_nothing() {
+fn slow_drift_invalidates_caches_without_changing_contacts() {
     for (seed, stride) in [(11, 3e-6), (12, 2e-5), (13, 1e-4)] {
         let (model, mut motion) = heap(seed, 250);
         let mut rng = Pcg64::seed_from_u64(seed);
@@ -147,7 +147,7 @@ fn turn_over(shape: &mut Polyhedron) {
 
 /// Other shapes for the same bodies, in the same places.
 #[test]
-fn other_shapes_are_not_mistaken_for_old_ones() {
+fn exchanged_shapes_invalidate_caches() {
     let (mut model, motion) = heap(14, 200);
     let mut detector = Detector::default();
     scene::detect(&mut detector, &model, &motion);
@@ -296,7 +296,7 @@ fn far_bodies_are_harmless() {
 }
 
 #[test]
-fn nothing_in_nothing_out() {
+fn an_empty_model_has_no_contacts() {
     let model = scene::model(vec![], vec![], 1e-3);
     assert!(scene::fresh(&model, &Motion::default()).is_empty());
     let (mut model, motion) = heap(10, 1);

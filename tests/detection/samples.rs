@@ -12,7 +12,7 @@ fn settled_sample_with_its_overlap_of_5_mm() {
     let sample: serde_json::Value = serde_json::from_str(SETTLED).expect("the sample is JSON");
     let (mut shapes, mut poses) = (vec![], vec![]);
     for grain in json::list(&sample["grains"]) {
-        let (shape, frame) = json::stone(&grain["vertices"]);
+        let (shape, frame) = json::grain(&grain["vertices"]);
         let q = json::numbers(&grain["quaternion"]);
         let orientation = Quat::new_normalize(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
         let position = json::vector(&grain["position"]);

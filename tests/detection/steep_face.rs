@@ -13,7 +13,7 @@ use serde_json::Value;
 fn contacts_beside_a_face_that_turns_steep_are_those_from_scratch() {
     let case: Value = serde_json::from_str(include_str!("steep_face.json")).expect("JSON");
     let (shapes, frames): (Vec<_>, Vec<_>) =
-        json::list(&case["corners"]).iter().map(json::stone).unzip();
+        json::list(&case["corners"]).iter().map(json::grain).unzip();
     let model = scene::model(shapes, vec![], case["alert"].as_f64().expect("a number"));
     let mut detector = Detector::default();
     for (k, step) in json::list(&case["steps"]).iter().enumerate() {

@@ -55,7 +55,7 @@ impl Taping {
         let frames = case.plan.run.output_ns > 0;
         let rule = track::squeezes(&case.plan, model).map_err(|e| case::invalid(case, e))?;
         let (recent, squeezes) = component::remembered(state, model.driven.len(), &Arc::new(rule));
-        let speed_limit = SpeedLimit::of(model);
+        let speed_limit = SpeedLimit::new(model);
         let (path, phase) = (path.to_owned(), engine.phase());
         let mut taping = Self { path, tape, phase, frames, recent, squeezes, speed_limit };
         taping

@@ -373,7 +373,7 @@ fn jumps_of_a_held_body_that_add_up_to_too_much_are_dropped() {
     for (share, dropped) in [(0.04, false), (0.9, true)] {
         let mut run =
             Running::new(RealTimeMode { interpolation: InterpolationMode::Hold, ..asked() });
-        let most = ballast::drive::SpeedLimit::of(run.component.model()).way;
+        let most = ballast::drive::SpeedLimit::new(run.component.model()).max_displacement;
         let mut knot = shaken::floor(0);
         knot.twist = Twist::default();
         for k in 0..1000 {

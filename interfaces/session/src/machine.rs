@@ -20,7 +20,7 @@ pub struct Machine {
 impl Machine {
     /// The machine that moves the bodies of `model`.
     pub fn new(cycle: TampingCycle, model: &Model) -> Self {
-        Self { cycle, speed_limit: SpeedLimit::of(model) }
+        Self { cycle, speed_limit: SpeedLimit::new(model) }
     }
 
     /// A step with the bodies where the machine wants them, and where that was `[nd]`.

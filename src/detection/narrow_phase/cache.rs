@@ -214,7 +214,7 @@ mod tests {
     use super::*;
 
     /// Steps that build a list, if a list built at step k is useful in the next step when `serves(k)`.
-    fn steps_that_make(count: usize, serves: impl Fn(usize) -> bool) -> Vec<usize> {
+    fn rebuilding_steps(count: usize, serves: impl Fn(usize) -> bool) -> Vec<usize> {
         let mut backoff = CacheBackoff::default();
         let mut list = None;
         let mut made = Vec::new();
@@ -233,13 +233,13 @@ mod tests {
     }
 
     #[test]
-    fn lists_that_are_never_used_are_tried_ever_less_often() {
-        assert_eq!(steps_that_make(60, |_| false), [0, 2, 6, 14, 30, 46]);
+    fn unused_caches_are_rebuilt_ever_more_rarely() {
+        assert_eq!(rebuilding_steps(60, |_| false), [0, 2, 6, 14, 30, 46]);
     }
 
     #[test]
-    fn a_list_that_serves_is_kept_and_a_slow_pair_makes_lists_at_once() {
-        assert_eq!(steps_that_make(60, |_| true), [0]);
-        assert_eq!(steps_that_make(60, |made| made >= 6), [0, 2, 6]);
+    fn a_used_cache_resets_the_backoff() {
+        assert_eq!(rebuilding_steps(60, |_| true), [0]);
+        assert_eq!(rebuilding_steps(60, |made| made >= 6), [0, 2, 6]);
     }
 }

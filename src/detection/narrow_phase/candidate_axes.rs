@@ -37,7 +37,7 @@ pub struct CandidateAxes {
     /// Maximum separations along unlisted faces and along unlisted pairs of edges, m.
     bounds: [f32; 2],
     /// Distance of the bodies up to which the best pair of edges is among the listed, m.
-    pub reach: f64,
+    pub max_distance: f64,
     /// Body (0 or 1) and face, with an upper bound of the separation, m.
     pub faces: RankedList<10>,
     /// Edges of A and of B, with an upper bound of the separation, m.
@@ -54,7 +54,7 @@ pub struct EdgePairs {
     pub list: Vec<[usize; 2]>,
     /// Distance of the bodies up to which the best of all pairs is in the list while it is valid, m; `None` if
     /// unknown.
-    pub reach: Option<f64>,
+    pub max_distance: Option<f64>,
 }
 
 /// Upper bounds on the separation along unlisted axes in the present configuration, m; ties are included.
@@ -119,10 +119,10 @@ impl CandidateAxes {
         let faces = larger(of_a, of_b);
         self.edges.clear();
         let mut bound = f64::INFINITY;
-        self.reach = pair.alert;
-        if let Some(reach) = pairs.reach {
+        self.max_distance = pair.alert;
+        if let Some(max_distance) = pairs.max_distance {
             bound = f64::NEG_INFINITY;
-            self.reach = reach;
+            self.max_distance = max_distance;
             for edges in &pairs.list {
                 let [a, b] = [edges::edge_of_a(pair, edges[0]), edges::edge_of_b(pair, edges[1])];
                 let most = edges_bound(&a, &b, excess).unwrap_or(f64::INFINITY);

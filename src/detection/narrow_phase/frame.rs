@@ -25,7 +25,7 @@ pub struct ContactAxis {
 
 impl ContactAxis {
     /// Returns the largest distance between the feet of a corner, m.
-    pub fn reach(&self) -> f64 {
+    pub fn max_foot_distance(&self) -> f64 {
         self.alert.max(self.slab - self.alert)
     }
 

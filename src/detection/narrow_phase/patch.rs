@@ -42,7 +42,7 @@ pub struct PatchCache {
     /// Alert distance for which it was made, m.
     alert: f64,
     /// Maximum distance of feet including their motion, m.
-    reach: f32,
+    max_foot_distance: f32,
     /// Maximum distance of a foot from the reference point, m.
     lever: f32,
     /// True if some of the edges may turn away from the other body.
@@ -62,11 +62,12 @@ impl PatchCache {
     fn holds(&self, pair: &BodyPair, axis: &ContactAxis) -> bool {
         let Some(moved) = self.anchor.moved(pair) else { return false };
         let turn = (widen(&self.axis) - axis.normal).norm() + 1e-6;
-        let reach = axis.reach() + moved.at_point + f64::from(self.lever) * moved.turn;
+        let max_foot_distance =
+            axis.max_foot_distance() + moved.at_point + f64::from(self.lever) * moved.turn;
         moved.at_point <= MAX_DISPLACEMENT * pair.size
             && turn <= MAX_ROTATION
             && moved.turn <= MAX_ROTATION
-            && reach <= self.reach.into()
+            && max_foot_distance <= self.max_foot_distance.into()
             && axis.alert <= self.alert
     }
 
@@ -99,7 +100,7 @@ impl PatchCache {
             self.anchor = ReferencePose::new(pair, &facing.middle);
             self.axis = round(&axis.normal);
             self.alert = axis.alert;
-            self.reach = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
+            self.max_foot_distance = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
             self.may_turn_away = facing.may_turn_away;
             self.lever = (facing.lever * 1.000_001) as f32;
         }

@@ -26,7 +26,7 @@ impl BodyPair<'_> {
         cache.candidate_axes.clear();
         let rebuilds = cache.axes_backoff.should_rebuild();
         scratch.edge_pairs.list.clear();
-        scratch.edge_pairs.reach = None;
+        scratch.edge_pairs.max_distance = None;
         let motion_bound =
             if rebuilds { CandidateAxes::motion_bound(self) } else { MotionBound::none(self) };
         let chosen = self.search_all(motion_bound, cache, scratch)?;
@@ -67,7 +67,8 @@ impl BodyPair<'_> {
             let sure = if e.separation > 0.0 {
                 self.are_closest(&e, &closest)
             } else {
-                closest.distance_squared <= cache.candidate_axes.reach * cache.candidate_axes.reach
+                closest.distance_squared
+                    <= cache.candidate_axes.max_distance * cache.candidate_axes.max_distance
             };
             if sure && e.separation > above {
                 self.report_edges(&e, &closest, cache, scratch);
@@ -90,8 +91,8 @@ impl BodyPair<'_> {
             return None;
         }
         self.find_patch(&face.normal, face.separation, cache, scratch);
-        let reach = cache.candidate_axes.reach;
-        if deepest(&scratch.candidates).is_none_or(|c| c.gap.abs() > reach) {
+        let max_distance = cache.candidate_axes.max_distance;
+        if deepest(&scratch.candidates).is_none_or(|c| c.gap.abs() > max_distance) {
             return None;
         }
         self.report_face(&face, scratch);
@@ -302,7 +303,7 @@ impl BodyPair<'_> {
     /// separates.
     ///
     /// `known` is such an axis, if one is known. The edges near the face decide ([`edges`]) as soon as the bodies are
-    /// known to overlap or to be at most `reach` apart, the larger of the depth and the alert distance. Otherwise the
+    /// known to overlap or to be at most `max_distance` apart, the larger of the depth and the alert distance. Otherwise the
     /// bodies are separated by a facet that is no face.
     fn best_edges(
         &self,
@@ -322,21 +323,21 @@ impl BodyPair<'_> {
             false,
             |n| self.separation(n),
         );
-        let reach = self.alert.max(-face.separation);
+        let max_distance = self.alert.max(-face.separation);
         if let Some(e) = &best
-            && (e.separation > 0.0 || e.closest().distance_squared <= reach * reach)
+            && (e.separation > 0.0 || e.closest().distance_squared <= max_distance * max_distance)
         {
             return Ok(best);
         }
         self.find_patch(&face.normal, face.separation, cache, scratch);
-        if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= reach) {
+        if deepest(&scratch.candidates).is_some_and(|c| c.gap.abs() <= max_distance) {
             return Ok(best);
         }
         // Neither a separating axis nor near points of both bodies are known.
         if let Some((apart, _)) = separation::direction(self, None) {
             return Err(apart);
         }
-        scratch.edge_pairs.reach = None;
+        scratch.edge_pairs.max_distance = None;
         Ok(self.best_edges_of_all(known, floor))
     }
 
@@ -355,13 +356,18 @@ impl BodyPair<'_> {
     fn list_edge_pairs(&self, face: &BestFace, motion_bound: MotionBound, scratch: &mut Scratch) {
         let MotionBound { path, turn } = motion_bound;
         let depth = path - face.separation;
-        let reach = depth.max(self.alert);
-        scratch.edge_pairs.reach = Some(reach);
-        self.gather_near_edges(&face.normal, [depth + reach, depth + reach + 2.0 * path], scratch);
-        let reach = reach + path + SLAB * self.size;
+        let max_distance = depth.max(self.alert);
+        scratch.edge_pairs.max_distance = Some(max_distance);
+        self.gather_near_edges(
+            &face.normal,
+            [depth + max_distance, depth + max_distance + 2.0 * path],
+            scratch,
+        );
+        let max_distance = max_distance + path + SLAB * self.size;
         let Scratch { near_a, near_b, edge_pairs, .. } = scratch;
         for a in near_a {
-            let near = near_b.iter().filter(|b| a.may_reach(b, reach) && a.may_cross(b, turn));
+            let near =
+                near_b.iter().filter(|b| a.may_reach(b, max_distance) && a.may_cross(b, turn));
             edge_pairs.list.extend(near.map(|b| [a.index, b.index]));
         }
     }

@@ -81,7 +81,7 @@ mod tests {
     const ALERT: f64 = 1e-3;
 
     #[test]
-    fn what_is_apart_is_shown_to_be_and_nothing_else() {
+    fn proposed_axes_separate_and_none_is_missed() {
         let mut rng = Pcg64::seed_from_u64(53);
         let grains: Vec<_> = (0..40)
             .map(|_| random_grain(&mut rng, &GrainShape::default(), 0.04).unwrap())

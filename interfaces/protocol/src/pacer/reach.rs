@@ -24,12 +24,12 @@ pub(super) struct Reach {
 impl Reach {
     pub fn of(component: &Component, d: usize, interpolation: Interpolation) -> Self {
         let (model, state) = (component.model(), component.state());
-        let limit = SpeedLimit::of(model);
-        let lever = match limit.way.is_finite() {
-            true => limit.way / limit.time(model, state, d, &Vec3::zeros(), &Vec3::x()),
+        let limit = SpeedLimit::new(model);
+        let lever = match limit.max_displacement.is_finite() {
+            true => limit.max_displacement / limit.time(model, state, d, &Vec3::zeros(), &Vec3::x()),
             false => 0.0,
         };
-        Self { way: limit.way, step: model.stepping.h(), lever, interpolation }
+        Self { way: limit.max_displacement, step: model.stepping.h(), lever, interpolation }
     }
 
     /// Whether a body can be led from `a` to `b`, which is later.
