@@ -106,7 +106,7 @@ fn volumes_agree_with_monte_carlo() {
 }
 
 #[test]
-fn what_is_outside_overlapping_obstacles_is_counted_once() {
+fn volume_outside_overlapping_obstacles_is_counted_once() {
     let cube = cuboid(Vec3::repeat(0.5));
     let mut clipper = Clipper::default();
     let brick = |low, high| axis_box(low, high).half_spaces().to_vec();
@@ -172,7 +172,7 @@ fn faces_of_obstacles_in_one_plane_do_not_depend_on_rounding() {
 }
 
 #[test]
-fn buffers_are_reused_and_leave_no_trace() {
+fn reused_buffers_do_not_change_volumes() {
     let mut rng = Pcg64::seed_from_u64(9);
     let mut used = Clipper::default();
     for _ in 0..100 {

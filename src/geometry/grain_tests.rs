@@ -28,7 +28,7 @@ fn passing(grain: &Polyhedron) -> f64 {
 }
 
 #[test]
-fn volume_ratios_and_corners_are_those_asked_for() {
+fn volume_ratios_and_vertices_are_as_requested() {
     let shape = GrainShape::default();
     let size = 0.04;
     let mut sums = [0.0; 3];
@@ -119,7 +119,7 @@ fn a_seed_gives_the_same_bytes() {
 }
 
 #[test]
-fn ratios_may_begin_at_the_very_limit() {
+fn ratios_at_the_limit_are_valid() {
     // As floating-point numbers 0.15 - 0.1 is below 0.05.
     let shape = GrainShape { elongation: [0.15, 0.1], ..GrainShape::default() };
     random_grain(&mut Pcg64::seed_from_u64(1), &shape, 1.0).unwrap();

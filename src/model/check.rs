@@ -205,7 +205,7 @@ impl Mount {
             self.inertia,
         )?;
         let known = !self.can_rotate() || self.inertia.iter().all(|j| MASS_RANGE.contains(j));
-        let expected = "moments of inertia from 1e-30 to 1e30 kg m², as the mount can turn";
+        let expected = "moments of inertia from 1e-30 to 1e30 kg m² of a mount that can rotate";
         expect(known, place, expected, self.inertia)?;
         let centre = self.centre.iter().all(|x| x.is_finite());
         expect(centre, place, "a finite centre of mass", self.centre)?;
@@ -217,13 +217,13 @@ impl Mount {
         expect(
             free > 0,
             place,
-            "a degree of freedom that is not held, or no mount",
+            "a degree of freedom that is not prescribed, or no mount",
             self.dof_modes,
         )?;
         expect(
             self.has_isotropic_translations() || free <= 3,
             place,
-            "all translations loaded or sprung alike, or at most three degrees of freedom not held",
+            "equal modes of all translations, free or spring, or at most three degrees of freedom not prescribed",
             self.dof_modes.map(DofMode::name),
         )
     }

@@ -51,9 +51,8 @@ impl Motion {
         if is_turned && !mount.has_isotropic_translations() {
             return Err(Error::Input {
                 place: format!("target of {:?}", model.driven[d].name),
-                expected:
-                    "no turn of a prescribed rotation: the mount has other freedoms than a grain"
-                        .into(),
+                expected: "no rotation about a prescribed axis, as the translations are not alike"
+                    .into(),
                 found: format!("{imposed:?} rad"),
             });
         }

@@ -23,14 +23,14 @@ pub struct ReferencePose {
 #[derive(Debug, Clone, Copy)]
 pub struct RelativeMotion {
     pub at_point: f64,
-    pub turn: f64,
+    pub rotation: f64,
 }
 
 impl ReferencePose {
     /// Returns the configuration of `pair`; `c` is in the frame of A, ideally near both bodies.
     pub fn new(pair: &BodyPair, c: &Vec3) -> Self {
         let point = [*c, pair.point_in_b(c)].map(|x| round(&x));
-        let q = pair.turn.coords;
+        let q = pair.orientation.coords;
         let turn = [q.x as f32, q.y as f32, q.z as f32, q.w as f32];
         Self { set: true, point, turn }
     }
@@ -45,9 +45,9 @@ impl ReferencePose {
         let at_point = (pair.rotation * b + pair.offset - a).norm() + ROUNDING * pair.size;
         let [x, y, z, w] = self.turn;
         let old = nalgebra::Vector4::new(x.into(), y.into(), z.into(), w.into());
-        let turn = pair.turn.coords;
+        let turn = pair.orientation.coords;
         let turn = 2.0 * (turn - old).norm_squared().min((turn + old).norm_squared()).sqrt();
-        Some(RelativeMotion { at_point, turn })
+        Some(RelativeMotion { at_point, rotation: turn })
     }
 }
 

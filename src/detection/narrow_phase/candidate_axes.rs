@@ -31,7 +31,7 @@ const LISTING_MARGIN: f64 = 1e-3;
 /// Listed axes of a pair, and the configuration for which they were listed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct CandidateAxes {
-    anchor: ReferencePose,
+    reference: ReferencePose,
     /// Alert distance for which the pairs of edges were listed, m.
     alert: f64,
     /// Maximum separations along unlisted faces and along unlisted pairs of edges, m.
@@ -70,7 +70,7 @@ pub struct UnlistedBounds {
 impl CandidateAxes {
     /// Returns bounds on unlisted axes, or `None` if the lists are not valid for `pair`.
     pub fn bounds(&self, pair: &BodyPair) -> Option<UnlistedBounds> {
-        let RelativeMotion { at_point, turn } = self.anchor.moved(pair)?;
+        let RelativeMotion { at_point, rotation: turn } = self.reference.moved(pair)?;
         if at_point > MAX_DISPLACEMENT * pair.size || turn > MAX_ROTATION || pair.alert > self.alert
         {
             return None;
@@ -82,16 +82,16 @@ impl CandidateAxes {
 
     /// Invalidates the lists.
     pub fn clear(&mut self) {
-        self.anchor = ReferencePose::default();
+        self.reference = ReferencePose::default();
     }
 
     /// Returns the bound on the relative motion of all points of the bodies within which lists are valid.
     pub fn motion_bound(pair: &BodyPair) -> MotionBound {
-        // The anchor's point is less than the alert distance beside both bodies.
+        // The reference point is less than the alert distance outside both bodies.
         let lever = 2.0 * pair.a.radius.max(pair.b.radius) + pair.alert;
         MotionBound {
-            path: (MAX_DISPLACEMENT + SLAB) * pair.size + MAX_ROTATION * lever,
-            turn: MAX_ROTATION,
+            displacement: (MAX_DISPLACEMENT + SLAB) * pair.size + MAX_ROTATION * lever,
+            rotation: MAX_ROTATION,
         }
     }
 
@@ -144,7 +144,7 @@ impl CandidateAxes {
         self.crossing = crossing;
         self.supports = SupportCache::new(pair, normal);
         self.alert = pair.alert;
-        self.anchor = if whole { ReferencePose::new(pair, c) } else { ReferencePose::default() };
+        self.reference = if whole { ReferencePose::new(pair, c) } else { ReferencePose::default() };
     }
 }
 

@@ -1,7 +1,7 @@
 //! Facing surfaces of two bodies in a slab along an axis: vertices and edges that may meet.
 //!
-//! Contract: with a motion bound, all features that may meet after a relative motion by `path` at the
-//! [middle](FacingFeatures::middle) and a rotation by `turn`, with the axis turned by `turn` in A, provided that
+//! Contract: with a motion bound, all features that may meet after a relative motion by `displacement` at the
+//! [middle](FacingFeatures::middle) and a rotation by `rotation`, with the axis rotated by `rotation` in A, provided that
 //! their feet were in the slab. Parts in the slab that do not overlap, seen along the axis, make no corner.
 
 use super::edge_cache::TransformedVertices;
@@ -39,34 +39,37 @@ impl FacingFeatures {
     ) {
         let [frame_a, frame_b] = axis.frames(pair);
         let Self { surfaces: [a, b], pairs, vertices: [on_a, on_b], may_turn_away, .. } = self;
-        a.gather(pair.a, &frame_a, slab, 2.0 * motion_bound.turn);
-        b.gather(pair.b, &frame_b, slab, 2.0 * motion_bound.turn);
-        // What may meet is near parts of both bodies, so it is not far from the middle between them.
+        a.gather(pair.a, &frame_a, slab, 2.0 * motion_bound.rotation);
+        b.gather(pair.b, &frame_b, slab, 2.0 * motion_bound.rotation);
+        // Features that may meet are near both bodies, so they are not far from the middle between them.
         let feet = axis.slab.max(axis.alert);
-        let most = motion_bound.path + motion_bound.turn * 3.0 * (pair.size + slab + feet);
-        let near = a.area.common(&b.area.widened(most)).widened(most);
+        let max_motion =
+            motion_bound.displacement + motion_bound.rotation * 3.0 * (pair.size + slab + feet);
+        let near = a.area.common(&b.area.widened(max_motion)).widened(max_motion);
         let [x, y] = near.centre();
         let [t, s, n] = &frame_a.axes;
         self.middle = t * x + s * y + n * (b.limit - 0.5 * slab);
-        // A foot moves by the turn times its distance from the middle; seen along an axis that has
-        // turned, the other foot is beside it by the turn times their distance.
+        // A foot moves by the rotation times its distance from the middle; seen along the rotated axis,
+        // the other foot is displaced by the rotation times their distance.
         let lever = 0.5 * near.diagonal() + slab + feet;
         self.lever = lever;
-        let motion_bound =
-            MotionBound { path: motion_bound.path + motion_bound.turn * lever, ..motion_bound };
-        let common = a.area.common(&b.area.widened(motion_bound.path));
-        let common = common.widened(motion_bound.path);
+        let motion_bound = MotionBound {
+            displacement: motion_bound.displacement + motion_bound.rotation * lever,
+            ..motion_bound
+        };
+        let common = a.area.common(&b.area.widened(motion_bound.displacement));
+        let common = common.widened(motion_bound.displacement);
         *may_turn_away = a.trim(&common) | b.trim(&common);
-        let (relief_a, relief_b) = (a.slopes_of(pair.a), b.slopes_of(pair.b));
+        let (slopes_a, slopes_b) = (a.slopes_of(pair.a), b.slopes_of(pair.b));
         on_a.clear();
-        on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), relief_b, axis, motion_bound));
+        on_a.extend(a.over(|v| pair.point_in_b(&pair.a.vertices[v]), slopes_b, axis, motion_bound));
         on_b.clear();
-        on_b.extend(b.over(|v| pair.corner_of_b(v), relief_a, axis, motion_bound));
+        on_b.extend(b.over(|v| pair.corner_of_b(v), slopes_a, axis, motion_bound));
         pairs.clear();
         for ea in &a.edges {
-            let area = ea.area.widened(motion_bound.path);
+            let area = ea.area.widened(motion_bound.displacement);
             for eb in &b.edges {
-                if area.meets(&eb.area) && ea.is_near_edge(eb, motion_bound.path) {
+                if area.meets(&eb.area) && ea.is_near_edge(eb, motion_bound.displacement) {
                     pairs.push([ea.index, eb.index]);
                 }
             }
@@ -317,7 +320,7 @@ impl FacingSurface {
         axis: &ContactAxis,
         motion_bound: MotionBound,
     ) -> impl Iterator<Item = VertexOverFace> {
-        let (alert, path) = (axis.alert + motion_bound.path, motion_bound.path);
+        let (alert, path) = (axis.alert + motion_bound.displacement, motion_bound.displacement);
         self.vertices.iter().filter_map(move |v| {
             let below = deciding_faces(other, &point(*v), alert, path)?;
             Some(VertexOverFace { vertex: *v, below })

@@ -47,14 +47,14 @@ impl ContactAxis {
 /// The rotation bounds both that of the bodies and that of the axis in A.
 #[derive(Debug, Clone, Copy)]
 pub struct MotionBound {
-    pub path: f64,
-    pub turn: f64,
+    pub displacement: f64,
+    pub rotation: f64,
 }
 
 impl MotionBound {
     /// Returns the bound for the present configuration alone, which covers rounding.
     pub fn none(pair: &BodyPair) -> Self {
-        Self { path: SLAB * pair.size, turn: 1e-9 }
+        Self { displacement: SLAB * pair.size, rotation: 1e-9 }
     }
 }
 

@@ -27,7 +27,7 @@ pub struct BodyPair<'a> {
     /// Pose of A in the world.
     pub pose: Pose,
     /// Rotation from the frame of B to that of A.
-    pub turn: Quat,
+    pub orientation: Quat,
     /// Rotation matrix from the frame of B to that of A.
     pub rotation: Mat3,
     /// Origin of B in the frame of A, m.
@@ -51,11 +51,11 @@ impl<'a> BodyPair<'a> {
         }
         let to_a = a.pose.orientation.inverse();
         let offset = to_a * apart;
-        let turn = to_a * b.pose.orientation;
-        let rotation = turn.to_rotation_matrix().into_inner();
+        let orientation = to_a * b.pose.orientation;
+        let rotation = orientation.to_rotation_matrix().into_inner();
         let back = -rotation.tr_mul(&offset);
         let (a, b, pose) = (a.shape, b.shape, a.pose);
-        Ok(Self { a, b, pose, turn, rotation, offset, back, size, alert })
+        Ok(Self { a, b, pose, orientation, rotation, offset, back, size, alert })
     }
 
     /// Transforms a direction from the frame of A to that of B.

@@ -37,7 +37,7 @@ const EXTRA_SLAB: f64 = 6e-3;
 /// Features of both bodies that may make corners of the gap, and the configuration for which they were listed.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PatchCache {
-    anchor: ReferencePose,
+    reference: ReferencePose,
     axis: [f32; 3],
     /// Alert distance for which it was made, m.
     alert: f64,
@@ -60,13 +60,13 @@ pub struct PatchCache {
 impl PatchCache {
     /// True if the list contains all features that `axis` can find.
     fn holds(&self, pair: &BodyPair, axis: &ContactAxis) -> bool {
-        let Some(moved) = self.anchor.moved(pair) else { return false };
+        let Some(moved) = self.reference.moved(pair) else { return false };
         let turn = (widen(&self.axis) - axis.normal).norm() + 1e-6;
         let max_foot_distance =
-            axis.max_foot_distance() + moved.at_point + f64::from(self.lever) * moved.turn;
+            axis.max_foot_distance() + moved.at_point + f64::from(self.lever) * moved.rotation;
         moved.at_point <= MAX_DISPLACEMENT * pair.size
             && turn <= MAX_ROTATION
-            && moved.turn <= MAX_ROTATION
+            && moved.rotation <= MAX_ROTATION
             && max_foot_distance <= self.max_foot_distance.into()
             && axis.alert <= self.alert
     }
@@ -79,10 +79,12 @@ impl PatchCache {
         facing: &mut FacingFeatures,
     ) -> bool {
         let slab = axis.slab + EXTRA_SLAB * pair.size;
-        let motion_bound =
-            MotionBound { path: (MAX_DISPLACEMENT + SLAB) * pair.size, turn: MAX_ROTATION };
+        let motion_bound = MotionBound {
+            displacement: (MAX_DISPLACEMENT + SLAB) * pair.size,
+            rotation: MAX_ROTATION,
+        };
         facing.list(pair, axis, slab, motion_bound);
-        self.anchor = ReferencePose::default();
+        self.reference = ReferencePose::default();
         for (side, over) in facing.vertices.iter().enumerate() {
             fill(&mut self.vertices[side], over.iter().map(|o| o.vertex));
             self.below[side].iter_mut().zip(over).for_each(|(below, o)| *below = o.below);
@@ -97,7 +99,7 @@ impl PatchCache {
             && self.edge_caches.iter().all(EdgeCache::is_complete)
             && self.pairs.is_complete();
         if whole {
-            self.anchor = ReferencePose::new(pair, &facing.middle);
+            self.reference = ReferencePose::new(pair, &facing.middle);
             self.axis = round(&axis.normal);
             self.alert = axis.alert;
             self.max_foot_distance = ((slab - (axis.slab - axis.alert)) * 0.999_999) as f32;
@@ -150,7 +152,7 @@ impl ContactAxis {
             self.vertices_of_a(pair, of_b, a, out);
             self.vertices_of_b(pair, of_a, b, out);
         } else {
-            let motion_bound = MotionBound { path: SLAB * pair.size, turn: 0.0 };
+            let motion_bound = MotionBound { displacement: SLAB * pair.size, rotation: 0.0 };
             facing.list(pair, self, self.slab, motion_bound);
             let FacingFeatures { pairs, vertices: [a, b], .. } = facing;
             for edges in pairs {

@@ -137,7 +137,7 @@ impl BodyPair<'_> {
                 }
             }
             None => {
-                // The patch along the face's axis is what decided for it.
+                // The patch along the face's axis has been found already.
                 Ok(Some(self.report_face(&face, scratch)))
             }
         }
@@ -263,7 +263,7 @@ impl BodyPair<'_> {
 
     /// Lists the edges with an end at most `slabs` (m) off the support planes along `n`.
     fn gather_near_edges(&self, n: &Vec3, slabs: [f64; 2], scratch: &mut Scratch) {
-        // Finite, so that heights are numbers when all edges are asked for.
+        // Finite, so that heights are numbers when all edges are wanted.
         let [slab_a, slab_b] = slabs.map(|s| (s + SLAB * self.size).min(10.0 * self.size));
         let Scratch { heights, near_a, near_b, .. } = scratch;
         heights_over(self.a, &-n, slab_a, heights);
@@ -351,10 +351,10 @@ impl BodyPair<'_> {
 
     /// Lists the pairs of edges that may be the best axis while the bodies move within `motion_bound`.
     ///
-    /// In such a configuration the face's axis, fixed in A, shows a depth of at most the present one plus `path`.
-    /// Heights of A along it do not change, those of B change by at most twice `path`.
+    /// In such a configuration the face's axis, fixed in A, shows a depth of at most the present one plus `displacement`.
+    /// Heights of A along it do not change, those of B change by at most twice `displacement`.
     fn list_edge_pairs(&self, face: &BestFace, motion_bound: MotionBound, scratch: &mut Scratch) {
-        let MotionBound { path, turn } = motion_bound;
+        let MotionBound { displacement: path, rotation: turn } = motion_bound;
         let depth = path - face.separation;
         let max_distance = depth.max(self.alert);
         scratch.edge_pairs.max_distance = Some(max_distance);

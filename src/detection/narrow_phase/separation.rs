@@ -91,7 +91,7 @@ mod tests {
             let axis = random_rotation(&mut rng) * Vec3::z();
             let orientation = random_rotation(&mut rng);
             let rotated: Vec<Vec3> = b.vertices.iter().map(|v| orientation * v).collect();
-            // B stands off A along an axis by a little more or less than has to be shown.
+            // The separation of B from A along an axis is slightly above or below the alert distance.
             let off = ALERT * if i % 2 == 0 { 1.01 } else { rng.random_range(-5.0..0.99) };
             let contacts = pair::highest(&a.vertices, &axis) - pair::lowest(&rotated, &axis);
             let b = ConvexBody {
