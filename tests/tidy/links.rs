@@ -69,7 +69,8 @@ fn broken(page: &str, text: &str, page_text: impl Fn(&Path) -> Option<String>) -
             continue;
         }
         let (file, heading) = target.split_once('#').unwrap_or((&target, ""));
-        let file = if file.is_empty() { PathBuf::from(page) } else { normalised(&folder.join(file)) };
+        let file =
+            if file.is_empty() { PathBuf::from(page) } else { normalised(&folder.join(file)) };
         if page.starts_with(BOOK) && !file.starts_with(BOOK) {
             found.push(format!("{page}: link to `{target}`, which is not part of the book"));
         }
@@ -93,7 +94,10 @@ fn a_broken_link_is_found() {
     });
     assert_eq!(found, ["docs/x.md: link to `../d.md#e`, which does not exist"]);
     let outside = broken("docs/src/x.md", "[a](../../README.md)", |_| Some(String::new()));
-    assert_eq!(outside, ["docs/src/x.md: link to `../../README.md`, which is not part of the book"]);
+    assert_eq!(
+        outside,
+        ["docs/src/x.md: link to `../../README.md`, which is not part of the book"]
+    );
     let heading = broken("README.md", "[a](b.md#no)", |_| Some("# yes".into()));
     assert_eq!(heading, ["README.md: link to `b.md#no`, a heading that does not exist"]);
 }
@@ -119,7 +123,9 @@ fn the_summary_lists_every_page_of_the_book_once() {
         let name = page.path.trim_start_matches(BOOK);
         let count = listed.iter().filter(|target| *target == name).count();
         if count != 1 {
-            objections.push(format!("docs/src/SUMMARY.md: `{name}` is listed {count} times, expected once"));
+            objections.push(format!(
+                "docs/src/SUMMARY.md: `{name}` is listed {count} times, expected once"
+            ));
         }
     }
     crate::none(objections);

@@ -25,5 +25,8 @@ fn the_reference_of_messages_is_current() {
     if std::env::var_os("BALLAST_WRITE_DOCS").is_some() {
         std::fs::write(tree::root().join(PAGE), page()).expect(PAGE);
     }
-    assert!(tree::read(PAGE) == page(), "{PAGE}: expected the present definitions; run `make docs`");
+    assert!(
+        tree::read(PAGE) == page(),
+        "{PAGE}: expected the present definitions; run `make docs`"
+    );
 }

@@ -1,0 +1,3 @@
+//! Cargo resolves build dependencies only of packages with a build script.
+
+fn main() {}
