@@ -6,7 +6,7 @@
 
 use crate::cancel::{CancelToken, StopReason};
 use crate::contact_recheck::{self, RecheckReason};
-use crate::ddm::{self, Outcome};
+use crate::ddm::{self, SolveOutcome};
 use crate::detection::{store_contacts, warm_start};
 use crate::drive::StepInputs;
 use crate::error::{Cause, Error, Result};
@@ -250,7 +250,7 @@ fn integrate_and_report(
     next: &mut State,
     inputs: &StepInputs,
     ws: &Workspace,
-    outcome: &Outcome,
+    outcome: &SolveOutcome,
 ) -> StepReport {
     let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
     let step_motion = StepMotion {

@@ -187,7 +187,7 @@ fn row(sheet: &mut Sheet, load: &Load, figure: &Figure) {
         figure.arithmetic.name(),
         figure.threads(),
         load.visits(figure.threads()),
-        1e-3 * load.traffic.held as f64,
+        1e-3 * load.traffic.footprint as f64,
         1e-6 * rate.median,
         1e-6 * rate.low,
         1e-6 * rate.high,

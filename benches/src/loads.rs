@@ -54,7 +54,7 @@ impl Load {
 
     /// Bytes that each of some threads has to do with.
     pub fn bytes_each(&self, threads: usize) -> usize {
-        if self.divided { self.traffic.held / threads } else { self.traffic.held }
+        if self.divided { self.traffic.footprint / threads } else { self.traffic.footprint }
     }
 
     /// Visits per second.

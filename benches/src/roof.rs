@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn the_lowest_roof_is_found_and_named() {
-        let traffic = MemoryTraffic { held: 1000, core: 400, streamed: 200 };
+        let traffic = MemoryTraffic { footprint: 1000, core: 400, streamed: 200 };
         let operations = OperationCounts { plain: 10, fused: 10, divisions: 1 };
         let roofs = Roofs { first_cache: 4000.0, set: 1000.0, fused: 16_000.0, divisions: 80.0 };
         assert_eq!(roofs.least(&traffic, &operations, 2.0), (10.0, "memory"));

@@ -1,209 +1,231 @@
-//! Subdomains in parallel, then the interface (HSDA, Algorithm 1), without a barrier between ([`super::turns`]).
+//! Synchronous schedule: subdomains in parallel, then the interface (HSDA, Algorithm 1), without barriers
+//! ([`super::sweep_scheduler`]).
 //!
-//! One set of contacts (the sequential schedule) is the case without interface. Where a tolerance is asked for,
-//! iterations have momentum; where with it neither full nor smaller steps get on, they are accelerated, and
-//! begin anew in rounds.
+//! The sequential schedule is the case of one set without an interface. Iterations to a tolerance use NNCG; where
+//! they stagnate with both full and reduced relaxation, Anderson acceleration and restarts follow
+//! ([`super::restart_cycle`]).
 
-use super::decomposition::Set;
-use super::momentum::Start;
-use super::round::Round;
-use super::turns::{Stretch, Turn};
-use super::{Ask, Decomposition, Outcome, deciding, is_solved, next_after};
+use super::decomposition::Decomposition;
+use super::iteration::{CancelCheck, SolveOutcome, is_solved, next_multiple, selected_residual};
+use super::nncg::NncgAction;
+use super::restart_cycle::RestartCycle;
+use super::sweep_scheduler::{PassBatch, SweepTask};
+use super::sweep_set::SweepSet;
 use crate::cancel::StopReason;
 use crate::error::{Error, Result};
 use crate::model::{Norm, Solver};
 
-/// Tests after which the threads part for a moment: more than most steps have.
-const TESTS_IN_A_ROW: u32 = 32;
+/// Tests after which the calling thread polls for cancellation: more than most steps have.
+const TESTS_BETWEEN_POLLS: u32 = 32;
 
-/// Iterates until the tolerance or the cap is reached.
+/// Iterates until the tolerance or the maximum number of iterations is reached.
 ///
 /// # Errors
-/// [`Error::Stopped`] when `ask` says so.
+/// [`Error::Stopped`] when `cancelled` returns a reason.
 pub(super) fn iterate(
     decomposition: &mut Decomposition,
     solver: &Solver,
-    ask: Ask,
-) -> Result<Outcome> {
-    let mut progress = Progress::new(solver, ask);
+    cancelled: CancelCheck,
+) -> Result<SolveOutcome> {
+    let mut control = IterationControl::new(solver, cancelled);
     loop {
-        decomposition.in_stretches(
-            |set, turn, leg: &Leg| leg.visit(set, turn, solver),
-            |sets| progress.next(sets),
+        decomposition.for_each_pass(
+            |set, task, batch: &IterationBatch| batch.visit(set, task, solver),
+            |sets| control.next_batch(sets),
         );
-        if let Some(leg) = progress.leg.take() {
-            progress.turn(decomposition, &leg);
-        } else if std::mem::take(&mut progress.pauses) {
-            // By the calling thread: some ask of what is told to no other one.
-            progress.stopped = (progress.ask)();
-            if progress.stopped.is_some() {
+        if let Some(batch) = control.batch.take() {
+            control.advance(decomposition, &batch);
+        } else if std::mem::take(&mut control.must_poll) {
+            // On the calling thread: some observers see signals there alone.
+            control.stopped = (control.cancelled)();
+            if control.stopped.is_some() {
                 break;
             }
         } else {
             break;
         }
     }
-    if let Some(stop) = progress.stopped {
-        return Err(Error::Stopped(stop));
+    if let Some(reason) = control.stopped {
+        return Err(Error::Stopped(reason));
     }
-    let mut outcome = progress.outcome;
+    let mut outcome = control.outcome;
     outcome.residuals.natural_map = decomposition.natural_map();
     outcome.visits = decomposition.visits();
     Ok(outcome)
 }
 
-/// Iterations up to the next one after which something is looked at or done.
+/// Iterations up to the next convergence test or acceleration.
 #[derive(Clone, Copy)]
-struct Leg {
-    start: Start,
+struct IterationBatch {
+    action: NncgAction,
     iterations: u32,
-    /// Number of the last one.
+    /// Number of the last iteration.
     done: u32,
-    /// Over those asked for.
-    sweeps: u32,
+    /// Factor on the sweeps of the solver.
+    sweep_factor: u32,
     relaxation: f64,
-    /// Whether the last iteration ends with a test, and at a point of the momentum.
-    measured: bool,
-    is_point: bool,
-    /// Whether the natural map is asked for then.
-    mapped: bool,
+    /// True if the last iteration ends with a convergence test.
+    is_tested: bool,
+    /// True if the last iteration ends with an NNCG extrapolation.
+    extrapolates: bool,
+    /// True if the test needs the natural map.
+    maps: bool,
 }
 
-impl Leg {
-    /// Passes before the sweeps.
-    fn ahead(&self) -> u32 {
-        u32::from(matches!(self.start, Start::GoOn(_)))
+impl IterationBatch {
+    /// Number of passes before the sweeps.
+    fn leading_passes(&self) -> u32 {
+        u32::from(matches!(self.action, NncgAction::Extrapolate(_)))
     }
 
     fn passes(&self) -> u32 {
-        self.ahead() + self.iterations + u32::from(self.mapped)
+        self.leading_passes() + self.iterations + u32::from(self.maps)
     }
 
-    fn visit(&self, set: &mut Set, turn: Turn, solver: &Solver) {
-        if turn.pass == 0 {
-            set.momentum.start(&mut set.contacts, self.start);
+    fn visit(&self, set: &mut SweepSet, task: SweepTask, solver: &Solver) {
+        if task.pass == 0 {
+            set.nncg.apply(&mut set.contacts, self.action);
         }
-        let Some(iteration) = turn.pass.checked_sub(self.ahead()) else { return };
+        let Some(iteration) = task.pass.checked_sub(self.leading_passes()) else { return };
         if iteration == self.iterations {
             set.map = set.contacts.natural_map();
             return;
         }
         let is_last = iteration + 1 == self.iterations;
         let sweeps =
-            if turn.of_interface { solver.interface_sweeps } else { solver.subdomain_sweeps };
-        set.sweeps(self.sweeps.saturating_mul(sweeps), self.relaxation, self.measured && is_last);
-        if self.is_point && is_last {
-            set.momentum.measure(&set.contacts);
+            if task.is_interface { solver.interface_sweeps } else { solver.subdomain_sweeps };
+        set.sweeps(
+            self.sweep_factor.saturating_mul(sweeps),
+            self.relaxation,
+            self.is_tested && is_last,
+        );
+        if self.extrapolates && is_last {
+            set.nncg.measure(&set.contacts);
         }
     }
 }
 
-/// How far the iterations have come.
-struct Progress<'a> {
+/// Control of the iterations of a step.
+struct IterationControl<'a> {
     solver: &'a Solver,
-    round: Round<'a>,
-    outcome: Outcome,
-    /// What the next leg begins with.
-    start: Start,
-    /// The one under way, or after which [`Self::turn`] is to be called.
-    leg: Option<Leg>,
-    ask: Ask<'a>,
+    cycle: RestartCycle<'a>,
+    outcome: SolveOutcome,
+    /// First action of the next batch.
+    action: NncgAction,
+    /// Batch in progress, or the one after which [`Self::advance`] is to be called.
+    batch: Option<IterationBatch>,
+    cancelled: CancelCheck<'a>,
     stopped: Option<StopReason>,
-    /// Tests since the calling thread has asked, and whether it is to.
+    /// Tests since the calling thread last polled for cancellation.
     tests: u32,
-    pauses: bool,
+    /// True if the calling thread is to poll for cancellation.
+    must_poll: bool,
 }
 
-impl<'a> Progress<'a> {
-    fn new(solver: &'a Solver, ask: Ask<'a>) -> Self {
-        let outcome = Outcome { converged: solver.tolerance.is_none(), ..Outcome::default() };
-        let (round, start) = (Round::first(solver), Start::Sweeps);
-        let (leg, stopped, tests, pauses) = (None, None, 0, false);
-        Self { solver, round, outcome, start, leg, ask, stopped, tests, pauses }
+impl<'a> IterationControl<'a> {
+    fn new(solver: &'a Solver, cancelled: CancelCheck<'a>) -> Self {
+        Self {
+            solver,
+            cycle: RestartCycle::first(solver),
+            outcome: SolveOutcome {
+                converged: solver.tolerance.is_none(),
+                ..SolveOutcome::default()
+            },
+            action: NncgAction::Idle,
+            batch: None,
+            cancelled,
+            stopped: None,
+            tests: 0,
+            must_poll: false,
+        }
     }
 
-    /// The iteration after which the last sweeps are to come: what the cap ends with are sweeps from the best impulses.
+    /// Iteration after which plain sweeps from the best impulses close the iterations at the maximum.
     fn closing(&self) -> u32 {
         self.solver.max_iterations.saturating_sub(self.solver.convergence_check_interval)
     }
 
-    /// Ends the leg that is under way, and gives the next one; `None` when all is over, the leg is to be followed by a
-    /// turn, or the calling thread is to ask.
-    fn next(&mut self, sets: &Decomposition) -> Option<Stretch<Leg>> {
-        if let Some(Leg { done, measured, mapped, .. }) = self.leg {
+    /// Evaluates the finished batch and returns the next one.
+    ///
+    /// `None` ends the iterations, unless the batch stays for [`Self::advance`] or the calling thread must poll.
+    fn next_batch(&mut self, sets: &Decomposition) -> Option<PassBatch<IterationBatch>> {
+        if let Some(IterationBatch { done, is_tested, maps, .. }) = self.batch {
             self.outcome.iterations = done;
-            if measured && self.ends(sets, mapped) {
-                self.leg = None;
+            if is_tested && self.test(sets, maps) {
+                self.batch = None;
                 return None;
             }
-            self.tests += u32::from(measured);
+            self.tests += u32::from(is_tested);
             let is_closing = done >= self.closing();
-            if self.round.is_at_a_turn(done, measured && !is_closing) {
+            if self.cycle.needs_exclusive_access(done, is_tested && !is_closing) {
                 return None;
             }
-            self.start = match is_closing {
-                true => Start::Sweeps,
-                false => self.round.start(sets, done, measured),
+            self.action = if is_closing {
+                NncgAction::Idle
+            } else {
+                self.cycle.nncg_action(sets, done, is_tested)
             };
-            if self.tests >= TESTS_IN_A_ROW {
-                (self.tests, self.pauses, self.leg) = (0, true, None);
+            if self.tests >= TESTS_BETWEEN_POLLS {
+                self.tests = 0;
+                self.must_poll = true;
+                self.batch = None;
                 return None;
             }
         }
-        self.leg = (self.outcome.iterations < self.solver.max_iterations).then(|| self.plan());
-        self.leg.map(|leg| (leg.passes(), leg))
+        self.batch = (self.outcome.iterations < self.solver.max_iterations).then(|| self.plan());
+        self.batch.map(|batch| PassBatch { passes: batch.passes(), plan: batch })
     }
 
-    /// After a test: whether the iterations end with it.
-    fn ends(&mut self, sets: &Decomposition, mapped: bool) -> bool {
+    /// Evaluates a convergence test; returns true if the iterations end with it.
+    fn test(&mut self, sets: &Decomposition, maps: bool) -> bool {
         let residuals = &mut self.outcome.residuals;
         let norms = sets.visit_norms();
-        let fling = norms.fling(sets.fall);
+        let relative_dv = norms.relative_dv(sets.gravity_dv);
         *residuals = norms.residuals();
-        if mapped {
-            residuals.natural_map = sets.last_map();
+        if maps {
+            residuals.natural_map = sets.last_natural_map();
         }
-        if is_solved(self.solver, residuals, fling) {
+        if is_solved(self.solver, residuals, relative_dv) {
             self.outcome.converged = true;
             return true;
         }
-        // Nothing leads back from what is not a number.
+        // Iterations do not recover from NaN.
         if residuals.quad.is_nan() {
             return true;
         }
-        let residual = deciding(self.solver, residuals);
-        self.round.observe(self.outcome.iterations, residual, fling);
-        self.stopped = (self.ask)();
+        let residual = selected_residual(self.solver, residuals);
+        self.cycle.observe(self.outcome.iterations, residual, relative_dv);
+        self.stopped = (self.cancelled)();
         self.stopped.is_some()
     }
 
-    /// The next leg.
-    fn plan(&self) -> Leg {
-        let (before, closing) = (self.outcome.iterations, self.closing());
-        let test = next_after(before, 0, self.solver.convergence_check_interval)
+    fn plan(&self) -> IterationBatch {
+        let before = self.outcome.iterations;
+        let closing = self.closing();
+        let test = next_multiple(before, 0, self.solver.convergence_check_interval)
             .min(self.solver.max_iterations);
-        let stops = [self.round.next_point(before), (before < closing).then_some(closing)];
-        let done = stops.into_iter().flatten().fold(test, u32::min);
-        let measured = done == test;
-        Leg {
-            start: self.start,
+        let ends = [self.cycle.next_acceleration(before), (before < closing).then_some(closing)];
+        let done = ends.into_iter().flatten().fold(test, u32::min);
+        let is_tested = done == test;
+        IterationBatch {
+            action: self.action,
             iterations: done - before,
             done,
-            sweeps: self.round.sweeps(),
-            relaxation: self.round.relaxation(),
-            measured,
-            is_point: self.round.is_point(done),
-            mapped: measured && self.solver.norm == Norm::NaturalMap,
+            sweep_factor: self.cycle.sweep_factor(),
+            relaxation: self.cycle.relaxation(),
+            is_tested,
+            extrapolates: self.cycle.extrapolates_after(done),
+            maps: is_tested && self.solver.norm == Norm::NaturalMap,
         }
     }
 
-    /// Does what needs all sets at hand after a leg.
-    fn turn(&mut self, decomposition: &mut Decomposition, leg: &Leg) {
-        if leg.done >= self.closing() {
-            self.round.retreat(decomposition);
+    /// Does the work between two batches that needs exclusive access to all sets.
+    fn advance(&mut self, decomposition: &mut Decomposition, batch: &IterationBatch) {
+        if batch.done >= self.closing() {
+            self.cycle.restore_best(decomposition);
         } else {
-            self.round.go_on(decomposition, leg.done, leg.measured);
+            self.cycle.advance(decomposition, batch.done, batch.is_tested);
         }
-        self.start = Start::Sweeps;
+        self.action = NncgAction::Idle;
     }
 }

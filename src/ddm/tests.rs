@@ -1,9 +1,12 @@
-use super::*;
+use super::iteration::AdaptiveRelaxation;
+use super::{Decomposition, SolveOutcome, solve};
 use crate::detection::Contacts;
 use crate::geometry::cuboid;
 use crate::local_problem::LocalProblem;
 use crate::math::{Pose, Vec3};
-use crate::model::{Acceleration, DrivenBody, Grains, Model, Part, PartitionRule, Role, Stepping};
+use crate::model::{
+    Acceleration, DrivenBody, Grains, Model, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+};
 use crate::motion::Motion;
 use crate::state::State;
 
@@ -69,7 +72,7 @@ fn face(contacts: &mut Contacts, bodies: [u32; 2], centre: Vec3, out: Vec3, a: V
 }
 
 pub(super) struct Solved {
-    pub outcome: Outcome,
+    pub outcome: SolveOutcome,
     pub velocity: Vec<Vec3>,
     pub impulse: Vec<Vec3>,
 }
@@ -77,7 +80,7 @@ pub(super) struct Solved {
 fn run(model: &Model, state: &State, contacts: &Contacts, threads: usize) -> Solved {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     let work = |d: &mut Decomposition, problem: &LocalProblem| {
-        solve(d, problem, &model.solver, &mut || None).expect("nobody stops it")
+        solve(d, problem, &model.solver, &mut || None).expect("the step is not cancelled")
     };
     pool.install(|| run_with(model, state, contacts, &[], work))
 }
@@ -88,7 +91,7 @@ pub(super) fn run_with(
     state: &State,
     contacts: &Contacts,
     start: &[Vec3],
-    work: impl FnOnce(&mut Decomposition, &LocalProblem) -> Outcome,
+    work: impl FnOnce(&mut Decomposition, &LocalProblem) -> SolveOutcome,
 ) -> Solved {
     let targets = vec![Pose::identity(); model.driven.len()];
     let mut motion = Motion::default();
@@ -161,7 +164,7 @@ fn every_schedule_finds_the_same_velocities_and_keeps_momentum() {
 }
 
 #[test]
-fn threads_leave_no_trace_in_the_synchronous_schedule() {
+fn the_synchronous_schedule_gives_the_same_bits_for_any_number_of_threads() {
     let capped = Solver { max_iterations: 100, ..solver(Schedule::Synchronous, 6) };
     let (model, state, contacts) = wall(9, 7, capped);
     let one = run(&model, &state, &contacts, 1);
@@ -190,8 +193,8 @@ fn one_subdomain_is_the_same_problem_for_every_schedule() {
 }
 
 #[test]
-fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
-    // Steps of 2.6 times the exact one blow up; what repeats them takes none above the exact one.
+fn diverging_asynchronous_iterations_fall_back_to_the_synchronous_schedule() {
+    // A relaxation of 2.6 diverges; the fallback uses at most 1.
     let overshoot = Solver {
         relaxation: 2.6,
         convergence_check_interval: 2,
@@ -202,13 +205,13 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
     assert!(solved.outcome.sync_fallback, "{:?}", solved.outcome);
     assert!(solved.outcome.converged, "{:?}", solved.outcome);
     assert!(momentum_error(&model, &contacts, &solved) < 1e-12);
-    // What diverged has cost something, too.
-    let guard = Solver {
+    // The diverged iterations are counted as well.
+    let fallback = Solver {
         relaxation: 1.0,
         convergence_check_interval: 2,
         ..solver(Schedule::Synchronous, 4)
     };
-    let (model, state, contacts) = wall(6, 5, guard);
+    let (model, state, contacts) = wall(6, 5, fallback);
     let alone = run(&model, &state, &contacts, 2).outcome;
     assert!(solved.outcome.iterations > alone.iterations && solved.outcome.visits > alone.visits);
     let (model, state, contacts) = wall(6, 5, solver(Schedule::Asynchronous, 4));
@@ -216,7 +219,7 @@ fn a_diverging_iteration_is_noticed_and_repeated_with_the_guard() {
 }
 
 #[test]
-fn momentum_needs_a_fraction_of_the_iterations() {
+fn nncg_needs_a_fraction_of_the_iterations() {
     for schedule in [Schedule::Sequential, Schedule::Synchronous] {
         let tight = Solver { tolerance: Some(1e-4), ..solver(schedule, 3) };
         let (model, state, contacts) = wall(6, 20, tight);
@@ -235,7 +238,7 @@ fn momentum_needs_a_fraction_of_the_iterations() {
 
 /// Impulses of a wall are not unique: iterations that hardly change anything wander among them.
 #[test]
-fn what_wanders_about_is_solved_in_rounds_of_more_sweeps() {
+fn wandering_iterations_are_solved_in_restart_cycles_of_more_sweeps() {
     for schedule in [Schedule::Sequential, Schedule::Synchronous] {
         let tight = Solver { tolerance: Some(1e-6), max_iterations: 20_000, ..solver(schedule, 3) };
         let (model, state, contacts) = wall(6, 20, tight);
@@ -245,7 +248,7 @@ fn what_wanders_about_is_solved_in_rounds_of_more_sweeps() {
         assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
         let threads = run(&model, &state, &contacts, 3);
         assert_eq!((solved.impulse, solved.velocity), (threads.impulse, threads.velocity));
-        // Whoever wants plain iterations has them, of one length.
+        // Plain iterations keep their number of sweeps.
         let plain = Solver { acceleration: Acceleration::None, max_iterations: 2000, ..tight };
         let (model, state, contacts) = wall(6, 20, plain);
         let plain = run(&model, &state, &contacts, 1).outcome;
@@ -253,18 +256,18 @@ fn what_wanders_about_is_solved_in_rounds_of_more_sweeps() {
     }
 }
 
-/// A wall so high that sweeps hardly get on: the weight diffuses through them.
+/// Size of a wall so high that sweeps stagnate: weight diffuses one layer per sweep.
 const HIGH: (usize, usize) = (2, 90);
 
 #[test]
-fn iterations_that_do_not_get_on_are_accelerated() {
+fn stagnating_iterations_are_accelerated() {
     let tight = |schedule| Solver { tolerance: Some(1e-6), ..solver(schedule, 3) };
     for schedule in [Schedule::Sequential, Schedule::Synchronous] {
         let (model, state, contacts) = wall(HIGH.0, HIGH.1, tight(schedule));
         let solved = run(&model, &state, &contacts, 1);
         let outcome = solved.outcome;
         assert!(outcome.converged && outcome.iterations > 600, "{schedule:?}: {outcome:?}");
-        // Its points are Gauss-Seidel states: impulses in their cones, and velocities that go with them.
+        // Mixed impulses are Gauss-Seidel states: impulses in their cones, and velocities that go with them.
         assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
         for (normal, f) in contacts.normal.iter().zip(&solved.impulse) {
             let along = f.dot(normal);
@@ -282,7 +285,7 @@ fn iterations_that_do_not_get_on_are_accelerated() {
 }
 
 #[test]
-fn a_cap_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
+fn the_maximum_number_of_iterations_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
     let capped = |max_iterations, tolerance| Solver {
         tolerance,
         max_iterations,
@@ -296,26 +299,26 @@ fn a_cap_ends_an_acceleration_with_sweeps_from_its_best_impulses() {
             assert!(momentum_error(&model, &contacts, &solved) < 1e-11);
             solved.outcome.residuals.natural_map
         };
-        // Never below the tolerance: the cap is met in the middle of an acceleration.
+        // The tolerance is out of reach: the maximum is met during an acceleration.
         let (accelerated, plain) = (left(Some(1e-30)), left(None));
         assert!(accelerated < 0.1 * plain, "{iterations}: {accelerated}, plain {plain}");
     }
 }
 
 #[test]
-fn visits_are_softened_three_times_at_most_however_often_iterations_begin_again() {
+fn relaxation_is_reduced_three_times_at_most_over_all_restarts() {
     let stalled = |tolerance| {
-        let mut softening = Softening::new(&Solver { tolerance, ..Solver::default() });
+        let mut relaxation = AdaptiveRelaxation::new(&Solver { tolerance, ..Solver::default() });
         for _ in 0..10 {
-            softening = softening.anew();
-            (1..=30).for_each(|k| softening.observe(10 * k, 1.0, 0.0));
+            relaxation = relaxation.restarted();
+            (1..=30).for_each(|k| relaxation.observe(10 * k, 1.0, 0.0));
         }
-        softening
+        relaxation
     };
-    let softening = stalled(Some(1e-3));
-    assert!(softening.is_spent());
-    assert!((softening.relaxation - 0.512).abs() < 1e-15, "{softening:?}");
-    // A number of iterations is one of plain ones.
-    let softening = stalled(None);
-    assert!(!softening.is_spent() && softening.relaxation == 1.0, "{softening:?}");
+    let relaxation = stalled(Some(1e-3));
+    assert!(relaxation.is_exhausted());
+    assert!((relaxation.relaxation - 0.512).abs() < 1e-15, "{relaxation:?}");
+    // Without a tolerance all iterations are plain.
+    let relaxation = stalled(None);
+    assert!(!relaxation.is_exhausted() && relaxation.relaxation == 1.0, "{relaxation:?}");
 }

@@ -41,7 +41,7 @@ pub struct LocalProblem {
     /// Of the mounted bodies, which come after the grains.
     pub responses: Vec<MountResponse>,
     /// What weight adds to a velocity in a step, m/s; infinite where it does not count.
-    pub fall: f64,
+    pub gravity_dv: f64,
 }
 
 impl LocalProblem {
@@ -58,14 +58,15 @@ impl LocalProblem {
         self.build_lines(model, motion);
         let Self { contacts: built, lines, whitening, responses, .. } = self;
         let (lines, whitening, responses) = (&**lines, &**whitening, &**responses);
-        let fall = model.gravity.norm() * model.stepping.h();
-        let step = Step { model, state, motion, contacts, warm, lines, whitening, responses, fall };
+        let gravity_dv = model.gravity.norm() * model.stepping.h();
+        let step =
+            Step { model, state, motion, contacts, warm, lines, whitening, responses, gravity_dv };
         let arithmetic = InstructionSet::detect();
         built.resize(contacts.len(), LocalContact::default());
         built.par_chunks_mut(CHUNK).enumerate().for_each(|(k, built)| {
             lanes::compute(arithmetic, Build { step: &step, first: k * CHUNK, built });
         });
-        self.fall = if fall > 0.0 { fall } else { f64::INFINITY };
+        self.gravity_dv = if gravity_dv > 0.0 { gravity_dv } else { f64::INFINITY };
     }
 
     fn build_lines(&mut self, model: &Model, motion: &Motion) {
@@ -123,7 +124,7 @@ struct Step<'a> {
     whitening: &'a [Mat3],
     responses: &'a [MountResponse],
     /// m/s
-    fall: f64,
+    gravity_dv: f64,
 }
 
 impl Step<'_> {
@@ -189,7 +190,7 @@ impl Step<'_> {
         contact.impulse = world.map_or(Vec3::zeros(), |world| contact.components(world));
         let approach = contact.offset.x + contact.normal_velocity(lines);
         // An impulse next to the contact may bring as much as weight does.
-        contact.likely = contact.impulse.x > 0.0 || approach < self.fall;
+        contact.likely = contact.impulse.x > 0.0 || approach < self.gravity_dv;
     }
 }
 

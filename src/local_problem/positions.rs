@@ -50,7 +50,7 @@ impl LocalProblem {
         self.lines.extend(mounted.iter().map(|_| still(0.0)));
         self.whitening.clone_from(&solved.problem.whitening);
         self.responses.clone_from(&solved.problem.responses);
-        self.fall = f64::INFINITY;
+        self.gravity_dv = f64::INFINITY;
         (0..solved.contacts.len())
             .into_par_iter()
             .with_min_len(256)

@@ -5,7 +5,7 @@
 //! Contract: entries that make no problem are refused, with their place.
 
 use super::contact_law;
-use super::reference::MatrixFree;
+use super::reference::MatrixFreeSolver;
 use crate::error::{Error, Result};
 use crate::local_problem::LocalProblem;
 use crate::math::{Mat3, Vec3, cone, widen};
@@ -60,7 +60,7 @@ impl AssembledProblem {
     ) -> Result<Self> {
         let nc = q.len();
         if friction.len() != nc {
-            return Err(unusable("mu", format!("{nc} values"), friction.len().to_string()));
+            return Err(invalid("mu", format!("{nc} values"), friction.len().to_string()));
         }
         let usable = |c: usize| {
             q[c].iter().all(|x| x.is_finite()) && (0.0..=MAX_FRICTION).contains(&friction[c])
@@ -68,19 +68,19 @@ impl AssembledProblem {
         if let Some(c) = (0..nc).find(|&c| !usable(c)) {
             let found = format!("{:?} and {} at contact {c}", q[c], friction[c]);
             let expected = format!("finite q, mu from 0 to {MAX_FRICTION}");
-            return Err(unusable("q and mu", expected, found));
+            return Err(invalid("q and mu", expected, found));
         }
         let largest = (0..nc).max_by(|&a, &b| q[a].amax().total_cmp(&q[b].amax()));
         if let Some(c) = largest.filter(|&c| q[c].amax() > 0.0 && !SIZES.contains(&q[c].amax())) {
             let [least, most] = [SIZES.start(), SIZES.end()];
             let expected = format!("zero, or a largest component from {least:e} to {most:e} m/s");
-            return Err(unusable("q", expected, format!("{:e} at contact {c}", q[c].amax())));
+            return Err(invalid("q", expected, format!("{:e} at contact {c}", q[c].amax())));
         }
         let mut scalars = Vec::new();
         for (row, column, value) in entries {
             if row >= 3 * nc || column >= 3 * nc || !value.is_finite() {
                 let found = format!("{value} at ({row}, {column})");
-                return Err(unusable("W", format!("finite, {0} x {0}", 3 * nc), found));
+                return Err(invalid("W", format!("finite, {0} x {0}", 3 * nc), found));
             }
             scalars.push((row / 3, column / 3, 3 * (row % 3) + column % 3, value));
         }
@@ -107,7 +107,7 @@ impl AssembledProblem {
         assembled.row_starts.push(assembled.columns.len());
         if let Some(c) = assembled.diagonal.iter().position(|w| w.m11.is_nan() || w.m11 <= 0.0) {
             let found = format!("{} at contact {c}", assembled.diagonal[c].m11);
-            return Err(unusable("W", "W_nn above zero", found));
+            return Err(invalid("W", "W_nn above zero", found));
         }
         Ok(assembled)
     }
@@ -115,7 +115,7 @@ impl AssembledProblem {
     /// Assembles `W = Hᵀ M⁻¹ H` and `q = Hᵀ V_free + c` of a local problem.
     pub fn from_problem(problem: &LocalProblem) -> Self {
         let nc = problem.contacts.len();
-        let mut free = MatrixFree::new(problem);
+        let mut free = MatrixFreeSolver::new(problem);
         free.lines.clone_from(&problem.lines);
         let mut touching: Vec<Vec<u32>> = vec![Vec::new(); problem.body_count()];
         for i in 0..nc {
@@ -222,7 +222,7 @@ impl AssembledProblem {
 }
 
 /// What is wrong with a given problem.
-pub(super) fn unusable(place: &str, expected: impl Into<String>, found: String) -> Error {
+pub(super) fn invalid(place: &str, expected: impl Into<String>, found: String) -> Error {
     Error::Model { place: format!("friction problem, {place}"), expected: expected.into(), found }
 }
 

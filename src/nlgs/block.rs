@@ -68,7 +68,7 @@ pub struct SingleBlock {
 /// What iterations with momentum remember of a block (T-37).
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
-pub struct BlockMemory {
+pub struct NncgBlock {
     /// Impulses when the iterations under way began, N s.
     pub before: [Row64; 3],
     /// Sum of the last changes, the older the less, N s.

@@ -20,7 +20,7 @@ pub fn solve(w: &Mat3, b: &Vec3, mu: f64) -> Vec3 {
     if b.x >= 0.0 {
         return Vec3::zeros();
     }
-    let reduced = Reduced::new(w, b, mu);
+    let reduced = ReducedLaw::new(w, b, mu);
     let stick = reduced.at(1.0);
     if stick.excess >= 0.0 {
         return stick.impulse;
@@ -35,7 +35,7 @@ pub fn relaxed(impulse: &Vec3, solved: &Vec3, relaxation: f64) -> Vec3 {
 }
 
 /// The problem with `u_n = 0` eliminated.
-struct Reduced {
+struct ReducedLaw {
     /// `r_n` for `r_T = 0`.
     normal: f64,
     /// `W_nT / W_nn`.
@@ -48,13 +48,13 @@ struct Reduced {
 }
 
 /// One value of y: impulse, `h(y)` and its derivative.
-struct Trial {
+struct SlipTrial {
     impulse: Vec3,
     excess: f64,
     slope: f64,
 }
 
-impl Reduced {
+impl ReducedLaw {
     fn new(w: &Mat3, b: &Vec3, mu: f64) -> Self {
         let coupling = [w.m12 / w.m11, w.m13 / w.m11];
         let mut schur = [
@@ -78,7 +78,7 @@ impl Reduced {
         }
     }
 
-    fn at(&self, y: f64) -> Trial {
+    fn at(&self, y: f64) -> SlipTrial {
         let rest = (1.0 - y) * self.sigma;
         let [[s11, s12], [s21, s22]] = self.schur;
         let (a, b, c, d) = (y * s11 + rest, y * s12, y * s21, y * s22 + rest);
@@ -93,7 +93,7 @@ impl Reduced {
         let tangential = q.map(|x| y * x);
         let normal = self.normal - dot(self.coupling, tangential);
         let along = if length > 0.0 { dot(q, slope) / length } else { 0.0 };
-        Trial {
+        SlipTrial {
             impulse: Vec3::new(normal, tangential[0], tangential[1]),
             excess: self.mu * normal - y * length,
             slope: -self.mu * dot(self.coupling, slope) - along,
@@ -101,7 +101,7 @@ impl Reduced {
     }
 
     /// Newton's method, kept between a value that holds (`h >= 0`) and one that does not.
-    fn slip(&self, stick: Trial) -> Vec3 {
+    fn slip(&self, stick: SlipTrial) -> Vec3 {
         let (mut low, mut high) = (0.0, 1.0);
         let mut trial = stick;
         let mut y: f64 = 1.0;

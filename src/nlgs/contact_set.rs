@@ -4,8 +4,8 @@
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
 //! shares nothing with other sets, so sets may be swept in parallel.
 
-use super::block::{BlockMemory, PairBlock, Row64, SingleBlock};
-use super::kernel::{Blocks, Chosen, OperationCounts};
+use super::block::{NncgBlock, PairBlock, Row64, SingleBlock};
+use super::kernel::{BlockSubset, Blocks, OperationCounts};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
 use crate::lanes::{self, BodyVelocity, InstructionSet, LANES};
@@ -17,7 +17,7 @@ use std::ops::AddAssign;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MemoryTraffic {
     /// Blocks and lines: what the set takes in a cache.
-    pub held: usize,
+    pub footprint: usize,
     /// Loads and stores of the visits: between the processor and its first cache.
     pub core: usize,
     /// The least that is moved where nothing is left in a cache from the sweep before: every block and line once in,
@@ -27,7 +27,7 @@ pub struct MemoryTraffic {
 
 impl AddAssign for MemoryTraffic {
     fn add_assign(&mut self, other: Self) {
-        self.held += other.held;
+        self.footprint += other.footprint;
         self.core += other.core;
         self.streamed += other.streamed;
     }
@@ -45,8 +45,8 @@ pub struct ContactSet {
     /// Contacts of the problem lane by lane, in the order of the sweep; padding between.
     order: Vec<u32>,
     contact_count: usize,
-    /// Contacts in blocks that are awake; all while nobody has looked.
-    awake_count: Option<usize>,
+    /// Contacts in blocks that are active; all while nobody has looked.
+    active_count: Option<usize>,
     /// Visits since the contacts were packed.
     visits: u64,
     singles: Packing,
@@ -65,7 +65,7 @@ impl Default for ContactSet {
             blocks: Blocks::default(),
             order: Vec::new(),
             contact_count: 0,
-            awake_count: None,
+            active_count: None,
             visits: 0,
             singles: Packing::default(),
             pairs: Packing::default(),
@@ -87,7 +87,7 @@ impl ContactSet {
         line: impl Fn(u32) -> u32,
     ) {
         self.contact_count = contacts.len();
-        self.awake_count = None;
+        self.active_count = None;
         self.visits = 0;
         self.lines.clear();
         self.lines.resize(line_count + 1, BodyVelocity::default());
@@ -190,7 +190,7 @@ impl ContactSet {
         let gathered = LANES * (singles + 2 * pairs) * size_of::<BodyVelocity>();
         let dirty = 4 * size_of::<BodyVelocity>();
         MemoryTraffic {
-            held: blocks + lines,
+            footprint: blocks + lines,
             core: blocks + (singles + pairs) * written + 2 * gathered,
             streamed: blocks + (singles + pairs) * dirty + 2 * lines,
         }
@@ -213,39 +213,39 @@ impl ContactSet {
         self.blocks.sweep(self.arithmetic, &mut self.lines, relaxation);
     }
 
-    /// Visits the contacts that carried an impulse when [`ContactSet::wake`] looked, and those that share
+    /// Visits the contacts that carried an impulse when [`ContactSet::update_active`] looked, and those that share
     /// their blocks.
     ///
     /// A visit does not change an open contact that stays open: leaving it out is exact. One that would close
     /// waits for the next sweep over all.
-    pub fn sweep_awake(&mut self, relaxation: f64) {
-        let Some(count) = self.awake_count else {
+    pub fn sweep_active(&mut self, relaxation: f64) {
+        let Some(count) = self.active_count else {
             self.sweep(relaxation);
-            return self.wake();
+            return self.update_active();
         };
         self.visits += count as u64;
-        self.blocks.sweep_awake(self.arithmetic, &mut self.lines, relaxation);
+        self.blocks.sweep_active(self.arithmetic, &mut self.lines, relaxation);
     }
 
     /// Looks which contacts carry an impulse.
-    pub fn wake(&mut self) {
-        self.blocks.wake();
-        self.count_awake();
+    pub fn update_active(&mut self) {
+        self.blocks.update_active();
+        self.count_active();
     }
 
-    fn count_awake(&mut self) {
+    fn count_active(&mut self) {
         let contacts = |block: usize| {
             let lanes = &self.order[block * LANES..][..LANES];
             lanes.iter().filter(|&&i| i != PADDING).count()
         };
-        self.awake_count = Some(self.blocks.awake().map(contacts).sum());
+        self.active_count = Some(self.blocks.active().map(contacts).sum());
     }
 
     /// [`ContactSet::sweep`] with the same bits, and the norms of its visits.
     pub fn measured_sweep(&mut self, relaxation: f64) -> VisitNorms {
         self.visits += self.contact_count as u64;
         let norms = self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation);
-        // What is held of a mounted body is as heavy as a mountain, and its spin no measure.
+        // What is footprint of a mounted body is as heavy as a mountain, and its spin no measure.
         let (grains, mounted) = self.lines.split_at(self.grains);
         let mounted = mounted.iter().map(|line| line.velocity().norm_squared());
         let speed_squared =
@@ -253,31 +253,31 @@ impl ContactSet {
         VisitNorms { speed_squared, ..norms }
     }
 
-    /// The blocks that are awake, to be kept in `chosen`.
-    pub fn choose_awake(&self, chosen: &mut Chosen) {
-        self.blocks.choose_awake(chosen);
+    /// The blocks that are active, to be kept in `chosen`.
+    pub fn copy_active_blocks(&self, chosen: &mut BlockSubset) {
+        self.blocks.copy_active_blocks(chosen);
     }
 
     /// Impulses of the chosen blocks, N s, padding included: the numbers that [`ContactSet::replace_impulses`]
     /// takes.
-    pub fn chosen_impulses<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = f64> {
+    pub fn subset_impulses<'a>(&'a self, chosen: &'a BlockSubset) -> impl Iterator<Item = f64> {
         self.blocks.chosen(chosen).flat_map(|(_, r)| r.as_flattened()).copied()
     }
 
     /// The root of a third of `tr W_αα` for each of these numbers, kg^(-1/2).
-    pub fn chosen_weights<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = f64> {
+    pub fn subset_weights<'a>(&'a self, chosen: &'a BlockSubset) -> impl Iterator<Item = f64> {
         self.blocks.chosen(chosen).flat_map(|(law, _)| [law.weight(); 3]).flatten()
     }
 
     /// Gives the contacts of the chosen blocks the impulses of their cones nearest to `impulses`, and the
     /// grains the velocities that go with them.
-    pub fn replace_impulses(&mut self, chosen: &Chosen, impulses: &[f64]) {
+    pub fn replace_impulses(&mut self, chosen: &BlockSubset, impulses: &[f64]) {
         let (rows, rest) = impulses.as_chunks::<LANES>();
         let (triples, more) = rows.as_chunks();
         assert!(rest.is_empty() && more.is_empty(), "{} numbers", impulses.len());
         let Self { blocks, arithmetic, lines, .. } = self;
         if blocks.replace_impulses(*arithmetic, chosen, triples, lines) {
-            self.count_roused();
+            self.recount_active();
         }
     }
 
@@ -287,13 +287,18 @@ impl ContactSet {
         singles.chain(self.blocks.pairs().iter().map(|block| block.law.weight()))
     }
 
-    /// What [`ContactSet::go_on`] begins with at the present impulses of the chosen blocks; `weights` are those of
+    /// What [`ContactSet::extrapolate`] begins with at the present impulses of the chosen blocks; `weights` are those of
     /// [`ContactSet::weights`].
-    pub fn set_out(&self, chosen: &Chosen, weights: &[Row64], memories: &mut Vec<BlockMemory>) {
+    pub fn begin_nncg(
+        &self,
+        chosen: &BlockSubset,
+        weights: &[Row64],
+        memories: &mut Vec<NncgBlock>,
+    ) {
         let impulses = self.blocks.chosen(chosen).map(|(_, impulse)| *impulse);
         let weights = self.blocks.numbers_of(chosen).map(|i| weights[i]);
         memories.clear();
-        memories.extend(impulses.zip(weights).map(|(before, weight)| BlockMemory {
+        memories.extend(impulses.zip(weights).map(|(before, weight)| NncgBlock {
             before,
             direction: [[0.0; LANES]; 3],
             weight,
@@ -301,7 +306,7 @@ impl ContactSet {
     }
 
     /// Square of the change of the chosen blocks' impulses since they last went on (T-37), N² s²/kg.
-    pub fn change_squared(&self, chosen: &Chosen, memories: &[BlockMemory]) -> f64 {
+    pub fn change_squared(&self, chosen: &BlockSubset, memories: &[NncgBlock]) -> f64 {
         let mut sum = 0.0;
         for ((_, impulse), memory) in self.blocks.chosen(chosen).zip(memories) {
             for (r, before) in impulse.iter().zip(&memory.before) {
@@ -315,20 +320,20 @@ impl ContactSet {
 
     /// Goes on from the impulses of the chosen blocks by `share` of the way that led there (T-37), within their
     /// cones; the grains' velocities follow.
-    pub fn go_on(&mut self, chosen: &Chosen, memories: &mut [BlockMemory], share: f64) {
+    pub fn extrapolate(&mut self, chosen: &BlockSubset, memories: &mut [NncgBlock], share: f64) {
         let Self { blocks, arithmetic, lines, .. } = self;
-        if blocks.go_on(*arithmetic, chosen, memories, share, lines) {
-            self.count_roused();
+        if blocks.extrapolate(*arithmetic, chosen, memories, share, lines) {
+            self.recount_active();
         }
     }
 
-    fn count_roused(&mut self) {
-        if self.awake_count.is_some() {
-            self.count_awake();
+    fn recount_active(&mut self) {
+        if self.active_count.is_some() {
+            self.count_active();
         }
     }
 
-    /// Sums of the natural map at the present impulses and velocities.
+    /// NormSums of the natural map at the present impulses and velocities.
     pub fn natural_map(&self) -> NaturalMapSums {
         self.blocks.natural_map(self.arithmetic, &self.lines)
     }

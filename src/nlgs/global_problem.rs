@@ -2,17 +2,17 @@
 //!
 //! Reads: entries of `M` and `H`. Writes: the problem in impulses alone, [`AssembledProblem`]. Cost: one dense
 //! inverse per set of coupled degrees of freedom (a rigid body: six), one product per pair of contacts
-//! on the same body. Contract: refuses, before it allocates, what claims more than `MOST_ENTRIES`.
+//! on the same body. Contract: refuses, before it allocates, what claims more than `MAX_ENTRIES`.
 
-use super::assembled_problem::{AssembledProblem, unusable};
+use super::assembled_problem::{AssembledProblem, invalid};
 use crate::error::Result;
 use crate::math::Vec3;
 use nalgebra::{DMatrix, DVector};
 
 /// Degrees of freedom that `M` may couple with each other; a dense inverse is made of them.
-const LARGEST_BODY: usize = 600;
+const MAX_BODY_DOFS: usize = 600;
 /// Scalar entries of `W` before those of the same place are added up; also of all inverses together.
-const MOST_ENTRIES: usize = 1 << 25;
+const MAX_ENTRIES: usize = 1 << 25;
 
 /// What a global problem is given by; `H` is `[ndof, 3 nc]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -52,15 +52,15 @@ impl FactorisedGlobalProblem {
     /// couples more than 600 degrees of freedom.
     pub fn new(given: GlobalProblem) -> Result<Self> {
         let (ndof, columns) = (given.f.len(), 3 * given.w.len());
-        in_range("M", &given.mass, ndof, ndof)?;
-        in_range("H", &given.h, ndof, columns)?;
+        check_entries("M", &given.mass, ndof, ndof)?;
+        check_entries("H", &given.h, ndof, columns)?;
         if let Some(i) = given.f.iter().position(|x| !x.is_finite()) {
-            return Err(unusable("f", "finite values", format!("{} at {i}", given.f[i])));
+            return Err(invalid("f", "finite values", format!("{} at {i}", given.f[i])));
         }
         let (mut bodies, place) = bodies(&given)?;
         let mut touching: Vec<_> = given.h.iter().filter(|e| e.2 != 0.0).collect();
         touching.sort_by_key(|e| (place[e.0].0, e.1));
-        expect_few(&touching, &bodies, &place)?;
+        check_column_entries(&touching, &bodies, &place)?;
         for &&(row, column, value) in &touching {
             let (body, k) = place[row];
             let body = &mut bodies[body];
@@ -77,9 +77,9 @@ impl FactorisedGlobalProblem {
     /// `W = Hᵀ M⁻¹ H`, `q = Hᵀ M⁻¹ f + w` (T-30).
     pub fn assembled(&self) -> Result<AssembledProblem> {
         let count: usize = self.bodies.iter().map(|b| b.columns.len().pow(2)).sum();
-        if count > MOST_ENTRIES {
-            let expected = format!("at most {MOST_ENTRIES} entries");
-            return Err(unusable("W = Hᵀ M⁻¹ H", expected, count.to_string()));
+        if count > MAX_ENTRIES {
+            let expected = format!("at most {MAX_ENTRIES} entries");
+            return Err(invalid("W = Hᵀ M⁻¹ H", expected, count.to_string()));
         }
         let mut entries = Vec::with_capacity(count);
         let mut q: Vec<f64> = self.given.w.iter().flat_map(|w| [w.x, w.y, w.z]).collect();
@@ -116,7 +116,7 @@ impl Body {
     }
 }
 
-fn in_range(
+fn check_entries(
     name: &str,
     entries: &[(usize, usize, f64)],
     rows: usize,
@@ -127,7 +127,7 @@ fn in_range(
         None => Ok(()),
         Some((i, j, x)) => {
             let found = format!("{x} at ({i}, {j})");
-            Err(unusable(name, format!("finite, {rows} x {columns}"), found))
+            Err(invalid(name, format!("finite, {rows} x {columns}"), found))
         }
     }
 }
@@ -137,13 +137,17 @@ type Place = (usize, usize);
 
 /// Refuses columns of `H`, in the order of bodies and columns, that would be too large with all degrees of freedom of
 /// the body that they touch.
-fn expect_few(touching: &[&(usize, usize, f64)], bodies: &[Body], place: &[Place]) -> Result<()> {
+fn check_column_entries(
+    touching: &[&(usize, usize, f64)],
+    bodies: &[Body],
+    place: &[Place],
+) -> Result<()> {
     let columns = touching.chunk_by(|a, b| (place[a.0].0, a.1) == (place[b.0].0, b.1));
     let dofs = |column: &[&(usize, usize, f64)]| bodies[place[column[0].0].0].dofs.len();
     let count: usize = columns.map(dofs).sum();
-    if count > MOST_ENTRIES {
-        let expected = format!("at most {MOST_ENTRIES} entries, body by body");
-        return Err(unusable("H", expected, count.to_string()));
+    if count > MAX_ENTRIES {
+        let expected = format!("at most {MAX_ENTRIES} entries, body by body");
+        return Err(invalid("H", expected, count.to_string()));
     }
     Ok(())
 }
@@ -163,18 +167,18 @@ fn bodies(given: &GlobalProblem) -> Result<(Vec<Body>, Vec<Place>)> {
     members.retain(|m| !m.is_empty());
     let mut place = vec![(0, 0); ndof];
     for (b, dofs) in members.iter().enumerate() {
-        if dofs.len() > LARGEST_BODY {
-            let expected = format!("at most {LARGEST_BODY} coupled degrees of freedom");
-            return Err(unusable("M", expected, dofs.len().to_string()));
+        if dofs.len() > MAX_BODY_DOFS {
+            let expected = format!("at most {MAX_BODY_DOFS} coupled degrees of freedom");
+            return Err(invalid("M", expected, dofs.len().to_string()));
         }
         for (k, &dof) in dofs.iter().enumerate() {
             place[dof] = (b, k);
         }
     }
     let inverses: usize = members.iter().map(|m| m.len().pow(2)).sum();
-    if inverses > MOST_ENTRIES {
-        let expected = format!("inverses of at most {MOST_ENTRIES} entries");
-        return Err(unusable("M", expected, inverses.to_string()));
+    if inverses > MAX_ENTRIES {
+        let expected = format!("inverses of at most {MAX_ENTRIES} entries");
+        return Err(invalid("M", expected, inverses.to_string()));
     }
     let zero = |m: &Vec<usize>| DMatrix::zeros(m.len(), m.len());
     let mut masses: Vec<DMatrix<f64>> = members.iter().map(zero).collect();
@@ -184,7 +188,7 @@ fn bodies(given: &GlobalProblem) -> Result<(Vec<Body>, Vec<Place>)> {
     let body = |(dofs, mass): (Vec<usize>, DMatrix<f64>)| {
         let first = dofs[0];
         let inverse = mass.try_inverse().filter(|m| m.iter().all(|x| x.is_finite()));
-        let singular = || unusable("M", "a regular matrix", format!("a singular one at {first}"));
+        let singular = || invalid("M", "a regular matrix", format!("a singular one at {first}"));
         Ok(Body { dofs, inverse: inverse.ok_or_else(singular)?, columns: Vec::new() })
     };
     let bodies: Result<Vec<_>> = members.into_iter().zip(masses).map(body).collect();

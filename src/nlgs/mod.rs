@@ -4,7 +4,7 @@
 //! state, one arithmetic for every processor. [`mod@reference`] is what it is checked with: the same
 //! method written plainly. [`solution`] solves problems given by their Delassus operator ([`assembled_problem`]).
 
-pub mod acceleration;
+pub mod anderson;
 pub mod assembled_problem;
 pub mod block;
 pub mod contact_law;
@@ -12,13 +12,13 @@ pub mod contact_set;
 pub mod global_problem;
 mod kernel;
 pub mod lattice_scene;
+mod local_solve;
 pub mod reference;
 pub mod residual;
 pub mod solution;
 #[cfg(test)]
 mod tests;
-mod visit;
 
 pub use contact_set::{ContactSet, MemoryTraffic};
-pub use kernel::{Chosen, OperationCounts};
+pub use kernel::{BlockSubset, OperationCounts};
 pub use residual::{NaturalMapSums, Residuals, VisitNorms};

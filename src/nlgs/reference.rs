@@ -10,7 +10,7 @@ use crate::math::{Vec3, widen};
 
 /// Contacts visited one after the other, velocities as the running state.
 #[derive(Debug, Clone)]
-pub struct MatrixFree<'a> {
+pub struct MatrixFreeSolver<'a> {
     problem: &'a LocalProblem,
     /// `[ng]`
     pub lines: Vec<BodyVelocity>,
@@ -18,7 +18,7 @@ pub struct MatrixFree<'a> {
     pub impulse: Vec<Vec3>,
 }
 
-impl<'a> MatrixFree<'a> {
+impl<'a> MatrixFreeSolver<'a> {
     /// Starts from the problem's initial impulses.
     pub fn new(problem: &'a LocalProblem) -> Self {
         let mut start = Self {

@@ -1,6 +1,6 @@
 //! How well a problem is solved: LMGC90's norms and the natural map, one function each.
 //!
-//! Sums over a set of contacts are added up, in a fixed order, over the sets of a problem, then turned
+//! NormSums over a set of contacts are added up, in a fixed order, over the sets of a problem, then turned
 //! into norms.
 
 use std::ops::AddAssign;
@@ -30,7 +30,7 @@ impl Residuals {
     }
 }
 
-/// Sums over the visits of a sweep (T-11).
+/// NormSums over the visits of a sweep (T-11).
 ///
 /// `Δv = W_αα Δr` is the velocity that a visit changes at its own contact, or would change if it were not
 /// relaxed, `W_αα r` the velocity that the contact's whole impulse accounts for. Visits count that end
@@ -77,7 +77,7 @@ impl VisitNorms {
     /// All zero when nothing acts, or nothing changes but by rounding: there is nothing left to
     /// solve. The norms do not show it where the impulses fade away, for they are relative to them.
     pub fn residuals(&self) -> Residuals {
-        if self.are_of_rounding() {
+        if self.is_rounding_noise() {
             return Residuals::default();
         }
         if self.active == 0.0 || self.wr_squared <= 0.0 || self.r_wr <= 0.0 {
@@ -99,17 +99,17 @@ impl VisitNorms {
 
 impl VisitNorms {
     /// Whether nothing changes but by rounding (T-11).
-    pub fn are_of_rounding(&self) -> bool {
+    pub fn is_rounding_noise(&self) -> bool {
         self.dv_squared <= self.active * ROUNDING * ROUNDING * self.speed_squared
     }
 
-    /// The largest change over what weight changes in a step, `fall` (m/s): above one, something is being flung (T-11).
-    pub fn fling(&self, fall: f64) -> f64 {
-        self.max_dv_squared.sqrt() / fall
+    /// The largest change over what weight changes in a step, `gravity_dv` (m/s): above one, something is being flung (T-11).
+    pub fn relative_dv(&self, gravity_dv: f64) -> f64 {
+        self.max_dv_squared.sqrt() / gravity_dv
     }
 }
 
-/// Sums of the natural map with `ρ_c = 3 / tr W_cc` (T-10).
+/// NormSums of the natural map with `ρ_c = 3 / tr W_cc` (T-10).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct NaturalMapSums {
     /// `Σ ‖r - P_K(r - ρ (u + μ ‖u_T‖ n))‖²`, (N s)².

@@ -2,8 +2,8 @@
 
 use super::assembled_problem::AssembledProblem;
 use super::lattice_scene::LatticeScene;
-use super::reference::MatrixFree;
-use super::{Chosen, ContactSet};
+use super::reference::MatrixFreeSolver;
+use super::{BlockSubset, ContactSet};
 use crate::lanes::InstructionSet;
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
@@ -27,7 +27,7 @@ fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
     for (seed, restitution, relaxation) in [(1, 0.0, 1.0), (2, 0.3, 0.7)] {
         let scene = LatticeScene::grid([5, 4, 3], 2, restitution, seed);
         let mut set = whole(&scene.problem);
-        let mut plain = MatrixFree::new(&scene.problem);
+        let mut plain = MatrixFreeSolver::new(&scene.problem);
         let assembled = AssembledProblem::from_problem(&scene.problem);
         let mut r = plain.impulse.clone();
         let order: Vec<u32> = set.order().collect();
@@ -131,10 +131,10 @@ fn contacts_between_grains_keep_momentum() {
 }
 
 /// The blocks that carry an impulse.
-fn awake(set: &mut ContactSet) -> Chosen {
-    let mut chosen = Chosen::default();
-    set.wake();
-    set.choose_awake(&mut chosen);
+fn active(set: &mut ContactSet) -> BlockSubset {
+    let mut chosen = BlockSubset::default();
+    set.update_active();
+    set.copy_active_blocks(&mut chosen);
     chosen
 }
 
@@ -148,10 +148,10 @@ fn every_arithmetic_gives_the_same_bits() {
             set.sweep(0.9);
         }
         let norms = set.measured_sweep(1.0);
-        let chosen = awake(&mut set);
-        set.sweep_awake(0.9);
+        let chosen = active(&mut set);
+        set.sweep_active(0.9);
         // Some of these are outside of their cones.
-        let moved: Vec<f64> = set.chosen_impulses(&chosen).map(|r| 1.5 * r - 1e-4).collect();
+        let moved: Vec<f64> = set.subset_impulses(&chosen).map(|r| 1.5 * r - 1e-4).collect();
         set.replace_impulses(&chosen, &moved);
         let bits = |x: &f64| x.to_bits();
         let lines: Vec<u64> = set.lines.iter().flat_map(|l| l.0.iter().map(bits)).collect();
@@ -172,32 +172,32 @@ fn momentum_goes_on_as_its_definition_says() {
         let mut set = whole(&scene.problem);
         set.set_arithmetic(arithmetic);
         set.measured_sweep(1.0);
-        let chosen = awake(&mut set);
+        let chosen = active(&mut set);
         (set, chosen)
     };
     for arithmetic in InstructionSet::available() {
         let (mut set, chosen) = begin(arithmetic);
         let weights: Vec<_> = set.weights().collect();
         let mut memories = Vec::new();
-        set.set_out(&chosen, &weights, &mut memories);
+        set.begin_nncg(&chosen, &weights, &mut memories);
         // The same in numbers: where iterations began, where they led, what led there.
         let (mut plain, _) = begin(InstructionSet::PORTABLE);
-        let weights: Vec<f64> = plain.chosen_weights(&chosen).collect();
-        let mut before: Vec<f64> = plain.chosen_impulses(&chosen).collect();
+        let weights: Vec<f64> = plain.subset_weights(&chosen).collect();
+        let mut before: Vec<f64> = plain.subset_impulses(&chosen).collect();
         let mut direction = vec![0.0; before.len()];
         for share in [1.0, 0.6, 0.9] {
-            set.sweep_awake(0.9);
-            plain.sweep_awake(0.9);
-            let image: Vec<f64> = plain.chosen_impulses(&chosen).collect();
+            set.sweep_active(0.9);
+            plain.sweep_active(0.9);
+            let image: Vec<f64> = plain.subset_impulses(&chosen).collect();
             let change: Vec<f64> = image.iter().zip(&before).map(|(r, b)| r - b).collect();
             let squares = change.iter().zip(&weights).map(|(c, w)| (c * w).powi(2));
             assert_eq!(set.change_squared(&chosen, &memories), squares.sum::<f64>());
             direction.iter_mut().for_each(|p| *p *= share);
             let on: Vec<f64> = image.iter().zip(&direction).map(|(r, p)| r + p).collect();
             direction.iter_mut().zip(&change).for_each(|(p, c)| *p += c);
-            set.go_on(&chosen, &mut memories, share);
+            set.extrapolate(&chosen, &mut memories, share);
             plain.replace_impulses(&chosen, &on);
-            before = plain.chosen_impulses(&chosen).collect();
+            before = plain.subset_impulses(&chosen).collect();
             assert!(
                 set.lines == plain.lines && set.impulses().eq(plain.impulses()),
                 "{arithmetic:?}"
@@ -211,15 +211,15 @@ fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
     let scene = LatticeScene::grid([6, 5, 4], 3, 0.2, 11);
     let mut set = whole(&scene.problem);
     set.sweep(1.0);
-    let chosen = awake(&mut set);
-    let impulses: Vec<f64> = set.chosen_impulses(&chosen).collect();
+    let chosen = active(&mut set);
+    let impulses: Vec<f64> = set.subset_impulses(&chosen).collect();
     let visits = |set: &mut ContactSet| {
         let before = set.visits();
-        set.sweep_awake(1.0);
+        set.sweep_active(1.0);
         set.visits() - before
     };
     set.replace_impulses(&chosen, &vec![0.0; impulses.len()]);
-    set.wake();
+    set.update_active();
     assert_eq!(visits(&mut set), 0);
     set.replace_impulses(&chosen, &impulses);
     assert!(visits(&mut set) > 0);

@@ -1,4 +1,4 @@
-//! Threads of the asynchronous schedule played by one, so that overlaps come from a seed.
+//! Threads of the asynchronous schedule simulated by one, so that overlaps follow a seed.
 
 use super::*;
 use crate::ddm::tests::{Solved, momentum_error, run_with, solver, wall};
@@ -10,24 +10,28 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::cell::Cell;
 
-/// What a played thread is about to do.
+/// Next action of a simulated thread.
 #[derive(Clone, Copy, PartialEq)]
-enum Next {
+enum NextAction {
     Draw,
     Begin(usize),
     End(usize),
     Leave,
 }
 
-/// Plays `threads` threads; `pick` says which of those that can go on does.
-fn play(run: &Run, threads: usize, mut pick: impl FnMut(&[(usize, Next)]) -> usize) {
-    let mut next = vec![Next::Draw; threads];
+/// Simulates `threads` threads; `pick` chooses the one to run among those that can.
+fn simulate(
+    run: &AsynchronousRun,
+    threads: usize,
+    mut pick: impl FnMut(&[(usize, NextAction)]) -> usize,
+) {
+    let mut next = vec![NextAction::Draw; threads];
     loop {
-        let can: Vec<(usize, Next)> = (0..threads)
+        let can: Vec<(usize, NextAction)> = (0..threads)
             .map(|t| (t, next[t]))
             .filter(|&(_, n)| match n {
-                Next::Begin(s) => !next.contains(&Next::End(s)),
-                n => n != Next::Leave,
+                NextAction::Begin(s) => !next.contains(&NextAction::End(s)),
+                n => n != NextAction::Leave,
             })
             .collect();
         if can.is_empty() {
@@ -35,25 +39,25 @@ fn play(run: &Run, threads: usize, mut pick: impl FnMut(&[(usize, Next)]) -> usi
         }
         let (t, now) = can[pick(&can)];
         next[t] = match now {
-            Next::Draw => run.draw().map_or(Next::Leave, Next::Begin),
-            Next::Begin(s) => {
-                run.decomposition.with_set(s, |set| run.begin(set));
-                Next::End(s)
+            NextAction::Draw => run.draw().map_or(NextAction::Leave, NextAction::Begin),
+            NextAction::Begin(s) => {
+                run.decomposition.with_set(s, |set| run.begin_visit(set));
+                NextAction::End(s)
             }
-            Next::End(s) => {
-                run.decomposition.with_set(s, |set| run.end(s, set));
-                Next::Draw
+            NextAction::End(s) => {
+                run.decomposition.with_set(s, |set| run.end_visit(s, set));
+                NextAction::Draw
             }
-            Next::Leave => Next::Leave,
+            NextAction::Leave => NextAction::Leave,
         };
     }
 }
 
-/// Threads of very different, random speeds.
-fn at_random(run: &Run, threads: usize, seed: u64) {
+/// Simulates threads of very different, random speeds.
+fn simulate_random(run: &AsynchronousRun, threads: usize, seed: u64) {
     let mut rng = Pcg64::seed_from_u64(seed);
     let speed: Vec<f64> = (0..threads).map(|_| 10_f64.powf(rng.random_range(-3.0..0.0))).collect();
-    play(run, threads, |can| {
+    simulate(run, threads, |can| {
         let mut left = rng.random_range(0.0..can.iter().map(|&(t, _)| speed[t]).sum());
         let chosen = can.iter().position(|&(t, _)| {
             left -= speed[t];
@@ -63,67 +67,67 @@ fn at_random(run: &Run, threads: usize, seed: u64) {
     });
 }
 
-/// All threads in step: as many visits as there are threads answer the same velocities.
-fn in_step(run: &Run, threads: usize) {
-    play(run, threads, |can| {
-        let rank = |n: Next| match n {
-            Next::Draw => 0,
-            Next::Begin(_) => 1,
-            Next::End(_) | Next::Leave => 2,
+/// Simulates threads in step: as many visits as threads answer the same velocities.
+fn simulate_in_step(run: &AsynchronousRun, threads: usize) {
+    simulate(run, threads, |can| {
+        let rank = |n: NextAction| match n {
+            NextAction::Draw => 0,
+            NextAction::Begin(_) => 1,
+            NextAction::End(_) | NextAction::Leave => 2,
         };
         (0..can.len()).min_by_key(|&i| rank(can[i].1)).unwrap_or(0)
     });
 }
 
-/// Number of a way to play: in step, or a seed.
-fn play_numbered(run: &Run, threads: u32, number: u64) {
+/// Simulates threads in step for 0, otherwise with a seed.
+fn simulate_numbered(run: &AsynchronousRun, threads: u32, number: u64) {
     match number {
-        0 => in_step(run, threads as usize),
-        seed => at_random(run, threads as usize, seed),
+        0 => simulate_in_step(run, threads as usize),
+        seed => simulate_random(run, threads as usize, seed),
     }
 }
 
-/// A scene of the wall, and its solution by the synchronous schedule.
-struct Case {
+/// Problem of the wall with its solution by the synchronous schedule.
+struct SolvedWall {
     model: Model,
     state: State,
     contacts: Contacts,
     expected: Solved,
 }
 
-impl Case {
+impl SolvedWall {
     fn new(solver: Solver) -> Self {
         let (model, state, contacts) = wall(6, 5, solver);
         let expected = run_with(&model, &state, &contacts, &[], |d, _| {
             d.apply_impulses();
-            synchronous::iterate(d, &model.solver, &mut || None).expect("nobody stops it")
+            synchronous::iterate(d, &model.solver, &mut || None).expect("the step is not cancelled")
         });
         Self { model, state, contacts, expected }
     }
 
-    /// Iterations without momentum that solve it.
+    /// Number of plain iterations that solve it.
     fn plain_iterations(&self) -> u32 {
         let plain = Solver { acceleration: Acceleration::None, ..self.model.solver };
         let solved = run_with(&self.model, &self.state, &self.contacts, &[], |d, _| {
             d.apply_impulses();
-            synchronous::iterate(d, &plain, &mut || None).expect("nobody stops it")
+            synchronous::iterate(d, &plain, &mut || None).expect("the step is not cancelled")
         });
         assert!(solved.outcome.converged);
         solved.outcome.iterations
     }
 
-    /// The asynchronous schedule from the impulses `start`, and how often it ran freely.
-    fn play(&self, start: &[Vec3], threads: u32, number: u64) -> (Solved, u32) {
+    /// Solves with the asynchronous schedule from the impulses `start`; also returns the number of its runs.
+    fn solve(&self, start: &[Vec3], threads: u32, number: u64) -> (Solved, u32) {
         let runs = Cell::new(0);
         let solved = run_with(&self.model, &self.state, &self.contacts, start, |d, _| {
             d.apply_impulses();
-            let work = |run: &Run| {
+            let work = |run: &AsynchronousRun| {
                 runs.set(runs.get() + 1);
-                play_numbered(run, threads, number);
+                simulate_numbered(run, threads, number);
             };
             match iterate_with(d, &self.model.solver, &mut || None, work) {
-                Ok(Iterated::Sound(outcome)) => outcome,
-                other => panic!("a false alarm: {other:?}"),
+                Ok(AsynchronousOutcome::Solved(outcome)) => outcome,
+                other => panic!("unexpected divergence: {other:?}"),
             }
         });
         (solved, runs.get())
@@ -131,18 +135,18 @@ impl Case {
 }
 
 #[test]
-fn however_visits_overlap_a_step_is_solved_in_about_as_many_iterations() {
+fn overlapping_visits_need_about_as_many_iterations_as_synchronous_ones() {
     for (subdomains, convergence_check_interval) in [(2, 1), (4, 10), (9, 1)] {
-        let case = Case::new(Solver {
+        let case = SolvedWall::new(Solver {
             convergence_check_interval,
             ..solver(Schedule::Asynchronous, subdomains)
         });
         assert!(case.expected.outcome.converged);
-        // Its visits have no momentum: as many iterations as plain ones in parallel would take.
+        // Its visits are plain: about as many iterations as plain ones in parallel would take.
         let most = case.plain_iterations() * 13 / 10;
         for threads in [2, 4, 8].into_iter().filter(|&t| t <= subdomains) {
             for number in 0..3 {
-                let (solved, runs) = case.play(&[], threads, number);
+                let (solved, runs) = case.solve(&[], threads, number);
                 let place = format!("{subdomains} {threads} {number}: {:?}", solved.outcome);
                 assert!(solved.outcome.converged, "{place}");
                 assert!(solved.outcome.iterations < most, "{place}, expected {most}");
@@ -161,7 +165,7 @@ fn however_visits_overlap_a_step_is_solved_in_about_as_many_iterations() {
 #[test]
 fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
     for subdomains in [2, 9] {
-        let mut case = Case::new(Solver {
+        let mut case = SolvedWall::new(Solver {
             convergence_check_interval: 1,
             ..solver(Schedule::Asynchronous, subdomains)
         });
@@ -170,7 +174,7 @@ fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
         case.model.gravity = Vec3::new(0.0, 0.0, 9.81);
         for threads in [2, 8] {
             for number in 0..5 {
-                let (solved, _) = case.play(&rest, threads, number);
+                let (solved, _) = case.solve(&rest, threads, number);
                 let place = format!("{subdomains} {threads} {number}: {:?}", solved.outcome);
                 assert!(solved.outcome.converged, "{place}");
                 for v in &solved.velocity {
@@ -182,14 +186,14 @@ fn a_step_that_opens_every_contact_is_not_taken_for_divergence() {
 }
 
 #[test]
-fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
+fn a_fixed_number_of_iterations_is_as_accurate_as_synchronous_ones() {
     let fixed =
         Solver { tolerance: None, max_iterations: 100, ..solver(Schedule::Asynchronous, 9) };
-    let case = Case::new(fixed);
+    let case = SolvedWall::new(fixed);
     let expected = case.expected.outcome;
     for threads in [1, 2, 4, 8] {
         for number in 0..10 {
-            let (solved, runs) = case.play(&[], threads, number);
+            let (solved, runs) = case.solve(&[], threads, number);
             let place = format!("{threads} {number}: {:?}", solved.outcome);
             assert_eq!((solved.outcome.iterations, runs), (100, 1), "{place}");
             // Which contacts rest between the tests depends on the order of the visits.
@@ -205,25 +209,26 @@ fn a_fixed_number_of_iterations_is_worth_as_much_as_a_synchronous_one() {
 }
 
 /// Calls `check` with a run of a wall in four subdomains, tested after every visit.
-fn with_run(check: impl Fn(&Run)) {
-    let case =
-        Case::new(Solver { convergence_check_interval: 1, ..solver(Schedule::Asynchronous, 4) });
+fn with_run(check: impl Fn(&AsynchronousRun)) {
+    let case = SolvedWall::new(Solver {
+        convergence_check_interval: 1,
+        ..solver(Schedule::Asynchronous, 4)
+    });
     run_with(&case.model, &case.state, &case.contacts, &[], |d, _| {
         let mut never = || None;
-        check(&Run::new(
+        check(&AsynchronousRun::new(
             d,
             &case.model.solver,
-            Softening::new(&case.model.solver),
+            AdaptiveRelaxation::new(&case.model.solver),
             Vec::new(),
             &mut never,
         ));
-        Outcome::default()
+        SolveOutcome::default()
     });
 }
 
-/// What a set reports after `visits` when a visit changed velocities by `change` m/s, with 1 m/s
-/// borne by impulses or none.
-fn report(run: &Run, s: usize, visits: u32, change: f64, borne: bool) {
+/// Reports `visits` of a set, the last of which changed velocities by `change` m/s, with 1 m/s borne by impulses or none.
+fn report(run: &AsynchronousRun, s: usize, visits: u32, change: f64, borne: bool) {
     let borne = f64::from(u8::from(borne));
     let norms = VisitNorms {
         active: 1.0,
@@ -234,17 +239,17 @@ fn report(run: &Run, s: usize, visits: u32, change: f64, borne: bool) {
         speed_squared: 1e-4,
         ..VisitNorms::default()
     };
-    run.report(s, &Set { visits, norms, ..Set::default() });
+    run.report(s, &SweepSet { visits, norms, ..SweepSet::default() });
 }
 
-fn stopped(run: &Run) -> (bool, bool) {
-    (run.stop.load(Ordering::Relaxed), enter(&run.tests).diverged)
+fn stopped(run: &AsynchronousRun) -> (bool, bool) {
+    (run.stop.load(Ordering::Relaxed), lock(&run.tests).diverged)
 }
 
 #[test]
-fn a_test_waits_for_every_set_however_often_the_others_report() {
+fn a_test_waits_for_every_set() {
     with_run(|run| {
-        let sets = run.decomposition.sets();
+        let sets = run.decomposition.set_count();
         for visits in 1..=3 * sets as u32 {
             for s in 1..sets {
                 report(run, s, visits, 0.0, true);
@@ -263,7 +268,7 @@ fn a_test_waits_for_every_set_however_often_the_others_report() {
 fn vanishing_impulses_are_no_divergence_but_growing_changes_are() {
     with_run(|run| {
         let all = |visits, change, borne| {
-            (0..run.decomposition.sets()).for_each(|s| report(run, s, visits, change, borne));
+            (0..run.decomposition.set_count()).for_each(|s| report(run, s, visits, change, borne));
             stopped(run)
         };
         assert_eq!(all(1, 1e-5, true), (false, false));
@@ -272,7 +277,7 @@ fn vanishing_impulses_are_no_divergence_but_growing_changes_are() {
         assert_eq!(all(3, 0.9, true), (false, false));
         // Grains moved at 1e-2 m/s at the first test.
         assert_eq!(all(4, 1.1, true), (true, true));
-        // Whatever is reported while the threads leave.
+        // Reports that follow the stop change nothing.
         assert_eq!(all(5, 0.0, true), (true, true));
     });
 }

@@ -11,9 +11,9 @@ use std::ops::AddAssign;
 pub struct OperationCounts {
     /// Additions, subtractions and multiplications.
     pub plain: u64,
-    /// Products with a sum, rounded once.
+    /// HistoryProducts with a sum, rounded once.
     pub fused: u64,
-    /// Divisions and square roots.
+    /// DivisionPass and square roots.
     pub divisions: u64,
 }
 
@@ -33,36 +33,36 @@ impl OperationCounts {
 }
 
 thread_local! {
-    static DONE: Cell<OperationCounts> = const { Cell::new(OperationCounts { plain: 0, fused: 0, divisions: 0 }) };
+    static COUNTS: Cell<OperationCounts> = const { Cell::new(OperationCounts { plain: 0, fused: 0, divisions: 0 }) };
 }
 
-/// What `work` does on this thread with [`Counting`] lanes.
-pub fn counted(work: impl FnOnce()) -> OperationCounts {
-    DONE.set(OperationCounts::default());
+/// What `work` does on this thread with [`CountingLanes`] lanes.
+pub fn count_operations(work: impl FnOnce()) -> OperationCounts {
+    COUNTS.set(OperationCounts::default());
     work();
-    DONE.get()
+    COUNTS.get()
 }
 
 /// Plain lanes whose arithmetic is counted.
 #[derive(Clone, Copy)]
-pub struct Counting(Portable);
+pub struct CountingLanes(Portable);
 
-fn plain(result: Portable) -> Counting {
-    DONE.set(OperationCounts { plain: DONE.get().plain + 1, ..DONE.get() });
-    Counting(result)
+fn plain(result: Portable) -> CountingLanes {
+    COUNTS.set(OperationCounts { plain: COUNTS.get().plain + 1, ..COUNTS.get() });
+    CountingLanes(result)
 }
 
-fn fused(result: Portable) -> Counting {
-    DONE.set(OperationCounts { fused: DONE.get().fused + 1, ..DONE.get() });
-    Counting(result)
+fn fused(result: Portable) -> CountingLanes {
+    COUNTS.set(OperationCounts { fused: COUNTS.get().fused + 1, ..COUNTS.get() });
+    CountingLanes(result)
 }
 
-fn divided(result: Portable) -> Counting {
-    DONE.set(OperationCounts { divisions: DONE.get().divisions + 1, ..DONE.get() });
-    Counting(result)
+fn divided(result: Portable) -> CountingLanes {
+    COUNTS.set(OperationCounts { divisions: COUNTS.get().divisions + 1, ..COUNTS.get() });
+    CountingLanes(result)
 }
 
-impl Lanes for Counting {
+impl Lanes for CountingLanes {
     type Mask = <Portable as Lanes>::Mask;
 
     fn splat(x: f64) -> Self {
@@ -164,8 +164,11 @@ mod tests {
             "{operations:?}"
         );
         let traffic = set.traffic();
-        let blocks = traffic.held as f64 - 64.0 * set.lines.len() as f64;
+        let blocks = traffic.footprint as f64 - 64.0 * set.lines.len() as f64;
         assert!((144.0..=160.0).contains(&(blocks / lanes)), "{traffic:?}");
-        assert!(traffic.streamed > traffic.held && traffic.core > traffic.held, "{traffic:?}");
+        assert!(
+            traffic.streamed > traffic.footprint && traffic.core > traffic.footprint,
+            "{traffic:?}"
+        );
     }
 }

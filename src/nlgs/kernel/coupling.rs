@@ -4,9 +4,9 @@ use crate::lanes::{BodyVelocity, Lanes, each};
 use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
 
 /// Eight contacts of one kind, and how they see and move their grains.
-pub trait Block {
+pub trait ContactBlock {
     /// The grains' lines and what was computed on reading them.
-    type Held<L: Lanes>;
+    type Gathered<L: Lanes>;
 
     fn law(&self) -> &LawRows;
     fn impulse(&self) -> &[Row64; 3];
@@ -15,14 +15,14 @@ pub trait Block {
     ///
     /// # Safety
     /// The indices in the block are below the number of lines.
-    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Held<L>, [L; 3]);
+    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Gathered<L>, [L; 3]);
     /// Adds the velocities that the impulses `delta` cause, and writes the lines.
     ///
     /// # Safety
     /// The indices in the block are below the number of lines.
     unsafe fn push<L: Lanes>(
         &self,
-        held: Self::Held<L>,
+        gathered: Self::Gathered<L>,
         delta: &[L; 3],
         lines: &mut [BodyVelocity],
     );
@@ -34,7 +34,7 @@ pub type Axes<L> = [[L; 3]; 3];
 fn load_axes<L: Lanes>(normal: &[[f32; 8]; 3], tangent: &[[f32; 8]; 3]) -> Axes<L> {
     let n = each!(J in 3 => L::load32(&normal[J]));
     let t = each!(J in 3 => L::load32(&tangent[J]));
-    // Products of two f32 are exact: rounded once, like the plain cross product.
+    // HistoryProducts of two f32 are exact: rounded once, like the plain cross product.
     [n, t, [cross(&n, &t, 1, 2), cross(&n, &t, 2, 0), cross(&n, &t, 0, 1)]]
 }
 
@@ -75,8 +75,8 @@ fn force<L: Lanes>(axes: &Axes<L>, j: usize, delta: &[L; 3]) -> L {
     axes[2][j].mul_add(delta[2], axes[1][j].mul_add(delta[1], axes[0][j].mul(delta[0])))
 }
 
-impl Block for PairBlock {
-    type Held<L: Lanes> = (Axes<L>, [L; 8], [L; 8]);
+impl ContactBlock for PairBlock {
+    type Gathered<L: Lanes> = (Axes<L>, [L; 8], [L; 8]);
 
     #[inline(always)]
     fn law(&self) -> &LawRows {
@@ -91,7 +91,7 @@ impl Block for PairBlock {
         (&mut self.impulse, &mut self.law.slip)
     }
     #[inline(always)]
-    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Held<L>, [L; 3]) {
+    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Gathered<L>, [L; 3]) {
         // SAFETY: the caller's.
         let (c, a): ([L; 8], [L; 8]) =
             unsafe { (L::gather(lines, &self.candidate), L::gather(lines, &self.antagonist)) };
@@ -108,11 +108,11 @@ impl Block for PairBlock {
     #[inline(always)]
     unsafe fn push<L: Lanes>(
         &self,
-        held: Self::Held<L>,
+        gathered: Self::Gathered<L>,
         delta: &[L; 3],
         lines: &mut [BodyVelocity],
     ) {
-        let (axes, mut c, mut a) = held;
+        let (axes, mut c, mut a) = gathered;
         for j in 0..3 {
             let f = force(&axes, j, delta);
             c[j] = f.mul_add(c[6], c[j]);
@@ -128,8 +128,8 @@ impl Block for PairBlock {
     }
 }
 
-impl Block for SingleBlock {
-    type Held<L: Lanes> = (Axes<L>, [L; 8]);
+impl ContactBlock for SingleBlock {
+    type Gathered<L: Lanes> = (Axes<L>, [L; 8]);
 
     #[inline(always)]
     fn law(&self) -> &LawRows {
@@ -144,7 +144,7 @@ impl Block for SingleBlock {
         (&mut self.impulse, &mut self.law.slip)
     }
     #[inline(always)]
-    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Held<L>, [L; 3]) {
+    unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Gathered<L>, [L; 3]) {
         // SAFETY: the caller's.
         let line: [L; 8] = unsafe { L::gather(lines, &self.grain) };
         let axes = load_axes(&self.normal, &self.tangent);
@@ -157,11 +157,11 @@ impl Block for SingleBlock {
     #[inline(always)]
     unsafe fn push<L: Lanes>(
         &self,
-        held: Self::Held<L>,
+        gathered: Self::Gathered<L>,
         delta: &[L; 3],
         lines: &mut [BodyVelocity],
     ) {
-        let (axes, mut line) = held;
+        let (axes, mut line) = gathered;
         for j in 0..3 {
             line[j] = force(&axes, j, delta).mul_add(line[6], line[j]);
             line[3 + j] = turn(&self.arms, j, delta, line[3 + j]);

@@ -14,23 +14,26 @@ mod roofline;
 
 pub use counting::OperationCounts;
 
-use super::block::{BlockMemory, LawRows, PairBlock, Row64, SingleBlock};
+use super::block::{LawRows, NncgBlock, PairBlock, Row64, SingleBlock};
 use super::residual::{NaturalMapSums, VisitNorms};
 use crate::lanes::{BodyVelocity, InstructionSet, LANES, VelocityKernel, run};
 use crate::local_problem::LocalContact;
-use passes::{Apply, Every, Few, GoOn, MeasuredSweep, NaturalMap, PlainSweep, Replace, Sweep};
+use passes::{
+    ActiveBlocks, AllBlocks, ApplyImpulses, Extrapolate, MeasuredSweep, NaturalMapPass, PlainSweep,
+    ReplaceImpulses, SweepPass,
+};
 
 /// Some of the blocks: singles and pairs.
 #[derive(Debug, Clone, Default)]
-pub struct Chosen([Vec<u32>; 2]);
+pub struct BlockSubset([Vec<u32>; 2]);
 
 /// Packed contacts whose indices are checked on entry.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
     singles: Vec<SingleBlock>,
     pairs: Vec<PairBlock>,
-    /// Singles and pairs of which a contact carried an impulse when [`Blocks::wake`] looked.
-    awake: [Vec<u32>; 2],
+    /// Singles and pairs of which a contact carried an impulse when [`Blocks::update_active`] looked.
+    active: [Vec<u32>; 2],
     /// Whether each of the singles and of the pairs shares no grain with the one after it: the two may be visited at once.
     apart: [Vec<bool>; 2],
     /// Lines of grains; the spare line of padding comes after them.
@@ -43,7 +46,7 @@ impl Blocks {
         assert!(line_count < u32::MAX as usize, "more lines than indices");
         self.singles.clear();
         self.pairs.clear();
-        self.awake.iter_mut().for_each(Vec::clear);
+        self.active.iter_mut().for_each(Vec::clear);
         self.apart.iter_mut().for_each(Vec::clear);
         self.line_count = line_count as u32;
     }
@@ -58,7 +61,7 @@ impl Blocks {
             }
         }
         let before = self.singles.last().map(|before| before.grain);
-        self.follow(0, before.is_some_and(|before| self.are_apart(&before, &block.grain)));
+        self.follow(0, before.is_some_and(|before| self.are_disjoint(&before, &block.grain)));
         self.singles.push(block);
     }
 
@@ -73,10 +76,10 @@ impl Blocks {
         }
         let grains = |block: &PairBlock| [block.candidate, block.antagonist];
         let before = self.pairs.last().map(grains);
-        let is_apart = |before: [[u32; LANES]; 2]| {
-            self.are_apart(before.as_flattened(), grains(&block).as_flattened())
+        let is_disjoint_from_next = |before: [[u32; LANES]; 2]| {
+            self.are_disjoint(before.as_flattened(), grains(&block).as_flattened())
         };
-        self.follow(1, before.is_some_and(is_apart));
+        self.follow(1, before.is_some_and(is_disjoint_from_next));
         self.pairs.push(block);
     }
 
@@ -89,7 +92,7 @@ impl Blocks {
     }
 
     /// Whether two blocks have no line in common but the spare one.
-    fn are_apart(&self, one: &[u32], other: &[u32]) -> bool {
+    fn are_disjoint(&self, one: &[u32], other: &[u32]) -> bool {
         // Without a branch within: compared many at a time.
         let has_not = |line: u32| other.iter().fold(true, |apart, &o| apart & (o != line));
         one.iter().all(|&line| line == self.line_count || has_not(line))
@@ -123,11 +126,11 @@ impl Blocks {
         &'a mut self,
         lines: &'a mut [BodyVelocity],
         relaxation: f64,
-    ) -> Sweep<'a, Every<'a>> {
+    ) -> SweepPass<'a, AllBlocks<'a>> {
         self.check_lines(lines);
-        let choice = self.apart.each_ref().map(|apart| Every(apart));
+        let choice = self.apart.each_ref().map(|apart| AllBlocks(apart));
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        Sweep { singles, pairs, choice, lines, relaxation }
+        SweepPass { singles, pairs, choice, lines, relaxation }
     }
 
     /// Visits every contact once.
@@ -142,8 +145,8 @@ impl Blocks {
         unsafe { run(arithmetic, pass) }
     }
 
-    /// Visits the contacts of the blocks that are awake.
-    pub fn sweep_awake(
+    /// Visits the contacts of the blocks that are active.
+    pub fn sweep_active(
         &mut self,
         arithmetic: InstructionSet,
         lines: &mut [BodyVelocity],
@@ -152,34 +155,34 @@ impl Blocks {
         self.check_lines(lines);
         let [of_singles, of_pairs] = &self.apart;
         let choice = [
-            Few { blocks: &self.awake[0], apart: of_singles },
-            Few { blocks: &self.awake[1], apart: of_pairs },
+            ActiveBlocks { blocks: &self.active[0], apart: of_singles },
+            ActiveBlocks { blocks: &self.active[1], apart: of_pairs },
         ];
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        let pass = PlainSweep(Sweep { singles, pairs, choice, lines, relaxation });
+        let pass = PlainSweep(SweepPass { singles, pairs, choice, lines, relaxation });
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
     }
 
-    /// Looks which blocks carry an impulse: these are awake until the next time.
-    pub fn wake(&mut self) {
-        fn look<'b>(awake: &mut Vec<u32>, normal: impl Iterator<Item = &'b Row64>) {
+    /// Looks which blocks carry an impulse: these are active until the next time.
+    pub fn update_active(&mut self) {
+        fn look<'b>(active: &mut Vec<u32>, normal: impl Iterator<Item = &'b Row64>) {
             let carries = |row: &Row64| row.iter().any(|&r| r != 0.0);
-            awake.clear();
-            awake.extend((0u32..).zip(normal).filter(|(_, row)| carries(row)).map(|(i, _)| i));
+            active.clear();
+            active.extend((0u32..).zip(normal).filter(|(_, row)| carries(row)).map(|(i, _)| i));
         }
-        let [singles, pairs] = &mut self.awake;
+        let [singles, pairs] = &mut self.active;
         look(singles, self.singles.iter().map(|b| &b.impulse[0]));
         look(pairs, self.pairs.iter().map(|b| &b.impulse[0]));
     }
 
-    /// The blocks that are awake, numbered in the order of a sweep.
-    pub fn awake(&self) -> impl Iterator<Item = usize> + '_ {
-        self.numbers(&self.awake)
+    /// The blocks that are active, numbered in the order of a sweep.
+    pub fn active(&self) -> impl Iterator<Item = usize> + '_ {
+        self.numbers(&self.active)
     }
 
     /// The chosen blocks, numbered in the order of a sweep.
-    pub fn numbers_of<'a>(&'a self, chosen: &'a Chosen) -> impl Iterator<Item = usize> + 'a {
+    pub fn numbers_of<'a>(&'a self, chosen: &'a BlockSubset) -> impl Iterator<Item = usize> + 'a {
         self.numbers(&chosen.0)
     }
 
@@ -205,20 +208,20 @@ impl Blocks {
         let (mut blocks, mut lines) = (self.clone(), lines.to_vec());
         let pass = PlainSweep(blocks.as_sweep(&mut lines, relaxation));
         // SAFETY: indices were checked by `push_*`, lines by `as_sweep`; the type needs no instructions of its own.
-        counting::counted(|| unsafe { pass.run::<counting::Counting>() })
+        counting::count_operations(|| unsafe { pass.run::<counting::CountingLanes>() })
     }
 
     /// Adds to the lines what the impulses cause: `V += M⁻¹ H r`.
     pub fn apply_impulses(&self, arithmetic: InstructionSet, lines: &mut [BodyVelocity]) {
         self.check_lines(lines);
-        let pass = Apply { singles: &self.singles, pairs: &self.pairs, lines };
+        let pass = ApplyImpulses { singles: &self.singles, pairs: &self.pairs, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
     }
 
-    /// The blocks that are awake, to be kept.
-    pub fn choose_awake(&self, chosen: &mut Chosen) {
-        for (to, from) in chosen.0.iter_mut().zip(&self.awake) {
+    /// The blocks that are active, to be kept.
+    pub fn copy_active_blocks(&self, chosen: &mut BlockSubset) {
+        for (to, from) in chosen.0.iter_mut().zip(&self.active) {
             to.clone_from(from);
         }
     }
@@ -226,7 +229,7 @@ impl Blocks {
     /// Laws and impulses of the chosen blocks.
     pub fn chosen<'a>(
         &'a self,
-        chosen: &'a Chosen,
+        chosen: &'a BlockSubset,
     ) -> impl Iterator<Item = (&'a LawRows, &'a [Row64; 3])> {
         let [singles, pairs] = &chosen.0;
         let single = |&i: &u32| (&self.singles[i as usize].law, &self.singles[i as usize].impulse);
@@ -235,13 +238,13 @@ impl Blocks {
     }
 
     /// Gives the chosen blocks the impulses of their cones nearest to `impulses`, block after block, and the
-    /// lines what the change causes. They are awake from now on: what has just been pushed is to be looked at.
+    /// lines what the change causes. They are active from now on: what has just been pushed is to be looked at.
     ///
     /// Tells whether one was not.
     pub fn replace_impulses(
         &mut self,
         arithmetic: InstructionSet,
-        chosen: &Chosen,
+        chosen: &BlockSubset,
         impulses: &[[Row64; 3]],
         lines: &mut [BodyVelocity],
     ) -> bool {
@@ -253,21 +256,21 @@ impl Blocks {
             "one triple of rows per block"
         );
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        let pass = Replace { singles, pairs, choice, impulses, lines };
+        let pass = ReplaceImpulses { singles, pairs, choice, impulses, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
-        self.rouse(chosen)
+        self.activate(chosen)
     }
 
     /// Goes on from the present impulses of the chosen blocks by `share` of the way that led there (T-37), within
-    /// their cones; the lines follow. They are awake from now on.
+    /// their cones; the lines follow. They are active from now on.
     ///
     /// Tells whether one was not.
-    pub fn go_on(
+    pub fn extrapolate(
         &mut self,
         arithmetic: InstructionSet,
-        chosen: &Chosen,
-        memories: &mut [BlockMemory],
+        chosen: &BlockSubset,
+        memories: &mut [NncgBlock],
         share: f64,
         lines: &mut [BodyVelocity],
     ) -> bool {
@@ -275,36 +278,36 @@ impl Blocks {
         let choice = chosen.0.each_ref().map(Vec::as_slice);
         assert_eq!(memories.len(), choice[0].len() + choice[1].len(), "one memory per block");
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        let pass = GoOn { singles, pairs, choice, memories, share, lines };
+        let pass = Extrapolate { singles, pairs, choice, memories, share, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
-        self.rouse(chosen)
+        self.activate(chosen)
     }
 
-    /// Wakes the chosen blocks; tells whether one was not awake.
-    fn rouse(&mut self, chosen: &Chosen) -> bool {
+    /// Wakes the chosen blocks; tells whether one was not active.
+    fn activate(&mut self, chosen: &BlockSubset) -> bool {
         let mut roused = false;
-        for (awake, chosen) in self.awake.iter_mut().zip(&chosen.0) {
+        for (active, chosen) in self.active.iter_mut().zip(&chosen.0) {
             // Both ascend.
-            let mut rest = awake.iter();
+            let mut rest = active.iter();
             if !chosen.iter().all(|i| rest.any(|j| j == i)) {
-                awake.extend(chosen);
-                awake.sort_unstable();
-                awake.dedup();
+                active.extend(chosen);
+                active.sort_unstable();
+                active.dedup();
                 roused = true;
             }
         }
         roused
     }
 
-    /// Sums of the natural map at the present impulses and velocities.
+    /// NormSums of the natural map at the present impulses and velocities.
     pub fn natural_map(
         &self,
         arithmetic: InstructionSet,
         lines: &[BodyVelocity],
     ) -> NaturalMapSums {
         self.check_lines(lines);
-        let pass = NaturalMap { singles: &self.singles, pairs: &self.pairs, lines };
+        let pass = NaturalMapPass { singles: &self.singles, pairs: &self.pairs, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
     }
@@ -328,11 +331,11 @@ mod tests {
         for (grains, apart) in [singles, pairs].iter().zip(&blocks.apart) {
             assert_eq!(apart.len(), grains.len());
             assert!(!apart[grains.len() - 1]);
-            for (two, &is_apart) in grains.windows(2).zip(apart) {
+            for (two, &is_disjoint_from_next) in grains.windows(2).zip(apart) {
                 let of_grain = |g: &&u32| **g < blocks.line_count;
                 let shared = two[0].iter().filter(of_grain).any(|g| two[1].contains(g));
-                assert_eq!(is_apart, !shared, "{two:?}");
-                counts[usize::from(is_apart)] += 1;
+                assert_eq!(is_disjoint_from_next, !shared, "{two:?}");
+                counts[usize::from(is_disjoint_from_next)] += 1;
             }
         }
         assert!(counts[0] > 0 && counts[1] > 0, "{counts:?}");

@@ -1,23 +1,23 @@
 //! Passes over blocks, written once for all arithmetics.
 
-use super::coupling::{Block, dot};
+use super::coupling::{ContactBlock, dot};
 use crate::lanes::{BodyVelocity, Lanes, VelocityKernel, each, prefetch_at};
-use crate::nlgs::block::{BlockMemory, PairBlock, Row64, SingleBlock};
+use crate::nlgs::block::{NncgBlock, PairBlock, Row64, SingleBlock};
+use crate::nlgs::local_solve::{self, LawLanes, LocalSolve};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
-use crate::nlgs::visit::{self, Law, Visit};
 
 /// What a sweep takes down of its visits.
-trait Record<L: Lanes>: Copy {
+trait SweepRecorder<L: Lanes>: Copy {
     fn none() -> Self;
-    fn visit(&mut self, law: &Law<L>, change: &[L; 3], r: &[L; 3]);
+    fn visit(&mut self, law: &LawLanes<L>, change: &[L; 3], r: &[L; 3]);
     fn sums(self) -> VisitNorms;
 }
 
-impl<L: Lanes> Record<L> for () {
+impl<L: Lanes> SweepRecorder<L> for () {
     #[inline(always)]
     fn none() {}
     #[inline(always)]
-    fn visit(&mut self, _: &Law<L>, _: &[L; 3], _: &[L; 3]) {}
+    fn visit(&mut self, _: &LawLanes<L>, _: &[L; 3], _: &[L; 3]) {}
     #[inline(always)]
     fn sums(self) -> VisitNorms {
         VisitNorms::default()
@@ -26,20 +26,20 @@ impl<L: Lanes> Record<L> for () {
 
 /// Lane by lane sums of a measured sweep, in the order of [`VisitNorms`]' fields but the last.
 #[derive(Clone, Copy)]
-struct Sums<L>([L; 7]);
+struct NormSums<L>([L; 7]);
 
-impl<L: Lanes> Record<L> for Sums<L> {
+impl<L: Lanes> SweepRecorder<L> for NormSums<L> {
     #[inline(always)]
     fn none() -> Self {
         Self([L::splat(0.0); 7])
     }
     #[inline(always)]
-    fn visit(&mut self, law: &Law<L>, change: &[L; 3], r: &[L; 3]) {
+    fn visit(&mut self, law: &LawLanes<L>, change: &[L; 3], r: &[L; 3]) {
         let zero = L::splat(0.0);
         let change_squared = dot(change, *change, zero);
         let active = L::or(zero.lt(r[0]), zero.lt(change_squared));
-        let dv = visit::delassus_times(law, change, active);
-        let wr = visit::delassus_times(law, r, active);
+        let dv = local_solve::delassus_times(law, change, active);
+        let wr = local_solve::delassus_times(law, r, active);
         let dv_squared = dot(&dv, dv, zero);
         let terms = [
             L::select(active, L::splat(1.0), zero),
@@ -76,7 +76,7 @@ impl<L: Lanes> Record<L> for Sums<L> {
 
 /// Blocks that are asked for before their turn. They come in order, but each is a third of a page, at
 /// whose end the processor's own prefetching stops: a quarter to a half is gained out of cache.
-const AHEAD: usize = 6;
+const PREFETCH_DISTANCE: usize = 6;
 
 /// Asks for a block; its number may be anything.
 #[inline(always)]
@@ -91,21 +91,21 @@ fn number(of: &[u32], k: usize) -> usize {
 }
 
 /// The blocks that a sweep visits, in ascending order.
-pub trait Choice {
+pub trait BlockSelection {
     /// Whether many of them are likely to carry nothing: then it pays to look before the law is solved.
-    const MANY_REST: bool;
+    const MOSTLY_INACTIVE: bool;
     fn count(&self) -> usize;
     /// The `k`-th of them; any number if `k` is too large.
     fn block(&self, k: usize) -> usize;
     /// Whether there is a next one, which shares no grain with the `k`-th.
-    fn is_apart(&self, k: usize) -> bool;
+    fn is_disjoint_from_next(&self, k: usize) -> bool;
 }
 
 /// All blocks; whether each shares no grain with the one after it.
-pub struct Every<'a>(pub &'a [bool]);
+pub struct AllBlocks<'a>(pub &'a [bool]);
 
-impl Choice for Every<'_> {
-    const MANY_REST: bool = true;
+impl BlockSelection for AllBlocks<'_> {
+    const MOSTLY_INACTIVE: bool = true;
     #[inline(always)]
     fn count(&self) -> usize {
         self.0.len()
@@ -115,20 +115,20 @@ impl Choice for Every<'_> {
         k
     }
     #[inline(always)]
-    fn is_apart(&self, k: usize) -> bool {
+    fn is_disjoint_from_next(&self, k: usize) -> bool {
         self.0[k]
     }
 }
 
 /// Some of the blocks.
-pub struct Few<'a> {
+pub struct ActiveBlocks<'a> {
     pub blocks: &'a [u32],
-    /// Of all blocks, as in [`Every`].
+    /// Of all blocks, as in [`AllBlocks`].
     pub apart: &'a [bool],
 }
 
-impl Choice for Few<'_> {
-    const MANY_REST: bool = false;
+impl BlockSelection for ActiveBlocks<'_> {
+    const MOSTLY_INACTIVE: bool = false;
     #[inline(always)]
     fn count(&self) -> usize {
         self.blocks.len()
@@ -138,7 +138,7 @@ impl Choice for Few<'_> {
         number(self.blocks, k)
     }
     #[inline(always)]
-    fn is_apart(&self, k: usize) -> bool {
+    fn is_disjoint_from_next(&self, k: usize) -> bool {
         let i = self.block(k);
         // Of others it is not known.
         self.block(k + 1) == i + 1 && self.apart[i]
@@ -154,23 +154,23 @@ fn carries<L: Lanes>(r: &[L; 3]) -> L::Mask {
 }
 
 /// A block as a visit finds it.
-struct Found<L: Lanes, B: Block> {
-    held: B::Held<L>,
+struct LoadedBlock<L: Lanes, B: ContactBlock> {
+    gathered: B::Gathered<L>,
     u: [L; 3],
     r: [L; 3],
-    law: Law<L>,
+    law: LawLanes<L>,
     approach: (L, L::Mask),
 }
 
-impl<L: Lanes, B: Block> Found<L, B> {
+impl<L: Lanes, B: ContactBlock> LoadedBlock<L, B> {
     #[inline(always)]
     unsafe fn read(block: &B, lines: &[BodyVelocity]) -> Self {
         // SAFETY: the caller's.
-        let (held, u) = unsafe { block.read::<L>(lines) };
-        let law = Law::load(block.law());
+        let (gathered, u) = unsafe { block.read::<L>(lines) };
+        let law = LawLanes::load(block.law());
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
-        let approach = visit::approach(&law, &u, &r);
-        Self { held, u, r, law, approach }
+        let approach = local_solve::approach(&law, &u, &r);
+        Self { gathered, u, r, law, approach }
     }
 
     /// Open contacts that stay open: nothing would change.
@@ -180,15 +180,15 @@ impl<L: Lanes, B: Block> Found<L, B> {
     }
 
     #[inline(always)]
-    fn visit(&self, block: &B) -> Visit<L> {
-        Visit::begin(&self.law, self.approach, &self.u, &self.r, &block.law().slip)
+    fn visit(&self, block: &B) -> LocalSolve<L> {
+        LocalSolve::begin(&self.law, self.approach, &self.u, &self.r, &block.law().slip)
     }
 
     /// Ends the visit: impulses and lines are changed by what it has found, relaxed.
     #[inline(always)]
-    unsafe fn end<R: Record<L>>(
+    unsafe fn end<R: SweepRecorder<L>>(
         self,
-        visit: Visit<L>,
+        visit: LocalSolve<L>,
         block: &mut B,
         lines: &mut [BodyVelocity],
         relaxation: L,
@@ -208,12 +208,12 @@ impl<L: Lanes, B: Block> Found<L, B> {
         // Not what is done of it: a relaxed visit is no better solved.
         record.visit(&self.law, &change, &after);
         // SAFETY: the caller's.
-        unsafe { block.push(self.held, &delta, lines) };
+        unsafe { block.push(self.gathered, &delta, lines) };
     }
 }
 
 #[inline(always)]
-unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
+unsafe fn sweep_blocks<L: Lanes, B: ContactBlock, R: SweepRecorder<L>, C: BlockSelection>(
     blocks: &mut [B],
     choice: C,
     lines: &mut [BodyVelocity],
@@ -222,20 +222,20 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
 ) {
     let mut k = 0;
     while k < choice.count() {
-        expect(blocks, choice.block(k + AHEAD));
+        expect(blocks, choice.block(k + PREFETCH_DISTANCE));
         let i = choice.block(k);
-        if L::PAIRS_OF_BLOCKS && choice.is_apart(k) {
-            expect(blocks, choice.block(k + 1 + AHEAD));
+        if L::PAIRS_OF_BLOCKS && choice.is_disjoint_from_next(k) {
+            expect(blocks, choice.block(k + 1 + PREFETCH_DISTANCE));
             let [one, other] = &mut blocks[i..][..2] else { unreachable!("a slice of two") };
             k += 2;
             // SAFETY: the caller's.
             let (first, second) =
-                unsafe { (Found::read(&*one, lines), Found::read(&*other, lines)) };
-            if C::MANY_REST && first.rests() && second.rests() {
+                unsafe { (LoadedBlock::read(&*one, lines), LoadedBlock::read(&*other, lines)) };
+            if C::MOSTLY_INACTIVE && first.rests() && second.rests() {
                 continue;
             }
             let mut visits = [first.visit(one), second.visit(other)];
-            visit::search(&mut visits);
+            local_solve::search(&mut visits);
             let [of_first, of_second] = visits;
             // SAFETY: the caller's.
             unsafe {
@@ -246,12 +246,12 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
             let block = &mut blocks[i];
             k += 1;
             // SAFETY: the caller's.
-            let found = unsafe { Found::<L, B>::read(block, lines) };
-            if C::MANY_REST && found.rests() {
+            let found = unsafe { LoadedBlock::<L, B>::read(block, lines) };
+            if C::MOSTLY_INACTIVE && found.rests() {
                 continue;
             }
             let mut visits = [found.visit(block)];
-            visit::search(&mut visits);
+            local_solve::search(&mut visits);
             let [visit] = visits;
             // SAFETY: the caller's.
             unsafe { found.end(visit, block, lines, relaxation, record) };
@@ -259,7 +259,7 @@ unsafe fn sweep_blocks<L: Lanes, B: Block, R: Record<L>, C: Choice>(
     }
 }
 
-pub struct Sweep<'a, C> {
+pub struct SweepPass<'a, C> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
     /// Which of the singles and which of the pairs.
@@ -268,9 +268,9 @@ pub struct Sweep<'a, C> {
     pub relaxation: f64,
 }
 
-impl<C: Choice> Sweep<'_, C> {
+impl<C: BlockSelection> SweepPass<'_, C> {
     #[inline(always)]
-    unsafe fn recorded<L: Lanes, R: Record<L>>(self) -> VisitNorms {
+    unsafe fn recorded<L: Lanes, R: SweepRecorder<L>>(self) -> VisitNorms {
         let relaxation = L::splat(self.relaxation);
         let mut record = R::none();
         let [singles, pairs] = self.choice;
@@ -283,9 +283,9 @@ impl<C: Choice> Sweep<'_, C> {
     }
 }
 
-pub struct PlainSweep<'a, C>(pub Sweep<'a, C>);
+pub struct PlainSweep<'a, C>(pub SweepPass<'a, C>);
 
-impl<C: Choice> VelocityKernel for PlainSweep<'_, C> {
+impl<C: BlockSelection> VelocityKernel for PlainSweep<'_, C> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -294,24 +294,24 @@ impl<C: Choice> VelocityKernel for PlainSweep<'_, C> {
     }
 }
 
-pub struct MeasuredSweep<'a>(pub Sweep<'a, Every<'a>>);
+pub struct MeasuredSweep<'a>(pub SweepPass<'a, AllBlocks<'a>>);
 
 impl VelocityKernel for MeasuredSweep<'_> {
     type Output = VisitNorms;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> VisitNorms {
         // SAFETY: the caller's.
-        unsafe { self.0.recorded::<L, Sums<L>>() }
+        unsafe { self.0.recorded::<L, NormSums<L>>() }
     }
 }
 
-pub struct Apply<'a> {
+pub struct ApplyImpulses<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],
     pub lines: &'a mut [BodyVelocity],
 }
 
-impl VelocityKernel for Apply<'_> {
+impl VelocityKernel for ApplyImpulses<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -324,19 +324,19 @@ impl VelocityKernel for Apply<'_> {
 }
 
 #[inline(always)]
-unsafe fn apply_blocks<L: Lanes, B: Block>(blocks: &[B], lines: &mut [BodyVelocity]) {
+unsafe fn apply_blocks<L: Lanes, B: ContactBlock>(blocks: &[B], lines: &mut [BodyVelocity]) {
     for block in blocks {
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         // SAFETY: the caller's.
         unsafe {
-            let (held, _) = block.read::<L>(lines);
-            block.push(held, &r, lines);
+            let (gathered, _) = block.read::<L>(lines);
+            block.push(gathered, &r, lines);
         }
     }
 }
 
 /// Impulses of the chosen blocks as they are to be, block after block.
-pub struct Replace<'a> {
+pub struct ReplaceImpulses<'a> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
     pub choice: [&'a [u32]; 2],
@@ -344,7 +344,7 @@ pub struct Replace<'a> {
     pub lines: &'a mut [BodyVelocity],
 }
 
-impl VelocityKernel for Replace<'_> {
+impl VelocityKernel for ReplaceImpulses<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -359,7 +359,7 @@ impl VelocityKernel for Replace<'_> {
 }
 
 #[inline(always)]
-unsafe fn replace_blocks<L: Lanes, B: Block>(
+unsafe fn replace_blocks<L: Lanes, B: ContactBlock>(
     blocks: &mut [B],
     choice: &[u32],
     impulses: &[[Row64; 3]],
@@ -375,35 +375,35 @@ unsafe fn replace_blocks<L: Lanes, B: Block>(
 
 /// Gives a block the impulses of its cones nearest to `wanted`, and the lines what the change causes; returns them.
 #[inline(always)]
-unsafe fn replace<L: Lanes, B: Block>(
+unsafe fn replace<L: Lanes, B: ContactBlock>(
     block: &mut B,
     wanted: &[L; 3],
     lines: &mut [BodyVelocity],
 ) -> [L; 3] {
     // SAFETY: the caller's.
-    let (held, _) = unsafe { block.read::<L>(lines) };
-    let r = visit::project(L::load32(&block.law().friction), wanted);
+    let (gathered, _) = unsafe { block.read::<L>(lines) };
+    let r = local_solve::project(L::load32(&block.law().friction), wanted);
     let delta = each!(K in 3 => r[K].sub(L::load(&block.impulse()[K])));
     let (impulse, _) = block.outcome();
     for k in 0..3 {
         r[k].store(&mut impulse[k]);
     }
     // SAFETY: the caller's.
-    unsafe { block.push(held, &delta, lines) };
+    unsafe { block.push(gathered, &delta, lines) };
     r
 }
 
 /// Goes on from the impulses that the chosen blocks have, block after block (T-37).
-pub struct GoOn<'a> {
+pub struct Extrapolate<'a> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
     pub choice: [&'a [u32]; 2],
-    pub memories: &'a mut [BlockMemory],
+    pub memories: &'a mut [NncgBlock],
     pub share: f64,
     pub lines: &'a mut [BodyVelocity],
 }
 
-impl VelocityKernel for GoOn<'_> {
+impl VelocityKernel for Extrapolate<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -411,22 +411,22 @@ impl VelocityKernel for GoOn<'_> {
         let (of_singles, of_pairs) = self.memories.split_at_mut(singles.len());
         // SAFETY: the caller's.
         unsafe {
-            go_on(self.singles, singles, of_singles, share, self.lines);
-            go_on(self.pairs, pairs, of_pairs, share, self.lines);
+            extrapolate(self.singles, singles, of_singles, share, self.lines);
+            extrapolate(self.pairs, pairs, of_pairs, share, self.lines);
         }
     }
 }
 
 #[inline(always)]
-unsafe fn go_on<L: Lanes, B: Block>(
+unsafe fn extrapolate<L: Lanes, B: ContactBlock>(
     blocks: &mut [B],
     choice: &[u32],
-    memories: &mut [BlockMemory],
+    memories: &mut [NncgBlock],
     share: L,
     lines: &mut [BodyVelocity],
 ) {
     for (k, (&i, memory)) in choice.iter().zip(memories).enumerate() {
-        expect(blocks, number(choice, k + AHEAD));
+        expect(blocks, number(choice, k + PREFETCH_DISTANCE));
         let block = &mut blocks[i as usize];
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let change = each!(K in 3 => r[K].sub(L::load(&memory.before[K])));
@@ -440,13 +440,13 @@ unsafe fn go_on<L: Lanes, B: Block>(
     }
 }
 
-pub struct NaturalMap<'a> {
+pub struct NaturalMapPass<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],
     pub lines: &'a [BodyVelocity],
 }
 
-impl VelocityKernel for NaturalMap<'_> {
+impl VelocityKernel for NaturalMapPass<'_> {
     type Output = NaturalMapSums;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> NaturalMapSums {
@@ -466,7 +466,7 @@ impl VelocityKernel for NaturalMap<'_> {
 }
 
 #[inline(always)]
-unsafe fn natural_blocks<L: Lanes, B: Block>(
+unsafe fn natural_blocks<L: Lanes, B: ContactBlock>(
     blocks: &[B],
     lines: &[BodyVelocity],
     sums: &mut [L; 2],
@@ -475,7 +475,7 @@ unsafe fn natural_blocks<L: Lanes, B: Block>(
         // SAFETY: the caller's.
         let (_, u) = unsafe { block.read::<L>(lines) };
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
-        let map = visit::natural_map(&Law::load(block.law()), &u, &r);
+        let map = local_solve::natural_map(&LawLanes::load(block.law()), &u, &r);
         sums[0] = dot(&map, map, sums[0]);
         sums[1] = dot(&r, r, sums[1]);
     }

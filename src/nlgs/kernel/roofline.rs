@@ -14,7 +14,7 @@ impl InstructionSet {
     /// `a = b + factor a` on lines of eight f64: what memory or cache delivers at most.
     pub fn triad(self, a: &mut [BodyVelocity], b: &[BodyVelocity], factor: f64) {
         // SAFETY: the pass has no indices.
-        unsafe { run(self, Triad { a, b, factor }) }
+        unsafe { run(self, TriadPass { a, b, factor }) }
     }
 
     /// Fused operations on single f64 that a round of [`InstructionSet::multiply_adds`] does, and divisions of
@@ -27,8 +27,8 @@ impl InstructionSet {
     pub fn multiply_adds(self, rounds: u64, factor: f64) -> f64 {
         // SAFETY: the passes have no indices.
         match self.has_32_registers() {
-            true => unsafe { run(self, MultiplyAdds::<MANY> { rounds, factor }) },
-            false => unsafe { run(self, MultiplyAdds::<FEW> { rounds, factor }) },
+            true => unsafe { run(self, MultiplyAddPass::<MANY> { rounds, factor }) },
+            false => unsafe { run(self, MultiplyAddPass::<FEW> { rounds, factor }) },
         }
     }
 
@@ -36,8 +36,8 @@ impl InstructionSet {
     pub fn divisions(self, rounds: u64, dividend: f64) -> f64 {
         // SAFETY: the passes have no indices.
         match self.has_32_registers() {
-            true => unsafe { run(self, Divisions::<MANY> { rounds, dividend }) },
-            false => unsafe { run(self, Divisions::<FEW> { rounds, dividend }) },
+            true => unsafe { run(self, DivisionPass::<MANY> { rounds, dividend }) },
+            false => unsafe { run(self, DivisionPass::<FEW> { rounds, dividend }) },
         }
     }
 }
@@ -46,13 +46,13 @@ impl InstructionSet {
 const MANY: usize = 12;
 const FEW: usize = 6;
 
-struct Triad<'a> {
+struct TriadPass<'a> {
     a: &'a mut [BodyVelocity],
     b: &'a [BodyVelocity],
     factor: f64,
 }
 
-impl VelocityKernel for Triad<'_> {
+impl VelocityKernel for TriadPass<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
@@ -86,12 +86,12 @@ fn start<L: Lanes, const N: usize>() -> [L; N] {
     chains
 }
 
-struct MultiplyAdds<const N: usize> {
+struct MultiplyAddPass<const N: usize> {
     rounds: u64,
     factor: f64,
 }
 
-impl<const N: usize> VelocityKernel for MultiplyAdds<N> {
+impl<const N: usize> VelocityKernel for MultiplyAddPass<N> {
     type Output = f64;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> f64 {
@@ -106,12 +106,12 @@ impl<const N: usize> VelocityKernel for MultiplyAdds<N> {
     }
 }
 
-struct Divisions<const N: usize> {
+struct DivisionPass<const N: usize> {
     rounds: u64,
     dividend: f64,
 }
 
-impl<const N: usize> VelocityKernel for Divisions<N> {
+impl<const N: usize> VelocityKernel for DivisionPass<N> {
     type Output = f64;
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) -> f64 {

@@ -1,96 +1,62 @@
-//! Solving an assembled friction-contact problem to a tolerance (T-31).
+//! Solution of an assembled friction-contact problem to a tolerance (T-31).
 //!
-//! Reads: [`AssembledProblem`]. Writes: impulses and how they were found. Cost: sweeps, tests that cost an
-//! eighth of them at most, and, where sweeps do not get on, dense systems of linear equations whose
-//! work is kept about equal to that of the sweeps. Contract: the best impulses that any test saw come
-//! back, with the errors of the whole problem; the same problem gives the same bytes.
+//! Reads: [`AssembledProblem`]. Writes: impulses and the work done. Cost: sweeps, tests that cost at most an eighth of
+//! them and, where sweeps stagnate, dense linear systems whose work is kept about equal to that of the sweeps.
+//! Contract: returns the best impulses that any test saw, with the errors of the whole problem; the same problem gives
+//! the same bytes.
 
+mod hybrid_solver;
 mod newton;
-mod search;
+mod settings;
 
-use super::assembled_problem::{AssembledProblem, NaturalMapErrors};
+use super::assembled_problem::AssembledProblem;
 use crate::math::Vec3;
-use search::Search;
+use hybrid_solver::HybridSolver;
 
-/// How a problem is solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
-    /// Sweeps; when they do not get on, accelerated sweeps and Newton's method in turns.
-    Auto,
-    /// Non-linear Gauss-Seidel alone (T-17).
-    Nlgs,
-    /// Non-linear Gauss-Seidel with Anderson's acceleration (T-32).
-    Anderson,
-    /// A few sweeps and Newton's method (T-33) in turns.
-    Newton,
-}
+pub use settings::{Method, Solution, SolutionSettings};
 
-/// When to stop.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SolutionSettings {
-    pub method: Method,
-    /// Upper bound of the error of Acary, Brémond and Huber, [`NaturalMapErrors::abh`].
-    pub tolerance: f64,
-    /// Most sweeps over all contacts; Newton's method stops with them.
-    pub max_sweeps: u64,
-}
-
-/// Impulses, and how they were found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Solution {
-    /// (n, t, s) `[nc]`, N s.
-    pub impulse: Vec<Vec3>,
-    pub errors: NaturalMapErrors,
-    pub converged: bool,
-    /// Sweeps over all contacts.
-    pub sweeps: u64,
-    /// Systems of linear equations that were solved.
-    pub newton_steps: u64,
-}
-
-/// Sweeps without acceleration at the start: easy problems are solved by then, and hard ones know
-/// most of their open contacts.
+/// Plain sweeps at the start: they solve easy problems and find most open contacts of hard ones.
 const PLAIN_SWEEPS: u64 = 50;
-/// Fewest accelerated sweeps between two calls of Newton's method.
-const FEWEST_BETWEEN: u64 = 100;
+/// Minimum number of accelerated sweeps between two calls of Newton's method.
+const MIN_SWEEPS_BETWEEN_NEWTON: u64 = 100;
 
-/// Solves a problem, starting from the impulses `start` `[nc]`, or from none.
+/// Solves a problem from the impulses `start` `[nc]`, or from zero.
 pub fn solve(
     problem: &AssembledProblem,
     start: Option<&[Vec3]>,
     settings: &SolutionSettings,
 ) -> Solution {
-    let nothing = vec![Vec3::zeros(); problem.contact_count()];
-    let impulse = start.map_or(nothing, <[Vec3]>::to_vec);
-    let mut search = Search::new(problem, impulse, settings);
+    let zero = vec![Vec3::zeros(); problem.contact_count()];
+    let impulse = start.map_or(zero, <[Vec3]>::to_vec);
+    let mut solver = HybridSolver::new(problem, impulse, settings);
     match settings.method {
-        Method::Nlgs => search.sweep(settings.max_sweeps),
+        Method::Nlgs => solver.sweep(settings.max_sweeps),
         Method::Anderson => {
-            search.sweep(PLAIN_SWEEPS);
-            search.sweep_accelerated(settings.max_sweeps);
+            solver.sweep(PLAIN_SWEEPS);
+            solver.sweep_accelerated(settings.max_sweeps);
         }
-        Method::Newton => in_turns(&mut search, |search, round| {
-            search.sweep((10 + 10 * u64::from(round)).min(1000));
+        Method::Newton => alternate(&mut solver, |solver, round| {
+            solver.sweep((10 + 10 * u64::from(round)).min(1000));
         }),
         Method::Auto => {
-            search.sweep(PLAIN_SWEEPS);
-            in_turns(&mut search, |search, _| {
-                let count = search.sweeps_owed().max(FEWEST_BETWEEN);
-                search.sweep_accelerated(count);
+            solver.sweep(PLAIN_SWEEPS);
+            alternate(&mut solver, |solver, _| {
+                let count = solver.balancing_sweeps().max(MIN_SWEEPS_BETWEEN_NEWTON);
+                solver.sweep_accelerated(count);
             });
         }
     }
-    search.end()
+    solver.finish()
 }
 
-/// Sweeps and Newton's method in turns, until the problem is solved or the sweeps are spent.
-fn in_turns(search: &mut Search, mut sweep: impl FnMut(&mut Search, u32)) {
+/// Alternates sweeps and Newton's method until the problem is solved or no sweeps are left.
+fn alternate(solver: &mut HybridSolver, mut sweep: impl FnMut(&mut HybridSolver, u32)) {
     for round in 0.. {
-        sweep(search, round);
-        if search.is_over() {
+        sweep(solver, round);
+        if solver.is_finished() {
             return;
         }
-        search.newton();
+        solver.newton();
     }
 }
 

@@ -5,16 +5,16 @@ use crate::nlgs::assembled_problem::AssembledProblem;
 use nalgebra::{DMatrix, DVector};
 
 /// Most unknowns of a dense system: larger ones take minutes.
-const MOST_UNKNOWNS: usize = 4500;
+const MAX_UNKNOWNS: usize = 4500;
 
-/// Products in the solution of a dense system; without end for one that is not solved.
+/// HistoryProducts in the solution of a dense system; without end for one that is not solved.
 pub(super) fn cost(unknowns: usize) -> f64 {
-    if unknowns > MOST_UNKNOWNS { f64::INFINITY } else { 2.0 / 3.0 * (unknowns as f64).powi(3) }
+    if unknowns > MAX_UNKNOWNS { f64::INFINITY } else { 2.0 / 3.0 * (unknowns as f64).powi(3) }
 }
 
 /// What a contact does, as the present impulses and velocities say.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Status {
+enum ContactStatus {
     Open,
     Stick,
     /// Direction of the tangential impulse, and `κ = μ r_n / ‖x_T‖`.
@@ -22,23 +22,23 @@ enum Status {
 }
 
 /// The linear system of one step, for the contacts that are closed.
-pub(super) struct System<'a> {
+pub(super) struct NewtonSystem<'a> {
     problem: &'a AssembledProblem,
     impulse: &'a [Vec3],
     velocity: Vec<Vec3>,
-    status: Vec<Status>,
+    status: Vec<ContactStatus>,
     closed: Vec<usize>,
     /// Place of each contact among the closed ones.
     place: Vec<Option<usize>>,
 }
 
-impl<'a> System<'a> {
+impl<'a> NewtonSystem<'a> {
     pub fn new(problem: &'a AssembledProblem, impulse: &'a [Vec3]) -> Self {
         let nc = impulse.len();
         let velocity: Vec<Vec3> = (0..nc).map(|c| problem.relative_velocity(c, impulse)).collect();
-        let status: Vec<Status> =
+        let status: Vec<ContactStatus> =
             (0..nc).map(|c| status(problem, c, &impulse[c], &velocity[c])).collect();
-        let closed: Vec<usize> = (0..nc).filter(|&c| status[c] != Status::Open).collect();
+        let closed: Vec<usize> = (0..nc).filter(|&c| status[c] != ContactStatus::Open).collect();
         let mut place = vec![None; nc];
         for (k, &c) in closed.iter().enumerate() {
             place[c] = Some(k);
@@ -54,7 +54,7 @@ impl<'a> System<'a> {
     /// Change of the impulses `[nc]`; none where the system is singular or too large.
     pub fn step(&self, regularisation: f64) -> Option<Vec<Vec3>> {
         let n = self.size();
-        if n > MOST_UNKNOWNS {
+        if n > MAX_UNKNOWNS {
             return None;
         }
         let mut matrix = DMatrix::zeros(n, n);
@@ -103,7 +103,7 @@ impl<'a> System<'a> {
 
     /// Derivatives of the function by impulse and velocity, and its negative value, in m/s.
     fn derivatives(&self, c: usize) -> (Mat3, Mat3, Vec3) {
-        let Status::Slip([t, s], kappa) = self.status[c] else {
+        let ContactStatus::Slip([t, s], kappa) = self.status[c] else {
             return (Mat3::zeros(), Mat3::identity(), -self.velocity[c]);
         };
         let (r, mu) = (self.impulse[c], self.problem.friction[c]);
@@ -119,14 +119,14 @@ impl<'a> System<'a> {
     }
 }
 
-fn status(problem: &AssembledProblem, c: usize, r: &Vec3, u: &Vec3) -> Status {
+fn status(problem: &AssembledProblem, c: usize, r: &Vec3, u: &Vec3) -> ContactStatus {
     let x = r - u * (3.0 / problem.diagonal[c].trace());
     let (mu, length) = (problem.friction[c], x.yz().norm());
     if x.x <= 0.0 {
-        Status::Open
+        ContactStatus::Open
     } else if length <= mu * x.x {
-        Status::Stick
+        ContactStatus::Stick
     } else {
-        Status::Slip([x.y / length, x.z / length], mu * r.x.max(0.0) / length)
+        ContactStatus::Slip([x.y / length, x.z / length], mu * r.x.max(0.0) / length)
     }
 }

@@ -29,8 +29,8 @@ const SMALL_STEP: f64 = 1e-6;
 /// Bisection alone would be at rounding after this many.
 const MAX_STEPS: usize = 64;
 
-/// Law data of eight contacts.
-pub struct Law<L> {
+/// LawLanes data of eight contacts.
+pub struct LawLanes<L> {
     pub normal_mass: L,
     pub coupling: [L; 2],
     pub tangent_mass: L,
@@ -38,7 +38,7 @@ pub struct Law<L> {
     pub friction: L,
 }
 
-impl<L: Lanes> Law<L> {
+impl<L: Lanes> LawLanes<L> {
     #[inline(always)]
     pub fn load(rows: &LawRows) -> Self {
         Self {
@@ -53,23 +53,23 @@ impl<L: Lanes> Law<L> {
 
 /// `β` of eight contacts with relative velocities `u` and impulses `r`, and which of them it closes.
 #[inline(always)]
-pub fn approach<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> (L, L::Mask) {
+pub fn approach<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> (L, L::Mask) {
     let [k1, k2] = law.coupling;
-    let held = k2.mul_add(r[2], k1.mul_add(r[1], r[0]));
-    let beta = u[0].mul_sub(law.normal_mass, held);
+    let carried = k2.mul_add(r[2], k1.mul_add(r[1], r[0]));
+    let beta = u[0].mul_sub(law.normal_mass, carried);
     (beta, beta.lt(L::splat(0.0)))
 }
 
 /// A visit under way: what eight contacts would do if they stuck, and how far the search for the slip of those that do
 /// not has come.
 #[derive(Clone, Copy)]
-pub struct Visit<L: Lanes> {
+pub struct LocalSolve<L: Lanes> {
     beta: L,
     closed: L::Mask,
     /// Tangential impulses of contacts that stick.
     z: [L; 2],
     slips: L::Mask,
-    secular: Secular<L>,
+    secular: SecularEquation<L>,
     /// The root is between these.
     bracket: [L; 2],
     /// Where the last solve of these contacts ended, and where this one has come to.
@@ -79,11 +79,11 @@ pub struct Visit<L: Lanes> {
     active: L::Mask,
 }
 
-impl<L: Lanes> Visit<L> {
+impl<L: Lanes> LocalSolve<L> {
     /// After [`approach`]; `slip` is where the slip solve starts.
     #[inline(always)]
     pub fn begin(
-        law: &Law<L>,
+        law: &LawLanes<L>,
         (beta, closed): (L, L::Mask),
         u: &[L; 3],
         r: &[L; 3],
@@ -99,7 +99,7 @@ impl<L: Lanes> Visit<L> {
         let bound = law.friction.mul(normal);
         let inside = L::and(zero.le(normal), z2.mul_add(z2, z1.mul(z1)).le(bound.mul(bound)));
         let slips = L::and_not(closed, inside);
-        let secular = Secular::new(law, beta, [z1, z2]);
+        let secular = SecularEquation::new(law, beta, [z1, z2]);
         let high = L::select(zero.lt(law.friction), one, zero);
         let start = L::load32(slip);
         let y = L::select(high.lt(start), high, start);
@@ -125,7 +125,7 @@ impl<L: Lanes> Visit<L> {
 
     /// New impulses after [`search`]; `slip` is overwritten where a contact slips.
     #[inline(always)]
-    pub fn end(self, law: &Law<L>, slip: &mut [f32; 8]) -> [L; 3] {
+    pub fn end(self, law: &LawLanes<L>, slip: &mut [f32; 8]) -> [L; 3] {
         let Self { beta, z, slips, y, .. } = self;
         L::select(slips, y, self.start).store32(slip);
         let slid = [z[0].mul(y).div(self.secular.denominator(y)), z[1].mul(y)];
@@ -138,7 +138,7 @@ impl<L: Lanes> Visit<L> {
 /// Searches the slip of all contacts of so many visits: a step is a chain of operations that need each other, and one
 /// visit's go on while the other's are waited for.
 #[inline(always)]
-pub fn search<L: Lanes, const N: usize>(visits: &mut [Visit<L>; N]) {
+pub fn search<L: Lanes, const N: usize>(visits: &mut [LocalSolve<L>; N]) {
     for _ in 0..MAX_STEPS {
         let mut goes_on = false;
         for visit in &*visits {
@@ -155,7 +155,7 @@ pub fn search<L: Lanes, const N: usize>(visits: &mut [Visit<L>; N]) {
 
 /// `r_n` that makes `u_n` zero.
 #[inline(always)]
-fn normal_impulse<L: Lanes>(law: &Law<L>, beta: L, r1: L, r2: L) -> L {
+fn normal_impulse<L: Lanes>(law: &LawLanes<L>, beta: L, r1: L, r2: L) -> L {
     let [k1, k2] = law.coupling;
     k2.neg_mul_add(r2, k1.neg_mul_add(r1, L::splat(0.0).sub(beta)))
 }
@@ -166,7 +166,7 @@ fn normal_impulse<L: Lanes>(law: &Law<L>, beta: L, r1: L, r2: L) -> L {
 /// `h = 0` is `Q = P² - y² G = 0` with `P >= 0`. The roots of Q with `P < 0` are about `2/(μ ‖k‖)`
 /// away, so steps count as small enough while μ is below some hundreds.
 #[derive(Clone, Copy)]
-struct Secular<L> {
+struct SecularEquation<L> {
     ratio: L,
     rest: L,
     /// Coefficients of P.
@@ -178,9 +178,9 @@ struct Secular<L> {
     quarter: L,
 }
 
-impl<L: Lanes> Secular<L> {
+impl<L: Lanes> SecularEquation<L> {
     #[inline(always)]
-    fn new(law: &Law<L>, beta: L, z: [L; 2]) -> Self {
+    fn new(law: &LawLanes<L>, beta: L, z: [L; 2]) -> Self {
         let ratio = law.tangent_ratio;
         let rest = L::splat(1.0).sub(ratio);
         let load = L::splat(0.0).sub(law.friction.mul(beta));
@@ -234,7 +234,7 @@ impl<L: Lanes> Secular<L> {
 
 /// `W_αα x` where `mask` is set, else zero.
 #[inline(always)]
-pub fn delassus_times<L: Lanes>(law: &Law<L>, x: &[L; 3], mask: L::Mask) -> [L; 3] {
+pub fn delassus_times<L: Lanes>(law: &LawLanes<L>, x: &[L; 3], mask: L::Mask) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let [k1, k2] = law.coupling;
     // Padding has no masses to divide by.
@@ -248,7 +248,7 @@ pub fn delassus_times<L: Lanes>(law: &Law<L>, x: &[L; 3], mask: L::Mask) -> [L; 
 
 /// `r - P_K(r - ρ (u + μ ‖u_T‖ n))` with `ρ = 3 / tr W_αα` (T-10); zero for padding.
 #[inline(always)]
-pub fn natural_map<L: Lanes>(law: &Law<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
+pub fn natural_map<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
     let [k1, k2] = law.coupling;
     let contact = zero.lt(law.normal_mass);
@@ -323,14 +323,14 @@ mod tests {
             problems
         }
 
-        fn visit(&self) -> Visit<Portable> {
-            let law = Law::load(&self.rows);
+        fn visit(&self) -> LocalSolve<Portable> {
+            let law = LawLanes::load(&self.rows);
             let [u, r] = [self.u, self.r].map(|rows| rows.map(|x| Portable::load(&x)));
-            Visit::begin(&law, approach(&law, &u, &r), &u, &r, &self.rows.slip)
+            LocalSolve::begin(&law, approach(&law, &u, &r), &u, &r, &self.rows.slip)
         }
 
-        fn end(&mut self, visit: Visit<Portable>) -> [Vec3; 8] {
-            let law = Law::load(&self.rows);
+        fn end(&mut self, visit: LocalSolve<Portable>) -> [Vec3; 8] {
+            let law = LawLanes::load(&self.rows);
             let rows = visit.end(&law, &mut self.rows.slip).map(|lanes| {
                 let mut row = [0.0; 8];
                 lanes.store(&mut row);

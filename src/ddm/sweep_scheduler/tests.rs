@@ -3,7 +3,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::ThreadPoolBuilder;
 
-/// The interface of so many subdomains, of which each two touch with a probability.
+/// Returns a random interface of subdomains, of which each two touch with a probability.
 fn interface(subdomains: usize, probability: f64, seed: u64) -> Interface {
     let mut rng = Pcg64::seed_from_u64(seed);
     let mut touching = Vec::new();
@@ -18,59 +18,60 @@ fn interface(subdomains: usize, probability: f64, seed: u64) -> Interface {
     interface
 }
 
-/// The subdomains that a turn needs for itself.
-fn needs(interface: &Interface, turn: &Turn) -> Vec<u32> {
-    match turn.set.checked_sub(interface.groups_by_subdomain.len()) {
-        None => vec![turn.set as u32],
+/// Returns the subdomains that a task uses exclusively.
+fn needs(interface: &Interface, task: &SweepTask) -> Vec<u32> {
+    match task.set.checked_sub(interface.groups_by_subdomain.len()) {
+        None => vec![task.set as u32],
         Some(g) => interface.pairs[g].to_vec(),
     }
 }
 
-/// One stretch.
-fn once(passes: u32) -> impl FnMut() -> Option<Stretch<()>> + Send {
-    let mut stretch = Some((passes, ()));
-    move || stretch.take()
+/// Returns one batch.
+fn once(passes: u32) -> impl FnMut() -> Option<PassBatch<()>> + Send {
+    let mut batch = Some(PassBatch { passes, plan: () });
+    move || batch.take()
 }
 
-/// All turns of a run in some order in which they ended; passes are counted through its stretches.
-fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<Turn> {
+/// Returns all tasks of a run in an order in which they ended; passes are counted through its batches.
+fn record(interface: &Interface, passes: u32, threads: usize, seed: u64) -> Vec<SweepTask> {
     let seen = Mutex::new(Vec::new());
     let taken: Vec<AtomicBool> =
         interface.groups_by_subdomain.starts[1..].iter().map(|_| AtomicBool::new(false)).collect();
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let mut turns = Turns::default();
-    // A second run begins where a first one has left off.
+    let mut scheduler = SweepScheduler::default();
+    // A second run starts with the affinity of the first.
     for _ in 0..2 {
         seen.lock().unwrap().clear();
         pool.install(|| {
-            // Some stretches of one pass, and some of none; each visit has to know where its stretch began.
-            let mut begins = (0..passes).map(|pass| (1, pass)).take(2).chain([(0, 99)]);
-            let mut rest = (passes > 2).then_some((passes - 2, 2));
-            let next = || begins.next().or_else(|| rest.take());
-            let visit = |turn: Turn, began: &u32| {
-                let turn = Turn { pass: began + turn.pass, ..turn };
-                let needed = needs(interface, &turn);
+            // Batches of one pass and of none; each visit knows the first pass of its batch.
+            let batch = |passes, plan| PassBatch { passes, plan };
+            let mut starts = (0..passes).map(|pass| batch(1, pass)).take(2).chain([batch(0, 99)]);
+            let mut rest = (passes > 2).then(|| batch(passes - 2, 2));
+            let next = || starts.next().or_else(|| rest.take());
+            let visit = |task: SweepTask, began: &u32| {
+                let task = SweepTask { pass: began + task.pass, ..task };
+                let needed = needs(interface, &task);
                 for s in &needed {
-                    assert!(!taken[*s as usize].swap(true, Ordering::AcqRel), "{turn:?}");
+                    assert!(!taken[*s as usize].swap(true, Ordering::AcqRel), "{task:?}");
                 }
                 let mut rng =
-                    Pcg64::seed_from_u64(seed ^ ((turn.set as u64) << 32 | u64::from(turn.pass)));
+                    Pcg64::seed_from_u64(seed ^ ((task.set as u64) << 32 | u64::from(task.pass)));
                 if rng.random_bool(0.2) {
                     std::thread::sleep(std::time::Duration::from_micros(rng.random_range(1..200)));
                 }
-                seen.lock().unwrap().push(turn);
+                seen.lock().unwrap().push(task);
                 for s in &needed {
                     taken[*s as usize].store(false, Ordering::Release);
                 }
             };
-            turns.run(interface, visit, next);
+            scheduler.run(interface, visit, next);
         });
     }
     seen.into_inner().unwrap()
 }
 
 #[test]
-fn what_shares_a_subdomain_has_its_turns_in_the_order_of_barriers() {
+fn sets_that_share_a_subdomain_are_visited_in_the_order_of_barriers() {
     for seed in 0..6 {
         let (subdomains, passes) = ([1, 2, 5, 12, 30, 30][seed as usize], 4);
         let interface = interface(subdomains, 0.3, seed);
@@ -81,12 +82,16 @@ fn what_shares_a_subdomain_has_its_turns_in_the_order_of_barriers() {
             let seen = record(&interface, passes, threads, seed);
             assert_eq!(seen.len(), sets.len() * passes as usize);
             for s in 0..subdomains as u32 {
-                let is_mine = |turn: &Turn| needs(&interface, turn).contains(&s);
+                let is_mine = |task: &SweepTask| needs(&interface, task).contains(&s);
                 let with_barriers = (0..passes).flat_map(|pass| {
-                    sets.iter().map(move |&set| Turn { set, of_interface: set >= subdomains, pass })
+                    sets.iter().map(move |&set| SweepTask {
+                        set,
+                        is_interface: set >= subdomains,
+                        pass,
+                    })
                 });
-                let expected: Vec<Turn> = with_barriers.filter(is_mine).collect();
-                let found: Vec<Turn> = seen.iter().copied().filter(is_mine).collect();
+                let expected: Vec<SweepTask> = with_barriers.filter(is_mine).collect();
+                let found: Vec<SweepTask> = seen.iter().copied().filter(is_mine).collect();
                 assert_eq!(found, expected, "seed {seed}, {threads} threads, subdomain {s}");
             }
         }
@@ -94,67 +99,68 @@ fn what_shares_a_subdomain_has_its_turns_in_the_order_of_barriers() {
 }
 
 #[test]
-fn nobody_waits_for_a_visit_that_panics() {
+fn a_panicking_visit_ends_the_run() {
     let interface = interface(12, 0.5, 1);
     let pool = ThreadPoolBuilder::new().num_threads(4).build().unwrap();
-    let mut turns = Turns::default();
+    let mut scheduler = SweepScheduler::default();
     for unlucky in [0, 5, 12, 20] {
         let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             pool.install(|| {
-                let visit = |turn: Turn, _: &()| {
-                    // The others have nothing to do for so long that they sleep.
+                let visit = |task: SweepTask, _: &()| {
+                    // The other threads idle for so long that they park.
                     std::thread::sleep(std::time::Duration::from_millis(2));
-                    assert!(turn.set != unlucky || turn.pass != 1, "unlucky");
+                    assert!(task.set != unlucky || task.pass != 1, "unlucky");
                 };
-                turns.run(&interface, visit, once(3));
+                scheduler.run(&interface, visit, once(3));
             });
         }));
         assert!(panicked.is_err());
-        // The next run knows nothing of it.
+        // The next run is unaffected.
         let visits = AtomicUsize::new(0);
         pool.install(|| {
-            let count = |_: Turn, _: &()| {
+            let count = |_: SweepTask, _: &()| {
                 visits.fetch_add(1, Ordering::Relaxed);
             };
-            turns.run(&interface, count, once(2));
+            scheduler.run(&interface, count, once(2));
         });
         assert_eq!(visits.into_inner(), 2 * (12 + interface.pairs.len()));
     }
 }
 
 #[test]
-fn nobody_waits_for_a_stretch_that_is_never_told() {
+fn a_panic_in_the_choice_of_the_next_batch_ends_the_run() {
     let interface = interface(12, 0.5, 1);
     let pool = ThreadPoolBuilder::new().num_threads(4).build().unwrap();
-    let told = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+    let ended = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
         pool.install(|| {
-            let mut stretches = vec![Some((2, ())), Some((1, ()))];
-            let next = || stretches.pop().expect("unlucky");
-            Turns::default().run(&interface, |_, ()| {}, next);
+            let batch = |passes| Some(PassBatch { passes, plan: () });
+            let mut batches = vec![batch(2), batch(1)];
+            let next = || batches.pop().expect("unlucky");
+            SweepScheduler::default().run(&interface, |_, ()| {}, next);
         });
     }));
-    assert!(told.is_err());
+    assert!(ended.is_err());
 }
 
 #[test]
-fn there_may_be_nothing_to_do_no_pool_or_others_in_it() {
+fn empty_interfaces_missing_pools_and_shared_pools_are_allowed() {
     let visits = AtomicUsize::new(0);
-    let count = |_: Turn, _: &()| {
+    let count = |_: SweepTask, _: &()| {
         visits.fetch_add(1, Ordering::Relaxed);
     };
-    Turns::default().run(&interface(0, 0.0, 1), count, once(3));
-    Turns::default().run(&interface(5, 0.5, 1), count, once(0));
+    SweepScheduler::default().run(&interface(0, 0.0, 1), count, once(3));
+    SweepScheduler::default().run(&interface(5, 0.5, 1), count, once(0));
     assert_eq!(visits.load(Ordering::Relaxed), 0);
     // From outside of any pool, and without an interface.
-    Turns::default().run(&interface(5, 0.0, 1), count, once(3));
+    SweepScheduler::default().run(&interface(5, 0.0, 1), count, once(3));
     assert_eq!(visits.load(Ordering::Relaxed), 15);
 
     let (one, other) = (interface(30, 0.3, 2), interface(7, 0.6, 3));
     let pool = ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     pool.install(|| {
         rayon::join(
-            || (0..20).for_each(|_| Turns::default().run(&one, count, once(5))),
-            || (0..20).for_each(|_| Turns::default().run(&other, count, once(5))),
+            || (0..20).for_each(|_| SweepScheduler::default().run(&one, count, once(5))),
+            || (0..20).for_each(|_| SweepScheduler::default().run(&other, count, once(5))),
         );
     });
     let sets = 30 + one.pairs.len() + 7 + other.pairs.len();
