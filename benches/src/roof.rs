@@ -1,7 +1,7 @@
 //! What memory and arithmetic deliver at most on some threads: the roofline that sweeps are held against.
 
 use ballast::lanes::{BodyVelocity, InstructionSet};
-use ballast::nlgs::{OperationCounts, MemoryTraffic};
+use ballast::nlgs::{MemoryTraffic, OperationCounts};
 use ballast_session::lock::enter;
 use ballast_session::profile::cpu_time;
 use rayon::ThreadPool;

@@ -12,7 +12,7 @@ use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_scenario::sample::Sample;
 use ballast_session::Reporter;
 use ballast_session::beds;
-use ballast_session::case::{self, Case, Choices};
+use ballast_session::case::{self, Case, CaseOverrides};
 use ballast_session::files::read_sample;
 use ballast_session::machine::{self, Machine};
 use ballast_session::profile::Profile;
@@ -43,7 +43,7 @@ impl Scene {
         if path.extension().is_some_and(|e| e == "json") {
             return Self::of_sample_from(path, start);
         }
-        let case = case::load(path, &Choices::from(&start.overrides), console)?;
+        let case = case::load(path, &CaseOverrides::from(&start.overrides), console)?;
         let (mut model, state) = match &start.from {
             Some(from) => at_checkpoint(&case, from)?,
             None => beds::scene(&case, &start.beds.beds, console)?,
@@ -134,7 +134,7 @@ fn at_checkpoint(case: &Case, from: &Path) -> Outcome<(Model, State)> {
         )));
     }
     // The bed says nothing of how it is moved and solved.
-    let ran = Case::read(kept.case_text, &kept.case_name)?.plan;
+    let ran = Case::parse(kept.case_text, &kept.case_name)?.plan;
     let moved = |Plan { sleepers, tines, tamping, run, .. }: &Plan| {
         (sleepers.clone(), tines.clone(), *tamping, run.stepping, run.restitution)
     };

@@ -1,7 +1,7 @@
 //! Arguments that the commands of a run and those of a measurement share.
 
 use ballast::model::Schedule;
-use ballast_session::case::Choices;
+use ballast_session::case::CaseOverrides;
 use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -47,7 +47,7 @@ pub struct Beds {
     pub beds: PathBuf,
 }
 
-impl From<&Overrides> for Choices {
+impl From<&Overrides> for CaseOverrides {
     fn from(args: &Overrides) -> Self {
         Self { schedule: args.schedule.map(Into::into), seed: args.seed }
     }

@@ -11,7 +11,7 @@ use ballast::workspace::Workspace;
 use ballast_report::plot::{Chart, Mark};
 use ballast_session::Reporter;
 use ballast_session::beds;
-use ballast_session::case::{self, Case, Choices};
+use ballast_session::case::{self, Case, CaseOverrides};
 use ballast_session::machine::{self, Machine};
 use ballast_session::profile::Profile;
 use ballast_session::record::{self, Column};
@@ -128,7 +128,7 @@ impl Group {
 /// Energy balance of a cycle, and its outcome for other time steps and caps of iterations.
 pub fn cycle(size: &Size, folder: &Path, console: &dyn Reporter) -> Outcome<[Check; 2]> {
     let (text, name) = if size.quick { (SMALL, "small_cycle") } else { (FIRST, "first") };
-    let case = case::parse(text.into(), name, &Choices::default(), console)?;
+    let case = case::parse(text.into(), name, &CaseOverrides::default(), console)?;
     let which = if size.quick {
         "A small tamping cycle (some 160 stones, one pair of tines)"
     } else {

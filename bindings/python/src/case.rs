@@ -3,7 +3,7 @@
 use crate::errors;
 use crate::inputs::{out_of_range, whole};
 use crate::toml_values;
-use ballast_scenario::{Choices, LONGEST_CASE, NoText, read_text, sweep};
+use ballast_scenario::{CaseOverrides, MAX_CASE_BYTES, ReadError, read_text, sweep};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping, PyTuple};
 use std::borrow::Cow;
@@ -32,7 +32,7 @@ pub struct PyCase(pub Arc<ballast_beds::Case>);
 /// # Errors
 /// `CaseError` with diagnostics.
 pub fn read(py: Python<'_>, text: String, name: &str) -> PyResult<ballast_beds::Case> {
-    ballast_beds::Case::read(text, name).map_err(|faults| {
+    ballast_beds::Case::parse(text, name).map_err(|faults| {
         let error = errors::case(py, &faults);
         let diagnostics = faults.errors.iter().map(|fault| to_dict(py, fault));
         let diagnostics = diagnostics.collect::<PyResult<Vec<_>>>();
@@ -49,8 +49,8 @@ impl PyCase {
         Ok(Self(Arc::new(read(py, text, name)?)))
     }
 
-    fn chosen(&self, choices: Choices) -> Self {
-        Self(Arc::new(ballast_beds::Case::clone(&self.0).chosen(choices)))
+    fn with_overrides(&self, choices: CaseOverrides) -> Self {
+        Self(Arc::new(ballast_beds::Case::clone(&self.0).with_overrides(choices)))
     }
 
     /// Returns what equality and hash compare.
@@ -60,12 +60,12 @@ impl PyCase {
 
     /// Returns the text with the chosen seed and schedule.
     fn chosen_text(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
-        let ballast_beds::Case { plan, text, choices, .. } = &*self.0;
-        if *choices == Choices::default() {
+        let ballast_beds::Case { plan, text, overrides, .. } = &*self.0;
+        if *overrides == CaseOverrides::default() {
             return Ok(Cow::Borrowed(text));
         }
         let original = read(py, text.clone(), &plan.name)?.plan;
-        let mut changes = sweep::Point::new();
+        let mut changes = sweep::SweepPoint::new();
         let seed = plan.bed.seed;
         if seed != original.bed.seed {
             let value = i64::try_from(seed).map_err(|_| {
@@ -81,7 +81,7 @@ impl PyCase {
         if changes.is_empty() {
             return Ok(Cow::Borrowed(text));
         }
-        let changed = sweep::with_values(text, &changes, &plan.name);
+        let changed = sweep::set_values(text, &changes, &plan.name);
         changed.map(Cow::Owned).map_err(|e| errors::case(py, e))
     }
 }
@@ -103,8 +103,8 @@ impl PyCase {
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = path.display().to_string();
         let text = File::open(&path)
-            .map_err(NoText::Unreadable)
-            .and_then(|file| read_text(file, LONGEST_CASE))
+            .map_err(ReadError::Io)
+            .and_then(|file| read_text(file, MAX_CASE_BYTES))
             .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         Self::read(py, text, &name)
     }
@@ -145,19 +145,19 @@ impl PyCase {
     ///     TypeError: TOML cannot hold a value.
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let table = toml_values::to_table(values.as_mapping(), "")?;
-        let changes: sweep::Point = table.into_iter().collect();
-        let text = sweep::with_values(&self.0.text, &changes, &self.0.plan.name)
+        let changes: sweep::SweepPoint = table.into_iter().collect();
+        let text = sweep::set_values(&self.0.text, &changes, &self.0.plan.name)
             .map_err(|e| errors::case(py, e))?;
         // The last choice wins, made by `choose` or by this call.
         let is_set = |table: &str, key: &str| {
             let path = format!("{table}.{key}");
             changes.iter().any(|(p, value)| *p == path || p == table && value.get(key).is_some())
         };
-        let choices = Choices {
-            seed: self.0.choices.seed.filter(|_| !is_set("bed", "seed")),
-            schedule: self.0.choices.schedule.filter(|_| !is_set("solver", "schedule")),
+        let choices = CaseOverrides {
+            seed: self.0.overrides.seed.filter(|_| !is_set("bed", "seed")),
+            schedule: self.0.overrides.schedule.filter(|_| !is_set("solver", "schedule")),
         };
-        Ok(Self::read(py, text, "case")?.chosen(choices))
+        Ok(Self::read(py, text, "case")?.with_overrides(choices))
     }
 
     /// Returns a copy of the case with another seed of the bed or another schedule of the solver.
@@ -178,9 +178,9 @@ impl PyCase {
     ) -> PyResult<Self> {
         let kind = "a whole number";
         let seed = seed.map(|seed| whole(seed, kind, "seed", "0 to 2^64 - 1", out_of_range));
-        let choices =
-            Choices::named(seed.transpose()?, schedule).map_err(|e| errors::case(py, e))?;
-        Ok(self.chosen(choices))
+        let choices = CaseOverrides::from_names(seed.transpose()?, schedule)
+            .map_err(|e| errors::case(py, e))?;
+        Ok(self.with_overrides(choices))
     }
 
     /// Name of the case, from its text.
@@ -250,7 +250,7 @@ impl PyCase {
 
     /// Pickles the original text and the choices: TOML cannot hold every seed, and a changed text has lost its comments.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, PickledCase)> {
-        let Choices { seed, schedule } = self.0.choices;
+        let CaseOverrides { seed, schedule } = self.0.overrides;
         let unpickle = py.import("ballast._ballast")?.getattr("_unpickle_case")?;
         Ok((unpickle, (self.0.text.clone(), seed, schedule.map(|s| s.name().to_string()))))
     }
@@ -276,8 +276,8 @@ pub fn _unpickle_case(
     seed: Option<u64>,
     schedule: Option<&str>,
 ) -> PyResult<PyCase> {
-    let choices = Choices::named(seed, schedule).map_err(|e| errors::case(py, e))?;
-    Ok(PyCase::read(py, text, "case")?.chosen(choices))
+    let choices = CaseOverrides::from_names(seed, schedule).map_err(|e| errors::case(py, e))?;
+    Ok(PyCase::read(py, text, "case")?.with_overrides(choices))
 }
 
 /// Writes a plan of `ballast sweep`; an existing file is replaced only if it is one.
@@ -311,7 +311,7 @@ fn write_toml(
     is_same_kind: impl FnOnce(&Table) -> bool,
 ) -> PyResult<()> {
     let is_ours = |file| {
-        let found = read_text(file, LONGEST_CASE).ok().and_then(|found| found.parse().ok());
+        let found = read_text(file, MAX_CASE_BYTES).ok().and_then(|found| found.parse().ok());
         found.is_some_and(|table| is_same_kind(&table))
     };
     ballast_hdf5::expect_ours(path, kind, is_ours)

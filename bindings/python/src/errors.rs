@@ -145,7 +145,7 @@ pub fn bed(py: Python<'_>, failure: ballast_beds::Error) -> PyErr {
     use ballast_beds::Error as BedError;
     match failure {
         BedError::Scene { .. } | BedError::Preparation { .. } => case(py, failure),
-        BedError::Kept(_) | BedError::AnotherBed { .. } => {
+        BedError::Read(_) | BedError::Mismatch { .. } => {
             let hint =
                 "prepare it again with `ballast.prepare(case, rebuild=True)`, or delete the file";
             file(py, format!("{failure}; {hint}"))

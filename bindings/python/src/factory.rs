@@ -9,7 +9,7 @@ use crate::simulation::PySimulation;
 use crate::state::{LocalState, PyState};
 use crate::threads::{ThreadPoolHandle, run_interruptible};
 use ballast::component::Limits;
-use ballast_beds::{Beds, Pace};
+use ballast_beds::{BedStore, PreparationProgress};
 use ballast_zenoh::SessionConfig;
 use pyo3::prelude::*;
 use std::ops::ControlFlow;
@@ -27,7 +27,7 @@ pub fn _prepare(
     progress: Option<Py<PyAny>>,
     rebuild: bool,
 ) -> PyResult<PathBuf> {
-    let beds = Beds::in_folder(bed_cache);
+    let beds = BedStore::new(bed_cache);
     let path = beds.path(&case.0.plan);
     let cached = py.detach(|| beds.find(&case.0.plan)).map_err(|e| errors::bed(py, e));
     if rebuild || cached?.is_none() {
@@ -39,15 +39,15 @@ pub fn _prepare(
 fn prepare_bed(
     py: Python<'_>,
     case: &PyCase,
-    beds: &Beds,
+    beds: &BedStore,
     threads: Option<&Bound<'_, PyAny>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<ballast::track::Bed> {
     let threads = ThreadPoolHandle::new(py, threads)?;
     let result = run_interruptible(py, &threads, progress.as_ref(), |control| {
-        let mut pace = Pace::default();
+        let mut pace = PreparationProgress::default();
         beds.prepare(&case.0, &mut |at| {
-            control.report(pace.share(at), || at.stage.name().to_string());
+            control.report(pace.update(at), || at.stage.name().to_string());
             if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
     });
@@ -72,7 +72,7 @@ pub fn _open(
     keep_partial_window: bool,
 ) -> PyResult<PySimulation> {
     let limits = limits(py, max_penetration, keep_partial_window)?;
-    let beds = Beds::in_folder(bed_cache);
+    let beds = BedStore::new(bed_cache);
     let cached = py.detach(|| beds.find(&case.0.plan)).map_err(|e| errors::bed(py, e))?;
     let bed = match cached {
         Some(bed) => bed,

@@ -24,7 +24,7 @@ impl Recorder {
         let model = component.model();
         let state = component.state();
         let hash = ballast_hdf5::state_hash(model, state).into();
-        let meta = Meta::of(case.names(), case.choices.notes(), model, Drive::Inputs, hash);
+        let meta = Meta::of(case.identity(), case.overrides.to_notes(), model, Drive::Inputs, hash);
         let start = || checkpoint::to_bytes(&path, &case.checkpoint(model, state, BTreeMap::new()));
         let tape = Tape::begin(&path, &case.plan, &meta, model, state, start)?;
         let windows = Redoable::new(tape, case.plan.run.output_ns, model, state)?;

@@ -12,7 +12,7 @@ use ballast_protocol::messages::{
     SolverStats, SqueezeReport, WrenchImpulse, ZoneMeasurement,
 };
 use ballast_protocol::{MessageError, from_cdr};
-use ballast_scenario::Choices;
+use ballast_scenario::CaseOverrides;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fmt::Display;
@@ -56,9 +56,10 @@ impl PyRecording {
     #[getter]
     fn case(&self, py: Python<'_>) -> PyResult<PyCase> {
         let meta = py.detach(|| lock(&self.windows).meta().clone());
-        let choices = Choices::from_notes(&meta.choices).map_err(|e| self.file_error(py, e))?;
+        let choices =
+            CaseOverrides::from_notes(&meta.choices).map_err(|e| self.file_error(py, e))?;
         let name = format!("{}, its case", self.path.display());
-        Ok(PyCase(Arc::new(case::read(py, meta.case_text, &name)?.chosen(choices))))
+        Ok(PyCase(Arc::new(case::read(py, meta.case_text, &name)?.with_overrides(choices))))
     }
 
     /// State at the start of the recording; None if it is the start of the case.

@@ -12,7 +12,7 @@ use ballast::state;
 use ballast_beds::Case;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use ballast_protocol::lockstep::RunPosition;
-use ballast_scenario::Choices;
+use ballast_scenario::CaseOverrides;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::path::{Path, PathBuf};
@@ -99,9 +99,9 @@ impl LocalState {
             );
             return Err(errors::file(py, text));
         }
-        let choices = Choices::from_notes(&checkpoint.extra)
+        let choices = CaseOverrides::from_notes(&checkpoint.extra)
             .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
-        let case = case::read(py, checkpoint.case_text, name)?.chosen(choices);
+        let case = case::read(py, checkpoint.case_text, name)?.with_overrides(choices);
         let machine = match checkpoint.extra.get(MACHINE_NOTE) {
             None => Machine::new(&case.plan, &checkpoint.model).map(|machine| {
                 // `ballast run` stores this memory in the state; other programs store something else there.

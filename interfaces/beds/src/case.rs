@@ -1,4 +1,4 @@
-//! A case as every face runs it: read, with what its caller chose, and told in checkpoints and recordings.
+//! A case with the caller's overrides, ready to be prepared, run and stored.
 
 use ballast::component::{Component, Limits, Refusal};
 use ballast::model::Model;
@@ -6,58 +6,59 @@ use ballast::state::State;
 use ballast::track;
 use ballast::track::plan::Plan;
 use ballast_hdf5::checkpoint::{Checkpoint, Kind};
-use ballast_scenario::{CaseErrors, Choices, Diagnostic};
+use ballast_scenario::{CaseDiagnostic, CaseErrors, CaseOverrides, CheckedPlan};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A case that was read and found sound, ready to be prepared and run.
+/// Checked case, ready to be prepared and run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
+    /// Plan of the scenario, with `overrides` applied.
     pub plan: Plan,
-    /// As it was read; kept in checkpoints.
+    /// Text of the case file, which checkpoints store.
     pub text: String,
-    /// What the plan has otherwise than the text.
-    pub choices: Choices,
-    /// What is allowed but looks like a slip.
-    pub warnings: Vec<Diagnostic>,
+    /// Differences between `plan` and `text`.
+    pub overrides: CaseOverrides,
+    /// Allowed values that are probably mistakes.
+    pub warnings: Vec<CaseDiagnostic>,
 }
 
 impl Case {
-    /// Reads a case from its text; `name` stands for it in messages.
+    /// Parses and checks the text of a case file; `name` stands for the file in messages.
     ///
     /// # Errors
-    /// A text that describes no run, with every fault and its place.
-    pub fn read(text: String, name: &str) -> Result<Self, CaseErrors> {
-        let ballast_scenario::Case { plan, warnings } = ballast_scenario::read_case(&text, name)?;
-        Ok(Self { plan, text, choices: Choices::default(), warnings })
+    /// All errors of the text, each with its position.
+    pub fn parse(text: String, name: &str) -> Result<Self, CaseErrors> {
+        let CheckedPlan { plan, warnings } = ballast_scenario::read_case(&text, name)?;
+        Ok(Self { plan, text, overrides: CaseOverrides::default(), warnings })
     }
 
-    /// The same case with other choices, where some are made.
-    pub fn chosen(mut self, choices: Choices) -> Self {
-        choices.apply(&mut self.plan);
-        self.choices = choices.or(self.choices);
+    /// Returns the case with `overrides` in addition to its present ones.
+    pub fn with_overrides(mut self, overrides: CaseOverrides) -> Self {
+        overrides.apply(&mut self.plan);
+        self.overrides = overrides.or(self.overrides);
         self
     }
 
-    /// Steps of the whole run.
+    /// Number of steps of the whole run.
     pub fn steps(&self) -> u64 {
         self.plan.run.duration_ns / self.plan.run.stepping.step_ns.max(1)
     }
 
-    /// What the prepared bed depends on, as a short text.
+    /// Content key of the prepared bed: cases with equal keys have equal beds.
     pub fn bed_key(&self) -> String {
         ballast_scenario::content_key(&self.plan)
     }
 
-    /// Name, key of the bed and text, for recordings.
-    pub fn names(&self) -> [String; 3] {
+    /// Name, bed key and text of the case, for recordings and checkpoints.
+    pub fn identity(&self) -> [String; 3] {
         [self.plan.name.clone(), self.bed_key(), self.text.clone()]
     }
 
-    /// The case as a component at `state`, which follows the squeezes of its tines.
+    /// Creates a component of the case at `state`, which measures the squeezes of its tines.
     ///
     /// # Errors
-    /// A model or a state that is none of the case.
+    /// A model or a state that does not belong to the case.
     pub fn component(
         &self,
         model: Arc<Model>,
@@ -68,24 +69,25 @@ impl Case {
         Ok(Component::new(model, state, limits)?.with_squeezes(squeezes))
     }
 
-    /// A checkpoint of a run of it: its choices are notes there, beside the caller's.
+    /// Creates a checkpoint of a run of the case, with its overrides as notes in addition to `notes`.
     pub fn checkpoint(
         &self,
         model: &Model,
         state: &State,
         mut notes: BTreeMap<String, String>,
     ) -> Checkpoint {
-        notes.extend(self.choices.notes());
-        self.kept(Kind::Run, (model.clone(), state.clone()), notes)
+        notes.extend(self.overrides.to_notes());
+        self.checkpoint_of(Kind::Run, model.clone(), state.clone(), notes)
     }
 
-    pub(crate) fn kept(
+    pub(crate) fn checkpoint_of(
         &self,
         kind: Kind,
-        (model, state): (Model, State),
+        model: Model,
+        state: State,
         extra: BTreeMap<String, String>,
     ) -> Checkpoint {
-        let [case_name, key, case_text] = self.names();
+        let [case_name, key, case_text] = self.identity();
         Checkpoint { model, state, kind, case_name, case_text, key, extra }
     }
 }

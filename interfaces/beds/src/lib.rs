@@ -1,7 +1,6 @@
-//! Cases, and their prepared beds, kept in a folder: found again by what they depend on, or prepared and kept.
+//! Cases, and a store of their prepared beds.
 //!
-//! Every face of the program that opens a case comes through here, so that a bed which one of them has
-//! prepared is there for the others.
+//! The program, the Python package and the server all open cases through this crate, so that they share prepared beds.
 
 use ballast::model::Model;
 use ballast::state::State;
@@ -14,106 +13,132 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 mod case;
-mod pace;
+mod progress;
 
 pub use case::Case;
-pub use pace::Pace;
+pub use progress::PreparationProgress;
 
-/// Why there is no bed.
+/// Error of preparing, reading or writing a bed.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    #[error("{}: cannot keep beds: {source}", path.display())]
-    Folder { path: PathBuf, source: io::Error },
-    /// A kept bed that cannot be read.
+    /// A folder where beds cannot be written.
+    #[error("{}: beds cannot be written: {source}", path.display())]
+    Folder {
+        /// Folder of the store.
+        path: PathBuf,
+        /// Reason given by the system.
+        source: io::Error,
+    },
+    /// A stored bed that cannot be read.
     #[error(transparent)]
-    Kept(ballast_hdf5::Error),
-    /// A bed that was prepared and cannot be kept.
+    Read(ballast_hdf5::Error),
+    /// A prepared bed that cannot be written.
     #[error(transparent)]
-    Keeping(ballast_hdf5::Error),
+    Write(ballast_hdf5::Error),
+    /// A stored file that is not the bed of the case.
     #[error("{}: expected the bed of this case, found {found}", path.display())]
-    AnotherBed { path: PathBuf, found: String },
+    Mismatch {
+        /// File in the store.
+        path: PathBuf,
+        /// Description of the file's content.
+        found: String,
+    },
+    /// A case whose bed cannot be prepared.
     #[error("preparing the bed of {case}: {source}")]
-    Preparation { case: String, source: ballast::Error },
+    Preparation {
+        /// Name of the case.
+        case: String,
+        /// Reason given by the core.
+        source: ballast::Error,
+    },
+    /// A case whose tools or sleepers do not fit into its bed.
     #[error("{case}: {source}")]
-    Scene { case: String, source: ballast::Error },
+    Scene {
+        /// Name of the case.
+        case: String,
+        /// Reason given by the core.
+        source: ballast::Error,
+    },
 }
 
-/// A folder of prepared beds, one file each.
+/// Folder of prepared beds, one file for each content key.
 #[derive(Debug, Clone)]
-pub struct Beds {
+pub struct BedStore {
     folder: PathBuf,
 }
 
-impl Beds {
-    pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
+impl BedStore {
+    /// Creates a store in `folder`, which [`BedStore::prepare`] creates if it does not exist.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self { folder: folder.into() }
     }
 
-    /// Where the bed of a plan is kept, or will be.
+    /// Returns the path of the file for the bed of `plan`, whether or not it exists.
     pub fn path(&self, plan: &Plan) -> PathBuf {
         self.folder.join(format!("{}.h5", ballast_scenario::content_key(plan)))
     }
 
-    /// The bed of a plan, where it was prepared before.
+    /// Reads the bed of `plan`; `None` if the store does not have it.
     ///
     /// # Errors
-    /// A file that is there, but is no bed of this plan, or damaged, or of another version.
+    /// A file that is damaged, of another version, or not the bed of this plan.
     pub fn find(&self, plan: &Plan) -> Result<Option<Bed>, Error> {
         let path = self.path(plan);
         if !path.exists() {
             return Ok(None);
         }
-        let kept = checkpoint::read(&path).map_err(Error::Kept)?;
-        if kept.kind != Kind::Bed || kept.key != ballast_scenario::content_key(plan) {
+        let stored = checkpoint::read(&path).map_err(Error::Read)?;
+        if stored.kind != Kind::Bed || stored.key != ballast_scenario::content_key(plan) {
             let found =
-                format!("the {} of {:?}, bed {}", kept.kind.name(), kept.case_name, kept.key);
-            return Err(Error::AnotherBed { path, found });
+                format!("the {} of {:?}, bed {}", stored.kind.name(), stored.case_name, stored.key);
+            return Err(Error::Mismatch { path, found });
         }
-        Ok(Some(Bed { model: kept.model, state: kept.state }))
+        Ok(Some(Bed { model: stored.model, state: stored.state }))
     }
 
-    /// Prepares the bed of a case and keeps it. `watch` sees every step and may stop it: then there is none.
+    /// Prepares the bed of a case and writes it. `watch` receives every step and may stop the preparation; the result is
+    /// then `None`.
     ///
     /// # Errors
-    /// A case that no bed can be prepared for; a folder or file that cannot be written.
+    /// A case whose bed cannot be prepared; a folder or file that cannot be written.
     pub fn prepare(
         &self,
         case: &Case,
         watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
     ) -> Result<Option<Bed>, Error> {
-        // Before the work.
-        self.make_folder(&case.plan)?;
+        // Fails before the expensive part.
+        self.create_folder(&case.plan)?;
         let failed = |source| Error::Preparation { case: case.plan.name.clone(), source };
         let Some(bed) = track::deposit(&case.plan, watch).map_err(failed)? else { return Ok(None) };
-        let kept = case.kept(Kind::Bed, (bed.model, bed.state), BTreeMap::new());
-        checkpoint::write(self.path(&case.plan), &kept).map_err(Error::Keeping)?;
-        Ok(Some(Bed { model: kept.model, state: kept.state }))
+        let bed = case.checkpoint_of(Kind::Bed, bed.model, bed.state, BTreeMap::new());
+        checkpoint::write(self.path(&case.plan), &bed).map_err(Error::Write)?;
+        Ok(Some(Bed { model: bed.model, state: bed.state }))
     }
 
-    /// Makes the folder, where the bed of `plan` can be written.
-    fn make_folder(&self, plan: &Plan) -> Result<(), Error> {
-        // The HDF5 library opens no other.
-        let unnamed = || io::Error::new(ErrorKind::InvalidInput, "expected a name in UTF-8");
-        let named = self.folder.to_str().ok_or_else(unnamed);
-        let made = named.and_then(std::fs::create_dir_all);
-        let usable = made.and_then(|()| ballast_hdf5::replaceable(&self.path(plan)));
-        usable.map_err(|source| Error::Folder { path: self.folder.clone(), source })
+    /// Creates the folder and checks that the bed of `plan` can be written there.
+    fn create_folder(&self, plan: &Plan) -> Result<(), Error> {
+        // The HDF5 library opens no path that is not UTF-8.
+        let not_utf8 = || io::Error::new(ErrorKind::InvalidInput, "expected a name in UTF-8");
+        let folder = self.folder.to_str().ok_or_else(not_utf8);
+        let created = folder.and_then(std::fs::create_dir_all);
+        let writable = created.and_then(|()| ballast_hdf5::replaceable(&self.path(plan)));
+        writable.map_err(|source| Error::Folder { path: self.folder.clone(), source })
     }
 }
 
-/// Model and state at the start of a plan's run, on its bed.
+/// Returns model and state at the start of a plan's run on `bed`.
 ///
 /// # Errors
-/// Tools or sleepers that find no place there.
+/// Tools or sleepers that do not fit into the bed.
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State), Error> {
     track::scene(plan, bed).map_err(|source| Error::Scene { case: plan.name.clone(), source })
 }
 
-/// The same without stones, before any is poured: what is led where does not depend on them.
+/// Returns model and state at the start of a plan's run without grains. The prescribed motions do not depend on them.
 ///
 /// # Errors
-/// As for [`scene`] and [`Beds::prepare`].
-pub fn bare_scene(plan: &Plan) -> Result<(Model, State), Error> {
+/// As for [`scene`] and [`BedStore::prepare`].
+pub fn empty_scene(plan: &Plan) -> Result<(Model, State), Error> {
     let failed = |source| Error::Preparation { case: plan.name.clone(), source };
     scene(plan, track::empty_bed(plan).map_err(failed)?)
 }
@@ -125,29 +150,29 @@ mod tests {
     const CASE: &str = include_str!("../../../examples/first.toml");
 
     fn case() -> Case {
-        Case::read(CASE.into(), "first").expect("an example")
+        Case::parse(CASE.into(), "first").expect("an example")
     }
 
     #[test]
-    fn a_preparation_that_was_stopped_leaves_nothing() {
+    fn a_stopped_preparation_leaves_no_file() {
         let folder = tempfile::tempdir().expect("a folder");
-        let beds = Beds::in_folder(folder.path().join("new"));
+        let beds = BedStore::new(folder.path().join("new"));
         let stopped = beds.prepare(&case(), &mut |_| ControlFlow::Break(())).expect("a stop");
         assert!(stopped.is_none());
-        assert!(beds.find(&case().plan).expect("nothing").is_none());
+        assert!(beds.find(&case().plan).expect("an empty store").is_none());
     }
 
     #[test]
-    fn another_file_in_the_place_of_a_bed_is_refused() {
+    fn another_file_in_place_of_a_bed_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
-        let beds = Beds::in_folder(folder.path());
+        let beds = BedStore::new(folder.path());
         std::fs::write(beds.path(&case().plan), b"no bed").expect("a file");
-        assert!(matches!(beds.find(&case().plan), Err(Error::Kept(_))));
+        assert!(matches!(beds.find(&case().plan), Err(Error::Read(_))));
         std::fs::write(folder.path().join("file"), b"").expect("a file");
-        // No file can be made in the second, not even by root.
-        for nowhere in [folder.path().join("file/beds"), "/proc".into()] {
-            let mut watch = |_: &DepositProgress| panic!("a bed that cannot be kept is prepared");
-            let refused = Beds::in_folder(nowhere).prepare(&case(), &mut watch);
+        // No file can be created in the second, not even by root.
+        for unusable in [folder.path().join("file/beds"), "/proc".into()] {
+            let mut watch = |_: &DepositProgress| panic!("prepares a bed that cannot be written");
+            let refused = BedStore::new(unusable).prepare(&case(), &mut watch);
             assert!(matches!(refused, Err(Error::Folder { .. })));
         }
     }

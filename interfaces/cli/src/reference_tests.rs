@@ -23,14 +23,16 @@ fn name(arg: &Arg) -> String {
 fn section(command: &Command, path: &str) -> String {
     let about = command.get_about().map(in_cell).unwrap_or_default();
     let mut text = format!("\n## {path}\n\n{about}.\n");
-    let shown = |arg: &&Arg| !arg.is_hide_set() && !matches!(arg.get_id().as_str(), "help" | "version");
+    let shown =
+        |arg: &&Arg| !arg.is_hide_set() && !matches!(arg.get_id().as_str(), "help" | "version");
     let arguments: Vec<&Arg> = command.get_arguments().filter(shown).collect();
     if !arguments.is_empty() {
         text += "\n| argument | default | meaning |\n|---|---|---|\n";
     }
     for arg in arguments {
         let default = arg.get_default_values().iter().map(|v| format!("`{}`", v.to_string_lossy()));
-        let default = if arg.get_action().takes_values() { default.collect() } else { String::new() };
+        let default =
+            if arg.get_action().takes_values() { default.collect() } else { String::new() };
         let help = arg.get_help().map(in_cell).unwrap_or_default();
         text += &format!("| {} | {default} | {help} |\n", name(arg));
     }

@@ -6,7 +6,7 @@
 //! them never ends a run, see [`Aside`].
 
 use crate::aside::Aside;
-use crate::case::{self, Case, Choices};
+use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
@@ -75,7 +75,7 @@ impl Session {
         let files = RunFiles::beside(path).claimed("wait for it")?;
         // Again: up to here another process may have gone on with it.
         let kept = resumable(path)?;
-        let choices = Choices::from_notes(&kept.extra)?;
+        let choices = CaseOverrides::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, &console)?;
         let (model, state) = (kept.model, kept.state);
         expect_ahead(last, state.step)?;

@@ -47,7 +47,13 @@ impl Taping {
             _ => Drive::Case,
         };
         let (model, state) = (engine.model(), engine.state());
-        let meta = Meta::of(case.names(), case.choices.notes(), model, drive, engine.hash().into());
+        let meta = Meta::of(
+            case.identity(),
+            case.overrides.to_notes(),
+            model,
+            drive,
+            engine.hash().into(),
+        );
         let tape = Tape::begin(path, &case.plan, &meta, model, state, || {
             let kept = case.checkpoint(model, &engine.whole_state(), BTreeMap::new());
             checkpoint::to_bytes(path, &kept)

@@ -8,7 +8,7 @@ use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_hdf5::results::{Reader, Table};
 use ballast_session::Reporter;
-use ballast_session::case::{self, Case, Choices};
+use ballast_session::case::{self, Case, CaseOverrides};
 use ballast_session::files::RunFiles;
 use ballast_session::record::{Column, Row};
 use ballast_session::recorder::{self, STEPS, TOGETHER, ZONES};
@@ -73,7 +73,7 @@ impl Source {
             ));
         }
         let state_hash = format!("{:032x}", ballast_hdf5::state_hash(&kept.model, &kept.state));
-        let choices = Choices::from_notes(&kept.extra)?;
+        let choices = CaseOverrides::from_notes(&kept.extra)?;
         let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
         if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &kept.state)? {

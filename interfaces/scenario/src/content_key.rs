@@ -1,8 +1,8 @@
-//! The key under which a prepared bed is kept: equal keys, equal beds.
+//! Content key of a prepared bed: equal keys mean equal beds.
 //!
-//! A hash of everything that preparing reads: the bed and its preparation, the sleepers, and the
-//! run's time step, at which the last settling runs. The bytes that are hashed are
-//! written out field by field, so the key survives changes of other formats.
+//! The key is a hash of everything that the preparation reads: the bed and its preparation, the sleepers, and the
+//! stepping of the run, with which the last settling runs. Fields are hashed one by one, so the key does not depend on
+//! names or other formats.
 
 use ballast::geometry::GrainShape;
 use ballast::model::Stepping;
@@ -11,31 +11,31 @@ use ballast::track::plan::{
     SleeperPlan,
 };
 
-/// Raised when the same plan is prepared into another bed: old keys then match nothing.
+/// Version of the preparation, raised when the same plan gives another bed: old keys then match no bed.
 const VERSION: u64 = 13;
 
-/// 128-bit key of the bed that `plan` prepares, as 32 hexadecimal digits.
+/// Returns the 128-bit content key of the bed of `plan` as 32 hexadecimal digits.
 ///
-/// Tines, tamping, duration, solver and output do not change it, nor does which sleeper is tamped.
-/// The time step does: the last settling runs at that of the run.
+/// It does not depend on tines, tamping, duration, solver, output and the choice of tamped sleepers. It depends on the
+/// time step, with which the last settling runs.
 pub fn content_key(plan: &Plan) -> String {
-    let mut key = Key::new();
-    key.integer(VERSION);
-    key.bed(&plan.bed);
-    key.integer(plan.sleepers.len() as u64);
+    let mut hasher = ContentHasher::new();
+    hasher.integer(VERSION);
+    hasher.bed(&plan.bed);
+    hasher.integer(plan.sleepers.len() as u64);
     for sleeper in &plan.sleepers {
-        key.sleeper(sleeper);
+        hasher.sleeper(sleeper);
     }
-    key.run(&plan.run);
-    format!("{:032x}", key.hash)
+    hasher.run(&plan.run);
+    format!("{:032x}", hasher.hash)
 }
 
-/// FNV-1a, 128 bits: short, and the same on every machine. Nobody attacks a cache of beds.
-struct Key {
+/// FNV-1a hasher, 128 bits: short, and the same on every machine. A bed cache needs no protection from attacks.
+struct ContentHasher {
     hash: u128,
 }
 
-impl Key {
+impl ContentHasher {
     const OFFSET: u128 = 0x6c62272e07bb014262b821756295c58d;
     const PRIME: u128 = 0x0000000001000000000000000000013b;
 
@@ -62,7 +62,7 @@ impl Key {
         values.into_iter().for_each(|v| self.number(*v));
     }
 
-    // The patterns name every field, so that a new one cannot be forgotten here.
+    // The patterns list every field, so that a new one cannot be forgotten here.
 
     fn bed(&mut self, bed: &BedPlan) {
         let BedPlan { size, seed, density, grains, friction, gravity, preparation } = bed;

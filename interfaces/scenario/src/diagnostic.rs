@@ -1,12 +1,12 @@
-//! What is wrong with a case file, for people and for programs.
+//! Diagnostics of case files, for people and for programs.
 
 use serde::Serialize;
 use std::fmt;
 use std::ops::Range;
 
-/// One error or warning, with its place in the file.
+/// Error or warning about a case file, with its position.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Diagnostic {
+pub struct CaseDiagnostic {
     /// Name of the file as it was given to the reader.
     pub file: String,
     /// Line, from 1.
@@ -15,20 +15,20 @@ pub struct Diagnostic {
     pub column: usize,
     /// Path of the key, for example `bed.grains.classes[2].share`; empty for the whole file.
     pub key: String,
-    /// What is wrong, in a few words.
+    /// Problem in a few words.
     pub problem: String,
-    /// What the file says.
+    /// Content of the file.
     pub found: String,
-    /// What it should say.
+    /// Expected content.
     pub expected: String,
-    /// How to repair it, where that can be told.
+    /// Suggested correction, if known.
     pub hint: Option<String>,
-    /// The line of the file, and how many characters of it are marked from `column` on.
+    /// Line of the file, marked from `column` on.
     #[serde(skip)]
     source: Excerpt,
 }
 
-/// A line of the file, shortened to what is around the place.
+/// Line of the file, shortened to the surroundings of the marked characters.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Excerpt {
     before: String,
@@ -36,11 +36,20 @@ struct Excerpt {
     after: String,
 }
 
-/// Characters kept on each side of the marked place.
-const CONTEXT: usize = 60;
+/// Text of a diagnostic, without its position.
+#[derive(Default)]
+pub(crate) struct DiagnosticText {
+    pub problem: String,
+    pub found: String,
+    pub expected: String,
+    pub hint: Option<String>,
+}
 
-impl Diagnostic {
-    /// A diagnostic about the bytes `span` of `text`.
+/// Maximum number of characters shown on each side of the marked ones.
+const MAX_CONTEXT: usize = 60;
+
+impl CaseDiagnostic {
+    /// Creates a diagnostic about the bytes `span` of `text`, still without words.
     pub(crate) fn new(file: &str, text: &str, span: Range<usize>, key: String) -> Self {
         let start = floor_boundary(text, span.start);
         let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
@@ -57,17 +66,22 @@ impl Diagnostic {
             expected: String::new(),
             hint: None,
             source: Excerpt {
-                before: printable(before[before.len().saturating_sub(CONTEXT)..].iter().copied()),
-                marked: printable(text[start..end].chars().take(CONTEXT)),
-                after: printable(text[end..line_end].trim_end().chars().take(CONTEXT)),
+                before: printable(
+                    before[before.len().saturating_sub(MAX_CONTEXT)..].iter().copied(),
+                ),
+                marked: printable(text[start..end].chars().take(MAX_CONTEXT)),
+                after: printable(text[end..line_end].trim_end().chars().take(MAX_CONTEXT)),
             },
         }
     }
-}
 
-impl Diagnostic {
-    /// Without line and column, for a text that nobody has before their eyes.
-    pub fn without_place(&self) -> String {
+    pub(crate) fn with_text(self, text: DiagnosticText) -> Self {
+        let DiagnosticText { problem, found, expected, hint } = text;
+        Self { problem, found, expected, hint, ..self }
+    }
+
+    /// Formats the diagnostic as one line without position, for generated texts that are in no file.
+    pub fn without_position(&self) -> String {
         let mut text = self.problem.clone();
         if !self.key.is_empty() {
             text = format!("{}: {text}", self.key);
@@ -82,7 +96,7 @@ impl Diagnostic {
     }
 }
 
-/// The largest character boundary up to `at`.
+/// Returns the largest character boundary up to `at`.
 fn floor_boundary(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());
     while !text.is_char_boundary(at) {
@@ -91,7 +105,7 @@ fn floor_boundary(text: &str, at: usize) -> usize {
     at
 }
 
-/// Characters that cannot steer a terminal; a tab stays one character wide.
+/// Replaces control characters, which could control a terminal; a tab becomes one space.
 fn printable(chars: impl Iterator<Item = char>) -> String {
     chars
         .map(|c| match c {
@@ -102,16 +116,16 @@ fn printable(chars: impl Iterator<Item = char>) -> String {
         .collect()
 }
 
-/// Text from the file, safe to print and not longer than a line.
+/// Quotes a text from the file, safe to print and shortened to a line.
 pub(crate) fn quoted(text: &str) -> String {
-    let mut short: String = printable(text.chars().take(CONTEXT));
-    if text.chars().nth(CONTEXT).is_some() {
+    let mut short: String = printable(text.chars().take(MAX_CONTEXT));
+    if text.chars().nth(MAX_CONTEXT).is_some() {
         short.push('…');
     }
     format!("`{short}`")
 }
 
-impl fmt::Display for Diagnostic {
+impl fmt::Display for CaseDiagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = self.line.to_string();
         let margin = " ".repeat(number.len());
@@ -137,11 +151,11 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// Everything that is wrong with a case file, in the order of the file.
+/// All errors of a case file, in the order of the file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub struct CaseErrors {
-    /// Never empty.
-    pub errors: Vec<Diagnostic>,
+    /// Errors, never empty.
+    pub errors: Vec<CaseDiagnostic>,
 }
 
 impl fmt::Display for CaseErrors {

@@ -1,72 +1,72 @@
-//! A parsed TOML text in which every key can be found again.
+//! Parsed TOML text with the position of every key.
 
-use crate::diagnostic::{Diagnostic, quoted};
-use crate::text::LONGEST_CASE;
+use crate::diagnostic::{CaseDiagnostic, quoted};
+use crate::read_text::MAX_CASE_BYTES;
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// One part of the path of a key.
+/// Segment of the path of a key.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Part {
+pub enum PathSegment {
     Key(String),
     Index(usize),
 }
 
-/// Text, name and parsed table.
-pub struct Document<'t> {
+/// Text, name and parsed table of a case file.
+pub struct CaseDocument<'t> {
     pub file: &'t str,
     pub text: &'t str,
     pub root: DeTable<'t>,
 }
 
-impl<'t> Document<'t> {
-    /// Parses `text`; all errors of syntax are returned at once.
-    pub fn parse(text: &'t str, file: &'t str) -> Result<Self, Vec<Diagnostic>> {
-        if text.len() as u64 > LONGEST_CASE {
-            let mut d = Diagnostic::new(file, "", 0..0, String::new());
+impl<'t> CaseDocument<'t> {
+    /// Parses `text`; returns all syntax errors at once.
+    pub fn parse(text: &'t str, file: &'t str) -> Result<Self, Vec<CaseDiagnostic>> {
+        if text.len() as u64 > MAX_CASE_BYTES {
+            let mut d = CaseDiagnostic::new(file, "", 0..0, String::new());
             d.problem = "the file is too large".into();
             d.found = format!("{} bytes", text.len());
-            d.expected = format!("a case file of at most {LONGEST_CASE} bytes");
+            d.expected = format!("a case file of at most {MAX_CASE_BYTES} bytes");
             return Err(vec![d]);
         }
         let (root, errors) = DeTable::parse_recoverable(text);
         if errors.is_empty() {
             return Ok(Self { file, text, root: root.into_inner() });
         }
-        Err(errors.iter().map(|e| syntax(file, text, e)).collect())
+        Err(errors.iter().map(|e| syntax_error(file, text, e)).collect())
     }
 
-    /// A diagnostic about the bytes `span`.
-    pub fn diagnostic(&self, span: Range<usize>, key: String) -> Diagnostic {
-        Diagnostic::new(self.file, self.text, span, key)
+    /// Creates a diagnostic about the bytes `span`.
+    pub fn diagnostic(&self, span: Range<usize>, key: String) -> CaseDiagnostic {
+        CaseDiagnostic::new(self.file, self.text, span, key)
     }
 
-    /// Where the value at `path` is written (for a table, its name); for a key that is not written,
-    /// the table that would hold it.
+    /// Returns the bytes of the value at `path`, or of the name of a table there. For a missing key, returns the
+    /// bytes of its table.
     pub fn span(&self, path: &str) -> Range<usize> {
-        let mut place = 0..0;
+        let mut span = 0..0;
         let mut table = Some(&self.root);
         let mut array: Option<&[Spanned<DeValue>]> = None;
-        for part in parts(path) {
-            let (name, value) = match &part {
-                Part::Key(key) => {
+        for segment in segments(path) {
+            let (name, value) = match &segment {
+                PathSegment::Key(key) => {
                     let Some((name, value)) = table.and_then(|t| find(t, key)) else { break };
                     (name.span(), value)
                 }
-                Part::Index(i) => {
+                PathSegment::Index(i) => {
                     let Some(value) = array.and_then(|a| a.get(*i)) else { break };
                     (value.span(), value)
                 }
             };
             table = value.get_ref().as_table();
             array = value.get_ref().as_array().map(|a| a.as_ref());
-            place = if table.is_some() { name } else { value.span() };
+            span = if table.is_some() { name } else { value.span() };
         }
-        place
+        span
     }
 
-    /// Whether the key at `path` is written.
+    /// True if the file has the key at `path`.
     pub fn has(&self, path: &str) -> bool {
         let mut table = Some(&self.root);
         path.split('.').all(|key| {
@@ -76,13 +76,13 @@ impl<'t> Document<'t> {
         })
     }
 
-    /// The text of `span`, for messages.
+    /// Quotes the bytes `span` for messages.
     pub fn quote(&self, span: Range<usize>) -> String {
         quoted(self.text.get(span).unwrap_or_default().trim())
     }
 }
 
-/// The entry called `key`.
+/// Returns the entry with the name `key`.
 pub fn find<'a, 'i>(
     table: &'a DeTable<'i>,
     key: &str,
@@ -90,20 +90,23 @@ pub fn find<'a, 'i>(
     table.iter().find(|(name, _)| name.get_ref().as_ref() == key)
 }
 
-/// The parts of a path like `bed.grains.classes[2].share`.
-fn parts(path: &str) -> Vec<Part> {
-    let mut parts = Vec::new();
+/// Splits a path like `bed.grains.classes[2].size_m` into its segments.
+fn segments(path: &str) -> Vec<PathSegment> {
+    let mut segments = Vec::new();
     for word in path.split('.').filter(|w| !w.is_empty()) {
         let mut pieces = word.split('[');
-        parts.extend(pieces.next().filter(|k| !k.is_empty()).map(|k| Part::Key(k.into())));
-        parts.extend(pieces.filter_map(|p| p.trim_end_matches(']').parse().ok()).map(Part::Index));
+        segments
+            .extend(pieces.next().filter(|k| !k.is_empty()).map(|k| PathSegment::Key(k.into())));
+        segments.extend(
+            pieces.filter_map(|p| p.trim_end_matches(']').parse().ok()).map(PathSegment::Index),
+        );
     }
-    parts
+    segments
 }
 
-fn syntax(file: &str, text: &str, error: &toml::de::Error) -> Diagnostic {
+fn syntax_error(file: &str, text: &str, error: &toml::de::Error) -> CaseDiagnostic {
     let span = error.span().unwrap_or(0..0);
-    let mut d = Diagnostic::new(file, text, span.clone(), String::new());
+    let mut d = CaseDiagnostic::new(file, text, span.clone(), String::new());
     let message = error.message().trim();
     let (problem, expected) = match message.split_once(", expected ") {
         Some((problem, expected)) => (problem, expected),
@@ -111,7 +114,7 @@ fn syntax(file: &str, text: &str, error: &toml::de::Error) -> Diagnostic {
     };
     d.problem = format!("not TOML: {}", problem.trim().trim_end_matches([',', ';', '\n']));
     if !problem.contains("duplicate")
-        && let Some((found, expected)) = slip(text, span.start)
+        && let Some((found, expected)) = foreign_notation(text, span.start)
     {
         (d.found, d.expected) = (quoted(found), expected);
         return d;
@@ -123,8 +126,8 @@ fn syntax(file: &str, text: &str, error: &toml::de::Error) -> Diagnostic {
     d
 }
 
-/// What was written instead of what, where a value of another language stands at or around `at`.
-fn slip(text: &str, at: usize) -> Option<(&str, String)> {
+/// Returns a value in the notation of another language on the line of `at`, and its TOML notation.
+fn foreign_notation(text: &str, at: usize) -> Option<(&str, String)> {
     let line = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
     let (_, value) = text[line..].lines().next()?.split_once('=')?;
     let value = value.split('#').next()?.trim();

@@ -1,99 +1,102 @@
-//! Writes rows of sleepers and tines out as single ones, each with the keys it came from.
+//! Expansion of rows of sleepers and tines to single bodies, each with the keys that define it.
 
 use crate::case_file::{
     BlockSection, CaseFile, SleeperSection, SqueezeDirection, TineRows, TineSection,
 };
+use crate::diagnostic::DiagnosticText;
 use crate::mount;
-use crate::report::{Finding, Report};
+use crate::report::DiagnosticReport;
 use ballast::math::Vec3;
 use ballast::track::plan::{BlockPlan, SleeperPlan, TinePlan};
 
-/// Sleepers and tines of a case, written out.
+/// Sleepers and tines of a case.
 #[derive(Default)]
 pub struct Layout {
-    pub sleepers: Vec<Placed<SleeperPlan>>,
-    pub tines: Vec<Placed<TinePlan>>,
+    pub sleepers: Vec<PlacedBody<SleeperPlan>>,
+    pub tines: Vec<PlacedBody<TinePlan>>,
 }
 
-/// A sleeper or tine and the keys that say where it stands.
-pub struct Placed<T> {
+/// Sleeper or tine with the paths of the keys that define its position.
+pub struct PlacedBody<T> {
     pub plan: T,
-    /// Its own table.
+    /// Path of its section.
     pub key: String,
     pub key_x: String,
     pub key_y: String,
 }
 
-/// Sleepers and tines together: far more than any machine has, few enough to compare all pairs.
-const MOST_BODIES: usize = 2000;
+/// Maximum number of sleepers and tines: far more than any machine has, few enough to compare all pairs.
+const MAX_BODIES: usize = 2000;
 
-/// Sleepers and tines of `case`.
-pub fn lay_out(case: &CaseFile, report: &mut Report) -> Layout {
-    let mut layout = Layout::default();
-    if !report.clean(&["bed.size_m", "sleepers", "sleeper", "tines", "tine"]) {
-        return layout;
+impl Layout {
+    /// Creates the sleepers and tines of `case`; reports rows and mounts with errors.
+    pub fn of(case: &CaseFile, report: &mut DiagnosticReport) -> Self {
+        let mut layout = Self::default();
+        if !report.is_clean(&["bed.size_m", "sleepers", "sleeper", "tines", "tine"]) {
+            return layout;
+        }
+        let single = case.sleeper.len() + case.tine.len();
+        if single > MAX_BODIES {
+            let key = if case.tine.is_empty() { "sleeper" } else { "tine" };
+            too_many(report, key, single);
+            return layout;
+        }
+        add_sleeper_row(case, report, &mut layout);
+        for (i, sleeper) in case.sleeper.iter().enumerate() {
+            layout.sleepers.push(single_sleeper(i, sleeper, lifts(case), report));
+        }
+        let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
+        let tines_per_sleeper = case.tines.as_ref().map_or(0, |tines| 2 * tines.y_offsets_m.len());
+        let count = layout.sleepers.len() + tamped * tines_per_sleeper + case.tine.len();
+        if count > MAX_BODIES {
+            let key = if case.tines.is_some() { "tines" } else { "sleepers" };
+            too_many(report, key, count);
+            return layout;
+        }
+        if let Some(tines) = &case.tines {
+            add_tine_rows(tines, report, &mut layout);
+        }
+        let single = case.tine.iter().enumerate().map(|(i, tine)| single_tine(i, tine, report));
+        layout.tines.extend(single);
+        layout
     }
-    let single = case.sleeper.len() + case.tine.len();
-    if single > MOST_BODIES {
-        let key = if case.tine.is_empty() { "sleeper" } else { "tine" };
-        too_many(report, key, single);
-        return layout;
-    }
-    row_of_sleepers(case, report, &mut layout);
-    for (i, sleeper) in case.sleeper.iter().enumerate() {
-        layout.sleepers.push(single_sleeper(i, sleeper, lifts(case), report));
-    }
-    let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
-    let beside_each = case.tines.as_ref().map_or(0, |tines| 2 * tines.y_offsets_m.len());
-    let count = layout.sleepers.len() + tamped * beside_each + case.tine.len();
-    if count > MOST_BODIES {
-        let key = if case.tines.is_some() { "tines" } else { "sleepers" };
-        too_many(report, key, count);
-        return layout;
-    }
-    if let Some(tines) = &case.tines {
-        rows_of_tines(tines, report, &mut layout);
-    }
-    let single = case.tine.iter().enumerate().map(|(i, tine)| single_tine(i, tine, report));
-    layout.tines.extend(single);
-    layout
 }
 
-fn too_many(report: &mut Report, key: &str, count: usize) {
-    let finding = Finding {
+fn too_many(report: &mut DiagnosticReport, key: &str, count: usize) {
+    let text = DiagnosticText {
         problem: "too many sleepers and tines".into(),
         found: count.to_string(),
-        expected: format!("at most {MOST_BODIES} together"),
+        expected: format!("at most {MAX_BODIES} together"),
         hint: None,
     };
-    report.error(key, finding);
+    report.error(key, text);
 }
 
-fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
+fn add_sleeper_row(case: &CaseFile, report: &mut DiagnosticReport, layout: &mut Layout) {
     let Some(row) = &case.sleepers else { return };
     if row.count > 1 && row.pitch_m.is_none() {
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: "missing key `pitch_m`".into(),
             found: format!("{} sleepers", row.count),
             expected: "`pitch_m`: a number above 0 — distance between neighbours, m".into(),
             hint: None,
         };
-        report.error("sleepers.pitch_m", finding);
+        report.error("sleepers.pitch_m", text);
         return;
     }
     for (i, number) in row.tamped.iter().enumerate() {
         let repeated = row.tamped[..i].contains(number);
         if *number > row.count || repeated {
-            let finding = Finding {
+            let text = DiagnosticText {
                 problem: match repeated {
-                    true => "a sleeper is named twice".into(),
-                    false => "there is no sleeper of this number".into(),
+                    true => "a sleeper is listed twice".into(),
+                    false => "no sleeper has this number".into(),
                 },
                 found: number.to_string(),
                 expected: format!("different numbers from 1 to {}", row.count),
                 hint: None,
             };
-            report.error(&format!("sleepers.tamped[{i}]"), finding);
+            report.error(&format!("sleepers.tamped[{i}]"), text);
         }
     }
     let [size_x, size_y, _] = case.bed.size_m;
@@ -102,11 +105,11 @@ fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
     let blocks: Vec<BlockPlan> = row.blocks.iter().map(block).collect();
     let mount = row.mount.and_then(|m| {
         let is_lifted = lifts(case) && !row.tamped.is_empty();
-        mount::of_sleeper(&m, &blocks, is_lifted, "sleepers.mount", report)
+        mount::sleeper_mount(&m, &blocks, is_lifted, "sleepers.mount", report)
     });
     for number in 1..=row.count {
         let centre = [first + pitch * f64::from(number - 1), row.y_m.unwrap_or(0.5 * size_y)];
-        layout.sleepers.push(Placed {
+        layout.sleepers.push(PlacedBody {
             plan: SleeperPlan {
                 name: format!("sleeper_{number}"),
                 centre,
@@ -124,7 +127,7 @@ fn row_of_sleepers(case: &CaseFile, report: &mut Report, layout: &mut Layout) {
     }
 }
 
-/// Whether tamped sleepers are lifted.
+/// True if the cycle lifts tamped sleepers.
 fn lifts(case: &CaseFile) -> bool {
     case.tamping.as_ref().is_some_and(|tamping| tamping.lift.height_m > 0.0)
 }
@@ -133,13 +136,14 @@ fn single_sleeper(
     i: usize,
     sleeper: &SleeperSection,
     lifts: bool,
-    report: &mut Report,
-) -> Placed<SleeperPlan> {
+    report: &mut DiagnosticReport,
+) -> PlacedBody<SleeperPlan> {
     let blocks: Vec<BlockPlan> = sleeper.blocks.iter().map(block).collect();
     let key = format!("sleeper[{i}].mount");
     let is_lifted = lifts && sleeper.tamped;
-    let mount = sleeper.mount.and_then(|m| mount::of_sleeper(&m, &blocks, is_lifted, &key, report));
-    Placed {
+    let mount =
+        sleeper.mount.and_then(|m| mount::sleeper_mount(&m, &blocks, is_lifted, &key, report));
+    PlacedBody {
         plan: SleeperPlan {
             name: sleeper.name.clone(),
             centre: [sleeper.x_m, sleeper.y_m],
@@ -157,24 +161,24 @@ fn block(block: &BlockSection) -> BlockPlan {
     BlockPlan { offset_y: block.offset_y_m, size: Vec3::from(block.size_m) }
 }
 
-/// A facing pair at each y offset of each tamped sleeper.
-fn rows_of_tines(tines: &TineRows, report: &mut Report, layout: &mut Layout) {
+/// Adds a facing pair at each y offset of each tamped sleeper.
+fn add_tine_rows(tines: &TineRows, report: &mut DiagnosticReport, layout: &mut Layout) {
     let tamped: Vec<SleeperPlan> =
         layout.sleepers.iter().filter(|s| s.plan.tamped).map(|s| s.plan.clone()).collect();
-    // Where `tamped` names sleepers that are not there, or the row has no pitch, that is told already.
-    if tamped.is_empty() && report.clean(&["sleepers"]) {
+    // An error in `[sleepers]` has been reported already.
+    if tamped.is_empty() && report.is_clean(&["sleepers"]) {
         let key = if report.document.has("sleepers.tamped") { "sleepers.tamped" } else { "tines" };
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: "rows of tines need a tamped sleeper".into(),
             found: "no sleeper is tamped".into(),
             expected: "`tamped = [1]` in `[sleepers]`, or `tamped = true` in a `[[sleeper]]`"
                 .into(),
             hint: None,
         };
-        report.error(key, finding);
+        report.error(key, text);
     }
     let sizes = [tines.blade_size_m, tines.shaft_size_m];
-    let mount = mount::of_tine(&tines.mount, sizes, "tines.mount", report);
+    let mount = mount::tine_mount(&tines.mount, sizes, "tines.mount", report);
     let mut pair = 0;
     for sleeper in &tamped {
         for (i, offset) in tines.y_offsets_m.iter().enumerate() {
@@ -184,10 +188,10 @@ fn rows_of_tines(tines: &TineRows, report: &mut Report, layout: &mut Layout) {
                 continue;
             };
             let distance = half + tines.gap_to_sleeper_m + 0.5 * tines.blade_size_m[0];
-            // The tine on the far side squeezes back.
+            // The tine at the larger x squeezes towards -x.
             for (side, direction) in [("plus", 1.0), ("minus", -1.0)] {
                 let x = sleeper.centre[0] - direction * distance;
-                layout.tines.push(Placed {
+                layout.tines.push(PlacedBody {
                     plan: TinePlan {
                         name: format!("tine_{}_{side}", pair + 1),
                         position: [x, sleeper.centre[1] + offset],
@@ -207,13 +211,13 @@ fn rows_of_tines(tines: &TineRows, report: &mut Report, layout: &mut Layout) {
     }
 }
 
-/// Half the length along x of the block that a tine at this offset faces.
+/// Returns half the length along x of the block that a tine at this offset faces, m.
 fn half_length(sleeper: &SleeperPlan, offset: f64) -> Option<f64> {
     let faced = sleeper.blocks.iter().filter(|b| (offset - b.offset_y).abs() <= 0.5 * b.size.y);
     faced.map(|b| 0.5 * b.size.x).reduce(f64::max)
 }
 
-fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: f64) {
+fn outside_block(report: &mut DiagnosticReport, key: &str, sleeper: &SleeperPlan, offset: f64) {
     let ranges: Vec<String> = sleeper
         .blocks
         .iter()
@@ -221,19 +225,23 @@ fn outside_block(report: &mut Report, key: &str, sleeper: &SleeperPlan, offset: 
             format!("{:.3} to {:.3}", b.offset_y - 0.5 * b.size.y, b.offset_y + 0.5 * b.size.y)
         })
         .collect();
-    let finding = Finding {
-        problem: format!("a tine beside `{}` faces none of its blocks", sleeper.name),
+    let text = DiagnosticText {
+        problem: format!("a tine next to `{}` faces none of its blocks", sleeper.name),
         found: format!("{offset} m"),
         expected: format!("an offset within a block: {} m", ranges.join(", ")),
         hint: None,
     };
-    report.error(key, finding);
+    report.error(key, text);
 }
 
-fn single_tine(i: usize, tine: &TineSection, report: &mut Report) -> Placed<TinePlan> {
+fn single_tine(
+    i: usize,
+    tine: &TineSection,
+    report: &mut DiagnosticReport,
+) -> PlacedBody<TinePlan> {
     let sizes = [tine.blade_size_m, tine.shaft_size_m];
-    let mount = mount::of_tine(&tine.mount, sizes, &format!("tine[{i}].mount"), report);
-    Placed {
+    let mount = mount::tine_mount(&tine.mount, sizes, &format!("tine[{i}].mount"), report);
+    PlacedBody {
         plan: TinePlan {
             name: tine.name.clone(),
             position: [tine.x_m, tine.y_m],

@@ -1,16 +1,18 @@
-//! Case files (TOML) and neutral samples (JSON): text in, plan or model out. No files: a text is read from what the
-//! caller has opened.
+//! Case files (TOML), sweep plans (TOML) and neutral samples (JSON): from text to plan or model.
+//!
+//! The crate opens no files; callers pass a text or a reader.
 
 mod case_file;
 mod check;
-mod choices;
 mod content_key;
 mod diagnostic;
 mod document;
 mod layout;
 mod mount;
 mod nearest;
-mod read;
+mod overrides;
+mod read_case;
+mod read_text;
 #[cfg(test)]
 mod reference_tests;
 mod renamed;
@@ -18,13 +20,12 @@ mod report;
 mod resolve;
 pub mod sample;
 mod schema;
-mod structure;
+mod schema_check;
 pub mod sweep;
-mod text;
 
-pub use choices::{Choices, UnknownChoice};
 pub use content_key::content_key;
-pub use diagnostic::{CaseErrors, Diagnostic};
-pub use read::{Case, read_case};
+pub use diagnostic::{CaseDiagnostic, CaseErrors};
+pub use overrides::{CaseOverrides, OverrideError};
+pub use read_case::{CheckedPlan, read_case};
+pub use read_text::{MAX_CASE_BYTES, ReadError, read_text};
 pub use schema::schema;
-pub use text::{LONGEST_CASE, NoText, read_text};

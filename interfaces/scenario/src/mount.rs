@@ -1,27 +1,28 @@
-//! What holds tines and sleepers: mounts, from the words of a case file.
+//! Mounts of tines and sleepers.
 
 use crate::case_file::{self, DofModeName, SleeperMountSection};
-use crate::report::{Finding, Report};
+use crate::diagnostic::DiagnosticText;
+use crate::report::DiagnosticReport;
 use ballast::math::Vec3;
 use ballast::model::{DofMode, Mount};
 use ballast::track::plan::BlockPlan;
-use ballast::track::{sleeper_mount, steel_cantilever};
+use ballast::track::{self, steel_cantilever};
 
-/// A tine's mount, which stands at `key`. What the case leaves open is that of a steel tine of these sizes.
-pub fn of_tine(
+/// Returns the mount of a tine, whose section is at `key`. Absent values are those of a steel tine of these sizes.
+pub fn tine_mount(
     case: &case_file::TineMountSection,
     [blade, shaft]: [[f64; 3]; 2],
     key: &str,
-    report: &mut Report,
+    report: &mut DiagnosticReport,
 ) -> Option<Mount> {
     if case.rigid {
-        let usual = case_file::TineMountSection::default().damping_ratio;
-        let idle = [
+        let default_ratio = case_file::TineMountSection::default().damping_ratio;
+        let unused = [
             ("mass_kg", case.mass_kg.is_some()),
             ("stiffness_N_per_m", case.stiffness.is_some()),
-            ("damping_ratio", case.damping_ratio != usual),
+            ("damping_ratio", case.damping_ratio != default_ratio),
         ];
-        warn_idle(idle.into_iter(), "`rigid = true`: the tine does not give way", key, report);
+        warn_unused(unused.into_iter(), "`rigid = true`: a tine without a spring", key, report);
         return None;
     }
     let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
@@ -32,31 +33,31 @@ pub fn of_tine(
     Some(Mount::spring(mass, stiffness, damping))
 }
 
-/// Warns of keys that are there and change nothing.
-fn warn_idle<'n>(
+/// Warns of keys that have no effect.
+fn warn_unused<'n>(
     keys: impl Iterator<Item = (&'n str, bool)>,
     found: &str,
     key: &str,
-    report: &mut Report,
+    report: &mut DiagnosticReport,
 ) {
-    for (name, _) in keys.filter(|(_, is_there)| *is_there) {
-        let finding = Finding {
+    for (name, _) in keys.filter(|(_, is_written)| *is_written) {
+        let text = DiagnosticText {
             problem: format!("`{name}` has no effect"),
             found: found.into(),
             expected: format!("no `{name}`"),
             hint: None,
         };
-        report.warn(&format!("{key}.{name}"), finding);
+        report.warn(&format!("{key}.{name}"), text);
     }
 }
 
-/// The mount of a sleeper of these blocks, which stands at `key`; `None` if it is none, or wrong.
-pub fn of_sleeper(
+/// Returns the mount of a sleeper of these blocks, whose section is at `key`; `None` if it is invalid.
+pub fn sleeper_mount(
     case: &SleeperMountSection,
     blocks: &[BlockPlan],
     is_lifted: bool,
     key: &str,
-    report: &mut Report,
+    report: &mut DiagnosticReport,
 ) -> Option<Mount> {
     let modes = [case.x, case.y, case.z, case.rx, case.ry, case.rz];
     let springs = [
@@ -71,29 +72,29 @@ pub fn of_sleeper(
     for ((what, names, stiffness, damping), modes) in springs.into_iter().zip(modes.chunks(3)) {
         let [name, _] = names;
         if !modes.contains(&DofModeName::Spring) {
-            let idle = [stiffness.is_some(), damping != 0.0];
+            let unused = [stiffness.is_some(), damping != 0.0];
             let found = format!("no {what} with a spring");
-            warn_idle(names.into_iter().zip(idle), &found, key, report);
+            warn_unused(names.into_iter().zip(unused), &found, key, report);
         } else if stiffness.is_none() {
-            let finding = Finding {
+            let text = DiagnosticText {
                 problem: format!("missing key `{name}`"),
                 found: "a degree of freedom with a spring".into(),
                 expected: format!("`{name}`: a number above 0"),
                 hint: None,
             };
-            report.error(&format!("{key}.{name}"), finding);
+            report.error(&format!("{key}.{name}"), text);
             return None;
         }
     }
     if is_lifted && case.z == DofModeName::Free {
-        let finding = Finding {
-            problem: "the lift cannot move a sleeper that is free upwards".into(),
+        let text = DiagnosticText {
+            problem: "the lift cannot move a sleeper that is free in z".into(),
             found: "`z = \"free\"` and a tamped sleeper".into(),
             expected: "`z = \"prescribed\"` or `\"spring\"`, or a sleeper that is not tamped"
                 .into(),
             hint: None,
         };
-        report.error(&format!("{key}.z"), finding);
+        report.error(&format!("{key}.z"), text);
         return None;
     }
     let freedom = |(k, mode): (usize, DofModeName)| {
@@ -106,17 +107,17 @@ pub fn of_sleeper(
     };
     let mut freedoms = [DofMode::Prescribed; 6];
     modes.into_iter().enumerate().for_each(|m| freedoms[m.0] = freedom(m));
-    let mount = sleeper_mount(blocks, case.mass_kg, freedoms);
+    let mount = track::sleeper_mount(blocks, case.mass_kg, freedoms);
     let free = mount.free_dofs().count();
     if free == 0 || (free > 3 && !mount.has_isotropic_translations()) {
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: "unsupported combination of modes".into(),
             found: format!("{free} degrees of freedom that are not prescribed"),
             expected: "one to three, or more with all translations free, or all with springs"
                 .into(),
             hint: None,
         };
-        report.error(key, finding);
+        report.error(key, text);
         return None;
     }
     Some(mount)

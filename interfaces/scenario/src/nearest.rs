@@ -1,6 +1,6 @@
-//! "Did you mean": the word nearest to one that is not known.
+//! "Did you mean": nearest known word to an unknown one.
 
-/// The candidate that `word` was most likely meant to be.
+/// Returns the candidate nearest to `word` if it is near enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // Comparing costs the product of the lengths.
     if word.is_empty() || word.len() > 64 {
@@ -12,7 +12,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .filter_map(|c| {
             let candidate = fold(c);
             let whole = strsim::damerau_levenshtein(&folded, &candidate);
-            // A key without its unit, `step` for `step_s`, or with another one, is the commonest slip of all.
+            // The most frequent mistake is a key without its unit, or with another unit: `step` for `step_s`.
             let stems = strsim::damerau_levenshtein(stem(&folded), stem(&candidate));
             let distance = whole.min(1 + stems);
             (distance <= 1 + folded.len() / 4).then_some((distance, c))
@@ -21,7 +21,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, c)| c)
 }
 
-/// Hint for an unknown word.
+/// Returns a hint for an unknown word.
 pub fn did_you_mean<'a>(
     word: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -33,7 +33,7 @@ fn fold(word: &str) -> String {
     word.to_lowercase().replace(['-', ' '], "_")
 }
 
-/// The key without its unit.
+/// Returns the key without its unit.
 fn stem(key: &str) -> &str {
     const UNITS: [&str; 9] =
         ["_kg_per_m3", "_m_per_s2", "_m_per_s", "_hz", "_mm", "_ms", "_m", "_s", "_n"];

@@ -1,61 +1,66 @@
 //! The reference page of case keys in the book, generated from the JSON Schema.
 
 use crate::schema::schema;
-use crate::structure::{kind, resolve};
+use crate::schema_check::{kind, resolve};
 use serde_json::{Map, Value};
 
 const PAGE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/src/reference/cases.md");
-/// What is between these two lines of the page is made here.
+/// Lines of the page around the generated part.
 const MARKS: [&str; 2] = [
-    "<!-- From the schema: BALLAST_WRITE_DOCS=1 cargo test -p ballast-scenario writes it anew. -->\n",
-    "<!-- From the schema: end. -->\n",
+    "<!-- Generated from the schema; BALLAST_WRITE_DOCS=1 cargo test -p ballast-scenario rewrites it. -->\n",
+    "<!-- End of the generated part. -->\n",
 ];
-/// Tables in the order in which a case is thought of; the schema has them in that of the alphabet.
+/// Tables in the order in which a case is usually written; the schema has them in alphabetical order.
 const TABLES: [&str; 8] =
     ["bed", "sleepers", "sleeper", "tines", "tine", "tamping", "run", "solver"];
 
 #[test]
-fn the_page_has_the_reference_of_this_schema() {
+fn the_reference_page_matches_the_schema() {
     let page = std::fs::read_to_string(PAGE).expect(PAGE);
     let [begin, end] = MARKS.map(|mark| page.find(mark).expect(mark));
     let (before, after) = (&page[..begin + MARKS[0].len()], &page[end..]);
-    let wanted = format!("{before}\n{}{after}", reference(&schema()));
+    let expected = format!("{before}\n{}{after}", reference(&schema()));
     if std::env::var_os("BALLAST_WRITE_DOCS").is_some() {
-        std::fs::write(PAGE, wanted).expect(PAGE);
+        std::fs::write(PAGE, expected).expect(PAGE);
     } else {
         assert!(
-            page == wanted,
-            "docs/src/reference/cases.md is of another schema: set BALLAST_WRITE_DOCS=1"
+            page == expected,
+            "docs/src/reference/cases.md differs from the schema: set BALLAST_WRITE_DOCS=1"
         );
     }
 }
 
-/// A table of a case file: all names under which it occurs, and what it holds.
-struct Table<'s> {
+/// Table of a case file: all its names, and its schema.
+struct ReferenceTable<'s> {
     headings: Vec<String>,
     schema: &'s Value,
 }
 
 fn reference(root: &Value) -> String {
-    let top = Table { headings: vec!["Top of the file".into()], schema: root };
+    let top = ReferenceTable { headings: vec!["Top of the file".into()], schema: root };
     let mut tables = vec![top];
     collect(root, root, "", &mut tables);
     tables.iter().map(|table| section(root, table)).collect()
 }
 
-/// Adds the tables inside `schema`, which is at `path`; one that is known already gets another name.
-fn collect<'s>(root: &'s Value, schema: &'s Value, path: &str, tables: &mut Vec<Table<'s>>) {
+/// Adds the tables inside `schema`, which is at `path`; a table that is known already gets another name.
+fn collect<'s>(
+    root: &'s Value,
+    schema: &'s Value,
+    path: &str,
+    tables: &mut Vec<ReferenceTable<'s>>,
+) {
     for (key, inner) in keys(root, schema) {
         let Some((heading, schema)) = table_at(root, inner, path, key) else { continue };
         match tables.iter_mut().find(|known| std::ptr::eq(known.schema, schema)) {
             Some(known) => known.headings.push(heading),
-            None => tables.push(Table { headings: vec![heading], schema }),
+            None => tables.push(ReferenceTable { headings: vec![heading], schema }),
         }
         collect(root, schema, &join(path, key), tables);
     }
 }
 
-/// Name and schema of the table, or of each table of the list, that `key` holds.
+/// Returns name and schema of the table, or of each table of the list, under `key`.
 fn table_at<'s>(
     root: &'s Value,
     inner: &'s Value,
@@ -75,7 +80,7 @@ fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.into() } else { format!("{path}.{key}") }
 }
 
-/// Keys and their schemas: those that are needed first; tables of the top last, in their order.
+/// Returns keys and their schemas: required ones first, top-level tables last in their order.
 fn keys<'s>(root: &Value, schema: &'s Value) -> Vec<(&'s str, &'s Value)> {
     let properties: &Map<String, Value> = schema["properties"].as_object().expect("a table");
     let mut keys: Vec<(&str, &Value)> = properties.iter().map(|(k, v)| (k.as_str(), v)).collect();
@@ -91,9 +96,9 @@ fn is_needed(schema: &Value, key: &str) -> bool {
     schema["required"].as_array().into_iter().flatten().any(|k| k == key)
 }
 
-/// Heading, description, keys, and what the words of its keys mean.
-fn section(root: &Value, table: &Table) -> String {
-    let Table { headings, schema } = table;
+/// Returns heading, description, keys, and the meaning of enumerated values.
+fn section(root: &Value, table: &ReferenceTable) -> String {
+    let ReferenceTable { headings, schema } = table;
     let mut text = format!("## {}\n\n{}\n\n", headings.join(" and "), described(schema));
     text += "| key | takes | default | meaning |\n|---|---|---|---|\n";
     let mut words: Vec<(&Value, Vec<String>)> = Vec::new();

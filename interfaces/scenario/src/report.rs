@@ -1,56 +1,51 @@
-//! Collects errors and warnings about the keys of a document.
+//! Errors and warnings about the keys of a document.
 
-use crate::diagnostic::Diagnostic;
-use crate::document::Document;
+use crate::diagnostic::{CaseDiagnostic, DiagnosticText};
+use crate::document::CaseDocument;
+use std::ops::Range;
 
-/// Errors after which no more are collected: nobody reads the rest.
-pub const MOST: usize = 100;
+/// Maximum number of errors, and of warnings, that are collected.
+pub const MAX_DIAGNOSTICS: usize = 100;
 
-/// What was found so far.
-pub struct Report<'a, 't> {
-    pub document: &'a Document<'t>,
-    pub errors: Vec<Diagnostic>,
-    pub warnings: Vec<Diagnostic>,
+/// Errors and warnings found so far.
+pub struct DiagnosticReport<'a, 't> {
+    pub document: &'a CaseDocument<'t>,
+    pub errors: Vec<CaseDiagnostic>,
+    pub warnings: Vec<CaseDiagnostic>,
 }
 
-/// The words of one finding about a key.
-#[derive(Default)]
-pub struct Finding {
-    pub problem: String,
-    pub found: String,
-    pub expected: String,
-    pub hint: Option<String>,
-}
-
-impl<'a, 't> Report<'a, 't> {
-    pub fn new(document: &'a Document<'t>) -> Self {
+impl<'a, 't> DiagnosticReport<'a, 't> {
+    pub fn new(document: &'a CaseDocument<'t>) -> Self {
         Self { document, errors: Vec::new(), warnings: Vec::new() }
     }
 
     /// Adds an error about the key at `path`.
-    pub fn error(&mut self, path: &str, finding: Finding) {
-        if self.errors.len() < MOST {
-            let diagnostic = self.diagnostic(path, finding);
-            self.errors.push(diagnostic);
-        }
+    pub fn error(&mut self, path: &str, text: DiagnosticText) {
+        self.error_at(self.document.span(path), path.to_string(), text);
     }
 
-    /// Whether further errors would not be told.
-    pub fn is_full(&self) -> bool {
-        self.errors.len() >= MOST
+    /// Adds an error about the key at `path` that marks the bytes `span`.
+    pub fn error_at(&mut self, span: Range<usize>, path: String, text: DiagnosticText) {
+        if !self.is_full() {
+            self.errors.push(self.document.diagnostic(span, path).with_text(text));
+        }
     }
 
     /// Adds a warning about the key at `path`.
-    pub fn warn(&mut self, path: &str, finding: Finding) {
-        if self.warnings.len() < MOST {
-            let diagnostic = self.diagnostic(path, finding);
-            self.warnings.push(diagnostic);
+    pub fn warn(&mut self, path: &str, text: DiagnosticText) {
+        if self.warnings.len() < MAX_DIAGNOSTICS {
+            let span = self.document.span(path);
+            self.warnings.push(self.document.diagnostic(span, path.to_string()).with_text(text));
         }
     }
 
-    /// Whether no error was found so far at or below any of the `paths`: what is wrong already
-    /// would only cause more errors.
-    pub fn clean(&self, paths: &[&str]) -> bool {
+    /// True if further errors are not collected.
+    pub fn is_full(&self) -> bool {
+        self.errors.len() >= MAX_DIAGNOSTICS
+    }
+
+    /// True if there is no error yet at or below any of the `paths`, so that dependent checks make sense.
+    pub fn is_clean(&self, paths: &[&str]) -> bool {
         !self.errors.iter().any(|e| {
             paths.iter().any(|p| {
                 e.key.strip_prefix(p).is_some_and(|rest| {
@@ -58,14 +53,5 @@ impl<'a, 't> Report<'a, 't> {
                 })
             })
         })
-    }
-
-    fn diagnostic(&self, path: &str, finding: Finding) -> Diagnostic {
-        let mut d = self.document.diagnostic(self.document.span(path), path.to_string());
-        d.problem = finding.problem;
-        d.found = finding.found;
-        d.expected = finding.expected;
-        d.hint = finding.hint;
-        d
     }
 }

@@ -1,9 +1,9 @@
-//! From the words of a case file to the plan of the scenario.
+//! Conversion of a case file to the plan of its scenario.
 
 use crate::case_file::{self, CaseFile};
 use crate::check;
-use crate::layout::{Layout, lay_out};
-use crate::report::Report;
+use crate::layout::Layout;
+use crate::report::DiagnosticReport;
 use ballast::geometry::GrainShape;
 use ballast::math::Vec3;
 use ballast::track::plan::{
@@ -11,9 +11,9 @@ use ballast::track::plan::{
     SizeClass, SqueezePlan, TampingPlan, VibrationPlan,
 };
 
-/// The plan of `case`; it is only meant to be used when `report` holds no error afterwards.
-pub fn resolve(case: &CaseFile, report: &mut Report) -> Plan {
-    let layout = lay_out(case, report);
+/// Converts `case` to a plan, which is valid only if `report` has no error afterwards.
+pub fn resolve(case: &CaseFile, report: &mut DiagnosticReport) -> Plan {
+    let layout = Layout::of(case, report);
     let bed = bed(case, &layout, report);
     let run = check::run(case, report);
     let tamping = case.tamping.as_ref().map(|t| tamping(t, &run));
@@ -22,7 +22,7 @@ pub fn resolve(case: &CaseFile, report: &mut Report) -> Plan {
     check::names(case, &layout, report);
     check::collisions(&layout, [x, y], tamping.as_ref(), report);
     check::machine(tamping.as_ref(), &bed, &layout, &run, report);
-    check::slips(case, &layout, tamping.as_ref(), report);
+    check::plausibility(case, &layout, tamping.as_ref(), report);
     Plan {
         name: case.name.clone(),
         bed,
@@ -33,7 +33,7 @@ pub fn resolve(case: &CaseFile, report: &mut Report) -> Plan {
     }
 }
 
-fn bed(case: &CaseFile, layout: &Layout, report: &mut Report) -> BedPlan {
+fn bed(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) -> BedPlan {
     let bed = &case.bed;
     BedPlan {
         size: Vec3::from(bed.size_m),
@@ -71,7 +71,7 @@ fn grains(grains: &case_file::GrainsSection) -> GrainPlan {
 fn preparation(
     bed: &case_file::BedSection,
     layout: &Layout,
-    report: &mut Report,
+    report: &mut DiagnosticReport,
 ) -> PreparationPlan {
     let preparation = &bed.preparation;
     let blocks = layout.sleepers.iter().flat_map(|s| &s.plan.blocks);
@@ -88,7 +88,7 @@ fn preparation(
 }
 
 fn tamping(tamping: &case_file::TampingSection, run: &RunPlan) -> TampingPlan {
-    let before = tamping.start_s
+    let withdrawal_start = tamping.start_s
         + tamping.lift.duration_s
         + tamping.insertion.duration_s
         + tamping.squeeze.duration_s
@@ -108,7 +108,9 @@ fn tamping(tamping: &case_file::TampingSection, run: &RunPlan) -> TampingPlan {
             force_limit: tamping.squeeze.force_limit,
         },
         hold: tamping.hold_s,
-        withdrawal: tamping.withdrawal_s.unwrap_or(run.duration_ns as f64 * 1e-9 - before),
+        withdrawal: tamping
+            .withdrawal_s
+            .unwrap_or(run.duration_ns as f64 * 1e-9 - withdrawal_start),
         vibration: VibrationPlan {
             frequency: tamping.vibration.frequency,
             amplitude: tamping.vibration.amplitude_m,

@@ -1,17 +1,17 @@
-//! The JSON Schema of case files, made from the same types that read them.
+//! JSON Schema of case files, generated from the types that read them.
 
 use crate::case_file::CaseFile;
 use serde_json::Value;
 
-/// JSON Schema (2020-12) of a case file, for editors and for the reader's own checks.
+/// Returns the JSON Schema (2020-12) of case files, for editors and for the reader's own checks.
 pub fn schema() -> Value {
     let mut schema = schemars::schema_for!(CaseFile).to_value();
-    without_null(&mut schema);
+    remove_null(&mut schema);
     schema
 }
 
-/// TOML has no null: an optional key is absent. What is left is easier to read and to check.
-fn without_null(value: &mut Value) {
+/// Removes `null` from types and defaults: TOML has no null, an optional key is absent.
+fn remove_null(value: &mut Value) {
     match value {
         Value::Object(map) => {
             if map.get("default").is_some_and(Value::is_null) {
@@ -36,9 +36,9 @@ fn without_null(value: &mut Value) {
             if let Some(Value::Object(default)) = map.get_mut("default") {
                 default.retain(|_, v| !v.is_null());
             }
-            map.values_mut().for_each(without_null);
+            map.values_mut().for_each(remove_null);
         }
-        Value::Array(items) => items.iter_mut().for_each(without_null),
+        Value::Array(items) => items.iter_mut().for_each(remove_null),
         _ => {}
     }
 }

@@ -1,4 +1,4 @@
-//! Plans of sweeps: a case and what is changed in it, point by point. Text in, points out.
+//! Sweep plans: a case and the values that each point changes.
 //!
 //! ```toml
 //! case = "laptop.toml"                              # relative to the plan
@@ -7,201 +7,202 @@
 //! "tamping.vibration.frequency_Hz" = [20, 30, 40]
 //! "bed.seed" = [1, 2, 3]
 //!
-//! [[points]]                                        # and these
+//! [[points]]                                        # single points in addition
 //! "tamping.vibration.frequency_Hz" = 35
 //! ```
 //!
-//! A table stands for the paths of its keys: without the quotes it is the same plan.
+//! A table stands for the paths of its keys: the plan without quotes is the same.
 
-use crate::read::read_case;
+use crate::read_case::read_case;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use toml::{Table, Value};
 
-/// No sweep has as many points: a slip in a grid, which would fill a disk.
-const MOST_POINTS: usize = 1_000_000;
+/// Maximum number of points of a sweep: more are a mistake in a grid, which would fill a disk.
+const MAX_POINTS: usize = 1_000_000;
 
-/// No key of a case has as many parts.
-const MOST_PARTS: usize = 16;
+/// Maximum number of segments of a key.
+const MAX_SEGMENTS: usize = 16;
 
-/// What is expected where a path is found twice.
+/// Expectation that a path given twice violates.
 const ONCE: &str = "each key once";
 
-/// Keys of a case, joined by points, and what they become.
-pub type Point = Vec<(String, Value)>;
+/// Changed keys of a case, as dotted paths, and their values.
+pub type SweepPoint = Vec<(String, Value)>;
 
-/// Says what is wrong: the place, what was expected, what was found.
-type Wrong<'a> = dyn Fn(&str, &str, &dyn Display) -> String + 'a;
-
-/// A sweep that was read.
+/// Case and points of a sweep.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sweep {
+pub struct SweepPlan {
     /// Path of the case file, relative to the plan.
     pub case: String,
-    pub points: Vec<Point>,
+    /// Points of the grid, then single points; at least one.
+    pub points: Vec<SweepPoint>,
 }
 
-impl Sweep {
-    /// Reads a plan; `name` stands for it in messages.
+impl SweepPlan {
+    /// Parses a sweep plan; `name` stands for it in messages.
     ///
     /// # Errors
-    /// What is wrong, with the place, what was expected and what was found.
-    pub fn read(text: &str, name: &str) -> Result<Self, String> {
-        let wrong = |place: &str, expected: &str, found: &dyn Display| {
-            format!("{name}: {place}: expected {expected}, found {found}")
-        };
-        let plan: Table = text
-            .parse()
-            .map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
+    /// A message with the position, the expected and the found value.
+    pub fn parse(text: &str, name: &str) -> Result<Self, String> {
+        Self::parse_unnamed(text).map_err(|error| format!("{name}: {error}"))
+    }
+
+    fn parse_unnamed(text: &str) -> Result<Self, String> {
+        let plan: Table =
+            text.parse().map_err(|e: toml::de::Error| e.to_string().trim().to_string())?;
         if let Some(key) = plan.keys().find(|k| !["case", "grid", "points"].contains(&k.as_str())) {
-            return Err(wrong(key, "one of case, grid, points", &format!("{key:?}")));
+            return Err(mismatch(key, "one of case, grid, points", &format!("{key:?}")));
         }
         let case = match plan.get("case") {
             Some(Value::String(path)) => path.clone(),
-            Some(other) => return Err(wrong("case", "the path of a case file", other)),
-            None => return Err(wrong("case", "the path of a case file", &"nothing")),
+            Some(other) => return Err(mismatch("case", "the path of a case file", other)),
+            None => return Err(mismatch("case", "the path of a case file", &"nothing")),
         };
-        let mut points = Vec::new();
-        match plan.get("grid") {
-            None => {}
-            Some(Value::Table(axes)) => points = grid(axes, &wrong)?,
-            Some(other) => return Err(wrong("grid", "a table of lists", other)),
-        }
+        let mut points = match plan.get("grid") {
+            None => Vec::new(),
+            Some(Value::Table(axes)) => grid_points(axes)?,
+            Some(other) => return Err(mismatch("grid", "a table of lists", other)),
+        };
         match plan.get("points") {
             None => {}
-            Some(Value::Array(given)) => {
-                for (i, point) in given.iter().enumerate() {
+            Some(Value::Array(tables)) => {
+                for (i, table) in tables.iter().enumerate() {
                     let place = format!("points[{i}]");
-                    let Value::Table(point) = point else {
-                        return Err(wrong(&place, "a table", point));
+                    let Value::Table(table) = table else {
+                        return Err(mismatch(&place, "a table", table));
                     };
-                    points.push(flat(point, &place, &wrong)?.into_iter().collect());
+                    points.push(flatten(table, &place)?.into_iter().collect());
                 }
             }
-            Some(other) => return Err(wrong("points", "a list of tables", other)),
+            Some(other) => return Err(mismatch("points", "a list of tables", other)),
         }
         if points.is_empty() {
-            return Err(wrong("grid, points", "at least one point", &"none"));
+            return Err(mismatch("grid, points", "at least one point", &"none"));
         }
         Ok(Self { case, points })
     }
 }
 
-fn grid(axes: &Table, wrong: &Wrong) -> Result<Vec<Point>, String> {
-    let axes = flat(axes, "grid", wrong)?;
-    let mut points: Vec<Point> = vec![vec![]];
+fn mismatch(place: &str, expected: &str, found: &dyn Display) -> String {
+    format!("{place}: expected {expected}, found {found}")
+}
+
+/// Returns all combinations of the values of a grid.
+fn grid_points(axes: &Table) -> Result<Vec<SweepPoint>, String> {
+    let axes = flatten(axes, "grid")?;
+    if axes.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut points: Vec<SweepPoint> = vec![vec![]];
     let mut keys = BTreeSet::new();
     for (key, values) in &axes {
         let place = format!("grid.{key:?}");
         let Value::Array(values) = values else {
-            return Err(wrong(&place, "a list of values", values));
+            return Err(mismatch(&place, "a list of values", values));
         };
         if values.is_empty() {
-            return Err(wrong(&place, "at least one value", &"none"));
+            return Err(mismatch(&place, "at least one value", &"none"));
         }
-        if points.len().saturating_mul(values.len()) > MOST_POINTS {
-            return Err(wrong(&place, &format!("at most {MOST_POINTS} points in all"), &"more"));
+        if points.len().saturating_mul(values.len()) > MAX_POINTS {
+            return Err(mismatch(&place, &format!("at most {MAX_POINTS} points in all"), &"more"));
         }
-        let choice = |value: &Value| {
-            let mut found = BTreeMap::new();
-            put(value, key.clone(), &place, &mut found, wrong).map(|()| found)
+        let flat_value = |value: &Value| {
+            let mut flat = BTreeMap::new();
+            insert_flat(value, key.clone(), &place, &mut flat).map(|()| flat)
         };
-        let choices = values.iter().map(choice).collect::<Result<Vec<_>, _>>()?;
-        let of_axis: BTreeSet<String> = choices.iter().flat_map(|c| c.keys().cloned()).collect();
-        if let Some(key) = keys.intersection(&of_axis).next() {
-            return Err(wrong("grid", ONCE, &format!("{key:?} twice")));
+        let choices = values.iter().map(flat_value).collect::<Result<Vec<_>, _>>()?;
+        let axis_keys: BTreeSet<String> = choices.iter().flat_map(|c| c.keys().cloned()).collect();
+        if let Some(key) = keys.intersection(&axis_keys).next() {
+            return Err(mismatch("grid", ONCE, &format!("{key:?} twice")));
         }
-        keys.extend(of_axis);
-        let with = |point: &Point, choice: &BTreeMap<String, Value>| {
+        keys.extend(axis_keys);
+        let extend = |point: &SweepPoint, choice: &BTreeMap<String, Value>| {
             let mut point = point.clone();
             point.extend(choice.clone());
             point
         };
-        points = points.iter().flat_map(|p| choices.iter().map(|c| with(p, c))).collect();
+        points = points.iter().flat_map(|p| choices.iter().map(|c| extend(p, c))).collect();
     }
-    Ok(if axes.is_empty() { vec![] } else { points })
+    Ok(points)
 }
 
-/// What a table holds under the paths of its keys, in alphabetical order.
-fn flat(table: &Table, place: &str, wrong: &Wrong) -> Result<BTreeMap<String, Value>, String> {
-    let mut found = BTreeMap::new();
-    table.iter().try_for_each(|(key, value)| put(value, key.clone(), place, &mut found, wrong))?;
-    Ok(found)
+/// Returns the values of a table under the paths of their keys, in alphabetical order.
+fn flatten(table: &Table, place: &str) -> Result<BTreeMap<String, Value>, String> {
+    let mut flat = BTreeMap::new();
+    table.iter().try_for_each(|(key, value)| insert_flat(value, key.clone(), place, &mut flat))?;
+    Ok(flat)
 }
 
-/// Adds a value under its path, or what it holds, where it is a table: put in whole, it would take the place of the
-/// case's own, with keys that the plan does not name.
-fn put(
+/// Inserts a value under its path, and a table value by value. A whole table would replace that of the case, with keys
+/// that the plan does not have.
+fn insert_flat(
     value: &Value,
     path: String,
     place: &str,
-    found: &mut BTreeMap<String, Value>,
-    wrong: &Wrong,
+    flat: &mut BTreeMap<String, Value>,
 ) -> Result<(), String> {
     match value {
         Value::Table(table) if table.is_empty() => {
-            Err(wrong(place, "keys with values", &format!("none in {path:?}")))
+            Err(mismatch(place, "keys with values", &format!("none in {path:?}")))
         }
         Value::Table(table) => table
             .iter()
-            .try_for_each(|(key, value)| put(value, format!("{path}.{key}"), place, found, wrong)),
-        _ if found.contains_key(&path) => Err(wrong(place, ONCE, &format!("{path:?} twice"))),
+            .try_for_each(|(key, value)| insert_flat(value, format!("{path}.{key}"), place, flat)),
+        _ if flat.contains_key(&path) => Err(mismatch(place, ONCE, &format!("{path:?} twice"))),
         _ => {
-            found.insert(path, value.clone());
+            flat.insert(path, value.clone());
             Ok(())
         }
     }
 }
 
-/// The text of a case with other values; it describes a run.
+/// Returns the text of a case with the values of `point`, after checking the case.
 ///
 /// # Errors
-/// As for [`with_values`]; what is then wrong with the case.
-pub fn changed(text: &str, point: &Point, name: &str) -> Result<String, String> {
-    let text = with_values(text, point, name)?;
-    // Lines of the text that is read here are those of no file.
-    read_case(&text, name).map_err(|wrong| {
-        let told = wrong.errors.iter().map(|e| format!("{name}: {}", e.without_place()));
-        told.collect::<Vec<_>>().join("\n")
+/// As for [`set_values`]; all errors of the changed case.
+pub fn apply_point(text: &str, point: &SweepPoint, name: &str) -> Result<String, String> {
+    let text = set_values(text, point, name)?;
+    // The lines of this text are in no file.
+    read_case(&text, name).map_err(|case| {
+        let errors = case.errors.iter().map(|e| format!("{name}: {}", e.without_position()));
+        errors.collect::<Vec<_>>().join("\n")
     })?;
     Ok(text)
 }
 
-/// The text of a case with other values, whatever it then describes; `name` stands for it in messages.
+/// Returns the text of a case with the values of `point`, without checking it; `name` stands for it in messages.
 ///
 /// # Errors
-/// A key that leads through something which is no table, or has more parts than any.
-pub fn with_values(text: &str, point: &Point, name: &str) -> Result<String, String> {
+/// A key with a segment that is no table, or with too many segments.
+pub fn set_values(text: &str, point: &SweepPoint, name: &str) -> Result<String, String> {
     let mut case: Table =
         text.parse().map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
     for (path, value) in point {
-        let parts = path.split('.').count();
-        if parts > MOST_PARTS {
+        let segments = path.split('.').count();
+        if segments > MAX_SEGMENTS {
             let start: String = path.chars().take(40).collect();
-            let expected = format!("a key of at most {MOST_PARTS} parts");
-            return Err(format!("{name}: {start}…: expected {expected}, found {parts}"));
+            let expected = format!("a key of at most {MAX_SEGMENTS} parts");
+            return Err(format!("{name}: {start}…: expected {expected}, found {segments}"));
         }
-        set(&mut case, path, value.clone()).map_err(|key| {
+        set_value(&mut case, path, value.clone()).map_err(|key| {
             format!("{name}: {path}: expected a table at {key:?}, found something else")
         })?;
     }
     toml::to_string(&case).map_err(|e| format!("{name}: {e}"))
 }
 
-/// Sets a value; where a key on the way is no table, that key.
-fn set(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
+/// Sets the value at `path`; returns the first key on the path that is no table as an error.
+fn set_value(table: &mut Table, path: &str, value: Value) -> Result<(), String> {
     match path.split_once('.') {
         None => {
             table.insert(path.to_string(), value);
             Ok(())
         }
-        Some((key, rest)) => {
-            let below = table.entry(key).or_insert_with(|| Value::Table(Table::new()));
-            match below {
-                Value::Table(below) => set(below, rest, value),
-                _ => Err(key.to_string()),
-            }
-        }
+        Some((key, rest)) => match table.entry(key).or_insert_with(|| Value::Table(Table::new())) {
+            Value::Table(below) => set_value(below, rest, value),
+            _ => Err(key.to_string()),
+        },
     }
 }
 
@@ -215,7 +216,7 @@ mod tests {
     fn a_grid_is_all_combinations() {
         let text = "case = 'a.toml'\n[grid]\n'bed.seed' = [1, 2]\n'solver.max_iterations' = [10, 20, 30]\n\
                     [[points]]\n'bed.seed' = 9";
-        let sweep = Sweep::read(text, "plan").unwrap();
+        let sweep = SweepPlan::parse(text, "plan").unwrap();
         assert_eq!((sweep.case.as_str(), sweep.points.len()), ("a.toml", 7));
         let values =
             |i: usize| sweep.points[i].iter().map(|(_, v)| v.to_string()).collect::<Vec<_>>();
@@ -227,7 +228,8 @@ mod tests {
 
     #[test]
     fn keys_without_quotes_are_the_same_paths() {
-        let read = |points: &str| Sweep::read(&format!("case = 'a'\n{points}"), "plan").unwrap();
+        let read =
+            |points: &str| SweepPlan::parse(&format!("case = 'a'\n{points}"), "plan").unwrap();
         let quoted = read(
             "[grid]\n'bed.seed' = [1]\n'solver.partition.boxes' = [[1, 1, 1]]\n[[points]]\n'solver.partition.boxes' = [2, 1, 1]\n\
              'solver.max_iterations' = 800",
@@ -242,7 +244,7 @@ mod tests {
         }
         // The rest of the case's table stays.
         let text =
-            with_values(CASE, &read("[[points]]\nsolver.max_iterations = 800").points[0], "point");
+            set_values(CASE, &read("[[points]]\nsolver.max_iterations = 800").points[0], "point");
         let text = text.unwrap();
         assert!(
             text.contains("max_iterations = 800")
@@ -252,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_plans_are_told() {
+    fn invalid_plans_are_refused() {
         for (text, expected) in [
             ("", "case: expected the path"),
             ("case = 3", "case: expected the path"),
@@ -275,35 +277,35 @@ mod tests {
             ("case = 'a'\n[[points]]\na.b = {}", "points[0]: expected keys with values"),
             ("case = 'a", "plan: "),
         ] {
-            let told = Sweep::read(text, "plan").unwrap_err();
-            assert!(told.contains(expected), "{text:?}: {told}");
+            let error = SweepPlan::parse(text, "plan").unwrap_err();
+            assert!(error.contains(expected), "{text:?}: {error}");
         }
         let many: Vec<String> = (0..7).map(|i| format!("a{i} = {:?}", [0; 10])).collect();
-        let told = Sweep::read(&format!("case = 'a'\n[grid]\n{}", many.join("\n")), "plan");
-        assert!(told.unwrap_err().contains("at most 1000000 points"));
+        let error = SweepPlan::parse(&format!("case = 'a'\n[grid]\n{}", many.join("\n")), "plan");
+        assert!(error.unwrap_err().contains("at most 1000000 points"));
     }
 
     #[test]
     fn a_point_changes_a_case() {
         let point = vec![("tamping.vibration.frequency_Hz".to_string(), Value::Integer(42))];
-        let text = changed(CASE, &point, "point 1").unwrap();
-        let plan = read_case(&text, "changed").unwrap().plan;
+        let text = apply_point(CASE, &point, "point 1").unwrap();
+        let plan = read_case(&text, "point").unwrap().plan;
         assert_eq!(plan.tamping.unwrap().vibration.frequency, 42.0);
         for (key, value, expected) in [
             ("tamping.vibration.frequency_Hz", Value::Integer(-1), "frequency_Hz"),
             ("solver.iteration", Value::Integer(1), "iteration"),
             ("name.first", Value::Integer(1), "expected a table at \"name\""),
         ] {
-            let told = changed(CASE, &vec![(key.to_string(), value)], "point 1").unwrap_err();
-            assert!(told.contains(expected) && told.starts_with("point 1: "), "{told}");
-            assert!(!told.contains("-->") && told.lines().count() == 1, "{told}");
+            let error = apply_point(CASE, &vec![(key.to_string(), value)], "point 1").unwrap_err();
+            assert!(error.contains(expected) && error.starts_with("point 1: "), "{error}");
+            assert!(!error.contains("-->") && error.lines().count() == 1, "{error}");
         }
         // More than any stack holds.
         let deep = vec![(["a"; 300_000].join("."), Value::Integer(1))];
-        let told = changed(CASE, &deep, "point 1").unwrap_err();
-        assert!(told.ends_with("expected a key of at most 16 parts, found 300000"), "{told}");
-        assert!(told.len() < 200, "{told}");
+        let error = apply_point(CASE, &deep, "point 1").unwrap_err();
+        assert!(error.ends_with("expected a key of at most 16 parts, found 300000"), "{error}");
+        assert!(error.len() < 200, "{error}");
         let deep = format!("case = 'a'\n[[points]]\n{} = 1", ["a"; 300_000].join("."));
-        assert!(Sweep::read(&deep, "plan").is_err());
+        assert!(SweepPlan::parse(&deep, "plan").is_err());
     }
 }

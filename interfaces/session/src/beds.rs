@@ -10,13 +10,13 @@ use ballast::model::Model;
 use ballast::observe::mean_speed;
 use ballast::state::State;
 use ballast::track::{Bed, DepositProgress};
-use ballast_beds::{Beds, Pace};
+use ballast_beds::{BedStore, PreparationProgress};
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Prepares the bed of a case unless it is there; `again` prepares it anyway.
 pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) -> Outcome {
-    let beds = Beds::in_folder(folder);
+    let beds = BedStore::new(folder);
     let kept = if again { None } else { beds.find(&case.plan)? };
     let (prepared, bed) = found_or_made(kept, || make(case, &beds, console))?;
     announce(case, &beds, &bed, prepared, console);
@@ -27,20 +27,20 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) 
 
 /// Model and state at the start of a case's run; the bed is prepared if it is not there.
 pub fn scene(case: &Case, folder: &Path, console: &dyn Reporter) -> Outcome<(Model, State)> {
-    let beds = Beds::in_folder(folder);
+    let beds = BedStore::new(folder);
     scene_of(case, &beds, console, || make(case, &beds, console))
 }
 
 /// The same for one of many that are prepared at a time, so without a bar.
 pub fn one_of_many(case: &Case, folder: &Path, console: &dyn Reporter) -> Outcome<(Model, State)> {
-    let beds = Beds::in_folder(folder);
+    let beds = BedStore::new(folder);
     let make = || unless_stopped(beds.prepare(case, &mut |_| interrupt::flow())?);
     scene_of(case, &beds, console, make)
 }
 
 fn scene_of(
     case: &Case,
-    beds: &Beds,
+    beds: &BedStore,
     console: &dyn Reporter,
     make: impl FnOnce() -> Outcome<Bed>,
 ) -> Outcome<(Model, State)> {
@@ -58,7 +58,7 @@ fn found_or_made(kept: Option<Bed>, make: impl FnOnce() -> Outcome<Bed>) -> Outc
 }
 
 /// Tells of the bed whenever it is used, and whether it is what a bed should be.
-fn announce(case: &Case, beds: &Beds, bed: &Bed, prepared: bool, console: &dyn Reporter) {
+fn announce(case: &Case, beds: &BedStore, bed: &Bed, prepared: bool, console: &dyn Reporter) {
     let (key, path) = (case.bed_key(), beds.path(&case.plan));
     let (speed, rest_speed) =
         (mean_speed(&bed.model, &bed.state), case.plan.bed.preparation.rest_speed);
@@ -76,11 +76,11 @@ fn announce(case: &Case, beds: &Beds, bed: &Bed, prepared: bool, console: &dyn R
 }
 
 /// Prepares a bed and keeps it.
-fn make(case: &Case, beds: &Beds, console: &dyn Reporter) -> Outcome<Bed> {
+fn make(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Outcome<Bed> {
     let mut progress = console.start_progress("bed");
-    let mut pace = Pace::default();
+    let mut pace = PreparationProgress::default();
     let mut watch = |done: &DepositProgress| {
-        progress.advance(pace.share(done), &PrepareMark(*done));
+        progress.advance(pace.update(done), &PrepareMark(*done));
         interrupt::flow()
     };
     let bed = beds.prepare(case, &mut watch)?;

@@ -9,8 +9,8 @@ use ballast::state::State;
 pub use ballast_beds::Case;
 use ballast_hdf5::checkpoint::Checkpoint;
 use ballast_mcap::recording::Windows;
-pub use ballast_scenario::Choices;
-use ballast_scenario::LONGEST_CASE;
+pub use ballast_scenario::CaseOverrides;
+use ballast_scenario::MAX_CASE_BYTES;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub fn is_served(kept: &Checkpoint) -> bool {
 }
 
 /// Reads a case file; warnings go to the console.
-pub fn load(path: &Path, choices: &Choices, console: &dyn Reporter) -> Outcome<Case> {
+pub fn load(path: &Path, choices: &CaseOverrides, console: &dyn Reporter) -> Outcome<Case> {
     let found = ours(&start_of(path, 64)).map(|ours| match ours {
         Ours::Sealed => "a checkpoint or a bed; `ballast resume` goes on from a checkpoint",
         Ours::Hdf5 => {
@@ -38,7 +38,7 @@ pub fn load(path: &Path, choices: &Choices, console: &dyn Reporter) -> Outcome<C
         let text = format!("{}: expected a case (TOML), found {found}", path.display());
         return Err(Failure::InvalidCase(text));
     }
-    let text = read_case(path, LONGEST_CASE)?;
+    let text = read_case(path, MAX_CASE_BYTES)?;
     parse(text, &path.display().to_string(), choices, console)
 }
 
@@ -47,29 +47,34 @@ pub fn load(path: &Path, choices: &Choices, console: &dyn Reporter) -> Outcome<C
 pub fn recorded(
     windows: &Windows,
     given: Option<&Path>,
-    choices: Choices,
+    choices: CaseOverrides,
     console: &dyn Reporter,
 ) -> Outcome<Case> {
     let meta = windows.meta();
-    let choices = choices.or(Choices::from_notes(&meta.choices)?);
+    let choices = choices.or(CaseOverrides::from_notes(&meta.choices)?);
     match given {
         Some(path) => load(path, &choices, console),
         None => {
             // Whoever ran it was warned.
             let name = format!("{}, its case", windows.path().display());
-            if meta.case_text.len() as u64 > LONGEST_CASE {
+            if meta.case_text.len() as u64 > MAX_CASE_BYTES {
                 let size = meta.case_text.len();
-                let text = format!("{name}: expected at most {LONGEST_CASE} bytes, found {size}");
+                let text = format!("{name}: expected at most {MAX_CASE_BYTES} bytes, found {size}");
                 return Err(Failure::InvalidCase(text));
             }
-            Ok(Case::read(meta.case_text.clone(), &name)?.chosen(choices))
+            Ok(Case::parse(meta.case_text.clone(), &name)?.with_overrides(choices))
         }
     }
 }
 
 /// Reads a case from its text; `name` is what messages call the file.
-pub fn parse(text: String, name: &str, choices: &Choices, console: &dyn Reporter) -> Outcome<Case> {
-    let case = Case::read(text, name)?.chosen(*choices);
+pub fn parse(
+    text: String,
+    name: &str,
+    choices: &CaseOverrides,
+    console: &dyn Reporter,
+) -> Outcome<Case> {
+    let case = Case::parse(text, name)?.with_overrides(*choices);
     case.warnings.iter().for_each(|warning| console.warning(&warning.to_string()));
     Ok(case)
 }
@@ -127,6 +132,6 @@ mod tests {
     #[test]
     fn a_choice_that_is_not_known_is_of_another_version() {
         let notes = [("schedule".to_string(), "random".to_string())].into();
-        assert_eq!(Failure::from(Choices::from_notes(&notes).unwrap_err()).code(), 6);
+        assert_eq!(Failure::from(CaseOverrides::from_notes(&notes).unwrap_err()).code(), 6);
     }
 }

@@ -101,8 +101,8 @@ impl From<ballast_hdf5::Error> for Failure {
     }
 }
 
-impl From<ballast_scenario::UnknownChoice> for Failure {
-    fn from(unknown: ballast_scenario::UnknownChoice) -> Self {
+impl From<ballast_scenario::OverrideError> for Failure {
+    fn from(unknown: ballast_scenario::OverrideError) -> Self {
         Failure::Incompatible(format!("what was chosen for the run, {unknown}"))
     }
 }
@@ -112,9 +112,9 @@ impl From<ballast_beds::Error> for Failure {
         use ballast_beds::Error;
         let hint = "delete it, or prepare it again with `ballast prepare CASE --force` (and the same `--beds`)";
         match error {
-            Error::Kept(e) => Failure::from(e).with(&format!("; {hint}")),
-            Error::Keeping(e) => e.into(),
-            Error::AnotherBed { .. } => Failure::Failed(format!("{error}; {hint}")),
+            Error::Read(e) => Failure::from(e).with(&format!("; {hint}")),
+            Error::Write(e) => e.into(),
+            Error::Mismatch { .. } => Failure::Failed(format!("{error}; {hint}")),
             Error::Scene { .. } => Failure::InvalidCase(error.to_string()),
             Error::Preparation { source: ballast::Error::Geometry { .. }, .. } => {
                 Failure::InvalidCase(format!("{error}; change the shape of grains in [bed.grains]"))

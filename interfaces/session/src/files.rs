@@ -5,7 +5,7 @@ use crate::{Failure, Outcome};
 use ballast_hdf5::checkpoint;
 use ballast_hdf5::results::Reader;
 use ballast_mcap::may_become_a_recording;
-use ballast_scenario::NoText;
+use ballast_scenario::ReadError;
 use ballast_scenario::sample::{self, Sample};
 use serde_json::Value;
 use std::ffi::{OsStr, OsString};
@@ -367,7 +367,7 @@ pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
 
 /// Reads a sample.
 pub fn read_sample(path: &Path) -> Outcome<Sample> {
-    let text = read_text(path, sample::LONGEST)?;
+    let text = read_text(path, sample::MAX_SAMPLE_BYTES)?;
     let read = sample::read(&text, &path.display().to_string());
     let sample = read.map_err(|e| Failure::InvalidCase(e.to_string()))?;
     let checked = sample.model.check().and_then(|()| sample.state.check(&sample.model));
@@ -378,7 +378,7 @@ pub fn read_sample(path: &Path) -> Outcome<Sample> {
 fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
     let file = File::open(path).map_err(|e| Failure::at(path, e))?;
     ballast_scenario::read_text(file, limit).map_err(|e| match e {
-        NoText::Bytes(line) => {
+        ReadError::NotUtf8(line) => {
             let name = path.display();
             not_text(format!("{name}:{line}: expected text in UTF-8, found other bytes"))
         }

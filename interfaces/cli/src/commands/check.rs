@@ -1,7 +1,7 @@
 //! `ballast check CASE`: what a case asks for, or everything that is wrong with it.
 
 use crate::args::Check;
-use crate::case::{self, Choices};
+use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::exit::Outcome;
 use crate::table::figure;
@@ -10,7 +10,7 @@ use ballast::track::plan::{Plan, TampingPlan};
 use serde_json::json;
 
 pub fn check(args: Check, console: Console) -> Outcome {
-    let case = case::load(&args.case, &Choices::default(), &console)?;
+    let case = case::load(&args.case, &CaseOverrides::default(), &console)?;
     console.result(&text(&case.plan));
     let run = &case.plan.run;
     console.event(

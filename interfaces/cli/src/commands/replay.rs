@@ -1,7 +1,7 @@
 //! `ballast replay FILE`: the case's bed, moved by a recording.
 
 use crate::args::{Replay, TimeName};
-use crate::case::{self, Case, Choices};
+use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
@@ -31,7 +31,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         );
         return Err(Failure::Usage(text));
     }
-    let choices = Choices::from(&args.overrides);
+    let choices = CaseOverrides::from(&args.overrides);
     let case = match (&windows, &posed, args.case.as_deref()) {
         (Some(windows), _, given) => case::recorded(windows, given, choices, &console)?,
         (None, _, Some(given)) => case::load(given, &choices, &console)?,
@@ -131,7 +131,7 @@ fn warn_of_mounts(args: &Replay, model: &Model, console: Console) {
 
 /// The motions of a recording of poses. What no stone decides is told before a bed is poured, which may take an hour.
 fn poses(args: &Replay, case: &Case, of_ours: bool, console: Console) -> Outcome<Motion> {
-    let (model, state) = ballast_beds::bare_scene(&case.plan)?;
+    let (model, state) = ballast_beds::empty_scene(&case.plan)?;
     if of_ours {
         warn_of_mounts(args, &model, console);
     }

@@ -1,7 +1,7 @@
 //! `ballast run CASE`: bed, cycle, results.
 
 use crate::args::{DumpProblems, Run};
-use crate::case::{self, Choices};
+use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
@@ -13,7 +13,7 @@ use std::path::Path;
 
 pub fn run(args: Run, console: Console) -> Outcome {
     interrupt::install()?;
-    let case = case::load(&args.case, &Choices::from(&args.overrides), &console)?;
+    let case = case::load(&args.case, &CaseOverrides::from(&args.overrides), &console)?;
     let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
     let files = RunFiles::begun_in(folder)?;
     if !args.force {

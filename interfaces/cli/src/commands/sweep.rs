@@ -1,15 +1,15 @@
 //! `ballast sweep PLAN`: many runs of a case, side by side, resumable, one table.
 
 use crate::args;
-use crate::case::{self, Choices};
+use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, create_folder, read_case, read_text, replace_text};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_hdf5::export::quoted;
-use ballast_scenario::LONGEST_CASE;
-use ballast_scenario::sweep::{Point, Sweep, changed};
+use ballast_scenario::MAX_CASE_BYTES;
+use ballast_scenario::sweep::{SweepPlan, SweepPoint, apply_point};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::{Map, Value, json};
@@ -26,10 +26,10 @@ const LOOK: Duration = Duration::from_millis(50);
 pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
     interrupt::install()?;
     let name = args.plan.display().to_string();
-    let text = read_case(&args.plan, LONGEST_CASE)?;
-    let sweep = Sweep::read(&text, &name).map_err(Failure::InvalidCase)?;
+    let text = read_case(&args.plan, MAX_CASE_BYTES)?;
+    let sweep = SweepPlan::parse(&text, &name).map_err(Failure::InvalidCase)?;
     let case = args.plan.parent().unwrap_or(Path::new("")).join(&sweep.case);
-    let case_text = read_case(&case, LONGEST_CASE)?;
+    let case_text = read_case(&case, MAX_CASE_BYTES)?;
     let texts = texts(&sweep, &case_text, &name)?;
     let folder = args.out.clone().unwrap_or_else(|| {
         Path::new("runs").join(args.plan.file_stem().unwrap_or(std::ffi::OsStr::new("sweep")))
@@ -74,9 +74,10 @@ pub fn sweep(args: args::Sweep, console: Console) -> Outcome {
 }
 
 /// The case of each point; all are checked before any is run.
-fn texts(sweep: &Sweep, case: &str, plan: &str) -> Outcome<Vec<String>> {
-    let text =
-        |(i, point): (usize, &Point)| changed(case, point, &format!("{plan}, point {}", i + 1));
+fn texts(sweep: &SweepPlan, case: &str, plan: &str) -> Outcome<Vec<String>> {
+    let text = |(i, point): (usize, &SweepPoint)| {
+        apply_point(case, point, &format!("{plan}, point {}", i + 1))
+    };
     let texts: Result<_, _> = sweep.points.iter().enumerate().map(text).collect();
     texts.map_err(Failure::InvalidCase)
 }
@@ -84,12 +85,12 @@ fn texts(sweep: &Sweep, case: &str, plan: &str) -> Outcome<Vec<String>> {
 /// The files of a sweep: a manifest, a folder per point, a table.
 struct Place {
     folder: PathBuf,
-    sweep: Sweep,
+    sweep: SweepPlan,
 }
 
 impl Place {
     /// Points with their numbers, from 1.
-    fn points(&self) -> impl Iterator<Item = (usize, &Point)> {
+    fn points(&self) -> impl Iterator<Item = (usize, &SweepPoint)> {
         (1..).zip(&self.sweep.points)
     }
 
@@ -107,7 +108,7 @@ impl Place {
         for ((number, point), text) in self.points().zip(texts) {
             let path = self.case(number);
             if path.exists() {
-                if read_text(&path, LONGEST_CASE)? != *text {
+                if read_text(&path, MAX_CASE_BYTES)? != *text {
                     return Err(Failure::Usage(format!(
                         "{}: expected point {number} of this plan ({}), found that of another one; choose \
                          another folder with --out",
@@ -120,7 +121,7 @@ impl Place {
             create_folder(&self.of(number))?;
             replace_text(&path, text)?;
         }
-        let point = |(number, point): (usize, &Point)| {
+        let point = |(number, point): (usize, &SweepPoint)| {
             // Relative to the manifest: a sweep may be moved as a whole.
             json!({ "number": number, "folder": name(number), "values": values(point) })
         };
@@ -147,7 +148,7 @@ impl Place {
         let mut keys = BTreeSet::new();
         let mut first_of_bed = Vec::new();
         for number in &open {
-            let case = case::load(&self.case(*number), &Choices::default(), &console)?;
+            let case = case::load(&self.case(*number), &CaseOverrides::default(), &console)?;
             if keys.insert(case.bed_key()) {
                 first_of_bed.push(*number);
             }
@@ -313,7 +314,7 @@ fn name(number: usize) -> String {
 }
 
 /// A point for programs.
-fn values(point: &Point) -> Map<String, Value> {
+fn values(point: &SweepPoint) -> Map<String, Value> {
     point.iter().map(|(key, value)| (key.clone(), told(value))).collect()
 }
 
@@ -328,7 +329,7 @@ fn told(value: &toml::Value) -> Value {
 }
 
 /// A point for a person.
-fn words(point: &Point) -> String {
+fn words(point: &SweepPoint) -> String {
     let word = |(key, value): &(String, toml::Value)| format!("{key} = {value}");
     point.iter().map(word).collect::<Vec<_>>().join(", ")
 }

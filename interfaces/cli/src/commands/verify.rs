@@ -1,7 +1,7 @@
 //! `ballast verify FILE`: computes a recording again and compares.
 
 use crate::args::Verify;
-use crate::case::{self, Case, Choices, first_other_line};
+use crate::case::{self, Case, CaseOverrides, first_other_line};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
@@ -24,7 +24,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
                     sequential and the synchronous schedule can be verified";
         return Err(Failure::at(&args.file, what));
     }
-    let case = case::recorded(&windows, args.case.as_deref(), Choices::default(), &console)?;
+    let case = case::recorded(&windows, args.case.as_deref(), CaseOverrides::default(), &console)?;
     let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
     let cycle = machine::cycle(&case, &model, &state)?;
     let (model, state) = start::of(&windows, &case, model, state)?;

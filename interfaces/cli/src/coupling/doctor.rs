@@ -1,7 +1,7 @@
 //! `ballast doctor`: what would keep a served component from working here, and what to do about it.
 
 use super::args::Doctor;
-use crate::case::{self, Choices};
+use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::table::on_threads;
@@ -96,8 +96,8 @@ fn writable(folder: &Path) -> Result<String, String> {
 
 /// Whether the case can be read, and its bed is there.
 fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, String> {
-    let case = case::load(path, &Choices::default(), &console).map_err(|e| e.to_string())?;
-    if !ballast_beds::Beds::in_folder(beds).path(&case.plan).exists() {
+    let case = case::load(path, &CaseOverrides::default(), &console).map_err(|e| e.to_string())?;
+    if !ballast_beds::BedStore::new(beds).path(&case.plan).exists() {
         return Ok(format!("{}: its bed will be prepared first", case.plan.name));
     }
     let (model, state) = crate::beds::scene(&case, beds, &console).map_err(|e| e.to_string())?;

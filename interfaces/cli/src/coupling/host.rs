@@ -4,7 +4,7 @@ use super::args::Serve;
 use super::kept;
 use super::tape::Recording;
 use crate::aside::Aside;
-use crate::case::{self, Case, Choices};
+use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::{beds, interrupt, taping};
@@ -31,7 +31,7 @@ pub struct Keeper {
     pub console: Console,
     pub case: Case,
     /// What was chosen where the component was started: what `init` goes out from.
-    choices: Choices,
+    choices: CaseOverrides,
     /// Folder of prepared beds.
     pub beds: PathBuf,
     pub checkpoint: PathBuf,
@@ -60,7 +60,7 @@ impl Keeper {
         Self {
             console,
             case,
-            choices: Choices::from(&args.overrides),
+            choices: CaseOverrides::from(&args.overrides),
             beds: args.beds.beds.clone(),
             checkpoint,
             every: args.checkpoint_every,
@@ -76,7 +76,7 @@ impl Keeper {
 
     /// The case with other choices, and its bed.
     fn prepare(&self, ask: &InitRequest) -> Outcome<(Case, Component)> {
-        let asked = Choices::named(ask.seed, ask.schedule.as_deref())
+        let asked = CaseOverrides::from_names(ask.seed, ask.schedule.as_deref())
             .map_err(|e| Failure::Usage(e.to_string()))?;
         let choices = asked.or(self.choices);
         let (text, name) = (self.case.text.clone(), &self.case.plan.name);

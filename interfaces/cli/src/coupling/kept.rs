@@ -1,6 +1,6 @@
 //! Checkpoints of a served run: state, number of the last window, and what that was answered.
 
-use crate::case::{self, Case, Choices, RUN_ID};
+use crate::case::{self, Case, CaseOverrides, RUN_ID};
 use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
@@ -137,11 +137,11 @@ pub fn fresh_run() -> Outcome<String> {
 /// The case as the run of a checkpoint has it: with what is given of schedule and seed, and the rest as it was.
 ///
 /// Refuses another case. Its model may be the same, since zones and squeezes are in none; comments may differ.
-pub fn of_the_run(path: &Path, case: Case, given: Choices) -> Outcome<Case> {
+pub fn of_the_run(path: &Path, case: Case, given: CaseOverrides) -> Outcome<Case> {
     let kept = checkpoint::read(path)?;
-    let case = case.chosen(given.or(Choices::from_notes(&kept.extra)?));
-    let was = Case::read(kept.case_text, &format!("{}, its case", path.display()))?;
-    let was = was.chosen(case.choices);
+    let case = case.with_overrides(given.or(CaseOverrides::from_notes(&kept.extra)?));
+    let was = Case::parse(kept.case_text, &format!("{}, its case", path.display()))?;
+    let was = was.with_overrides(case.overrides);
     if was.plan == case.plan {
         return Ok(case);
     }

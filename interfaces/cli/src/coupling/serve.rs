@@ -4,7 +4,7 @@ use super::args::Serve;
 use super::host::{Keeper, served};
 use super::kept;
 use super::tape::{self, Recording};
-use crate::case::{self, Choices};
+use crate::case::{self, CaseOverrides};
 use crate::console::{self, Console};
 use crate::exit::{Failure, Outcome};
 use crate::files::RunFiles;
@@ -22,7 +22,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     Keys::of(&args.key)?;
     let link = args.endpoints.to_listen();
     link.listen_endpoints()?;
-    let given = Choices::from(&args.overrides);
+    let given = CaseOverrides::from(&args.overrides);
     let mut case = case::load(&args.case, &given, &console)?;
     let folder = format!("{}-serve", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));

@@ -104,7 +104,7 @@ fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
 fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Redoable> {
     let (model, state) = (lockstep.component().model(), lockstep.component().state());
     let hash = ballast_hdf5::state_hash(model, state).into();
-    let meta = Meta::of(case.names(), case.choices.notes(), model, Drive::Inputs, hash);
+    let meta = Meta::of(case.identity(), case.overrides.to_notes(), model, Drive::Inputs, hash);
     let checkpoint = || kept::bytes(path, case, lockstep);
     let tape = Tape::begin(path, &case.plan, &meta, model, state, checkpoint)?;
     Ok(Redoable::new(tape, case.plan.run.output_ns, model, state)?)

@@ -26,7 +26,9 @@ impl Reach {
         let (model, state) = (component.model(), component.state());
         let limit = SpeedLimit::new(model);
         let lever = match limit.max_displacement.is_finite() {
-            true => limit.max_displacement / limit.time(model, state, d, &Vec3::zeros(), &Vec3::x()),
+            true => {
+                limit.max_displacement / limit.time(model, state, d, &Vec3::zeros(), &Vec3::x())
+            }
             false => 0.0,
         };
         Self { way: limit.max_displacement, step: model.stepping.h(), lever, interpolation }

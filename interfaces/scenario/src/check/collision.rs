@@ -1,19 +1,20 @@
-//! Sleepers and tines stand in the box and do not run into each other, seen from above.
+//! Collisions of sleepers and tines with each other and with the box, in plan view.
 
-use crate::layout::{Layout, Placed};
-use crate::report::{Finding, Report};
+use crate::diagnostic::DiagnosticText;
+use crate::layout::{Layout, PlacedBody};
+use crate::report::DiagnosticReport;
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};
 use ballast::track::{ROUNDING_TOLERANCE, SweptArea, swept_area};
 use std::collections::BTreeSet;
 
-/// A rectangle in plan view: lower and upper corner, m.
+/// Rectangle in plan view: lower and upper corner, m.
 #[derive(Clone, Copy)]
-struct Area {
+struct PlanRectangle {
     low: [f64; 2],
     high: [f64; 2],
 }
 
-impl Area {
+impl PlanRectangle {
     fn around(centre: [f64; 2], size_x: f64, size_y: f64) -> Self {
         let half = [0.5 * size_x, 0.5 * size_y];
         Self {
@@ -22,28 +23,31 @@ impl Area {
         }
     }
 
-    /// Whether the areas overlap, or come closer than `margin`.
-    fn overlaps(&self, other: &Area, margin: f64) -> bool {
+    /// True if the rectangles overlap, or come closer than `margin`.
+    fn overlaps(&self, other: &PlanRectangle, margin: f64) -> bool {
         (0..2).all(|i| self.low[i] < other.high[i] + margin && other.low[i] < self.high[i] + margin)
     }
 
-    /// The axis, 0 or 1, along which this area leaves the box.
-    fn leaves(&self, size: [f64; 2]) -> Option<usize> {
+    /// Returns the axis, 0 or 1, along which the rectangle leaves the box.
+    fn axis_outside(&self, size: [f64; 2]) -> Option<usize> {
         (0..2).find(|&i| {
             self.low[i] < -ROUNDING_TOLERANCE || self.high[i] > size[i] + ROUNDING_TOLERANCE
         })
     }
 }
 
-fn blocks(sleeper: &SleeperPlan) -> impl Iterator<Item = Area> {
+fn blocks(sleeper: &SleeperPlan) -> impl Iterator<Item = PlanRectangle> {
     let [x, y] = sleeper.centre;
-    sleeper.blocks.iter().map(move |b| Area::around([x, y + b.offset_y], b.size.x, b.size.y))
+    sleeper
+        .blocks
+        .iter()
+        .map(move |b| PlanRectangle::around([x, y + b.offset_y], b.size.x, b.size.y))
 }
 
-/// What blade and shaft sweep while the tine swings by `amplitude` and closes by `stroke`, m.
-fn tine_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> Area {
+/// Returns the area that blade and shaft sweep while the tine vibrates by `amplitude` and closes by `stroke`, m.
+fn tine_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> PlanRectangle {
     let SweptArea { x, y } = swept_area(tine, stroke, amplitude);
-    Area { low: [x[0], y[0]], high: [x[1], y[1]] }
+    PlanRectangle { low: [x[0], y[0]], high: [x[1], y[1]] }
 }
 
 /// Checks all pairs of sleepers and tines, and each of them with the box of size `size`.
@@ -51,33 +55,38 @@ pub fn collisions(
     layout: &Layout,
     size: [f64; 2],
     tamping: Option<&TampingPlan>,
-    report: &mut Report,
+    report: &mut DiagnosticReport,
 ) {
-    let mut told = BTreeSet::new();
-    sleepers(layout, size, report, &mut told);
+    let mut reported = BTreeSet::new();
+    sleepers(layout, size, report, &mut reported);
     let stroke = tamping.map_or(0.0, |t| t.squeeze.stroke);
     let amplitude = tamping.map_or(0.0, |t| t.vibration.amplitude);
     for (i, tine) in layout.tines.iter().enumerate() {
-        if !in_box(tine, size, stroke, amplitude, report, &mut told) {
+        if !in_box(tine, size, stroke, amplitude, report, &mut reported) {
             continue;
         }
         for sleeper in &layout.sleepers {
-            tine_and_sleeper(tine, sleeper, stroke, amplitude, report, &mut told);
+            tine_and_sleeper(tine, sleeper, stroke, amplitude, report, &mut reported);
         }
         for other in &layout.tines[..i] {
-            tine_and_tine(tine, other, stroke, amplitude, report, &mut told);
+            tine_and_tine(tine, other, stroke, amplitude, report, &mut reported);
         }
     }
 }
 
-fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTreeSet<String>) {
+fn sleepers(
+    layout: &Layout,
+    size: [f64; 2],
+    report: &mut DiagnosticReport,
+    reported: &mut BTreeSet<String>,
+) {
     for (i, sleeper) in layout.sleepers.iter().enumerate() {
         let name = &sleeper.plan.name;
-        let areas: Vec<Area> = blocks(&sleeper.plan).collect();
-        if let Some(axis) = areas.iter().find_map(|a| a.leaves(size)) {
+        let areas: Vec<PlanRectangle> = blocks(&sleeper.plan).collect();
+        if let Some(axis) = areas.iter().find_map(|a| a.axis_outside(size)) {
             let key = [&sleeper.key_x, &sleeper.key_y][axis];
             let centre = sleeper.plan.centre[axis];
-            tell(report, told, key, || Finding {
+            report_once(report, reported, key, || DiagnosticText {
                 problem: format!("`{name}` stands outside the box"),
                 found: format!("its centre at {} = {centre:.4} m", ["x", "y"][axis]),
                 expected: format!("all of its blocks between 0 and {} m", size[axis]),
@@ -87,7 +96,7 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
         let inside = (1..areas.len())
             .any(|j| areas[..j].iter().any(|a| a.overlaps(&areas[j], -ROUNDING_TOLERANCE)));
         if inside {
-            tell(report, told, &format!("{}.blocks", sleeper.key), || Finding {
+            report_once(report, reported, &format!("{}.blocks", sleeper.key), || DiagnosticText {
                 problem: format!("blocks of `{name}` overlap"),
                 found: "two blocks in the same place".into(),
                 expected: "different `offset_y_m`, at least a block's width apart".into(),
@@ -100,7 +109,7 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
                 let both = sleeper.key == "sleepers" && other.key == "sleepers";
                 let key = if both { "sleepers.pitch_m" } else { &sleeper.key_x };
                 let distance = (sleeper.plan.centre[0] - other.plan.centre[0]).abs();
-                tell(report, told, key, || Finding {
+                report_once(report, reported, key, || DiagnosticText {
                     problem: format!("`{name}` overlaps `{}`", other.plan.name),
                     found: format!("centres {distance:.4} m apart"),
                     expected: "more than a block's length between sleepers".into(),
@@ -112,15 +121,15 @@ fn sleepers(layout: &Layout, size: [f64; 2], report: &mut Report, told: &mut BTr
 }
 
 fn in_box(
-    tine: &Placed<TinePlan>,
+    tine: &PlacedBody<TinePlan>,
     size: [f64; 2],
     stroke: f64,
     amplitude: f64,
-    report: &mut Report,
-    told: &mut BTreeSet<String>,
+    report: &mut DiagnosticReport,
+    reported: &mut BTreeSet<String>,
 ) -> bool {
     let plan = &tine.plan;
-    // What takes it out of the box is what it was still inside without.
+    // The first motion that leaves the box is the cause.
     let at_rest = (tine_area(plan, 0.0, 0.0), "at rest");
     let swinging = (tine_area(plan, 0.0, amplitude), "with its vibration");
     let closing = (tine_area(plan, stroke, amplitude), "with vibration and squeeze");
@@ -128,53 +137,57 @@ fn in_box(
     let outside = [at_rest, swinging, closing]
         .into_iter()
         .zip(keys)
-        .find_map(|((area, how), key)| Some((area.leaves(size)?, area, how, key)));
+        .find_map(|((area, how), key)| Some((area.axis_outside(size)?, area, how, key)));
     let Some((axis, area, how, key)) = outside else { return true };
-    let (name, along) = (&plan.name, ["x", "y"][axis]);
-    tell(report, told, key.unwrap_or([&tine.key_x, &tine.key_y][axis]), || Finding {
-        problem: format!("`{name}` leaves the box"),
-        found: format!(
-            "{how} it is between {along} = {:.4} and {:.4} m",
-            area.low[axis], area.high[axis]
-        ),
-        expected: format!("all of it between 0 and {} m", size[axis]),
-        hint: None,
+    let name = &plan.name;
+    let along = ["x", "y"][axis];
+    report_once(report, reported, key.unwrap_or([&tine.key_x, &tine.key_y][axis]), || {
+        DiagnosticText {
+            problem: format!("`{name}` leaves the box"),
+            found: format!(
+                "{how} it is between {along} = {:.4} and {:.4} m",
+                area.low[axis], area.high[axis]
+            ),
+            expected: format!("all of it between 0 and {} m", size[axis]),
+            hint: None,
+        }
     });
     false
 }
 
 fn tine_and_sleeper(
-    tine: &Placed<TinePlan>,
-    sleeper: &Placed<SleeperPlan>,
+    tine: &PlacedBody<TinePlan>,
+    sleeper: &PlacedBody<SleeperPlan>,
     stroke: f64,
     amplitude: f64,
-    report: &mut Report,
-    told: &mut BTreeSet<String>,
+    report: &mut DiagnosticReport,
+    reported: &mut BTreeSet<String>,
 ) {
-    // Tools need more than no room: touching counts.
-    let hits =
-        |area: Area| blocks(&sleeper.plan).any(|block| area.overlaps(&block, ROUNDING_TOLERANCE));
+    // Touching counts as a hit.
+    let hits = |area: PlanRectangle| {
+        blocks(&sleeper.plan).any(|block| area.overlaps(&block, ROUNDING_TOLERANCE))
+    };
     let (name, other) = (&tine.plan.name, &sleeper.plan.name);
-    // What drives it into the block is what it was still clear without.
+    // The first motion that hits the block is the cause.
     if hits(tine_area(&tine.plan, 0.0, 0.0)) {
-        tell(report, told, &tine.key_x, || Finding {
-            problem: format!("`{name}` goes down into `{other}`"),
+        report_once(report, reported, &tine.key_x, || DiagnosticText {
+            problem: format!("`{name}` is inserted into `{other}`"),
             found: format!("its middle at x = {:.4} m", tine.plan.position[0]),
             expected: format!(
                 "blade, shaft and vibration ({:.3} m to each side) clear of the blocks",
                 0.5 * tine.plan.blade.x.max(tine.plan.shaft.x) + amplitude
             ),
-            hint: Some("their sizes, `amplitude_m` and where the blocks are decide it, too".into()),
+            hint: Some("sizes, positions and `amplitude_m` matter, too".into()),
         });
     } else if hits(tine_area(&tine.plan, 0.0, amplitude)) {
-        tell(report, told, "tamping.vibration.amplitude_m", || Finding {
+        report_once(report, reported, "tamping.vibration.amplitude_m", || DiagnosticText {
             problem: format!("its vibration drives `{name}` into `{other}`"),
             found: format!("an amplitude of {amplitude} m"),
             expected: format!("less than {:.4} m", clearance(&tine.plan, &sleeper.plan, 0.0)),
             hint: Some("or tines farther away from the blocks".into()),
         });
     } else if hits(tine_area(&tine.plan, stroke, amplitude)) {
-        tell(report, told, "tamping.squeeze.stroke_m", || Finding {
+        report_once(report, reported, "tamping.squeeze.stroke_m", || DiagnosticText {
             problem: format!("the squeeze drives `{name}` into `{other}`"),
             found: format!("a stroke of {stroke} m"),
             expected: format!("less than {:.4} m", clearance(&tine.plan, &sleeper.plan, amplitude)),
@@ -183,7 +196,7 @@ fn tine_and_sleeper(
     }
 }
 
-/// How far the tine can close before it touches the sleeper, m.
+/// Returns the closing at which the tine touches the sleeper, m.
 fn clearance(tine: &TinePlan, sleeper: &SleeperPlan, amplitude: f64) -> f64 {
     let area = tine_area(tine, 0.0, amplitude);
     let mut clear = f64::INFINITY;
@@ -202,17 +215,17 @@ fn clearance(tine: &TinePlan, sleeper: &SleeperPlan, amplitude: f64) -> f64 {
 }
 
 fn tine_and_tine(
-    tine: &Placed<TinePlan>,
-    other: &Placed<TinePlan>,
+    tine: &PlacedBody<TinePlan>,
+    other: &PlacedBody<TinePlan>,
     stroke: f64,
     amplitude: f64,
-    report: &mut Report,
-    told: &mut BTreeSet<String>,
+    report: &mut DiagnosticReport,
+    reported: &mut BTreeSet<String>,
 ) {
     let (a, b) = (&tine.plan, &other.plan);
     let begin = [a, b].map(|t| tine_area(t, 0.0, amplitude));
     if begin[0].overlaps(&begin[1], -ROUNDING_TOLERANCE) {
-        tell(report, told, &tine.key_y, || Finding {
+        report_once(report, reported, &tine.key_y, || DiagnosticText {
             problem: format!("`{}` and `{}` overlap at the start", a.name, b.name),
             found: format!("middles {:.4?} and {:.4?} m", a.position, b.position),
             expected: "tines that are a blade apart".into(),
@@ -220,12 +233,11 @@ fn tine_and_tine(
         });
         return;
     }
-    // Those of one direction keep their distance; of the others only those that close on each other sweep the same
-    // place.
-    let way = [a, b].map(|t| tine_area(t, stroke, amplitude));
-    if a.direction != b.direction && way[0].overlaps(&way[1], -ROUNDING_TOLERANCE) {
+    // Tines of one direction keep their distance. Of the others, only those that close on each other sweep the same area.
+    let swept = [a, b].map(|t| tine_area(t, stroke, amplitude));
+    if a.direction != b.direction && swept[0].overlaps(&swept[1], -ROUNDING_TOLERANCE) {
         let gap = (begin[0].low[0] - begin[1].high[0]).max(begin[1].low[0] - begin[0].high[0]);
-        tell(report, told, &tine.key_x, || Finding {
+        report_once(report, reported, &tine.key_x, || DiagnosticText {
             problem: format!("the squeeze drives `{}` and `{}` into each other", a.name, b.name),
             found: format!("a gap of {gap:.4} m, closed by {stroke} m from each side"),
             expected: format!("a gap of at least {:.4} m, or a shorter stroke", 2.0 * stroke),
@@ -234,14 +246,14 @@ fn tine_and_tine(
     }
 }
 
-/// One error for each key: a row of bodies with one wrong number needs one message.
-fn tell(
-    report: &mut Report,
-    told: &mut BTreeSet<String>,
+/// Adds an error unless its key has one: a row of bodies with one wrong number needs one message.
+fn report_once(
+    report: &mut DiagnosticReport,
+    reported: &mut BTreeSet<String>,
     key: &str,
-    finding: impl FnOnce() -> Finding,
+    text: impl FnOnce() -> DiagnosticText,
 ) {
-    if told.insert(key.to_string()) {
-        report.error(key, finding());
+    if reported.insert(key.to_string()) {
+        report.error(key, text());
     }
 }

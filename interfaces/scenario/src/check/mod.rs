@@ -1,17 +1,17 @@
-//! What the keys mean together: sizes that fit, bodies that do not collide, times that divide.
+//! Checks of keys against each other: sizes that fit, bodies that do not collide, times that are whole steps.
 //!
-//! Each check leaves out what rests on keys that are wrong already.
+//! Each check skips values that depend on keys with errors.
 
 mod bed;
 mod collision;
 mod machine;
 mod names;
-mod slips;
+mod plausibility;
 mod time;
 
 pub use bed::bed;
 pub use collision::collisions;
 pub use machine::machine;
 pub use names::names;
-pub use slips::slips;
+pub use plausibility::plausibility;
 pub use time::{run, step_ns};

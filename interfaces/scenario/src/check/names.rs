@@ -1,67 +1,70 @@
-//! Names: of the case, of sleepers and tines.
+//! Names of the case, of sleepers and of tines.
 
 use crate::case_file::CaseFile;
+use crate::diagnostic::DiagnosticText;
 use crate::layout::Layout;
-use crate::report::{Finding, Report};
+use crate::report::DiagnosticReport;
+use ballast::math::Vec3;
+use ballast::track::boundary::boundaries;
 use std::collections::BTreeSet;
 
-/// What a table adds to a body's name for the components of its force, `_x`, `_y` and `_z` after it; the places of a
-/// body have these after its name alone.
-const FORCE: &str = "_force";
+/// Suffix of a body's name in the table columns of its force. `_x`, `_y` or `_z` follows; columns of positions have these
+/// directly after the name.
+const FORCE_SUFFIX: &str = "_force";
 
-/// Checks that names can be used in files and messages, and that no two bodies share one, or columns of a table.
-pub fn names(case: &CaseFile, layout: &Layout, report: &mut Report) {
-    usable("name", &case.name, report);
+/// Checks that names are usable in files and messages, and that no two bodies have the same name or table columns.
+pub fn names(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) {
+    check_usable("name", &case.name, report);
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
     let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
-    // The names of the box's floor, ends and sides.
-    let parts = ["floor", "wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max"];
-    let mut taken = BTreeSet::from(parts.map(String::from));
+    let walls = boundaries(&Vec3::zeros(), 0.0);
+    let mut taken: BTreeSet<String> = walls.into_iter().map(|wall| wall.name).collect();
     let mut earlier: BTreeSet<&str> = BTreeSet::new();
     for (key, name) in sleepers.chain(tines) {
         let key = format!("{key}.name");
-        usable(&key, name, report);
-        // Topics have `_` for `-`.
+        check_usable(&key, name, report);
+        // Names of topics have `_` in place of `-`.
         if !taken.insert(name.replace('-', "_")) {
-            let finding = Finding {
+            let text = DiagnosticText {
                 problem: "this name is taken".into(),
                 found: format!("`{name}`"),
-                expected: "a name that no other sleeper, tine or part of the box has, also with `_` for `-`"
-                    .into(),
+                expected:
+                    "a name that no other sleeper, tine or wall has, also with `_` in place of `-`"
+                        .into(),
                 hint: None,
             };
-            report.error(&key, finding);
-        } else if shares_columns(name, &earlier) {
-            let finding = Finding {
-                problem: "columns of this name are taken in tables".into(),
+            report.error(&key, text);
+        } else if has_same_columns(name, &earlier) {
+            let text = DiagnosticText {
+                problem: "table columns of this name are taken".into(),
                 found: format!("`{name}`"),
                 expected: format!(
-                    "a name that differs from that of each other sleeper and tine by more than `{FORCE}` at the end"
+                    "a name that differs from that of each other sleeper and tine by more than `{FORCE_SUFFIX}` at the end"
                 ),
                 hint: None,
             };
-            report.error(&key, finding);
+            report.error(&key, text);
         }
         earlier.insert(name);
     }
 }
 
-/// Whether tables would have two columns of one name.
-fn shares_columns(name: &str, earlier: &BTreeSet<&str>) -> bool {
-    earlier.contains(&format!("{name}{FORCE}")[..])
-        || name.strip_suffix(FORCE).is_some_and(|stem| earlier.contains(stem))
+/// True if a table would have two columns with the same name.
+fn has_same_columns(name: &str, earlier: &BTreeSet<&str>) -> bool {
+    earlier.contains(&format!("{name}{FORCE_SUFFIX}")[..])
+        || name.strip_suffix(FORCE_SUFFIX).is_some_and(|stem| earlier.contains(stem))
 }
 
-fn usable(key: &str, name: &str, report: &mut Report) {
+fn check_usable(key: &str, name: &str, report: &mut DiagnosticReport) {
     let fits = (1..=64).contains(&name.len())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
     if !fits {
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: "this name cannot be used in files and messages".into(),
             found: crate::diagnostic::quoted(name),
             expected: "1 to 64 letters (a-z, A-Z), digits, `_` and `-`".into(),
             hint: None,
         };
-        report.error(key, finding);
+        report.error(key, text);
     }
 }

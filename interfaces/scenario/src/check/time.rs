@@ -1,14 +1,15 @@
-//! Checks of `[run]` and `[solver]`; times become whole nanoseconds here.
+//! Checks of `[run]` and `[solver]`, and conversion of times to whole nanoseconds.
 
 use crate::case_file::{CaseFile, PartitionMethod, SolverSection};
-use crate::report::{Finding, Report};
+use crate::diagnostic::DiagnosticText;
+use crate::report::DiagnosticReport;
 use ballast::model::{self, PartitionRule, Stepping};
 use ballast::track::plan::RunPlan;
 
 /// Tolerance above which a step moves as if it had hardly been solved.
 const MAX_USEFUL_TOLERANCE: f64 = 1e-2;
 
-/// Seconds as whole nanoseconds, at least 1; `None` where they are none.
+/// Converts seconds to whole nanoseconds, at least 1; `None` if they are not whole.
 fn whole_ns(seconds: f64) -> Option<u64> {
     let ns = seconds * 1e9;
     let whole = ns.round();
@@ -16,24 +17,24 @@ fn whole_ns(seconds: f64) -> Option<u64> {
         .then_some(whole as u64)
 }
 
-/// The time step at `key`, ns; 1 ns where it cannot be used.
-pub fn step_ns(seconds: f64, key: &str, report: &mut Report) -> u64 {
+/// Returns the time step at `key`, ns; 1 ns if it is invalid.
+pub fn step_ns(seconds: f64, key: &str, report: &mut DiagnosticReport) -> u64 {
     let ns = whole_ns(seconds);
-    if ns.is_none() && report.clean(&[key]) {
-        let finding = Finding {
+    if ns.is_none() && report.is_clean(&[key]) {
+        let text = DiagnosticText {
             problem: "a time step is a whole number of nanoseconds".into(),
             found: format!("{seconds:?} s"),
             expected: format!("for example {:e} s", (seconds * 1e9).round().max(1.0) / 1e9),
             hint: None,
         };
-        report.error(key, finding);
+        report.error(key, text);
     }
     ns.unwrap_or(1)
 }
 
-/// Time at `key`, ns, which must be whole steps of `step` ns.
-fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
-    if seconds == 0.0 || !report.clean(&["run.step_s", key]) {
+/// Returns the time at `key`, ns, which must be whole steps of `step` ns.
+fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut DiagnosticReport) -> u64 {
+    if seconds == 0.0 || !report.is_clean(&["run.step_s", key]) {
         return 0;
     }
     if let Some(ns) = whole_ns(seconds).filter(|ns| ns % step == 0) {
@@ -45,7 +46,7 @@ fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
         true => format!("{} or {} s", time(below), time(below + 1.0)),
         false => format!("{} s", time(1.0)),
     };
-    let finding = Finding {
+    let text = DiagnosticText {
         problem: format!(
             "`{}` is not a whole number of time steps",
             key.trim_start_matches("run.")
@@ -58,22 +59,22 @@ fn whole_steps(seconds: f64, step: u64, key: &str, report: &mut Report) -> u64 {
         expected: choices,
         hint: None,
     };
-    report.error(key, finding);
+    report.error(key, text);
     step
 }
 
-/// The plan of the run.
-pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
+/// Returns the plan of the run.
+pub fn run(case: &CaseFile, report: &mut DiagnosticReport) -> RunPlan {
     let run = &case.run;
     let step = step_ns(run.step_s, "run.step_s", report);
     let output_ns = match run.output_interval_s {
         Some(every) => whole_steps(every, step, "run.output_interval_s", report),
         None => step * ((10_000_000 + step / 2) / step).max(1),
     };
-    let alert = run.detection_distance_m.unwrap_or(Stepping::default_detection_distance(step));
-    check_alert(alert, case, report);
+    let distance = run.detection_distance_m.unwrap_or(Stepping::default_detection_distance(step));
+    check_detection_distance(distance, case, report);
     RunPlan {
-        stepping: Stepping { step_ns: step, theta: run.theta, detection_distance: alert },
+        stepping: Stepping { step_ns: step, theta: run.theta, detection_distance: distance },
         solver: solver(&case.solver, report),
         restitution: run.restitution,
         duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
@@ -87,40 +88,40 @@ pub fn run(case: &CaseFile, report: &mut Report) -> RunPlan {
     }
 }
 
-fn check_alert(alert: f64, case: &CaseFile, report: &mut Report) {
+fn check_detection_distance(distance: f64, case: &CaseFile, report: &mut DiagnosticReport) {
     let classes = &case.bed.grains.classes;
     let sizes = || classes.iter().map(|c| c.size_m);
     let (smallest, largest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
-    if !report.clean(&["run.detection_distance_m", "bed.grains.classes"])
-        || alert <= 0.25 * smallest
+    if !report.is_clean(&["run.detection_distance_m", "bed.grains.classes"])
+        || distance <= 0.25 * smallest
     {
         return;
     }
-    let finding = Finding {
-        problem: "contacts are kept from very far away".into(),
-        found: format!("{alert:?} m"),
+    let text = DiagnosticText {
+        problem: "contacts are detected from very far away".into(),
+        found: format!("{distance:?} m"),
         expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
-        hint: Some("most of these contacts cost time and carry nothing".into()),
+        hint: Some("most of these contacts cost time and carry no force".into()),
     };
-    // Their number goes with the third power of the distance.
-    if alert > largest {
+    // The number of contacts grows with the third power of the distance.
+    if distance > largest {
         let expected = format!("at most the largest grain, {largest} m");
-        report.error("run.detection_distance_m", Finding { expected, ..finding });
+        report.error("run.detection_distance_m", DiagnosticText { expected, ..text });
     } else {
-        report.warn("run.detection_distance_m", finding);
+        report.warn("run.detection_distance_m", text);
     }
 }
 
-fn solver(solver: &SolverSection, report: &mut Report) -> model::Solver {
+fn solver(solver: &SolverSection, report: &mut DiagnosticReport) -> model::Solver {
     unused(solver, report);
-    if report.clean(&["solver.tolerance"]) && solver.tolerance > MAX_USEFUL_TOLERANCE {
-        let finding = Finding {
+    if report.is_clean(&["solver.tolerance"]) && solver.tolerance > MAX_USEFUL_TOLERANCE {
+        let text = DiagnosticText {
             problem: "a tolerance this large leaves the step nearly unsolved".into(),
             found: solver.tolerance.to_string(),
             expected: format!("at most {MAX_USEFUL_TOLERANCE}; 1.666e-4 is usual"),
             hint: None,
         };
-        report.warn("solver.tolerance", finding);
+        report.warn("solver.tolerance", text);
     }
     model::Solver {
         schedule: solver.schedule,
@@ -145,7 +146,7 @@ fn solver(solver: &SolverSection, report: &mut Report) -> model::Solver {
 }
 
 /// Returns the rule of `[solver.partition]`; reports a missing key of its method and each key of another method.
-fn partition(solver: &SolverSection, report: &mut Report) -> PartitionRule {
+fn partition(solver: &SolverSection, report: &mut DiagnosticReport) -> PartitionRule {
     let section = &solver.partition;
     let (method, key) = match section.method {
         PartitionMethod::TargetSize => ("target_size", "contacts_per_subdomain"),
@@ -158,13 +159,13 @@ fn partition(solver: &SolverSection, report: &mut Report) -> PartitionRule {
         ("contacts_per_subdomain", section.contacts_per_subdomain.is_some()),
     ] {
         if is_written && other != key {
-            let finding = Finding {
+            let text = DiagnosticText {
                 problem: format!("`{other}` contradicts the method \"{method}\""),
                 found: "a key of another method".into(),
                 expected: format!("`{key}` or another `method`"),
                 hint: Some(format!("remove `{other}`")),
             };
-            report.error(&format!("solver.partition.{other}"), finding);
+            report.error(&format!("solver.partition.{other}"), text);
         }
     }
     let default = model::Solver::default().partition;
@@ -177,30 +178,30 @@ fn partition(solver: &SolverSection, report: &mut Report) -> PartitionRule {
     };
     let path = format!("solver.partition.{key}");
     let Some(rule) = rule else {
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: format!("missing key `{key}`"),
             found: format!("the method \"{method}\""),
             expected: format!("`{key}` in `[solver.partition]`"),
             hint: None,
         };
-        report.error(&path, finding);
+        report.error(&path, text);
         return default;
     };
     let count = rule.requested_subdomains();
     if count > PartitionRule::MAX_SUBDOMAINS {
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: "too many subdomains".into(),
             found: count.to_string(),
             expected: format!("at most {}", PartitionRule::MAX_SUBDOMAINS),
             hint: None,
         };
-        report.error(&path, finding);
+        report.error(&path, text);
     }
     rule
 }
 
 /// Warns of keys that are written but have no effect.
-fn unused(solver: &SolverSection, report: &mut Report) {
+fn unused(solver: &SolverSection, report: &mut DiagnosticReport) {
     let keys: &[&str] = match (solver.tolerance > 0.0, solver.schedule) {
         (false, model::Schedule::Sequential) => {
             &["norm", "acceleration", "partition", "interface_sweeps"]
@@ -213,7 +214,7 @@ fn unused(solver: &SolverSection, report: &mut Report) {
     for key in keys {
         let path = format!("solver.{key}");
         if report.document.has(&path) {
-            let finding = Finding {
+            let text = DiagnosticText {
                 problem: format!("`{key}` has no effect"),
                 found: match *key {
                     "norm" => "a norm without a tolerance",
@@ -223,9 +224,9 @@ fn unused(solver: &SolverSection, report: &mut Report) {
                     _ => "a division of the bed with the sequential schedule",
                 }
                 .into(),
-                ..Finding::default()
+                ..DiagnosticText::default()
             };
-            report.warn(&path, finding);
+            report.warn(&path, text);
         }
     }
 }

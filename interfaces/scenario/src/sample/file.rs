@@ -1,4 +1,4 @@
-//! The JSON of a sample, word for word.
+//! Serde structures of the JSON of a sample.
 
 use ballast::model;
 use serde::{Deserialize, Serialize};
@@ -11,70 +11,70 @@ pub const FORMAT: &str = "nscd-sample-1";
 #[serde(deny_unknown_fields)]
 pub struct SampleFile {
     pub format: String,
-    /// m/s².
+    /// Acceleration of gravity, m/s².
     pub gravity: [f64; 3],
-    /// s.
+    /// Time step, s.
     pub dt: f64,
     pub theta: f64,
     pub steps: u64,
-    /// m.
+    /// Detection distance, m.
     pub alert: f64,
-    pub friction: Friction,
+    pub friction: SampleFriction,
     #[serde(default)]
     pub restitution: f64,
-    pub solver: Solver,
-    pub grains: Vec<Grain>,
+    pub solver: SampleSolver,
+    pub grains: Vec<SampleGrain>,
     #[serde(default)]
-    pub fixed: Vec<Fixed>,
+    pub fixed: Vec<SampleFixedBody>,
     #[serde(default)]
     pub meta: Value,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Friction {
+pub struct SampleFriction {
     pub grain_grain: f64,
     pub grain_wall: f64,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Solver {
-    /// Sweeps per step; null: until `tolerance` is met.
+pub struct SampleSolver {
+    /// Sweeps per step; null: until the residual is below `tolerance`.
     #[serde(default)]
     pub iterations: Option<u32>,
     #[serde(default)]
     pub tolerance: Option<f64>,
-    #[serde(default = "max_iterations")]
+    #[serde(default = "default_max_iterations")]
     pub max_iterations: u32,
-    #[serde(default = "check_every")]
+    #[serde(default = "default_check_every")]
     pub check_every: u32,
-    #[serde(default = "relax")]
+    #[serde(default = "default_relax")]
     pub relax: f64,
-    #[serde(default = "norm", with = "Norm")]
+    #[serde(default = "default_norm", with = "Lmgc90NormName")]
     pub norm: model::Norm,
 }
 
-fn max_iterations() -> u32 {
+fn default_max_iterations() -> u32 {
     10_000
 }
 
-fn check_every() -> u32 {
+fn default_check_every() -> u32 {
     10
 }
 
-fn relax() -> f64 {
+fn default_relax() -> f64 {
     1.0
 }
 
-fn norm() -> model::Norm {
+fn default_norm() -> model::Norm {
     model::Norm::Quad
 }
 
-/// Norms under the names they have in LMGC90.
+/// Norms under their names in LMGC90.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "model::Norm")]
-pub enum Norm {
+pub enum Lmgc90NormName {
     Quad,
     #[serde(rename = "QM/16")]
     Qm16,
@@ -83,34 +83,34 @@ pub enum Norm {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Grain {
-    /// Corners in the body frame, m.
+pub struct SampleGrain {
+    /// Vertices in the body frame, m.
     pub vertices: Vec<[f64; 3]>,
-    /// m.
+    /// Origin of the body frame, world axes, m.
     pub position: [f64; 3],
-    /// w, x, y, z; body to world.
+    /// Rotation from body to world, w, x, y, z.
     pub quaternion: [f64; 4],
-    /// kg/m³.
+    /// Density, kg/m³.
     pub density: f64,
-    /// Of the body frame's origin, m/s.
+    /// Velocity of the body frame's origin, world axes, m/s.
     #[serde(default)]
     pub velocity: [f64; 3],
-    /// World axes, rad/s.
+    /// Angular velocity, world axes, rad/s.
     #[serde(default)]
     pub omega: [f64; 3],
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Fixed {
+pub struct SampleFixedBody {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Corners in the body frame, m.
+    /// Vertices in the body frame, m.
     pub vertices: Vec<[f64; 3]>,
-    /// m.
+    /// Origin of the body frame, world axes, m.
     #[serde(default)]
     pub position: [f64; 3],
-    /// w, x, y, z; body to world.
+    /// Rotation from body to world, w, x, y, z.
     #[serde(default = "no_rotation")]
     pub quaternion: [f64; 4],
 }

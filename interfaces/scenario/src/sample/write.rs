@@ -1,18 +1,18 @@
-//! From model and state to the JSON of a sample.
+//! Conversion of model and state to the JSON of a sample.
 
-use super::file::{FORMAT, Fixed, Friction, Grain, SampleFile, Solver};
+use super::file::{FORMAT, SampleFile, SampleFixedBody, SampleFriction, SampleGrain, SampleSolver};
 use ballast::math::{Pose, Vec3, frame};
 use ballast::model::{Model, Part};
 use ballast::state::State;
 use serde_json::{Value, json};
 
-/// Half the edge of the block that stands for a half-space, m: larger than any bed.
+/// Half the edge length of the block that replaces a half-space, m: larger than any bed.
 const HALF_EDGE: f64 = 10.0;
 
-/// The sample of `model` in `state`, to be run for `steps` more steps; `meta` is kept.
+/// Returns the text of a sample of `model` in `state`, to be run for `steps` more steps, with `meta` and a note of the state.
 ///
 /// Each part of a driven body becomes a fixed body with the friction of the first one; half-spaces
-/// become large blocks. Corners are given in principal frames, so reading the text back gives the
+/// become large blocks. Vertices are written in principal frames, so reading the text again gives the
 /// same bodies up to rounding.
 pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
     let (iterations, tolerance) = match model.solver.tolerance {
@@ -26,12 +26,12 @@ pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
         theta: model.stepping.theta,
         steps,
         alert: model.stepping.detection_distance,
-        friction: Friction {
+        friction: SampleFriction {
             grain_grain: model.grain_friction,
             grain_wall: model.driven.first().map_or(model.grain_friction, |d| d.friction),
         },
         restitution: model.restitution,
-        solver: Solver {
+        solver: SampleSolver {
             iterations,
             tolerance,
             max_iterations: model.solver.max_iterations,
@@ -43,7 +43,7 @@ pub fn write(model: &Model, state: &State, steps: u64, meta: &Value) -> String {
         fixed: fixed(model, state),
         meta: with_time(meta, state),
     };
-    // Plain numbers and text always have a JSON form.
+    // Numbers and texts always have a JSON form.
     serde_json::to_string(&file).unwrap_or_default()
 }
 
@@ -58,10 +58,10 @@ fn with_time(meta: &Value, state: &State) -> Value {
     Value::Object(meta)
 }
 
-fn grain(model: &Model, state: &State, i: usize) -> Grain {
+fn grain(model: &Model, state: &State, i: usize) -> SampleGrain {
     let shape = &model.shapes[model.grains.shape[i] as usize];
     let pose = state.pose(i);
-    Grain {
+    SampleGrain {
         vertices: shape.vertices.iter().map(|v| (*v).into()).collect(),
         position: pose.position.into(),
         quaternion: quaternion(&pose),
@@ -76,7 +76,7 @@ fn quaternion(pose: &Pose) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-fn fixed(model: &Model, state: &State) -> Vec<Fixed> {
+fn fixed(model: &Model, state: &State) -> Vec<SampleFixedBody> {
     let mut fixed = Vec::new();
     for (d, body) in model.driven.iter().enumerate() {
         let pose = state.pose(model.grains.len() + d);
@@ -92,7 +92,7 @@ fn fixed(model: &Model, state: &State) -> Vec<Fixed> {
                 1 => body.name.clone(),
                 _ => format!("{}/{}", body.name, k + 1),
             };
-            fixed.push(Fixed {
+            fixed.push(SampleFixedBody {
                 name: Some(name),
                 vertices: vertices.into_iter().map(Into::into).collect(),
                 position: pose.position.into(),
@@ -103,7 +103,7 @@ fn fixed(model: &Model, state: &State) -> Vec<Fixed> {
     fixed
 }
 
-/// Corners of the block whose upper face is the plane `normal · x = offset`.
+/// Returns the vertices of the block whose upper face is the plane `normal · x = offset`.
 fn block_below(normal: &Vec3, offset: f64) -> Vec<Vec3> {
     let (t, s) = frame::tangents(normal);
     let middle = normal * offset;

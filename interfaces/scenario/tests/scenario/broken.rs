@@ -1,12 +1,12 @@
-//! Broken case files: each error at its place, in words that help.
+//! Broken case files: position and text of each error.
 
 use crate::{BASE, changed};
 use ballast_scenario::{CaseErrors, read_case};
 
-/// Marks in a broken text where the message must point.
+/// Mark in a broken text of the position that the message must have.
 const MARK: char = '«';
 
-/// Text to replace in the base, its replacement with the mark, words of the first error there.
+/// Text to replace in the base, its replacement with the mark, texts in the error at the mark.
 struct Broken(&'static str, &'static str, &'static [&'static str]);
 
 const TABLE: &[Broken] = &[
@@ -202,7 +202,7 @@ const TABLE: &[Broken] = &[
          blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n[tines]",
         &["name is taken", "`sleeper_1`"],
     ),
-    // A force of the one would have the name of a place of the other.
+    // A force column of one body would have the name of a position column of the other.
     Broken(
         "[tines]",
         "[[sleeper]]\nname = «\"sleeper_1_force\"\nx_m = 0.3\ny_m = 0.06\n\
@@ -316,13 +316,13 @@ fn errors(text: &str) -> CaseErrors {
 }
 
 #[test]
-fn every_broken_case_is_told_at_its_place_in_words_that_help() {
+fn every_broken_case_has_an_error_at_its_mark() {
     assert!(TABLE.len() > 30);
     let complaints: Vec<String> = TABLE.iter().filter_map(complaint).collect();
     assert!(complaints.is_empty(), "{}", complaints.join("\n\n"));
 }
 
-/// What is wrong with the answer to one broken case.
+/// Returns a description of the wrong answer to one broken case, if it is wrong.
 fn complaint(Broken(from, to, words): &Broken) -> Option<String> {
     let (line, column, text) = unmark(&changed(from, to));
     let Err(found) = read_case(&text, "broken.toml") else {
@@ -339,7 +339,7 @@ fn complaint(Broken(from, to, words): &Broken) -> Option<String> {
 }
 
 #[test]
-fn all_errors_of_a_file_are_told_in_its_order() {
+fn all_errors_of_a_file_are_reported_in_its_order() {
     let text = BASE
         .replace("= 2700", "= -1")
         .replace("tolerance", "tolerence")
@@ -364,7 +364,7 @@ fn all_errors_of_a_file_are_told_in_its_order() {
 }
 
 #[test]
-fn a_row_without_a_pitch_is_not_told_to_be_without_tamped_sleepers() {
+fn a_row_without_a_pitch_has_no_error_about_tamped_sleepers() {
     let keys: Vec<String> = errors(&changed("tamped = [1]", "tamped = [1]\ncount = 3"))
         .errors
         .into_iter()
@@ -399,7 +399,7 @@ fn an_error_has_fields_for_programs() {
 }
 
 #[test]
-fn an_empty_file_names_what_is_missing() {
+fn an_empty_file_has_errors_for_all_required_keys() {
     let found = errors("");
     let keys: Vec<&str> = found.errors.iter().map(|e| e.key.as_str()).collect();
     assert_eq!(keys, ["name", "bed", "run"]);

@@ -1,4 +1,4 @@
-//! Sound case files: what they become.
+//! Valid case files and their plans.
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
@@ -27,7 +27,7 @@ fn example(name: &str) -> Plan {
 }
 
 #[test]
-fn the_examples_are_sound_and_give_no_warning() {
+fn the_examples_have_no_errors_and_no_warnings() {
     for (name, text) in EXAMPLES {
         let case = read_case(text, name).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(case.plan.name, name);
@@ -44,7 +44,7 @@ fn the_examples_are_sound_and_give_no_warning() {
 }
 
 #[test]
-fn the_cases_of_the_page_are_sound() {
+fn the_cases_of_the_page_are_valid() {
     let page = include_str!("../../../../docs/src/guide/cases.md");
     let blocks = page.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next());
     let mut cases: Vec<String> = Vec::new();
@@ -83,7 +83,7 @@ fn examples_have_the_steps_of_the_study() {
 }
 
 #[test]
-fn a_row_of_sleepers_is_written_out() {
+fn a_row_of_sleepers_is_expanded() {
     let seven = example("seven_sleepers");
     assert_eq!(seven.sleepers.len(), 7);
     let tamped: Vec<&str> =
@@ -98,7 +98,7 @@ fn a_row_of_sleepers_is_written_out() {
 }
 
 #[test]
-fn sleepers_have_the_freedoms_that_their_mount_says() {
+fn sleepers_have_the_modes_of_their_mount() {
     let mount = "tamped = [1]\nmount = { mass_kg = 300, z = \"spring\", stiffness_N_per_m = 2e7, \
                  ry = \"free\" }";
     let text = changed("tamped = [1]", mount);
@@ -130,7 +130,7 @@ fn rows_of_tines_face_each_other_over_the_tamped_sleeper() {
 }
 
 #[test]
-fn single_sleepers_and_tines_stand_beside_the_rows() {
+fn single_sleepers_and_tines_add_to_the_rows() {
     let text = changed(
         "[tamping]",
         "[[sleeper]]\nname = \"short\"\nx_m = 0.3\ny_m = 0.06\n\
@@ -146,7 +146,7 @@ fn single_sleepers_and_tines_stand_beside_the_rows() {
 }
 
 #[test]
-fn what_is_not_written_has_the_documented_default() {
+fn absent_keys_have_the_documented_defaults() {
     let text = "name = \"x\"\n[bed]\nsize_m = [1, 1, 1]\nballast_depth_m = 0.3\n\
                 [run]\nduration_s = 0.1\n";
     let plan = plan(text);
@@ -198,7 +198,7 @@ fn the_force_limit_may_be_infinite() {
 }
 
 #[test]
-fn tines_that_squeeze_away_from_each_other_are_sound() {
+fn tines_that_squeeze_away_from_each_other_are_valid() {
     let tine = |name: &str, x: f64, towards: &str, pair: u32| {
         format!(
             "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\ntowards = \"{towards}\"\npair = {pair}\n"
@@ -209,7 +209,7 @@ fn tines_that_squeeze_away_from_each_other_are_sound() {
 }
 
 #[test]
-fn pairs_that_do_not_face_each_other_are_told() {
+fn pairs_that_do_not_face_each_other_give_a_warning() {
     let warnings = |towards: [&str; 2]| {
         let tine = |name: &str, x: f64, towards: &str| {
             format!(
@@ -243,7 +243,7 @@ fn flat_grains_are_as_many_as_others_of_their_size() {
 }
 
 #[test]
-fn what_looks_like_a_slip_is_a_warning() {
+fn implausible_values_give_a_warning() {
     for (from, to, words) in [
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
         ("restitution = 0", "detection_distance_m = 0.01", "kept from very far"),
@@ -282,8 +282,8 @@ fn what_looks_like_a_slip_is_a_warning() {
     assert!(read_case(BASE, "case.toml").unwrap().warnings.is_empty());
 }
 
-/// A model with the driven bodies of `plan` and no grains.
-fn machine(plan: &Plan) -> Model {
+/// Creates a model with the driven bodies of `plan` and without grains.
+fn model_without_grains(plan: &Plan) -> Model {
     let mut shapes = Vec::new();
     let mut driven: Vec<_> =
         plan.tines.iter().map(|t| tine(t, plan.bed.friction.tine, &mut shapes).unwrap()).collect();
@@ -304,11 +304,11 @@ fn machine(plan: &Plan) -> Model {
 }
 
 #[test]
-fn the_machine_takes_what_the_reader_takes() {
+fn the_core_accepts_the_plans_of_the_reader() {
     let still = changed("amplitude_m = 0.005", "amplitude_m = 0").replace("= 8e-4", "= 4e-3");
     for (name, text) in EXAMPLES.into_iter().chain([("base", BASE), ("still", still.as_str())]) {
         let plan = plan(text);
-        let model = machine(&plan);
+        let model = model_without_grains(&plan);
         model.check().unwrap_or_else(|e| panic!("{name}: {e}"));
         let cycle = TampingCycle::new(&plan, &model).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(cycle.pairs().len() * 2, plan.tines.len(), "{name}");

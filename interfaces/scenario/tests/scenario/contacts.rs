@@ -1,4 +1,4 @@
-//! Contacts over a whole tamping cycle: what detection remembers makes it faster and nothing else.
+//! Contacts over a whole tamping cycle: caches of the detection do not change them.
 
 use ballast::detection::Contacts;
 use ballast::drive::StepInputs;
@@ -9,7 +9,7 @@ use ballast_scenario::read_case;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
-/// The first contact that only one has, or has elsewhere.
+/// Returns the first difference between two sets of contacts.
 fn difference(a: &Contacts, b: &Contacts) -> Option<String> {
     let row = |c: &Contacts, k: usize| {
         (k < c.len()).then(|| (c.bodies[k], c.feature[k], c.point[k], c.normal[k], c.gap[k]))
@@ -19,13 +19,13 @@ fn difference(a: &Contacts, b: &Contacts) -> Option<String> {
 }
 
 #[test]
-fn a_whole_cycle_has_the_contacts_that_are_found_from_scratch() {
+fn a_whole_cycle_has_the_contacts_of_a_detection_without_caches() {
     let text = include_str!("../../../../examples/first.toml");
     let mut plan = read_case(text, "first").unwrap_or_else(|e| panic!("{e}")).plan;
     // What is found does not depend on how well it is solved.
     plan.run.solver.max_iterations = 40;
     let watch = &mut |_: &_| ControlFlow::Continue(());
-    let bed = deposit(&plan, watch).expect("a bed").expect("nobody stops it");
+    let bed = deposit(&plan, watch).expect("a bed").expect("not stopped");
     let (model, mut state) = scene(&plan, bed).expect("a track");
     let cycle = TampingCycle::new(&plan, &model).expect("a cycle");
     let (mut workspace, mut targets) = (Workspace::default(), Vec::new());

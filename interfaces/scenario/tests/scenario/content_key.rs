@@ -1,4 +1,4 @@
-//! The key of prepared beds.
+//! Content key of prepared beds.
 
 use crate::{BASE, changed};
 use ballast_scenario::{content_key, read_case};
@@ -15,7 +15,7 @@ fn the_key_is_the_same_on_every_machine() {
 }
 
 #[test]
-fn what_is_not_prepared_does_not_change_the_key() {
+fn the_key_does_not_depend_on_the_run() {
     for (from, to) in [
         ("\"base\"", "\"other\""),
         ("= 1.764", "= 1.768"),
@@ -32,7 +32,7 @@ fn what_is_not_prepared_does_not_change_the_key() {
 }
 
 #[test]
-fn what_is_prepared_changes_the_key() {
+fn the_key_depends_on_the_preparation() {
     let mut keys = BTreeSet::from([key(BASE)]);
     for (from, to) in [
         ("density_kg_per_m3 = 2700", "seed = 2"),

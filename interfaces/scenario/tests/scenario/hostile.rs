@@ -1,10 +1,10 @@
-//! Whatever the text is: an answer, never a panic.
+//! Hostile texts give errors, never a panic.
 
 use crate::BASE;
 use ballast_scenario::{read_case, sample};
 use proptest::prelude::*;
 
-/// Words that mean something to the reader, to get past the first error.
+/// Words of the format, to get past the first error.
 const WORDS: [&str; 24] = [
     "nan",
     "inf",
@@ -106,7 +106,7 @@ fn a_long_list_of_wrong_entries_gives_a_short_answer() {
 }
 
 #[test]
-fn more_bodies_than_any_machine_has_are_refused_before_pairs_are_compared() {
+fn too_many_bodies_are_refused_before_pairs_are_compared() {
     let one = "[[sleeper]]\nname = \"s\"\nx_m = 0.3\ny_m = 0.3\n\
                blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n";
     let text = format!("{BASE}{}", one.repeat(20_000));
@@ -115,8 +115,9 @@ fn more_bodies_than_any_machine_has_are_refused_before_pairs_are_compared() {
 }
 
 #[test]
-fn bodies_are_counted_once_each_whatever_they_are() {
-    let told = |text: &str| read_case(text, "many.toml").expect_err("they overlap").to_string();
+fn each_body_is_counted_once() {
+    let errors_of =
+        |text: &str| read_case(text, "many.toml").expect_err("they overlap").to_string();
     // A row and single tines, without tines beside the row: before all pairs are compared.
     let tine = |i: usize| {
         format!("[[tine]]\nname = \"t{i}\"\nx_m = 0.1\ny_m = 0.1\ntowards = \"+x\"\npair = {i}\n")
@@ -125,7 +126,7 @@ fn bodies_are_counted_once_each_whatever_they_are() {
     let (_, after) = after.split_once("[tamping]").expect("and a machine");
     let row = before.replace("tamped = [1]", "count = 1000\npitch_m = 0.0005\ntamped = []");
     let tines: String = (1..=1001).map(tine).collect();
-    let text = told(&format!("{row}{tines}[tamping]{after}"));
+    let text = errors_of(&format!("{row}{tines}[tamping]{after}"));
     assert!(text.contains("2001") && text.contains("at most 2000 together"), "{text}");
 
     let sleeper = |i: usize| {
@@ -134,6 +135,6 @@ fn bodies_are_counted_once_each_whatever_they_are() {
         )
     };
     let sleepers: String = (1..=1000).map(sleeper).collect();
-    let text = told(&BASE.replace("[tines]", &format!("{sleepers}[tines]")));
+    let text = errors_of(&BASE.replace("[tines]", &format!("{sleepers}[tines]")));
     assert!(text.contains("overlap") && !text.contains("together"), "{text}");
 }

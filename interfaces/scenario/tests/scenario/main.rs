@@ -1,4 +1,4 @@
-//! Case files, samples and their schema, from outside.
+//! Tests of case files, samples and schema through the public interface.
 
 mod broken;
 mod cases;
@@ -8,7 +8,7 @@ mod hostile;
 mod samples;
 mod schema;
 
-/// A sound case; the tests change it.
+/// Valid case, which the tests change.
 pub const BASE: &str = r#"name = "base"
 
 [bed]
@@ -48,7 +48,7 @@ max_iterations = 300
 tolerance = 1.666e-4
 "#;
 
-/// [`BASE`] with one text in the place of another, which must be there once.
+/// Returns [`BASE`] with `from`, which must occur once, replaced by `to`.
 pub fn changed(from: &str, to: &str) -> String {
     assert_eq!(BASE.matches(from).count(), 1, "{from:?} is not unique in the base");
     BASE.replacen(from, to, 1)

@@ -1,4 +1,4 @@
-//! Neutral samples: there and back, and what is wrong with broken ones.
+//! Neutral samples: conversion in both directions, and errors of broken ones.
 
 use ballast::math::Vec3;
 use ballast::model::{DrivenBody, Norm, Part, Role, Schedule};
@@ -41,7 +41,7 @@ fn a_sample_becomes_model_and_state() {
     }
 }
 
-/// Corners of a grain in the world, sorted.
+/// Vertices of a grain in world axes, sorted.
 fn corners(sample: &Sample, i: usize) -> Vec<Vec3> {
     let shape = &sample.model.shapes[sample.model.grains.shape[i] as usize];
     let mut corners: Vec<Vec3> =
@@ -131,7 +131,7 @@ fn half_spaces_are_written_as_blocks_below_their_plane() {
 }
 
 #[test]
-fn a_tolerance_is_used_where_the_number_of_sweeps_is_null() {
+fn a_tolerance_is_used_if_the_number_of_sweeps_is_null() {
     let mut json: Value = serde_json::from_str(EIGHT).unwrap();
     json["solver"] = json!({ "iterations": null, "tolerance": 1e-4, "max_iterations": 500,
         "check_every": 5, "relax": 0.9, "norm": "QM/16" });
@@ -144,7 +144,7 @@ fn a_tolerance_is_used_where_the_number_of_sweeps_is_null() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_path() {
+fn invalid_values_are_reported_with_their_path() {
     let flat = json!([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]);
     let many = Value::from(vec![json!([0.0, 0.0, 0.0]); 1001]);
     for (pointer, value, path, words) in [
@@ -170,7 +170,7 @@ fn what_is_wrong_is_told_with_its_path() {
         ("/grains/3/vertices", many, "grains[3].vertices", "1001"),
         ("/grains/3/vertices/2/1", json!(1e300), "grains[3].vertices[2]", "1e6"),
         ("/grains/3/velocity", json!([0, 0, 1e9]), "grains[3].velocity", "1e6"),
-        ("/fixed/1/name", json!("floor"), "fixed[1].name", "of its own"),
+        ("/fixed/1/name", json!("floor"), "fixed[1].name", "unique"),
         ("/fixed", json!({}), "fixed", "a sequence"),
     ] {
         let error = refused(&changed(pointer, value.clone()));
@@ -181,7 +181,7 @@ fn what_is_wrong_is_told_with_its_path() {
 }
 
 #[test]
-fn missing_unknown_and_unreadable_values_are_told_with_their_line() {
+fn missing_unknown_and_unreadable_values_are_reported_with_their_line() {
     let missing = EIGHT.replace("\"alert\"", "\"alarm\"");
     let error = refused(&missing);
     assert!(error.to_string().contains("alarm"), "{error}");

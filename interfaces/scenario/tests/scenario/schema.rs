@@ -1,9 +1,9 @@
-//! The schema describes what the reader reads.
+//! JSON Schema of case files.
 
 use ballast_scenario::schema;
 use serde_json::Value;
 
-/// Every schema object inside `value`, with its path.
+/// Calls `with` for every schema object inside `value`, with its path.
 fn visit(value: &Value, path: &str, with: &mut impl FnMut(&str, &Value)) {
     with(path, value);
     match value {
@@ -42,16 +42,17 @@ fn no_object_takes_unknown_keys_and_nothing_may_be_null() {
 }
 
 #[test]
-fn every_key_is_required_or_has_a_default_or_says_what_its_absence_means() {
+fn every_key_is_required_or_has_a_default_or_a_meaning_of_its_absence() {
     let schema = schema();
     visit(&schema, "", &mut |path, value| {
         let required: Vec<&str> =
             value["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         for (key, inner) in value["properties"].as_object().into_iter().flatten() {
             let description = inner["description"].as_str().unwrap_or_default();
-            let said = ["Absent", "Without", "Needed"].iter().any(|w| description.contains(w));
+            let has_meaning =
+                ["Absent", "Without", "Needed"].iter().any(|w| description.contains(w));
             assert!(
-                required.contains(&key.as_str()) || inner.get("default").is_some() || said,
+                required.contains(&key.as_str()) || inner.get("default").is_some() || has_meaning,
                 "{path}/{key}: {inner}"
             );
         }

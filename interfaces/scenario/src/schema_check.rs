@@ -1,103 +1,95 @@
-//! Compares a document with the schema: keys, types and ranges, all findings at once.
+//! Comparison of a document with the schema: keys, types and ranges, all diagnostics at once.
 //!
 //! The schema is the one that editors use, so what an editor accepts is accepted here.
 
-use crate::diagnostic::quoted;
+use crate::diagnostic::{DiagnosticText, quoted};
 use crate::document::find;
 use crate::nearest::{did_you_mean, nearest};
 use crate::renamed;
-use crate::report::{Finding, MOST, Report};
+use crate::report::DiagnosticReport;
 use serde_json::{Map, Value};
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Adds everything in the document that does not fit `schema` to `report`.
-pub fn check(report: &mut Report, schema: &Value) {
+pub fn check(report: &mut DiagnosticReport, schema: &Value) {
     let document = report.document;
-    let mut walker = Walker { report, schema };
-    walker.table(schema, &document.root, 0..0, "");
+    SchemaChecker { report, schema }.table(schema, &document.root, 0..0, "");
 }
 
-struct Walker<'r, 'a, 't, 's> {
-    report: &'r mut Report<'a, 't>,
+struct SchemaChecker<'r, 'a, 't, 's> {
+    report: &'r mut DiagnosticReport<'a, 't>,
     schema: &'s Value,
 }
 
-impl<'s> Walker<'_, '_, '_, 's> {
-    fn table(&mut self, schema: &'s Value, table: &DeTable, place: Range<usize>, path: &str) {
+impl<'s> SchemaChecker<'_, '_, '_, 's> {
+    fn table(&mut self, schema: &'s Value, table: &DeTable, span: Range<usize>, path: &str) {
         let Some(properties) = schema["properties"].as_object() else { return };
         let mut misspelt = Vec::new();
         for (name, value) in table {
-            // To look for what may be meant takes its time.
+            // Looking for similar keys is slow.
             if self.report.is_full() {
                 return;
             }
             let key = name.get_ref().as_ref();
             match properties.get(key) {
                 Some(inner) => self.value(inner, value, name.span(), &join(path, key)),
-                None => {
-                    let renamed = renamed::key(&join(path, key));
-                    let meant =
-                        renamed.as_deref().map(last).and_then(|k| properties.get_key_value(k));
-                    let meant = meant.map(|(k, _)| k.as_str());
-                    misspelt.extend(
-                        meant.or_else(|| nearest(key, properties.keys().map(String::as_str))),
-                    );
-                    self.unknown(key, name.span(), properties, path);
-                }
+                None => misspelt.extend(self.unknown_key(key, name.span(), properties, path)),
             }
         }
         for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-            if find(table, key).is_none() && !misspelt.contains(&key) {
+            if find(table, key).is_none() && !misspelt.iter().any(|k| k == key) {
                 let inner = &properties[key];
-                let finding = Finding {
+                let kind = kind(self.schema, inner);
+                let text = DiagnosticText {
                     problem: format!("missing key `{key}`"),
-                    expected: format!(
-                        "`{key}`: {}{}",
-                        kind(self.schema, inner),
-                        self.meaning(inner)
-                    ),
-                    ..Finding::default()
+                    expected: format!("`{key}`: {kind}{}", self.meaning(inner)),
+                    ..DiagnosticText::default()
                 };
-                self.at(place.clone(), join(path, key), finding);
+                self.report.error_at(span.clone(), join(path, key), text);
             }
         }
     }
 
-    fn unknown(
+    /// Reports an unknown key; returns the known key that was probably meant.
+    fn unknown_key(
         &mut self,
         key: &str,
-        place: Range<usize>,
+        span: Range<usize>,
         properties: &Map<String, Value>,
         path: &str,
-    ) {
-        let known = properties.keys().map(String::as_str);
-        let list: Vec<String> = known.clone().map(|k| format!("`{k}`")).collect();
-        let old = join(path, key);
-        let hint = match (renamed::key(&old), self.homes(key).as_slice()) {
-            (Some(new), _) => Some(format!("`{}` is now `{new}`", renamed::without_indices(&old))),
-            (None, []) => did_you_mean(key, known),
+    ) -> Option<String> {
+        let known = || properties.keys().map(String::as_str);
+        let list: Vec<String> = known().map(|k| format!("`{k}`")).collect();
+        let path_of_key = join(path, key);
+        let (hint, meant) = match (renamed::key(&path_of_key), self.sections_with(key).as_slice()) {
+            (Some(new), _) => {
+                let old = renamed::without_indices(&path_of_key);
+                (Some(format!("`{old}` is now `{new}`")), Some(last(&new).to_string()))
+            }
+            (None, []) => (did_you_mean(key, known()), None),
             // A key of another section is hardly a misspelling of one here.
-            (None, homes) => Some(format!("`{key}` belongs in {}", homes.join(" or "))),
+            (None, homes) => (Some(format!("`{key}` belongs in {}", homes.join(" or "))), None),
         };
-        let finding = Finding {
+        let text = DiagnosticText {
             problem: format!("unknown key {}", quoted(key)),
             found: String::new(),
             expected: format!("one of {}", list.join(", ")),
             hint,
         };
-        self.at(place, join(path, &quoted(key).replace('`', "")), finding);
+        self.report.error_at(span, join(path, &quoted(key).replace('`', "")), text);
+        meant.or_else(|| nearest(key, known()).map(str::to_string))
     }
 
-    /// Sections that know `key`.
-    fn homes(&self, key: &str) -> Vec<String> {
-        let mut homes = Vec::new();
+    /// Returns the sections of a case that have `key`.
+    fn sections_with(&self, key: &str) -> Vec<String> {
+        let mut sections = Vec::new();
         let mut open = vec![(String::new(), self.schema)];
         while let Some((path, schema)) = open.pop() {
             for (name, inner) in schema["properties"].as_object().into_iter().flatten() {
                 if name == key {
-                    homes.push(match path.as_str() {
+                    sections.push(match path.as_str() {
                         "" => "the top of the file".to_string(),
                         path => format!("`[{path}]`"),
                     });
@@ -105,8 +97,8 @@ impl<'s> Walker<'_, '_, '_, 's> {
                 open.push((join(&path, name), resolve(self.schema, inner)));
             }
         }
-        homes.sort();
-        homes
+        sections.sort();
+        sections
     }
 
     fn value(
@@ -116,7 +108,7 @@ impl<'s> Walker<'_, '_, '_, 's> {
         name: Range<usize>,
         path: &str,
     ) {
-        if self.report.errors.len() >= MOST {
+        if self.report.is_full() {
             return;
         }
         let resolved = resolve(self.schema, schema);
@@ -125,8 +117,9 @@ impl<'s> Walker<'_, '_, '_, 's> {
             (Some("object"), DeValue::Table(table)) => self.table(resolved, table, name, path),
             (Some("array"), DeValue::Array(items)) => {
                 let limit = |key: &str| resolved[key].as_u64().map(|n| n as usize);
-                let (least, most) = (limit("minItems"), limit("maxItems"));
-                if least.is_some_and(|n| items.len() < n) || most.is_some_and(|n| items.len() > n) {
+                if limit("minItems").is_some_and(|n| items.len() < n)
+                    || limit("maxItems").is_some_and(|n| items.len() > n)
+                {
                     self.wrong(schema, value, path, "has the wrong number of entries");
                     return;
                 }
@@ -144,17 +137,16 @@ impl<'s> Walker<'_, '_, '_, 's> {
             (None, DeValue::String(word)) => {
                 let words = choices(resolved);
                 if !words.is_empty() && !words.contains(&word.as_ref()) {
-                    let list: Vec<String> = words.iter().map(|w| format!("\"{w}\"")).collect();
-                    let finding = Finding {
+                    let present = renamed::value(word).filter(|new| words.contains(new));
+                    let text = DiagnosticText {
                         problem: format!("unknown value of `{}`", last(path)),
                         found: self.report.document.quote(span.clone()),
-                        expected: format!("one of {}", list.join(", ")),
-                        hint: renamed::value(word)
-                            .filter(|new| words.contains(new))
+                        expected: one_of(&words),
+                        hint: present
                             .map(|new| format!("`\"{word}\"` is now `\"{new}\"`"))
                             .or_else(|| did_you_mean(word, words)),
                     };
-                    self.at(span, path.to_string(), finding);
+                    self.report.error_at(span, path.to_string(), text);
                 }
             }
             _ => self.wrong(schema, value, path, "has the wrong type"),
@@ -171,31 +163,31 @@ impl<'s> Walker<'_, '_, '_, 's> {
             _ => None,
         };
         let limit = |key: &str| resolved[key].as_f64();
-        let infinite = resolved["x-infinite"].as_bool().unwrap_or(false);
+        let may_be_infinite = resolved["x-infinite"].as_bool().unwrap_or(false);
         let fits = number.is_some_and(|x| {
-            (x.is_finite() || infinite && x == f64::INFINITY)
+            (x.is_finite() || may_be_infinite && x == f64::INFINITY)
                 && limit("minimum").is_none_or(|m| x >= m)
                 && limit("exclusiveMinimum").is_none_or(|m| x > m)
                 && limit("maximum").is_none_or(|m| x <= m)
         });
         if !fits {
-            // What `limits` does not tell.
-            let what = match (number, limit("maximum")) {
+            // Limits that `limits` does not show.
+            let problem = match (number, limit("maximum")) {
                 (Some(f64::INFINITY), None) => "is not finite".into(),
-                (Some(x), Some(most)) if x > most && most >= STORABLE => {
-                    format!("is more than {most}")
+                (Some(x), Some(max)) if x > max && max >= MIN_STORAGE_LIMIT => {
+                    format!("is more than {max}")
                 }
-                // TOML's own numbers end there.
-                (None, Some(most)) if most >= STORABLE => {
+                // TOML's own integers end there.
+                (None, Some(max)) if max >= MIN_STORAGE_LIMIT => {
                     format!("is no number up to {}", resolved["maximum"])
                 }
                 _ => "is out of range".to_string(),
             };
-            self.wrong(schema, value, path, &what);
+            self.wrong(schema, value, path, &problem);
         }
     }
 
-    fn wrong(&mut self, schema: &'s Value, value: &Spanned<DeValue>, path: &str, what: &str) {
+    fn wrong(&mut self, schema: &'s Value, value: &Spanned<DeValue>, path: &str, problem: &str) {
         let quote = self.report.document.quote(value.span());
         let found = match value.get_ref() {
             DeValue::Table(_) => "a table".to_string(),
@@ -203,31 +195,19 @@ impl<'s> Walker<'_, '_, '_, 's> {
             DeValue::String(_) => format!("the text {quote}"),
             _ => quote,
         };
-        let is_text = matches!(value.get_ref(), DeValue::String(s)
+        let is_quoted_number = matches!(value.get_ref(), DeValue::String(s)
             if s.trim_start().starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)));
-        let finding = Finding {
-            problem: format!("`{}` {what}", last(path)),
+        let text = DiagnosticText {
+            problem: format!("`{}` {problem}", last(path)),
             found,
             expected: format!("{}{}", kind(self.schema, schema), self.meaning(schema)),
-            hint: is_text
-                .then(|| "write the number without quotes; the key's name says its unit".into()),
+            hint: is_quoted_number
+                .then(|| "write the number without quotes; the key's name has its unit".into()),
         };
-        self.at(value.span(), path.to_string(), finding);
+        self.report.error_at(value.span(), path.to_string(), text);
     }
 
-    fn at(&mut self, span: Range<usize>, key: String, finding: Finding) {
-        if self.report.errors.len() >= MOST {
-            return;
-        }
-        let mut d = self.report.document.diagnostic(span, key);
-        d.problem = finding.problem;
-        d.found = finding.found;
-        d.expected = finding.expected;
-        d.hint = finding.hint;
-        self.report.errors.push(d);
-    }
-
-    /// The first sentence of what a key means.
+    /// Returns the first sentence of a key's description.
     fn meaning(&self, schema: &Value) -> String {
         let text = schema["description"].as_str().unwrap_or_default().replace('\n', " ");
         match text.split(". ").next().map(|s| s.trim_end_matches('.')) {
@@ -237,20 +217,17 @@ impl<'s> Walker<'_, '_, '_, 's> {
     }
 }
 
-/// The definition that a `$ref` names.
+/// Returns the definition that a `$ref` names, or `schema` itself.
 pub fn resolve<'s>(root: &'s Value, schema: &'s Value) -> &'s Value {
     schema["$ref"].as_str().and_then(|r| root.pointer(r.trim_start_matches('#'))).unwrap_or(schema)
 }
 
-/// What a value must be, in words.
+/// Describes the values that `schema` accepts.
 pub fn kind(root: &Value, schema: &Value) -> String {
     let schema = resolve(root, schema);
     let words = choices(schema);
     match schema["type"].as_str() {
-        None if !words.is_empty() => {
-            let list: Vec<String> = words.iter().map(|w| format!("\"{w}\"")).collect();
-            format!("one of {}", list.join(", "))
-        }
+        None if !words.is_empty() => one_of(&words),
         Some("object") => "a table".into(),
         Some("boolean") => "true or false".into(),
         Some("string") => "a text in quotes".into(),
@@ -269,13 +246,13 @@ pub fn kind(root: &Value, schema: &Value) -> String {
     }
 }
 
-/// A limit from here on only keeps a number storable: it says nothing to people who do not meet it.
-const STORABLE: f64 = 4e9;
+/// Smallest maximum that only keeps a number storable. Descriptions omit such maxima.
+const MIN_STORAGE_LIMIT: f64 = 4e9;
 
 fn limits(schema: &Value) -> String {
     let bound = |key: &str| schema.get(key).filter(|v| v.is_number()).map(Value::to_string);
-    let most = bound("maximum").filter(|_| schema["maximum"].as_f64() < Some(STORABLE));
-    match (bound("exclusiveMinimum"), bound("minimum"), most) {
+    let max = bound("maximum").filter(|_| schema["maximum"].as_f64() < Some(MIN_STORAGE_LIMIT));
+    match (bound("exclusiveMinimum"), bound("minimum"), max) {
         (Some(a), _, Some(b)) => format!(" above {a} and up to {b}"),
         (Some(a), _, None) => format!(" above {a}"),
         (None, Some(a), Some(b)) => format!(" from {a} to {b}"),
@@ -284,11 +261,16 @@ fn limits(schema: &Value) -> String {
     }
 }
 
-/// The words of an enumeration.
+/// Returns the words of an enumeration.
 fn choices(schema: &Value) -> Vec<&str> {
     let plain = schema["enum"].as_array().into_iter().flatten();
     let described = schema["oneOf"].as_array().into_iter().flatten().map(|c| &c["const"]);
     plain.chain(described).filter_map(Value::as_str).collect()
+}
+
+fn one_of(words: &[&str]) -> String {
+    let list: Vec<String> = words.iter().map(|w| format!("\"{w}\"")).collect();
+    format!("one of {}", list.join(", "))
 }
 
 fn join(path: &str, key: &str) -> String {
