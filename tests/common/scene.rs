@@ -15,7 +15,7 @@ pub const GRAVITY: f64 = 9.81;
 pub const DENSITY: f64 = 2700.0;
 pub const SCHEDULES: [Schedule; 3] = Schedule::ALL;
 
-/// A model with its state, and where its driven bodies are told to be.
+/// Model with its state and the targets of its driven bodies.
 pub struct Scene {
     pub model: Model,
     pub state: State,

@@ -17,7 +17,7 @@ use std::alloc::System;
 #[global_allocator]
 static MEMORY: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// How often any thread has asked for memory so far.
+/// Returns the number of allocations of all threads so far.
 fn requests() -> usize {
     let stats = MEMORY.stats();
     stats.allocations + stats.reallocations
@@ -73,13 +73,13 @@ fn check(schedule: Schedule, threads: usize, iterations: u32, tolerance: Option<
 
     let first = count(&mut scene, &states[0]);
     assert!(first.of(DETECTION) > 0 && first.of(SOLVE) > 0, "{what}: nothing is counted");
-    // Far apart: the list of pairs is made anew in each step.
+    // Far apart: the pair list is rebuilt in each step.
     for state in [1, 0, 1] {
         count(&mut scene, &states[state]);
     }
     for state in &states {
         let moved = count(&mut scene, state);
-        assert_eq!(moved.of[Phase::BroadPhase as usize], 0, "{what}: pairs listed anew");
+        assert_eq!(moved.of[Phase::BroadPhase as usize], 0, "{what}: pair list rebuilt");
         // Asynchronous sweeps end otherwise each time, and what they leave to be looked for again may be more than ever.
         let often = if schedule == Schedule::Asynchronous && threads > 1 { 5 } else { 1 };
         let again: Vec<Count> = (0..often).map(|_| count(&mut scene, state)).collect();

@@ -33,7 +33,7 @@ fn arch(thickness: f64, schedule: Schedule) -> Scene {
     scene
 }
 
-/// How far the crown sinks in `seconds`, m.
+/// Returns how far the crown sinks in `seconds`, m.
 fn sinking(thickness: f64, schedule: Schedule, seconds: f64) -> f64 {
     let mut scene = arch(thickness, schedule);
     let crown = VOUSSOIRS / 2;

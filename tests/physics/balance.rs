@@ -78,7 +78,7 @@ fn moments_change_the_angular_momentum() {
                 gained += reaction.angular_impulse + origin.cross(&reaction.impulse);
                 scale += origin.norm() * reaction.impulse.norm();
             }
-            // Levers are rounded to single precision, each side of a contact by itself.
+            // Levers are rounded to single precision, separately on each side of a contact.
             assert!(gained.norm() <= 1e-6 * scale, "{schedule:?}, step {step}: {gained:?} N m s");
         }
     }

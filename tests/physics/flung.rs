@@ -64,7 +64,7 @@ fn a_row_is_held_to_its_last_cube() {
     }
 }
 
-/// What is looked at again leaves no trace: the same bytes without what earlier steps have left in memory.
+/// Repeated detection depends on nothing but the state: equal results with and without caches of earlier steps.
 #[test]
 fn looking_again_is_repeatable() {
     let run = |forget: bool| {

@@ -134,7 +134,7 @@ fn a_wall_rebounds_as_it_moves_now() {
     }
 }
 
-/// A column of light cubes at rest, a cube that is so many times heavier, half an edge above it, and perhaps one that
+/// A column of light cubes at rest, a much heavier cube, half an edge above it, and perhaps one that
 /// flies far away.
 struct Struck {
     cubes: usize,
@@ -142,7 +142,7 @@ struct Struck {
     passes_by: bool,
 }
 
-/// What the heavy cube gains in steps that count as solved, by the usual tolerance, over the energy of its fall.
+/// Returns the energy that the heavy cube gains in steps solved to the usual tolerance, over that of its fall.
 fn gained(struck: &Struck, schedule: Schedule) -> f64 {
     let mut scene = Scene::new(1_000_000, 0.5).scheduled(schedule, [1, 1, 2]);
     scene.model.solver.tolerance = Some(1.666e-4);

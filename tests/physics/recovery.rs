@@ -43,7 +43,7 @@ fn a_stack_that_overlaps_comes_apart_at_the_asked_rate_and_stays_at_rest() {
             assert!(scene.fastest() < 1e-7, "{schedule:?}, step {step}: {} m/s", scene.fastest());
             left -= SHARE * (left - ALLOWED);
         }
-        // The contacts have lifted the stack, nobody else.
+        // Only the contacts have lifted the stack.
         let mass = scene.model.grains.mass[0];
         let lifted: f64 = (0..3).map(|k| scene.state.position[k].z - height(k as f64)).sum();
         let ledger = scene.state.energy;
@@ -92,7 +92,7 @@ fn what_is_allowed_is_left_to_the_bit() {
     assert_eq!(run(true), run(false));
 }
 
-/// A tool stays where its machine has it, so what is taken back on its one side moves nobody on the other.
+/// A tool keeps its imposed pose, so correction on one side of it moves no body on the other.
 #[test]
 fn a_mounted_body_stays_as_one_without_a_mount_does() {
     let run = |mount: Option<Mount>| {

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 const RADIUS: f64 = 0.1;
 const SIDES: usize = 512;
 
-/// A sphere of rings of points about y. The two rings next to the equator have so many points that
+/// A sphere of rings of points about y. The two rings next to the equator have enough points that
 /// the body rolls smoothly, on both of them; the others only shape its mass.
 fn ball() -> Vec<Vec3> {
     let mut points = vec![];

@@ -57,7 +57,7 @@ fn a_stack_without_friction_is_solved_by_the_natural_map() {
     }
 }
 
-/// What the floor lacks of the weight after `sweeps` sweeps from nothing, over the weight.
+/// Returns the part of the weight that the floor does not carry after `sweeps` sweeps from zero impulses.
 fn lacking(count: usize, sweeps: u32) -> f64 {
     // Without friction only the weight has to travel down: with it, the stack bends as well, which
     // settles with the fourth power of the height.

@@ -63,7 +63,7 @@ fn stones_that_turn_fast_hardly_end_a_step_in_each_other() {
     }
 }
 
-/// What was foreseen leaves no trace: the same bytes without what earlier steps have left in memory.
+/// Added end-of-step contacts depend on nothing but the state: equal results with and without caches of earlier steps.
 #[test]
 fn looking_at_the_end_is_repeatable() {
     let run = |forget: bool| {
