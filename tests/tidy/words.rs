@@ -149,3 +149,21 @@ fn the_glossary_knows_every_phase() {
         .collect();
     crate::none(missing);
 }
+
+/// Head words of a glossary's table that stand there more than once.
+fn repeated_head_words(glossary: &str) -> Vec<String> {
+    let mut words: Vec<&str> = glossary
+        .lines()
+        .filter_map(|line| line.strip_prefix("| ")?.split_once(" |"))
+        .map(|(word, _)| word)
+        .collect();
+    words.sort_unstable();
+    let pairs = words.windows(2).filter(|pair| pair[0] == pair[1]);
+    pairs.map(|pair| format!("docs/src/developer/glossary.md: `{}` stands there twice", pair[0])).collect()
+}
+
+#[test]
+fn head_words_of_the_glossary_are_unique() {
+    assert_eq!(repeated_head_words("| a | x |\n| b | y |\n| a | z |").len(), 1);
+    crate::none(repeated_head_words(&tree::read("docs/src/developer/glossary.md")));
+}
