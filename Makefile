@@ -5,13 +5,13 @@
 # make book   the documentation as a book, in target/book
 # All install what is missing first (scripts/setup.sh); cargo alone does as well once it is there.
 
-.PHONY: demo test test-rust test-python check format lints documentation docs book setup
+.PHONY: demo test test-rust test-python test-book check format lints documentation docs book setup
 
 demo: setup
 	# Without the network, which would take the compiler longer than all the rest.
 	cargo run --release --locked --no-default-features -- run examples/first.toml --force
 
-test: test-rust test-python
+test: test-rust test-python test-book
 
 test-rust: setup
 	scripts/python.sh
@@ -19,6 +19,9 @@ test-rust: setup
 
 test-python: setup
 	scripts/test_python.sh
+
+test-book:
+	cargo test --locked --manifest-path tests/book/Cargo.toml --target-dir target/book-build
 
 check: format lints documentation
 
@@ -49,7 +52,7 @@ docs: setup
 	python3 bindings/python/tests/test_reference.py
 
 book:
-	cargo run --release --locked -p ballast-book
+	cargo run --locked --manifest-path tests/book/Cargo.toml --target-dir target/book-build
 
 setup:
 	@scripts/setup.sh
