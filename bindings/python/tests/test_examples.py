@@ -161,11 +161,22 @@ def test_tour_notebook(place: Path) -> None:
     assert any("image/png" in out.get("data", {}) for out in outputs)
 
 
+PAGES = [
+    ROOT / page
+    for page in (
+        "README.md",
+        "docs/src/getting-started/first-python-script.md",
+        "docs/src/guide/python.md",
+        "docs/src/guide/sweeps.md",
+    )
+]
+
+
 def blocks() -> list[Any]:
     """Returns the Python code blocks of README and guide."""
     found = [
         pytest.param(code, id=f"{page.name}-{i}")
-        for page in (ROOT / "README.md", ROOT / "docs/src/guide/python.md")
+        for page in PAGES
         for i, code in enumerate(re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S))
     ]
     assert len(found) > 3
