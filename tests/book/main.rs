@@ -32,7 +32,8 @@ fn main() -> ExitCode {
 fn the_book_renders_every_page() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     render(folder.path()).expect("a book");
-    let summary = std::fs::read_to_string(Path::new(DOCS).join("src/SUMMARY.md")).expect("SUMMARY.md");
+    let summary =
+        std::fs::read_to_string(Path::new(DOCS).join("src/SUMMARY.md")).expect("SUMMARY.md");
     let pages = summary.split("](").skip(1).filter_map(|rest| rest.split_once(".md)"));
     let pages: Vec<&str> = pages.map(|(page, _)| page).collect();
     assert!(pages.len() > 30, "the table of contents was not read");

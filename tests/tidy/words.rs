@@ -159,7 +159,9 @@ fn repeated_head_words(glossary: &str) -> Vec<String> {
         .collect();
     words.sort_unstable();
     let pairs = words.windows(2).filter(|pair| pair[0] == pair[1]);
-    pairs.map(|pair| format!("docs/src/developer/glossary.md: `{}` stands there twice", pair[0])).collect()
+    pairs
+        .map(|pair| format!("docs/src/developer/glossary.md: `{}` stands there twice", pair[0]))
+        .collect()
 }
 
 #[test]
