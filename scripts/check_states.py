@@ -1,6 +1,6 @@
 """Takes one case through every way a state can be kept and gone on from; all must end in the same bytes.
 
-    python scripts/check_states.py CASE [--steps 6] [--beds runs/beds]
+    python scripts/check_states.py CASE [--steps 6] [--bed-cache runs/beds]
 
 The machine of the case moves the tools, one step per window. The first steps are run
 
@@ -55,7 +55,7 @@ def elsewhere(case: str, state: Path, steps: int) -> str:
 def compare(args: argparse.Namespace) -> bool:
     half = args.steps // 2
     rest = args.steps - half
-    with ballast.open(args.case, bed_cache=args.beds, threads=1) as sim:
+    with ballast.open(args.case, bed_cache=args.bed_cache, threads=1) as sim:
         start = sim.save()
         expected = finish(sim, args.steps)
         print(f"{args.case}: {args.steps} steps of {sim.grain_count} grains: {expected}")
@@ -87,7 +87,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("case")
     parser.add_argument("--steps", type=int, default=6)
-    parser.add_argument("--beds", default="runs/beds")
+    parser.add_argument("--bed-cache", default="runs/beds")
     parser.add_argument("--resume", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.resume:

@@ -1,26 +1,25 @@
-//! `ballast bench detection SCENE`: what detection costs per grain and step.
+//! `ballast bench detection SCENE`: cost of contact detection per grain and step.
 //!
-//! From nothing: a detector that has seen no configuration yet. Nearly still: grains are nudged by a micrometre
-//! in each step, as in a settled bed. In a run: the steps themselves, between solves.
+//! From nothing: a detector without cached pairs. Nearly still: grains are displaced by a micrometre in each step, as in a
+//! settled bed. In a run: the steps themselves, between solves.
 
-use super::Said;
-use super::args::BenchDetection;
-use super::machine::Machine;
+use super::StageLabel;
+use super::args::DetectionArgs;
+use super::machine_info::MachineInfo;
 use super::pools::pools;
-use super::rule::Rule;
-use super::scene::Scene;
-use super::sheet::{Sheet, cells};
-use super::trial::{Contender, DETECTION, alternate, mean, ratios};
+use super::result_sheet::{ResultSheet, cells};
+use super::scene::BenchScene;
+use super::stop_rule::StopRule;
+use super::variant::{DETECTION, Variant, alternate, mean, ratios};
 use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::drive::StepInputs;
 use ballast::math::Vec3;
 use ballast::motion::Motion;
 use ballast::step::{Phase, StepObserver};
-use ballast_session::Reporter;
 use ballast_session::profile::{Profile, Spent};
 use ballast_session::statistics::Quartiles;
 use ballast_session::table::on_threads;
-use ballast_session::{Failure, Outcome};
+use ballast_session::{Failure, Reporter, Result};
 use rayon::ThreadPool;
 use std::sync::Arc;
 
@@ -39,14 +38,18 @@ const COLUMNS: &[&str] = &[
     "speedup",
 ];
 
-/// How far grains are nudged, m.
-const NUDGE: f64 = 1e-6;
+/// Displacement of the grains between two configurations, m.
+const DISPLACEMENT_M: f64 = 1e-6;
 
-pub fn detection(args: &BenchDetection, console: &dyn Reporter) -> Outcome {
-    let machine = Machine::watch();
-    let scene = Scene::load(&args.scene, &args.start, console)?;
+/// Measures contact detection.
+///
+/// # Errors
+/// A file that cannot be read or written, or a step that fails.
+pub fn detection(args: &DetectionArgs, console: &dyn Reporter) -> Result {
+    let machine = MachineInfo::observe();
+    let scene = BenchScene::load(&args.scene, &args.start, console)?;
     let pools = pools(&args.threads)?;
-    let mut sheet = Sheet::new(COLUMNS);
+    let mut sheet = ResultSheet::new(COLUMNS);
     sheet.note("scene", scene.describe());
     sheet
         .note("times", "µs per grain and step: median, and quartiles of the whole; CPU time: mean");
@@ -58,18 +61,18 @@ pub fn detection(args: &BenchDetection, console: &dyn Reporter) -> Outcome {
     sheet.publish(&machine, args.csv.csv.as_deref(), console)
 }
 
-/// Detections on some number of threads.
-struct Trial {
+/// Detections on one number of threads.
+struct DetectionTrial {
     threads: usize,
-    /// Broad and narrow phase of each step.
+    /// Times of broad and narrow phase in each step.
     times: Vec<[Spent; 2]>,
     contacts: f64,
-    /// Where the detector tells.
+    /// Pairs in the list of the detector; `None` in a run, where it is not accessible.
     pairs: Option<usize>,
 }
 
-/// The configuration in which the first step looks for contacts.
-fn predicted(scene: &Scene) -> Outcome<Motion> {
+/// Returns the configuration in which the first step detects contacts.
+fn predicted(scene: &BenchScene) -> Result<Motion> {
     let targets = scene.targets();
     let inputs = StepInputs::from_targets(&targets);
     let mut motion = Motion::default();
@@ -78,44 +81,46 @@ fn predicted(scene: &Scene) -> Outcome<Motion> {
     Ok(motion)
 }
 
-/// Detection in nudged configurations on all numbers of threads in turn: from nothing, and by a detector that
-/// has seen those before.
+/// Measures detection in slightly displaced configurations on all numbers of threads in alternation.
+///
+/// Returns the times from nothing and with the lists of the configuration before.
 fn standing(
-    scene: &Scene,
+    scene: &BenchScene,
     mut motion: Motion,
     pools: &[Arc<ThreadPool>],
-    args: &BenchDetection,
+    args: &DetectionArgs,
     console: &dyn Reporter,
-) -> Outcome<[Vec<Trial>; 2]> {
+) -> Result<[Vec<DetectionTrial>; 2]> {
     let trial = |pool: &Arc<ThreadPool>| {
         let threads = pool.current_num_threads();
-        Trial { threads, times: Vec::new(), contacts: 0.0, pairs: None }
+        DetectionTrial { threads, times: Vec::new(), contacts: 0.0, pairs: None }
     };
     let new = || pools.iter().map(trial).collect::<Vec<_>>();
     let (mut fresh, mut still) = (new(), new());
     let mut detectors: Vec<(Detector, Contacts)> =
         pools.iter().map(|_| Default::default()).collect();
-    let (warm_up, steps) = (args.window.warm_up.max(1), args.window.steps);
+    let (warm_up, steps) = (args.range.warm_up.max(1), args.range.steps);
     let mut progress = console.start_progress("standing");
     for step in 0..warm_up + steps {
-        nudge(&mut motion, step);
-        for turn in 0..pools.len() {
-            let k = (turn + step as usize) % pools.len();
-            let mut newly = Default::default();
-            let from_nothing = detect(scene, &motion, &pools[k], &mut newly);
+        displace(&mut motion, step);
+        for slot in 0..pools.len() {
+            let k = (slot + step as usize) % pools.len();
+            let mut uncached = Default::default();
+            let from_nothing = detect(scene, &motion, &pools[k], &mut uncached);
             let again = detect(scene, &motion, &pools[k], &mut detectors[k]);
-            if newly.1 != detectors[k].1 {
+            if uncached.1 != detectors[k].1 {
                 return Err(Failure::Mismatch(format!(
-                    "{}: expected the contacts of a detector without memory, {}; found others, {}",
+                    "{}: expected the contacts of a detector without cached pairs, {}; found others, {}",
                     scene.name,
-                    newly.1.len(),
+                    uncached.1.len(),
                     detectors[k].1.len()
                 )));
             }
             if step >= warm_up {
-                for (trial, times, (detector, contacts)) in
-                    [(&mut fresh[k], from_nothing, &newly), (&mut still[k], again, &detectors[k])]
-                {
+                for (trial, times, (detector, contacts)) in [
+                    (&mut fresh[k], from_nothing, &uncached),
+                    (&mut still[k], again, &detectors[k]),
+                ] {
                     trial.times.push(times);
                     trial.contacts += contacts.len() as f64 / f64::from(steps);
                     trial.pairs = Some(detector.pair_count());
@@ -123,63 +128,63 @@ fn standing(
             }
         }
         let share = f64::from(step + 1) / f64::from(warm_up + steps);
-        progress.advance(share, &Said(format!("configuration {}", step + 1)));
+        progress.advance(share, &StageLabel(format!("configuration {}", step + 1)));
     }
     Ok([fresh, still])
 }
 
-fn nudge(motion: &mut Motion, step: u32) {
+fn displace(motion: &mut Motion, step: u32) {
     for (k, x) in motion.position.iter_mut().enumerate() {
         let phase = f64::from(step) + k as f64;
-        *x += Vec3::new(phase.sin(), (1.3 * phase).cos(), (0.7 * phase).sin()) * NUDGE;
+        *x += Vec3::new(phase.sin(), (1.3 * phase).cos(), (0.7 * phase).sin()) * DISPLACEMENT_M;
     }
 }
 
-/// Finds the contacts of a configuration.
+/// Detects the contacts of a configuration and measures both phases.
 fn detect(
-    scene: &Scene,
+    scene: &BenchScene,
     motion: &Motion,
     pool: &ThreadPool,
-    memory: &mut (Detector, Contacts),
+    cache: &mut (Detector, Contacts),
 ) -> [Spent; 2] {
-    let (detector, contacts) = memory;
+    let (detector, contacts) = cache;
     pool.install(|| {
         let mut profile = Profile::start();
-        let reach = DetectionRange::new(&scene.model, motion);
-        detector.broad_phase(&scene.model, motion, &reach);
+        let range = DetectionRange::new(&scene.model, motion);
+        detector.broad_phase(&scene.model, motion, &range);
         profile.phase_finished(Phase::BroadPhase);
-        detector.narrow_phase(&scene.model, motion, &reach, contacts);
+        detector.narrow_phase(&scene.model, motion, &range, contacts);
         profile.phase_finished(Phase::NarrowPhase);
         DETECTION.map(|phase| profile.of(phase))
     })
 }
 
-/// Detection within the steps of the scene.
+/// Measures detection within the steps of the scene.
 fn moving(
-    scene: &Scene,
+    scene: &BenchScene,
     pools: &[Arc<ThreadPool>],
-    args: &BenchDetection,
+    args: &DetectionArgs,
     console: &dyn Reporter,
-) -> Outcome<Vec<Trial>> {
-    let solver = Rule::fixed(args.iterations, scene.model.solver);
-    let mut contenders: Vec<Contender> = pools
+) -> Result<Vec<DetectionTrial>> {
+    let solver = StopRule::fixed(args.iterations, scene.model.solver);
+    let mut variants: Vec<Variant> = pools
         .iter()
-        .map(|p| Contender::new(on_threads(p.current_num_threads()), scene, solver, p))
+        .map(|p| Variant::new(on_threads(p.current_num_threads()), scene, solver, p))
         .collect();
-    alternate(scene, &mut contenders, &args.window, console)?;
-    let trial = |contender: &Contender| Trial {
-        threads: contender.threads(),
-        times: contender.samples.iter().map(|s| DETECTION.map(|phase| s.of(&[phase]))).collect(),
-        contacts: contender.mean(|r| r.contacts as f64),
+    alternate(scene, &mut variants, &args.range, console)?;
+    let trial = |variant: &Variant| DetectionTrial {
+        threads: variant.threads(),
+        times: variant.samples.iter().map(|s| DETECTION.map(|phase| s.of(&[phase]))).collect(),
+        contacts: variant.mean(|r| r.contacts as f64),
         pairs: None,
     };
-    Ok(contenders.iter().map(trial).collect())
+    Ok(variants.iter().map(trial).collect())
 }
 
-fn add(sheet: &mut Sheet, way: &str, scene: &Scene, trials: &[Trial]) {
+fn add(sheet: &mut ResultSheet, way: &str, scene: &BenchScene, trials: &[DetectionTrial]) {
     sheet.section(way);
     let per_grain = 1e6 / scene.model.grains.len().max(1) as f64;
-    let of = |trial: &Trial, part: fn(&[Spent; 2]) -> f64| -> Vec<f64> {
+    let of = |trial: &DetectionTrial, part: fn(&[Spent; 2]) -> f64| -> Vec<f64> {
         trial.times.iter().map(|times| per_grain * part(times)).collect()
     };
     let whole = |t: &[Spent; 2]| (t[0].wall + t[1].wall).as_secs_f64();

@@ -1,40 +1,48 @@
-//! Measurements of the program's speed, one file per command.
+//! Measurements of the speed of the program, one file per command of `ballast bench`.
 //!
-//! Contract: what is compared is measured in one run, in turn, from the same state; ratios are taken turn
-//! by turn, and told with their spread. Nothing here changes what a step computes.
+//! Contract: compared variants are measured in one run, alternating, from the same states; ratios are taken step by
+//! step and reported with their quartiles. No measurement changes the result of a step.
 
 pub mod args;
-pub mod cost;
-pub mod detection;
-pub mod iterations;
-pub mod kernel;
-mod loads;
-mod machine;
+mod convergence;
+mod detection;
+mod hoang2012;
+mod kernel;
+mod kernel_load;
+mod machine_info;
 mod pools;
 mod published;
-mod roof;
-mod rule;
-pub mod sample;
+mod result_sheet;
+mod roofline;
+mod sample;
 mod scene;
-mod shared_args;
-mod sheet;
-pub mod step;
-pub mod subdomains;
-pub mod tables;
-mod trial;
+mod step;
+mod stop_rule;
+mod subdomains;
+mod variant;
+mod work_precision;
+
+pub use convergence::convergence;
+pub use detection::detection;
+pub use hoang2012::hoang2012;
+pub use kernel::kernel;
+pub use sample::sample;
+pub use step::step;
+pub use subdomains::subdomains;
+pub use work_precision::work_precision;
 
 use ballast_session::ProgressLabel;
 use serde_json::{Value, json};
 
-/// Where a measurement stands.
-struct Said(String);
+/// Label of the current part of a measurement.
+struct StageLabel(String);
 
-impl ProgressLabel for Said {
+impl ProgressLabel for StageLabel {
     fn text(&self) -> String {
         self.0.clone()
     }
 
     fn fields(&self) -> Value {
-        json!({ "what": self.0 })
+        json!({ "stage": self.0 })
     }
 }

@@ -1,33 +1,33 @@
-//! What Hoang, Saussine, Dureisseix and Alart (2012) publish of their own runs, as far as it is known here.
+//! Timings published by Hoang, Saussine, Dureisseix and Alart (2012).
 //!
 //! Source: *Domain decomposition with discrete element simulations using shared-memory parallel computing for
 //! railways applications*, European Journal of Computational Mechanics 21 (3-6), pp. 242-253; `docs/src/theory.md`
 //! lists it with the slips of its text. The two tables were measured on different machines: their times are
-//! not to be compared with each other.
+//! not comparable with each other.
 
-/// A row of theirs; what is not known is left out.
+/// Row of a published table; unknown figures are `None`.
 #[derive(Debug, Default)]
-pub struct Row {
+pub struct PublishedRow {
     pub by: &'static str,
     pub rule: &'static str,
     pub threads: Option<u32>,
     pub subdomains: Option<u32>,
     pub contacts: Option<u32>,
-    /// Of the whole run, min.
+    /// Time of the whole run, min.
     pub run_min: Option<f64>,
-    /// Of the solve, 10⁶ per second.
+    /// Contact visits of the solve, 10⁶ per second.
     pub mvisits_per_s: Option<f64>,
-    /// Solve, detection, rest of the time, %.
+    /// Shares of solve, detection and rest in the time, %.
     pub shares: Option<[f64; 3]>,
-    /// s per step.
+    /// Time of detection, s per step.
     pub detection: Option<f64>,
 }
 
-/// What stands under the table.
-pub const SOURCE: &str =
+/// Citation of the published rows.
+pub const CITATION: &str =
     "Hoang et al. 2012, European Journal of Computational Mechanics 21, pp. 242-253";
 
-const NOTHING: Row = Row {
+const NOTHING: PublishedRow = PublishedRow {
     by: "",
     rule: "",
     threads: None,
@@ -40,8 +40,8 @@ const NOTHING: Row = Row {
 };
 
 /// Their Table 1: seven sleepers, 88 100 grains, 8820 steps of 0.2 ms.
-const PROCESSORS: [Row; 3] = [
-    Row {
+const PROCESSORS: [PublishedRow; 3] = [
+    PublishedRow {
         by: "published, 1 processor",
         rule: "740 iterations",
         threads: Some(1),
@@ -49,7 +49,7 @@ const PROCESSORS: [Row; 3] = [
         mvisits_per_s: Some(2.99),
         ..NOTHING
     },
-    Row {
+    PublishedRow {
         by: "published, 4 processors",
         rule: "740 iterations",
         threads: Some(4),
@@ -58,7 +58,7 @@ const PROCESSORS: [Row; 3] = [
         ..NOTHING
     },
     // Printed as "1659 minutes (4.3 days)", which is 6159.
-    Row {
+    PublishedRow {
         by: "published, as in the text",
         rule: "740 iterations",
         contacts: Some(310_000),
@@ -69,7 +69,7 @@ const PROCESSORS: [Row; 3] = [
 ];
 
 /// Their Table 2: one sleeper, steps of 0.8 ms, 19 800 and 22 800 contacts in two subdomains, 3 000 between.
-const VERSIONS: [Row; 1] = [Row {
+const VERSIONS: [PublishedRow; 1] = [PublishedRow {
     by: "published, sequential",
     rule: "500 iterations",
     threads: Some(1),
@@ -79,11 +79,11 @@ const VERSIONS: [Row; 1] = [Row {
 }];
 
 /// Rows of their Table 1 for a case.
-pub fn by_processors(case: &str) -> &'static [Row] {
+pub fn by_processors(case: &str) -> &'static [PublishedRow] {
     if case == "seven_sleepers" { &PROCESSORS } else { &[] }
 }
 
 /// Rows of their Table 2 for a case.
-pub fn by_version(case: &str) -> &'static [Row] {
+pub fn by_version(case: &str) -> &'static [PublishedRow] {
     if case == "one_sleeper" { &VERSIONS } else { &[] }
 }

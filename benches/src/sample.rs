@@ -1,12 +1,12 @@
-//! `ballast bench sample FILE`: times a scene that any program of the field can run.
+//! `ballast bench sample FILE`: timings of a neutral sample that other programs can run, too.
 //!
-//! Measures the step itself: reading and writing files is outside the clocks.
+//! Measures the steps only, not reading and writing of files.
 
-use super::args::BenchSample;
-use super::machine::Machine;
-use super::rule::is_tolerance;
-use super::sheet::{Cell, Sheet};
-use super::trial::DETECTION;
+use super::args::SampleArgs;
+use super::machine_info::MachineInfo;
+use super::result_sheet::{ResultSheet, SheetValue};
+use super::stop_rule::check_tolerance;
+use super::variant::DETECTION;
 use ballast::drive::StepInputs;
 use ballast::model::{Model, PartitionRule};
 use ballast::observe::{lost_grains, mean_speed};
@@ -14,19 +14,18 @@ use ballast::state::State;
 use ballast::step::{Phase, StepReport, step};
 use ballast::workspace::Workspace;
 use ballast_scenario::sample::{self, Sample};
-use ballast_session::Reporter;
 use ballast_session::files::{expect_apart, read_sample, replace_text};
 use ballast_session::profile::{Profile, Spent};
 use ballast_session::statistics::Statistics;
-use ballast_session::{Failure, Outcome};
+use ballast_session::{Failure, Reporter, Result};
 use serde_json::{Value, json};
 
-/// Columns of the table, and where the JSON line has what stands in them.
+/// Columns of the table, each with the JSON pointer of its value.
 const FIGURES: [(&str, &str); 20] = [
     ("sample", "/sample"),
     ("grains", "/grains"),
     ("steps", "/steps"),
-    ("alert_m", "/alert_m"),
+    ("detection_distance_m", "/detection_distance_m"),
     ("threads", "/threads"),
     ("schedule", "/schedule"),
     ("subdomains", "/subdomains"),
@@ -54,24 +53,29 @@ const COLUMNS: [&str; FIGURES.len()] = {
     names
 };
 
-pub fn sample(args: BenchSample, console: &dyn Reporter) -> Outcome {
-    let (csv, save) = (args.csv.csv.as_deref(), args.save.as_deref());
+/// Runs a sample and prints its timings as one line of JSON.
+///
+/// # Errors
+/// A file that cannot be read or written, or a step that fails.
+pub fn sample(args: SampleArgs, console: &dyn Reporter) -> Result {
+    let csv = args.csv.csv.as_deref();
+    let save = args.save.as_deref();
     expect_apart(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
-    let machine = Machine::watch();
+    let machine = MachineInfo::observe();
     let mut sample = read_sample(&args.file)?;
-    choose(&args, &mut sample)?;
+    apply_options(&args, &mut sample)?;
     let steps = args.steps.unwrap_or(sample.steps);
-    let mut trial = Trial::default();
+    let mut trial = SampleTrial::default();
     let mut profile = Profile::start();
     run(&mut sample, steps, &mut trial, &mut profile)?;
     let mut figures = figures(&sample, steps, &trial, &profile);
     figures["sample"] = json!(args.file.display().to_string());
     console.line(&figures.to_string());
     if let Some(path) = csv {
-        let mut sheet = Sheet::new(&COLUMNS);
-        let of = |(_, place)| figures.pointer(place).map_or(Cell::Nothing, Cell::from);
+        let mut sheet = ResultSheet::new(&COLUMNS);
+        let of = |(_, place)| figures.pointer(place).map_or(SheetValue::Nothing, SheetValue::from);
         sheet.row(FIGURES.map(of).into());
-        sheet.keep(&machine, path)?;
+        sheet.write(&machine, path)?;
     }
     if let Some(path) = save {
         let text = sample::write(&sample.model, &sample.state, sample.steps, &sample.meta);
@@ -80,9 +84,9 @@ pub fn sample(args: BenchSample, console: &dyn Reporter) -> Outcome {
     Ok(())
 }
 
-/// Puts the command line's choices in the place of the sample's.
-fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
-    args.alert.choose(&mut sample.model.stepping)?;
+/// Applies the options of the command line to the sample.
+fn apply_options(args: &SampleArgs, sample: &mut Sample) -> Result {
+    args.detection.apply(&mut sample.model.stepping)?;
     let solver = &mut sample.model.solver;
     solver.schedule = args.schedule.into();
     if let Some(iterations) = args.iterations {
@@ -90,18 +94,18 @@ fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
         solver.tolerance = None;
     }
     if let Some(tolerance) = args.tolerance {
-        is_tolerance(tolerance)?;
-        // A sample of fixed sweeps gives no cap for this.
+        check_tolerance(tolerance)?;
+        // A sample with a fixed number of sweeps has no maximum.
         if solver.tolerance.is_none() {
             solver.max_iterations = 10_000;
         }
         solver.tolerance = Some(tolerance);
     }
     if let Some(subdomains) = args.subdomains {
-        let (rule, most) =
-            (PartitionRule::Balanced(subdomains.get()), PartitionRule::MAX_SUBDOMAINS);
-        if rule.requested_subdomains() > most {
-            let text = format!("--subdomains: expected 1 to {most}, found {subdomains}");
+        let rule = PartitionRule::Balanced(subdomains.get());
+        let max = PartitionRule::MAX_SUBDOMAINS;
+        if rule.requested_subdomains() > max {
+            let text = format!("--subdomains: expected 1 to {max}, found {subdomains}");
             return Err(Failure::Usage(text));
         }
         solver.partition = rule;
@@ -109,22 +113,22 @@ fn choose(args: &BenchSample, sample: &mut Sample) -> Outcome {
     Ok(())
 }
 
-/// What the steps told.
+/// Figures of the steps.
 #[derive(Default)]
-struct Trial {
+struct SampleTrial {
     contacts: Statistics,
     active: Statistics,
     iterations: Statistics,
     residual: Statistics,
     visits: u64,
     not_converged: u64,
-    guarded: u64,
-    repeated: u64,
+    fallback: u64,
+    resolved: u64,
     first: Option<StepReport>,
     last: StepReport,
 }
 
-impl Trial {
+impl SampleTrial {
     fn take(&mut self, report: StepReport) {
         self.contacts.take(report.contacts as f64);
         self.active.take(report.active_contacts as f64);
@@ -132,14 +136,14 @@ impl Trial {
         self.residual.take(report.residuals.qm16());
         self.visits += report.visits;
         self.not_converged += u64::from(!report.converged);
-        self.guarded += u64::from(report.sync_fallback);
-        self.repeated += u64::from(report.solve_passes > 1);
+        self.fallback += u64::from(report.sync_fallback);
+        self.resolved += u64::from(report.solve_passes > 1);
         self.first.get_or_insert_with(|| report.clone());
         self.last = report;
     }
 }
 
-fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile) -> Outcome {
+fn run(sample: &mut Sample, steps: u64, trial: &mut SampleTrial, profile: &mut Profile) -> Result {
     let Sample { model, state, .. } = sample;
     let still = state.driven_poses(model);
     let mut workspace = Workspace::default();
@@ -152,7 +156,7 @@ fn run(sample: &mut Sample, steps: u64, trial: &mut Trial, profile: &mut Profile
     Ok(())
 }
 
-fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Value {
+fn figures(sample: &Sample, steps: u64, trial: &SampleTrial, profile: &Profile) -> Value {
     let Sample { model, state, .. } = sample;
     let grains = model.grains.len();
     let spent = profile.steps();
@@ -162,7 +166,7 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
     json!({
         "grains": grains,
         "steps": steps,
-        "alert_m": model.stepping.detection_distance,
+        "detection_distance_m": model.stepping.detection_distance,
         "threads": rayon::current_num_threads(),
         "schedule": format!("{:?}", model.solver.schedule).to_lowercase(),
         "subdomains": trial.last.subdomains,
@@ -177,10 +181,10 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
             "weighted": trial.last.residuals.weighted,
             "natural_map": trial.last.residuals.natural_map,
         },
-        // Without a tolerance no step is to converge.
+        // Undefined without a tolerance.
         "steps_not_converged": model.solver.tolerance.map(|_| trial.not_converged),
-        "steps_guarded": trial.guarded,
-        "steps_repeated": trial.repeated,
+        "steps_sync_fallback": trial.fallback,
+        "steps_resolved": trial.resolved,
         "phases": profile.json(),
         "detection_us_per_grain_step": per(detection, 1e6, grain_steps),
         "ns_per_visit": per(profile.of(Phase::Solve), 1e9, trial.visits as f64),
@@ -192,19 +196,19 @@ fn figures(sample: &Sample, steps: u64, trial: &Trial, profile: &Profile) -> Val
         },
         "mean_speed_m_per_s": mean_speed(model, state),
         "kinetic_energy_j": state.energy.kinetic,
-        "height_of_mass_m": height_of_mass(model, state),
+        "centre_of_mass_height_m": centre_of_mass_height(model, state),
         "grains_lost": lost_grains(model, state),
         "state_hash": format!("{:032x}", ballast_hdf5::state_hash(model, state)),
     })
 }
 
-/// Time in units of `1 / scale` s for each of `count`.
+/// Returns wall and CPU time per item in units of `1 / scale` s.
 fn per(spent: Spent, scale: f64, count: f64) -> Value {
     let each = |seconds: f64| if count > 0.0 { scale * seconds / count } else { 0.0 };
     json!({ "wall": each(spent.wall.as_secs_f64()), "cpu": each(spent.cpu.as_secs_f64()) })
 }
 
-fn height_of_mass(model: &Model, state: &State) -> f64 {
+fn centre_of_mass_height(model: &Model, state: &State) -> f64 {
     let mass: f64 = model.grains.mass.iter().sum();
     let moment: f64 = model.grains.mass.iter().zip(&state.position).map(|(m, p)| m * p.z).sum();
     if mass > 0.0 { moment / mass } else { 0.0 }

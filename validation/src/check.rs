@@ -1,62 +1,69 @@
-//! What a check found, compared with what is known.
+//! Checks with their findings: measured figures compared with expected ones.
 
 use serde_json::{Value, json};
 
-/// Whether what was measured is what is known.
+/// Verdict on a measured figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum CheckVerdict {
+    /// Within the tolerance.
     Passed,
+    /// Beyond the tolerance.
     Failed,
-    /// Nothing is known to compare with: the figure is told.
-    Told,
+    /// Without an expected value to compare with.
+    Informational,
 }
 
-impl Verdict {
+impl CheckVerdict {
+    /// Name in tables and files.
     pub fn word(self) -> &'static str {
         match self {
-            Verdict::Passed => "passed",
-            Verdict::Failed => "failed",
-            Verdict::Told => "told",
+            CheckVerdict::Passed => "passed",
+            CheckVerdict::Failed => "failed",
+            CheckVerdict::Informational => "informational",
         }
     }
 
-    /// The verdict of a condition; NaN fails every one.
-    pub fn of(passed: bool) -> Self {
-        if passed { Verdict::Passed } else { Verdict::Failed }
+    /// Returns the verdict on a condition.
+    pub fn from_condition(passed: bool) -> Self {
+        if passed { CheckVerdict::Passed } else { CheckVerdict::Failed }
     }
 }
 
-/// Significant digits of a figure that is told.
-pub const DIGITS: usize = 4;
+/// Default number of significant digits.
+pub const DEFAULT_DIGITS: usize = 4;
 
-/// Enough digits to see a tenth of the tolerance.
+/// Returns the number of digits that show a tenth of the tolerance.
 fn digits(measured: f64, tolerance: f64) -> usize {
     let place = |value: f64| value.abs().log10().floor();
     let needed = place(measured) - place(tolerance) + 2.0;
-    if needed.is_finite() { (needed as usize).clamp(DIGITS, 15) } else { DIGITS }
+    if needed.is_finite() { (needed as usize).clamp(DEFAULT_DIGITS, 15) } else { DEFAULT_DIGITS }
 }
 
-/// A number as it was given, small ones by their powers of ten.
+/// Formats a number, small and large ones with powers of ten.
 fn plain(value: f64) -> String {
     let is_short = value == 0.0 || (1e-4..1e7).contains(&value.abs());
     if is_short { value.to_string() } else { format!("{value:e}") }
 }
 
-/// One figure.
+/// Measured figure with its expected value and verdict.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Finding {
+pub struct CheckFinding {
+    /// Description of the quantity.
     pub quantity: String,
+    /// Measured value.
     pub measured: f64,
-    /// Significant digits that are shown of it.
+    /// Significant digits shown.
     pub digits: usize,
-    /// In words: a value, a range, a trend.
+    /// Expected value, range or trend, as text.
     pub expected: String,
+    /// Tolerance, as text.
     pub tolerance: String,
-    pub verdict: Verdict,
+    /// Verdict.
+    pub verdict: CheckVerdict,
 }
 
-impl Finding {
-    /// A figure that has to be within `tolerance` of `expected`.
+impl CheckFinding {
+    /// Creates a finding that must be within `tolerance` of `expected`.
     pub fn near(quantity: impl Into<String>, measured: f64, expected: f64, tolerance: f64) -> Self {
         Self {
             quantity: quantity.into(),
@@ -64,23 +71,23 @@ impl Finding {
             digits: digits(measured, tolerance),
             expected: plain(expected),
             tolerance: format!("± {}", plain(tolerance)),
-            verdict: Verdict::of((measured - expected).abs() <= tolerance),
+            verdict: CheckVerdict::from_condition((measured - expected).abs() <= tolerance),
         }
     }
 
-    /// A figure that has to be between two bounds.
+    /// Creates a finding that must be between two bounds.
     pub fn between(quantity: impl Into<String>, measured: f64, [low, high]: [f64; 2]) -> Self {
         Self {
             quantity: quantity.into(),
             measured,
-            digits: DIGITS,
+            digits: DEFAULT_DIGITS,
             expected: format!("{low} to {high}"),
             tolerance: "as stated".into(),
-            verdict: Verdict::of((low..=high).contains(&measured)),
+            verdict: CheckVerdict::from_condition((low..=high).contains(&measured)),
         }
     }
 
-    /// Whether something goes as it should.
+    /// Creates a finding about a condition.
     pub fn trend(quantity: &str, holds: bool) -> Self {
         Self {
             quantity: format!("{quantity} (1: yes)"),
@@ -88,19 +95,23 @@ impl Finding {
             digits: 1,
             expected: "1".into(),
             tolerance: "trend".into(),
-            verdict: Verdict::of(holds),
+            verdict: CheckVerdict::from_condition(holds),
         }
     }
 
-    /// A figure with nothing to compare with, or with something that decides nothing.
-    pub fn told(quantity: impl Into<String>, measured: f64, expected: impl Into<String>) -> Self {
+    /// Creates a finding without a verdict.
+    pub fn informational(
+        quantity: impl Into<String>,
+        measured: f64,
+        expected: impl Into<String>,
+    ) -> Self {
         Self {
             quantity: quantity.into(),
             measured,
-            digits: DIGITS,
+            digits: DEFAULT_DIGITS,
             expected: expected.into(),
             tolerance: "none".into(),
-            verdict: Verdict::Told,
+            verdict: CheckVerdict::Informational,
         }
     }
 
@@ -112,24 +123,27 @@ impl Finding {
     }
 }
 
-/// A check with its figures.
+/// Check with its findings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
+    /// Name of the check.
     pub name: String,
-    /// What is done, and with how much.
+    /// Procedure and sizes.
     pub what: String,
-    /// Where the expected values are from.
+    /// Source of the expected values.
     pub origin: String,
-    pub findings: Vec<Finding>,
+    /// Findings.
+    pub findings: Vec<CheckFinding>,
     /// Drawings (SVG).
     pub charts: Vec<String>,
     /// Likely reasons, limits.
     pub remark: String,
-    /// Wall time, s: the only figure that differs from run to run.
+    /// Wall time, s; the only figure that differs between runs.
     pub seconds: f64,
 }
 
 impl Check {
+    /// Creates a check without findings.
     pub fn new(name: &str, what: impl Into<String>, origin: &str) -> Self {
         Self {
             name: name.into(),
@@ -142,25 +156,27 @@ impl Check {
         }
     }
 
+    /// Number of failed findings.
     pub fn failed(&self) -> usize {
-        self.findings.iter().filter(|f| f.verdict == Verdict::Failed).count()
+        self.findings.iter().filter(|f| f.verdict == CheckVerdict::Failed).count()
     }
 
+    /// Returns the check as JSON.
     pub fn json(&self) -> Value {
         json!({
             "check": self.name, "what": self.what, "origin": self.origin, "remark": self.remark,
-            "findings": self.findings.iter().map(Finding::json).collect::<Vec<_>>(),
+            "findings": self.findings.iter().map(CheckFinding::json).collect::<Vec<_>>(),
             "seconds": self.seconds,
         })
     }
 }
 
-/// Exponent of the power law through two points.
+/// Returns the exponent of the power law through two points.
 pub fn exponent(a: [f64; 2], b: [f64; 2]) -> f64 {
     (b[1] / a[1]).ln() / (b[0] / a[0]).ln()
 }
 
-/// Mean, and its standard error.
+/// Returns the mean of `values` and its standard error.
 pub fn mean_and_error(values: &[f64]) -> [f64; 2] {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -173,22 +189,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_fails() {
-        assert_eq!(Finding::near("x", f64::NAN, 1.0, 0.1).verdict, Verdict::Failed);
-        assert_eq!(Finding::between("x", f64::NAN, [0.0, 1.0]).verdict, Verdict::Failed);
-        assert_eq!(Finding::near("x", 1.05, 1.0, 0.1).verdict, Verdict::Passed);
-        assert_eq!(Finding::near("x", 1.15, 1.0, 0.1).verdict, Verdict::Failed);
+    fn nan_fails() {
+        assert_eq!(CheckFinding::near("x", f64::NAN, 1.0, 0.1).verdict, CheckVerdict::Failed);
+        assert_eq!(CheckFinding::between("x", f64::NAN, [0.0, 1.0]).verdict, CheckVerdict::Failed);
+        assert_eq!(CheckFinding::near("x", 1.05, 1.0, 0.1).verdict, CheckVerdict::Passed);
+        assert_eq!(CheckFinding::near("x", 1.15, 1.0, 0.1).verdict, CheckVerdict::Failed);
     }
 
     #[test]
-    fn digits_go_as_far_as_a_tenth_of_the_tolerance() {
-        let near = Finding::near("x", 1.0000002, 1.0, 2e-6);
+    fn digits_show_a_tenth_of_the_tolerance() {
+        let near = CheckFinding::near("x", 1.0000002, 1.0, 2e-6);
         assert_eq!(
             (near.digits, near.tolerance.as_str(), near.expected.as_str()),
             (8, "± 2e-6", "1")
         );
         for (measured, tolerance) in [(3e-10, 1e-7), (0.0, 1e-7), (0.5, 0.02), (f64::NAN, 0.1)] {
-            assert_eq!(Finding::near("x", measured, 0.0, tolerance).digits, DIGITS);
+            assert_eq!(CheckFinding::near("x", measured, 0.0, tolerance).digits, DEFAULT_DIGITS);
         }
     }
 }

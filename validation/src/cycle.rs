@@ -1,14 +1,14 @@
-//! A whole tamping cycle: its energy balance, and what the settings of the solver change.
+//! Tamping cycle: energy balance, and influence of the solver settings.
 
-use super::check::{Check, DIGITS, Finding, Verdict, mean_and_error};
-use super::several::side_by_side;
-use super::size::Size;
-use super::{heed_interrupts, listed};
+use super::check::{Check, CheckFinding, CheckVerdict, DEFAULT_DIGITS, mean_and_error};
+use super::samples_progress::map_parallel;
+use super::suite_size::SuiteSize;
+use super::{check_interrupt, listed};
 use ballast::model::Role;
 use ballast::observe::Coordination;
 use ballast::track;
 use ballast::workspace::Workspace;
-use ballast_report::plot::{Chart, Mark};
+use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_session::Reporter;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
@@ -16,21 +16,21 @@ use ballast_session::machine::{self, Machine};
 use ballast_session::profile::Profile;
 use ballast_session::record::{self, Column};
 use ballast_session::recorder::compactness;
-use ballast_session::summary::{Setting, Summary};
-use ballast_session::{Failure, Outcome};
+use ballast_session::summary::{Summary, SummarySettings};
+use ballast_session::{Failure, Result};
 use std::path::Path;
 
 const SMALL: &str = include_str!("cycle.toml");
 const FIRST: &str = include_str!("../../examples/first.toml");
 
-/// A difference larger than so many standard errors is one (Student: 96 % of the means of five beds are within, 98 % of
-/// eight).
-const ERRORS: f64 = 3.0;
+/// Number of standard errors that a significant difference exceeds (Student: 96 % of the means of five beds are within,
+/// 98 % of eight).
+const SIGNIFICANT_ERRORS: f64 = 3.0;
 
-/// What one run of the cycle gave.
+/// Figures of one run of the cycle.
 #[derive(Clone)]
-struct Outcomes {
-    /// Under the tamped sleeper, before and after.
+struct CycleResult {
+    /// Compactness under the tamped sleeper, before and after.
     compactness: [f64; 2],
     /// Mean over the tines of the mean force of single steps while squeezing, N.
     force: f64,
@@ -40,34 +40,34 @@ struct Outcomes {
     penetration: f64,
 }
 
-/// What is changed from run to run.
+/// Settings that differ between runs.
 #[derive(Clone, Copy)]
-struct Settings {
+struct CycleSettings {
     seed: u64,
     step_ns: u64,
     iterations: u32,
 }
 
-/// The case on the bed of a seed.
+/// Returns the case with another seed of the bed.
 fn on_bed(case: &Case, seed: u64) -> Case {
     let mut case = case.clone();
     case.plan.bed.seed = seed;
     case
 }
 
-/// A run of `case` with other settings.
+/// Runs `case` with other settings.
 fn run(
     case: &Case,
-    settings: Settings,
+    settings: CycleSettings,
     folder: &Path,
     console: &dyn Reporter,
-) -> Outcome<Outcomes> {
+) -> Result<CycleResult> {
     let mut case = on_bed(case, settings.seed);
     case.plan.run.stepping.step_ns = settings.step_ns;
     case.plan.run.solver.max_iterations = settings.iterations;
     let (model, mut state) = beds::one_of_many(&case, folder, console)?;
     let cycle = machine::cycle(&case, &model, &state)?;
-    let setting = Setting::of(&case, &model);
+    let setting = SummarySettings::for_case(&case, &model);
     let mut summary = Summary::new(setting.clone());
     let machine = Machine::new(cycle, &model);
     let mut workspace = Workspace::default();
@@ -77,7 +77,7 @@ fn run(
     for _ in 0..case.steps() {
         let stepped = machine.step(&model, &mut state, &mut workspace, &mut watch);
         // Also within the step.
-        heed_interrupts()?;
+        check_interrupt()?;
         let (report, _) = stepped?;
         summary.take_step(&record::row(
             model.stepping.h(),
@@ -85,48 +85,48 @@ fn run(
             &report,
             machine.cycle.phase(state.time()),
             &Coordination::default(),
-            &setting.followed,
+            &setting.tracked,
         ));
     }
     summary.take_zones(&compactness(&model, &state, &zones));
-    let tines: Vec<f64> = (setting.followed.iter().zip(&summary.bodies))
-        .filter(|(followed, _)| followed.role == Role::Tine)
+    let tines: Vec<f64> = (setting.tracked.iter().zip(&summary.bodies))
+        .filter(|(tracked, _)| tracked.role == Role::Tine)
         .map(|(_, body)| body.squeeze.single.mean())
         .collect();
     let last = |column| summary.last().map_or(f64::NAN, |row| row.get(column));
-    Ok(Outcomes {
+    Ok(CycleResult {
         compactness: summary.compactness.first().copied().unwrap_or([f64::NAN; 2]),
         force: tines.iter().sum::<f64>() / tines.len().max(1) as f64,
-        work: last(Column::WorkIn),
+        work: last(Column::ExternalWork),
         balance_error: last(Column::BalanceError),
         not_converged: summary.not_converged as f64 / summary.steps.max(1) as f64,
         penetration: summary.mean_penetration.mean() / setting.grain_size,
     })
 }
 
-/// Runs that differ in their beds alone.
-struct Group {
-    /// The setting that groups differ in: a time step in ms, or a cap of iterations.
+/// Runs that differ only in their beds.
+struct RunGroup {
+    /// Value of the setting that distinguishes the groups: time step in ms, or maximum number of iterations.
     value: f64,
-    /// By bed; nothing where a run broke off.
-    runs: Vec<Option<Outcomes>>,
+    /// Results by bed; `None` for a failed run.
+    runs: Vec<Option<CycleResult>>,
 }
 
-impl Group {
-    /// Mean over the beds.
-    fn mean(&self, of: impl Fn(&Outcomes) -> f64) -> f64 {
+impl RunGroup {
+    /// Returns the mean over the beds.
+    fn mean(&self, of: impl Fn(&CycleResult) -> f64) -> f64 {
         mean_and_error(&self.runs.iter().flatten().map(of).collect::<Vec<_>>())[0]
     }
 
-    /// The largest over the beds; not a number if one is missing.
-    fn worst(&self, of: impl Fn(&Outcomes) -> f64) -> f64 {
+    /// Returns the largest value over the beds; NaN if one is missing.
+    fn worst(&self, of: impl Fn(&CycleResult) -> f64) -> f64 {
         let values = self.runs.iter().map(|run| run.as_ref().map_or(f64::NAN, &of));
         values.fold(0.0, |worst, x| if x > worst || x.is_nan() { x } else { worst })
     }
 }
 
-/// Energy balance of a cycle, and its outcome for other time steps and caps of iterations.
-pub fn cycle(size: &Size, folder: &Path, console: &dyn Reporter) -> Outcome<[Check; 2]> {
+/// Checks the energy balance of a cycle, and its results for other time steps and numbers of iterations.
+pub fn cycle(size: &SuiteSize, folder: &Path, console: &dyn Reporter) -> Result<[Check; 2]> {
     let (text, name) = if size.quick { (SMALL, "small_cycle") } else { (FIRST, "first") };
     let case = case::parse(text.into(), name, &CaseOverrides::default(), console)?;
     let which = if size.quick {
@@ -140,10 +140,10 @@ pub fn cycle(size: &Size, folder: &Path, console: &dyn Reporter) -> Outcome<[Che
     let mut energy = Check::new(
         "energy over a tamping cycle",
         format!(
-            "{which}, θ = 1/2: what the ledger (T-14) cannot account for, over the work put in; the worst of {} beds.",
+            "{which}, θ = 1/2: balance error of the ledger (T-14) over the external work; largest of {} beds.",
             size.beds()
         ),
-        "The ledger closes for θ = 1/2, but for the gyroscopic term, which is of second order in h",
+        "The ledger closes for θ = 1/2 up to the gyroscopic term, which is of second order in h",
     );
     let mut study = Check::new(
         "settings of a tamping cycle",
@@ -155,27 +155,28 @@ pub fn cycle(size: &Size, folder: &Path, console: &dyn Reporter) -> Outcome<[Che
             listed(&caps),
             milliseconds(own_step)
         ),
-        "Hoang et al. 2012: outcomes within 1.7 % count as equal; what is beyond that and three standard errors is a difference",
+        "Hoang et al. 2012: results within 1.7 % count as equal; a difference exceeds that and three standard errors",
     );
     let seeds: Vec<u64> = (1..=size.beds()).collect();
-    // Before the runs, of which several need the same.
-    side_by_side("beds", &seeds, console, |seed| {
-        unless_broken_off(beds::one_of_many(&on_bed(&case, *seed), folder, console).map(drop))
+    // Before the runs, since several of them use the same bed.
+    map_parallel("beds", &seeds, console, |seed| {
+        failure_as_text(beds::one_of_many(&on_bed(&case, *seed), folder, console).map(drop))
     })?;
     let of_steps = steps.map(|step_ns| (step_ns, own_cap));
     let of_caps = caps.map(|iterations| (own_step, iterations));
     let settings = of_steps.iter().chain(&of_caps).flat_map(|&(step_ns, iterations)| {
-        seeds.iter().map(move |&seed| Settings { seed, step_ns, iterations })
+        seeds.iter().map(move |&seed| CycleSettings { seed, step_ns, iterations })
     });
-    let runs = side_by_side("cycles", &settings.collect::<Vec<_>>(), console, |settings| {
-        unless_broken_off(run(&case, *settings, folder, console))
+    let runs = map_parallel("cycles", &settings.collect::<Vec<_>>(), console, |settings| {
+        failure_as_text(run(&case, *settings, folder, console))
     })?;
     let mut runs = runs.chunks(seeds.len());
     let mut group = |value: f64, at: &str| {
         let runs = runs.next().into_iter().flatten().zip(&seeds);
-        let runs = runs.map(|(out, seed)| told(out, &format!("{at}, bed {seed}"), &mut study));
-        let group = Group { value, runs: runs.collect() };
-        tell(&mut study, at, &group);
+        let runs = runs
+            .map(|(out, seed)| result_or_finding(out, &format!("{at}, bed {seed}"), &mut study));
+        let group = RunGroup { value, runs: runs.collect() };
+        add_means(&mut study, at, &group);
         group
     };
     let by_step = steps.map(milliseconds).map(|ms| group(ms, &format!("h = {ms} ms")));
@@ -184,48 +185,49 @@ pub fn cycle(size: &Size, folder: &Path, console: &dyn Reporter) -> Outcome<[Che
     for group in &by_step {
         let worst = group.worst(|out| (out.balance_error / out.work).abs());
         let name = format!("balance error over work, h = {} ms", group.value);
-        energy.findings.push(Finding::near(name, worst, 0.0, 1e-3));
+        energy.findings.push(CheckFinding::near(name, worst, 0.0, 1e-3));
     }
     let [_, own, finest] = &by_step;
     compare(&mut study, "half the time step", own, finest);
     let with = format!("{} iterations instead of {own_cap}", 4 * own_cap);
     compare(&mut study, &with, own, &by_cap[1]);
-    by_cap.insert(1, Group { value: f64::from(own_cap), runs: own.runs.clone() });
+    by_cap.insert(1, RunGroup { value: f64::from(own_cap), runs: own.runs.clone() });
     let title = "Compactness under the sleeper, by the";
     study.charts = vec![
-        drawn(&format!("{title} time step"), &by_step, |ms| format!("{ms} ms")),
-        drawn(&format!("{title} iterations at most"), &by_cap, |n| format!("{n} iterations")),
+        chart(&format!("{title} time step"), &by_step, |ms| format!("{ms} ms")),
+        chart(&format!("{title} iterations at most"), &by_cap, |n| format!("{n} iterations")),
     ];
     study.remark = "Tamping of a small bed is chaotic: any change of a setting leads to another arrangement of the \
-                    stones, as another bed does. Only a difference that is larger than the scatter over beds says that \
-                    a setting is not converged."
+                    stones, as another bed does. Only a difference larger than the scatter over beds shows that a \
+                    setting is not converged."
         .into();
     Ok([energy, study])
 }
 
-/// A time in ms; rounded, for one in nanoseconds has no more digits than that.
+/// Converts nanoseconds to milliseconds, rounded to their resolution.
 fn milliseconds(ns: u64) -> f64 {
     (ns as f64 / 1e3).round() / 1e3
 }
 
-/// The beds of each group, and what their mean is worth.
-fn drawn(title: &str, groups: &[Group], name: impl Fn(f64) -> String) -> String {
-    let (mut beds, mut means) = (vec![], vec![]);
+/// Draws the beds of each group and their mean with its standard error.
+fn chart(title: &str, groups: &[RunGroup], name: impl Fn(f64) -> String) -> String {
+    let mut beds = vec![];
+    let mut means = vec![];
     for (k, group) in groups.iter().enumerate() {
         let found: Vec<f64> = group.runs.iter().flatten().map(|out| out.compactness[1]).collect();
         let [mean, error] = mean_and_error(&found);
-        // Beside each other.
+        // Offset, so that the marks do not overlap.
         beds.extend(found.iter().map(|phi| [k as f64 - 0.06, *phi]));
         means.push([k as f64 + 0.06, mean, error]);
     }
     let names = groups.iter().map(|group| name(group.value));
-    let chart = Chart::of_names(title, "compactness, end", names);
-    let chart = chart.with("one bed each", beds, Mark::Dots);
-    chart.with_bars("mean over the beds, ± its standard error", &means).svg()
+    let chart = Chart::with_names(title, "compactness, end", names);
+    let chart = chart.with("one bed each", beds, SeriesStyle::Dots);
+    chart.with_error_bars("mean over the beds, ± its standard error", &means).svg()
 }
 
-/// What a run gave, or why it broke off, which is no reason to end the check.
-fn unless_broken_off<T>(run: Outcome<T>) -> Outcome<Result<T, String>> {
+/// Returns the reason of a failed run as a text, which does not end the check.
+fn failure_as_text<T>(run: Result<T>) -> Result<Result<T, String>> {
     match run {
         Ok(out) => Ok(Ok(out)),
         Err(Failure::Failed(why)) => Ok(Err(why)),
@@ -233,49 +235,59 @@ fn unless_broken_off<T>(run: Outcome<T>) -> Outcome<Result<T, String>> {
     }
 }
 
-/// What a run gave; a run that broke off is a finding of its own.
-fn told(found: &Result<Outcomes, String>, at: &str, check: &mut Check) -> Option<Outcomes> {
-    let broken_off = |why: &String| {
-        check.findings.push(Finding {
+/// Returns the result of a run; a failed run adds a finding.
+fn result_or_finding(
+    found: &Result<CycleResult, String>,
+    at: &str,
+    check: &mut Check,
+) -> Option<CycleResult> {
+    let add_finding = |why: &String| {
+        check.findings.push(CheckFinding {
             quantity: format!("run with {at}: {why}"),
             measured: f64::NAN,
-            digits: DIGITS,
+            digits: DEFAULT_DIGITS,
             expected: "a whole cycle".into(),
             tolerance: "none".into(),
-            verdict: Verdict::Failed,
+            verdict: CheckVerdict::Failed,
         });
     };
-    found.as_ref().map_err(broken_off).ok().cloned()
+    found.as_ref().map_err(add_finding).ok().cloned()
 }
 
-fn tell(check: &mut Check, at: &str, group: &Group) {
+/// Adds the means over the beds of a group.
+fn add_means(check: &mut Check, at: &str, group: &RunGroup) {
     let mut add = |what: &str, value: f64| {
-        check.findings.push(Finding::told(format!("{what}, {at}"), value, ""));
+        check.findings.push(CheckFinding::informational(format!("{what}, {at}"), value, ""));
     };
     add("compactness under the sleeper, end", group.mean(|out| out.compactness[1]));
     add("mean force on a tine while squeezing (N)", group.mean(|out| out.force));
     add("mean penetration over d", group.mean(|out| out.penetration));
-    add("share of steps not converged", group.mean(|out| out.not_converged));
+    add("fraction of steps not converged", group.mean(|out| out.not_converged));
 }
 
-fn compare(check: &mut Check, with: &str, own: &Group, other: &Group) {
+/// Adds the ratios of two groups, bed by bed.
+fn compare(check: &mut Check, with: &str, own: &RunGroup, other: &RunGroup) {
     let beds = own.runs.iter().zip(&other.runs);
     let pairs: Vec<_> = beds.filter_map(|(a, b)| a.as_ref().zip(b.as_ref())).collect();
-    let ratio = |of: fn(&Outcomes) -> f64| {
+    let ratio = |of: fn(&CycleResult) -> f64| {
         mean_and_error(&pairs.iter().map(|(a, b)| of(a) / of(b)).collect::<Vec<_>>())
     };
     let [compactness, error] = ratio(|out| out.compactness[1]);
     let [force, force_error] = ratio(|out| out.force);
-    let equal =
-        pairs.len() == own.runs.len() && (compactness - 1.0).abs() <= 0.017 + ERRORS * error;
-    check.findings.push(Finding {
+    let equal = pairs.len() == own.runs.len()
+        && (compactness - 1.0).abs() <= 0.017 + SIGNIFICANT_ERRORS * error;
+    check.findings.push(CheckFinding {
         quantity: format!("compactness over that with {with}"),
         measured: compactness,
-        digits: DIGITS,
+        digits: DEFAULT_DIGITS,
         expected: "1".into(),
-        tolerance: format!("± 0.017 and {ERRORS} × {error:.3}"),
-        verdict: Verdict::of(equal),
+        tolerance: format!("± 0.017 and {SIGNIFICANT_ERRORS} × {error:.3}"),
+        verdict: CheckVerdict::from_condition(equal),
     });
     let name = format!("tine force over that with {with}");
-    check.findings.push(Finding::told(name, force, format!("1 ± {ERRORS} × {force_error:.2}")));
+    check.findings.push(CheckFinding::informational(
+        name,
+        force,
+        format!("1 ± {SIGNIFICANT_ERRORS} × {force_error:.2}"),
+    ));
 }

@@ -1,20 +1,19 @@
 //! Heaps of ballast grains: angle of repose, silo.
 
-use super::check::{Check, Finding, mean_and_error};
-use super::several::{in_turn, side_by_side};
-use super::size::Size;
-use super::world::{D, FALL, World, hang, in_box, random};
+use super::check::{Check, CheckFinding, mean_and_error};
+use super::samples_progress::{map_in_order, map_parallel};
+use super::suite_size::SuiteSize;
+use super::world::{D, SETTLING_SPEED, World, in_box, random, stack_loosely};
 use ballast::geometry::{GrainShape, random_grain};
 use ballast::math::{Pose, Vec3};
-use ballast_report::plot::{Chart, Mark};
-use ballast_session::Outcome;
-use ballast_session::Reporter;
+use ballast_report::plot::{Chart, SeriesStyle};
+use ballast_session::{Reporter, Result};
 use rand_pcg::Pcg64;
 
-/// Of the stones and where they are hung; that of the first of several heaps.
-pub const SEED: u64 = 11;
+/// Seed of the grains and their places in the first heap.
+pub const FIRST_SEED: u64 = 11;
 
-/// The stones of the checks.
+/// Shape of the ballast grains.
 pub fn stones() -> GrainShape {
     GrainShape { vertices: [8, 20], ..GrainShape::default() }
 }
@@ -27,7 +26,7 @@ fn sharp() -> GrainShape {
     GrainShape { vertices: [5, 9], angularity: 1.0, ..GrainShape::default() }
 }
 
-/// A world with grains of one kind, hung at the lowest of so many `places` that `place` finds.
+/// Creates a scene with a loose column of grains of one kind; see [`stack_loosely`].
 pub fn grains(
     kind: &GrainShape,
     count: usize,
@@ -35,28 +34,28 @@ pub fn grains(
     seed: u64,
     places: usize,
     place: impl Fn(&mut Pcg64, f64) -> [f64; 2],
-) -> Outcome<World> {
+) -> Result<World> {
     let mut world = World::new(2_000_000, friction, 0.05 * D).pouring(80);
     let mut rng = random(seed);
     let mut shapes = vec![];
     for _ in 0..12 {
         shapes.push(world.shape(random_grain(&mut rng, kind, D)?));
     }
-    hang(&mut world, &mut rng, &shapes, count, places, place);
+    stack_loosely(&mut world, &mut rng, &shapes, count, places, place);
     Ok(world)
 }
 
-/// Speed of the wall that is drawn away, m/s: at five times as much the heap of 700 slides, and ends 3° flatter.
-const DRAWN: f64 = 0.05;
+/// Speed of the receding wall, m/s. At five times this speed a heap of 700 grains slides and ends 3° flatter.
+const WALL_SPEED: f64 = 0.05;
 
-/// A heap whose wall is drawn away slowly.
-pub fn repose(size: &Size, console: &dyn Reporter) -> Outcome<Check> {
+/// Measures the angle of repose of a heap behind a receding wall.
+pub fn repose(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
     let count = size.grains(120, 700);
     let frictions: &[f64] = if size.quick { &[0.2, 0.8] } else { &[0.2, 0.4, 0.6, 0.8, 1.0] };
     let mut check = Check::new(
         "angle of repose",
         format!(
-            "{count} ballast grains, d = {D} m, behind a wall that is drawn away at {DRAWN} m/s until nothing leans on \
+            "{count} ballast grains, d = {D} m, behind a wall that recedes at {WALL_SPEED} m/s until no grain touches \
              it; floor as rough as the grains, sides without friction; line through the slope between a fifth and four \
              fifths of its height; mean of {} heaps.",
             size.heaps()
@@ -73,47 +72,56 @@ pub fn repose(size: &Size, console: &dyn Reporter) -> Outcome<Check> {
         points.push([friction, *angle]);
         let name = format!("angle at μ = {friction} (°)");
         check.findings.push(if friction == 0.8 {
-            Finding::between(name, *angle, [37.0, 45.0])
+            CheckFinding::between(name, *angle, [37.0, 45.0])
         } else {
-            Finding::told(name, *angle, "rises with μ")
+            CheckFinding::informational(name, *angle, "rises with μ")
         });
         let name = format!("its standard error, μ = {friction} (°)");
-        check.findings.push(Finding::told(name, *error, "scatter"));
+        check.findings.push(CheckFinding::informational(name, *error, "scatter"));
     }
     let rises = points[points.len() - 1][1] > points[0][1];
-    check.findings.push(Finding::trend("rises from the least to the largest friction", rises));
+    check
+        .findings
+        .push(CheckFinding::trend("rises from the lowest to the highest friction", rises));
     if let [[round, _], [sharp, _]] = slopes[frictions.len()..] {
         for (name, angle) in [("round stones, 20 to 40", round), ("sharp stones, 5 to 9", sharp)] {
             let name = format!("angle at μ = 0.8 of {name} corners (°)");
-            check.findings.push(Finding::told(name, angle, "rises with angularity"));
+            check.findings.push(CheckFinding::informational(name, angle, "rises with angularity"));
         }
-        check.findings.push(Finding::trend("rises from round to sharp stones", sharp > round));
+        check.findings.push(CheckFinding::trend("rises from round to sharp stones", sharp > round));
     }
     let chart =
         Chart::new("Angle of repose", "friction between grains", "angle (°)").starting_at_zero();
-    check.charts.push(chart.with("measured", points, Mark::Points).svg());
-    check.remark = "Slopes of few grains: the line through their surface scatters from heap to heap, and a slope that \
-                    slides ends below the angle at which it began to."
+    check.charts.push(chart.with("measured", points, SeriesStyle::Points).svg());
+    check.remark = "Slopes of few grains: the line through their surface scatters from heap to heap, and a sliding slope \
+                    ends below the angle at which it started."
         .into();
     Ok(check)
 }
 
-/// Mean slope of the heaps of each kind of stones and friction, and its standard error, °.
+/// Returns mean and standard error of the slope for each kind of grains and friction, °.
 fn slopes(
-    size: &Size,
+    size: &SuiteSize,
     kinds: &[(GrainShape, f64)],
     count: usize,
     console: &dyn Reporter,
-) -> Outcome<Vec<[f64; 2]>> {
-    let seeds = || SEED..SEED + size.heaps();
+) -> Result<Vec<[f64; 2]>> {
+    let seeds = || FIRST_SEED..FIRST_SEED + size.heaps();
     let heaps: Vec<_> = kinds.iter().flat_map(|kind| seeds().map(move |s| (kind, s))).collect();
-    let angles = side_by_side("heaps", &heaps, console, |((stones, friction), seed)| {
+    let angles = map_parallel("heaps", &heaps, console, |((stones, friction), seed)| {
         slope(size, stones, count, *friction, *seed)
     })?;
     Ok(angles.chunks(size.heaps() as usize).map(mean_and_error).collect())
 }
 
-fn slope(size: &Size, kind: &GrainShape, count: usize, friction: f64, seed: u64) -> Outcome<f64> {
+/// Returns the slope of one heap, °.
+fn slope(
+    size: &SuiteSize,
+    kind: &GrainShape,
+    count: usize,
+    friction: f64,
+    seed: u64,
+) -> Result<f64> {
     let [length, width] = if size.quick { [5.0 * D, 4.0 * D] } else { [11.0 * D, 6.0 * D] };
     let mut world = grains(kind, count, friction, seed, 1, in_box([length, width]))?;
     world.wall("floor", Vec3::zeros(), Vec3::z(), friction);
@@ -121,29 +129,28 @@ fn slope(size: &Size, kind: &GrainShape, count: usize, friction: f64, seed: u64)
     world.wall("south", Vec3::zeros(), Vec3::y(), 0.0);
     world.wall("north", Vec3::y() * width, -Vec3::y(), 0.0);
     let front = world.wall("front", Vec3::x() * length, -Vec3::x(), 0.0);
-    world.settle(FALL, 2e-3)?;
+    world.settle(SETTLING_SPEED, 2e-3)?;
     let h = world.model.stepping.h();
-    let steps = (2.0 * length / DRAWN / h) as usize;
-    // A slope lets go of the wall, slides, and may lean on it again.
-    let mut alone = 0;
+    let steps = (2.0 * length / WALL_SPEED / h) as usize;
+    // A slope may slide and touch the wall again.
+    let mut steps_without_contact = 0;
     for k in 0..steps {
-        world.targets[front] = Pose::at(Vec3::x() * (length + DRAWN * h * (k + 1) as f64));
+        world.targets[front] = Pose::at(Vec3::x() * (length + WALL_SPEED * h * (k + 1) as f64));
         let pressed = world.step()?.reactions[front].impulse != Vec3::zeros();
-        alone = if pressed { 0 } else { alone + 1 };
-        if alone > 200 && world.mean_speed() < 2e-3 {
+        steps_without_contact = if pressed { 0 } else { steps_without_contact + 1 };
+        if steps_without_contact > 200 && world.mean_speed() < 2e-3 {
             break;
         }
     }
     Ok(surface_angle(&world, width))
 }
 
-/// Angle of the line through the uppermost corners of slices of width d, without what is left of the top and without the
-/// toe, °.
+/// Returns the angle of the line through the uppermost corners of slices of width d, without top and toe, °.
 fn surface_angle(world: &World, width: f64) -> f64 {
     let mut tops: Vec<f64> = Vec::new();
     for grain in 0..world.model.grains.len() {
         let position = world.state.position[grain];
-        // The middle third across: sides without friction let grains roll.
+        // Middle third of the width: at the frictionless sides grains roll.
         if (position.y - 0.5 * width).abs() > width / 3.0 {
             continue;
         }
@@ -166,27 +173,27 @@ fn surface_angle(world: &World, width: f64) -> f64 {
     (-covariance / variance).atan().to_degrees()
 }
 
-/// A narrow silo: its walls carry what is above some diameters.
-pub fn silo(size: &Size, console: &dyn Reporter) -> Outcome<Check> {
+/// Measures the load on the floor of a narrow silo, whose walls carry most of a high fill.
+pub fn silo(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
     let across = if size.quick { 3.0 * D } else { 5.0 * D };
     let counts: &[usize] =
-        // From some four layers on: fewer lean on the walls as it happens.
+        // At least four layers: the load of fewer scatters.
         if size.quick { &[40, 80, 160] } else { &[100, 200, 400, 800, 1200] };
     let (friction, walls) = (0.5, 0.8);
     let mut check = Check::new(
         "silo",
         format!(
-            "Up to {} ballast grains, μ = {friction}, in a square silo {} d wide, walls μ = {walls}: what the floor \
-             carries in the mean of 50 steps at rest.",
+            "Up to {} ballast grains, μ = {friction}, in a square silo {} d wide, walls μ = {walls}: load of the floor, \
+             mean of 50 steps at rest.",
             counts[counts.len() - 1],
             across / D
         ),
         "Janssen 1895: the floor's load saturates with the height of the fill",
     );
-    let points = in_turn("silos", counts, console, |&count| {
-        let mut world = grains(&stones(), count, friction, SEED, 1, in_box([across; 2]))?;
+    let points = map_in_order("silos", counts, console, |&count| {
+        let mut world = grains(&stones(), count, friction, FIRST_SEED, 1, in_box([across; 2]))?;
         world.container([across; 2], friction, walls);
-        world.settle(FALL, 1e-3)?;
+        world.settle(SETTLING_SPEED, 1e-3)?;
         let mut load = 0.0;
         for _ in 0..50 {
             load -= world.step()?.reactions[0].impulse.z / world.model.stepping.h() / 50.0;
@@ -196,22 +203,22 @@ pub fn silo(size: &Size, console: &dyn Reporter) -> Outcome<Check> {
     let share = |p: &[f64; 2]| p[1] / p[0];
     let [before, last] = [points[points.len() - 2], points[points.len() - 1]];
     for p in &points {
-        check.findings.push(Finding::told(
-            format!("share of {:.0} N on the floor", p[0]),
+        check.findings.push(CheckFinding::informational(
+            format!("fraction of {:.0} N on the floor", p[0]),
             share(p),
             "falls",
         ));
     }
     let falls = points.windows(2).all(|p| share(&p[1]) < share(&p[0]));
-    check.findings.push(Finding::trend("the share falls with the fill", falls));
+    check.findings.push(CheckFinding::trend("the fraction falls with the fill", falls));
     let added = (last[1] - before[1]) / (last[0] - before[0]);
-    let name = "share of the last addition that reaches the floor";
-    check.findings.push(Finding::between(name, added, [-0.2, 0.2]));
+    let name = "fraction of the last addition that reaches the floor";
+    check.findings.push(CheckFinding::between(name, added, [-0.2, 0.2]));
     let weight = points.iter().map(|p| [p[0], p[0]]).collect();
     let chart = Chart::new("Load on the floor of a silo", "weight of the fill (N)", "load (N)")
         .starting_at_zero()
-        .with("measured", points, Mark::Points)
-        .with("without walls", weight, Mark::Expected);
+        .with("measured", points, SeriesStyle::Points)
+        .with("without walls", weight, SeriesStyle::Expected);
     check.charts.push(chart.svg());
     Ok(check)
 }

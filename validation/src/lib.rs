@@ -1,39 +1,40 @@
-//! Checks with known answers that take longer than unit tests do.
+//! Validation suite: checks with known answers that take longer than unit tests.
 //!
-//! Contract: expected values come from exact laws or publications, never from this program; a check that fails
-//! is told as failed. Everything but times is the same in every run.
+//! Contract: expected values come from exact laws or publications, never from this program. Everything but times is equal
+//! in every run.
 
 mod check;
 mod collapse;
 mod cycle;
-mod dice;
-mod exact;
+mod exact_laws;
 mod heaps;
-mod samples;
-mod several;
-mod size;
+mod lmgc90_samples;
+mod packing;
+mod samples_progress;
+mod suite_size;
 mod world;
 
-pub use check::{Check, Verdict};
-pub use size::Size;
+pub use check::{Check, CheckVerdict};
+pub use suite_size::SuiteSize;
 
-use ballast_report::plot::Page;
+use ballast_report::plot::HtmlPage;
 use ballast_session::Reporter;
 use ballast_session::interrupt;
-use ballast_session::table::{Table, figure, on_threads};
-use ballast_session::{Failure, Outcome};
+use ballast_session::table::{TextTable, figure, on_threads};
+use ballast_session::{Failure, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-type Simple = fn(&Size, &dyn Reporter) -> Outcome<Check>;
+/// Check without further inputs.
+type CheckFn = fn(&SuiteSize, &dyn Reporter) -> Result<Check>;
 
-/// The checks that need no folders, by the names that choose them.
-const SIMPLE: [(&str, Simple); 7] = [
-    ("incline", exact::incline),
-    ("column", exact::column),
-    ("arch", exact::arch),
-    ("dice", dice::dice),
+/// Checks that need no folders, by name.
+const CHECKS: [(&str, CheckFn); 7] = [
+    ("incline", exact_laws::incline),
+    ("column", exact_laws::column),
+    ("arch", exact_laws::arch),
+    ("packing", packing::packing),
     ("collapse", collapse::collapse),
     ("repose", heaps::repose),
     ("silo", heaps::silo),
@@ -41,68 +42,67 @@ const SIMPLE: [(&str, Simple); 7] = [
 const CYCLE: &str = "cycle";
 const SAMPLES: &str = "samples";
 
-/// The names of all checks.
+/// Names of all checks.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    SIMPLE.into_iter().map(|(name, _)| name).chain([CYCLE, SAMPLES])
+    CHECKS.into_iter().map(|(name, _)| name).chain([CYCLE, SAMPLES])
 }
 
-/// Refuses names that are of no check, or of one that lacks its `samples`.
-pub fn expect_known(only: &[String], samples: Option<&Path>) -> Outcome {
-    if let Some(name) = only.iter().find(|name| !names().any(|n| n == *name)) {
-        let known: Vec<&str> = names().collect();
-        let expected = known.join(", ");
-        return Err(Failure::Usage(format!("--only: expected one of {expected}, found {name}")));
-    }
+/// Checks that the folder of samples is given if the check `samples` is requested.
+///
+/// # Errors
+/// A missing folder.
+pub fn check_inputs(only: &[String], samples: Option<&Path>) -> Result {
     if samples.is_none() && only.iter().any(|name| name == SAMPLES) {
-        let text =
-            "--only samples: expected a folder of samples to compare with (--samples), found none";
+        let text = "--only samples: expected a folder of samples (--samples), found none";
         return Err(Failure::Usage(text.into()));
     }
     Ok(())
 }
 
-/// What the checks found.
-pub struct Report {
-    size: Size,
+/// Findings of all checks.
+pub struct ValidationReport {
+    size: SuiteSize,
+    /// Checks that have been run.
     pub checks: Vec<Check>,
-    /// Whether all that were wanted are in it.
+    /// True if all requested checks are in it.
     complete: bool,
 }
 
-/// Runs the checks of the names `only`, all if there are none; `samples`: the folder of LMGC90's states; `keep` is
-/// given what there is after each of them.
+/// Runs the checks named in `only`, or all if it is empty.
+///
+/// `samples` is the folder of LMGC90's states. `on_check` receives the report after each check.
+///
+/// # Errors
+/// A check that cannot be computed, an interrupt, or an error of `on_check`.
 pub fn checks(
-    size: Size,
+    size: SuiteSize,
     only: &[String],
     beds: &Path,
     samples: Option<&Path>,
     console: &dyn Reporter,
-    mut keep: impl FnMut(&Report) -> Outcome,
-) -> Outcome<Report> {
-    type Work<'a> = Box<dyn Fn() -> Outcome<Vec<Check>> + 'a>;
+    mut on_check: impl FnMut(&ValidationReport) -> Result,
+) -> Result<ValidationReport> {
+    type CheckTask<'a> = Box<dyn Fn() -> Result<Vec<Check>> + 'a>;
     let size = &size;
-    let mut all: Vec<(&str, Work)> = Vec::new();
-    for (name, check) in SIMPLE {
+    let mut all: Vec<(&str, CheckTask)> = Vec::new();
+    for (name, check) in CHECKS {
         all.push((name, Box::new(move || Ok(vec![check(size, console)?]))));
     }
     all.push((CYCLE, Box::new(|| Ok(cycle::cycle(size, beds, console)?.to_vec()))));
     if let Some(folder) = samples {
-        all.push((SAMPLES, Box::new(|| Ok(vec![samples::samples(folder)?]))));
+        all.push((SAMPLES, Box::new(|| Ok(vec![lmgc90_samples::compare(folder)?]))));
     }
     all.retain(|(name, _)| only.is_empty() || only.iter().any(|n| n == name));
-    let mut report = Report { size: *size, checks: vec![], complete: false };
+    let mut report = ValidationReport { size: *size, checks: vec![], complete: false };
     for (k, (_, work)) in all.iter().enumerate() {
         report.checks.extend(timed(console, work)?);
         report.complete = k + 1 == all.len();
-        keep(&report)?;
+        on_check(&report)?;
     }
     Ok(report)
 }
 
-fn timed(
-    console: &dyn Reporter,
-    work: impl FnOnce() -> Outcome<Vec<Check>>,
-) -> Outcome<Vec<Check>> {
+fn timed(console: &dyn Reporter, work: impl FnOnce() -> Result<Vec<Check>>) -> Result<Vec<Check>> {
     let start = Instant::now();
     let mut found = work()?;
     // Checks of one run share its time.
@@ -119,17 +119,17 @@ fn timed(
     Ok(found)
 }
 
-/// To be called in each step of a check: ends it if the person asked to stop.
-fn heed_interrupts() -> Outcome {
+/// Returns an error if a stop was requested; called in each step of a check.
+fn check_interrupt() -> Result {
     if interrupt::requested() {
         return Err(Failure::Interrupted(
-            "stopped inside a check; those before it are kept".into(),
+            "stopped inside a check; the results of earlier checks are kept".into(),
         ));
     }
     Ok(())
 }
 
-/// Names or numbers in a sentence.
+/// Joins items with commas and "and".
 fn listed<T: ToString>(items: &[T]) -> String {
     let words: Vec<String> = items.iter().map(T::to_string).collect();
     match &words[..] {
@@ -138,9 +138,9 @@ fn listed<T: ToString>(items: &[T]) -> String {
     }
 }
 
-/// The figures of a check.
-pub fn table(check: &Check) -> Table {
-    let mut table = Table::new(&check.name, ["measured", "expected", "tolerance", "verdict"]);
+/// Returns the findings of a check as a table.
+pub fn table(check: &Check) -> TextTable {
+    let mut table = TextTable::new(&check.name, ["measured", "expected", "tolerance", "verdict"]);
     for finding in &check.findings {
         table.row([
             finding.quantity.clone(),
@@ -153,36 +153,48 @@ pub fn table(check: &Check) -> Table {
     table
 }
 
-impl Report {
-    /// Number of figures with a verdict.
-    pub fn count(&self, verdict: Verdict) -> usize {
+impl ValidationReport {
+    /// Returns the number of findings with a verdict.
+    pub fn count(&self, verdict: CheckVerdict) -> usize {
         self.checks.iter().flat_map(|c| &c.findings).filter(|f| f.verdict == verdict).count()
     }
 
-    /// Everything, for programs.
+    /// Returns the report as JSON.
     pub fn json(&self) -> Value {
         json!({
             "program": concat!("ballast ", env!("CARGO_PKG_VERSION")),
             "quick": self.size.quick, "complete": self.complete,
-            "passed": self.count(Verdict::Passed), "failed": self.count(Verdict::Failed),
+            "passed": self.count(CheckVerdict::Passed), "failed": self.count(CheckVerdict::Failed),
             "checks": self.checks.iter().map(Check::json).collect::<Vec<_>>(),
         })
     }
 
-    /// Everything, for people.
-    pub fn page(&self) -> Page {
-        let mut page = Page::new("Validation of Ballast");
+    /// Returns the report as a page.
+    pub fn page(&self) -> HtmlPage {
+        let mut page = HtmlPage::new("Validation of Ballast");
         let extent = if self.size.quick { "quick" } else { "full" };
         let seconds: f64 = self.checks.iter().map(|c| c.seconds).sum();
         let number = |verdict| self.count(verdict).to_string();
         page.text(concat!("ballast ", env!("CARGO_PKG_VERSION"), ": checks with known answers."));
         if !self.complete {
-            page.text("Unfinished: the checks that follow these are not done.");
+            page.text("Unfinished: further checks have not been run.");
         }
         page.cards(&[
-            ["passed".into(), number(Verdict::Passed), "figures within their tolerance".into()],
-            ["failed".into(), number(Verdict::Failed), "figures beyond it".into()],
-            ["told".into(), number(Verdict::Told), "figures without a bound".into()],
+            [
+                "passed".into(),
+                number(CheckVerdict::Passed),
+                "figures within their tolerance".into(),
+            ],
+            [
+                "failed".into(),
+                number(CheckVerdict::Failed),
+                "figures beyond their tolerance".into(),
+            ],
+            [
+                "informational".into(),
+                number(CheckVerdict::Informational),
+                "figures without a bound".into(),
+            ],
             [
                 "time".into(),
                 format!("{seconds:.0} s"),

@@ -1,6 +1,6 @@
-//! Scenes built by hand, and stepped.
+//! Scenes of the checks: grains and walls that are stepped.
 
-use super::heed_interrupts;
+use super::check_interrupt;
 use ballast::drive::StepInputs;
 use ballast::geometry::{Polyhedron, random_rotation};
 use ballast::math::{Pose, Quat, Vec3};
@@ -11,28 +11,31 @@ use ballast::observe;
 use ballast::state::State;
 use ballast::step::{StepReport, step};
 use ballast::workspace::Workspace;
-use ballast_session::Outcome;
+use ballast_session::Result;
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
+/// Gravity, m/s².
 pub const GRAVITY: f64 = 9.81;
+/// Density of the grains, kg/m³.
 const DENSITY: f64 = 2700.0;
 /// Nominal diameter of grains, m.
 pub const D: f64 = 0.04;
-/// Speed that grains reach while they settle, m/s.
-pub const FALL: f64 = 0.8;
+/// Maximum speed of settling grains, m/s.
+pub const SETTLING_SPEED: f64 = 0.8;
 
-/// A model that is stepped, and where its driven bodies are told to be.
+/// Model with its state and the prescribed poses of its driven bodies.
 pub struct World {
     pub model: Model,
     pub state: State,
     pub workspace: Workspace,
+    /// Prescribed poses of the driven bodies `[nd]`.
     pub targets: Vec<Pose>,
 }
 
 impl World {
-    /// An empty world under gravity; θ = 1/2, no restitution, solved far below what checks look at.
-    pub fn new(step_ns: u64, friction: f64, alert: f64) -> Self {
+    /// Creates an empty scene under gravity, with θ = 1/2, no restitution and a tolerance far below that of the checks.
+    pub fn new(step_ns: u64, friction: f64, detection_distance: f64) -> Self {
         let solver = Solver {
             schedule: Schedule::Sequential,
             partition: PartitionRule::Balanced(1),
@@ -49,13 +52,13 @@ impl World {
             gravity: Vec3::new(0.0, 0.0, -GRAVITY),
             grain_friction: friction,
             restitution: 0.0,
-            stepping: Stepping { step_ns, theta: 0.5, detection_distance: alert },
+            stepping: Stepping { step_ns, theta: 0.5, detection_distance },
             solver,
         };
         Self { model, state: State::default(), workspace: Workspace::default(), targets: vec![] }
     }
 
-    /// As loosely solved as beds are while they are poured, on all cores.
+    /// Returns the scene with the coarse solver of bed preparation, on all cores.
     pub fn pouring(mut self, iterations: u32) -> Self {
         self.model.solver = Solver {
             max_iterations: iterations,
@@ -66,6 +69,7 @@ impl World {
         self
     }
 
+    /// Adds a shape and returns its index.
     pub fn shape(&mut self, polyhedron: Polyhedron) -> u32 {
         self.model.shapes.push(polyhedron);
         self.model.shapes.len() as u32 - 1
@@ -77,7 +81,7 @@ impl World {
         self.state.push(pose);
     }
 
-    /// Adds a half-space through `at`, solid behind its normal; its number among the driven bodies.
+    /// Adds a half-space through `at`, solid behind its normal, and returns its index among the driven bodies.
     pub fn wall(&mut self, name: &str, at: Vec3, normal: Vec3, friction: f64) -> usize {
         let normal = normal.normalize();
         self.model.driven.push(DrivenBody {
@@ -92,7 +96,7 @@ impl World {
         self.targets.len() - 1
     }
 
-    /// Floor and four walls of a box whose corner is the origin.
+    /// Adds floor and four walls of a box with a corner at the origin.
     pub fn container(&mut self, [x, y]: [f64; 2], floor: f64, walls: f64) {
         self.wall("floor", Vec3::zeros(), Vec3::z(), floor);
         self.wall("west", Vec3::zeros(), Vec3::x(), walls);
@@ -101,8 +105,8 @@ impl World {
         self.wall("north", Vec3::y() * y, -Vec3::y(), walls);
     }
 
-    /// Removes all driven bodies and what was remembered of contacts with them.
-    pub fn without_walls(&mut self) {
+    /// Removes all driven bodies and the memory of all contacts.
+    pub fn remove_walls(&mut self) {
         let n = self.model.grains.len();
         self.model.driven.clear();
         self.targets.clear();
@@ -115,28 +119,29 @@ impl World {
         *contacts = Default::default();
     }
 
-    pub fn step(&mut self) -> Outcome<StepReport> {
-        heed_interrupts()?;
+    /// Takes a step.
+    pub fn step(&mut self) -> Result<StepReport> {
+        check_interrupt()?;
         let inputs = StepInputs::from_targets(&self.targets);
         Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
 
-    /// Steps for `seconds`.
-    pub fn run(&mut self, seconds: f64) -> Outcome {
+    /// Takes steps for `seconds` of simulated time.
+    pub fn run(&mut self, seconds: f64) -> Result {
         for _ in 0..(seconds / self.model.stepping.h()).round() as usize {
             self.step()?;
         }
         Ok(())
     }
 
-    /// Lets grains fall no faster than `speed` (m/s), as through a fluid, until the uppermost has had the time to
-    /// come down, then freely until their mean speed is below `rest`, at most 1.5 s.
-    pub fn settle(&mut self, speed: f64, rest: f64) -> Outcome {
+    /// Lets grains settle: at most at `speed` (m/s), as in a fluid, for the time that the uppermost grain needs, then
+    /// freely until their mean speed is below `rest` (m/s), at most 1.5 s.
+    pub fn settle(&mut self, speed: f64, rest: f64) -> Result {
         let h = self.model.stepping.h();
         let keep = 1.0 - GRAVITY * h / speed;
         let falling = (0.8 * self.top() / speed / h) as usize;
-        let most = falling + (1.5 / h) as usize;
-        for k in 0..most {
+        let max_steps = falling + (1.5 / h) as usize;
+        for k in 0..max_steps {
             self.step()?;
             if k < falling {
                 self.slow_down(keep);
@@ -147,25 +152,29 @@ impl World {
         Ok(())
     }
 
-    /// Brings grains that hang together until they take the share `fraction` of the column over `area` (m²), as they
-    /// float in a fluidised bed: without weight, carried down each in proportion to its height.
-    pub fn suspend(&mut self, area: f64, fraction: f64) -> Outcome {
-        // Slow enough (1/s) that neighbours touch gently, and how fast grains take on the stream and lose their spin.
-        let (rate, takes_on, spins_on) = (1.0, 0.2, 0.95);
+    /// Compacts a loose column of cross-section `area` (m²) to a solid fraction, as in a fluidised bed: without weight, each
+    /// grain is carried down in proportion to its height.
+    pub fn suspend(&mut self, area: f64, fraction: f64) -> Result {
+        // Contraction rate in 1/s, low enough for gentle contacts.
+        let rate = 1.0;
+        // Fraction of the velocity difference to the stream that a step removes.
+        let drag = 0.2;
+        // Fraction of the angular velocity that a step keeps.
+        let rotation_kept = 0.95;
         let n = self.model.grains.len();
-        let aim = self.weight() / (GRAVITY * DENSITY * area * fraction);
+        let target_height = self.weight() / (GRAVITY * DENSITY * area * fraction);
         let gravity = std::mem::replace(&mut self.model.gravity, Vec3::zeros());
-        // A column a thousand times too high would have come together by then.
-        let most = (7.0 / (rate * self.model.stepping.h())) as usize;
-        for _ in 0..most {
-            if 2.0 * self.height() < aim {
+        // Enough for a column a thousand times too high.
+        let max_steps = (7.0 / (rate * self.model.stepping.h())) as usize;
+        for _ in 0..max_steps {
+            if 2.0 * self.height() < target_height {
                 break;
             }
             self.step()?;
             let State { position, velocity, angular_velocity, .. } = &mut self.state;
             for ((p, v), w) in position[..n].iter().zip(velocity).zip(angular_velocity) {
-                *v += (Vec3::z() * (-rate * p.z) - *v) * takes_on;
-                *w *= spins_on;
+                *v += (Vec3::z() * (-rate * p.z) - *v) * drag;
+                *w *= rotation_kept;
             }
         }
         self.model.gravity = gravity;
@@ -173,9 +182,9 @@ impl World {
         Ok(())
     }
 
-    /// Lets grains sink no faster than `speed` (m/s) through a liquid whose drag stays, until none of them has moved
-    /// for 50 steps, at most 3 s after the uppermost has had the time to come down.
-    pub fn sink(&mut self, speed: f64) -> Outcome {
+    /// Lets grains sink at most at `speed` (m/s) in a liquid with permanent drag, until none has moved for 50 steps, at most
+    /// 3 s longer than the uppermost grain needs.
+    pub fn sink(&mut self, speed: f64) -> Result {
         let h = self.model.stepping.h();
         let keep = 1.0 / (1.0 + GRAVITY * h / speed);
         let n = self.model.grains.len();
@@ -192,49 +201,53 @@ impl World {
         Ok(())
     }
 
-    /// Leaves grains the share `keep` of their velocity and spin.
+    /// Multiplies velocities and angular velocities of the grains by `keep`.
     fn slow_down(&mut self, keep: f64) {
         let n = self.model.grains.len();
         self.state.velocity[..n].iter_mut().for_each(|v| *v *= keep);
         self.state.angular_velocity[..n].iter_mut().for_each(|w| *w *= keep);
     }
 
-    /// Height of the uppermost grain's centre, m.
+    /// Returns the height of the uppermost grain's centre, m.
     pub fn top(&self) -> f64 {
         let n = self.model.grains.len();
         self.state.position[..n].iter().map(|p| p.z).fold(0.0, f64::max)
     }
 
+    /// Returns the mean speed of the grains, m/s.
     pub fn mean_speed(&self) -> f64 {
         observe::mean_speed(&self.model, &self.state)
     }
 
+    /// Returns the weight of the grains, N.
     pub fn weight(&self) -> f64 {
         GRAVITY * self.model.grains.mass.iter().sum::<f64>()
     }
 
-    /// Height of the centre of mass, m.
+    /// Returns the height of the centre of mass, m.
     pub fn height(&self) -> f64 {
         let mass = &self.model.grains.mass;
         let moment: f64 = mass.iter().zip(&self.state.position).map(|(m, p)| m * p.z).sum();
         moment / mass.iter().sum::<f64>()
     }
 
-    /// Corners of a grain, m.
+    /// Returns the corners of a grain, m.
     pub fn corners(&self, grain: usize) -> impl Iterator<Item = Vec3> + '_ {
         let (shape, pose) = (self.model.grains.shape[grain], self.state.pose(grain));
         self.model.shapes[shape as usize].vertices.iter().map(move |v| pose.point(v))
     }
 }
 
-/// Random numbers of a check: the same in every run.
+/// Creates the random number generator of a check, equal in every run.
 pub fn random(seed: u64) -> Pcg64 {
     Pcg64::new(u128::from(seed), 0x0a02_bdbf_7bb3_c0a7_ac28_fa16_a64a_bf96)
 }
 
-/// Hangs `count` grains of the shapes, turned at random, each as low as the spheres around those before let it, at the
-/// lowest of so many `places` that `place` finds for spheres of a radius (m).
-pub fn hang(
+/// Adds `count` grains in random orientation as a loose column: each at the lowest of several random places, on top of the
+/// bounding spheres of the grains before.
+///
+/// `place` returns a random place for a sphere of a radius (m); `places` is the number of tries.
+pub fn stack_loosely(
     world: &mut World,
     rng: &mut Pcg64,
     shapes: &[u32],
@@ -244,13 +257,13 @@ pub fn hang(
 ) {
     let radius = |s: &u32| world.model.shapes[*s as usize].radius;
     let reach = shapes.iter().map(radius).fold(0.0, f64::max);
-    let apart = 2.02 * reach;
+    let distance = 2.02 * reach;
     for k in 0..count {
         let mut lowest = Vec3::repeat(f64::INFINITY);
         for _ in 0..places {
             let [x, y] = place(rng, reach);
             let over = |p: &Vec3| {
-                let square = apart * apart - (p.x - x).powi(2) - (p.y - y).powi(2);
+                let square = distance * distance - (p.x - x).powi(2) - (p.y - y).powi(2);
                 if square > 0.0 { p.z + square.sqrt() } else { 0.0 }
             };
             let z = world.state.position.iter().map(over).fold(1.05 * reach, f64::max);
@@ -263,7 +276,7 @@ pub fn hang(
     }
 }
 
-/// Any place in a box for a sphere of a radius (m).
+/// Returns a generator of random places in a box for a sphere of a radius (m).
 pub fn in_box([x, y]: [f64; 2]) -> impl Fn(&mut Pcg64, f64) -> [f64; 2] {
     move |rng, reach| [x, y].map(|l| reach + (l - 2.0 * reach) * rng.random::<f64>())
 }

@@ -43,7 +43,7 @@ class Served:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         case = ROOT / "interfaces/cli/tests/data/tiny.toml"
         self.command = [
-            PROGRAM, "serve", case, "--key", KEY, "--listen", self.endpoint, "--beds", beds, "--out", folder,
+            PROGRAM, "serve", case, "--key", KEY, "--listen", self.endpoint, "--bed-cache", beds, "--out", folder,
             "--checkpoint-every", "0", "--threads", "1", "--json",
         ]  # fmt: skip
         self.start()

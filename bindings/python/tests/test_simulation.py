@@ -1035,7 +1035,7 @@ def call(folder: Path, command: str, path: Path, *more: str | Path) -> str:
     program = Path(os.environ.get("BALLAST_PROGRAM", ROOT / "target/release/ballast"))
     if not program.exists():
         pytest.skip(f"{program} is not built")
-    called = [program, command, path, "--beds", folder / "beds", *more]
+    called = [program, command, path, "--bed-cache", folder / "beds", *more]
     done = subprocess.run(called, capture_output=True, text=True, cwd=folder)
     assert done.returncode == 0, done.stderr
     return done.stdout

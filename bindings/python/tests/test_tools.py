@@ -573,7 +573,7 @@ def test_the_program_runs_sweep_plans(case: ballast.Case, beds: Path, tmp_path: 
     axes = {"tamping.vibration.frequency_Hz": np.array([30.0]), "seed": np.array([case.seed])}
     points = study.grid(axes)
     study.write_sweep_plan("tiny.toml", points, tmp_path / "plan.toml")
-    called = [program, "sweep", tmp_path / "plan.toml", "--beds", beds]
+    called = [program, "sweep", tmp_path / "plan.toml", "--bed-cache", beds]
     done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     rows = (tmp_path / "runs/plan/table.csv").read_text().splitlines()
@@ -1006,7 +1006,7 @@ def test_plots_and_results_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> 
         pytest.skip(f"{program} is not built")
     case = tmp_path / "tiny.toml"
     sim.case.write(case)
-    called = [program, "run", case, "--out", tmp_path / "run", "--beds", tmp_path / "beds"]
+    called = [program, "run", case, "--out", tmp_path / "run", "--bed-cache", tmp_path / "beds"]
     subprocess.run(called, check=True, capture_output=True)
     results = ballast.read(tmp_path / "run/results.vtkhdf")
     assert isinstance(results, ballast.Results)
@@ -1160,7 +1160,7 @@ def test_plots_find_tines_of_any_name(case: ballast.Case, beds: Path, tmp_path: 
         pytest.skip(f"{program} is not built")
     # Its vibration carries a blade farther than this stroke.
     renamed(case, stroke_m=0.001).write(tmp_path / "own.toml")
-    called = [program, "run", tmp_path / "own.toml", "--beds", beds, "--out"]
+    called = [program, "run", tmp_path / "own.toml", "--bed-cache", beds, "--out"]
     subprocess.run([*called, tmp_path / "run"], check=True, capture_output=True)
     results = ballast.read(tmp_path / "run/results.vtkhdf")
     assert isinstance(results, ballast.Results)

@@ -1,137 +1,143 @@
 //! The command line.
 
-pub use ballast_benches::args::{Beds, Overrides, jobs, one_or_more, threads};
+pub use ballast_benches::args::{BedCacheArgs, OverrideArgs, thread_count};
 
 use ballast::nlgs::solution::Method;
 use ballast::track::TampingPhase;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use std::num::{NonZeroU32, NonZeroUsize};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
-/// Grain-scale simulation of railway ballast tamping by non-smooth contact dynamics.
+/// Simulate the tamping of railway ballast grain by grain with non-smooth contact dynamics
 #[derive(Debug, Parser)]
 #[command(name = "ballast", version, propagate_version = true, arg_required_else_help = true)]
-#[command(after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 invalid case, 4 transport or \
-    deadline, 5 verification mismatch, 6 incompatible version, 130 interrupted after a clean \
-    checkpoint.")]
+#[command(
+    after_help = "Exit codes: 0 success, 1 failure, 2 usage, 3 invalid case, 4 transport or deadline, \
+    5 verification mismatch, 6 incompatible version, 130 interrupted after a clean checkpoint."
+)]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
-    /// One JSON event per line on stdout instead of tables
+    /// Print one JSON event per line on standard output instead of tables
     #[arg(long, global = true)]
     pub json: bool,
-    /// Worker threads; by default one per processor
-    #[arg(long, global = true, value_name = "N", value_parser = threads)]
-    pub threads: Option<NonZeroUsize>,
+    /// Number of worker threads (default: one per processor)
+    #[arg(long, global = true, value_name = "N", value_parser = thread_count())]
+    pub threads: Option<usize>,
 }
 
-/// A state's hash, as it is printed.
+/// Parses the hash of a state in the form in which the program prints it.
 fn hash(text: &str) -> Result<u128, String> {
-    let is_one = text.len() == 32 && text.bytes().all(|c| c.is_ascii_hexdigit());
-    let found = is_one.then(|| u128::from_str_radix(text, 16).ok()).flatten();
-    found.ok_or_else(|| "expected a state's hash, 32 hexadecimal digits".into())
+    let is_hash = text.len() == 32 && text.bytes().all(|c| c.is_ascii_hexdigit());
+    let found = is_hash.then(|| u128::from_str_radix(text, 16).ok()).flatten();
+    found.ok_or_else(|| "expected the hash of a state, 32 hexadecimal digits".into())
 }
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run a case: prepare its bed if there is none yet, then simulate the tamping cycle
-    Run(Run),
-    /// Prepare the bed of a case and keep it for runs
-    Prepare(Prepare),
+    /// Run a case: prepare its bed if necessary, then simulate the tamping cycle
+    Run(RunArgs),
+    /// Prepare the bed of a case and store it in the bed cache
+    Prepare(PrepareArgs),
     /// Continue an interrupted run from its checkpoint, bit for bit
-    Resume(Resume),
-    /// Move the bodies of a case as a recording (MCAP) says, instead of by its machine
-    Replay(Replay),
-    /// Compute a recording of ours again and name the first difference
-    Verify(Verify),
-    /// Serve a case over Zenoh: another program moves its bodies, window by window
+    Resume(ResumeArgs),
+    /// Replay a recording (MCAP): move the bodies of a case along recorded motions
+    Replay(ReplayArgs),
+    /// Recompute a recording and report the first difference
+    Verify(VerifyArgs),
+    /// Serve a case over Zenoh: a partner moves its bodies, window by window
     #[cfg(feature = "zenoh")]
-    Serve(crate::coupling::args::Serve),
-    /// Say what a served component is: bodies, time step, units
+    Serve(crate::coupling::args::ServeArgs),
+    /// Print a description of a served component: bodies, time step, units
     #[cfg(feature = "zenoh")]
-    Describe(crate::coupling::args::Describe),
-    /// Watch a served component: who waits for whom, how far it is, forces
+    Describe(crate::coupling::args::DescribeArgs),
+    /// Monitor a served component: owner, progress, forces
     #[cfg(feature = "zenoh")]
-    Top(crate::coupling::args::Top),
-    /// Look for what would keep a served component from working here
+    Top(crate::coupling::args::TopArgs),
+    /// Diagnose connection problems of served components on this machine
     #[cfg(feature = "zenoh")]
-    Doctor(crate::coupling::args::Doctor),
+    Doctor(crate::coupling::args::DoctorArgs),
     #[cfg(not(feature = "zenoh"))]
     #[command(name = "serve", aliases = ["describe", "top", "doctor"], hide = true, disable_help_flag = true)]
     Absent {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         _rest: Vec<std::ffi::OsString>,
     },
-    /// Read a case and say what it asks for, or what is wrong with it
-    Check(Check),
-    /// Run a case many times with other values, side by side
-    Sweep(Sweep),
-    /// Say what a bed, a checkpoint, results or the folder of a run hold
-    Inspect(Inspect),
-    /// Make a page (HTML) about a run: pictures, compactness, forces, energy, quality, settings
-    Report(Report),
-    /// Check the program against known answers: exact laws, published experiments, convergence
-    Validate(Validate),
-    /// Write a results file as plain tables (CSV) and shapes that other programs open
-    Export(Export),
-    /// Solve published friction-contact problems (FCLIB form, HDF5) and measure the errors
-    Solve(Solve),
+    /// Check a case and print a summary of it
+    Check(CheckArgs),
+    /// Run a case many times with varied values, in parallel
+    Sweep(SweepArgs),
+    /// Print a summary of a bed, a checkpoint, results or the folder of a run
+    Inspect(InspectArgs),
+    /// Write an HTML report of a run: pictures, compactness, forces, energy, quality, settings
+    Report(ReportArgs),
+    /// Validate the program against exact laws, published experiments and convergence
+    Validate(ValidateArgs),
+    /// Export a results file as CSV tables and STL shapes
+    Export(ExportArgs),
+    /// Solve friction-contact problems (FCLIB, HDF5) and measure the errors
+    Solve(SolveArgs),
     /// Print the JSON Schema of case files
     Schema {
-        /// That of requests and replies over a network instead
+        /// Print the schema of requests and replies of the network protocol instead
         #[arg(long)]
         protocol: bool,
     },
     /// Print the completion script of a shell
     Completions { shell: clap_complete::Shell },
-    /// Measure what the program costs: kernel, detection, steps, threads, subdomains
+    /// Write the manual pages of all commands
+    #[command(hide = true)]
+    Man {
+        /// Folder to write to
+        folder: PathBuf,
+    },
+    /// Measure the performance: kernel, detection, steps, threads, subdomains
     Bench {
         #[command(subcommand)]
-        what: ballast_benches::args::Bench,
+        command: ballast_benches::args::BenchCommand,
     },
 }
 
 #[derive(Debug, Args)]
-pub struct Run {
+pub struct RunArgs {
     /// Case file (TOML)
     pub case: PathBuf,
-    /// Folder of the run's files, where a finished run is replaced; by default runs/<name of the case>
+    /// Folder of the run's files; a finished run in it is replaced (default: runs/<name of the case>)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
     #[command(flatten)]
-    pub overrides: Overrides,
+    pub overrides: OverrideArgs,
     #[command(flatten)]
-    pub until: Until,
-    /// Start over even if the folder holds an unfinished run, or that of another case; a finished one of this case is
-    /// replaced without it
+    pub stop: StopAt,
+    /// Replace an unfinished run or the run of another case in the folder
     #[arg(long)]
     pub force: bool,
-    /// Record the run in an MCAP file, which is replaced
+    /// Record the run in this MCAP file, which is replaced
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     #[command(flatten)]
-    pub dump: DumpProblems,
+    pub dump: DumpArgs,
 }
 
-/// Contact problems kept for `ballast solve` and other programs.
+/// Contact problems stored for `ballast solve` and other programs.
 #[derive(Debug, Args)]
-pub struct DumpProblems {
-    /// Keep contact problems of the run in this folder, in the FCLIB form (local, HDF5)
+pub struct DumpArgs {
+    /// Store contact problems of the run in this folder (FCLIB local form, HDF5)
     #[arg(long, value_name = "DIR")]
     pub dump_problems: Option<PathBuf>,
-    /// Steps from one problem to the next
-    #[arg(long, value_name = "K", default_value = "100", value_parser = one_or_more::<NonZeroU32>, requires = "dump_problems")]
+    /// Steps between two stored problems
+    #[arg(long, value_name = "K", default_value = "100", requires = "dump_problems")]
     pub dump_every: NonZeroU32,
-    /// Only of these phases, separated by commas; by default of all
+    /// Phases of which problems are stored, separated by commas (default: all)
     #[arg(long, value_name = "PHASE", value_delimiter = ',', requires = "dump_problems")]
     #[arg(value_parser = phase())]
     pub dump_phases: Vec<TampingPhase>,
 }
 
-/// A phase of the cycle, by name.
+/// Returns a parser of the names of the cycle's phases.
 fn phase() -> impl TypedValueParser<Value = TampingPhase> {
     let in_cycle = |p: &TampingPhase| !matches!(p, TampingPhase::Waiting | TampingPhase::Done);
     let names = TampingPhase::ALL.into_iter().filter(in_cycle).map(TampingPhase::name);
@@ -140,158 +146,158 @@ fn phase() -> impl TypedValueParser<Value = TampingPhase> {
 }
 
 #[derive(Debug, Args)]
-pub struct Replay {
-    /// Recording (MCAP): one of ours, or any with poses of bodies
+pub struct ReplayArgs {
+    /// Recording (MCAP) made by Ballast, or any MCAP file with poses of bodies
     pub file: PathBuf,
-    /// Case file (TOML) that the bodies belong to; by default the one in a recording of our windows
+    /// Case file (TOML) with the bodies (default: the case stored in the recording)
     #[arg(long, value_name = "CASE")]
     pub case: Option<PathBuf>,
-    /// Topic that moves a body, TOPIC=BODY, or TOPIC:FRAME=BODY for transforms; by default our own windows,
-    /// or the topics /<body>/pose and transforms to the frame <body>
+    /// Topic that moves a body: TOPIC=BODY, or TOPIC:FRAME=BODY for transforms (default: the windows that
+    /// Ballast recorded, or the topics /<body>/pose and transforms to the frame <body>)
     #[arg(long, value_name = "MAP")]
     pub map: Vec<ballast_mcap::motion::Map>,
-    /// Which time of a message counts; by default its stamp
+    /// Time of a message that counts (default: stamp)
     #[arg(long)]
     pub time: Option<TimeName>,
-    /// Let the bodies begin wherever the recording has them, not where the case has them
+    /// Start each motion at its recorded pose instead of the pose in the case
     #[arg(long)]
-    pub rebase: bool,
-    /// Folder of the replay's files; by default runs/<name of the case>-replay
+    pub allow_jump: bool,
+    /// Folder of the replay's files (default: runs/<name of the case>-replay)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Start over even if the folder holds a run, an interrupted replay, or the whole replay of another case; any other
-    /// replay, also one that --steps stopped, is replaced without it
+    /// Replace a run, an interrupted replay or the replay of another case in the folder
     #[arg(long)]
     pub force: bool,
-    /// Record the replay in another MCAP file
+    /// Record the replay in this MCAP file, which is replaced
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
     #[command(flatten)]
-    pub overrides: Overrides,
+    pub overrides: OverrideArgs,
     #[command(flatten)]
-    pub until: Until,
+    pub stop: StopAt,
 }
 
 #[derive(Debug, Args)]
-pub struct Verify {
-    /// Recording of ours (MCAP)
+pub struct VerifyArgs {
+    /// Recording (MCAP) made by Ballast
     pub file: PathBuf,
-    /// Case file (TOML) to compute with; by default the one in the recording
+    /// Case file (TOML) to compute with (default: the case stored in the recording)
     #[arg(long, value_name = "CASE")]
     pub case: Option<PathBuf>,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
 }
 
-/// The times of a message by name.
+/// Times of a message, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum TimeName {
-    /// The stamp in the message: when the pose was true
+    /// Stamp in the message: time of the measurement
     Stamp,
-    /// When the message was recorded
+    /// Time at which the message was recorded
     Log,
 }
 
-/// How far to go, and what to find there.
+/// End of a run, and the state expected there.
 #[derive(Debug, Args)]
-pub struct Until {
-    /// Stop after this many steps of the run; `resume` goes on from there, but for a replay, which leaves no checkpoint
+pub struct StopAt {
+    /// Stop after this many steps of the run; `ballast resume` continues it, except for a replay
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,
     /// Hash that the final state must have; exit code 5 if it differs
     #[arg(long, value_name = "HASH", value_parser = hash)]
-    pub expect: Option<u128>,
+    pub expect_hash: Option<u128>,
 }
 
 #[derive(Debug, Args)]
-pub struct Prepare {
+pub struct PrepareArgs {
     /// Case file (TOML)
     pub case: PathBuf,
     #[command(flatten)]
-    pub beds: Beds,
-    /// Seed of the bed, instead of the case's
+    pub beds: BedCacheArgs,
+    /// Seed of the bed, instead of the seed in the case
     #[arg(long)]
     pub seed: Option<u64>,
-    /// Prepare again even if the bed is there
+    /// Prepare the bed again even if the cache contains it
     #[arg(long)]
     pub force: bool,
 }
 
 #[derive(Debug, Args)]
-pub struct Resume {
-    /// Checkpoint file; the run's other files are beside it
+pub struct ResumeArgs {
+    /// Checkpoint file beside the other files of the run, or the folder of the run
     pub checkpoint: PathBuf,
     #[command(flatten)]
-    pub until: Until,
+    pub stop: StopAt,
 }
 
 #[derive(Debug, Args)]
-pub struct Sweep {
-    /// Plan of the sweep (TOML): a case, and what is changed in it
+pub struct SweepArgs {
+    /// Plan of the sweep (TOML): a case and the values to vary
     pub plan: PathBuf,
-    /// Folder of the sweep; by default runs/<name of the plan>
+    /// Folder of the sweep (default: runs/<name of the plan>)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Runs at a time
-    #[arg(long, value_name = "N", default_value = "1", value_parser = jobs)]
-    pub jobs: NonZeroUsize,
-    /// Worker threads of each run
-    #[arg(long, value_name = "N", default_value = "1", value_parser = threads)]
-    pub threads_each: NonZeroUsize,
-    /// Only this point, by its number: for the array jobs of a scheduler
-    #[arg(long, value_name = "NUMBER")]
-    pub case: Option<usize>,
-    /// Print the points with their numbers, and run nothing
+    /// Number of runs at a time
+    #[arg(long, value_name = "N", default_value = "1", value_parser = thread_count())]
+    pub jobs: usize,
+    /// Number of worker threads of each run
+    #[arg(long, value_name = "N", default_value = "1", value_parser = thread_count())]
+    pub threads_per_run: usize,
+    /// Run only the point with this index, for array jobs of a scheduler
+    #[arg(long, value_name = "INDEX")]
+    pub point: Option<usize>,
+    /// Print the points with their indices and run nothing
     #[arg(long)]
     pub list: bool,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
 }
 
 #[derive(Debug, Args)]
-pub struct Check {
+pub struct CheckArgs {
     /// Case file (TOML)
     pub case: PathBuf,
 }
 
 #[derive(Debug, Args)]
-pub struct Inspect {
+pub struct InspectArgs {
     /// Bed, checkpoint or results file, or the folder of a run
     pub file: PathBuf,
 }
 
 #[derive(Debug, Args)]
-pub struct Report {
-    /// Folder of a run, or a file in it; the checkpoint must be there, which a replay does not leave
+pub struct ReportArgs {
+    /// Folder of a run, or a file in it; needs the checkpoint, which a replay does not leave
     pub run: PathBuf,
-    /// The page; by default report.html in the folder of the run
+    /// Page to write (default: report.html in the folder of the run)
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
-pub struct Validate {
-    /// Small samples only
+pub struct ValidateArgs {
+    /// Use small samples only
     #[arg(long)]
     pub quick: bool,
-    /// Only these checks, separated by commas: incline, column, arch, dice, collapse, repose, silo, cycle, samples
+    /// Run only these checks, separated by commas
     #[arg(long, value_name = "CHECK", value_delimiter = ',')]
+    #[arg(value_parser = PossibleValuesParser::new(ballast_validation::names()))]
     pub only: Vec<String>,
-    /// Folder for validation.html and validation.json
+    /// Folder of validation.html and validation.json
     #[arg(long, value_name = "DIR", default_value = "runs/validation")]
     pub out: PathBuf,
-    /// Folder with samples that LMGC90 settled, to compare with side by side
+    /// Folder with samples settled by LMGC90 to compare with
     #[arg(long, value_name = "DIR")]
     pub samples: Option<PathBuf>,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
 }
 
 #[derive(Debug, Args)]
-pub struct Export {
-    /// Results of a run
+pub struct ExportArgs {
+    /// Results file, or the folder of a run
     pub results: PathBuf,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
@@ -299,45 +305,45 @@ pub struct Export {
 }
 
 #[derive(Debug, Args)]
-pub struct Solve {
-    /// A problem (.hdf5), or a folder of problems, all of which are solved
+pub struct SolveArgs {
+    /// Problem (.hdf5), or a folder of problems
     pub file: PathBuf,
-    /// Error ‖F‖/‖q‖ to reach; by default 1e-6, in folders 1e-4, 1e-6 and 1e-8
+    /// Error ‖F‖/‖q‖ to reach (default: 1e-6; for folders 1e-4, 1e-6 and 1e-8)
     #[arg(long, value_name = "T")]
     pub tolerance: Option<f64>,
-    /// Most sweeps over all contacts
+    /// Maximum number of sweeps over all contacts
     #[arg(long, value_name = "N", default_value_t = 200_000)]
     pub max_sweeps: u64,
-    /// How to solve; several, separated by commas, are compared
+    /// Methods to compare, separated by commas
     #[arg(long, value_name = "METHOD", value_delimiter = ',', default_value = "auto")]
     pub method: Vec<MethodName>,
-    /// Write a copy of the problem that holds the solution
+    /// Write a copy of the problem that contains the solution
     #[arg(long, value_name = "OUT")]
     pub write_solution: Option<PathBuf>,
     /// Write the table as CSV
     #[arg(long, value_name = "OUT", value_parser = ballast_session::files::table)]
     pub csv: Option<PathBuf>,
-    /// Write the performance profile of the methods, as curves (.html) or CSV: the share of problems that
-    /// each solves within a factor of the time of the fastest
+    /// Write the performance profile of the methods as curves (.html) or CSV: fraction of the problems that a
+    /// method solves within a factor of the shortest time
     #[arg(long, value_name = "OUT", value_parser = ballast_session::files::table_or_page)]
     pub profile: Option<PathBuf>,
 }
 
-/// The methods for given problems by name.
+/// Methods of `ballast solve`, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum MethodName {
-    /// Sweeps; when they do not get on, accelerated sweeps and Newton's method in turns
+    /// Sweeps; after stagnation accelerated sweeps and Newton's method alternate
     Auto,
-    /// Non-linear Gauss-Seidel alone
+    /// Nonlinear Gauss-Seidel
     Nlgs,
-    /// Non-linear Gauss-Seidel with Anderson's acceleration
+    /// Nonlinear Gauss-Seidel with Anderson acceleration
     Anderson,
-    /// A few sweeps and Newton's method in turns
+    /// Sweeps and Newton's method in alternation
     Newton,
 }
 
 impl MethodName {
-    /// The name as it is typed.
+    /// Returns the name on the command line.
     pub fn name(self) -> String {
         self.to_possible_value().map_or(String::new(), |value| value.get_name().to_string())
     }
@@ -360,7 +366,7 @@ mod tests {
     use clap::CommandFactory;
 
     #[test]
-    fn the_command_line_is_consistent() {
+    fn command_line_is_consistent() {
         Cli::command().debug_assert();
     }
 }

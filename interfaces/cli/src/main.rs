@@ -1,6 +1,6 @@
-//! The program `ballast`: runs cases from the command line.
+//! The program `ballast`.
 //!
-//! Results go to stdout, messages and progress to stderr; [`exit`] decides the exit codes.
+//! Results go to standard output, messages and progress to standard error. [`Failure`] determines the exit code.
 
 mod args;
 mod aside;
@@ -11,10 +11,11 @@ mod coupling;
 mod dump;
 mod engine;
 mod exit {
-    pub use ballast_session::{Failure, Outcome};
+    pub use ballast_session::{Failure, Result as Outcome};
 }
 mod interrupt;
 mod memory;
+mod panic_hook;
 mod playback;
 mod progress;
 #[cfg(test)]
@@ -25,62 +26,62 @@ mod start;
 mod taping;
 
 use args::{Cli, Command};
-use ballast_session::{Failure, Outcome};
 use ballast_session::{
-    beds, case, files, lock, machine, profile, recorder, summary_text, table, threads,
+    Failure, Result, beds, case, files, lock, machine, profile, recorder, summary_text, table,
+    threads,
 };
 use clap::Parser;
 use console::Console;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let (cli, console) = match called() {
-        Ok(cli) => {
-            let console = Console { json: cli.json };
-            (cli, console)
-        }
+    panic_hook::install();
+    let cli = match parse_arguments() {
+        Ok(cli) => cli,
         Err(code) => return code,
     };
-    let ended = dispatch(cli, console);
-    if let Err(failure) = &ended {
+    let console = Console { json: cli.json };
+    let result = dispatch(cli, console);
+    if let Err(failure) = &result {
         console.failure(failure);
     }
     console::finish();
-    match ended {
-        // What was not written has been told.
-        Ok(()) if !console::was_heard() => ExitCode::FAILURE,
+    match result {
+        // The failed write was reported when it happened.
+        Ok(()) if !console::is_complete() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => ExitCode::from(failure.code()),
     }
 }
 
-/// What is asked for; else how the program ends: help and version are told, and usage errors.
-fn called() -> Result<Cli, ExitCode> {
-    // Before anything is parsed, events are as good as asked for where the word stands.
-    let given = || std::env::args_os().skip(1);
-    let console = Console { json: given().any(|argument| argument == "--json") };
-    if let Some(odd) = given().find(|argument| argument.to_str().is_none()) {
-        // Paths stand in events, tables and pages, which are texts.
-        let failure = Failure::Usage(format!("expected arguments that are UTF-8, found {odd:?}"));
+/// Parses the command line; returns the exit code after help, version or a usage error.
+fn parse_arguments() -> Result<Cli, ExitCode> {
+    // Usage errors are events, too, if `--json` stands anywhere.
+    let arguments = || std::env::args_os().skip(1);
+    let console = Console { json: arguments().any(|argument| argument == "--json") };
+    if let Some(argument) = arguments().find(|argument| argument.to_str().is_none()) {
+        // Paths are part of events, tables and pages, which are texts.
+        let text = format!("expected arguments in UTF-8, found {argument:?}");
+        let failure = Failure::Usage(text);
         console.failure(&failure);
         return Err(ExitCode::from(failure.code()));
     }
-    Cli::try_parse().map_err(|told| {
-        if !told.use_stderr() {
-            console::write_out(told.to_string().trim_end());
-            return if console::was_heard() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    Cli::try_parse().map_err(|error| {
+        if !error.use_stderr() {
+            console::write_out(error.to_string().trim_end());
+            return if console::is_complete() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
         }
-        // In colours where there is a terminal.
-        let _ = told.print();
-        let failure = Failure::Usage(told.to_string().trim_end().to_string());
+        // Clap's own output has colours on a terminal.
+        let _ = error.print();
+        let failure = Failure::Usage(error.to_string().trim_end().to_string());
         console.failure_event(&failure);
         ExitCode::from(failure.code())
     })
 }
 
-fn dispatch(cli: Cli, console: Console) -> Outcome {
+fn dispatch(cli: Cli, console: Console) -> Result {
     if matches!(cli.command, Command::Sweep(_)) && cli.threads.is_some() {
-        let text = "--threads: the runs of a sweep have theirs, --threads-each; --jobs are the runs at a time";
+        let text = "--threads: expected --threads-per-run (threads of each run) or --jobs (runs at a time) for a sweep";
         return Err(Failure::Usage(text.into()));
     }
     threads::start(cli.threads)?;
@@ -101,8 +102,8 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Doctor(args) => coupling::doctor::doctor(args, console),
         #[cfg(not(feature = "zenoh"))]
         Command::Absent { .. } => {
-            let text = "serve, describe, top and doctor: this program was built without the network; built with its \
-                        feature `zenoh`, as `cargo install --locked --path interfaces/cli` does, it has them";
+            let text = "serve, describe, top, doctor: expected a program with the feature `zenoh`, found one without; build it \
+                        with `cargo install --locked --path interfaces/cli`";
             Err(Failure::Usage(text.into()))
         }
         Command::Check(args) => commands::check::check(args, console),
@@ -113,6 +114,7 @@ fn dispatch(cli: Cli, console: Console) -> Outcome {
         Command::Solve(args) => commands::solve::solve(args, console),
         Command::Schema { protocol } => commands::schema::schema(protocol, console),
         Command::Completions { shell } => commands::completions::completions(shell, console),
-        Command::Bench { what } => commands::bench::bench(what, console),
+        Command::Man { folder } => commands::completions::man(&folder, console),
+        Command::Bench { command } => commands::bench::bench(command, &console),
     }
 }

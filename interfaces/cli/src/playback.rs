@@ -93,13 +93,13 @@ impl Playback {
     pub fn advice(&self) -> &'static str {
         match &self.script {
             Script::Windows { .. } => {
-                "; in another case than its own `--map /BODY/pose=BODY` for each body, with --rebase, replays its poses"
+                "; in another case than its own `--map /BODY/pose=BODY` for each body, with --allow-jump, replays its poses"
             }
             Script::Motion(motion) if motion.inputs.iter().any(|input| input.allow_jump) => {
                 "; poses are taken in m, in the bed's frame (docs/src/guide/recordings.md)"
             }
             Script::Motion(_) => {
-                "; poses are taken in m, in the bed's frame (docs/src/guide/recordings.md); --rebase lets motions begin elsewhere"
+                "; poses are taken in m, in the bed's frame (docs/src/guide/recordings.md); --allow-jump lets motions begin elsewhere"
             }
         }
     }

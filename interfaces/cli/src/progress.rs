@@ -1,5 +1,5 @@
-//! How far the work is: a bar on a terminal, elsewhere a line per tenth, for programs an event per
-//! hundredth; at least one in half a minute.
+//! Progress of a task: a bar on a terminal, otherwise a line per tenth or an event per hundredth, at least one in half a
+//! minute.
 
 use crate::console::Console;
 use ballast_session::table::duration;
@@ -8,69 +8,72 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// Parts of the whole that the bar distinguishes.
-const PARTS: u64 = 1000;
-/// Longest time without a word where there is no bar.
-const SILENCE: Duration = Duration::from_secs(30);
+/// Steps of the bar.
+const BAR_STEPS: u64 = 1000;
+/// Maximum time between two messages without a bar.
+const MAX_SILENCE: Duration = Duration::from_secs(30);
 
-/// Tells people and programs how far a piece of work is.
+/// Display of the progress of a task, as a bar, messages or events.
 #[derive(Debug)]
-pub struct Progress {
+pub struct ConsoleProgress {
     console: Console,
-    label: String,
+    task: String,
     bar: Option<ProgressBar>,
-    began: Instant,
-    /// Shares between two words, and the next one.
-    shares: u64,
+    start: Instant,
+    /// Number of messages for the whole task.
+    messages: u64,
+    /// Number of the next message.
     next: u64,
     last: Instant,
 }
 
-impl Progress {
-    /// Starts a piece of work.
-    pub fn start(console: Console, label: &str) -> Self {
+impl ConsoleProgress {
+    /// Starts to show a task.
+    pub fn start(console: Console, task: &str) -> Self {
         let bar = console.is_terminal().then(|| {
             let style = ProgressStyle::with_template("{prefix} [{bar:24}] {percent:>3} % {msg}");
-            let bar = ProgressBar::new(PARTS).with_prefix(label.to_string());
+            let bar = ProgressBar::new(BAR_STEPS).with_prefix(task.to_string());
             bar.set_style(style.expect("the template is constant").progress_chars("=> "));
             bar
         });
-        let shares = if console.json { 100 } else { 10 };
+        let messages = if console.json { 100 } else { 10 };
         Self {
             console,
-            label: label.to_string(),
+            task: task.to_string(),
             bar,
-            began: Instant::now(),
-            shares,
+            start: Instant::now(),
+            messages,
             next: 1,
             last: Instant::now(),
         }
     }
 
-    /// The share `share` (0 to 1) of the whole is done.
-    pub fn advance(&mut self, share: f64, mark: &dyn Mark) {
-        let left = self.left(share);
+    /// Shows that the fraction `fraction` (0 to 1) of the task is done.
+    pub fn advance(&mut self, fraction: f64, label: &dyn Mark) {
+        let left = self.left(fraction);
         if let Some(bar) = &self.bar {
-            bar.set_position(whole(share, PARTS));
-            bar.set_message(format!("{} · {}", mark.text(), left_text(left)));
+            bar.set_position(whole(fraction, BAR_STEPS));
+            bar.set_message(format!("{} · {}", label.text(), left_text(left)));
         }
-        let due = whole(share, self.shares) >= self.next || self.last.elapsed() >= SILENCE;
+        let due = whole(fraction, self.messages) >= self.next || self.last.elapsed() >= MAX_SILENCE;
         if due && (self.console.json || self.bar.is_none()) {
-            self.next = whole(share, self.shares) + 1;
+            self.next = whole(fraction, self.messages) + 1;
             self.last = Instant::now();
             if self.console.json {
-                self.event(share, left, mark);
+                self.event(fraction, left, label);
             } else {
-                let (label, percent) = (&self.label, whole(share, 100));
-                let (text, left) = (mark.text(), left_text(left));
-                self.console.note(&format!("{label} {percent:>3} % · {text} · {left}"));
+                let task = &self.task;
+                let percent = whole(fraction, 100);
+                let text = label.text();
+                let left = left_text(left);
+                self.console.note(&format!("{task} {percent:>3} % · {text} · {left}"));
             }
         }
     }
 
-    fn event(&self, share: f64, left: Option<Duration>, mark: &dyn Mark) {
-        let mut fields = json!({ "work": self.label, "share": share });
-        if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), mark.fields()) {
+    fn event(&self, fraction: f64, left: Option<Duration>, label: &dyn Mark) {
+        let mut fields = json!({ "task": self.task, "fraction": fraction });
+        if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), label.fields()) {
             fields.extend(more);
             let seconds = left.map(|left| left.as_secs_f64());
             fields.insert("seconds_left".into(), json!(seconds));
@@ -78,47 +81,49 @@ impl Progress {
         self.console.event("progress", fields);
     }
 
-    /// Wall time since this piece of work began here.
+    /// Returns the wall time since the start of the task.
     pub fn elapsed(&self) -> Duration {
-        self.began.elapsed()
+        self.start.elapsed()
     }
 
-    /// Takes the bar off the terminal.
+    /// Removes the bar from the terminal.
     pub fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
-    /// Time that the rest takes at the pace so far, once there is a pace.
-    fn left(&self, share: f64) -> Option<Duration> {
-        (share > 1e-6).then(|| self.elapsed().mul_f64(((1.0 - share) / share).clamp(0.0, 1e9)))
+    /// Estimates the remaining time; `None` at the very beginning.
+    fn left(&self, fraction: f64) -> Option<Duration> {
+        (fraction > 1e-6)
+            .then(|| self.elapsed().mul_f64(((1.0 - fraction) / fraction).clamp(0.0, 1e9)))
     }
 }
 
-impl Drop for Progress {
+impl Drop for ConsoleProgress {
     fn drop(&mut self) {
         self.finish();
     }
 }
 
-impl ProgressMeter for Progress {
+impl ProgressMeter for ConsoleProgress {
     fn advance(&mut self, fraction: f64, label: &dyn Mark) {
-        Progress::advance(self, fraction, label);
+        ConsoleProgress::advance(self, fraction, label);
     }
 
     fn elapsed(&self) -> Duration {
-        Progress::elapsed(self)
+        ConsoleProgress::elapsed(self)
     }
 
     fn finish(&self) {
-        Progress::finish(self);
+        ConsoleProgress::finish(self);
     }
 }
 
-fn whole(share: f64, parts: u64) -> u64 {
-    // A share that should be exactly k/parts may be a rounding error below it.
-    (share.clamp(0.0, 1.0) * parts as f64 + 1e-9) as u64
+/// Returns the number of whole parts in a fraction of a task.
+fn whole(fraction: f64, parts: u64) -> u64 {
+    // A fraction that should be exactly k/parts may be a rounding error below it.
+    (fraction.clamp(0.0, 1.0) * parts as f64 + 1e-9) as u64
 }
 
 fn left_text(left: Option<Duration>) -> String {
@@ -130,9 +135,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tenths_are_not_missed_by_rounding() {
+    fn rounding_misses_no_tenth() {
         assert_eq!(whole(0.1 + 0.2, 10), 3);
         assert_eq!((1..=50).filter(|i| whole(*i as f64 / 50.0, 50) != *i).count(), 0);
         assert_eq!(whole(7.0, 10), 10);
     }
 }
+
+pub use ConsoleProgress as Progress;

@@ -252,6 +252,7 @@ impl Session {
         let kept = self.case.checkpoint(model, state, BTreeMap::new());
         let path = self.files.checkpoint();
         checkpoint::write(&path, &kept)?;
+        crate::panic_hook::set_checkpoint(path.clone());
         self.console.event("checkpoint", json!({ "step": self.engine.state().step, "path": path }));
         Ok(())
     }

@@ -9,4 +9,4 @@ mod source;
 mod squeezes;
 
 pub use run_page::page;
-pub use source::{Source, of_run};
+pub use source::{ReportSource, run_files};

@@ -1,4 +1,4 @@
-//! Compactness cell by cell over a vertical section along the track.
+//! Maps of the compactness in cells of a vertical section along the track.
 
 use crate::plot::{HeatMap, Legend};
 use crate::section;
@@ -8,28 +8,28 @@ use ballast::model::{Model, Role};
 use ballast::observe::{self, Zone};
 use ballast::state::State;
 
-/// The cells: edges along x and z, and the extent across the track, m.
+/// Grid of cells: edges along x and z, and extent across the track, m.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grid {
+pub struct CompactnessGrid {
     pub x: Vec<f64>,
     pub z: Vec<f64>,
     pub y: [f64; 2],
 }
 
-/// Most cells along an edge: more says nothing on a page and costs time in long tracks.
-const MOST: usize = 36;
+/// Maximum number of cells along an edge.
+const MAX_CELLS: usize = 36;
 
-impl Grid {
-    /// Cells of about `cell` m over the whole box of a bed up to `top`.
+impl CompactnessGrid {
+    /// Creates cells of about `cell` m over the box of a bed up to `top`.
     pub fn over(size: &Vec3, top: f64, y: [f64; 2], cell: f64) -> Self {
         let edges = |length: f64| -> Vec<f64> {
-            let count = ((length / cell).round() as usize).clamp(1, MOST);
+            let count = ((length / cell).round() as usize).clamp(1, MAX_CELLS);
             (0..=count).map(|k| length * k as f64 / count as f64).collect()
         };
         Self { x: edges(size.x), z: edges(top), y }
     }
 
-    /// The map of bodies at `poses` `[nb]`; cells that driven bodies fill are absent.
+    /// Draws the map of bodies at `poses` `[nb]`; cells that driven bodies fill are absent.
     pub fn map(&self, title: &str, model: &Model, poses: &[Pose], legend: &Legend) -> String {
         let mut state = State::default();
         poses.iter().for_each(|pose| state.push(*pose));
@@ -51,7 +51,7 @@ impl Grid {
         let outlines = self.outlines(model, poses);
         HeatMap { title, x: self.x.clone(), z: self.z.clone(), values, outlines }.svg(legend)
     }
-    /// Sleepers and tines, cut in the middle of the cells.
+    /// Returns sleepers and tines, cut in the middle of the cells.
     fn outlines(&self, model: &Model, poses: &[Pose]) -> Vec<Vec<[f64; 2]>> {
         let middle = 0.5 * (self.y[0] + self.y[1]);
         let top = self.z.last().copied().unwrap_or(0.0);

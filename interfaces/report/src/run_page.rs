@@ -1,29 +1,32 @@
-//! The report of a run: one page for an engineer, from the files that the run left.
+//! Report of a run: one page from the files of the run.
 //!
-//! Reads: results, checkpoint and summary of a run. Writes: a page. Contract: the page is a function of these
-//! files; everything in it was measured by the run or is measured here on its states.
+//! Reads: results, checkpoint and summary of a run. Writes: a page. Contract: the page is a function of these files; all
+//! figures were measured by the run or are measured here on its states.
 
 use crate::charts;
-use crate::maps::Grid;
-use crate::plot::{Chart, Legend, Mark, Page};
-use crate::section::Section;
-use crate::source::Source;
+use crate::maps::CompactnessGrid;
+use crate::plot::{Chart, HtmlPage, Legend, SeriesStyle};
+use crate::section::BedSection;
+use crate::source::ReportSource;
 use crate::squeezes::squeezes;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{PartitionRule, Role, Solver};
 use ballast::observe::{SqueezeOutcome, TOUCH};
 use ballast::track::TampingPhase;
-use ballast_session::Outcome;
+use ballast_session::Result;
 use ballast_session::record::Column;
 use ballast_session::summary_text;
-use ballast_session::table::{Table, figure};
+use ballast_session::table::{TextTable, figure};
 
-/// The page of a run.
-pub fn page(source: &Source) -> Outcome<Page> {
+/// Returns the report of a run.
+///
+/// # Errors
+/// A table of steps that does not fit the case.
+pub fn page(source: &ReportSource) -> Result<HtmlPage> {
     let plan = &source.case.plan;
-    let followed = &source.summary.setting().followed;
-    let squeezes = squeezes(plan, &source.model, followed, &source.rows)?;
-    let mut page = Page::new(&format!("Tamping of {}", plan.name));
+    let tracked = &source.summary.settings().tracked;
+    let squeezes = squeezes(plan, &source.model, tracked, &source.rows)?;
+    let mut page = HtmlPage::new(&format!("Tamping of {}", plan.name));
     introduction(source, &mut page);
     pictures(source, &mut page);
     compactness(source, &mut page);
@@ -35,11 +38,11 @@ pub fn page(source: &Source) -> Outcome<Page> {
     Ok(page)
 }
 
-fn period(source: &Source) -> usize {
-    source.summary.setting().period
+fn period(source: &ReportSource) -> usize {
+    source.summary.settings().period
 }
 
-fn introduction(source: &Source, page: &mut Page) {
+fn introduction(source: &ReportSource, page: &mut HtmlPage) {
     let (summary, steps) = (&source.summary, source.case.steps());
     let time = summary.last().map_or(0.0, |row| row.get(Column::Time));
     page.text(&format!(
@@ -52,33 +55,33 @@ fn introduction(source: &Source, page: &mut Page) {
         let beyond = match source.beyond {
             0 => String::new(),
             steps => format!(
-                " {steps} more steps that it recorded are left out: they are computed again when it is resumed."
+                " {steps} further recorded steps are omitted; a resumed run computes them again."
             ),
         };
         page.text(&format!(
-            "This run has not come to its end: what follows goes to its last checkpoint, which is what \"end\" means here.{beyond}"
+            "This run is unfinished: the report ends at its last checkpoint.{beyond}"
         ));
     }
     let mut cards = Vec::new();
-    let zones = summary.setting().zones.iter().zip(&summary.compactness);
+    let zones = summary.settings().zones.iter().zip(&summary.compactness);
     for (name, [before, after]) in zones.filter(|(name, _)| name.starts_with("under")) {
         let note = format!("{before:.3} before, {}", summary_text::change(*before, *after));
         cards.push([format!("compactness {name}"), format!("{after:.3}"), note]);
     }
-    let tines = summary.setting().followed.iter().zip(&summary.bodies);
+    let tines = summary.settings().tracked.iter().zip(&summary.bodies);
     let peak = tines
         .filter(|(f, _)| f.role == Role::Tine)
         .filter_map(|(tine, figures)| Some((tine, figures.period_peak?)))
         .max_by(|a, b| a.1.total_cmp(&b.1))
-        // Nothing has touched a tine yet.
+        // Without contact of a tine.
         .filter(|(_, force)| *force > 0.0);
     if let Some((tine, force)) = peak {
         let value = format!("{} kN", figure(1e-3 * force, 3));
-        cards.push(["largest tine force".into(), value, format!("{}, period mean", tine.name)]);
+        cards.push(["largest tine force".into(), value, format!("{}, period-averaged", tine.name)]);
     }
     let percent =
-        |value: f64| format!("{} %", figure(100.0 * value / summary.setting().grain_size, 2));
-    let largest = format!("{} at most; aim 0.1 %, 5 %", percent(summary.max_penetration.max()));
+        |value: f64| format!("{} %", figure(100.0 * value / summary.settings().grain_size, 2));
+    let largest = format!("maximum {}; targets 0.1 %, 5 %", percent(summary.max_penetration.max()));
     cards.push(["mean penetration / d".into(), percent(summary.mean_penetration.mean()), largest]);
     cards.push([
         "steps not converged".into(),
@@ -98,41 +101,39 @@ fn tolerance(solver: &Solver) -> String {
     })
 }
 
-/// Where the plane of the pictures stands, m: through a tine, else a sleeper, else the middle.
-fn plane(source: &Source) -> f64 {
+/// Returns the plane of the pictures, m: through a tine, else a sleeper, else the middle.
+fn plane(source: &ReportSource) -> f64 {
     let plan = &source.case.plan;
     let tine = plan.tines.first().map(|tine| tine.position[1]);
     let sleeper = plan.sleepers.first().map(|sleeper| sleeper.centre[1]);
     tine.or(sleeper).unwrap_or(0.5 * plan.bed.size.y)
 }
 
-/// How far each grain is from where it was in the first frame `[ng]`, mm.
-fn displacements(source: &Source, first: &[Pose]) -> Vec<f64> {
+/// Returns the displacement of each grain since the first frame `[ng]`, mm.
+fn displacements(source: &ReportSource, first: &[Pose]) -> Vec<f64> {
     let last = &source.state.position[..source.model.grains.len()];
     last.iter().zip(first).map(|(p, q)| 1e3 * (p - q.position).norm()).collect()
 }
 
-fn last_poses(source: &Source) -> Vec<Pose> {
+fn last_poses(source: &ReportSource) -> Vec<Pose> {
     (0..source.model.body_count()).map(|b| source.state.pose(b)).collect()
 }
 
-fn pictures(source: &Source, page: &mut Page) {
+fn pictures(source: &ReportSource, page: &mut HtmlPage) {
     page.heading("The bed");
     let Some(first) = source.frames.first() else {
-        page.note(
-            "The case asks for no frames (run.output_interval_s = 0): there is nothing to draw.",
-        );
+        page.note("No pictures: the case has no frames (run.output_interval_s = 0).");
         return;
     };
     let values = displacements(source, &first.poses);
     let mut sorted = values.clone();
     sorted.sort_by(f64::total_cmp);
-    // One stone thrown out of the bed must not make all others look at rest.
+    // One grain thrown out of the bed must not hide the displacements of all others.
     let high = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(1.0).max(1e-3);
     let legend =
         Legend { low: 0.0, high, label: "displacement of the grain, start to end (mm)".into() };
     let bed = &source.case.plan.bed;
-    let section = Section {
+    let section = BedSection {
         model: &source.model,
         y: plane(source),
         low: [0.0, 0.0],
@@ -148,14 +149,14 @@ fn pictures(source: &Source, page: &mut Page) {
     drawings.push(section.picture("End", &last_poses(source)));
     page.figures(&drawings);
     page.note(&format!(
-        "Vertical section along the track at y = {} m through the true polyhedra; sleeper and tines as solids. Stones that \
-         seem to float are held by others beside the plane. A tenth of the grains moved farther than the last shade says.",
+        "Vertical section along the track at y = {} m through the true polyhedra; sleeper and tines as solids. Grains \
+         that seem to float rest on others outside the plane. A tenth of the grains moved farther than the last shade.",
         figure(section.y, 3)
     ));
 }
 
-/// The picture ends a little above the fill and the sleepers.
-fn picture_top(source: &Source) -> f64 {
+/// Returns the upper edge of the pictures, a little above fill and sleepers, m.
+fn picture_top(source: &ReportSource) -> f64 {
     let plan = &source.case.plan;
     let preparation = &plan.bed.preparation;
     let blocks = plan.sleepers.iter().flat_map(|s| &s.blocks).map(|b| b.size.z);
@@ -163,10 +164,10 @@ fn picture_top(source: &Source) -> f64 {
     preparation.fill_level.max(block) + 2.5 * plan.bed.grains.mean_size()
 }
 
-fn compactness(source: &Source, page: &mut Page) {
+fn compactness(source: &ReportSource, page: &mut HtmlPage) {
     page.heading("Compactness");
     let bands = charts::phases(&source.rows);
-    if !source.summary.setting().zones.is_empty() {
+    if !source.summary.settings().zones.is_empty() {
         page.figure(&charts::compactness(source, &bands).svg());
     }
     let plan = &source.case.plan;
@@ -178,7 +179,7 @@ fn compactness(source: &Source, page: &mut Page) {
     let y = y.unwrap_or([0.0, plan.bed.size.y]);
     let d = plan.bed.grains.mean_size();
     let top = plan.bed.preparation.fill_level + d;
-    let grid = Grid::over(&plan.bed.size, top, y, 0.75 * d);
+    let grid = CompactnessGrid::over(&plan.bed.size, top, y, 0.75 * d);
     let legend = Legend { low: 0.1, high: 0.7, label: "compactness of the cell".into() };
     let map = |title: &str, poses: &[Pose]| grid.map(title, &source.model, poses, &legend);
     let mut drawings = Vec::new();
@@ -193,8 +194,8 @@ fn compactness(source: &Source, page: &mut Page) {
     drawings.push(map("End", &last_poses(source)));
     page.figures(&drawings);
     page.note(&format!(
-        "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} x {} mm hold few stones, so single \
-         cells scatter. Brown: filled by sleeper or tines, whose outlines are drawn; blank: no stone.",
+        "Mean over y from {} to {} m, exact volumes of clipped polyhedra. Cells of {} x {} mm contain few grains, so single \
+         cells scatter. Brown: filled by sleeper or tines, whose outlines are drawn; blank: no grain.",
         figure(y[0], 3),
         figure(y[1], 3),
         figure(1e3 * grid.x[1], 2),
@@ -204,9 +205,9 @@ fn compactness(source: &Source, page: &mut Page) {
     page.figure(&charts::coordination(source, &bands).svg());
 }
 
-fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
+fn forces(source: &ReportSource, squeezes: &[SqueezeOutcome], page: &mut HtmlPage) {
     let bands = charts::phases(&source.rows);
-    let has = |role| source.summary.setting().followed.iter().any(|f| f.role == role);
+    let has = |role| source.summary.settings().tracked.iter().any(|f| f.role == role);
     if !has(Role::Tine) && !has(Role::Sleeper) {
         return;
     }
@@ -218,10 +219,10 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
         page.figure(&charts::forces(source, Role::Sleeper, "Force on sleepers", &bands).svg());
     }
     page.note(&match charts::force_window(source) {
-        1 if period(source) == 1 => "Size of the force in each step.".into(),
-        1 => format!("Size of the force in each step: these are fewer than a vibration period has ({}).", period(source)),
+        1 if period(source) == 1 => "Force magnitude of each step.".into(),
+        1 => format!("Force magnitude of each step; the run is shorter than a vibration period ({} steps).", period(source)),
         steps => format!(
-            "Size of the mean force over a vibration period ({steps} steps). Single steps jump; their peaks are in the table."
+            "Force averaged over a vibration period ({steps} steps), magnitude. The table has the peaks of single steps."
         ),
     });
     if !squeezes.is_empty() {
@@ -232,15 +233,15 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
         );
         for squeeze in squeezes {
             let points = squeeze.record.loop_points.iter().map(|p| [1e3 * p[0], 1e-3 * p[1]]);
-            chart = chart.with(&squeeze.name, points.collect(), Mark::Points);
+            chart = chart.with(&squeeze.name, points.collect(), SeriesStyle::Points);
         }
         page.figure(&chart.svg());
         page.table(&squeeze_table(squeezes));
         page.note(&format!(
-            "One point per vibration period (28 ms without vibration), or per few of them: mean force of a side along x against how far it has \
-             closed in the mean. A squeeze is what is seen in the tines' motion: from where a pair is widest before it \
-             closes to where it opens again. Compaction energy is the area under the loop as far as it closes, both sides; \
-             work counts all directions and the vibration. Touched: since when the mean force of a side is above {TOUCH} N."
+            "One point per vibration period (28 ms without vibration) or per few periods: mean force of a side along x over its \
+             mean closing. A squeeze lasts from the widest position of a pair before it closes until it opens again. \
+             Compaction energy is the area under the loop while closing, both sides; work includes all directions and the \
+             vibration. Onset: first time with a mean force of a side above {TOUCH} N."
         ));
     }
     for table in &summary_text::tables(&source.summary)[2..4] {
@@ -248,20 +249,20 @@ fn forces(source: &Source, squeezes: &[SqueezeOutcome], page: &mut Page) {
     }
 }
 
-fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
+fn squeeze_table(squeezes: &[SqueezeOutcome]) -> TextTable {
     let header = [
-        "touched (s)",
-        "closing at touch (mm)",
+        "onset (s)",
+        "closing at onset (mm)",
         "peak force (kN)",
         "closing at peak (mm)",
-        "farthest closing (mm)",
+        "max closing (mm)",
         "compaction energy (J)",
         "work (J)",
     ];
-    let mut table = Table::new("pair", header);
+    let mut table = TextTable::new("pair", header);
     for SqueezeOutcome { name, record, .. } in squeezes {
         let farthest = record.loop_points.iter().map(|point| point[0]).fold(0.0, f64::max);
-        let onset = record.onset_ns.map_or("never".into(), |t| format!("{:.3}", t as f64 * 1e-9));
+        let onset = record.onset_ns.map_or("-".into(), |t| format!("{:.3}", t as f64 * 1e-9));
         table.row([
             format!("{name}, squeeze {}", record.number),
             onset,
@@ -276,7 +277,7 @@ fn squeeze_table(squeezes: &[SqueezeOutcome]) -> Table {
     table
 }
 
-fn quality(source: &Source, page: &mut Page) {
+fn quality(source: &ReportSource, page: &mut HtmlPage) {
     page.heading("Quality of the solution");
     let bands = charts::phases(&source.rows);
     page.figure(&charts::penetration(source, &bands).svg());
@@ -285,29 +286,29 @@ fn quality(source: &Source, page: &mut Page) {
     page.table(&summary_text::tables(&source.summary)[5]);
 }
 
-fn energy(source: &Source, page: &mut Page) {
+fn energy(source: &ReportSource, page: &mut HtmlPage) {
     page.heading("Energy");
     let bands = charts::phases(&source.rows);
     for chart in charts::energy(source, &bands) {
         page.figure(&chart.svg());
     }
     page.table(&summary_text::tables(&source.summary)[4]);
-    page.note("Balance error: what the ledger cannot account for; zero for an exact integrator.");
+    page.note("Balance error: energy that the ledger leaves unaccounted for; zero for an exact integrator.");
 }
 
-fn profile(source: &Source, page: &mut Page) {
-    page.heading("Where the time went");
+fn profile(source: &ReportSource, page: &mut HtmlPage) {
+    page.heading("Wall time");
     match charts::profile(source) {
         Some(bars) => page.figure(&bars.svg()),
-        None => page.note("The run has not ended: its profile is not known."),
+        None => page.note("No profile: the run is unfinished."),
     }
 }
 
-fn provenance(source: &Source, page: &mut Page) {
+fn provenance(source: &ReportSource, page: &mut HtmlPage) {
     page.heading("Settings and provenance");
     let plan = &source.case.plan;
     let (stepping, solver) = (&source.model.stepping, &source.model.solver);
-    let mut table = Table::new("what", ["value"]);
+    let mut table = TextTable::new("setting", ["value"]);
     let size = |v: &Vec3| format!("{} × {} × {} m", v.x, v.y, v.z);
     let vibration = plan.tamping.map(|t| t.vibration);
     for (name, value) in [
@@ -327,23 +328,23 @@ fn provenance(source: &Source, page: &mut Page) {
         ),
         ("time step", format!("{} ms", figure(1e3 * stepping.h(), 4))),
         ("θ", stepping.theta.to_string()),
-        ("alert distance", format!("{} mm", figure(1e3 * stepping.detection_distance, 3))),
+        ("detection distance", format!("{} mm", figure(1e3 * stepping.detection_distance, 3))),
         ("schedule", solver.schedule.name().into()),
         ("subdomains", partition(&solver.partition)),
-        ("max. iterations", format!("{} in each attempt at a step", solver.max_iterations)),
+        ("max. iterations", format!("{} per solve pass", solver.max_iterations)),
         ("tolerance", tolerance(solver)),
         ("warm start factor", solver.warm_start_factor.to_string()),
         (
             "penetration correction",
             solver.penetration_correction.map_or("none".into(), |r| {
-                format!("{} in a step, beyond {} µm", r.factor, figure(1e6 * r.slop, 3))
+                format!("factor {}, slop {} µm", r.factor, figure(1e6 * r.slop, 3))
             }),
         ),
     ] {
         table.row([name.to_string(), value]);
     }
     page.table(&table);
-    page.details("The case file", &source.case.text);
+    page.details("Case file", &source.case.text);
 }
 
 fn partition(rule: &PartitionRule) -> String {

@@ -1,14 +1,14 @@
-//! The bed cut by a vertical plane along the track: true polyhedra, sleepers and tines.
+//! Section of the bed in a vertical plane along the track: true polyhedra, sleepers and tines.
 //!
 //! Reads: model, poses. Cost: O(edges). Contract: a convex body leaves one convex polygon.
 
-use crate::plot::{Legend, Outline, Scene};
+use crate::plot::{Legend, Outline, OutlineDrawing};
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{Model, Part, Role};
 use ballast_session::table::figure;
 
-/// The polygon (x, z) in which the plane `y` cuts a body; fewer than three corners: it does not.
+/// Returns the polygon (x, z) in which the plane `y` cuts a body; fewer than three corners if it does not.
 pub fn cut(body: &Polyhedron, pose: &Pose, y: f64) -> Vec<[f64; 2]> {
     let corners: Vec<Vec3> = body.vertices.iter().map(|v| pose.point(v)).collect();
     let mut crossings: Vec<[f64; 2]> = (body.edges.iter())
@@ -29,22 +29,22 @@ pub fn cut(body: &Polyhedron, pose: &Pose, y: f64) -> Vec<[f64; 2]> {
     crossings
 }
 
-/// What a picture of the bed shows.
-pub struct Section<'a> {
+/// Section of the bed, with shaded grains.
+pub struct BedSection<'a> {
     pub model: &'a Model,
-    /// Of the plane, m.
+    /// Position of the plane, m.
     pub y: f64,
-    /// Picture's corners in x and z, m.
+    /// Corners of the picture in x and z, m.
     pub low: [f64; 2],
     pub high: [f64; 2],
-    /// What grains are shaded by `[ng]`, in which unit, and how.
+    /// Values that grains are shaded by `[ng]`.
     pub values: &'a [f64],
     pub unit: &'a str,
     pub legend: &'a Legend,
 }
 
-impl Section<'_> {
-    /// The picture of the bodies at `poses` `[nb]`.
+impl BedSection<'_> {
+    /// Draws the bodies at `poses` `[nb]`.
     pub fn picture(&self, title: &str, poses: &[Pose]) -> String {
         let mut outlines = Vec::new();
         let model = self.model;
@@ -52,8 +52,8 @@ impl Section<'_> {
             let corners = cut(&model.shapes[shape as usize], &poses[grain], self.y);
             let value = self.values[grain];
             let class = format!("grain s{}", self.legend.shade(value));
-            let said = format!("grain {grain}: {value:.1} {}", self.unit);
-            self.add(corners, class, said, &mut outlines);
+            let tooltip = format!("grain {grain}: {value:.1} {}", self.unit);
+            self.add(corners, class, tooltip, &mut outlines);
         }
         let grains = outlines.len();
         let mut tools: Vec<&str> = vec![];
@@ -71,23 +71,24 @@ impl Section<'_> {
                 tools.push(&body.name);
             }
         }
-        let mut spoken = format!("section at y = {} m, {grains} stones", figure(self.y, 3));
-        tools.iter().for_each(|name| spoken += &format!(", {name}"));
+        let mut description = format!("section at y = {} m, {grains} stones", figure(self.y, 3));
+        tools.iter().for_each(|name| description += &format!(", {name}"));
         let Legend { low, high, label } = self.legend;
-        spoken += &format!("; shades: {label}, {} to {}", figure(*low, 2), figure(*high, 2));
+        description += &format!("; shades: {label}, {} to {}", figure(*low, 2), figure(*high, 2));
         let title = title.to_string();
-        Scene { title, spoken, low: self.low, high: self.high, outlines }.svg(Some(self.legend))
+        OutlineDrawing { title, description, low: self.low, high: self.high, outlines }
+            .svg(Some(self.legend))
     }
 
-    fn add(&self, corners: Vec<[f64; 2]>, class: String, said: String, out: &mut Vec<Outline>) {
+    fn add(&self, corners: Vec<[f64; 2]>, class: String, tooltip: String, out: &mut Vec<Outline>) {
         let corners = below(&corners, self.high[1]);
         if corners.len() > 2 {
-            out.push(Outline { corners, class, said });
+            out.push(Outline { corners, class, tooltip });
         }
     }
 }
 
-/// The polygons in which the plane `y` cuts the parts of driven body `d` at `poses` `[nb]`.
+/// Returns the polygons in which the plane `y` cuts the parts of driven body `d` at `poses` `[nb]`.
 pub fn cuts(model: &Model, d: usize, poses: &[Pose], y: f64) -> Vec<Vec<[f64; 2]>> {
     let convex = |part: &Part| match part {
         Part::Convex { shape, pose } => {
@@ -100,7 +101,7 @@ pub fn cuts(model: &Model, d: usize, poses: &[Pose], y: f64) -> Vec<Vec<[f64; 2]
     cuts.filter(|corners| corners.len() > 2).collect()
 }
 
-/// The part of a convex polygon below the upper edge of the picture.
+/// Returns the part of a convex polygon below the upper edge of the picture.
 pub fn below(corners: &[[f64; 2]], z: f64) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(corners.len() + 1);
     for (k, a) in corners.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What a report is made of: the files of a run, read back.
+//! Sources of a report: the files of a run.
 
 use ballast::math::Pose;
 use ballast::model::Model;
@@ -10,103 +10,114 @@ use ballast_hdf5::results::{Reader, Table};
 use ballast_session::Reporter;
 use ballast_session::case::{self, Case, CaseOverrides};
 use ballast_session::files::RunFiles;
-use ballast_session::record::{Column, Row};
+use ballast_session::record::{Column, StepRow};
 use ballast_session::recorder::{self, STEPS, TOGETHER, ZONES};
-use ballast_session::summary::{Setting, Summary};
-use ballast_session::{Failure, Outcome};
+use ballast_session::summary::{Summary, SummarySettings};
+use ballast_session::{Failure, Result};
 use serde_json::Value;
 use std::path::Path;
 
-/// How near to the end of a phase, over its length, a picture is one of its end.
-const NEAR: f64 = 0.2;
+/// Distance of a picture from the end of a phase that counts as its end, over the length of the phase.
+const END_TOLERANCE: f64 = 0.2;
 
-/// A run, as its files tell it.
-pub struct Source {
+/// Contents of the files of a run.
+pub struct ReportSource {
+    /// Case of the run.
     pub case: Case,
+    /// Model in the checkpoint.
     pub model: Model,
-    /// The state of the last checkpoint, with which everything here ends.
+    /// State of the last checkpoint, at which the report ends.
     pub state: State,
-    /// Steps that were recorded after it, by a run that was killed.
+    /// Number of steps recorded after the checkpoint by a killed run.
     pub beyond: usize,
-    /// One row per step.
-    pub rows: Vec<Row>,
-    /// Time and compactness of each zone, the state's last.
+    /// Rows of the table `steps`.
+    pub rows: Vec<StepRow>,
+    /// Rows of the table `zones`: time and compactness of each zone.
     pub zones: Vec<Vec<f64>>,
-    pub frames: Vec<Frame>,
+    /// Frames up to the checkpoint.
+    pub frames: Vec<ReportFrame>,
+    /// Summary up to the checkpoint.
     pub summary: Summary,
+    /// Program that wrote the results.
     pub program: String,
+    /// Key of the bed.
     pub bed_key: String,
+    /// Hash of the state in the checkpoint.
     pub state_hash: String,
-    /// Of the process that ended the run; none for runs that have not ended.
+    /// Timings of the process that finished the run; `None` for unfinished runs.
     pub timing: Option<Value>,
 }
 
-/// Where all bodies were at a moment.
-pub struct Frame {
-    /// s.
+/// Poses of all bodies at one time.
+pub struct ReportFrame {
+    /// Time, s.
     pub time: f64,
+    /// Phase of the cycle.
     pub phase: TampingPhase,
-    /// `[nb]`.
+    /// Poses of the bodies `[nb]`.
     pub poses: Vec<Pose>,
 }
 
-impl Source {
-    /// Reads a run.
-    pub fn open(files: &RunFiles, console: &dyn Reporter) -> Outcome<Self> {
+impl ReportSource {
+    /// Reads the files of a run.
+    ///
+    /// # Errors
+    /// Files that are missing, damaged or of different runs.
+    pub fn open(files: &RunFiles, console: &dyn Reporter) -> Result<Self> {
         let (results, at) = (files.results(), files.checkpoint());
         if !results.exists() && at.exists() && case::is_served(&checkpoint::read(&at)?) {
-            let what = "it is not there, a served run leaves none; `ballast serve --record FILE`, then \
-                        `ballast replay FILE`, make one for ParaView and `ballast export`";
+            let what = "no such file, since a served run writes no results; record it with `ballast serve --record FILE` and \
+                        run `ballast replay FILE`";
             return Err(Failure::at(&results, what));
         }
         let reader = Reader::open(&results)?;
         if !at.exists() {
-            let what = "it is not there, and the shapes of the bodies are in it; a replay leaves none, nor does a run that was \
-                 killed before its first";
+            let what = "no such file, but the shapes of the bodies are in it; replays and runs killed before their first checkpoint \
+                 have none";
             return Err(Failure::at(&at, what));
         }
-        let kept = checkpoint::read(&at)?;
-        if kept.kind != Kind::Run {
+        let stored = checkpoint::read(&at)?;
+        if stored.kind != Kind::Run {
             return Err(Failure::at(
                 &at,
-                format!("expected a run's, found a {}", kept.kind.name()),
+                format!("expected the checkpoint of a run, found a {}", stored.kind.name()),
             ));
         }
-        let state_hash = format!("{:032x}", ballast_hdf5::state_hash(&kept.model, &kept.state));
-        let choices = CaseOverrides::from_notes(&kept.extra)?;
-        let case = case::parse(kept.case_text, &kept.case_name, &choices, console)?;
+        let state_hash = format!("{:032x}", ballast_hdf5::state_hash(&stored.model, &stored.state));
+        let choices = CaseOverrides::from_notes(&stored.extra)?;
+        let case = case::parse(stored.case_text, &stored.case_name, &choices, console)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
-        if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &kept.state)? {
+        if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &stored.state)? {
             return Err(Failure::at(&results, format!("{what}; {TOGETHER}")));
         }
-        let mut summary = Summary::new(Setting::of(&case, &kept.model));
-        recorder::check_tables(&results, &case, &kept.model, &steps, &zones)?;
-        let (model, state) = (&kept.model, &kept.state);
+        let mut summary = Summary::new(SummarySettings::for_case(&case, &stored.model));
+        recorder::check_tables(&results, &case, &stored.model, &steps, &zones)?;
+        let (model, state) = (&stored.model, &stored.state);
         let done = summary.take_tables(&steps, &zones, state.step) as usize;
         let beyond = steps.steps.len().saturating_sub(done);
         let table = |table: &Table, rows: usize| -> Vec<Vec<f64>> {
             table.rows.chunks_exact(table.columns.len()).take(rows).map(<[f64]>::to_vec).collect()
         };
-        let rows: Vec<Row> = table(&steps, done).into_iter().map(Row).collect();
+        let rows: Vec<StepRow> = table(&steps, done).into_iter().map(StepRow).collect();
         let upto = zones.steps.iter().filter(|step| **step <= state.step).count();
         let measured = recorder::compactness(model, state, &track::zones(&case.plan));
         let mut zones = table(&zones, upto);
-        // Between two outputs, or where the case asks for none.
+        // The state lies between two outputs, or the case has no output.
         if zones.last().is_none_or(|row| row[0] < state.time()) {
             summary.take_zones(&measured);
             zones.push([vec![state.time()], measured].concat());
         }
         summary.lost = Some(lost_grains(model, state));
         let frames = frames(&reader, &rows, state, &results)?;
-        // That of a run that was gone on with is about an earlier state.
-        let told = files.told_summary().filter(|told| told["state_hash"] == state_hash);
-        let timing = told.map(|mut summary| summary["timing"].take());
+        // After a resume the summary may belong to an earlier state.
+        let summary_file = files.told_summary().filter(|file| file["state_hash"] == state_hash);
+        let timing = summary_file.map(|mut summary| summary["timing"].take());
         Ok(Self {
             program: reader.about("program")?,
             bed_key: reader.about("key")?,
             case,
-            model: kept.model,
-            state: kept.state,
+            model: stored.model,
+            state: stored.state,
             beyond,
             rows,
             zones,
@@ -117,21 +128,24 @@ impl Source {
         })
     }
 
-    /// The last frame of a phase, and a title for it: an end only where it is near that of a phase that is over.
-    pub fn end_of(&self, phase: TampingPhase) -> Option<(String, &Frame)> {
+    /// Returns the last frame of a phase with a title, "End of" only if it is near the end of a finished phase.
+    pub fn end_of(&self, phase: TampingPhase) -> Option<(String, &ReportFrame)> {
         let frame = self.frames.iter().rev().find(|frame| frame.phase == phase)?;
         let times =
             || self.rows.iter().filter(|row| row.phase() == phase).map(|r| r.get(Column::Time));
         let (first, last) = (times().next()?, times().next_back()?);
         let is_over = self.rows.last().is_some_and(|row| row.phase() != phase);
-        let is_near = last - frame.time <= NEAR * (last - first);
+        let is_near = last - frame.time <= END_TOLERANCE * (last - first);
         let where_in = if is_over && is_near { "End of" } else { "In" };
         Some((format!("{where_in} the {}, {:.3} s", phase.name(), frame.time), frame))
     }
 }
 
-/// The files of the run in a folder, or of the one that a file belongs to.
-pub fn of_run(path: &Path) -> Outcome<RunFiles> {
+/// Returns the files of the run in a folder, or of the run that a file belongs to.
+///
+/// # Errors
+/// A path that belongs to no run.
+pub fn run_files(path: &Path) -> Result<RunFiles> {
     if path.is_dir() {
         return RunFiles::of_given(path);
     }
@@ -146,7 +160,12 @@ pub fn of_run(path: &Path) -> Outcome<RunFiles> {
     Err(Failure::at(path, what))
 }
 
-fn frames(reader: &Reader, rows: &[Row], state: &State, path: &Path) -> Outcome<Vec<Frame>> {
+fn frames(
+    reader: &Reader,
+    rows: &[StepRow],
+    state: &State,
+    path: &Path,
+) -> Result<Vec<ReportFrame>> {
     let bodies = state.position.len();
     let times = reader.times()?;
     let mut frames = Vec::with_capacity(times.len());
@@ -159,10 +178,10 @@ fn frames(reader: &Reader, rows: &[Row], state: &State, path: &Path) -> Outcome<
             let what = format!("frame {k}: expected {bodies} bodies, found {}", poses.len());
             return Err(Failure::at(path, what));
         }
-        // The first frame is that before the first step.
+        // The first frame precedes the first step.
         let row = step.checked_sub(1).and_then(|k| rows.get(k as usize));
-        let phase = row.map_or(TampingPhase::Waiting, Row::phase);
-        frames.push(Frame { time, phase, poses });
+        let phase = row.map_or(TampingPhase::Waiting, StepRow::phase);
+        frames.push(ReportFrame { time, phase, poses });
     }
     Ok(frames)
 }

@@ -5,7 +5,7 @@ use crate::Reporter;
 use crate::case::Case;
 use crate::interrupt;
 use crate::table::duration;
-use crate::{Failure, Outcome};
+use crate::{Failure, Result};
 use ballast::model::Model;
 use ballast::observe::mean_speed;
 use ballast::state::State;
@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// Prepares the bed of a case unless it is there; `again` prepares it anyway.
-pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) -> Outcome {
+pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) -> Result {
     let beds = BedStore::new(folder);
     let kept = if again { None } else { beds.find(&case.plan)? };
     let (prepared, bed) = found_or_made(kept, || make(case, &beds, console))?;
@@ -26,13 +26,13 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) 
 }
 
 /// Model and state at the start of a case's run; the bed is prepared if it is not there.
-pub fn scene(case: &Case, folder: &Path, console: &dyn Reporter) -> Outcome<(Model, State)> {
+pub fn scene(case: &Case, folder: &Path, console: &dyn Reporter) -> Result<(Model, State)> {
     let beds = BedStore::new(folder);
     scene_of(case, &beds, console, || make(case, &beds, console))
 }
 
 /// The same for one of many that are prepared at a time, so without a bar.
-pub fn one_of_many(case: &Case, folder: &Path, console: &dyn Reporter) -> Outcome<(Model, State)> {
+pub fn one_of_many(case: &Case, folder: &Path, console: &dyn Reporter) -> Result<(Model, State)> {
     let beds = BedStore::new(folder);
     let make = || unless_stopped(beds.prepare(case, &mut |_| interrupt::flow())?);
     scene_of(case, &beds, console, make)
@@ -42,15 +42,15 @@ fn scene_of(
     case: &Case,
     beds: &BedStore,
     console: &dyn Reporter,
-    make: impl FnOnce() -> Outcome<Bed>,
-) -> Outcome<(Model, State)> {
+    make: impl FnOnce() -> Result<Bed>,
+) -> Result<(Model, State)> {
     let (prepared, bed) = found_or_made(beds.find(&case.plan)?, make)?;
     announce(case, beds, &bed, prepared, console);
     Ok(ballast_beds::scene(&case.plan, bed)?)
 }
 
 /// Whether it is made now, and the bed.
-fn found_or_made(kept: Option<Bed>, make: impl FnOnce() -> Outcome<Bed>) -> Outcome<(bool, Bed)> {
+fn found_or_made(kept: Option<Bed>, make: impl FnOnce() -> Result<Bed>) -> Result<(bool, Bed)> {
     Ok(match kept {
         Some(bed) => (false, bed),
         None => (true, make()?),
@@ -76,7 +76,7 @@ fn announce(case: &Case, beds: &BedStore, bed: &Bed, prepared: bool, console: &d
 }
 
 /// Prepares a bed and keeps it.
-fn make(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Outcome<Bed> {
+fn make(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Result<Bed> {
     let mut progress = console.start_progress("bed");
     let mut pace = PreparationProgress::default();
     let mut watch = |done: &DepositProgress| {
@@ -94,7 +94,7 @@ fn make(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Outcome<Bed> {
     Ok(bed)
 }
 
-fn unless_stopped(bed: Option<Bed>) -> Outcome<Bed> {
+fn unless_stopped(bed: Option<Bed>) -> Result<Bed> {
     let text = "stopped while preparing the bed; the next call prepares it from the start";
     bed.ok_or_else(|| Failure::Interrupted(text.into()))
 }

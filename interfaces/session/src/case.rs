@@ -2,7 +2,7 @@
 
 use crate::Reporter;
 use crate::files::{Ours, ours, read_case, start_of};
-use crate::{Failure, Outcome};
+use crate::{Failure, Result};
 use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
@@ -26,7 +26,7 @@ pub fn is_served(kept: &Checkpoint) -> bool {
 }
 
 /// Reads a case file; warnings go to the console.
-pub fn load(path: &Path, choices: &CaseOverrides, console: &dyn Reporter) -> Outcome<Case> {
+pub fn load(path: &Path, choices: &CaseOverrides, console: &dyn Reporter) -> Result<Case> {
     let found = ours(&start_of(path, 64)).map(|ours| match ours {
         Ours::Sealed => "a checkpoint or a bed; `ballast resume` goes on from a checkpoint",
         Ours::Hdf5 => {
@@ -49,7 +49,7 @@ pub fn recorded(
     given: Option<&Path>,
     choices: CaseOverrides,
     console: &dyn Reporter,
-) -> Outcome<Case> {
+) -> Result<Case> {
     let meta = windows.meta();
     let choices = choices.or(CaseOverrides::from_notes(&meta.choices)?);
     match given {
@@ -68,19 +68,14 @@ pub fn recorded(
 }
 
 /// Reads a case from its text; `name` is what messages call the file.
-pub fn parse(
-    text: String,
-    name: &str,
-    choices: &CaseOverrides,
-    console: &dyn Reporter,
-) -> Outcome<Case> {
+pub fn parse(text: String, name: &str, choices: &CaseOverrides, console: &dyn Reporter) -> Result<Case> {
     let case = Case::parse(text, name)?.with_overrides(*choices);
     case.warnings.iter().for_each(|warning| console.warning(&warning.to_string()));
     Ok(case)
 }
 
 /// The case as a component at `state`.
-pub fn component(case: &Case, model: Arc<Model>, state: State) -> Outcome<Component> {
+pub fn component(case: &Case, model: Arc<Model>, state: State) -> Result<Component> {
     case.component(model, state, Limits::default()).map_err(|e| invalid(case, e))
 }
 

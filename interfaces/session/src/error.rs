@@ -32,7 +32,8 @@ pub enum Failure {
     Interrupted(String),
 }
 
-pub type Outcome<T = ()> = Result<T, Failure>;
+/// Result of a fallible operation of the program.
+pub type Result<T = (), E = Failure> = std::result::Result<T, E>;
 
 impl Failure {
     /// Something went wrong with `path`.
@@ -110,7 +111,7 @@ impl From<ballast_scenario::OverrideError> for Failure {
 impl From<ballast_beds::Error> for Failure {
     fn from(error: ballast_beds::Error) -> Self {
         use ballast_beds::Error;
-        let hint = "delete it, or prepare it again with `ballast prepare CASE --force` (and the same `--beds`)";
+        let hint = "delete it, or prepare it again with `ballast prepare CASE --force` (and the same `--bed-cache`)";
         match error {
             Error::Read(e) => Failure::from(e).with(&format!("; {hint}")),
             Error::Write(e) => e.into(),

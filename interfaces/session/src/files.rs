@@ -1,7 +1,7 @@
 //! The files of one run, side by side in one folder.
 
 use crate::case;
-use crate::{Failure, Outcome};
+use crate::{Failure, Result};
 use ballast_hdf5::checkpoint;
 use ballast_hdf5::results::Reader;
 use ballast_mcap::may_become_a_recording;
@@ -38,13 +38,13 @@ impl RunFiles {
     }
 
     /// The files of a run that begins in `folder`.
-    pub fn begun_in(folder: impl Into<PathBuf>) -> Outcome<Self> {
+    pub fn begun_in(folder: impl Into<PathBuf>) -> Result<Self> {
         Self::in_folder(folder).claimed("wait for it, or choose another folder with --out")
     }
 
     /// The same, to be written by this process alone; the folder is made. `or` is what can be done while another
     /// writes there.
-    pub fn claimed(self, or: &str) -> Outcome<Self> {
+    pub fn claimed(self, or: &str) -> Result<Self> {
         let file = self.lock_file()?;
         match file.try_lock() {
             Ok(()) => Ok(self.owning(file)),
@@ -58,7 +58,7 @@ impl RunFiles {
     }
 
     /// The same, when its turn has come.
-    pub fn claimed_in_turn(self) -> Outcome<Self> {
+    pub fn claimed_in_turn(self) -> Result<Self> {
         let file = self.lock_file()?;
         // A file system that knows no locks has no turns.
         Ok(if file.lock().is_ok() { self.owning(file) } else { self })
@@ -73,7 +73,7 @@ impl RunFiles {
         Self { _claim: Some(Arc::new(lock)), ..self }
     }
 
-    fn lock_file(&self) -> Outcome<File> {
+    fn lock_file(&self) -> Result<File> {
         create_folder(&self.folder)?;
         // Of its own, and open to be written: so it holds over a network, too.
         let path = self.folder.join(LOCK);
@@ -82,7 +82,7 @@ impl RunFiles {
     }
 
     /// The files of the run whose folder is given for one of them; refuses a folder that holds no run.
-    pub fn of_given(folder: &Path) -> Outcome<Self> {
+    pub fn of_given(folder: &Path) -> Result<Self> {
         let files = Self::in_folder(folder);
         if files.is_there() {
             return Ok(files);
@@ -163,7 +163,7 @@ impl RunFiles {
     }
 
     /// Refuses a file of the run for something else.
-    pub fn refuse_own(&self, path: &Path) -> Outcome {
+    pub fn refuse_own(&self, path: &Path) -> Result {
         let beside = [LOCK, SPARE].map(|name| self.folder.join(name));
         let own = [self.results(), self.checkpoint(), self.summary(), self.report()];
         if own.iter().chain(&beside).any(|file| same_file(file, path)) {
@@ -175,7 +175,7 @@ impl RunFiles {
 
     /// Refuses a file of the run, and one that cannot be written, for a recording of it: before a bed is prepared, and anything
     /// removed.
-    pub fn may_record(&self, path: Option<&Path>) -> Outcome {
+    pub fn may_record(&self, path: Option<&Path>) -> Result {
         let Some(path) = path else { return Ok(()) };
         self.refuse_own(path)?;
         may_become_a_recording(path)?;
@@ -183,7 +183,7 @@ impl RunFiles {
     }
 
     /// Refuses a folder where a run stopped before its end; `or` is what else can be done than to go on with it.
-    pub fn refuse_unfinished(&self, or: &str) -> Outcome {
+    pub fn refuse_unfinished(&self, or: &str) -> Result {
         if !self.is_unfinished() {
             return Ok(());
         }
@@ -211,7 +211,7 @@ impl RunFiles {
 
     /// Refuses a folder that holds the finished run of another case: who changes a copy of a case and leaves its name does
     /// not mean to lose that.
-    pub fn refuse_another(&self, case_text: &str) -> Outcome {
+    pub fn refuse_another(&self, case_text: &str) -> Result {
         let results = self.results();
         let text_of = || Reader::open(&results)?.about("case_text");
         match self.whole_summary().map(|_| text_of()) {
@@ -226,7 +226,7 @@ impl RunFiles {
     }
 
     /// Refuses a folder that holds a finished run, which a replay would take the place of: no replay leaves a checkpoint.
-    pub fn refuse_run(&self) -> Outcome {
+    pub fn refuse_run(&self) -> Result {
         if self.whole_summary().is_none() || !self.checkpoint().exists() {
             return Ok(());
         }
@@ -237,19 +237,19 @@ impl RunFiles {
     }
 
     /// Removes the final figures of a run that is gone on with, and the page about it.
-    pub fn forget_end(&self) -> Outcome {
+    pub fn forget_end(&self) -> Result {
         remove(&self.summary())?;
         self.remove_report()
     }
 
     /// Removes the page about the run; one that somebody else has put there is no report.
-    fn remove_report(&self) -> Outcome {
+    fn remove_report(&self) -> Result {
         let report = self.report();
         if begins_with(&report, PAGE_START.as_bytes()) { remove(&report) } else { Ok(()) }
     }
 
     /// Removes what an earlier run left, so that no old file passes for one of the new run.
-    pub fn remove_all(&self) -> Outcome {
+    pub fn remove_all(&self) -> Result {
         [self.summary(), self.checkpoint(), self.results()].iter().try_for_each(|f| remove(f))?;
         self.remove_report()
     }
@@ -266,7 +266,7 @@ pub fn typed(word: impl AsRef<OsStr>) -> String {
 }
 
 /// Removes a file, if it is there.
-fn remove(file: &Path) -> Outcome {
+fn remove(file: &Path) -> Result {
     match std::fs::remove_file(file) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
             Err(Failure::at(file, format!("cannot replace it: {e}")))
@@ -304,7 +304,7 @@ fn place(path: &Path) -> Option<(PathBuf, OsString)> {
 }
 
 /// Refuses files of a command line, by what each is for, of which two are one: the second would cost the first.
-pub fn expect_apart(files: &[(&str, Option<&Path>)]) -> Outcome {
+pub fn expect_apart(files: &[(&str, Option<&Path>)]) -> Result {
     let given: Vec<(&str, &Path)> =
         files.iter().filter_map(|(what, path)| Some((*what, (*path)?))).collect();
     for (k, (what, path)) in given.iter().enumerate() {
@@ -317,7 +317,7 @@ pub fn expect_apart(files: &[(&str, Option<&Path>)]) -> Outcome {
 }
 
 /// Makes a folder and those above it.
-pub fn create_folder(folder: &Path) -> Outcome {
+pub fn create_folder(folder: &Path) -> Result {
     std::fs::create_dir_all(folder)
         .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
 }
@@ -356,17 +356,17 @@ pub fn ours(start: &[u8]) -> Option<Ours> {
 }
 
 /// Reads a text file of at most `limit` bytes.
-pub fn read_text(path: &Path, limit: u64) -> Outcome<String> {
+pub fn read_text(path: &Path, limit: u64) -> Result<String> {
     read(path, limit, Failure::Failed)
 }
 
 /// The same of a text that says what is to be run.
-pub fn read_case(path: &Path, limit: u64) -> Outcome<String> {
+pub fn read_case(path: &Path, limit: u64) -> Result<String> {
     read(path, limit, Failure::InvalidCase)
 }
 
 /// Reads a sample.
-pub fn read_sample(path: &Path) -> Outcome<Sample> {
+pub fn read_sample(path: &Path) -> Result<Sample> {
     let text = read_text(path, sample::MAX_SAMPLE_BYTES)?;
     let read = sample::read(&text, &path.display().to_string());
     let sample = read.map_err(|e| Failure::InvalidCase(e.to_string()))?;
@@ -375,7 +375,7 @@ pub fn read_sample(path: &Path) -> Outcome<Sample> {
     Ok(sample)
 }
 
-fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<String> {
+fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Result<String> {
     let file = File::open(path).map_err(|e| Failure::at(path, e))?;
     ballast_scenario::read_text(file, limit).map_err(|e| match e {
         ReadError::NotUtf8(line) => {
@@ -387,13 +387,28 @@ fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Outcome<Str
 }
 
 /// Replaces a text file in one go: readers see the old text or the new one, never a part.
-pub fn replace_text(path: &Path, text: &str) -> Outcome {
+pub fn replace_text(path: &Path, text: &str) -> Result {
     let replaced = ballast_hdf5::replace(path, &[text.as_bytes()]);
     replaced.map_err(|e| Failure::from(e).with("; what was there before is kept"))
 }
 
+/// Returns a table as CSV; values with commas or quotes are quoted.
+pub fn csv_text<R>(columns: &[impl AsRef<str>], rows: impl IntoIterator<Item = R>) -> String
+where
+    R: IntoIterator,
+    R::Item: AsRef<[u8]>,
+{
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let written = writer
+        .write_record(columns.iter().map(AsRef::as_ref))
+        .and_then(|()| rows.into_iter().try_for_each(|row| writer.write_record(row)));
+    written.expect("rows have one value per column");
+    let bytes = writer.into_inner().expect("memory can be written");
+    String::from_utf8(bytes).expect("values are text")
+}
+
 /// Refuses a path that [`replace_text`] could not write: before the work whose result goes there.
-pub fn writable(path: &Path) -> Outcome {
+pub fn writable(path: &Path) -> Result {
     ballast_hdf5::replaceable(path).map_err(|e| Failure::at(path, e))
 }
 

@@ -10,6 +10,7 @@ pub mod interrupt;
 pub mod lock;
 pub mod machine;
 pub mod profile;
+pub mod quantities;
 pub mod record;
 pub mod recorder;
 mod reporter;
@@ -19,5 +20,5 @@ pub mod summary_text;
 pub mod table;
 pub mod threads;
 
-pub use error::{Failure, Outcome};
+pub use error::{Failure, Result};
 pub use reporter::{ProgressLabel, ProgressMeter, Reporter};

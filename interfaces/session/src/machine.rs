@@ -1,6 +1,6 @@
 //! The tamping machine of a case, which moves the bodies of a model step by step.
 
-use crate::Outcome;
+use crate::Result;
 use crate::case::{self, Case};
 use crate::profile::Profile;
 use ballast::drive::{SpeedLimit, StepInputs};
@@ -30,7 +30,7 @@ impl Machine {
         state: &mut State,
         workspace: &mut Workspace,
         watch: &mut Profile,
-    ) -> Outcome<(StepReport, Vec<Pose>)> {
+    ) -> Result<(StepReport, Vec<Pose>)> {
         let mut targets = Vec::new();
         self.cycle.targets(model, state, &mut targets);
         let inputs = StepInputs {
@@ -46,7 +46,7 @@ impl Machine {
 }
 
 /// The case's cycle, and whether the state belongs to it.
-pub fn cycle(case: &Case, model: &Model, state: &State) -> Outcome<TampingCycle> {
+pub fn cycle(case: &Case, model: &Model, state: &State) -> Result<TampingCycle> {
     let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
     cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;
     Ok(cycle)

@@ -3,9 +3,9 @@
 
 use crate::case::Case;
 use crate::files::RunFiles;
-use crate::record::{self, Followed};
-use crate::summary::{Asked, Setting, Summary};
-use crate::{Failure, Outcome};
+use crate::record::{self, TrackedBody};
+use crate::summary::{Summary, SummarySettings, Targets};
+use crate::{Failure, Result};
 use ballast::model::Model;
 use ballast::observe::{self, Zone};
 use ballast::state::State;
@@ -30,7 +30,7 @@ pub const TOGETHER: &str =
 /// The open records of a run.
 pub struct Recorder {
     zones: Vec<Zone>,
-    followed: Vec<Followed>,
+    tracked: Vec<TrackedBody>,
     results: Background,
     /// Whether the case asks for geometry.
     frames: bool,
@@ -39,7 +39,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Starts the records of what comes after `state`.
-    pub fn create(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+    pub fn create(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
         let meta = Meta {
             case_name: case.plan.name.clone(),
             case_text: case.text.clone(),
@@ -48,16 +48,16 @@ impl Recorder {
         };
         let writer = Writer::create(files.results(), model, &meta)?;
         let mut recorder = Self::open(writer, case, model)?;
-        recorder.summary = recorder.summary.after(state);
+        recorder.summary = recorder.summary.starting_at(state);
         Ok(recorder)
     }
 
     /// Takes the records of a run up at `state`; later ones are cut off.
-    pub fn reopen(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+    pub fn reopen(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
         Self::taken_up(files, case, model, state).map_err(|e| e.with(&format!("; {TOGETHER}")))
     }
 
-    fn taken_up(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Outcome<Self> {
+    fn taken_up(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
         let path = files.results();
         // First: the file may have to be put right before anything reads it.
         results::mend(&path)?;
@@ -75,15 +75,15 @@ impl Recorder {
         Ok(recorder)
     }
 
-    fn open(writer: Writer, case: &Case, model: &Model) -> Outcome<Self> {
+    fn open(writer: Writer, case: &Case, model: &Model) -> Result<Self> {
         let zones = track::zones(&case.plan);
-        let followed = record::followed(model);
-        let summary = Summary::new(Setting::of(case, model));
+        let tracked = record::tracked(model);
+        let summary = Summary::new(SummarySettings::for_case(case, model));
         let mut results = Background::new(writer, WAITING);
-        declare(&mut results, STEPS, &record::columns(&followed))?;
+        declare(&mut results, STEPS, &record::columns(&tracked))?;
         declare(&mut results, ZONES, &zone_columns(&zones))?;
         let frames = case.plan.run.output_ns > 0;
-        Ok(Self { zones, followed, results, frames, summary })
+        Ok(Self { zones, tracked, results, frames, summary })
     }
 
     /// Records a step.
@@ -93,17 +93,17 @@ impl Recorder {
         state: &State,
         report: &StepReport,
         phase: TampingPhase,
-    ) -> Outcome {
+    ) -> Result {
         let coordination = observe::coordination(model, state);
         let h = model.stepping.h();
-        let row = record::row(h, state, report, phase, &coordination, &self.followed);
+        let row = record::row(h, state, report, phase, &coordination, &self.tracked);
         self.results.append(STEPS, state.step, &row.0)?;
         self.summary.take_step(&row);
         Ok(())
     }
 
     /// Records the zones, and the geometry if the case asks for it.
-    pub fn observe(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Outcome {
+    pub fn observe(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result {
         let compactness = compactness(model, state, &self.zones);
         self.summary.take_zones(&compactness);
         let mut row = vec![state.time()];
@@ -123,7 +123,7 @@ impl Recorder {
     }
 
     /// Makes sure that no kill from here on costs a record.
-    pub fn secure(&mut self) -> Outcome {
+    pub fn secure(&mut self) -> Result {
         Ok(self.results.secure()?)
     }
 
@@ -142,7 +142,7 @@ pub fn of_another_run(
     steps: &Table,
     case: &Case,
     state: &State,
-) -> Outcome<Option<String>> {
+) -> Result<Option<String>> {
     if reader.about("case_text")? != case.text {
         let (expected, found) = (&case.plan.name, reader.about("case_name")?);
         let text =
@@ -173,12 +173,12 @@ pub fn check_tables(
     model: &Model,
     steps: &Table,
     zones: &Table,
-) -> Outcome {
-    check_columns(path, STEPS, steps, &record::columns(&record::followed(model)))?;
+) -> Result {
+    check_columns(path, STEPS, steps, &record::columns(&record::tracked(model)))?;
     check_columns(path, ZONES, zones, &zone_columns(&track::zones(&case.plan)))
 }
 
-fn check_columns(path: &Path, name: &str, table: &Table, expected: &[(String, String)]) -> Outcome {
+fn check_columns(path: &Path, name: &str, table: &Table, expected: &[(String, String)]) -> Result {
     if table.columns == expected {
         return Ok(());
     }
@@ -201,21 +201,20 @@ pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Vec<f64> {
     zones.iter().map(|zone| measured(zone).map_or(f64::NAN, |found| found.compactness)).collect()
 }
 
-impl Setting {
-    /// What the case says beforehand of a run of `model`.
-    pub fn of(case: &Case, model: &Model) -> Self {
-        let followed = record::followed(model);
+impl SummarySettings {
+    /// Returns the settings of a run of `model`.
+    pub fn for_case(case: &Case, model: &Model) -> Self {
+        let tracked = record::tracked(model);
         let cycle = track::TampingCycle::new(&case.plan, model).ok();
-        let asked = |body: &Followed| {
+        let targets = |body: &TrackedBody| {
             let mut tines = cycle.iter().flat_map(|cycle| cycle.tines());
             let tine = tines.find(|tine| tine.body == body.driven)?;
-            let (lowest, closing, direction) = (tine.deep, tine.stroke, tine.direction);
-            Some(Asked { lowest, closing, direction })
+            Some(Targets { depth_z: tine.deep, closing: tine.stroke, direction: tine.direction })
         };
         Self {
-            asked: followed.iter().map(asked).collect(),
+            targets: tracked.iter().map(targets).collect(),
             has_tolerance: model.solver.tolerance.is_some(),
-            followed,
+            tracked,
             zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),
             period: steps_per_period(&case.plan),
             grain_size: case.plan.bed.grains.mean_size(),
@@ -229,7 +228,7 @@ fn steps_per_period(plan: &Plan) -> usize {
     period.map_or(1, |period| (period / plan.run.stepping.h()).round().clamp(1.0, 1e6) as usize)
 }
 
-fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Outcome {
+fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Result {
     let columns: Vec<(&str, &str)> = columns.iter().map(|(n, u)| (&n[..], &u[..])).collect();
     Ok(results.series(name, &columns)?)
 }

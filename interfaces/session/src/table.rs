@@ -5,11 +5,11 @@ use std::time::Duration;
 
 /// A table under a title; the first column is left-aligned, the others right-aligned.
 #[derive(Debug, Clone, Default)]
-pub struct Table {
+pub struct TextTable {
     rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl TextTable {
     /// A table whose header line is `header`; its first word is the title.
     pub fn new<S: Into<String>>(title: &str, header: impl IntoIterator<Item = S>) -> Self {
         let mut first = vec![title.to_string()];
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn columns_align_also_with_letters_of_two_bytes() {
-        let mut table = Table::new("zone", ["φ", "after"]);
+        let mut table = TextTable::new("zone", ["φ", "after"]);
         table.row(["under the sleeper", "0.5812", "0.61"]);
         table.row(["crib", "0.5", "0.4"]);
         assert_eq!(
@@ -104,7 +104,7 @@ mod tests {
              under the sleeper  0.5812   0.61\n\
              crib                  0.5    0.4\n"
         );
-        assert_eq!(Table::new("empty", ["x"]).text(), "");
+        assert_eq!(TextTable::new("empty", ["x"]).text(), "");
     }
 
     #[test]

@@ -1,19 +1,17 @@
-//! `ballast bench ...`: what the program costs, measured.
+//! `ballast bench ...`: measurements of the performance.
 
-use crate::console::Console;
-use crate::exit::Outcome;
-use ballast_benches::args::Bench;
-use ballast_benches::{cost, detection, iterations, kernel, sample, step, subdomains, tables};
+use ballast_benches::args::BenchCommand;
+use ballast_session::{Reporter, Result};
 
-pub fn bench(what: Bench, console: Console) -> Outcome {
-    match what {
-        Bench::Sample(args) => sample::sample(args, &console),
-        Bench::Kernel(args) => kernel::kernel(&args, &console),
-        Bench::Detection(args) => detection::detection(&args, &console),
-        Bench::Step(args) => step::step(&args, &console),
-        Bench::Tables(args) => tables::tables(&args, &console),
-        Bench::Cost(args) => cost::cost(&args, &console),
-        Bench::Subdomains(args) => subdomains::subdomains(&args, &console),
-        Bench::Iterations(args) => iterations::iterations(&args, &console),
+pub fn bench(command: BenchCommand, console: &dyn Reporter) -> Result {
+    match command {
+        BenchCommand::Sample(args) => ballast_benches::sample(args, console),
+        BenchCommand::Kernel(args) => ballast_benches::kernel(&args, console),
+        BenchCommand::Detection(args) => ballast_benches::detection(&args, console),
+        BenchCommand::Step(args) => ballast_benches::step(&args, console),
+        BenchCommand::Hoang2012(args) => ballast_benches::hoang2012(&args, console),
+        BenchCommand::WorkPrecision(args) => ballast_benches::work_precision(&args, console),
+        BenchCommand::Subdomains(args) => ballast_benches::subdomains(&args, console),
+        BenchCommand::Convergence(args) => ballast_benches::convergence(&args, console),
     }
 }

@@ -1,15 +1,15 @@
 //! `ballast check CASE`: what a case asks for, or everything that is wrong with it.
 
-use crate::args::Check;
+use crate::args::CheckArgs;
 use crate::case::{self, CaseOverrides};
 use crate::console::Console;
-use crate::exit::Outcome;
 use crate::table::figure;
 use ballast::track::TampingPhase;
 use ballast::track::plan::{Plan, TampingPlan};
+use ballast_session::Result;
 use serde_json::json;
 
-pub fn check(args: Check, console: Console) -> Outcome {
+pub fn check(args: CheckArgs, console: Console) -> Result {
     let case = case::load(&args.case, &CaseOverrides::default(), &console)?;
     console.result(&text(&case.plan));
     let run = &case.plan.run;

@@ -1,14 +1,14 @@
 //! `ballast export RESULTS --out DIR`: tables and shapes that need no HDF5.
 
 use super::given::Expected;
-use crate::args::Export;
+use crate::args::ExportArgs;
 use crate::console::Console;
-use crate::exit::Outcome;
 use crate::files::RunFiles;
 use ballast_hdf5::Error;
+use ballast_session::Result;
 use serde_json::json;
 
-pub fn export(args: Export, console: Console) -> Outcome {
+pub fn export(args: ExportArgs, console: Console) -> Result {
     let results = Expected::Results.file(&args.results)?;
     let run = RunFiles::beside(&results);
     let files = ballast_hdf5::export::export(&results, &args.out);

@@ -1,7 +1,7 @@
 //! Which of our files is given, where one of them is expected.
 
-use crate::exit::{Failure, Outcome};
 use crate::files::{Ours, RunFiles, ours, start_of};
+use ballast_session::{Failure, Result};
 use std::path::{Path, PathBuf};
 
 /// A file of ours that HDF5 or our own reader is to open.
@@ -22,7 +22,7 @@ impl Expected {
     }
 
     /// The file that is `given`, or that of the run whose folder is given; what is clearly something else is refused.
-    pub fn file(self, given: &Path) -> Outcome<PathBuf> {
+    pub fn file(self, given: &Path) -> Result<PathBuf> {
         let path = match self {
             _ if !given.is_dir() => given.to_path_buf(),
             Self::Checkpoint => RunFiles::of_given(given)?.checkpoint(),

@@ -1,10 +1,9 @@
 //! `ballast replay FILE`: the case's bed, moved by a recording.
 
-use crate::args::{Replay, TimeName};
+use crate::args::{ReplayArgs, TimeName};
 use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::engine::Engine;
-use crate::exit::{Failure, Outcome};
 use crate::files::{RunFiles, expect_apart};
 use crate::playback::Playback;
 use crate::session::{self, Session};
@@ -14,18 +13,19 @@ use ballast::state::State;
 use ballast::track::TampingCycle;
 use ballast_mcap::motion::{self, Motion, TimeOf};
 use ballast_mcap::recording::{self, Windows};
+use ballast_session::{Failure, Result};
 use std::path::Path;
 
-pub fn replay(args: Replay, console: Console) -> Outcome {
+pub fn replay(args: ReplayArgs, console: Console) -> Result {
     interrupt::install()?;
     expect_apart(&[("the recording", Some(&args.file)), ("--record", args.record.as_deref())])?;
     // Read before the bed is prepared: a wrong file is to be told at once.
     let is_ours = recording::is_ours(&args.file)?;
     let ours = is_ours.then(|| Windows::open(&args.file)).transpose()?;
     let (windows, posed) = if args.map.is_empty() { (ours, None) } else { (None, ours) };
-    if windows.is_some() && (args.rebase || args.time.is_some()) {
+    if windows.is_some() && (args.allow_jump || args.time.is_some()) {
         let text = format!(
-            "{}: --time and --rebase are for poses; this recording holds the windows of a run (--map TOPIC=BODY \
+            "{}: --time and --allow-jump are for poses; this recording holds the windows of a run (--map TOPIC=BODY \
              takes its poses instead)",
             args.file.display()
         );
@@ -55,7 +55,7 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
         Some(windows) => Source::Windows(Box::new(windows)),
         None => Source::Poses(poses(&args, &case, posed.is_some(), console)?),
     };
-    let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
+    let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     // Of the case's own beginning, wherever the recording begins.
     let cycle = machine::cycle(&case, &model, &state)?;
     let (model, state, playback) = match source {
@@ -65,14 +65,14 @@ pub fn replay(args: Replay, console: Console) -> Outcome {
             (model, state, playback)
         }
         Source::Poses(motion) => {
-            let playback = Playback::of_motion(&args.file, motion, args.rebase);
+            let playback = Playback::of_motion(&args.file, motion, args.allow_jump);
             (model, state, playback)
         }
     };
     // Before an earlier replay is removed.
     let engine = moved(&args, &case, (model, state), cycle, playback)?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.run(args.until.steps, args.until.expect)
+    session.run(args.stop.steps, args.stop.expect_hash)
 }
 
 /// What moves the bodies.
@@ -83,15 +83,15 @@ enum Source {
 
 /// The scene moved by a recording, which leads through a step at least where one is asked for.
 fn moved(
-    args: &Replay,
+    args: &ReplayArgs,
     case: &Case,
     (model, state): (Model, State),
     cycle: TampingCycle,
     playback: Playback,
-) -> Outcome<Engine> {
+) -> Result<Engine> {
     let mut engine = Engine::recording(case, model, state, cycle, playback)?;
-    session::expect_ahead(args.until.steps, engine.state().step)?;
-    if args.until.steps != Some(engine.state().step) {
+    session::expect_ahead(args.stop.steps, engine.state().step)?;
+    if args.stop.steps != Some(engine.state().step) {
         engine.expect_a_step()?;
     }
     Ok(engine)
@@ -109,7 +109,7 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Play
 }
 
 /// Poses in recordings of ours are where bodies were; what a replay moves is what holds them.
-fn warn_of_mounts(args: &Replay, model: &Model, console: Console) {
+fn warn_of_mounts(args: &ReplayArgs, model: &Model, console: Console) {
     let yields =
         |name: &String| model.driven.iter().any(|body| body.name == *name && body.mount.is_some());
     let bent: Vec<&str> = args
@@ -130,7 +130,7 @@ fn warn_of_mounts(args: &Replay, model: &Model, console: Console) {
 }
 
 /// The motions of a recording of poses. What no stone decides is told before a bed is poured, which may take an hour.
-fn poses(args: &Replay, case: &Case, of_ours: bool, console: Console) -> Outcome<Motion> {
+fn poses(args: &ReplayArgs, case: &Case, of_ours: bool, console: Console) -> Result<Motion> {
     let (model, state) = ballast_beds::empty_scene(&case.plan)?;
     if of_ours {
         warn_of_mounts(args, &model, console);
@@ -148,7 +148,7 @@ fn poses(args: &Replay, case: &Case, of_ours: bool, console: Console) -> Outcome
     for warning in motion.warnings.iter().chain(&lack) {
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
-    let playback = Playback::of_motion(&args.file, motion.clone(), args.rebase);
+    let playback = Playback::of_motion(&args.file, motion.clone(), args.allow_jump);
     let cycle = machine::cycle(case, &model, &state)?;
     moved(args, case, (model, state), cycle, playback)?;
     Ok(motion)

@@ -1,18 +1,18 @@
-//! `ballast report RUN`: a page about a run.
+//! `ballast report RUN`: HTML report of a run.
 
-use crate::args::Report;
+use crate::args::ReportArgs;
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::files::{PAGE_START, begins_with, may_replace, replace_text};
-use ballast_report::{self as report, Source};
+use ballast_report::{self as report, ReportSource};
+use ballast_session::{Failure, Result};
 use serde_json::json;
 
-pub fn report(args: Report, console: Console) -> Outcome {
-    let files = report::of_run(&args.run)?;
+pub fn report(args: ReportArgs, console: Console) -> Result {
+    let files = report::run_files(&args.run)?;
     let path = args.out.unwrap_or_else(|| files.report());
     may_replace(&path, "a page", || begins_with(&path, PAGE_START.as_bytes()))
         .map_err(|e| Failure::at(&path, e))?;
-    let source = Source::open(&files, &console).map_err(|e| files.unread(e))?;
+    let source = ReportSource::open(&files, &console).map_err(|e| files.unread(e))?;
     let html = report::page(&source)?.html();
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));

@@ -1,15 +1,15 @@
-//! `ballast resume CHECKPOINT`: goes on where a run stopped.
+//! `ballast resume CHECKPOINT`: continues an interrupted run.
 
 use super::given::Expected;
-use crate::args::Resume;
+use crate::args::ResumeArgs;
 use crate::console::Console;
-use crate::exit::Outcome;
 use crate::interrupt;
 use crate::session::Session;
+use ballast_session::Result;
 
-pub fn resume(args: Resume, console: Console) -> Outcome {
+pub fn resume(args: ResumeArgs, console: Console) -> Result {
     interrupt::install()?;
     let checkpoint = Expected::Checkpoint.file(&args.checkpoint)?;
-    let session = Session::resume(&checkpoint, args.until.steps, console)?;
-    session.run(args.until.steps, args.until.expect)
+    let session = Session::resume(&checkpoint, args.stop.steps, console)?;
+    session.run(args.stop.steps, args.stop.expect_hash)
 }

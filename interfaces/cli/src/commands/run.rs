@@ -1,17 +1,17 @@
 //! `ballast run CASE`: bed, cycle, results.
 
-use crate::args::{DumpProblems, Run};
+use crate::args::{DumpArgs, RunArgs};
 use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
-use crate::exit::Outcome;
 use crate::files::RunFiles;
 use crate::session::Session;
 use crate::{beds, interrupt, machine};
+use ballast_session::Result;
 use std::path::Path;
 
-pub fn run(args: Run, console: Console) -> Outcome {
+pub fn run(args: RunArgs, console: Console) -> Result {
     interrupt::install()?;
     let case = case::load(&args.case, &CaseOverrides::from(&args.overrides), &console)?;
     let folder = args.out.unwrap_or_else(|| Path::new("runs").join(&case.plan.name));
@@ -22,14 +22,14 @@ pub fn run(args: Run, console: Console) -> Outcome {
     }
     // Before a bed is prepared, and anything that is there replaced.
     files.may_record(args.record.as_deref())?;
-    let DumpProblems { dump_problems, dump_every, dump_phases } = args.dump;
+    let DumpArgs { dump_problems, dump_every, dump_phases } = args.dump;
     let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
     let dump = dump.transpose()?;
-    let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
+    let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     let cycle = machine::cycle(&case, &model, &state)?;
     // Rather than when the first checkpoint is written.
     model.check().map_err(|e| case::invalid(&case, e))?;
     let engine = Engine::machine(model, state, cycle);
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
-    session.dumping(dump).run(args.until.steps, args.until.expect)
+    session.dumping(dump).run(args.stop.steps, args.stop.expect_hash)
 }

@@ -1,10 +1,10 @@
 //! `ballast schema`: the JSON Schema of case files, for editors; or of what is said over a network, for partners.
 
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
+use ballast_session::{Failure, Result};
 use serde_json::json;
 
-pub fn schema(protocol: bool, console: Console) -> Outcome {
+pub fn schema(protocol: bool, console: Console) -> Result {
     let schema = match protocol {
         true => ballast_protocol::schema::control_plane(),
         false => ballast_scenario::schema(),

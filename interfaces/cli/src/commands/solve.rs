@@ -3,20 +3,20 @@
 //! Time is that of the solution: reading a file and making `W` out of bodies is outside the clock.
 
 use super::solve_table::{Row, csv, performance_profile, profile_csv, profile_page, report, table};
-use crate::args::Solve;
+use crate::args::SolveArgs;
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::files::{expect_apart, may_replace, replace_text};
 use crate::profile::cpu_time;
 use ballast::nlgs::solution::{self, SolutionSettings};
 use ballast_hdf5::fclib;
+use ballast_session::{Failure, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// What a folder of problems is solved to.
 const TOLERANCES: [f64; 3] = [1e-4, 1e-6, 1e-8];
 
-pub fn solve(args: Solve, console: Console) -> Outcome {
+pub fn solve(args: SolveArgs, console: Console) -> Result {
     if let Some(tolerance) = args.tolerance.filter(|t| !(*t > 0.0 && t.is_finite())) {
         return Err(Failure::Usage(format!("--tolerance {tolerance}: expected a number above 0")));
     }
@@ -74,7 +74,7 @@ fn is_page(path: &Path) -> bool {
 }
 
 /// The HDF5 files of a folder, by name.
-fn problems_in(folder: &Path) -> Outcome<Vec<PathBuf>> {
+fn problems_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(|e| Failure::at(folder, e))?;
     let mut files = Vec::new();
     for entry in entries {
@@ -102,9 +102,9 @@ fn solve_file(
     file: &Path,
     name: &str,
     tolerances: &[f64],
-    args: &Solve,
+    args: &SolveArgs,
     console: Console,
-) -> Outcome<Vec<Row>> {
+) -> Result<Vec<Row>> {
     let problem = fclib::read(file)?;
     let mut rows = Vec::new();
     for &tolerance in tolerances {
@@ -128,7 +128,7 @@ fn solve_file(
 }
 
 /// Says what came out, and writes the tables that were asked for.
-fn finish(args: &Solve, rows: &[Row], console: Console) -> Outcome {
+fn finish(args: &SolveArgs, rows: &[Row], console: Console) -> Result {
     match rows {
         [row] if !args.file.is_dir() => console.result(&report(row)),
         _ => console.result(&table(rows)),

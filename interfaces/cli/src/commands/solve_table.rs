@@ -1,8 +1,8 @@
 //! What solving problems gave, as text and tables.
 
-use crate::table::{Table, figure};
+use crate::table::{TextTable, figure};
 use ballast::nlgs::solution::Solution;
-use ballast_report::plot::{Chart, Mark, Page};
+use ballast_report::plot::{Chart, HtmlPage, SeriesStyle};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -69,7 +69,7 @@ pub fn table(rows: &[Row]) -> String {
 }
 
 /// One line for each solution.
-fn lines(rows: &[Row]) -> Table {
+fn lines(rows: &[Row]) -> TextTable {
     let header = [
         "contacts",
         "method",
@@ -83,7 +83,7 @@ fn lines(rows: &[Row]) -> Table {
         "FCLIB",
         "unit-free",
     ];
-    let mut table = Table::new("problem", header);
+    let mut table = TextTable::new("problem", header);
     for row in rows {
         let Solution { errors, .. } = &row.solution;
         table.row([
@@ -173,7 +173,7 @@ pub fn profile_csv(profiles: &[Profile]) -> String {
 
 /// The profile as curves, with the table it is made of.
 pub fn profile_page(profiles: &[Profile], rows: &[Row]) -> String {
-    let mut page = Page::new("Friction-contact problems: performance profile");
+    let mut page = HtmlPage::new("Friction-contact problems: performance profile");
     page.text(
         "The share of problems that a method solves within a factor of the CPU time of the fastest one (Dolan and \
          Moré 2002). A curve that ends below 1 belongs to a method that does not solve all of them.",
@@ -187,7 +187,7 @@ pub fn profile_page(profiles: &[Profile], rows: &[Row]) -> String {
             let mut points = profile.points.clone();
             // Beyond its last problem a method solves no more.
             points.extend(profile.points.last().map(|last| [longest, last[1]]));
-            chart = chart.with(&profile.method, points, Mark::Steps);
+            chart = chart.with(&profile.method, points, SeriesStyle::Steps);
         }
         page.figure(&chart.svg());
     }

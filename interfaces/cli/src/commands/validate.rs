@@ -1,18 +1,18 @@
-//! `ballast validate`: checks with known answers, as a page and as JSON.
+//! `ballast validate`: validation suite, as a page and as JSON.
 
-use crate::args::Validate;
+use crate::args::ValidateArgs;
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::files::{create_folder, replace_text, writable};
 use crate::interrupt;
-use ballast_validation::{self as validate, Size, Verdict};
+use ballast_session::{Failure, Result};
+use ballast_validation::{self as validate, CheckVerdict, SuiteSize};
 use serde_json::json;
 
-pub fn validate(args: Validate, console: Console) -> Outcome {
+pub fn validate(args: ValidateArgs, console: Console) -> Result {
     interrupt::install()?;
-    let size = Size { quick: args.quick };
-    let (beds, samples) = (&args.beds.beds, args.samples.as_deref());
-    validate::expect_known(&args.only, samples)?;
+    let size = SuiteSize { quick: args.quick };
+    let (beds, samples) = (&args.beds.bed_cache, args.samples.as_deref());
+    validate::check_inputs(&args.only, samples)?;
     create_folder(&args.out)?;
     let (page, data) = (args.out.join("validation.html"), args.out.join("validation.json"));
     [&page, &data].into_iter().try_for_each(|file| writable(file))?;
@@ -22,7 +22,7 @@ pub fn validate(args: Validate, console: Console) -> Outcome {
     })?;
     let tables: Vec<String> = report.checks.iter().map(|c| validate::table(c).text()).collect();
     console.result(&format!("{}\n{}\n{}", tables.join("\n"), page.display(), data.display()));
-    let [passed, failed] = [Verdict::Passed, Verdict::Failed].map(|v| report.count(v));
+    let [passed, failed] = [CheckVerdict::Passed, CheckVerdict::Failed].map(|v| report.count(v));
     console
         .event("done", json!({ "passed": passed, "failed": failed, "page": page, "json": data }));
     if failed == 0 {

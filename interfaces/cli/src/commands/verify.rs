@@ -1,9 +1,8 @@
 //! `ballast verify FILE`: computes a recording again and compares.
 
-use crate::args::Verify;
+use crate::args::VerifyArgs;
 use crate::case::{self, Case, CaseOverrides, first_other_line};
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::memory::Memory;
 use crate::progress::{Mark, Progress};
 use crate::{beds, interrupt, machine, start};
@@ -12,10 +11,11 @@ use ballast::track;
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
 use ballast_mcap::{Drive, Meta};
+use ballast_session::{Failure, Result};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-pub fn verify(args: Verify, console: Console) -> Outcome {
+pub fn verify(args: VerifyArgs, console: Console) -> Result {
     interrupt::install()?;
     let mut windows = Windows::open(&args.file)?;
     let meta = windows.meta().clone();
@@ -25,7 +25,7 @@ pub fn verify(args: Verify, console: Console) -> Outcome {
         return Err(Failure::at(&args.file, what));
     }
     let case = case::recorded(&windows, args.case.as_deref(), CaseOverrides::default(), &console)?;
-    let (model, state) = beds::scene(&case, &args.beds.beds, &console)?;
+    let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     let cycle = machine::cycle(&case, &model, &state)?;
     let (model, state) = start::of(&windows, &case, model, state)?;
     let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
@@ -95,7 +95,7 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
     }
     if differ.is_empty() {
         let text = "case and program are the recorded ones; the bed may be another one of the same key, of \
-                    another build: `ballast prepare CASE --force` (and the same `--beds`) prepares it again";
+                    another build: `ballast prepare CASE --force` (and the same `--bed-cache`) prepares it again";
         differ.push(text.into());
     }
     format!("; {}", differ.join("; "))

@@ -1,4 +1,4 @@
-//! What the program says: results on stdout, messages on stderr, events as JSON lines.
+//! Output of the program: results on standard output, messages on standard error, events as JSON lines.
 
 use crate::progress::Progress;
 use ballast_session::{Failure, ProgressMeter, Reporter};
@@ -7,23 +7,23 @@ use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 #[cfg(feature = "zenoh")]
-mod voice;
+mod non_blocking_writer;
 
-/// Where words go. With `json`, stdout carries one event per line and nothing else.
+/// Output of a command. With `json`, standard output carries one event per line and nothing else.
 #[derive(Debug, Clone, Copy)]
 pub struct Console {
     pub json: bool,
 }
 
 impl Console {
-    /// A result, for a person; kept off stdout when events are asked for.
+    /// Prints a result for a person; nothing with `json`.
     pub fn result(&self, text: &str) {
         if !self.json {
             write_out(text);
         }
     }
 
-    /// An event, for a program: an object with the key `event`.
+    /// Prints an event with the key `event`; nothing without `json`.
     pub fn event(&self, name: &str, fields: Value) {
         if self.json {
             let mut event = json!({ "event": name });
@@ -34,24 +34,24 @@ impl Console {
         }
     }
 
-    /// A message about the course of things.
+    /// Prints a message about the course of the command.
     pub fn note(&self, text: &str) {
         write_err(text);
     }
 
-    /// Something the person should know although the program goes on.
+    /// Prints a warning, also as an event.
     pub fn warning(&self, text: &str) {
         write_err(&format!("warning: {text}"));
         self.event("warning", json!({ "message": text }));
     }
 
-    /// Why the program ends.
+    /// Prints the failure that ends the program, also as an event.
     pub fn failure(&self, failure: &Failure) {
         write_err(&format!("{}: {failure}", failure.word()));
         self.failure_event(failure);
     }
 
-    /// The same for programs alone, where the person has been told.
+    /// Prints the event of the failure that ends the program.
     pub fn failure_event(&self, failure: &Failure) {
         let mut fields = json!({
             "kind": failure.word(), "message": failure.to_string(), "exit_code": failure.code(),
@@ -62,7 +62,7 @@ impl Console {
         self.event("error", fields);
     }
 
-    /// Whether a bar can be drawn.
+    /// Returns true if standard error is a terminal.
     pub fn is_terminal(&self) -> bool {
         std::io::stderr().is_terminal()
     }
@@ -94,22 +94,23 @@ impl Reporter for Console {
     }
 }
 
-/// Whether something could not be written to stdout. What the program does goes on; how it ends is another matter.
-static IS_SILENT: AtomicBool = AtomicBool::new(false);
-/// Whether the reader of stdout has left.
-static IS_LEFT: AtomicBool = AtomicBool::new(false);
+/// True after a failed write to standard output; the command continues, but its exit code is not 0.
+static HAS_FAILED: AtomicBool = AtomicBool::new(false);
+/// True after the reader of standard output has closed it.
+static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// How stdout and stderr are written once the program [must not wait](never_wait) for who reads them.
+/// Writer of standard output after [`stop_blocking`].
 #[cfg(feature = "zenoh")]
-static OUT: voice::Voice = voice::Voice::new();
+static OUT: non_blocking_writer::NonBlockingWriter = non_blocking_writer::NonBlockingWriter::new();
+/// Writer of standard error after [`stop_blocking`].
 #[cfg(feature = "zenoh")]
-static ERR: voice::Voice = voice::Voice::new();
+static ERR: non_blocking_writer::NonBlockingWriter = non_blocking_writer::NonBlockingWriter::new();
 
-/// From here on a reader that has stopped holds nothing up: what it leaves lying is written in the background.
+/// Makes output non-blocking: a reader that stops reading does not delay the program from now on.
 #[cfg(feature = "zenoh")]
-pub fn never_wait(console: Console) {
+pub fn stop_blocking(console: Console) {
     ERR.open(write_err_now, |count| {
-        format!("{count} lines are missing here: nobody has read them in time")
+        format!("{count} lines are missing here: they were not read in time")
     });
     OUT.open(
         write_out_now,
@@ -120,18 +121,18 @@ pub fn never_wait(console: Console) {
     );
 }
 
-/// The last word: what was said is written, where somebody reads it.
+/// Waits until all output is written, unless the reader has stopped reading.
 pub fn finish() {
     #[cfg(feature = "zenoh")]
-    for voice in [&OUT, &ERR] {
-        voice.finish();
+    for writer in [&OUT, &ERR] {
+        writer.finish();
     }
 }
 
-/// Writes to stdout. A reader that has seen enough (`| head`) is no error of the run's.
+/// Writes a line to standard output. A reader that closes it (`| head`) is no error.
 pub fn write_out(text: &str) {
     #[cfg(feature = "zenoh")]
-    if OUT.takes(text) {
+    if OUT.accepts(text) {
         return;
     }
     write_out_now(text);
@@ -141,17 +142,16 @@ fn write_out_now(text: &str) {
     let mut out = std::io::stdout();
     let Err(e) = writeln!(out, "{text}").and_then(|()| out.flush()) else { return };
     if e.kind() == ErrorKind::BrokenPipe {
-        IS_LEFT.store(true, Ordering::Relaxed);
-    } else if !IS_SILENT.swap(true, Ordering::Relaxed) {
+        IS_CLOSED.store(true, Ordering::Relaxed);
+    } else if !HAS_FAILED.swap(true, Ordering::Relaxed) {
         write_err(&format!("cannot write to standard output: {e}"));
     }
 }
 
-/// Writes to stderr. Nobody is left to be told of a failure there (a closed terminal, a reader that has ended), and a run
-/// is worth more than a word about it.
+/// Writes a line to standard error. Failures are ignored: there is no place left to report them.
 pub fn write_err(text: &str) {
     #[cfg(feature = "zenoh")]
-    if ERR.takes(text) {
+    if ERR.accepts(text) {
         return;
     }
     write_err_now(text);
@@ -161,13 +161,13 @@ fn write_err_now(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Whether somebody may still read what is written to stdout.
+/// Returns true until the reader of standard output closes it.
 #[cfg(feature = "zenoh")]
-pub fn is_read() -> bool {
-    !IS_LEFT.load(Ordering::Relaxed)
+pub fn is_open() -> bool {
+    !IS_CLOSED.load(Ordering::Relaxed)
 }
 
-/// Whether all that was said on stdout was written.
-pub fn was_heard() -> bool {
-    !IS_SILENT.load(Ordering::Relaxed)
+/// Returns true if all of standard output was written.
+pub fn is_complete() -> bool {
+    !HAS_FAILED.load(Ordering::Relaxed)
 }

@@ -1,6 +1,6 @@
 //! The command line of what speaks over Zenoh.
 
-use crate::args::{Beds, Overrides};
+use crate::args::{BedCacheArgs, OverrideArgs};
 use ballast_zenoh::SessionConfig;
 use clap::Args;
 use std::num::NonZeroU32;
@@ -42,7 +42,7 @@ impl Endpoints {
 }
 
 #[derive(Debug, Args)]
-pub struct Serve {
+pub struct ServeArgs {
     /// Case file (TOML)
     pub case: PathBuf,
     /// Name of the component, SITE/ID
@@ -54,9 +54,9 @@ pub struct Serve {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
     #[command(flatten)]
-    pub overrides: Overrides,
+    pub overrides: OverrideArgs,
     /// Go on from the checkpoint in the folder, if there is one
     #[arg(long, conflicts_with = "force")]
     pub resume: bool,
@@ -81,7 +81,7 @@ pub struct Serve {
 }
 
 #[derive(Debug, Args)]
-pub struct Describe {
+pub struct DescribeArgs {
     /// Name of the component, SITE/ID
     #[arg(value_name = "SITE/ID")]
     pub key: String,
@@ -93,19 +93,19 @@ pub struct Describe {
 }
 
 #[derive(Debug, Args)]
-pub struct Top {
+pub struct TopArgs {
     /// Name of the component, SITE/ID
     #[arg(value_name = "SITE/ID")]
     pub key: String,
     #[command(flatten)]
     pub endpoints: Endpoints,
     /// End after so many pictures, two per second
-    #[arg(long, value_name = "N", value_parser = crate::args::one_or_more::<NonZeroU32>)]
+    #[arg(long, value_name = "N")]
     pub count: Option<NonZeroU32>,
 }
 
 #[derive(Debug, Args)]
-pub struct Doctor {
+pub struct DoctorArgs {
     /// Case file (TOML) to look at, too
     pub case: Option<PathBuf>,
     /// Component that should be there, SITE/ID
@@ -114,7 +114,7 @@ pub struct Doctor {
     #[command(flatten)]
     pub endpoints: Endpoints,
     #[command(flatten)]
-    pub beds: Beds,
+    pub beds: BedCacheArgs,
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {

@@ -1,13 +1,13 @@
 //! `ballast describe SITE/ID`: what a component says of itself.
 
-use super::args::Describe;
+use super::args::DescribeArgs;
 use crate::console::Console;
 use crate::exit::Outcome;
 use ballast_protocol::lockstep::ErrorCode;
 use ballast_zenoh::{ComponentDescription, Connection, HEARTBEAT_INTERVAL, Timeouts};
 use serde_json::json;
 
-pub fn describe(args: Describe, console: Console) -> Outcome {
+pub fn describe(args: DescribeArgs, console: Console) -> Outcome {
     let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
     if args.schema {
         let schema = line.schema()?;

@@ -1,6 +1,6 @@
 //! `ballast doctor`: what would keep a served component from working here, and what to do about it.
 
-use super::args::Doctor;
+use super::args::DoctorArgs;
 use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
@@ -13,15 +13,15 @@ use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 
-pub fn doctor(args: Doctor, console: Console) -> Outcome {
+pub fn doctor(args: DoctorArgs, console: Console) -> Outcome {
     let mut checks: Vec<(&str, Result<String, String>)> = vec![
         ("processors", Ok(on_threads(rayon::current_num_threads()))),
         ("loopback", loopback()),
         ("endpoint", endpoint(&args)),
-        ("beds", writable(&args.beds.beds)),
+        ("beds", writable(&args.beds.bed_cache)),
     ];
     if let Some(path) = &args.case {
-        checks.push(("case", case_and_bed(path, &args.beds.beds, console)));
+        checks.push(("case", case_and_bed(path, &args.beds.bed_cache, console)));
     }
     if let Some(key) = &args.key {
         checks.push(("component", component(key, &args)));
@@ -56,7 +56,7 @@ fn loopback() -> Result<String, String> {
 }
 
 /// Whether `serve` could listen as it is told to.
-fn endpoint(args: &Doctor) -> Result<String, String> {
+fn endpoint(args: &DoctorArgs) -> Result<String, String> {
     if args.key.is_some() {
         return Ok("not opened: a component should be there already".into());
     }
@@ -107,7 +107,7 @@ fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, St
 }
 
 /// Whether a component is there.
-fn component(key: &str, args: &Doctor) -> Result<String, String> {
+fn component(key: &str, args: &DoctorArgs) -> Result<String, String> {
     let link = args.endpoints.to_connect();
     let line = Connection::open(key, &link, Timeouts::default()).map_err(|e| e.to_string())?;
     let status = line.status().map_err(|e| {

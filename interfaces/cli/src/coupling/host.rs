@@ -1,6 +1,6 @@
 //! What is done beside answering: checkpoints, the recording, a word to the person at the terminal.
 
-use super::args::Serve;
+use super::args::ServeArgs;
 use super::kept;
 use super::tape::Recording;
 use crate::aside::Aside;
@@ -51,7 +51,7 @@ pub struct Keeper {
 
 impl Keeper {
     pub fn new(
-        args: &Serve,
+        args: &ServeArgs,
         case: Case,
         checkpoint: PathBuf,
         recording: Option<Recording>,
@@ -61,7 +61,7 @@ impl Keeper {
             console,
             case,
             choices: CaseOverrides::from(&args.overrides),
-            beds: args.beds.beds.clone(),
+            beds: args.beds.bed_cache.clone(),
             checkpoint,
             every: args.checkpoint_every,
             recording,

@@ -1,6 +1,6 @@
 //! `ballast serve CASE --key SITE/ID`: the case's bed, moved by another program.
 
-use super::args::Serve;
+use super::args::ServeArgs;
 use super::host::{Keeper, served};
 use super::kept;
 use super::tape::{self, Recording};
@@ -15,9 +15,9 @@ use ballast_zenoh::{Keys, Server, ServerHooks, SessionConfig};
 use serde_json::json;
 use std::path::Path;
 
-pub fn serve(args: Serve, console: Console) -> Outcome {
+pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     interrupt::install()?;
-    console::never_wait(console);
+    console::stop_blocking(console);
     // Before a folder is made.
     Keys::of(&args.key)?;
     let link = args.endpoints.to_listen();
@@ -52,7 +52,7 @@ pub fn serve(args: Serve, console: Console) -> Outcome {
     let mut lockstep = if waits {
         Lockstep::unconfigured(ballast_hdf5::state_hash).map_err(ballast_zenoh::Error::from)?
     } else {
-        let component = served(&case, &args.beds.beds, console)?;
+        let component = served(&case, &args.beds.bed_cache, console)?;
         Lockstep::new(component, kept::fresh_run()?, ballast_hdf5::state_hash)
     };
     if resumes {

@@ -1,7 +1,7 @@
 //! `ballast top SITE/ID`: a live table of a component: state, who waits for whom, how far, forces.
 
-use super::args::Top;
-use crate::console::{Console, is_read};
+use super::args::TopArgs;
+use crate::console::{Console, is_open};
 use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use crate::lock::enter;
@@ -39,7 +39,7 @@ impl Told {
     }
 }
 
-pub fn top(args: Top, console: Console) -> Outcome {
+pub fn top(args: TopArgs, console: Console) -> Outcome {
     // It computes no step that would be waited for.
     interrupt::install_saying("stopping")?;
     let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
@@ -51,7 +51,7 @@ pub fn top(args: Top, console: Console) -> Outcome {
     let mut earlier: Option<(Instant, u64)> = None;
     let mut pace = None;
     for k in 0.. {
-        if interrupt::requested() || !is_read() || args.count.is_some_and(|n| k >= n.get()) {
+        if interrupt::requested() || !is_open() || args.count.is_some_and(|n| k >= n.get()) {
             break;
         }
         if k > 0 {

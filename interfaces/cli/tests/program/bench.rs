@@ -128,12 +128,14 @@ fn a_step_is_measured_from_a_checkpoint_of_its_case_only() {
     let place = Place::new();
     place.run("--out run --steps 20").with_code(0);
     let call = "bench step tiny.toml --steps 1 --warm-up 0 --threads-up-to 1";
-    let (_, notes) = rows(&place, &format!("{call} --from run/checkpoint.h5"));
+    let (_, notes) = rows(&place, &format!("{call} --from-checkpoint run/checkpoint.h5"));
     assert!(notes["scene"].as_str().unwrap().contains("from step 20 of 180"), "{notes}");
     place.run("--out longer --steps 21").with_code(0);
     assert!(notes["state hash"].as_str().unwrap().starts_with(&place.hash("longer")), "{notes}");
-    let other = place.with_beds(&format!("{call} --from run/checkpoint.h5 --seed 8")).with_code(5);
-    assert!(other.stderr().contains("expected one of"), "{}", other.stderr());
+    let other = place
+        .with_beds(&format!("{call} --from-checkpoint run/checkpoint.h5 --seed 8"))
+        .with_code(5);
+    assert!(other.stderr().contains("expected a checkpoint of"), "{}", other.stderr());
     // It is solved as the case says, and moved as it was.
     let case = place.text("tiny.toml");
     let changed = case
@@ -141,13 +143,14 @@ fn a_step_is_measured_from_a_checkpoint_of_its_case_only() {
         .replace("tolerance = 1e-3", "tolerance = 0");
     assert_ne!(changed, case);
     std::fs::write(place.path("tiny.toml"), changed).unwrap();
-    let (_, notes) = rows(&place, &format!("{call} --from run/checkpoint.h5"));
-    assert!(notes["iterations"].as_str().unwrap().starts_with("41"), "{notes}");
+    let (_, notes) = rows(&place, &format!("{call} --from-checkpoint run/checkpoint.h5"));
+    assert!(notes["iterations"].as_str().unwrap().starts_with("mean 41"), "{notes}");
     let changed = case.replace("gap_to_sleeper_m = 0.04", "gap_to_sleeper_m = 0.041");
     assert_ne!(changed, case);
     std::fs::write(place.path("tiny.toml"), changed).unwrap();
-    let other = place.with_beds(&format!("{call} --from run/checkpoint.h5")).with_code(5);
-    assert!(other.stderr().contains("expected a run with machine"), "{}", other.stderr());
+    let other =
+        place.with_beds(&format!("{call} --from-checkpoint run/checkpoint.h5")).with_code(5);
+    assert!(other.stderr().contains("expected a run with the machine"), "{}", other.stderr());
 }
 
 #[test]
@@ -175,17 +178,17 @@ fn subdomains_cost_an_interface_and_reach_the_same_residual() {
 }
 
 #[test]
-fn the_last_step_and_momentum_save_iterations() {
+fn warm_start_and_nncg_save_iterations() {
     let place = Place::new();
     let (rows, notes) = rows(
         &place,
-        "bench iterations tiny.toml --steps 3 --warm-up 2 --tolerance 1e-3 --max-iterations 5000 \
+        "bench convergence tiny.toml --steps 3 --warm-up 2 --tolerance 1e-3 --max-iterations 5000 \
          --threads 2 --csv i.csv",
     );
     assert!(notes["ends"].as_str().unwrap().contains("at most 5000"), "{notes}");
     let ways: Vec<&str> = rows.iter().map(|row| row["way"].as_str().unwrap()).collect();
     assert_eq!(ways[0], "plain, from nothing");
-    assert_eq!(ways[3], "momentum, from the last step");
+    assert_eq!(ways[3], "NNCG, from the last step");
     assert!(ways[4..] == ["synchronous, subdomains of the case"; 2], "{ways:?}");
     for row in &rows {
         assert!(row["converged"] == "yes" && number(row, "residual_qm16") < 1e-3, "{row}");
@@ -200,9 +203,10 @@ fn the_last_step_and_momentum_save_iterations() {
 #[test]
 fn what_a_simulated_second_costs_is_told_for_every_step_recovery_and_number_of_iterations() {
     let place = Place::new();
-    let call = format!("bench cost {} --time 0.02", sample());
-    let call =
-        format!("{call} --step-ms 1,4 --iterations 2,40 --recovery 0,0.5 --csv c.csv --json");
+    let call = format!("bench work-precision {} --time 0.02", sample());
+    let call = format!(
+        "{call} --step-ms 1,4 --iterations 2,40 --correction-factor 0,0.5 --csv c.csv --json"
+    );
     let (rows, notes) = sorted(place.call(&call).with_code(0).events());
     assert!(notes["scene"].as_str().unwrap().contains("500 grains"), "{notes}");
     let of = |key: &str| rows.iter().map(|row| number(row, key)).collect::<Vec<_>>();
@@ -229,7 +233,7 @@ fn what_a_simulated_second_costs_is_told_for_every_step_recovery_and_number_of_i
 #[test]
 fn tables_stand_beside_what_was_published_and_say_that_they_extrapolate() {
     let place = Place::new();
-    let call = "bench tables tiny.toml --steps 2 --warm-up 1 --threads-up-to 2 --iterations 10 \
+    let call = "bench hoang2012 tiny.toml --steps 2 --warm-up 1 --threads-up-to 2 --iterations 10 \
                 --tolerance 1e-2 --csv t.csv";
     let (rows, notes) = rows(&place, call);
     // Two numbers of threads and three versions, fixed and to a residual.
@@ -269,20 +273,24 @@ fn nonsense_is_refused() {
         ("bench kernel --edge 1000", 2, "at most"),
         ("bench kernel --rounds 0", 2, "--rounds"),
         ("bench step tiny.toml --steps 0", 2, "--steps"),
-        ("bench step tiny.toml --threads-up-to 100000", 2, "expected 1 to 1024 threads"),
+        ("bench step tiny.toml --threads-up-to 100000", 2, "1..=1024"),
         ("bench step none.toml", 1, "none.toml"),
         ("bench detection none.json", 1, "none.json"),
         ("bench subdomains tiny.toml --max 100000", 2, "per grain"),
         ("bench subdomains tiny.toml --tolerance 0", 2, "--tolerance"),
-        ("bench iterations tiny.toml --tolerance 2", 2, "--tolerance"),
-        ("bench tables tiny.toml --tolerance 7", 2, "--tolerance"),
-        ("bench tables", 2, "CASES"),
-        ("bench cost none.json", 1, "none.json"),
-        ("bench cost none.json --step-ms 0", 2, "--step-ms"),
-        ("bench cost none.json --time inf", 2, "--time"),
-        ("bench cost none.json --iterations 0", 2, "--iterations"),
-        ("bench cost none.json --recovery 0.1,1.5", 2, "--recovery 1.5"),
-        ("bench tables tiny.toml tiny.toml --from run.h5", 2, "--from"),
+        ("bench convergence tiny.toml --tolerance 2", 2, "--tolerance"),
+        ("bench hoang2012 tiny.toml --tolerance 7", 2, "--tolerance"),
+        ("bench hoang2012", 2, "CASES"),
+        ("bench work-precision none.json", 1, "none.json"),
+        ("bench work-precision none.json --step-ms 0", 2, "--step-ms"),
+        ("bench work-precision none.json --time inf", 2, "--time"),
+        ("bench work-precision none.json --iterations 0", 2, "--iterations"),
+        (
+            "bench work-precision none.json --correction-factor 0.1,1.5",
+            2,
+            "--correction-factor 1.5",
+        ),
+        ("bench hoang2012 tiny.toml tiny.toml --from-checkpoint run.h5", 2, "--from-checkpoint"),
     ] {
         let beds = call.contains("tiny.toml");
         let ended = if beds { place.with_beds(call) } else { place.call(call) };

@@ -28,14 +28,14 @@ fn wrong_usage_ends_with_2() {
         ("", "Usage"),
         ("tamp", "tamp"),
         ("run", "CASE"),
-        ("run tiny.toml --threads 0", "expected 1 to 1024 threads"),
+        ("run tiny.toml --threads 0", "1..=1024"),
         // They would be started for minutes.
-        ("run tiny.toml --threads 100000", "expected 1 to 1024 threads"),
-        ("sweep plan.toml --threads-each 20000", "expected 1 to 1024 threads"),
-        ("run tiny.toml --dump-problems d --dump-every 0", "expected a whole number, 1 to 42949"),
+        ("run tiny.toml --threads 100000", "1..=1024"),
+        ("sweep plan.toml --threads-per-run 20000", "1..=1024"),
+        ("run tiny.toml --dump-problems d --dump-every 0", "number would be zero"),
         ("run tiny.toml --schedule x", "sequential"),
         // Not after the run.
-        ("run tiny.toml --expect zz", "32 hexadecimal digits"),
+        ("run tiny.toml --expect-hash zz", "32 hexadecimal digits"),
     ] {
         let said = place.call(arguments).with_code(2).stderr();
         assert!(said.contains(says), "{arguments}: {said}");
@@ -157,7 +157,7 @@ fn a_checkpoint_of_another_version_ends_with_6() {
 #[test]
 fn a_bed_cannot_be_resumed() {
     let place = Place::new();
-    place.call("prepare tiny.toml --beds beds").with_code(0);
+    place.call("prepare tiny.toml --bed-cache beds").with_code(0);
     let bed = std::fs::read_dir(place.path("beds")).unwrap().next().unwrap().unwrap().path();
     let ended = place.call(&format!("resume {}", bed.display())).with_code(1);
     assert!(ended.stderr().contains("ballast run"), "{}", ended.stderr());
@@ -166,8 +166,8 @@ fn a_bed_cannot_be_resumed() {
     // Nor can a damaged one be begun from.
     let whole = std::fs::read(&bed).unwrap();
     std::fs::write(&bed, &whole[..whole.len() / 2]).unwrap();
-    let said = place.call("run tiny.toml --beds beds").with_code(1).stderr();
-    assert!(said.contains("--force` (and the same `--beds`)"), "{said}");
+    let said = place.call("run tiny.toml --bed-cache beds").with_code(1).stderr();
+    assert!(said.contains("--force` (and the same `--bed-cache`)"), "{said}");
 }
 
 #[test]
@@ -193,9 +193,10 @@ fn an_unexpected_hash_ends_with_5() {
     let place = Place::new();
     place.run("--out run --steps 5").with_code(0);
     let hash = place.hash("run");
-    place.run(&format!("--out run --force --steps 5 --expect {hash}")).with_code(0);
+    place.run(&format!("--out run --force --steps 5 --expect-hash {hash}")).with_code(0);
     let other = "0".repeat(32);
-    let ended = place.run(&format!("--out run --force --steps 5 --expect {other}")).with_code(5);
+    let ended =
+        place.run(&format!("--out run --force --steps 5 --expect-hash {other}")).with_code(5);
     assert!(ended.stderr().contains(&hash), "{}", ended.stderr());
 }
 
@@ -262,7 +263,7 @@ fn what_cannot_be_written_beside_a_run_is_told_once_and_the_run_goes_on() {
         (place.hash("part"), place.summary("part")["complete"].clone()),
         (hash.clone(), true.into())
     );
-    place.call(&format!("resume part/checkpoint.h5 --expect {hash}")).with_code(0);
+    place.call(&format!("resume part/checkpoint.h5 --expect-hash {hash}")).with_code(0);
 
     // A folder has the name of the third problem.
     let mut problems: Vec<_> = std::fs::read_dir(place.path("problems"))

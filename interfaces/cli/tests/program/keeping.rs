@@ -51,7 +51,7 @@ fn what_cannot_be_begun_costs_nothing() {
         let ended = place.run(&format!("--out run {more}"));
         assert!(ended.code() != 0 && ended.stderr().contains(says), "{more}: {}", ended.stderr());
         assert_eq!(place.text("run/summary.json"), summary, "{more}");
-        place.call(&format!("resume run/checkpoint.h5 --expect {hash}")).with_code(0);
+        place.call(&format!("resume run/checkpoint.h5 --expect-hash {hash}")).with_code(0);
     }
     // Stopped where it was told to, and to be gone on with.
     place.run("--out part --steps 20").with_code(0);

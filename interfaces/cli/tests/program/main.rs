@@ -7,6 +7,7 @@ mod keeping;
 mod recordings;
 #[cfg(feature = "zenoh")]
 mod redone;
+mod reference;
 mod report;
 mod restart;
 mod results;

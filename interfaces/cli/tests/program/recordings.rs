@@ -48,7 +48,7 @@ fn a_replay_ends_in_the_state_of_the_run_and_leaves_the_same_recording() {
     let hash = place.hash("run");
     // It needs no case: the one that was run is in it.
     std::fs::remove_file(place.path("tiny.toml")).unwrap();
-    let again = format!("replay run.mcap --out again --record again.mcap --expect {hash}");
+    let again = format!("replay run.mcap --out again --record again.mcap --expect-hash {hash}");
     let said = place.with_beds(&again).with_code(0).stdout();
     assert!(said.contains("  again.mcap\n"), "the recording is among the files: {said}");
     std::fs::write(place.path("tiny.toml"), CASE).unwrap();
@@ -164,7 +164,7 @@ fn a_part_of_a_run_is_the_whole_of_its_replay() {
     let last_share = |ended: Ended| {
         let events = ended.with_code(0).events();
         let mut progress = events.iter().rev().filter(|event| event["event"] == "progress");
-        progress.next().expect("progress")["share"].as_f64()
+        progress.next().expect("progress")["fraction"].as_f64()
     };
     let run = place.run("--out run --steps 40 --record run.mcap --json");
     assert_eq!(last_share(run), Some(1.0));
@@ -305,7 +305,7 @@ fn a_start_that_differs_with_all_that_is_known_of_it_alike_is_told_to_be_of_the_
     std::fs::write(place.path("other.mcap"), bytes).unwrap();
     let said = verify(&place, "other.mcap").with_code(5).stderr();
     assert!(said.contains("another one of the same key"), "{said}");
-    assert!(said.contains("`ballast prepare CASE --force` (and the same `--beds`)"), "{said}");
+    assert!(said.contains("`ballast prepare CASE --force` (and the same `--bed-cache`)"), "{said}");
 }
 
 #[test]
@@ -323,7 +323,7 @@ fn the_choices_of_the_command_line_are_part_of_a_recording() {
     let place = Place::new();
     place.run("--out run --record run.mcap --steps 12 --schedule sequential").with_code(0);
     let hash = place.hash("run");
-    replay(&place, &format!("run.mcap --out again --expect {hash}")).with_code(0);
+    replay(&place, &format!("run.mcap --out again --expect-hash {hash}")).with_code(0);
     verify(&place, "run.mcap").with_code(0);
 }
 
@@ -366,7 +366,7 @@ fn poses_of_any_file_move_a_body() {
     // What was replayed from poses is a recording like any other.
     verify(&place, "up.mcap").with_code(0);
     let hash = place.hash("up");
-    replay(&place, &format!("up.mcap --out once-more --expect {hash}")).with_code(0);
+    replay(&place, &format!("up.mcap --out once-more --expect-hash {hash}")).with_code(0);
 
     // A body elsewhere is refused, unless it is let go there.
     let mut elsewhere = start.clone();
@@ -375,7 +375,7 @@ fn poses_of_any_file_move_a_body() {
     let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
     assert!(said.contains(&body) && said.contains("--allow_jump"), "{said}");
     assert!(!said.contains("are kept"), "nothing was begun: {said}");
-    let unpoured = format!("replay rising.mcap {map} --case tiny.toml --beds unpoured");
+    let unpoured = format!("replay rising.mcap {map} --case tiny.toml --bed-cache unpoured");
     let refused = place.call(&unpoured).with_code(1).stderr();
     assert!(refused.contains("--allow_jump") && !place.path("unpoured").exists(), "{refused}");
     assert_eq!(place.hash("up"), hash, "what was refused replaces nothing");
@@ -417,7 +417,7 @@ fn a_killed_run_leaves_a_recording_that_is_true_as_far_as_it_goes() {
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
     let far = lines.any(|line| {
         let event: serde_json::Value = serde_json::from_str(&line.unwrap()).unwrap();
-        event["event"] == "progress" && event["share"].as_f64().unwrap() > 0.2
+        event["event"] == "progress" && event["fraction"].as_f64().unwrap() > 0.2
     });
     assert!(far, "the run ended before it could be killed");
     child.kill().unwrap();
@@ -442,7 +442,7 @@ fn the_recorded_machine_moves_the_first_example() {
     // Steps of 0.8 ms meet a knot every 4 ms, where the file tells a velocity.
     place.call("verify here.mcap").with_code(0);
     let hash = place.hash("here");
-    place.with_beds(&format!("replay here.mcap --out again --expect {hash}")).with_code(0);
+    place.with_beds(&format!("replay here.mcap --out again --expect-hash {hash}")).with_code(0);
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn a_page_tells_a_whole_run_by_itself() {
         "Penetration",
         "Residual of each step (QM/16)",
         "Iterations",
-        "Work of tools",
+        "External work",
         "Wall time",
         "seed of the bed",
         "prefers-color-scheme:dark",
@@ -129,7 +129,7 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
         assert!(said.contains(taken) && said.contains(words), "{said}");
     }
     let page = place.text("part/report.html");
-    assert!(page.contains("not come to its end") && page.contains("profile is not known"));
+    assert!(page.contains("run is unfinished") && page.contains("No profile"));
     assert!(!page.contains("End of the squeeze"), "it had not ended");
 
     // Rows beyond the checkpoint are those of a run that was killed; other rows are of another run.
@@ -175,7 +175,7 @@ fn a_run_in_parts_has_a_page_too_and_strange_folders_have_none() {
     place.run("--out short --steps 20").with_code(0);
     place.call("report short").with_code(0);
     let page = place.text("short/report.html");
-    assert!(page.contains("fewer than a vibration period has"));
+    assert!(page.contains("shorter than a vibration period"));
     let chart = page.split("<svg").find(|plot| plot.contains("Force on tines"));
     let lines = chart.expect("a plot of forces").matches("class=\"line c").count();
     // Those of two tines, and their marks in the legend.

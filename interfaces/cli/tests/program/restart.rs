@@ -36,7 +36,7 @@ fn examples_go_on_in_another_process_with_other_threads() {
         run(&format!("--steps 4 --threads 2 --out {case}_parts"));
         let hash = place.hash(case);
         let resume =
-            format!("resume {case}_parts/checkpoint.h5 --steps 8 --threads 2 --expect {hash}");
+            format!("resume {case}_parts/checkpoint.h5 --steps 8 --threads 2 --expect-hash {hash}");
         place.call(&resume).with_code(0);
     }
 }

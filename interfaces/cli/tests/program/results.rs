@@ -73,8 +73,8 @@ fn content(results: &Reader) -> BTreeSet<Named> {
             if let Some(rest) = column.strip_prefix(&format!("{body}_")) {
                 return format!("BODY_{rest}");
             }
-            if let Some(zone) = column.strip_suffix(&format!(" {body}")) {
-                return format!("{zone} {role}");
+            if let Some(zone) = column.strip_suffix(&format!("/{body}")) {
+                return format!("{zone}/{role}");
             }
         }
         column.to_string()

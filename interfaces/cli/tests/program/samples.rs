@@ -60,10 +60,13 @@ fn figures_are_kept_as_a_table_with_the_machine() {
 #[test]
 fn contacts_that_no_step_reaches_do_not_matter() {
     let place = Place::new();
-    let [far, near] = ["", "--alert-m 1e-4"]
+    let [far, near] = ["", "--detection-distance-m 1e-4"]
         .map(|choice| bench_file(&place, RESTED, &format!("--steps 10 {choice}")));
-    assert_eq!((number(&far, "/alert_m"), number(&near, "/alert_m")), (1e-3, 1e-4));
-    assert_eq!(near["steps_repeated"], 0);
+    assert_eq!(
+        (number(&far, "/detection_distance_m"), number(&near, "/detection_distance_m")),
+        (1e-3, 1e-4)
+    );
+    assert_eq!(near["steps_resolved"], 0);
     let [contacts, active] = ["contacts", "active_contacts"].map(|what| {
         number(&near, &format!("/{what}/mean")) / number(&far, &format!("/{what}/mean"))
     });
@@ -72,7 +75,7 @@ fn contacts_that_no_step_reaches_do_not_matter() {
     let speed = number(&near, "/mean_speed_m_per_s");
     assert!(speed < 2e-4, "it stays at rest: {speed} m/s");
     for wrong in ["0", "-1", "nan", "inf"] {
-        for option in ["--alert-m", "--tolerance"] {
+        for option in ["--detection-distance-m", "--tolerance"] {
             let ended = place.call(&format!("bench sample {RESTED} {option}={wrong}"));
             let said = ended.with_code(2).stderr();
             assert!(said.contains(option) && said.contains("above 0"), "{said}");

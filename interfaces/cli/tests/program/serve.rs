@@ -275,7 +275,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
         );
     }
     let hash = &last.hash;
-    let replayed = format!("replay s.3.mcap --out r --expect {hash} --record again.mcap");
+    let replayed = format!("replay s.3.mcap --out r --expect-hash {hash} --record again.mcap");
     place.with_beds(&replayed).with_code(0);
     // Its recording begins where it began, too.
     let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
@@ -620,7 +620,7 @@ fn a_recording_that_would_lie_in_a_file_of_the_run_is_refused() {
 fn a_recording_that_could_not_be_written_is_refused_before_the_bed_is_prepared() {
     let place = Place::new();
     let endpoint = endpoint();
-    let serve = format!("serve tiny.toml --key {KEY} --listen {endpoint} --beds none --out s");
+    let serve = format!("serve tiny.toml --key {KEY} --listen {endpoint} --bed-cache none --out s");
     let refuses = |arguments: &str, says: &str| {
         let message = place.call(&format!("{serve} {arguments}")).with_code(1).stderr();
         assert!(message.contains(says), "{arguments}: {message}");
@@ -652,7 +652,7 @@ fn who_may_not_serve_replaces_nothing_and_prepares_nothing() {
     let serving = Serving::start(&place, &first, "--out s");
     for arguments in ["--force --record old.mcap", "--resume --record old.mcap"] {
         let refused = place.call(&format!(
-            "serve tiny.toml --key {KEY} --listen {second} --connect {first} --beds none --out old {arguments}"
+            "serve tiny.toml --key {KEY} --listen {second} --connect {first} --bed-cache none --out old {arguments}"
         ));
         let message = refused.with_code(4).stderr();
         assert!(message.contains("expected nobody alive there"), "{message}");

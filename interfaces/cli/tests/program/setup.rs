@@ -17,13 +17,13 @@ static BEDS: LazyLock<TempDir> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let case = folder.path().join("tiny.toml");
     std::fs::write(&case, CASE).unwrap();
-    let output = program().arg("prepare").arg(&case).arg("--beds").arg(beds.path()).output();
+    let output = program().arg("prepare").arg(&case).arg("--bed-cache").arg(beds.path()).output();
     let output = output.unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     beds
 });
 
-fn program() -> Command {
+pub fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_ballast"))
 }
 
@@ -60,7 +60,7 @@ impl Place {
 
     /// `ballast run tiny.toml` with the shared bed, and more arguments.
     pub fn run_command(&self, arguments: &str) -> Command {
-        let mut command = self.command("run tiny.toml --beds");
+        let mut command = self.command("run tiny.toml --bed-cache");
         command.arg(BEDS.path()).args(arguments.split_whitespace());
         command
     }
@@ -72,7 +72,7 @@ impl Place {
     /// A call of the program in this folder, with the shared bed.
     pub fn with_beds_command(&self, arguments: &str) -> Command {
         let mut command = self.command(arguments);
-        command.arg("--beds").arg(BEDS.path());
+        command.arg("--bed-cache").arg(BEDS.path());
         command
     }
 

@@ -10,7 +10,7 @@ use std::process::Stdio;
 /// Checks with figures that are known to miss what is expected, and how far: docs/src/verification/checks.md says why. Wrong
 /// altogether would be news.
 const KNOWN: [(&str, [f64; 2]); 3] = [
-    ("Platonic dice", [0.44, 0.58]),
+    ("random packings of Platonic solids", [0.44, 0.58]),
     ("angle of repose", [22.0, 37.0]),
     ("settings of a tamping cycle", [0.85, 1.15]),
 ];

@@ -1,13 +1,13 @@
-//! Horizontal bars: shares of a whole.
+//! Horizontal bar charts.
 
 use super::{escaped, px};
 use std::fmt::Write;
 
-/// Names with values of one unit.
+/// Horizontal bar chart of values of one unit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bars {
+pub struct BarChart {
     pub title: String,
-    /// Name, value, and what stands behind the bar.
+    /// Name, value, and text behind the bar.
     pub bars: Vec<(String, f64, String)>,
 }
 
@@ -16,14 +16,15 @@ const LEFT: f64 = 130.0;
 const RIGHT: f64 = 150.0;
 const HIGH: f64 = 22.0;
 
-impl Bars {
-    /// What the bars say, for those who hear it.
-    fn spoken(&self) -> String {
+impl BarChart {
+    /// Returns the description for screen readers.
+    fn description(&self) -> String {
         let bars: Vec<_> =
-            self.bars.iter().map(|(name, _, said)| format!("{name} {said}")).collect();
+            self.bars.iter().map(|(name, _, tooltip)| format!("{name} {tooltip}")).collect();
         format!("{}; {}", self.title, bars.join("; "))
     }
 
+    /// Returns the drawing.
     pub fn svg(&self) -> String {
         let most = self.bars.iter().map(|b| b.1).fold(f64::MIN_POSITIVE, f64::max);
         let height = 26.0 + HIGH * self.bars.len() as f64;
@@ -31,10 +32,10 @@ impl Bars {
             "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{1}\">\
              <text x=\"0\" y=\"14\" class=\"title\">{2}</text>",
             px(height),
-            escaped(&self.spoken()),
+            escaped(&self.description()),
             escaped(&self.title)
         );
-        for (k, (name, value, said)) in self.bars.iter().enumerate() {
+        for (k, (name, value, tooltip)) in self.bars.iter().enumerate() {
             let y = 24.0 + HIGH * k as f64;
             let width = (WIDTH - LEFT - RIGHT) * (value / most).max(0.0);
             let _ = write!(
@@ -47,7 +48,7 @@ impl Bars {
                 px(y),
                 px(width),
                 px(LEFT + width + 6.0),
-                escaped(said),
+                escaped(tooltip),
                 text = px(y + 11.0)
             );
         }
@@ -62,7 +63,7 @@ mod tests {
 
     #[test]
     fn the_longest_bar_fills_the_room() {
-        let bars = Bars {
+        let bars = BarChart {
             title: "t".into(),
             bars: vec![("a".into(), 2.0, "2 s".into()), ("b".into(), 1.0, "1 s".into())],
         };

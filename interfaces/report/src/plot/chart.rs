@@ -1,58 +1,58 @@
-//! Lines and marks over two axes.
+//! Charts with lines and marks over two axes.
 
-use super::scale::Scale;
+use super::scale::AxisScale;
 use super::{escaped, page, px};
 use std::fmt::Write;
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mark {
+pub enum SeriesStyle {
     Line,
-    /// The value holds until the next point.
+    /// Steps: each value holds until the next point.
     Steps,
     /// Points, joined by a line.
     Points,
-    /// Points that have nothing to do with each other.
+    /// Unconnected points.
     Dots,
-    /// A dashed line: what is expected, not measured.
+    /// Dashed line of expected values.
     Expected,
-    /// A dashed line that lets another one be seen below it.
+    /// Dashed line on top of another one.
     Dashed,
 }
 
-impl Mark {
+impl SeriesStyle {
     fn is_dashed(self) -> bool {
-        matches!(self, Mark::Expected | Mark::Dashed)
+        matches!(self, SeriesStyle::Expected | SeriesStyle::Dashed)
     }
 }
 
-/// One line of a chart.
+/// Series of a chart.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub struct ChartSeries {
     pub name: String,
     pub points: Vec<[f64; 2]>,
-    /// How far a bar reaches from each point, up and down; none if empty.
+    /// Length of the error bar of each point, up and down; empty for none.
     pub reach: Vec<f64>,
-    pub mark: Mark,
+    pub mark: SeriesStyle,
 }
 
-impl Series {
-    /// Heights that the axis has to show.
+impl ChartSeries {
+    /// Returns the values that the vertical axis must show.
     fn heights(&self) -> impl Iterator<Item = f64> {
         let reach = self.reach.iter().copied().chain(std::iter::repeat(0.0));
         self.points.iter().zip(reach).flat_map(|(p, reach)| [p[1] - reach, p[1] + reach])
     }
 }
 
-/// A stretch of the horizontal axis with a name, such as a phase.
+/// Named interval of the horizontal axis, such as a phase.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Band {
+pub struct ChartBand {
     pub from: f64,
     pub to: f64,
     pub name: String,
 }
 
-/// A chart; labels carry units.
+/// Chart with two axes; labels include units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
     pub title: String,
@@ -60,27 +60,27 @@ pub struct Chart {
     pub y: String,
     pub log_x: bool,
     pub log_y: bool,
-    /// Whether the vertical axis begins at zero.
+    /// True if the vertical axis starts at zero.
     pub starting_at_zero: bool,
-    pub series: Vec<Series>,
-    pub bands: Vec<Band>,
-    /// What stands along the horizontal axis instead of numbers, at 0, 1, 2 and so on.
+    pub series: Vec<ChartSeries>,
+    pub bands: Vec<ChartBand>,
+    /// Names along the horizontal axis at 0, 1, 2, ... instead of numbers.
     pub names: Vec<String>,
 }
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 300.0;
-/// Room around the axes: left, right, above, below.
-const ROOM: [f64; 4] = [64.0, 16.0, 30.0, 44.0];
-/// Height of a line of the legend, and of the names of bands.
-const LINE: f64 = 17.0;
-/// Room for a letter of the small texts.
-const LETTER: f64 = 6.7;
-/// More points than this are drawn by the extremes of as many stretches: a screen shows no more.
-const COLUMNS: usize = 640;
+/// Margins around the axes: left, right, above, below.
+const MARGINS: [f64; 4] = [64.0, 16.0, 30.0, 44.0];
+/// Height of a line of the legend and of the names of bands.
+const LINE_HEIGHT: f64 = 17.0;
+/// Width of a letter of the small texts.
+const LETTER_WIDTH: f64 = 6.7;
+/// Maximum number of intervals of a series; longer ones are drawn by the extremes of this number of intervals.
+const MAX_INTERVALS: usize = 640;
 
 impl Chart {
-    /// A chart of linear axes.
+    /// Creates a chart with linear axes.
     pub fn new(title: &str, x: &str, y: &str) -> Self {
         Self {
             title: title.into(),
@@ -95,8 +95,8 @@ impl Chart {
         }
     }
 
-    /// A chart of things that are no numbers, beside each other.
-    pub fn of_names<S: Into<String>>(
+    /// Creates a chart with names along the horizontal axis.
+    pub fn with_names<S: Into<String>>(
         title: &str,
         y: &str,
         names: impl IntoIterator<Item = S>,
@@ -105,52 +105,57 @@ impl Chart {
         Self { names, ..Self::new(title, "", y) }
     }
 
+    /// Makes the horizontal axis logarithmic.
     pub fn log_x(self) -> Self {
         Self { log_x: true, ..self }
     }
 
+    /// Makes the vertical axis logarithmic.
     pub fn log_y(self) -> Self {
         Self { log_y: true, ..self }
     }
 
+    /// Makes the vertical axis start at zero.
     pub fn starting_at_zero(self) -> Self {
         Self { starting_at_zero: true, ..self }
     }
 
-    pub fn bands(self, bands: &[Band]) -> Self {
+    /// Adds bands.
+    pub fn bands(self, bands: &[ChartBand]) -> Self {
         Self { bands: bands.to_vec(), ..self }
     }
 
-    pub fn with(mut self, name: &str, points: Vec<[f64; 2]>, mark: Mark) -> Self {
-        self.series.push(Series { name: name.into(), points, reach: vec![], mark });
+    /// Adds a series.
+    pub fn with(mut self, name: &str, points: Vec<[f64; 2]>, mark: SeriesStyle) -> Self {
+        self.series.push(ChartSeries { name: name.into(), points, reach: vec![], mark });
         self
     }
 
-    /// Dots with bars: place, height, and how far the bar reaches up and down.
-    pub fn with_bars(mut self, name: &str, bars: &[[f64; 3]]) -> Self {
+    /// Adds dots with error bars: x, y, and half the length of the bar.
+    pub fn with_error_bars(mut self, name: &str, bars: &[[f64; 3]]) -> Self {
         let points = bars.iter().map(|b| [b[0], b[1]]).collect();
         let reach = bars.iter().map(|b| b[2]).collect();
-        self.series.push(Series { name: name.into(), points, reach, mark: Mark::Dots });
+        self.series.push(ChartSeries { name: name.into(), points, reach, mark: SeriesStyle::Dots });
         self
     }
 
-    /// The chart for a page.
+    /// Returns the drawing.
     pub fn svg(&self) -> String {
         let mut out = String::new();
         let lines = self.legend(&mut out);
         // What stands between title and axes, however much it is, leaves the axes as high as they are.
         let named = if self.bands.is_empty() { 0.0 } else { 1.0 };
-        let down = LINE * (lines + named);
+        let down = LINE_HEIGHT * (lines + named);
         let _ = write!(out, "<g transform=\"translate(0 {down})\">");
         let points = || self.series.iter().flat_map(|s| s.points.iter());
         let x = match (self.bands.first(), self.bands.last()) {
             // Time runs to its end, not to the next round number.
-            (Some(first), Some(last)) => Scale::exactly(first.from, last.to),
-            _ if !self.names.is_empty() => Scale::exactly(-0.5, self.names.len() as f64 - 0.5),
-            _ => Scale::over(points().map(|p| p[0]), self.log_x, false),
+            (Some(first), Some(last)) => AxisScale::exactly(first.from, last.to),
+            _ if !self.names.is_empty() => AxisScale::exactly(-0.5, self.names.len() as f64 - 0.5),
+            _ => AxisScale::over(points().map(|p| p[0]), self.log_x, false),
         };
-        let y = Scale::over(
-            self.series.iter().flat_map(Series::heights),
+        let y = AxisScale::over(
+            self.series.iter().flat_map(ChartSeries::heights),
             self.log_y,
             self.starting_at_zero,
         );
@@ -162,21 +167,21 @@ impl Chart {
             "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\
              <text x=\"{}\" y=\"15\" class=\"title\">{}</text>{out}</g></svg>",
             px(HEIGHT + down),
-            escaped(&self.spoken()),
-            px(ROOM[0]),
+            escaped(&self.description()),
+            px(MARGINS[0]),
             escaped(&self.title),
         )
     }
 
-    /// What the chart is, for those who hear it.
-    fn spoken(&self) -> String {
+    /// Returns the description for screen readers.
+    fn description(&self) -> String {
         let names: Vec<&str> = self.series.iter().map(|s| s.name.as_str()).collect();
         let x = if self.names.is_empty() { self.x.clone() } else { self.names.join(", ") };
         format!("{}: {} over {x}; {}", self.title, self.y, names.join(", "))
     }
 
-    fn frame(&self, x: &Scale, y: &Scale, out: &mut String) {
-        let [left, right, above, below] = ROOM;
+    fn frame(&self, x: &AxisScale, y: &AxisScale, out: &mut String) {
+        let [left, right, above, below] = MARGINS;
         let (floor, edge) = (HEIGHT - below, WIDTH - right);
         for (k, band) in self.bands.iter().enumerate() {
             let at = |v: f64| x.place(v).map_or(left, |s| across(s.clamp(0.0, 1.0)));
@@ -190,7 +195,7 @@ impl Chart {
                 px(floor - above)
             );
             // A name that is wider than its band would run into the next one.
-            if to - from > LETTER * band.name.chars().count() as f64 {
+            if to - from > LETTER_WIDTH * band.name.chars().count() as f64 {
                 let _ = write!(
                     out,
                     "<text x=\"{}\" y=\"{}\" class=\"tick\" text-anchor=\"middle\">{}</text>",
@@ -244,22 +249,22 @@ impl Chart {
         );
     }
 
-    /// The names of the series, and how many lines they take.
+    /// Returns the legend and its number of lines.
     fn legend(&self, out: &mut String) -> f64 {
         if self.series.len() < 2 {
             return 0.0;
         }
-        let (mut x, mut lines) = (ROOM[0], 1.0);
+        let (mut x, mut lines) = (MARGINS[0], 1.0);
         for (k, series) in self.series.iter().enumerate() {
-            let width = 34.0 + LETTER * series.name.chars().count() as f64;
-            if x + width > WIDTH && x > ROOM[0] {
-                (x, lines) = (ROOM[0], lines + 1.0);
+            let width = 34.0 + LETTER_WIDTH * series.name.chars().count() as f64;
+            if x + width > WIDTH && x > MARGINS[0] {
+                (x, lines) = (MARGINS[0], lines + 1.0);
             }
-            let y = 15.0 + LINE * lines;
+            let y = 15.0 + LINE_HEIGHT * lines;
             let (left, middle, colour) = (px(x), px(y - 4.0), k % page::COLOUR_COUNT);
             let dash = if series.mark.is_dashed() { " dash" } else { "" };
             let _ = match series.mark {
-                Mark::Dots => {
+                SeriesStyle::Dots => {
                     dot(&px(x + 8.0), &middle, k, out);
                     Ok(())
                 }
@@ -281,14 +286,14 @@ impl Chart {
 }
 
 fn across(share: f64) -> f64 {
-    ROOM[0] + share * (WIDTH - ROOM[0] - ROOM[1])
+    MARGINS[0] + share * (WIDTH - MARGINS[0] - MARGINS[1])
 }
 
 fn up(share: f64) -> f64 {
-    HEIGHT - ROOM[3] - share * (HEIGHT - ROOM[2] - ROOM[3])
+    HEIGHT - MARGINS[3] - share * (HEIGHT - MARGINS[2] - MARGINS[3])
 }
 
-/// A dot; every second series has squares, so that colour is not all that tells them apart.
+/// Draws a dot; every second series has squares, so that series differ not only in colour.
 fn dot(x: &str, y: &str, number: usize, out: &mut String) {
     let colour = number % page::COLOUR_COUNT;
     let _ = match number % 2 {
@@ -297,7 +302,7 @@ fn dot(x: &str, y: &str, number: usize, out: &mut String) {
     };
 }
 
-fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) {
+fn draw(series: &ChartSeries, number: usize, x: &AxisScale, y: &AxisScale, out: &mut String) {
     let colour = number % page::COLOUR_COUNT;
     let dash = if series.mark.is_dashed() { " dash" } else { "" };
     for ([a, b], reach) in series.points.iter().zip(&series.reach) {
@@ -320,13 +325,13 @@ fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) 
         };
         let (a, b) = (px(across(a.clamp(-0.01, 1.01))), px(up(b.clamp(-0.01, 1.01))));
         let _ = match (pen_down, series.mark) {
-            (_, Mark::Dots) => Ok(()),
+            (_, SeriesStyle::Dots) => Ok(()),
             (false, _) => write!(path, "M{a} {b}"),
-            (true, Mark::Steps) => write!(path, "H{a}V{b}"),
+            (true, SeriesStyle::Steps) => write!(path, "H{a}V{b}"),
             (true, _) => write!(path, "L{a} {b}"),
         };
         pen_down = true;
-        if matches!(series.mark, Mark::Points | Mark::Dots) {
+        if matches!(series.mark, SeriesStyle::Points | SeriesStyle::Dots) {
             dot(&a, &b, number, out);
         }
     }
@@ -335,14 +340,14 @@ fn draw(series: &Series, number: usize, x: &Scale, y: &Scale, out: &mut String) 
     }
 }
 
-/// The points, or the extremes of stretches of them where there are more than a screen can show: of those that
-/// have a place, if one has.
+/// Returns the points, or the extremes of their intervals if there are more than [`MAX_INTERVALS`]; points with a place on
+/// the axis have priority.
 fn thinned(points: &[[f64; 2]], has_place: impl Fn(f64) -> bool) -> Vec<[f64; 2]> {
-    if points.len() <= 2 * COLUMNS {
+    if points.len() <= 2 * MAX_INTERVALS {
         return points.to_vec();
     }
-    let stretch = points.len().div_ceil(COLUMNS);
-    let mut out = Vec::with_capacity(2 * COLUMNS + 2);
+    let stretch = points.len().div_ceil(MAX_INTERVALS);
+    let mut out = Vec::with_capacity(2 * MAX_INTERVALS + 2);
     for part in points.chunks(stretch) {
         let by_height = |a: &&[f64; 2], b: &&[f64; 2]| a[1].total_cmp(&b[1]);
         let placed = || part.iter().filter(|point| has_place(point[1]));
@@ -367,7 +372,7 @@ mod tests {
         let mut points: Vec<[f64; 2]> = (0..20_000).map(|k| [k as f64, 1.0]).collect();
         points[12_345][1] = 99.0;
         assert!(thinned(&points, f64::is_finite).contains(&[12_345.0, 99.0]));
-        assert!(thinned(&points, f64::is_finite).len() <= 2 * COLUMNS + 2);
+        assert!(thinned(&points, f64::is_finite).len() <= 2 * MAX_INTERVALS + 2);
         // Beside numbers that are none, or have no logarithm, too; a stretch of these alone is a gap.
         points[12_346][1] = f64::NAN;
         points[12_344][1] = 0.0;
@@ -379,8 +384,8 @@ mod tests {
         points[12_344..=12_346].iter_mut().for_each(|point| point[1] = 1.0);
         points[12_345][1] = 99.0;
         let chart = Chart::new("a < b", "time (s)", "force (N)")
-            .with("left", points, Mark::Line)
-            .with("law", vec![[0.0, 1.0], [1.0, f64::NAN], [2.0, 3.0]], Mark::Expected);
+            .with("left", points, SeriesStyle::Line)
+            .with("law", vec![[0.0, 1.0], [1.0, f64::NAN], [2.0, 3.0]], SeriesStyle::Expected);
         let svg = chart.svg();
         assert!(svg.contains("aria-label=\"a &lt; b: force (N) over time (s); left, law\""));
         assert!(svg.contains("dash") && !svg.contains("NaN"), "{svg}");
@@ -389,9 +394,9 @@ mod tests {
 
     #[test]
     fn dots_are_not_joined_and_bars_are_inside_the_axes() {
-        let chart = Chart::of_names("t", "fraction", ["cubes", "dice"])
-            .with("measured", vec![[0.0, 0.5], [0.0, 0.6], [1.0, 0.55]], Mark::Dots)
-            .with_bars("published", &[[0.0, 0.5, 0.2], [1.0, 0.5, 0.2]]);
+        let chart = Chart::with_names("t", "fraction", ["cubes", "dice"])
+            .with("measured", vec![[0.0, 0.5], [0.0, 0.6], [1.0, 0.55]], SeriesStyle::Dots)
+            .with_error_bars("published", &[[0.0, 0.5, 0.2], [1.0, 0.5, 0.2]]);
         let svg = chart.svg();
         assert!(!svg.contains('L'), "nothing is joined: {svg}");
         assert!(
@@ -405,9 +410,9 @@ mod tests {
 
     #[test]
     fn time_within_a_single_phase_runs_to_its_end_too() {
-        let band = Band { from: 0.0, to: 0.013, name: "lift".into() };
+        let band = ChartBand { from: 0.0, to: 0.013, name: "lift".into() };
         let chart = Chart::new("t", "time (s)", "y").bands(&[band]);
-        let svg = chart.with("y", vec![[0.0, 1.0], [0.013, 2.0]], Mark::Line).svg();
+        let svg = chart.with("y", vec![[0.0, 1.0], [0.013, 2.0]], SeriesStyle::Line).svg();
         assert!(svg.contains("L704 "), "{svg}");
     }
 }

@@ -1,19 +1,19 @@
-//! A grid of shaded cells over a vertical section.
+//! Heat maps: shaded cells over a vertical section.
 
 use super::palette::Legend;
 use super::{escaped, px};
 use std::fmt::Write;
 
-/// Values on a grid, row by row from below.
+/// Heat map of values on a grid, row by row from below.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeatMap {
     pub title: String,
     /// Edges of the cells along both directions, m.
     pub x: Vec<f64>,
     pub z: Vec<f64>,
-    /// `[rows * columns]`; 0: empty, NaN: no room for anything.
+    /// Values `[rows * columns]`; 0: empty, NaN: no accessible volume.
     pub values: Vec<f64>,
-    /// What lies over the cells: closed polygons, corners in order, m.
+    /// Outlines over the cells: closed polygons, corners in order, m.
     pub outlines: Vec<Vec<[f64; 2]>>,
 }
 
@@ -21,7 +21,7 @@ const WIDTH: f64 = 320.0;
 const ABOVE: f64 = 22.0;
 
 impl HeatMap {
-    /// The map with its own legend below it.
+    /// Returns the drawing with a legend below it.
     pub fn svg(&self, legend: &Legend) -> String {
         let columns = self.x.len().saturating_sub(1);
         let ends = |edges: &[f64]| match edges {
@@ -35,19 +35,19 @@ impl HeatMap {
             "<svg viewBox=\"0 0 {WIDTH} {}\" role=\"img\" aria-label=\"{}\">\
              <text x=\"0\" y=\"14\" class=\"title\">{}</text>",
             px(height + 74.0),
-            escaped(&self.spoken(legend)),
+            escaped(&self.description(legend)),
             escaped(&self.title)
         );
         for (k, value) in self.values.iter().enumerate() {
             let (row, column) = (k / columns.max(1), k % columns.max(1));
-            let (class, said) = match *value {
+            let (class, tooltip) = match *value {
                 v if v.is_nan() => ("block".into(), "no room".into()),
                 0.0 => ("void".into(), "empty".into()),
                 v => (format!("s{}", legend.shade(v)), format!("{v:.2}")),
             };
             let _ = write!(
                 out,
-                "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" class=\"{class}\"><title>{said}</title></rect>",
+                "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" class=\"{class}\"><title>{tooltip}</title></rect>",
                 px((self.x[column] - x0) * scale),
                 px(ABOVE + (z1 - self.z[row + 1]) * scale),
                 px((self.x[column + 1] - self.x[column]) * scale + 0.4),
@@ -67,8 +67,8 @@ impl HeatMap {
         out
     }
 
-    /// What the map shows, for those who hear it.
-    fn spoken(&self, legend: &Legend) -> String {
+    /// Returns the description for screen readers.
+    fn description(&self, legend: &Legend) -> String {
         let filled = self.values.iter().filter(|v| !v.is_nan());
         let ends =
             filled.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)]);

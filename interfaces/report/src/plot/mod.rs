@@ -1,7 +1,7 @@
-//! Plots and pages: inline SVG in self-contained HTML, without scripts, fonts or files beside it.
+//! Charts and pages: inline SVG in self-contained HTML, without scripts, fonts or other files.
 //!
-//! Colours are CSS variables, so that one plot is right on light, dark and printed pages; a plotting library would
-//! write them into every line. Contract: the same numbers give the same bytes.
+//! Colours are CSS variables, so that a chart suits light, dark and printed pages; plotting libraries write colours into
+//! every line. Contract: equal numbers give equal bytes.
 
 mod bars;
 mod chart;
@@ -11,14 +11,14 @@ mod palette;
 mod scale;
 mod scene;
 
-pub use bars::Bars;
-pub use chart::{Band, Chart, Mark};
+pub use bars::BarChart;
+pub use chart::{Chart, ChartBand, SeriesStyle};
 pub use heat_map::HeatMap;
-pub use page::Page;
+pub use page::HtmlPage;
 pub use palette::Legend;
-pub use scene::{Outline, Scene};
+pub use scene::{Outline, OutlineDrawing};
 
-/// Text inside markup.
+/// Escapes a text for markup.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -33,7 +33,7 @@ pub fn escaped(text: &str) -> String {
     out
 }
 
-/// A coordinate in a drawing: a tenth of a pixel is enough, and keeps files small.
+/// Formats a coordinate to a tenth of a pixel, which keeps files small.
 fn px(value: f64) -> String {
     let text = format!("{value:.1}");
     text.strip_suffix(".0").unwrap_or(&text).to_string()
@@ -42,7 +42,7 @@ fn px(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn markup_in_texts_stays_text() {
+    fn markup_is_escaped() {
         assert_eq!(super::escaped("a<b>\"&c"), "a&lt;b&gt;&quot;&amp;c");
         assert_eq!((super::px(3.04), super::px(-2.25)), ("3".into(), "-2.2".into()));
     }

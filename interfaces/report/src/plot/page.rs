@@ -1,44 +1,47 @@
-//! A self-contained page: headings, texts, tables, figures.
+//! Self-contained HTML pages: headings, texts, tables, figures.
 
 use super::escaped;
 use ballast_session::files::PAGE_START;
-use ballast_session::table::Table;
+use ballast_session::table::TextTable;
 use std::fmt::Write;
 
-/// Lines have as many colours, then they start over.
+/// Number of colours of series, after which they repeat.
 pub const COLOUR_COUNT: usize = 6;
 
 /// Style of drawings: colours by variables, for light, dark and paper.
 const COLOURS: &str = include_str!("colours.css");
 const LAYOUT: &str = include_str!("layout.css");
 
-/// A page under construction.
+/// Self-contained HTML page.
 #[derive(Debug, Clone)]
-pub struct Page {
+pub struct HtmlPage {
     title: String,
     body: String,
 }
 
-impl Page {
+impl HtmlPage {
+    /// Creates an empty page.
     pub fn new(title: &str) -> Self {
         let body = format!("<h1>{}</h1>\n", escaped(title));
         Self { title: title.into(), body }
     }
 
+    /// Adds a heading.
     pub fn heading(&mut self, text: &str) {
         let _ = writeln!(self.body, "<h2>{}</h2>", escaped(text));
     }
 
+    /// Adds a paragraph.
     pub fn text(&mut self, text: &str) {
         let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
-    /// A remark below a figure or table.
+    /// Adds a remark below a figure or table.
     pub fn note(&mut self, text: &str) {
         let _ = writeln!(self.body, "<p class=\"note\">{}</p>", escaped(text));
     }
 
-    /// Figures that matter most: label, value, what to compare with.
+    /// Adds cards with the most important figures: label, value, reference.
     pub fn cards(&mut self, cards: &[[String; 3]]) {
         self.body += "<div class=\"cards\">";
         for [label, value, note] in cards {
@@ -53,7 +56,7 @@ impl Page {
         self.body += "</div>\n";
     }
 
-    /// Small drawings side by side, as far as the page is wide enough.
+    /// Adds small drawings in a row.
     pub fn figures(&mut self, drawings: &[String]) {
         self.body += "<div class=\"figures\">";
         for drawing in drawings {
@@ -62,13 +65,13 @@ impl Page {
         self.body += "</div>\n";
     }
 
-    /// One drawing over the width of the text; on a narrow screen it stays readable, and is moved sideways.
+    /// Adds a drawing over the width of the text, which scrolls on narrow screens.
     pub fn figure(&mut self, drawing: &str) {
         let _ = writeln!(self.body, "<figure class=\"wide scroll\">{drawing}</figure>");
     }
 
-    /// A table; its first row is the header. Empty ones are left out.
-    pub fn table(&mut self, table: &Table) {
+    /// Adds a table unless it is empty; its first row is the header.
+    pub fn table(&mut self, table: &TextTable) {
         let [header, rows @ ..] = table.rows() else { return };
         if rows.is_empty() {
             return;
@@ -99,13 +102,14 @@ impl Page {
         self.body += "</tr>";
     }
 
-    /// A long text that is opened by who wants it.
+    /// Adds a long text that is folded at first.
     pub fn details(&mut self, summary: &str, text: &str) {
         let (summary, text) = (escaped(summary), escaped(text));
         let _ =
             writeln!(self.body, "<details><summary>{summary}</summary><pre>{text}</pre></details>");
     }
 
+    /// Returns the page as HTML.
     pub fn html(&self) -> String {
         format!(
             "{PAGE_START}\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
@@ -124,11 +128,11 @@ mod tests {
 
     #[test]
     fn a_page_needs_nothing_from_outside() {
-        let mut page = Page::new("a & b");
-        let mut table = Table::new("check", ["verdict"]);
+        let mut page = HtmlPage::new("a & b");
+        let mut table = TextTable::new("check", ["verdict"]);
         table.row(["x <y>", "failed"]);
         page.table(&table);
-        page.table(&Table::new("empty", ["x"]));
+        page.table(&TextTable::new("empty", ["x"]));
         page.details("case", "</pre><script>");
         let html = page.html();
         assert!(html.contains("x &lt;y&gt;") && html.contains("class=\"bad\""));

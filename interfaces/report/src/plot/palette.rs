@@ -1,29 +1,29 @@
-//! Shades for values between two bounds, and the legend that explains them.
+//! Shades for values between two bounds, and their legend.
 
 use super::{escaped, px};
 use ballast_session::table::figure;
 use std::fmt::Write;
 
-/// Number of shades, from low to high; the page's style gives their colours.
+/// Number of shades, from low to high; their colours are in the style sheet.
 pub const SHADES: usize = 8;
 
-/// Equal steps between two values.
+/// Legend of shades in equal steps between two values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Legend {
     pub low: f64,
     pub high: f64,
-    /// What is shown, with its unit.
+    /// Quantity with its unit.
     pub label: String,
 }
 
 impl Legend {
-    /// The shade of a value; values beyond the bounds have those of the bounds.
+    /// Returns the shade of a value, clamped to the bounds.
     pub fn shade(&self, value: f64) -> usize {
         let share = (value - self.low) / (self.high - self.low).max(f64::MIN_POSITIVE);
         if share.is_nan() { 0 } else { ((share * SHADES as f64) as usize).min(SHADES - 1) }
     }
 
-    /// The legend as a strip whose upper left corner is at `x`, `y`; 44 px high.
+    /// Returns the legend as a strip whose upper left corner is at `x`, `y`; 44 px high.
     pub(super) fn strip(&self, x: f64, y: f64, out: &mut String) {
         const WIDTH: f64 = 22.0;
         let _ = write!(

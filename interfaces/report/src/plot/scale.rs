@@ -1,20 +1,20 @@
-//! From numbers to places along an axis, and back to round numbers.
+//! Scales of axes: positions of values, and ticks at round numbers.
 
 use ballast_session::table::figure;
 
-/// Of a step between ticks.
+/// Distance below which a tick counts as zero, over the step between ticks.
 const LINE_WIDTH: f64 = 0.01;
 
-/// An axis from `low` to `high`, linear or logarithmic.
+/// Axis from `low` to `high`, linear or logarithmic.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scale {
+pub struct AxisScale {
     low: f64,
     high: f64,
     log: bool,
 }
 
-impl Scale {
-    /// An axis that shows all finite values; on a logarithmic one those above zero.
+impl AxisScale {
+    /// Creates an axis for all finite values; a logarithmic one for those above zero.
     pub fn over(values: impl Iterator<Item = f64>, log: bool, starting_at_zero: bool) -> Self {
         let shown = values.filter(|v| v.is_finite() && (!log || *v > 0.0));
         let [mut low, mut high] = shown
@@ -42,12 +42,12 @@ impl Scale {
         Self { low: down, high: up, log }
     }
 
-    /// An axis between exactly these ends.
+    /// Creates an axis with exactly these ends.
     pub fn exactly(low: f64, high: f64) -> Self {
         Self { low, high: if high > low { high } else { low + 1.0 }, log: false }
     }
 
-    /// 0 at the low end, 1 at the high one; `None` for what cannot be shown.
+    /// Returns the position of a value, 0 to 1; `None` for values that cannot be shown.
     pub fn place(&self, value: f64) -> Option<f64> {
         let share = if self.log {
             (value / self.low).ln() / (self.high / self.low).ln()
@@ -57,7 +57,7 @@ impl Scale {
         (share.is_finite() && (!self.log || value > 0.0)).then_some(share)
     }
 
-    /// Round numbers along the axis, and how they are written.
+    /// Returns round numbers along the axis with their texts.
     pub fn ticks(&self) -> Vec<(f64, String)> {
         if self.log {
             let decades = (self.high / self.low).log10().round() as i32;
@@ -75,7 +75,7 @@ impl Scale {
     }
 }
 
-/// 1, 2 or 5 times a power of ten, near `rough`.
+/// Returns 1, 2 or 5 times a power of ten, near `rough`.
 fn round_step(rough: f64) -> f64 {
     let power = 10f64.powf(rough.log10().floor());
     let factor = [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * power >= rough * 0.999);
@@ -103,31 +103,31 @@ fn power_of_ten(exponent: i32, is_plain: bool) -> String {
 mod tests {
     use super::*;
 
-    fn labels(scale: &Scale) -> Vec<String> {
+    fn labels(scale: &AxisScale) -> Vec<String> {
         scale.ticks().into_iter().map(|t| t.1).collect()
     }
 
     #[test]
     fn ticks_are_round_and_inside() {
-        let scale = Scale::over([0.13, 0.97].into_iter(), false, false);
+        let scale = AxisScale::over([0.13, 0.97].into_iter(), false, false);
         assert_eq!(labels(&scale), ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(scale.place(0.5), Some(0.5));
-        assert_eq!(labels(&Scale::exactly(0.0, 5.0)), ["0", "1", "2", "3", "4", "5"]);
-        assert_eq!(labels(&Scale::exactly(0.3, 0.7)), ["0.3", "0.4", "0.5", "0.6", "0.7"]);
-        let negative = Scale::over([-12.0, 30.0].into_iter(), false, false);
+        assert_eq!(labels(&AxisScale::exactly(0.0, 5.0)), ["0", "1", "2", "3", "4", "5"]);
+        assert_eq!(labels(&AxisScale::exactly(0.3, 0.7)), ["0.3", "0.4", "0.5", "0.6", "0.7"]);
+        let negative = AxisScale::over([-12.0, 30.0].into_iter(), false, false);
         assert_eq!(labels(&negative)[0], "−20");
-        let nearly = Scale::over([-0.003, 371.0].into_iter(), false, false);
+        let nearly = AxisScale::over([-0.003, 371.0].into_iter(), false, false);
         assert_eq!(labels(&nearly)[0], "0", "three thousandths of a joule need no hundred");
     }
 
     #[test]
     fn a_logarithmic_axis_shows_decades_and_nothing_below_zero() {
-        let scale = Scale::over([3e-6, 0.0, -1.0, 2e-2].into_iter(), true, false);
+        let scale = AxisScale::over([3e-6, 0.0, -1.0, 2e-2].into_iter(), true, false);
         assert_eq!(scale.place(0.0), None);
         assert_eq!(scale.place(-1.0), None);
         assert!((scale.place(1e-6).unwrap()).abs() < 1e-12);
         assert_eq!(labels(&scale), ["1e−6", "1e−5", "1e−4", "1e−3", "1e−2", "1e−1"]);
-        let plain = Scale::over([0.003, 20.0].into_iter(), true, false);
+        let plain = AxisScale::over([0.003, 20.0].into_iter(), true, false);
         assert_eq!(labels(&plain), ["0.001", "0.01", "0.1", "1", "10", "100"]);
     }
 
@@ -135,7 +135,7 @@ mod tests {
     fn constant_and_absent_values_have_an_axis_too() {
         for values in [vec![], vec![0.0], vec![5.0, 5.0], vec![f64::NAN], vec![-3.0]] {
             for log in [false, true] {
-                let scale = Scale::over(values.iter().copied(), log, false);
+                let scale = AxisScale::over(values.iter().copied(), log, false);
                 assert!(scale.ticks().len() >= 2, "{values:?} {log}");
             }
         }

@@ -1,41 +1,41 @@
-//! Outlines of bodies in a plane, to scale.
+//! Drawings of outlines of bodies in a plane, to scale.
 
 use super::palette::Legend;
 use super::{escaped, px};
 use ballast_session::table::figure;
 use std::fmt::Write;
 
-/// A closed polygon and how it is filled.
+/// Closed polygon with its style.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outline {
     /// Corners in order, m.
     pub corners: Vec<[f64; 2]>,
-    /// A class of the page's style.
+    /// Class in the style sheet.
     pub class: String,
-    /// What the outline is, shown where a pointer rests; none if empty.
-    pub said: String,
+    /// Tooltip; empty for none.
+    pub tooltip: String,
 }
 
-/// A picture of a box of the plane.
+/// Drawing of outlines in a box of the plane.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
+pub struct OutlineDrawing {
     pub title: String,
-    /// What is to be seen, for those who hear it.
-    pub spoken: String,
+    /// Description for screen readers.
+    pub description: String,
     /// Lower left and upper right corner, m.
     pub low: [f64; 2],
     pub high: [f64; 2],
     pub outlines: Vec<Outline>,
 }
 
-/// About as wide as the page shows it: texts keep their size.
+/// Width of the drawing, about that on the page, so that texts keep their size.
 const WIDTH: f64 = 340.0;
 const ABOVE: f64 = 22.0;
-/// Between the picture and the legend, with the scale.
+/// Height of the strip with the scale bar below the picture.
 const BELOW: f64 = 34.0;
 
-impl Scene {
-    /// The picture, with a bar that shows its scale and a legend if there is one.
+impl OutlineDrawing {
+    /// Returns the drawing with a scale bar and an optional legend.
     pub fn svg(&self, legend: Option<&Legend>) -> String {
         let [x0, z0] = self.low;
         let scale = WIDTH / (self.high[0] - x0).max(f64::MIN_POSITIVE);
@@ -45,7 +45,7 @@ impl Scene {
              <text x=\"0\" y=\"14\" class=\"title\">{}</text>\
              <rect x=\"0\" y=\"{ABOVE}\" width=\"{WIDTH}\" height=\"{}\" class=\"air\"/>",
             px(floor + BELOW + if legend.is_some() { 44.0 } else { 6.0 }),
-            escaped(&format!("{}: {}", self.title, self.spoken)),
+            escaped(&format!("{}: {}", self.title, self.description)),
             escaped(&self.title),
             px(floor - ABOVE)
         );
@@ -56,9 +56,9 @@ impl Scene {
                 let _ = write!(out, "{}{} {}", if k == 0 { 'M' } else { 'L' }, px(x), px(z));
             }
             let _ = write!(out, "Z\" class=\"{}\"", outline.class);
-            let _ = match outline.said.as_str() {
+            let _ = match outline.tooltip.as_str() {
                 "" => write!(out, "/>"),
-                said => write!(out, "><title>{}</title></path>", escaped(said)),
+                tooltip => write!(out, "><title>{}</title></path>", escaped(tooltip)),
             };
         }
         let length = bar(self.high[0] - x0);
@@ -81,7 +81,7 @@ impl Scene {
     }
 }
 
-/// A round length of about a fifth of the picture.
+/// Returns a round length of about a fifth of the picture.
 fn bar(width: f64) -> f64 {
     let power = 10f64.powf((0.2 * width).log10().floor());
     let factor = [5.0, 2.0, 1.0].into_iter().find(|f| f * power <= 0.25 * width).unwrap_or(1.0);
@@ -97,11 +97,11 @@ mod tests {
         let outline = Outline {
             corners: vec![[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]],
             class: "tool".into(),
-            said: "a < b".into(),
+            tooltip: "a < b".into(),
         };
-        let scene = Scene {
+        let scene = OutlineDrawing {
             title: "t".into(),
-            spoken: "one stone".into(),
+            description: "one stone".into(),
             low: [0.0, 0.0],
             high: [1.0, 1.0],
             outlines: vec![outline],

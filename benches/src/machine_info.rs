@@ -1,4 +1,4 @@
-//! What a measurement was made on, and what else the machine did meanwhile.
+//! Description of the machine that made a measurement, and its load by other programs.
 
 use ballast::lanes::InstructionSet;
 use ballast_session::files::typed;
@@ -6,22 +6,25 @@ use ballast_session::profile::cpu_time;
 use std::ffi::OsString;
 use std::time::{Duration, Instant};
 
-/// Ticks per second of the kernel's account of processor time.
-const TICKS: f64 = 100.0;
+/// Ticks per second in `/proc/stat`.
+const TICKS_PER_SECOND: f64 = 100.0;
 
-/// The machine, watched since it was described.
-pub struct Machine {
-    began: Instant,
-    own: Duration,
+/// Machine of a measurement, observed since its start.
+pub struct MachineInfo {
+    start: Instant,
+    /// CPU time of this process at the start.
+    own_cpu: Duration,
+    /// CPU time of all processes at the start, s.
     busy: Option<f64>,
 }
 
-impl Machine {
-    pub fn watch() -> Self {
-        Self { began: Instant::now(), own: cpu_time(), busy: busy() }
+impl MachineInfo {
+    /// Starts to observe the machine.
+    pub fn observe() -> Self {
+        Self { start: Instant::now(), own_cpu: cpu_time(), busy: busy_seconds() }
     }
 
-    /// Pairs of a word and what it is.
+    /// Returns pairs of a property and its value.
     pub fn lines(&self) -> Vec<(String, String)> {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let instructions: Vec<&str> =
@@ -39,22 +42,25 @@ impl Machine {
             ("system", format!("{os} on {arch}")),
             ("version", env!("CARGO_PKG_VERSION").to_string()),
         ];
-        if let Some(others) = self.others() {
-            lines.push(("other programs", format!("{others:.2} cores busy in the mean meanwhile")));
+        if let Some(others) = self.busy_by_others() {
+            lines.push((
+                "other programs",
+                format!("{others:.2} cores busy on average during the measurement"),
+            ));
         }
         lines.into_iter().map(|(word, text)| (word.to_string(), text)).collect()
     }
 
-    /// Cores that other programs kept busy in the mean since the watch began.
-    pub fn others(&self) -> Option<f64> {
-        let wall = self.began.elapsed().as_secs_f64();
-        let own = cpu_time().saturating_sub(self.own).as_secs_f64();
-        let all = busy()? - self.busy?;
+    /// Returns the mean number of cores that other programs kept busy since the start.
+    fn busy_by_others(&self) -> Option<f64> {
+        let wall = self.start.elapsed().as_secs_f64();
+        let own = cpu_time().saturating_sub(self.own_cpu).as_secs_f64();
+        let all = busy_seconds()? - self.busy?;
         (wall > 0.0).then(|| ((all - own) / wall).max(0.0))
     }
 }
 
-/// What was called, as it is typed; the program by its name.
+/// Returns the command line as typed in a shell, with the plain name of the program.
 fn command(arguments: impl Iterator<Item = OsString>) -> String {
     let words = std::iter::once("ballast".to_string()).chain(arguments.map(typed));
     words.collect::<Vec<_>>().join(" ")
@@ -69,7 +75,7 @@ fn processor() -> String {
         let line = text.lines().find(|line| line.starts_with("model name"))?;
         Some(line.split_once(':')?.1.trim().to_string())
     });
-    name.unwrap_or_else(|| "not told by the system".into())
+    name.unwrap_or_else(|| "unknown".into())
 }
 
 fn caches() -> String {
@@ -83,15 +89,16 @@ fn caches() -> String {
         Some(format!("L{}{kind} {}", of("level")?, of("size")?))
     };
     let all: Vec<String> = (0..8).map_while(cache).collect();
-    if all.is_empty() { "not told by the system".into() } else { all.join(", ") }
+    if all.is_empty() { "unknown".into() } else { all.join(", ") }
 }
 
-/// Seconds that all processors have been busy since the machine started.
-fn busy() -> Option<f64> {
+/// Returns the busy time of all processors since the machine started, s.
+fn busy_seconds() -> Option<f64> {
     let text = read("/proc/stat")?;
     let ticks: Vec<f64> = (text.lines().next()?.split_whitespace().skip(1))
         .filter_map(|word| word.parse().ok())
         .collect();
     // user, nice, system, idle, waiting, interrupts, soft interrupts
-    (ticks.len() >= 7).then(|| (ticks[0] + ticks[1] + ticks[2] + ticks[5] + ticks[6]) / TICKS)
+    (ticks.len() >= 7)
+        .then(|| (ticks[0] + ticks[1] + ticks[2] + ticks[5] + ticks[6]) / TICKS_PER_SECOND)
 }

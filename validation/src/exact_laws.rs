@@ -1,19 +1,18 @@
 //! Checks with exact answers: incline, column of boxes, arch.
 
-use super::check::{Check, DIGITS, Finding, Verdict, exponent};
+use super::check::{Check, CheckFinding, CheckVerdict, DEFAULT_DIGITS, exponent};
 use super::listed;
-use super::size::Size;
+use super::suite_size::SuiteSize;
 use super::world::{GRAVITY, World};
 use ballast::geometry::{convex_hull, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::state::State;
-use ballast_report::plot::{Chart, Mark};
-use ballast_session::Outcome;
-use ballast_session::Reporter;
+use ballast_report::plot::{Chart, SeriesStyle};
+use ballast_session::{Reporter, Result};
 use std::f64::consts::PI;
 
-/// A slab on a slope: it sticks below the angle of friction and slides with `g (sin α - μ cos α)` above.
-pub fn incline(_: &Size, _: &dyn Reporter) -> Outcome<Check> {
+/// Checks a slab on a slope, which sticks below the angle of friction and slides with `g (sin α - μ cos α)` above.
+pub fn incline(_: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
     let mut check = Check::new(
         "incline",
         "A slab of 0.2 × 0.2 × 0.02 m on a slope for 0.5 s, steps of 1 ms, 1e-4 rad below the angle of friction and \
@@ -30,29 +29,34 @@ pub fn incline(_: &Size, _: &dyn Reporter) -> Outcome<Check> {
             world.wall("slope", Vec3::zeros(), turn * Vec3::z(), friction);
             let start = world.state.position[0];
             world.run(0.5)?;
-            let way = (world.state.position[0] - start).dot(&(turn * Vec3::x()));
+            let distance = (world.state.position[0] - start).dot(&(turn * Vec3::x()));
             if above < 0.0 {
-                let name = format!("way, μ = {friction}, below its angle (m)");
-                check.findings.push(Finding::near(name, way, 0.0, 1e-7));
+                let name = format!("distance, μ = {friction}, below its angle (m)");
+                check.findings.push(CheckFinding::near(name, distance, 0.0, 1e-7));
             } else {
                 let expected = GRAVITY * (angle.sin() - friction * angle.cos());
                 // From rest, s = a t²/2; the scheme is exact for constant acceleration, friction is kept in f32.
                 let name = format!("acceleration over a, μ = {friction}, above");
-                check.findings.push(Finding::near(name, way / (0.125 * expected), 1.0, 2e-6));
+                check.findings.push(CheckFinding::near(
+                    name,
+                    distance / (0.125 * expected),
+                    1.0,
+                    2e-6,
+                ));
             }
         }
     }
     Ok(check)
 }
 
-/// Boxes on each other: sweeps until the floor carries the weight.
-pub fn column(size: &Size, _: &dyn Reporter) -> Outcome<Check> {
+/// Counts the sweeps until the floor carries the weight of stacked boxes.
+pub fn column(size: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
     let counts: &[usize] = if size.quick { &[4, 8, 16, 32] } else { &[4, 8, 16, 32, 64, 128] };
     let mut check = Check::new(
         "column of boxes",
         format!(
-            "Columns of {} boxes without friction, one step from nothing, sequential sweeps that are never relaxed, until \
-             the floor lacks 1 % of the weight.",
+            "Columns of {} boxes without friction, one step without warm start, sequential sweeps without relaxation, until \
+             the floor carries 99 % of the weight.",
             listed(counts)
         ),
         "The weight diffuses through the sweeps: their number grows with the square of the height",
@@ -62,47 +66,56 @@ pub fn column(size: &Size, _: &dyn Reporter) -> Outcome<Check> {
         points.push([count as f64, f64::from(sweeps_needed(count)?)]);
     }
     let [a, b] = [points[1], points[points.len() - 1]];
-    check.findings.push(Finding::near("exponent of sweeps over boxes", exponent(a, b), 2.0, 0.1));
+    check.findings.push(CheckFinding::near(
+        "exponent of sweeps over boxes",
+        exponent(a, b),
+        2.0,
+        0.1,
+    ));
     let law = points.iter().map(|p| [p[0], a[1] * (p[0] / a[0]).powi(2)]).collect();
-    let chart = Chart::new("Sweeps that a column needs", "boxes", "sweeps").log_x().log_y();
-    let chart = chart.with("measured", points, Mark::Points).with("square", law, Mark::Expected);
+    let chart = Chart::new("Sweeps for a column", "boxes", "sweeps").log_x().log_y();
+    let chart = chart.with("measured", points, SeriesStyle::Points).with(
+        "square",
+        law,
+        SeriesStyle::Expected,
+    );
     check.charts.push(chart.svg());
     Ok(check)
 }
 
-/// Sweeps at a time of [`sweeps_needed`]: fewer than those after which slow sweeps are relaxed (T-12): the law is that
-/// of plain ones.
-const AT_A_TIME: u32 = 100;
+/// Maximum number of sweeps per solve in [`sweeps_needed`], below the number after which relaxation starts (T-12).
+const MAX_SWEEPS_PER_SOLVE: u32 = 100;
 
-/// Sweeps after which the floor lacks less than 1 % of the weight.
-fn sweeps_needed(count: usize) -> Outcome<u32> {
+/// Returns the number of sweeps after which the floor carries 99 % of the weight.
+fn sweeps_needed(count: usize) -> Result<u32> {
     let mut world = World::new(1_000_000, 0.0, 2e-3);
     let cube = world.shape(cuboid(Vec3::repeat(0.05)));
     for k in 0..count {
         world.grain(cube, Pose::at(Vec3::z() * (0.1 * (k as f64 + 0.5))));
     }
     world.wall("floor", Vec3::zeros(), Vec3::z(), 0.0);
-    // As fine as a sixty-fourth of the height's square: nothing to the exponent.
-    let at_a_time = ((count as u32).pow(2) / 64).clamp(1, AT_A_TIME);
+    // A resolution of 1/64 of the squared height does not affect the exponent.
+    let sweeps_per_solve = ((count as u32).pow(2) / 64).clamp(1, MAX_SWEEPS_PER_SOLVE);
     let solver = &mut world.model.solver;
-    (solver.tolerance, solver.max_iterations, solver.convergence_check_interval) =
-        (None, at_a_time, 1);
+    solver.tolerance = None;
+    solver.max_iterations = sweeps_per_solve;
+    solver.convergence_check_interval = 1;
     let start = world.state.clone();
     let mut sweeps = 0;
     loop {
         let carried = -world.step()?.reactions[0].impulse.z / world.model.stepping.h();
-        sweeps += at_a_time;
+        sweeps += sweeps_per_solve;
         if 1.0 - carried / world.weight() < 0.01 || sweeps >= 1 << 20 {
             return Ok(sweeps);
         }
-        // The same step once more, from the impulses where its sweeps have got to.
+        // Repeats the step, starting from the impulses that its sweeps have reached.
         let contacts = std::mem::take(&mut world.state.contacts);
         world.state = State { contacts, ..start.clone() };
     }
 }
 
-/// A semicircular arch of voussoirs stands iff it is thick enough.
-pub fn arch(size: &Size, _: &dyn Reporter) -> Outcome<Check> {
+/// Checks a semicircular arch of voussoirs, which stands if and only if it is thick enough.
+pub fn arch(size: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
     const VOUSSOIRS: usize = 16;
     let mut check = Check::new(
         "arch",
@@ -111,7 +124,7 @@ pub fn arch(size: &Size, _: &dyn Reporter) -> Outcome<Check> {
         ),
         "Milankovitch 1907: stands iff thickness over mean radius is above 0.1075",
     );
-    let sinking = |thickness: f64| -> Outcome<f64> {
+    let sinking = |thickness: f64| -> Result<f64> {
         let mut world = World::new(2_000_000, 1.0, 2e-3);
         world.model.solver.tolerance = Some(1e-6);
         world.model.solver.max_iterations = 500;
@@ -135,14 +148,14 @@ pub fn arch(size: &Size, _: &dyn Reporter) -> Outcome<Check> {
         Ok(start - world.state.position[VOUSSOIRS / 2].z)
     };
     let (thick, thin) = (sinking(0.12)?, sinking(0.095)?);
-    check.findings.push(Finding::near("crown sinks, thickness 0.12 (m)", thick, 0.0, 1e-4));
-    check.findings.push(Finding {
+    check.findings.push(CheckFinding::near("crown sinks, thickness 0.12 (m)", thick, 0.0, 1e-4));
+    check.findings.push(CheckFinding {
         quantity: "crown sinks, thickness 0.095 (m)".into(),
         measured: thin,
-        digits: DIGITS,
+        digits: DEFAULT_DIGITS,
         expected: "falls".into(),
         tolerance: "more than 0.1 m".into(),
-        verdict: Verdict::of(thin > 0.1),
+        verdict: CheckVerdict::from_condition(thin > 0.1),
     });
     if !size.quick {
         let [mut falls, mut stands] = [0.095, 0.12];
@@ -151,7 +164,7 @@ pub fn arch(size: &Size, _: &dyn Reporter) -> Outcome<Check> {
             if sinking(middle)?.abs() < 0.01 { stands = middle } else { falls = middle }
         }
         let middle = 0.5 * (falls + stands);
-        check.findings.push(Finding::near(
+        check.findings.push(CheckFinding::near(
             "thickness between falling and standing",
             middle,
             0.1075,

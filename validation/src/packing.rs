@@ -1,30 +1,27 @@
 //! Random packings of the five Platonic solids.
 
-use super::check::{Check, Finding};
-use super::several::side_by_side;
-use super::size::Size;
-use super::world::{D, GRAVITY, World, hang, in_box, random};
+use super::check::{Check, CheckFinding};
+use super::samples_progress::map_parallel;
+use super::suite_size::SuiteSize;
+use super::world::{D, GRAVITY, World, in_box, random, stack_loosely};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::Vec3;
 use ballast::model::PenetrationCorrection;
 use ballast::observe::{self, Zone};
-use ballast_report::plot::{Chart, Mark};
-use ballast_session::Outcome;
-use ballast_session::Reporter;
+use ballast_report::plot::{Chart, SeriesStyle};
+use ballast_session::{Reporter, Result};
 
-/// Friction of polystyrene on itself, in the middle of what tables give for plastics on themselves (0.4 to 0.7). That
-/// of the experiment's dice is not known to us.
+/// Friction of plastic on plastic, in the middle of tabulated values (0.4 to 0.7); unknown for the experiment.
 const FRICTION: f64 = 0.5;
-/// Radius of the fillets of edges and corners over d, the same for all solids: 1.2 mm on dice of 15 mm. Moulded dice are
-/// not sharp; how round those of the experiment were is not known to us, so it is chosen, with the friction, in view of the
-/// figures of tetrahedra and cubes.
+/// Radius of the fillets of edges and corners over d: 1.2 mm on dice of 15 mm. Unknown for the experiment; chosen, with the
+/// friction, in view of the figures of tetrahedra and cubes.
 const FILLET: f64 = 0.08;
-/// Speed at which dice sink through the liquid, over √(g d) with the gravity that acts in it.
-const SINKING: f64 = 0.2;
-/// Solid fraction of the fluidised bed that the dice sink from.
-const FLUIDISED: f64 = 0.3;
+/// Speed at which dice sink in the liquid, over √(g d) with the effective gravity.
+const SINKING_SPEED: f64 = 0.2;
+/// Solid fraction of the fluidised bed from which the dice sink.
+const FLUIDISED_FRACTION: f64 = 0.3;
 /// Name and published solid fraction of loose packings.
-const SOLIDS: [(&str, f64); 5] = [
+const PLATONIC_SOLIDS: [(&str, f64); 5] = [
     ("tetrahedra", 0.51),
     ("cubes", 0.54),
     ("octahedra", 0.52),
@@ -32,97 +29,121 @@ const SOLIDS: [(&str, f64); 5] = [
     ("icosahedra", 0.50),
 ];
 
-/// Of the solid fraction.
+/// Tolerance of the solid fraction.
 const TOLERANCE: f64 = 0.02;
 
-/// How much is packed, and where it is measured; lengths in dice.
-struct Sample {
+/// Size and measured region of a packing; lengths in d.
+struct PackingSample {
     count: usize,
-    across: f64,
-    /// Least distance from walls and floor.
+    /// Width of the box.
+    width: f64,
+    /// Distance of the measured region from walls and floor.
     margin: f64,
     seeds: u64,
-    /// Largest number of iterations, and tolerance.
-    solved: (u32, f64),
+    max_iterations: u32,
+    tolerance: f64,
 }
 
 /// Solid fractions of a packing.
 #[derive(Clone, Copy)]
 struct Packing {
-    /// Away from walls, floor and surface.
+    /// Solid fraction away from walls, floor and surface.
     middle: f64,
-    /// From wall to wall, from the floor up.
+    /// Solid fraction from wall to wall, above the floor.
     whole: f64,
     /// Mean overlap over d.
     overlap: f64,
 }
 
-/// Dice of a fluidised bed sink in a box; the solid fraction is that of the middle, away from walls, floor and
-/// surface.
-pub fn dice(size: &Size, console: &dyn Reporter) -> Outcome<Check> {
+/// Measures the solid fraction of dice that sink from a fluidised bed in a box, away from walls, floor and surface.
+pub fn packing(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
     let sample = if size.quick {
-        Sample { count: 250, across: 6.0, margin: 1.5, seeds: 1, solved: (60, 1e-3) }
+        PackingSample {
+            count: 250,
+            width: 6.0,
+            margin: 1.5,
+            seeds: 1,
+            max_iterations: 60,
+            tolerance: 1e-3,
+        }
     } else {
-        Sample { count: 1000, across: 10.0, margin: 2.0, seeds: 3, solved: (100, 1e-4) }
+        PackingSample {
+            count: 1000,
+            width: 10.0,
+            margin: 2.0,
+            seeds: 3,
+            max_iterations: 100,
+            tolerance: 1e-4,
+        }
     };
-    let mut check = introduced(&sample);
-    let filleted = (0..SOLIDS.len()).flat_map(|k| (0..sample.seeds).map(move |s| (k, s, FILLET)));
-    let sharp = (0..SOLIDS.len()).map(|k| (k, 0, 0.0)).filter(|_| !size.quick);
+    let mut check = describe(&sample);
+    let filleted =
+        (0..PLATONIC_SOLIDS.len()).flat_map(|k| (0..sample.seeds).map(move |s| (k, s, FILLET)));
+    let sharp = (0..PLATONIC_SOLIDS.len()).map(|k| (k, 0, 0.0)).filter(|_| !size.quick);
     let wanted: Vec<_> = filleted.chain(sharp).collect();
-    let packed = side_by_side("packings", &wanted, console, |&(number, seed, fillet)| {
-        packing(number, fillet, seed, &sample)
+    let packed = map_parallel("packings", &wanted, console, |&(number, seed, fillet)| {
+        pack(number, fillet, seed, &sample)
     })?;
-    let (filleted, sharp) = packed.split_at(SOLIDS.len() * sample.seeds as usize);
+    let (filleted, sharp) = packed.split_at(PLATONIC_SOLIDS.len() * sample.seeds as usize);
     let all: Vec<&[Packing]> = filleted.chunks(sample.seeds as usize).collect();
-    let (mut measured, mut published) = (Vec::new(), Vec::new());
-    for (k, ((name, expected), found)) in SOLIDS.iter().zip(&all).enumerate() {
+    let mut measured = Vec::new();
+    let mut published = Vec::new();
+    for (k, ((name, expected), found)) in PLATONIC_SOLIDS.iter().zip(&all).enumerate() {
         let middle = mean(found, |p| p.middle);
         let name = format!("solid fraction of {name}");
-        check.findings.push(Finding::near(name, middle, *expected, TOLERANCE));
-        // Beside each other.
+        check.findings.push(CheckFinding::near(name, middle, *expected, TOLERANCE));
+        // Offset, so that the marks do not overlap.
         measured.push([k as f64 - 0.06, middle]);
         published.push([k as f64 + 0.06, *expected, TOLERANCE]);
     }
-    for ((name, _), found) in SOLIDS.iter().zip(&all) {
+    for ((name, _), found) in PLATONIC_SOLIDS.iter().zip(&all) {
         let name = format!("{name}, walls and floor included");
-        check.findings.push(Finding::told(name, mean(found, |p| p.whole), "less"));
+        check.findings.push(CheckFinding::informational(name, mean(found, |p| p.whole), "less"));
     }
     if !size.quick {
-        for ((name, expected), found) in SOLIDS.iter().zip(sharp) {
+        for ((name, expected), found) in PLATONIC_SOLIDS.iter().zip(sharp) {
             let name = format!("{name}, sharp, one seed");
-            check.findings.push(Finding::told(name, found.middle, format!("{expected}")));
+            check.findings.push(CheckFinding::informational(
+                name,
+                found.middle,
+                format!("{expected}"),
+            ));
         }
         let spread = all.iter().map(|found| spread(found)).fold(0.0, f64::max);
-        check.findings.push(Finding::told("largest less smallest of the seeds", spread, "scatter"));
+        check.findings.push(CheckFinding::informational("range over the seeds", spread, "scatter"));
     }
     let overlap = all.iter().map(|found| mean(found, |p| p.overlap)).fold(0.0, f64::max);
-    check.findings.push(Finding::told("mean overlap over d", overlap, "far below 0.01"));
-    let names = SOLIDS.map(|(name, _)| name);
-    let chart = Chart::of_names("Loose packings of dice", "solid fraction", names)
-        .with("measured", measured, Mark::Dots)
-        .with_bars(&format!("published, ± {TOLERANCE}"), &published);
+    check.findings.push(CheckFinding::informational(
+        "mean overlap over d",
+        overlap,
+        "far below 0.01",
+    ));
+    let names = PLATONIC_SOLIDS.map(|(name, _)| name);
+    let chart = Chart::with_names("Loose packings of dice", "solid fraction", names)
+        .with("measured", measured, SeriesStyle::Dots)
+        .with_error_bars(&format!("published, ± {TOLERANCE}"), &published);
     check.charts.push(chart.svg());
     Ok(check)
 }
 
-/// The check before anything is measured.
-fn introduced(sample: &Sample) -> Check {
-    let Sample { count, across, margin, seeds, .. } = sample;
+/// Creates the check with its description.
+fn describe(sample: &PackingSample) -> Check {
+    let PackingSample { count, width, margin, seeds, .. } = sample;
     let of = if *seeds == 1 { "one seed".to_string() } else { format!("mean of {seeds} seeds") };
     let mut check = Check::new(
-        "Platonic dice",
+        "random packings of Platonic solids",
         format!(
-            "{count} dice each in a box {across} d wide, turned at random, sink from a fluidised bed of solid fraction \
-             {FLUIDISED} at {SINKING} √(g d) with the liquid's drag on them until they rest; μ = {FRICTION}; edges \
+            "{count} dice each in a box {width} d wide, in random orientation, sink from a fluidised bed of solid fraction \
+             {FLUIDISED_FRACTION} at {SINKING_SPEED} √(g d) with the liquid's drag on them until they rest; μ = {FRICTION}; edges \
              and corners have fillets of {FILLET} d; measured at least {margin} d from walls and floor, and 2 d below \
              the uppermost die; {of}."
         ),
-        "Baker & Kudrolli 2010, Phys. Rev. E 82, 061304: loose packings of dice that were fluidised",
+        "Baker & Kudrolli 2010, Phys. Rev. E 82, 061304: loose packings of fluidised dice",
     );
     check.remark = format!(
-        "Friction and fillet of the experiment's dice are not known to us. They are chosen as {FRICTION} and {FILLET} d, \
-         within what moulded plastic may have, in view of two of the five figures, those of tetrahedra and cubes; the \
-         other three are predictions. Assumed as well: that walls do not count. Less friction makes all solids denser, \
+        "Friction and fillet of the dice in the experiment are not published. They are chosen as {FRICTION} and {FILLET} d, \
+         plausible for moulded plastic, in view of two of the five figures, those of tetrahedra and cubes; the \
+         other three are predictions. Walls are assumed to have no influence. Less friction makes all solids denser, \
          sharp edges and walls make all of them looser, each by as much as the tolerance or more."
     );
     check
@@ -132,15 +153,15 @@ fn mean(found: &[Packing], of: impl Fn(&Packing) -> f64) -> f64 {
     found.iter().map(of).sum::<f64>() / found.len() as f64
 }
 
-/// Largest less smallest fraction.
+/// Returns the largest minus the smallest fraction.
 fn spread(found: &[Packing]) -> f64 {
     let (low, high) = (found.iter().map(|p| p.middle))
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), f| (low.min(f), high.max(f)));
     high - low
 }
 
-/// The solid of nominal diameter [`D`].
-fn solid(number: usize) -> Outcome<Polyhedron> {
+/// Returns a Platonic solid of nominal diameter [`D`].
+fn solid(number: usize) -> Result<Polyhedron> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let signs = [-1.0, 1.0];
     let mut points: Vec<Vec3> = vec![];
@@ -167,23 +188,24 @@ fn solid(number: usize) -> Outcome<Polyhedron> {
     die(&points)
 }
 
-/// The hull of points, of nominal diameter [`D`].
-fn die(points: &[Vec3]) -> Outcome<Polyhedron> {
+/// Returns the hull of points, scaled to the nominal diameter [`D`].
+fn die(points: &[Vec3]) -> Result<Polyhedron> {
     let (rough, _) = convex_hull(points)?;
     let scale = D / rough.nominal_diameter();
     let points: Vec<Vec3> = points.iter().map(|p| p * scale).collect();
     Ok(convex_hull(&points)?.0)
 }
 
-/// The solid with fillets of a radius (m) at edges and corners, each as flat as a cut from where one face turns round
-/// to where the next does; of the same volume.
-fn filleted(sharp: &Polyhedron, radius: f64) -> Outcome<Polyhedron> {
+/// Returns the solid with fillets of a radius (m) at edges and corners, of equal volume. A fillet is a plane cut between the
+/// lines at which the adjacent faces begin to curve.
+fn filleted(sharp: &Polyhedron, radius: f64) -> Result<Polyhedron> {
     let mut points = vec![];
     let faces = sharp.face_normals.iter().zip(&sharp.face_offsets);
     for ((normal, inradius), range) in faces.zip(sharp.face_starts.windows(2)) {
-        // A filleted solid is a smaller one, less by the radius from centre to face, with a ball of this radius
-        // around each of its points. What stays flat of a face is the smaller one's.
-        let (middle, left) = (normal * *inradius, 1.0 - radius / inradius);
+        // A filleted solid is a smaller one, by the radius at each face, plus a ball of this radius around its points.
+        // The flat part of a face is the face of the smaller solid.
+        let middle = normal * *inradius;
+        let left = 1.0 - radius / inradius;
         let corners = &sharp.face_vertices[range[0] as usize..range[1] as usize];
         let corner = |v: &u16| middle + (sharp.vertices[usize::from(*v)] - middle) * left;
         points.extend(corners.iter().map(corner));
@@ -191,23 +213,30 @@ fn filleted(sharp: &Polyhedron, radius: f64) -> Outcome<Polyhedron> {
     die(&points)
 }
 
-/// A packing of one of the solids, with fillets of a radius over d.
-fn packing(number: usize, fillet: f64, seed: u64, sample: &Sample) -> Outcome<Packing> {
+/// Packs one of the solids, with fillets of a radius over d.
+fn pack(number: usize, fillet: f64, seed: u64, sample: &PackingSample) -> Result<Packing> {
     let sharp = solid(number)?;
     let die = if fillet > 0.0 { filleted(&sharp, fillet * D)? } else { sharp };
-    let (count, edge) = (sample.count, sample.across * D);
-    let mut world = World::new(4_000_000, FRICTION, 0.05 * D).pouring(sample.solved.0);
-    world.model.solver.tolerance = Some(sample.solved.1);
-    // What dice overlap would count as denser.
-    let recovery = PenetrationCorrection { factor: 0.2, slop: 5e-4 * D, iterations: 20 };
-    world.model.solver.penetration_correction = Some(recovery);
+    let (count, edge) = (sample.count, sample.width * D);
+    let mut world = World::new(4_000_000, FRICTION, 0.05 * D).pouring(sample.max_iterations);
+    world.model.solver.tolerance = Some(sample.tolerance);
+    // Overlaps would increase the solid fraction.
+    let correction = PenetrationCorrection { factor: 0.2, slop: 5e-4 * D, iterations: 20 };
+    world.model.solver.penetration_correction = Some(correction);
     let shape = world.shape(die);
-    hang(&mut world, &mut random(10 * seed + number as u64), &[shape], count, 1, in_box([edge; 2]));
+    stack_loosely(
+        &mut world,
+        &mut random(10 * seed + number as u64),
+        &[shape],
+        count,
+        1,
+        in_box([edge; 2]),
+    );
     world.container([edge; 2], FRICTION, FRICTION);
-    world.suspend(edge * edge, FLUIDISED)?;
-    world.sink(SINKING * (GRAVITY * D).sqrt())?;
+    world.suspend(edge * edge, FLUIDISED_FRACTION)?;
+    world.sink(SINKING_SPEED * (GRAVITY * D).sqrt())?;
     let top = world.top();
-    let fraction = |margin: f64, floor: f64| -> Outcome<f64> {
+    let fraction = |margin: f64, floor: f64| -> Result<f64> {
         let high = Vec3::new(edge - margin, edge - margin, top - 2.0 * D);
         let zone = Zone::new("middle", Vec3::new(margin, margin, floor), high)?;
         Ok(observe::compactness(&world.model, &world.state, &zone)?.compactness)
@@ -222,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_solids_are_platonic() {
+    fn solids_are_platonic() {
         for (number, (corners, faces)) in
             [(4, 4), (8, 6), (6, 8), (20, 12), (12, 20)].iter().enumerate()
         {
@@ -249,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fillet_begins_as_far_from_the_edge_as_its_radius_over_the_tangent_of_half_the_angle() {
+    fn fillet_starts_at_its_radius_over_the_tangent_of_half_the_angle() {
         // On a cube, whose half angle is 45°, this is the radius itself: 1 of 8 leaves faces 6 wide.
         let cube = solid(1).unwrap();
         let edge = 2.0 * cube.face_offsets[0];

@@ -1,41 +1,45 @@
-//! Side by side with LMGC90: the same sample settled by both programs, with the same settings.
+//! Comparison with LMGC90: one sample settled by both programs with equal settings.
 //!
-//! Both final states are measured by one ruler: a step of Ballast from that state, solved to 1e-4.
+//! Both final states are measured by a step of Ballast from that state, solved to 1e-4.
 
-use super::check::{Check, Finding};
+use super::check::{Check, CheckFinding};
 use super::world::World;
 use ballast::observe;
-use ballast_report::plot::{Chart, Mark};
+use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_scenario::sample::Sample;
-use ballast_session::Outcome;
+use ballast_session::Result;
 use ballast_session::files::read_sample;
 use std::path::Path;
 
-/// How LMGC90 settled the sample: steps, step (ns), sweeps, alert distance (m).
+/// Number of steps in which LMGC90 settled the sample.
 const STEPS: u64 = 1200;
+/// Step length of LMGC90, ns.
 const STEP_NS: u64 = 1_000_000;
+/// Sweeps per step of LMGC90.
 const SWEEPS: u32 = 60;
-const ALERT: f64 = 2e-3;
+/// Alert distance of LMGC90, m.
+const DETECTION_DISTANCE_M: f64 = 2e-3;
 
-fn world(path: &Path) -> Outcome<World> {
+/// Reads a sample as a scene.
+fn world(path: &Path) -> Result<World> {
     let Sample { model, state, .. } = read_sample(path)?;
     let targets = state.driven_poses(&model);
     Ok(World { model, state, workspace: Default::default(), targets })
 }
 
-/// What the ruler says of a state.
-struct Measured {
+/// Figures of a state.
+struct SampleMeasurement {
     height: f64,
-    /// Before the step.
+    /// Kinetic energy before the step, J.
     kinetic: f64,
     coordination: f64,
     mean_penetration: f64,
     max_penetration: f64,
-    /// Normal forces over their mean, rising.
+    /// Normal forces over their mean, ascending.
     forces: Vec<f64>,
 }
 
-fn measure(mut world: World) -> Outcome<Measured> {
+fn measure(mut world: World) -> Result<SampleMeasurement> {
     let height = world.height();
     let kinetic = observe::energy(&world.model, &world.state).kinetic;
     world.model.solver.tolerance = Some(1e-4);
@@ -48,14 +52,20 @@ fn measure(mut world: World) -> Outcome<Measured> {
     let mean = forces.iter().sum::<f64>() / forces.len().max(1) as f64;
     forces.iter_mut().for_each(|f| *f /= mean);
     forces.sort_by(f64::total_cmp);
-    let (mean_penetration, max_penetration) = (report.mean_penetration, report.max_penetration);
-    Ok(Measured { height, kinetic, coordination, mean_penetration, max_penetration, forces })
+    Ok(SampleMeasurement {
+        height,
+        kinetic,
+        coordination,
+        mean_penetration: report.mean_penetration,
+        max_penetration: report.max_penetration,
+        forces,
+    })
 }
 
-/// The comparison; `folder` holds `loose500.json` and `settled500.json`.
-pub fn samples(folder: &Path) -> Outcome<Check> {
+/// Compares both programs; `folder` contains `loose500.json` and `settled500.json`.
+pub fn compare(folder: &Path) -> Result<Check> {
     let mut check = Check::new(
-        "side by side with LMGC90",
+        "comparison with LMGC90",
         format!(
             "The sample loose500 settled in {STEPS} steps of 1 ms with {SWEEPS} sweeps, alert distance 2 mm, by both programs."
         ),
@@ -66,46 +76,47 @@ pub fn samples(folder: &Path) -> Outcome<Check> {
     own.model.solver.tolerance = None;
     own.model.solver.max_iterations = SWEEPS;
     own.model.stepping.step_ns = STEP_NS;
-    own.model.stepping.detection_distance = ALERT;
+    own.model.stepping.detection_distance = DETECTION_DISTANCE_M;
     for _ in 0..STEPS {
         own.step()?;
     }
     own.model.stepping = settled.model.stepping;
     own.model.solver.norm = settled.model.solver.norm;
-    let (ours, theirs) = (measure(own)?, measure(settled)?);
-    let height = Finding::near(
+    let ballast = measure(own)?;
+    let lmgc90 = measure(settled)?;
+    let height = CheckFinding::near(
         "height of the centre of mass over LMGC90's",
-        ours.height / theirs.height,
+        ballast.height / lmgc90.height,
         1.0,
         0.05,
     );
     check.findings.push(height);
     for (name, a, b) in [
-        ("height of the centre of mass (m)", ours.height, theirs.height),
-        ("kinetic energy (J)", ours.kinetic, theirs.kinetic),
-        ("touching neighbours per grain", ours.coordination, theirs.coordination),
-        ("mean penetration (m)", ours.mean_penetration, theirs.mean_penetration),
-        ("largest penetration (m)", ours.max_penetration, theirs.max_penetration),
+        ("height of the centre of mass (m)", ballast.height, lmgc90.height),
+        ("kinetic energy (J)", ballast.kinetic, lmgc90.kinetic),
+        ("touching neighbours per grain", ballast.coordination, lmgc90.coordination),
+        ("mean penetration (m)", ballast.mean_penetration, lmgc90.mean_penetration),
+        ("largest penetration (m)", ballast.max_penetration, lmgc90.max_penetration),
     ] {
-        check.findings.push(Finding::told(
+        check.findings.push(CheckFinding::informational(
             format!("{name}; expected: LMGC90"),
             a,
             format!("{b:.4e}"),
         ));
     }
     // Share of contacts whose normal force exceeds a multiple of the mean.
-    let tail = |m: &Measured| -> Vec<[f64; 2]> {
+    let tail = |m: &SampleMeasurement| -> Vec<[f64; 2]> {
         let n = m.forces.len() as f64;
         m.forces.iter().enumerate().map(|(k, f)| [*f, 1.0 - k as f64 / n]).collect()
     };
     let chart =
         Chart::new("Normal forces of contacts", "force over its mean", "share of contacts above")
             .log_y()
-            .with("Ballast", tail(&ours), Mark::Line)
-            .with("LMGC90's state", tail(&theirs), Mark::Line);
+            .with("Ballast", tail(&ballast), SeriesStyle::Line)
+            .with("LMGC90's state", tail(&lmgc90), SeriesStyle::Line);
     check.charts.push(chart.svg());
     check.remark = "LMGC90's stones rest on gaps of some tenths of a millimetre, which its detection counts as \
-                    contacts; under exact contacts they carry less (docs/src/developer/performance.md). Heights of two pourings of \
+                    contacts; exact contacts carry less (docs/src/developer/performance.md). Heights of two pourings of \
                     500 stones differ."
         .into();
     Ok(check)
